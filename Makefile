@@ -1,0 +1,64 @@
+# make setup | demo | test | clean. demo and test run setup themselves; it is quick when nothing has changed.
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+# The environment in .venv is complete; a ROS 2 sourced in this shell must not mix with it, and the start-up guard of the
+# wheels must not be inherited from another environment.
+unexport PYTHONPATH PYTHONHOME LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+.PHONY: help setup demo test docs clean
+
+help:
+	@echo "make setup   create .venv with everything (no root needed)"
+	@echo "make demo    peg into hole through three live nodes; options: make demo ARGS='--seconds 20'"
+	@echo "make test    lint, import contracts, tests, and a short live demo"
+	@echo "make docs    write docs/parameters.md from the declarations"
+	@echo "make clean   remove .venv and everything built"
+
+setup: $(READY)
+
+$(READY): setup.py setup.cfg constraints.txt
+	@if ! $(BIN)/python -c 'import pip' 2>/dev/null; then \
+	  python=; \
+	  for candidate in "$${PYTHON:-}" python3.12 python3.11 python3.13 python3; do \
+	    if [ -n "$$candidate" ] && "$$candidate" -c 'import sys, venv, ensurepip; assert (3, 11) <= sys.version_info < (3, 14)' \
+	      >/dev/null 2>&1; then python=$$candidate; break; fi; \
+	  done; \
+	  if [ -z "$$python" ]; then \
+	    echo "setup: no Python 3.11, 3.12 or 3.13 with venv found; install one (Debian, Ubuntu: python3-venv) or run make PYTHON=/path/to/python3" >&2; \
+	    exit 1; \
+	  fi; \
+	  echo "setup: creating $(VENV) with $$("$$python" -V)"; \
+	  "$$python" -m venv --clear $(VENV); \
+	fi
+	@echo "setup: installing packages into $(VENV) (about a minute the first time)"
+	@if ! $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[ros,test]' 2>&1 \
+	  | tee $(VENV)/setup.log | awk '/^ *Collecting / {n++; if (n % 20 == 0) {print "setup: " n " packages found"; fflush()}} \
+	    /^Installing collected/ {print "setup: unpacking"; fflush()}'; then \
+	  grep -E '^ *(ERROR|error):' $(VENV)/setup.log >&2 || tail -n 5 $(VENV)/setup.log >&2; \
+	  echo "setup: pip could not install the packages above; the first setup needs the Python Package Index or a mirror (PIP_INDEX_URL), later runs need no network; the whole log is $(VENV)/setup.log" >&2; \
+	  exit 1; \
+	fi
+	@touch $@
+	@echo "setup: ready"
+
+demo: setup
+	@$(BIN)/haptic demo $(ARGS)
+
+test: setup
+	$(BIN)/ruff check .
+	$(BIN)/lint-imports --no-cache
+	$(BIN)/python -m pytest
+	@rm -rf build/test-demo
+	$(BIN)/haptic demo --seconds 6 --out build/test-demo
+
+docs: setup
+	$(BIN)/haptic docs --out docs/parameters.md
+
+clean:
+	rm -rf $(VENV) build install log dist *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache

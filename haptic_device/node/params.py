@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameter declarations as ROS 2 parameters: descriptors, refusal of unknown names, live changes as one record."""
+
+import sys
+from collections.abc import Callable, Iterable
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from haptic_device.parameter import ROS_OWN, Parameter, check_value, unknown
+
+INT64 = (-(2**63), 2**63 - 1)
+
+
+def declare(node: Node, parameters: Iterable[Parameter], known: Iterable[str] = ()) -> dict:
+    """Declares the parameters and returns their values: the default, or what a file or -p gave, checked.
+
+    Raises ValueError, one sentence, for a bad value and for a given name that is neither declared here nor among known
+    (names of the nodes that share the file: a /** section reaches them all).
+    """
+    parameters = tuple(parameters)
+    _refuse_unknown(node, [parameter.name for parameter in parameters], known)
+    values = {parameter.name: _initial(node, parameter) for parameter in parameters}
+    for parameter in parameters:
+        _declare(node, parameter, values[parameter.name])
+    return values
+
+
+def on_change(node: Node, parameters: Iterable[Parameter], accept: Callable[[dict], None]) -> None:
+    """Calls accept with all values, wished ones merged in, before a live change; its ValueError refuses the change."""
+    declared = {parameter.name: parameter for parameter in parameters}
+
+    def decide(changes):
+        wished = {change.name: change.value for change in changes if change.name in declared}
+        try:
+            if wished:
+                accept(_merged(node, declared, wished))
+        except ValueError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(decide)
+
+
+def _refuse_unknown(node, declared, known):
+    for name in node._parameter_overrides:
+        if name not in declared and name not in known and not ROS_OWN.fullmatch(name):
+            raise ValueError(unknown(name, f"a parameter of {node.get_name()}", declared))
+
+
+def _initial(node, parameter):
+    override = node._parameter_overrides.get(parameter.name)
+    if override is None:
+        return parameter.default
+    # An empty list in a file has no element type; rclpy hands it over as "not set".
+    return check_value(parameter, [] if override.value is None else override.value)
+
+
+def _declare(node, parameter, value):
+    descriptor = _descriptor(parameter)
+    if value == ():
+        _declare_empty(node, parameter, descriptor)
+        return
+    value = list(value) if isinstance(value, tuple) else value
+    node.declare_parameter(parameter.name, value, descriptor, ignore_override=True)
+
+
+def _declare_empty(node, parameter, descriptor):
+    """rclpy takes an empty list for bytes: first the type is declared, then the value set, and then made read-only."""
+    text = bool(parameter.default) and isinstance(parameter.default[0], str)
+    kind = RosParameter.Type.STRING_ARRAY if text else RosParameter.Type.DOUBLE_ARRAY
+    node.declare_parameter(parameter.name, kind, ParameterDescriptor(), ignore_override=True)
+    node.set_parameters([RosParameter(parameter.name, kind, [])])
+    descriptor.type = kind.value
+    node.set_descriptor(parameter.name, descriptor)
+
+
+def _descriptor(parameter):
+    descriptor = ParameterDescriptor(description=_description(parameter), read_only=not parameter.live)
+    descriptor.additional_constraints = _constraints(parameter)
+    if isinstance(parameter.default, float):
+        bounds = FloatingPointRange(from_value=parameter.low, to_value=parameter.high)
+        descriptor.floating_point_range = [bounds]
+    elif isinstance(parameter.default, int) and not isinstance(parameter.default, bool):
+        low, high = max(parameter.low, INT64[0]), min(parameter.high, INT64[1])
+        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+    return descriptor
+
+
+def _description(parameter):
+    return f"{parameter.meaning} [{parameter.unit}]" if parameter.unit else parameter.meaning
+
+
+def _constraints(parameter):
+    if parameter.choices:
+        return f"one of {', '.join(parameter.choices)}"
+    numbers = isinstance(parameter.default, tuple) and not any(isinstance(item, str) for item in parameter.default)
+    limited = max(abs(parameter.low), abs(parameter.high)) < sys.float_info.max
+    return f"each from {parameter.low} to {parameter.high}" if numbers and limited else ""
+
+
+def _merged(node, declared, wished):
+    """All values as declare returned them, with the wished ones instead."""
+    now = {name: wished[name] if name in wished else node.get_parameter(name).value for name in declared}
+    return {name: check_value(parameter, now[name]) for name, parameter in declared.items()}

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulation methods: one file each, all behind the protocol below. Vectors are planar, (x, y, theta)."""
+
+from typing import NamedTuple, Protocol
+
+Planar = tuple[float, float, float]
+
+
+class Coupling(NamedTuple):
+    """Gains of the virtual coupling: N/m, N s/m, N m/rad, N m s/rad."""
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    rotational_stiffness: float = 0.0
+    rotational_damping: float = 0.0
+
+
+class Contact(NamedTuple):
+    """One pair of shapes that pressed on each other in the last sub-step; body a is the tool, or earlier in the scene.
+
+    `point` [m] lies midway between the touching points, `normal` points from body a to body b, `force_on_a` [N] is the
+    mean over the sub-step, `depth` [m] the deepest overlap at its start.
+    """
+
+    body_a: str
+    body_b: str
+    point: tuple[float, float]
+    normal: tuple[float, float]
+    force_on_a: tuple[float, float]
+    depth: float
+
+
+class Method(Protocol):
+    """A world with a tool in it that is advanced sub-step by sub-step, the coupling solved within."""
+
+    position: Planar
+    """Tool's grip at the end of the sub-step [m, m, rad]."""
+    velocity: Planar
+    """Tool's velocity at the end of the sub-step [m/s, m/s, rad/s]."""
+    force_on_tool: Planar
+    """What the coupling applied to the tool over the sub-step [N, N, N m]."""
+    touching: bool
+    """Whether a contact pushed the tool during the sub-step."""
+
+    def reset(self) -> None:
+        """Everything back to the scene's start, with the same gains."""
+
+    def couple(self, coupling: Coupling) -> None:
+        """Take these gains from the next sub-step on."""
+
+    def step(self, handle_position: Planar, handle_velocity: Planar) -> None:
+        """Advance one sub-step; the arguments are the handle's at its end."""
+
+    def contacts(self) -> list[Contact]:
+        """Contacts of the last sub-step, in an order that depends on the motion alone."""
+
+    def pose(self, body: str) -> Planar:
+        """Pose of a body's frame at the end of the sub-step."""
+
+    def energy(self) -> tuple[float, float]:
+        """Kinetic and potential energy of all bodies [J], with the tool's true mass."""

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All metadata of the package; pyproject.toml holds tools only, because colcon cannot read a [project] table here."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "haptic_display"
+SHARE = f"share/{NAME}"
+
+ROS = [
+    "ros-jazzy-rclpy[fastrtps]>=7.1",
+    "ros-jazzy-common-interfaces>=5.3",
+    "ros-jazzy-lifecycle-msgs>=2.0",
+]
+TEST = [
+    "colcon-common-extensions>=0.3",
+    "hypothesis>=6.100",
+    "import-linter>=2.3",
+    "pytest>=8",
+    "pytest-timeout>=2.3",
+    "ros-jazzy-domain-coordinator>=0.12",
+    "ruff>=0.9",
+    "setuptools>=70.1,<80",
+]
+
+
+def installed_files():
+    """(target folder, files) pairs: everything that is not a Python module, in the places where ROS 2 looks."""
+    folders = sorted({path.parent for path in Path("config").rglob("*.yaml")})
+    config = [(f"{SHARE}/{folder}", [str(path) for path in sorted(folder.glob("*.yaml"))]) for folder in folders]
+    launch = [(f"{SHARE}/launch", [str(path) for path in sorted(Path("launch").glob("*.launch.py"))])]
+    # Launchers under lib/ let `ros2 run` find the executables after a plain pip install too.
+    scripts = [(f"lib/{NAME}", [str(path) for path in sorted(Path("scripts").iterdir()) if path.is_file()])]
+    index = [("share/ament_index/resource_index/packages", [f"resource/{NAME}"]), (SHARE, ["package.xml"])]
+    return index + config + launch + scripts
+
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="Haptic display of tool use: a virtual tool coupled to a haptic device's handle, passive by design.",
+    maintainer="haptic_display maintainers",
+    maintainer_email="maintainers@haptic-display.example",
+    license="Apache-2.0",
+    python_requires=">=3.11",
+    packages=find_packages(include=["haptic_device", "haptic_device.*", "haptic_sim", "haptic_sim.*"]),
+    data_files=installed_files(),
+    zip_safe=False,
+    install_requires=[
+        "llvmlite>=0.43",
+        "matplotlib>=3.8",
+        "mcap>=1.1",
+        "numba>=0.60",
+        "numpy>=1.26",
+        "psutil>=5.9",
+        "pydantic>=2",
+        "pymunk>=7",
+        "python-fcl>=0.7",
+        "pyyaml>=6",
+        "rich>=13",
+        "rosbags>=0.10",
+        "scipy>=1.11",
+        "typer>=0.12",
+        "zstandard>=0.22",
+    ],
+    extras_require={"ros": ROS, "test": TEST},
+    entry_points={
+        "console_scripts": [
+            "haptic = haptic_sim.cli.main:main",
+            "haptic_driver = haptic_device.node.driver:main",
+            "haptic_loopback = haptic_device.node.loopback:main",
+            "haptic_recorder = haptic_device.node.recorder:main",
+            "haptic_simulation = haptic_sim.node.simulation:main",
+        ],
+    },
+)

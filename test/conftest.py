@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every test may rely on: an own ROS domain on this machine only, and processes that end with the test."""
+
+import signal
+import subprocess
+
+import domain_coordinator
+import pytest
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ros_domain(tmp_path_factory):
+    """A ROS domain that no other test run on this machine uses, for this process and the ones it starts."""
+    with domain_coordinator.domain_id() as domain, pytest.MonkeyPatch.context() as environment:
+        environment.setenv("ROS_DOMAIN_ID", str(domain))
+        environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        environment.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
+        yield domain
+
+
+@pytest.fixture
+def start():
+    """start(command, **Popen options) runs a process; after the test it is interrupted and, if need be, killed."""
+    started = []
+
+    def run(command, **options):
+        process = subprocess.Popen([str(word) for word in command], **{"text": True, **options})
+        started.append(process)
+        return process
+
+    yield run
+    for process in reversed(started):
+        _end(process)
+
+
+def _end(process, patience=5.0):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+        if process.poll() is not None:
+            break
+        process.send_signal(number)
+        try:
+            process.wait(patience)
+        except subprocess.TimeoutExpired:
+            continue
+    for stream in (process.stdin, process.stdout, process.stderr):
+        if stream is not None:
+            stream.close()

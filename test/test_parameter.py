@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameter declarations and parameter files: what is accepted, and the sentence that refuses the rest."""
+
+import array
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_device import ros_yaml
+from haptic_device.parameter import Parameter, check_value, operating_point_problems, read_operating_point
+
+STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", low=0.0, high=5000.0, live=True)
+RATE = Parameter("rate", 4000, "Hz", "servo rate", low=1000, high=10000)
+AUTOSTART = Parameter("autostart", True, "", "activate by itself")
+REALTIME = Parameter("realtime", "prefer", "", "scheduling", choices=("require", "prefer", "off"))
+AXES = Parameter("axes", ("x", "y"), "", "axes of the handle")
+NORMAL = Parameter("wall.normal", (), "", "normal of the wall", low=-1.0, high=1.0)
+SCENE = Parameter("scene", "free_space", "", "name of the scene")
+DRIVER = (STIFFNESS, RATE, AUTOSTART, REALTIME, AXES, NORMAL)
+NODES = {"haptic_driver": DRIVER, "haptic_simulation": (AUTOSTART, SCENE)}
+
+
+def refusal(parameter, value):
+    with pytest.raises(ValueError) as caught:
+        check_value(parameter, value)
+    return str(caught.value)
+
+
+def operating_point(folder, text, **options):
+    path = folder / "point.yaml"
+    path.write_text(text)
+    return read_operating_point(path, NODES, **options)
+
+
+def problems(text):
+    return list(operating_point_problems(ros_yaml.loads(text), NODES))
+
+
+def test_a_value_of_the_declared_type_within_its_range_comes_back_unchanged():
+    assert check_value(STIFFNESS, 300.0) == 300.0
+    assert check_value(RATE, 1000) == 1000
+    assert check_value(AUTOSTART, False) is False
+    assert check_value(REALTIME, "off") == "off"
+    assert check_value(AXES, ["x", "y"]) == ("x", "y")
+    assert check_value(NORMAL, array.array("d", [0.0, 1.0])) == (0.0, 1.0)
+    assert check_value(NORMAL, []) == ()
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "sentence"),
+    [
+        (STIFFNESS, 300, "wall.stiffness is 300 (integer); write 300.0 N/m"),
+        (STIFFNESS, True, "wall.stiffness is true (boolean); a number with a decimal point in N/m is needed"),
+        (STIFFNESS, "soft", "wall.stiffness is 'soft' (text); a number with a decimal point in N/m is needed"),
+        (STIFFNESS, math.nan, "wall.stiffness is nan; a finite number in N/m is needed"),
+        (STIFFNESS, math.inf, "wall.stiffness is inf; a finite number in N/m is needed"),
+        (STIFFNESS, -1.0, "wall.stiffness is -1.0 N/m; at least 0.0 N/m is needed"),
+        (STIFFNESS, 6000.0, "wall.stiffness is 6000.0 N/m; at most 5000.0 N/m is allowed"),
+        (RATE, 4000.0, "rate is 4000.0 (decimal number); write 4000 Hz"),
+        (RATE, 0.5, "rate is 0.5 (decimal number); a whole number in Hz is needed"),
+        (RATE, 999, "rate is 999 Hz; at least 1000 Hz is needed"),
+        (RATE, True, "rate is true (boolean); a whole number in Hz is needed"),
+        (AUTOSTART, 1, "autostart is 1 (integer); true or false is needed"),
+        (REALTIME, "maybe", "realtime is 'maybe'; it must be one of require, prefer, off"),
+        (REALTIME, 3, 'realtime is 3 (integer); put it in quotes: "3"'),
+        (AXES, "x", "axes is 'x'; write a list: ['x']"),
+        (NORMAL, [0.0, 2.0], "wall.normal[1] is 2.0; at most 1.0 is allowed"),
+        (NORMAL, [0, 1], "wall.normal[0] is 0 (integer); write 0.0"),
+    ],
+)
+def test_a_refusal_names_parameter_value_and_limit_in_one_sentence(parameter, value, sentence):
+    assert refusal(parameter, value) == sentence
+
+
+def test_off_is_a_boolean_in_ros_and_the_refusal_says_to_quote_it():
+    assert refusal(REALTIME, False) == (
+        "realtime is false (boolean); "
+        "ROS takes an unquoted y, yes, on, n, no or off for a boolean: put the text in quotes"
+    )
+
+
+@given(st.floats())
+def test_a_number_is_accepted_exactly_when_it_lies_between_its_limits(value):
+    if 0.0 <= value <= 5000.0:
+        assert check_value(STIFFNESS, value) == value
+    else:
+        assert refusal(STIFFNESS, value).startswith("wall.stiffness is ")
+
+
+def test_limits_are_inclusive_and_the_next_number_outside_is_refused():
+    assert check_value(STIFFNESS, 5000.0) == 5000.0
+    assert check_value(STIFFNESS, 0.0) == 0.0
+    assert "at most" in refusal(STIFFNESS, math.nextafter(5000.0, math.inf))
+    assert "at least" in refusal(STIFFNESS, math.nextafter(0.0, -math.inf))
+
+
+def test_a_file_gives_each_node_its_values_nested_or_dotted(tmp_path):
+    text = """
+/**/haptic_driver:
+  ros__parameters:
+    wall: {stiffness: 3e2, normal: [0.0, 1.0]}
+    rate: 2000
+    axes: [x, "y"]
+    use_sim_time: false
+/haptic/haptic_simulation:
+  ros__parameters:
+    scene: wall
+"""
+    assert operating_point(tmp_path, text) == {
+        "haptic_driver": {"wall.stiffness": 300.0, "wall.normal": (0.0, 1.0), "rate": 2000, "axes": ("x", "y")},
+        "haptic_simulation": {"scene": "wall"},
+    }
+
+
+def test_a_wildcard_section_reaches_each_node_that_knows_the_name(tmp_path):
+    values = operating_point(tmp_path, "/**:\n  ros__parameters: {autostart: false, scene: wall}\n")
+    assert values == {"haptic_driver": {"autostart": False}, "haptic_simulation": {"autostart": False, "scene": "wall"}}
+
+
+def test_a_later_section_wins_and_another_namespace_does_not_count(tmp_path):
+    text = """
+/**: {ros__parameters: {wall.stiffness: 1.0}}
+/left/haptic_driver: {ros__parameters: {wall.stiffness: 2.0}}
+/right: {haptic_driver: {ros__parameters: {wall.stiffness: 3.0}}}
+"""
+    stiffness = {
+        namespace: operating_point(tmp_path, text, namespace=namespace)["haptic_driver"]["wall.stiffness"]
+        for namespace in ("/haptic", "/left", "/right")
+    }
+    assert stiffness == {"/haptic": 1.0, "/left": 2.0, "/right": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (
+            "/**/haptic_driver: {ros__parameters: {wall.stifness: 1.0}}",
+            "/**/haptic_driver: wall.stifness is not a parameter of haptic_driver; did you mean wall.stiffness?",
+        ),
+        (
+            "/**/haptic_drver: {ros__parameters: {rate: 2000}}",
+            "haptic_drver is not a node of this package; did you mean haptic_driver?",
+        ),
+        (
+            "haptic_driver: {ros__parameters: {rate: 2000}}",
+            "haptic_driver reaches only a node outside any namespace; write /**/haptic_driver or /haptic/haptic_driver",
+        ),
+        ("/**: {ros__parameters: {zzz: 1}}", "/**: zzz is not a parameter of haptic_driver or haptic_simulation"),
+        ("/**: {ros__parameters: {rate: 1.5}}", "/**: rate is 1.5 (decimal number); a whole number in Hz is needed"),
+        (
+            "/**/haptic_driver: {rate: 2000}",
+            "/**/haptic_driver/rate holds 2000; a node name with ros__parameters below it belongs there",
+        ),
+        ("/**:\n  ros__parameters:\n", "/**/ros__parameters holds no parameters; indent them below it"),
+        (
+            "ros__parameters: {rate: 2000}",
+            "ros__parameters stands without a node name above it, such as /**/haptic_driver",
+        ),
+    ],
+)
+def test_each_mistake_in_a_file_gets_its_sentence(text, sentence):
+    assert sentence in problems(text)
+
+
+def test_an_unquoted_y_among_the_axes_is_refused_because_ros_reads_a_boolean():
+    [sentence] = problems("/**/haptic_driver: {ros__parameters: {axes: [x, y]}}")
+    assert sentence.startswith("/**/haptic_driver: axes[1] is true (boolean); ROS takes an unquoted y")
+
+
+def test_every_mistake_is_listed_and_reading_stops_at_the_first(tmp_path):
+    text = "/**/haptic_driver: {ros__parameters: {rate: 5, realtime: never, wall.stiffness: .nan}}"
+    assert len(problems(text)) == 3
+    with pytest.raises(ValueError, match=r"point.yaml: /\*\*/haptic_driver: rate is 5 Hz; at least 1000 Hz is needed"):
+        operating_point(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("a: 1\na: 2\n", "a is written twice, the second time in line 2"),
+        ("a: [1, 2\n", "line 2 is not YAML"),
+        ("- 1\n", "the file holds no mapping of names to values"),
+        ("", "the file holds no mapping of names to values"),
+        ("a: &b 1\nc: *b\n", "line 2 is not YAML: ROS 2 parameter files have no aliases"),
+        ("? [1]\n: 2\n", "line 1 has no plain name where one belongs"),
+        ("a: \x07", "this is not a YAML text"),
+    ],
+)
+def test_a_file_that_is_no_plain_mapping_is_refused_with_its_line(text, sentence):
+    with pytest.raises(ValueError, match="^" + sentence):
+        ros_yaml.loads(text)
+
+
+@given(st.text())
+def test_any_text_is_either_read_or_refused_in_one_line(text):
+    try:
+        document = ros_yaml.loads(text)
+    except ValueError as error:
+        assert "\n" not in str(error)
+    else:
+        assert all("\n" not in sentence for sentence in operating_point_problems(document, NODES))
