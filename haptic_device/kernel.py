@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`@kernel`: numba's nogil compilation with a cache that cannot hold a stale law.
+
+numba's own cache looks only at the file of the function that was called; an edit of a law in another file would go
+unseen. Here the cache folder's name is a digest of every source that can reach a kernel, of numba, of python and of
+the CPU: any change is a new folder.
+"""
+
+import hashlib
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import llvmlite.binding
+import numba
+
+ROOMS = ("haptic_device/law", "haptic_device/runtime", "haptic_sim/method")
+KEPT = 4  # folders; older ones are removed
+
+
+def sources_digest():
+    """Digest of all kernel sources, numba, python and CPU; 16 hexadecimal digits."""
+    root = Path(__file__).resolve().parent.parent
+    digest = hashlib.sha256()
+    for part in (numba.__version__, sys.version, llvmlite.binding.get_host_cpu_name()):
+        digest.update(part.encode())
+    for source in [Path(__file__), *(file for room in ROOMS for file in sorted((root / room).glob("*.py")))]:
+        digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_folder():
+    """This code's own folder under the user's cache, newest last used; made here, older ones pruned."""
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "haptic_display"
+    folder = base / sources_digest()
+    folder.mkdir(parents=True, exist_ok=True)
+    folder.touch()
+    for old in sorted(base.iterdir(), key=lambda entry: entry.stat().st_mtime)[:-KEPT]:
+        shutil.rmtree(old, ignore_errors=True)
+    return folder
+
+
+numba.config.CACHE_DIR = str(cache_folder())
+
+
+def kernel(*signature):
+    """As `numba.njit(nogil=True, cache=True)`; division by zero follows IEEE 754, nothing raises."""
+    if signature and callable(signature[0]):
+        return kernel()(signature[0])
+    return numba.njit(*signature, nogil=True, cache=True, error_model="numpy")

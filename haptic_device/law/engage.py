@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Engaging: forces rise over a set time, and only after the wanted force has been small."""
+
+from haptic_device.kernel import kernel
+from haptic_device.parameter import Parameter
+
+IDLE, WAITING, ENGAGING, ENGAGED, FAULT = range(5)
+STATES = ("idle", "waiting for a small force", "engaging", "engaged", "fault")
+ENABLE, ESTOP, CLUTCH, RESET = 1, 2, 4, 8  # the command word: three flags, then a count of resets in steps of RESET
+
+PARAMETERS = (
+    Parameter("engage.time", 0.5, "s", "time over which forces rise after enabling", 0.01, 10.0, True),
+    Parameter("engage.force", 1.0, "N", "engaging begins only while the wanted force is below this", 0.01, 100.0, True),
+)
+
+
+@kernel
+def engage_state(state, enabled, faulted, wanted_force, force_limit, factor):
+    """Next state from the present one; factor is the present rise 0…1."""
+    if faulted:
+        return FAULT
+    if not enabled:
+        return IDLE
+    if state in (IDLE, FAULT):
+        return WAITING
+    if state == WAITING:
+        return ENGAGING if wanted_force < force_limit else WAITING
+    return ENGAGED if factor >= 1.0 else ENGAGING
+
+
+@kernel
+def engage_factor(state, factor, period, time):
+    """Factor 0…1 on every force for this tick: zero unless engaging or engaged, rising over time [s]."""
+    if state in (ENGAGING, ENGAGED):
+        return min(1.0, factor + period / time)
+    return 0.0

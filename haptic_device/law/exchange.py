@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What driver and simulation tell each other, and which of the other's samples a side accepts.
+
+A sample is a vector of 3 n numbers, n = axes + tail: the `position`, `velocity` and `effort` arrays of one JointState
+behind each other. The axes carry the port; each entry of TAIL carries one number in its position slot.
+"""
+
+import math
+from typing import NamedTuple
+
+from haptic_device.kernel import kernel
+from haptic_device.parameter import Parameter
+
+LAYOUT_VERSION = 1
+TAIL = (
+    "layout_version",
+    "session",  # of the sender's run, random 48 bits
+    "sequence",  # own, from 1
+    "answered_session",  # session and sequence of the sample this one answers; 0 where it answers none
+    "answered",
+    "exchange_method",
+    "gains_hash",
+    "stiffness",  # of the coupling, translation [N/m], [N s/m]
+    "damping",
+    "rotational_stiffness",  # [N m/rad], [N m s/rad]
+    "rotational_damping",
+    "contact",  # 1 while the tool touches something
+    "energy",  # [J] shipped by the sender so far, cumulative so that a lost sample loses none
+)
+LAYOUT, SESSION, SEQUENCE, ANSWERED_SESSION, ANSWERED, METHOD, GAINS, GAIN_0 = range(8)
+CONTACT, ENERGY = TAIL.index("contact"), TAIL.index("energy")
+METHODS = ("direct",)
+LIMIT = 1e6  # [m, rad, m/s, N …] nothing real exceeds it; a sample beyond it is noise
+
+ACCEPTED, NOT_FINITE, OTHER_LAYOUT, NOT_MINE, OLD, OTHER_METHOD, OTHER_GAINS, SECOND_SENDER, OTHER_NAMES = range(9)
+REFUSALS = (
+    "accepted",
+    "NaN or out of range",
+    "other layout version",
+    "answers another session",
+    "late or repeated",
+    "other exchange method",
+    "other coupling gains",
+    "second publisher",
+    "other axis names or size",
+)
+
+PARAMETERS = (
+    Parameter("exchange.rate", 1000.0, "Hz", "handle samples sent to the simulation per second", 100.0, 2000.0),
+    Parameter("exchange.method", "direct", "", "what both sides do with each other's samples", choices=METHODS),
+    Parameter("exchange.hold", 0.06, "s", "age up to which a tool sample is held at full force", 0.001, 2.0, True),
+    Parameter("exchange.fade", 0.14, "s", "time over which the coupling then lets go, and returns", 0.001, 5.0, True),
+)
+
+
+class Peer(NamedTuple):
+    """What this side knows of the other when a sample comes in; times [ns] of this side's monotonic clock."""
+
+    session: float  # of the other's run, 0 = none yet
+    answered: float  # highest own sequence the other has answered
+    accepted_ns: int
+
+
+@kernel
+def gains_hash(stiffness, damping, rotational_stiffness, rotational_damping):
+    """One number that differs when the gains do (a fixed linear mix, exact for equal inputs)."""
+    return (
+        stiffness + math.pi * damping + math.e * 1e3 * rotational_stiffness + math.sqrt(2.0) * 1e3 * rotational_damping
+    )
+
+
+@kernel
+def judge_tool(sample, axes, peer, own_session, own_sequence, method, gains, now_ns, silence_ns):
+    """ACCEPTED, or why the driver refuses this tool sample.
+
+    sample: 3 n vector (see top). A second sender is accepted only after the first has been silent for silence_ns.
+    """
+    tail = sample[axes:]
+    for value in sample:
+        if not abs(value) < 1e15:
+            return NOT_FINITE
+    count = sample.size // 3
+    for block in range(3):
+        for axis in range(axes):
+            if abs(sample[block * count + axis]) > LIMIT:
+                return NOT_FINITE
+    if tail[LAYOUT] != LAYOUT_VERSION:
+        return OTHER_LAYOUT
+    if tail[METHOD] != method:
+        return OTHER_METHOD
+    if tail[ANSWERED_SESSION] != own_session or tail[ANSWERED] > own_sequence or tail[ANSWERED] < 1.0:
+        return NOT_MINE
+    if tail[SESSION] != peer.session and peer.session != 0.0 and now_ns - peer.accepted_ns < silence_ns:
+        return SECOND_SENDER
+    if tail[ANSWERED] <= peer.answered:
+        return OLD
+    if tail[GAINS] != gains:
+        return OTHER_GAINS
+    return ACCEPTED
+
+
+@kernel
+def fade_factor(factor, age, period, hold, fade):
+    """Next factor 0…1 on the coupling for a tool sample of this age [s]; age < 0: there is none.
+
+    Full up to hold, falling linearly over fade; it returns no faster than over fade, so that a rejoining tool does
+    not kick.
+    """
+    allowed = 0.0 if age < 0.0 else min(1.0, max(0.0, 1.0 - (age - hold) / fade))
+    return min(allowed, factor + period / fade)

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One servo tick: the only place where laws meet. Row in, row out; memory is what lasts from tick to tick.
+
+A row of TICK is both the tick's input (first columns, filled in by whoever runs the loop) and its output, so that a
+trace of rows holds everything that is needed to compute the same ticks again.
+"""
+
+import math
+
+import numpy as np
+
+from haptic_device.kernel import kernel
+from haptic_device.law import cancellation, coupling, encoder, engage, exchange, fault, kinematics, passivity, wall
+from haptic_device.parameter import Parameter
+
+AXES = 3  # x, y, theta; a device with fewer leaves the rest at zero
+
+PARAMETERS = (
+    Parameter("servo.rate", 4000.0, "Hz", "ticks of the servo loop per second", 500.0, 10000.0),
+    Parameter("force.limit", 20.0, "N", "largest force on the handle, each of x and y", 0.0, 1000.0, True),
+    Parameter("force.limit_rotational", 1.0, "N m", "largest torque on the handle", 0.0, 100.0, True),
+    Parameter(
+        "clutch.open", False, "", "let the device move without the handle in the world; no force meanwhile", live=True
+    ),
+)
+
+
+def _columns(*names):
+    """Structured type of float64 columns; `name*` is one per axis, `name#` one per wall."""
+    widths = {"*": AXES, "#": wall.MOST}
+    return np.dtype([(n.rstrip("*#"), "f8", (widths[n[-1]],)) if n[-1] in widths else (n, "f8") for n in names])
+
+
+TRACE_VERSION = 1
+INPUTS = (
+    *("tick", "deadline", "lateness", "compute", "missed"),  # ns of CLOCK_MONOTONIC; s; s, of the tick before; count
+    *("parameter_version", "command", "latched", "counts*", "drag*", "device_status"),  # latched: ns, of the counts
+    *("tool_session", "tool_sequence", "tool_answered", "tool_age", "tool_position*", "tool_velocity*", "tool_effort*"),
+    *("tool_contact", "tool_energy", "contact_set", "handle_sequence"),
+)
+OUTPUTS = (
+    *("position*", "velocity*", "coupling_position*", "coupling_velocity*"),  # handle and what the coupling pulls to
+    *("force_walls*", "force_coupling*", "force_cancellation*", "force_passivity*", "force_gravity*"),
+    *("force_on_handle*", "motor*"),  # total as the motor holds it, at the device; and in motor units
+    *("engage", "exchange_fade", "cancellation_fade", "exchange_energy", "energy_given*", "margin*"),
+    *("state", "fault"),
+)
+TICK = _columns(*INPUTS, *OUTPUTS)
+
+SETTINGS = _columns(
+    *("version", "period", "axes"),
+    *("position_per_count*", "zero*", "scale*", "motor_per_force*", "device_limit*", "gravity*", "physical_damping*"),
+    *("position_low*", "position_high*", "velocity_limit*", "force_limit*"),
+    *("stiffness*", "damping*"),  # of the coupling
+    *("walls", "wall_x#", "wall_y#", "wall_offset#", "wall_stiffness#", "wall_damping#"),
+    *("cancellation_ratio", "cancellation_band", "cancellation_stretch", "velocity_lag"),
+    *("exchange_hold", "exchange_fade", "engage_time", "engage_force", "silence", "saturation"),
+)
+
+MEMORY = _columns(
+    *("started", "latched", "device_position*", "device_velocity*", "offset*"),
+    *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated"),
+)
+
+FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor
+
+
+@kernel
+def tick(settings, memory, row):
+    """One tick of the servo: records of SETTINGS, MEMORY, TICK; reads the inputs in row and writes its outputs."""
+    _sense(settings, memory, row)
+    _take_tool(settings, memory, row)
+    _walls(settings, row)
+    _coupling(settings, row)
+    _cancellation(settings, row)
+    _faults(settings, memory, row)
+    _engage(settings, memory, row)
+    _command_motor(settings, memory, row)
+
+
+@kernel
+def _sense(settings, memory, row):
+    """Counts to handle position and velocity; books the energy of the hold that ends here."""
+    elapsed = (row.latched - memory.latched) * 1e-9 if memory.started else 0.0
+    opened = (int(row.command) & engage.CLUTCH) != 0
+    for i in range(int(settings.axes)):
+        before = memory.device_position[i]
+        position = encoder.position_of(row.counts[i], settings.position_per_count[i], settings.zero[i])
+        moved = position - before if memory.started else 0.0
+        velocity = encoder.velocity_of(memory.device_velocity[i], moved, elapsed, settings.velocity_lag)
+        if opened:
+            world = kinematics.to_world(before, settings.scale[i], memory.offset[i])
+            memory.offset[i] = kinematics.clutched_offset(world, position, settings.scale[i])
+        held, damping = memory.held_force[i], settings.physical_damping[i]
+        memory.energy_given[i] += passivity.energy_booked(held, moved, damping, elapsed)
+        latched = fault.motion_fault(
+            position, velocity, settings.position_low[i], settings.position_high[i], settings.velocity_limit[i],
+            moved, elapsed,
+        )  # fmt: skip
+        if latched != fault.NONE and memory.fault == fault.NONE:
+            memory.fault = latched
+        memory.device_position[i], memory.device_velocity[i] = position, velocity
+        row.position[i] = kinematics.to_world(position, settings.scale[i], memory.offset[i])
+        row.velocity[i] = 0.0 if opened else settings.scale[i] * velocity
+        row.energy_given[i] = memory.energy_given[i]
+    memory.started, memory.latched = 1.0, row.latched
+
+
+@kernel
+def _take_tool(settings, memory, row):
+    """What the coupling pulls to: the tool sample as it is, faded by its age."""
+    hold, fade = settings.exchange_hold, settings.exchange_fade
+    memory.exchange_fade = exchange.fade_factor(memory.exchange_fade, row.tool_age, settings.period, hold, fade)
+    row.exchange_fade = memory.exchange_fade
+    for i in range(AXES):
+        row.coupling_position[i] = row.tool_position[i]
+        row.coupling_velocity[i] = row.tool_velocity[i]
+
+
+@kernel
+def _walls(settings, row):
+    """Sum of all walls' forces, x and y."""
+    row.force_walls[:] = 0.0
+    for i in range(int(settings.walls)):
+        nx, ny = settings.wall_x[i], settings.wall_y[i]
+        depth = wall.wall_depth(nx, ny, settings.wall_offset[i], row.position[0], row.position[1])
+        rate = -(nx * row.velocity[0] + ny * row.velocity[1])
+        force = wall.wall_force(settings.wall_stiffness[i], settings.wall_damping[i], depth, rate)
+        row.force_walls[0] += nx * force
+        row.force_walls[1] += ny * force
+
+
+@kernel
+def _coupling(settings, row):
+    """Force of the virtual coupling on the handle, faded."""
+    for i in range(AXES):
+        stretch = row.coupling_position[i] - row.position[i]
+        rate = row.coupling_velocity[i] - row.velocity[i]
+        force = coupling.coupling_force(settings.stiffness[i], settings.damping[i], stretch, rate)
+        row.force_coupling[i] = row.exchange_fade * force if i < settings.axes and row.exchange_fade > 0.0 else 0.0
+
+
+@kernel
+def _cancellation(settings, row):
+    """Negative damping of the device's own, in free space only."""
+    clearance = math.inf
+    for i in range(int(settings.walls)):
+        depth = wall.wall_depth(
+            settings.wall_x[i], settings.wall_y[i], settings.wall_offset[i], row.position[0], row.position[1]
+        )
+        clearance = min(clearance, -depth)
+    stretch = math.hypot(row.coupling_position[0] - row.position[0], row.coupling_position[1] - row.position[1])
+    stretch = stretch if row.exchange_fade > 0.0 else 0.0
+    fade = cancellation.cancellation_fade(clearance, settings.cancellation_band, stretch, settings.cancellation_stretch)
+    row.cancellation_fade = fade
+    for i in range(AXES):
+        damping = settings.physical_damping[i] / settings.scale[i] ** 2
+        ratio = settings.cancellation_ratio * fade
+        row.force_cancellation[i] = cancellation.cancellation_force(ratio, damping, row.velocity[i])
+
+
+@kernel
+def _faults(settings, memory, row):
+    """Latches the first fault; a new count of resets clears it."""
+    command = int(row.command)
+    resets = command // engage.RESET
+    if resets != memory.resets:
+        memory.resets, memory.fault, memory.saturated = resets, fault.NONE, 0.0
+    if memory.fault == fault.NONE:
+        if command & engage.ESTOP:
+            memory.fault = fault.ESTOP
+        elif (row.deadline - row.latched) * 1e-9 > settings.silence:
+            memory.fault = fault.DEVICE_SILENT
+        elif int(row.device_status) & WATCHDOG and memory.engage > 0.0:
+            memory.fault = fault.DEVICE_WATCHDOG
+        elif memory.saturated > settings.saturation:
+            memory.fault = fault.SATURATION
+    row.fault = memory.fault
+
+
+@kernel
+def _engage(settings, memory, row):
+    """State and rise of the forces."""
+    command = int(row.command)
+    enabled = (command & engage.ENABLE) != 0 and (command & engage.CLUTCH) == 0
+    wanted = math.hypot(row.force_walls[0] + row.force_coupling[0], row.force_walls[1] + row.force_coupling[1])
+    state = int(memory.state)
+    memory.state = engage.engage_state(
+        state, enabled, memory.fault != fault.NONE, wanted, settings.engage_force, memory.engage
+    )
+    memory.engage = engage.engage_factor(int(memory.state), memory.engage, settings.period, settings.engage_time)
+    row.state, row.engage = memory.state, memory.engage
+
+
+@kernel
+def _command_motor(settings, memory, row):
+    """Total force, limited, to the device and into motor units; not finite is a fault and zero."""
+    saturated = False
+    for i in range(AXES):
+        total = row.force_walls[i] + row.force_coupling[i] + row.force_cancellation[i] + row.force_passivity[i]
+        limit = settings.force_limit[i]
+        force = kinematics.to_device_force(row.engage * min(limit, max(-limit, total)), settings.scale[i])
+        row.force_gravity[i] = settings.gravity[i] if row.engage > 0.0 else 0.0
+        force += row.engage * row.force_gravity[i]
+        saturated |= abs(force) > settings.device_limit[i]
+        if not abs(force) < math.inf:
+            memory.fault = row.fault = fault.NOT_A_NUMBER
+        force = min(settings.device_limit[i], max(-settings.device_limit[i], force))
+        row.force_on_handle[i] = force
+    for i in range(AXES):
+        if memory.fault != fault.NONE or i >= settings.axes:
+            row.force_on_handle[i] = 0.0
+        memory.held_force[i] = row.force_on_handle[i]
+        row.motor[i] = row.force_on_handle[i] * settings.motor_per_force[i]
+    memory.saturated = memory.saturated + settings.period if saturated else 0.0
