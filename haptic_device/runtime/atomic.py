@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Acquire and release words on shared int64 arrays, and records handed over under a sequence lock."""
+
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from haptic_device.kernel import kernel
+
+ATTEMPTS = 1000
+
+
+def _pointer(context, builder, array_type, array, index):
+    struct = cgutils.create_struct_proxy(array_type)(context, builder, array)
+    return builder.gep(struct.data, [index])
+
+
+@intrinsic
+def load(typing_context, array, index):
+    """array[index] of int64, with acquire ordering."""
+
+    def generate(context, builder, signature, arguments):
+        pointer = _pointer(context, builder, signature.args[0], arguments[0], arguments[1])
+        return builder.load_atomic(pointer, "acquire", 8)
+
+    return types.int64(array, types.intp), generate
+
+
+@intrinsic
+def store(typing_context, array, index, value):
+    """array[index] = value of int64, with release ordering."""
+
+    def generate(context, builder, signature, arguments):
+        pointer = _pointer(context, builder, signature.args[0], arguments[0], arguments[1])
+        builder.store_atomic(arguments[2], pointer, "release", 8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, types.int64), generate
+
+
+@intrinsic
+def fence(typing_context):
+    """Full barrier: no read or write moves across."""
+
+    def generate(context, builder, signature, arguments):
+        builder.fence("seq_cst")
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
+@kernel
+def publish(words, lock, first, values):
+    """Writes int64 values into words from first on, under the sequence lock at words[lock]; one writer only."""
+    turn = load(words, lock) | 1
+    store(words, lock, turn)
+    fence()
+    for i in range(values.size):
+        words[first + i] = values[i]
+    fence()
+    store(words, lock, turn + 1)
+
+
+@kernel
+def collect(words, lock, first, values):
+    """Copies a consistent record out of words; returns its even sequence, or −1 if the writer never left it alone."""
+    for _ in range(ATTEMPTS):
+        turn = load(words, lock)
+        if turn & 1:
+            continue
+        fence()
+        for i in range(values.size):
+            values[i] = words[first + i]
+        fence()
+        if load(words, lock) == turn:
+            return turn
+    return -1

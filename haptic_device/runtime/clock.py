@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Time and the operating system's real-time facilities; the only file that asks what time it is."""
+
+import ctypes
+import os
+import resource
+import threading
+
+import numpy as np
+from numba import types
+
+from haptic_device.kernel import kernel
+
+MONOTONIC, REALTIME = 1, 0
+TIMER_ABSTIME = 1
+PR_SET_TIMERSLACK = 29
+MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
+
+_gettime = types.ExternalFunction("clock_gettime", types.int32(types.int32, types.CPointer(types.int64)))
+_nanosleep = types.ExternalFunction(
+    "clock_nanosleep",
+    types.int32(types.int32, types.int32, types.CPointer(types.int64), types.CPointer(types.int64)),
+)
+
+
+@kernel
+def read_clock(which, scratch):
+    """Nanoseconds of MONOTONIC or REALTIME; scratch: int64 array (2)."""
+    _gettime(which, scratch.ctypes)
+    return scratch[0] * 1_000_000_000 + scratch[1]
+
+
+@kernel
+def now_ns(scratch):
+    """Nanoseconds of CLOCK_MONOTONIC, the same for all processes of this host."""
+    return read_clock(MONOTONIC, scratch)
+
+
+@kernel
+def sleep_until(deadline, scratch):
+    """Sleeps to an absolute CLOCK_MONOTONIC time [ns]; returns at once if it has passed."""
+    scratch[0], scratch[1] = deadline // 1_000_000_000, deadline % 1_000_000_000
+    _nanosleep(MONOTONIC, TIMER_ABSTIME, scratch.ctypes, scratch.ctypes)
+
+
+def go_realtime(wish, priority):
+    """Gives the calling thread what `wish` (require | prefer | off) asks for; returns one sentence of what it has.
+
+    SCHED_FIFO at priority, timer slack of 1 ns, and memory locked. Raises PermissionError with what is missing and
+    how to grant it if wish is `require`.
+    """
+    _libc().prctl(PR_SET_TIMERSLACK, ctypes.c_ulong(1), 0, 0, 0)
+    if wish == "off":
+        return "realtime off"
+    missing = [sentence for sentence in (_set_fifo(priority), lock_memory()) if sentence]
+    if missing and wish == "require":
+        raise PermissionError("; ".join(missing))
+    return "; ".join(missing) or f"SCHED_FIFO {priority}, memory locked"
+
+
+def _set_fifo(priority):
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+    except PermissionError:
+        return f"no SCHED_FIFO {priority}: set `rtprio 98` for your group in /etc/security/limits.d and log in again"
+    return ""
+
+
+def lift_threads(wish, priority):
+    """Gives every thread of this process but the caller SCHED_FIFO at priority, where permitted and wished.
+
+    Meant for the middleware's own threads, before ours are started: a real-time thread would otherwise wait for locks
+    that they hold while ordinary load keeps them from running (priority inversion).
+    """
+    if wish == "off":
+        return
+    for thread in os.listdir("/proc/self/task"):
+        if int(thread) != threading.get_native_id():
+            try:
+                os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(priority))
+            except (PermissionError, ProcessLookupError):
+                continue
+
+
+def lock_memory():
+    """Locks pages as they are touched from now on; returns what is missing, or ""."""
+    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    if _libc().mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT):
+        return f"memory not locked: memlock limit is {limit // 1024} KiB; set `memlock unlimited` in limits.d"
+    return ""
+
+
+def _libc():
+    return ctypes.CDLL(None, use_errno=True)
+
+
+def scratch():
+    """Room that the kernels of this file write a time into."""
+    return np.zeros(2, np.int64)

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The device's side of the exchange: handle samples out at a fixed rate, tool samples in, the latest one counts.
+
+A thread of its own, without the GIL, beside the servo: it reads the servo's newest row, and leaves the tool sample that
+counts in a mailbox. How bytes come and go is somebody else's: runtime/rcl.py has the fast way.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_device.kernel import kernel
+from haptic_device.law import exchange
+from haptic_device.runtime import atomic, clock, mailbox
+
+STOP, SENT, ANSWERED, REFUSED, WATCHES = 0, 1, 2, 3, 16  # words of the watch: refusals by reason from REFUSED on
+REMEMBERED = 4096  # handle samples whose time is known when they are answered
+SILENCE = 100_000_000  # [ns] after which another simulation may take over
+
+GAINS = np.dtype([(name, "f8") for name in exchange.TAIL[exchange.GAIN_0 : exchange.GAIN_0 + 4]] + [("hash", "f8")])
+
+STATE = np.dtype(
+    [(name, "f8") for name in ("session", "sequence", "method", "axes", "peer_session", "peer_answered")]
+    + [("peer_accepted", "i8"), ("sent", "i8", (REMEMBERED,))]
+)
+
+
+class Frame(NamedTuple):
+    """Where the numbers lie in a message of fixed layout, and its bytes for either direction.
+
+    outgoing, incoming: uint8, aligned so that the numbers are; reals and stamp: views on outgoing behind its 4-byte
+    head; received: the same on incoming; fixed: 1 where a byte must be as in the template; first: index into reals of
+    the position, velocity and effort arrays, count numbers each.
+    """
+
+    outgoing: np.ndarray
+    reals: np.ndarray
+    stamp: np.ndarray
+    incoming: np.ndarray
+    received: np.ndarray
+    template: np.ndarray
+    fixed: np.ndarray
+    first: np.ndarray
+    count: int
+
+
+def make_frame(template, fixed, offsets, count):
+    """Frame for a message with these template bytes, mask of fixed bytes, and offsets of its three arrays."""
+    size = len(template)
+    outgoing, incoming = _aligned(size), _aligned(size)
+    outgoing[:] = np.frombuffer(template, np.uint8)
+    whole = 4 + (size - 4) // 8 * 8
+    return Frame(
+        outgoing,
+        outgoing[4:whole].view(np.float64),
+        outgoing[4:12].view(np.int32),
+        incoming,
+        incoming[4:whole].view(np.float64),
+        outgoing.copy(),
+        np.ascontiguousarray(fixed, np.uint8),
+        (np.array(offsets, np.int64) - 4) // 8,
+        count,
+    )
+
+
+def _aligned(size):
+    """uint8 array whose fifth byte lies on an 8-byte boundary."""
+    room = np.zeros(size + 16, np.uint8)
+    start = -(room.ctypes.data + 4) % 8
+    return room[start : start + size]
+
+
+@kernel
+def compose_handle(frame, state, row, gains, scratch):
+    """Writes the next handle sample into frame.outgoing, from the servo's newest row."""
+    axes, position, velocity, effort = int(state.axes), frame.first[0], frame.first[1], frame.first[2]
+    state.sequence += 1.0
+    state.sent[int(state.sequence) % REMEMBERED] = np.int64(row.deadline)
+    for i in range(axes):
+        frame.reals[position + i] = row.position[i]
+        frame.reals[velocity + i] = row.velocity[i]
+        frame.reals[effort + i] = row.force_coupling[i]
+    tail = frame.reals[position + axes : position + frame.count]
+    tail[exchange.LAYOUT], tail[exchange.SESSION], tail[exchange.SEQUENCE] = (
+        exchange.LAYOUT_VERSION, state.session, state.sequence
+    )  # fmt: skip
+    tail[exchange.ANSWERED_SESSION], tail[exchange.ANSWERED] = state.peer_session, row.tool_sequence
+    tail[exchange.METHOD], tail[exchange.GAINS] = state.method, gains.hash
+    tail[exchange.GAIN_0], tail[exchange.GAIN_0 + 1] = gains.stiffness, gains.damping
+    tail[exchange.GAIN_0 + 2], tail[exchange.GAIN_0 + 3] = gains.rotational_stiffness, gains.rotational_damping
+    tail[exchange.CONTACT], tail[exchange.ENERGY] = 0.0, row.exchange_energy
+    age = clock.read_clock(clock.MONOTONIC, scratch) - np.int64(row.deadline)
+    stamp = clock.read_clock(clock.REALTIME, scratch) - age
+    frame.stamp[0], frame.stamp[1] = stamp // 1_000_000_000, stamp % 1_000_000_000
+
+
+@kernel
+def next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
+    """Composes the next handle sample from the servo's newest row; False if it has not run yet. Records of one."""
+    if atomic.collect(row_mail, 0, mailbox.FIRST, row.view(np.int64)) <= 0:
+        return False
+    atomic.collect(gains_mail, 0, mailbox.FIRST, gains.view(np.int64))
+    compose_handle(frame, state[0], row[0], gains[0], scratch)
+    return True
+
+
+@kernel
+def take_in(frame, size, state, watch, gains, tool, tool_mail, now):
+    """Judges the message of `size` bytes in frame.incoming; accepted, it becomes the tool sample that counts."""
+    verdict = _judge(frame, size, state, gains, now)
+    if verdict != exchange.ACCEPTED:
+        watch[REFUSED + verdict] += 1
+        return verdict
+    watch[ANSWERED] += 1
+    axes, position, velocity, effort = int(state.axes), frame.first[0], frame.first[1], frame.first[2]
+    tail = frame.received[position + axes : position + frame.count]
+    record = tool[0]
+    record.session, record.sequence = tail[exchange.SESSION], tail[exchange.SEQUENCE]
+    record.answered, record.sent = tail[exchange.ANSWERED], state.sent[int(tail[exchange.ANSWERED]) % REMEMBERED]
+    record.contact, record.energy = tail[exchange.CONTACT], tail[exchange.ENERGY]
+    record.handle_sequence = state.sequence
+    for i in range(axes):
+        record.position[i] = frame.received[position + i]
+        record.velocity[i] = frame.received[velocity + i]
+        record.effort[i] = frame.received[effort + i]
+    state.peer_session, state.peer_answered, state.peer_accepted = record.session, record.answered, now
+    atomic.publish(tool_mail, 0, mailbox.FIRST, tool.view(np.int64))
+    return verdict
+
+
+@kernel
+def _judge(frame, size, state, gains, now):
+    if size != frame.template.size:
+        return exchange.OTHER_NAMES
+    for i in range(size):
+        if frame.fixed[i] != 0 and frame.incoming[i] != frame.template[i]:
+            return exchange.OTHER_NAMES
+    count, axes = frame.count, int(state.axes)
+    sample = np.empty(3 * count)
+    for block in range(3):
+        sample[block * count : (block + 1) * count] = frame.received[frame.first[block] : frame.first[block] + count]
+    if sample[axes + exchange.ANSWERED] <= state.sequence - REMEMBERED:
+        return exchange.OLD
+    peer = exchange.Peer(state.peer_session, state.peer_answered, state.peer_accepted)
+    return exchange.judge_tool(
+        sample, axes, peer, state.session, state.sequence, state.method, gains.hash, now, SILENCE
+    )

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The hardware seam. A link is how the servo reaches a device; another device is one more file with such a class.
+
+A link has `memory` (int64 array, its own), `read` and `write` (compiled with the signatures below), `present()` and
+`close()`. test/link_conformance.py checks any link against this text.
+
+* read(memory, deadline, give_up, sample) → 1 if the sample is of this deadline, 0 if it is older. It may wait for
+  the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (8): latched [ns], status (bit 2: motor cut), counts
+  of x, y, theta, drag of x, y, theta [N | N m].
+* write(memory, written, next_deadline, period, engaged, motor) → 0. motor (3) in motor units, held until the next
+  write; the device zeroes it by itself when writes stop.
+"""
+
+from typing import Protocol
+
+import numpy as np
+from numba import types
+
+from haptic_device.kernel import kernel
+from haptic_device.runtime import page
+
+WORDS, REALS, WORD = types.int64[::1], types.float64[::1], types.int64
+READ = WORD(WORDS, WORD, WORD, REALS)
+WRITE = WORD(WORDS, WORD, WORD, WORD, WORD, REALS)
+LATCHED, STATUS, COUNTS, DRAG, SAMPLE = 0, 1, 2, 5, 8
+
+
+class Link(Protocol):
+    """What the servo needs of a device."""
+
+    memory: np.ndarray
+
+    def present(self) -> bool:
+        """Whether the device answers."""
+
+    def close(self) -> None:
+        """Lets the device go."""
+
+
+class PageLink:
+    """The device behind a shared-memory page, as haptic_loopback serves it."""
+
+    def __init__(self, name, session):
+        self._page = page.Page(name, page.SERVO)
+        self.stale = self._page.stale
+        self.memory = self._page.words
+        self.memory[SESSION] = session
+        self.read, self.write = read, write
+
+    def present(self):
+        return self._page.peer_present() and self.memory[page.DEVICE_LOCK] > 0
+
+    def close(self):
+        self.memory = None
+        self._page.close()
+
+
+SESSION = page.WORDS - 1  # of the servo's run, kept for its writes
+
+
+@kernel(READ)
+def read(memory, deadline, give_up, sample):
+    block, scratch = np.empty(page.DEVICE_WORDS, np.int64), np.empty(2, np.int64)
+    fresh = page.read_device(memory, block, deadline, give_up, scratch)
+    sample[LATCHED], sample[STATUS] = block[1], block[2]
+    reals = block.view(np.float64)
+    for i in range(3):
+        sample[COUNTS + i], sample[DRAG + i] = block[4 + i], reals[7 + i]
+    return fresh
+
+
+@kernel(WRITE)
+def write(memory, written, next_deadline, period, engaged, motor):
+    block = np.empty(page.SERVO_WORDS, np.int64)
+    page.write_servo(memory, block, memory[SESSION], written, next_deadline, period, engaged, motor)
+    return 0

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One cycle, two clocks: the same tick by the computer's clock against a link, or in lock-step against the plant."""
+
+import functools
+
+import numba
+import numpy as np
+from numba import types
+
+from haptic_device.kernel import kernel
+from haptic_device.law import engage, servo
+from haptic_device.runtime import atomic, clock, link, loopback, mailbox
+
+STOP, COMMAND, RUNNING, LATE_DEVICE, CONTROLS = 0, 1, 2, 3, 8  # words of control
+
+# what the servo takes of the tool sample that counts now; the exchange writes it
+TOOL = np.dtype(
+    [
+        (name, "f8", (3,)) if name in ("position", "velocity", "effort") else (name, "f8")
+        for name in ("session", "sequence", "answered", "sent", "position", "velocity", "effort", "contact", "energy",
+                     "contact_set", "handle_sequence")
+    ]
+)  # fmt: skip
+
+_WORDS = types.int64[::1]
+
+
+def _records(dtype):
+    return types.Array(numba.from_dtype(dtype), 1, "C")
+
+
+_REALTIME = types.int64(
+    types.FunctionType(link.READ),
+    types.FunctionType(link.WRITE),
+    *(_WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS),
+    *(_records(servo.SETTINGS), _records(servo.MEMORY), _records(servo.TICK), _records(TOOL)),
+)
+
+
+def run_realtime(
+    read, write, memory_of_link, control, settings_mail, tool_mail, row_mail, ring, settings, memory, rows, tool
+):
+    """The servo by CLOCK_MONOTONIC until control[STOP]; every way out writes zero to the motor. Returns missed ticks.
+
+    rows: the trace ring's rows and one more, which is used while the ring is full. settings, memory, tool: one record
+    each. Nothing here allocates, locks or calls Python.
+    """
+    scratch, sample = np.zeros(2, np.int64), np.zeros(link.SAMPLE)
+    zero, motor = np.zeros(3), np.zeros(3)
+    settings_turn, missed, compute, number = -1, 0, 0.0, 0
+    settings_turn = _take(settings_mail, settings.view(np.int64), settings_turn)
+    period = np.int64(round(settings[0].period * 1e9))
+    deadline = clock.now_ns(scratch) + period
+    write(memory_of_link, deadline - period, deadline, period, 0, zero)
+    atomic.store(control, RUNNING, 1)
+    while atomic.load(control, STOP) == 0:
+        clock.sleep_until(deadline, scratch)
+        woke = clock.now_ns(scratch)
+        late = (woke - deadline) // period
+        missed, deadline = missed + late, deadline + late * period
+        fresh = read(memory_of_link, deadline, deadline + period // 2, sample)
+        began = clock.now_ns(scratch)
+        slot = mailbox.ring_slot(ring, rows.size - 1)
+        row = rows[slot if slot >= 0 else rows.size - 1]
+        settings_turn = _take(settings_mail, settings.view(np.int64), settings_turn)
+        atomic.collect(tool_mail, 0, mailbox.FIRST, tool.view(np.int64))
+        row.tick, row.deadline, row.missed, row.compute = number, deadline, missed, compute
+        row.lateness = (woke - deadline + late * period) * 1e-9
+        row.command = atomic.load(control, COMMAND)
+        fill_inputs(row, settings[0], tool[0], sample, fresh)
+        servo.tick(settings[0], memory[0], row)
+        motor[:] = row.motor
+        written = clock.now_ns(scratch)
+        write(memory_of_link, written, deadline + period, period, np.int64(row.state == engage.ENGAGED), motor)
+        atomic.publish(row_mail, 0, mailbox.FIRST, row_words(rows, slot))
+        if slot >= 0:
+            mailbox.ring_push(ring)
+        control[LATE_DEVICE] += 1 - fresh
+        compute = (clock.now_ns(scratch) - began) * 1e-9
+        number, deadline = number + 1, deadline + period
+    write(memory_of_link, clock.now_ns(scratch), deadline, period, 0, zero)
+    atomic.store(control, RUNNING, 0)
+    return missed
+
+
+@functools.cache
+def realtime():
+    """run_realtime compiled for links given as function pointers: any link runs the same cached machine code."""
+    return kernel(_REALTIME)(run_realtime)
+
+
+@kernel
+def row_words(rows, slot):
+    index = slot if slot >= 0 else rows.size - 1
+    return rows[index : index + 1].view(np.int64)
+
+
+@kernel
+def _take(mail, words, known):
+    """The latest record of a mailbox into words if it is not the known one; returns which is known now."""
+    if atomic.load(mail, 0) == known:
+        return known
+    turn = atomic.collect(mail, 0, mailbox.FIRST, words)
+    return turn if turn >= 0 else known
+
+
+@kernel
+def fill_inputs(row, settings, tool, sample, fresh):
+    """The tick's inputs from the device's sample and the tool sample that counts; deadline is in the row already."""
+    row.parameter_version, row.latched = settings.version, sample[link.LATCHED]
+    row.device_status = sample[link.STATUS] + fresh
+    row.tool_session, row.tool_sequence, row.tool_answered = tool.session, tool.sequence, tool.answered
+    row.tool_age = (row.deadline - tool.sent) * 1e-9 if tool.sequence > 0.0 else -1.0
+    row.tool_contact, row.tool_energy = tool.contact, tool.energy
+    row.contact_set, row.handle_sequence = tool.contact_set, tool.handle_sequence
+    for i in range(servo.AXES):
+        row.counts[i], row.drag[i] = sample[link.COUNTS + i], sample[link.DRAG + i]
+        row.tool_position[i], row.tool_velocity[i] = tool.position[i], tool.velocity[i]
+        row.tool_effort[i] = tool.effort[i]
+
+
+@kernel
+def run_lockstep(settings, memory, rows, tool, plant, plant_memory, motion, start, first, write_delay, command):
+    """rows.size ticks without clock, the first of number `first` at time start [ns], against the plant itself.
+
+    The motor is written write_delay [ns] after each deadline, as the live servo's lateness has it. All records as in
+    run_realtime, of one each; plant, plant_memory and motion as in law/plant and law/operator.
+    """
+    sample = np.zeros(link.SAMPLE)
+    period = np.int64(round(settings[0].period * 1e9))
+    for k in range(rows.size):
+        row, deadline = rows[k], start + k * period
+        loopback.advance(plant[0], plant_memory[0], motion[0], deadline)
+        loopback.latch(plant[0], plant_memory[0], deadline, sample)
+        row.tick, row.deadline, row.missed, row.compute = first + k, deadline, 0, 0.0
+        row.lateness, row.command = write_delay * 1e-9, command
+        fill_inputs(row, settings[0], tool[0], sample, 1)
+        servo.tick(settings[0], memory[0], row)
+        loopback.command(plant[0], plant_memory[0], motion[0], deadline + write_delay, row)

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plant behind the page: integrates up to each announced deadline and latches, or runs free without a servo."""
+
+import numpy as np
+
+from haptic_device.kernel import kernel
+from haptic_device.law import engage, operator, plant
+from haptic_device.runtime import atomic, clock, link, mailbox, page
+
+MOTOR_WATCHDOG = 15_000_000  # [ns] without a write of the servo, after which a real drive cuts the motor
+FREE_STEP = 1_000_000  # [ns] between samples while there is no servo
+STOP, LATE_WRITES, RUN_ON, TRIPS, CONTROLS = 0, 1, 2, 3, 8  # words of control
+
+TRUTH = np.dtype(
+    [
+        (name, "f8", (3,))
+        for name in ("position", "velocity", "operator_force", "motor_force", "target", "target_velocity")
+    ]
+    + [(name, "f8") for name in ("time", "energy_given", "motion_done", "driven")]
+)
+
+
+@kernel
+def advance(device, memory, motion, until):
+    """Integrates the plant up to this time [ns] in sub-steps that end at every change of the motor."""
+    target = np.empty(3)
+    while memory.time < until:
+        end = plant.next_change(memory, min(until, memory.time + plant.SUB_STEP))
+        if end > memory.time:
+            grip = _target(memory, motion, end, target)
+            plant.sub_step(device, memory, end, target, grip)
+        plant.take_motor(memory)
+
+
+@kernel
+def _target(memory, motion, end, target):
+    """Where the hand wants to be at this time; returns its grip."""
+    if motion.kind == operator.FOLLOW:
+        for i in range(3):
+            target[i] = operator.follow(motion.points[0, i], memory.target[i], motion.lag, (end - memory.time) * 1e-9)
+        return motion.grip[0]
+    time = (end - motion.started) * 1e-9 if 0 < motion.started < end else 0.0
+    return operator.target_at(motion, time, target)
+
+
+@kernel
+def latch(device, memory, deadline, sample):
+    """Encoder counts and drag latched at this deadline, as a link's sample."""
+    plant.sense(device, memory, deadline, sample[link.COUNTS : link.COUNTS + 3], sample[link.DRAG : link.DRAG + 3])
+    sample[link.LATCHED], sample[link.STATUS] = deadline, 0.0
+
+
+@kernel
+def command(device, memory, motion, written, row):
+    """Takes the servo's motor value; the hand's script begins when the display is engaged."""
+    plant.push_motor(device, memory, written, row.motor)
+    _begin(motion, row.state == engage.ENGAGED, written)
+
+
+@kernel
+def _begin(motion, engaged, now):
+    if engaged and motion.started == 0:
+        motion.started = now
+
+
+@kernel
+def serve(words, control, truth_mail, session, device, memory, motion, truth):
+    """Serves the page until control[STOP]: driven by the servo's writes, free and with motor zero without them.
+
+    Counts into control: LATE_WRITES (a write's time lay before what was integrated), RUN_ON (deadlines that passed
+    without a write), TRIPS (of the motor watchdog).
+    """
+    scratch, zero, sample = np.zeros(2, np.int64), np.zeros(3), np.zeros(link.SAMPLE)
+    inbox, outbox = np.zeros(page.SERVO_WORDS, np.int64), np.zeros(page.DEVICE_WORDS, np.int64)
+    seen, driven = page.read_servo(words, inbox), False
+    memory[0].time = clock.now_ns(scratch)
+    announced, period, heartbeat = memory[0].time, np.int64(FREE_STEP), memory[0].time
+    while atomic.load(control, STOP) == 0:
+        turn, now = page.read_servo(words, inbox), clock.now_ns(scratch)
+        if turn >= 0 and turn != seen:
+            seen, driven = turn, True
+            heartbeat, announced, period = inbox[1], inbox[2], inbox[3]
+            control[LATE_WRITES] += heartbeat < memory[0].time
+            plant.push_motor(device[0], memory[0], max(heartbeat, memory[0].time), inbox.view(np.float64)[5:])
+            _begin(motion[0], inbox[4] != 0, heartbeat)
+        elif driven and now - heartbeat > MOTOR_WATCHDOG:
+            driven = False
+            control[TRIPS] += 1
+            _cut_motor(device[0], memory[0], motion[0], heartbeat + MOTOR_WATCHDOG, zero)
+        elif driven and now >= announced + period:
+            announced += period
+            control[RUN_ON] += 1
+        elif driven:
+            clock.sleep_until(now + max(period // 16, 5000), scratch)
+            continue
+        if not driven:
+            announced = max(now, memory[0].time)
+        advance(device[0], memory[0], motion[0], announced)
+        latch(device[0], memory[0], announced, sample)
+        status = 0 if driven else page.WATCHDOG
+        page.write_device(words, outbox, session, announced, status, now, sample[link.COUNTS :], sample[link.DRAG :])
+        _tell(truth_mail, memory[0], motion[0], truth, driven)
+        clock.sleep_until(announced + (period // 4 if driven else FREE_STEP), scratch)
+    return seen
+
+
+@kernel
+def _cut_motor(device, memory, motion, when, zero):
+    """Motor zero from `when` on, whatever is still queued."""
+    advance(device, memory, motion, when)
+    memory.queue_tail = memory.queue_head
+    plant.push_motor(device, memory, memory.time - device.actuation_delay, zero)
+    plant.take_motor(memory)
+
+
+@kernel
+def _tell(mail, memory, motion, truth, driven):
+    """The truth for whoever publishes it."""
+    t = truth[0]
+    t.time, t.energy_given, t.driven = memory.time * 1e-9, memory.energy_given, driven
+    t.motion_done = motion.started > 0 and (memory.time - motion.started) * 1e-9 >= motion.duration
+    for i in range(3):
+        t.position[i], t.velocity[i] = memory.position[i], memory.velocity[i]
+        t.operator_force[i], t.motor_force[i] = memory.operator_force[i], memory.motor_force[i]
+        t.target[i], t.target_velocity[i] = memory.target[i], memory.target_velocity[i]
+    atomic.publish(mail, 0, mailbox.FIRST, truth.view(np.int64))

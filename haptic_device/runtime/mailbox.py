@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Memory between threads of one process: the latest record under a sequence lock, and a ring that never blocks."""
+
+import numpy as np
+
+from haptic_device.kernel import kernel
+from haptic_device.runtime import atomic
+
+HEAD, TAIL, DROPPED = 0, 1, 2
+FIRST = 8  # word at which a mailbox's record begins, a cache line behind its lock
+
+
+class Mailbox:
+    """The latest record of one writer; the record's type is a structured one of 8-byte fields."""
+
+    def __init__(self, dtype):
+        self.dtype = dtype
+        self.words = np.zeros(FIRST + dtype.itemsize // 8, np.int64)
+
+    def put(self, record):
+        """Writes a record: array of one of dtype."""
+        atomic.publish(self.words, 0, FIRST, record.view(np.int64).reshape(-1))
+
+    def get(self):
+        """The latest record as an array of one, a copy; zeros before the first."""
+        record = np.zeros(1, self.dtype)
+        atomic.collect(self.words, 0, FIRST, record.view(np.int64))
+        return record.view(np.recarray)
+
+
+class Ring:
+    """Rows from one writer to one reader; when full, new rows are dropped and counted."""
+
+    def __init__(self, dtype, size):
+        self.rows = np.zeros(size, dtype)
+        self.words = np.zeros(8, np.int64)
+
+    def take(self, most):
+        """Up to `most` of the oldest rows, copied."""
+        tail = int(self.words[TAIL])
+        count = min(int(atomic_head(self.words)) - tail, most)
+        index = np.arange(tail, tail + count) % len(self.rows)
+        rows = self.rows[index]
+        release_tail(self.words, tail + count)
+        return rows
+
+    @property
+    def dropped(self):
+        return int(self.words[DROPPED])
+
+
+@kernel
+def atomic_head(words):
+    return atomic.load(words, HEAD)
+
+
+@kernel
+def release_tail(words, value):
+    atomic.store(words, TAIL, value)
+
+
+@kernel
+def ring_slot(words, size):
+    """Index of the row to write next, or −1 if the ring is full (counted)."""
+    head = words[HEAD]
+    if head - atomic.load(words, TAIL) >= size:
+        words[DROPPED] += 1
+        return -1
+    return head % size
+
+
+@kernel
+def ring_push(words):
+    """Hands the row written last to the reader."""
+    atomic.store(words, HEAD, words[HEAD] + 1)

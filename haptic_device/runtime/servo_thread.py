@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The servo in its thread, and the memory through which everybody else meets it."""
+
+import threading
+
+import numpy as np
+
+from haptic_device.law import engage, servo
+from haptic_device.runtime import clock, link, loop
+from haptic_device.runtime.exchange import GAINS
+from haptic_device.runtime.mailbox import Mailbox, Ring
+
+PRIORITY = 80
+RING_ROWS = 16384  # 1.6 s at 10 kHz
+LOOK_UP = 0.01  # [s] between looks for the device
+SECOND = 1_000_000_000
+
+
+class ServoThread:
+    """Runs the servo against a link from start() to stop(), which returns with the motor at zero.
+
+    settings: SETTINGS record to begin with. The device's counts at the start are taken as `home` [device units] where
+    that is given.
+    """
+
+    def __init__(self, device_link, settings, home=None, realtime="prefer"):
+        self.link, self._home, self._wish = device_link, home, realtime
+        self.settings, self.gains = Mailbox(servo.SETTINGS), Mailbox(GAINS)
+        self.tool, self.row, self.ring = Mailbox(loop.TOOL), Mailbox(servo.TICK), Ring(servo.TICK, RING_ROWS + 1)
+        self.control = np.zeros(loop.CONTROLS, np.int64)
+        self.realtime, self.refusal = "", ""
+        self._resets, self._zero = 0, settings["zero"].copy()
+        self.set(settings)
+        self._thread = threading.Thread(target=self._run, name="servo")
+
+    def start(self):
+        self._thread.start()
+
+    def stop(self):
+        self.control[loop.STOP] = 1
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def set(self, settings):
+        """These settings from the next tick on."""
+        settings["zero"] = self._zero
+        self.settings.put(settings)
+
+    @property
+    def running(self):
+        return bool(self.control[loop.RUNNING])
+
+    @property
+    def command(self):
+        return int(self.control[loop.COMMAND])
+
+    def order(self, set_flags=0, clear_flags=0):
+        """Changes flags of the command word (law/engage); returns the word."""
+        self.control[loop.COMMAND] = (self.command | set_flags) & ~clear_flags
+        return self.command
+
+    def reset(self):
+        """Clears the latched fault, and what commands the handle: a new enable is needed."""
+        self._resets += 1
+        self.control[loop.COMMAND] = self._resets * engage.RESET + (self.command & engage.CLUTCH)
+
+    def _run(self):
+        try:
+            self.realtime = clock.go_realtime(self._wish, PRIORITY)
+        except PermissionError as refusal:
+            self.refusal = f"realtime is require: {refusal}"
+            return
+        run = loop.realtime()
+        while not self.link.present():
+            if self.control[loop.STOP]:
+                return
+            threading.Event().wait(LOOK_UP)
+        self._take_home()
+        settings = self.settings.get().view(np.ndarray).view(servo.SETTINGS)
+        memory, tool = np.zeros(1, servo.MEMORY), np.zeros(1, loop.TOOL)
+        run(
+            self.link.read, self.link.write, self.link.memory, self.control, self.settings.words, self.tool.words,
+            self.row.words, self.ring.words, settings, memory, self.ring.rows, tool,
+        )  # fmt: skip
+
+    def _take_home(self):
+        """The zero that makes the present position the home position."""
+        if self._home is None:
+            return
+        sample, scratch = np.zeros(link.SAMPLE), clock.scratch()
+        self.link.read(self.link.memory, 0, clock.now_ns(scratch) + SECOND // 10, sample)
+        settings = self.settings.get().view(np.ndarray).view(servo.SETTINGS)
+        counts = sample[link.COUNTS : link.COUNTS + 3]
+        self._zero = counts * settings["position_per_count"] - np.array(self._home)
+        self.set(settings)
