@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One exchange: a handle sample comes in, the world advances by whole sub-steps, a tool sample goes out.
+
+Simulated time follows the handle's stamps: an exchange advances by the difference to the sample before, in whole
+sub-steps, and carries the remainder in integer nanoseconds. Within it the handle moves on a straight line that ends at
+the newest sample.
+"""
+
+from typing import NamedTuple
+
+from haptic_sim.energy import Ledger
+from haptic_sim.method import Coupling
+from haptic_sim.method.impulse import Impulse
+from haptic_sim.scene import Scene
+
+Planar = tuple[float, float, float]
+SECOND = 1_000_000_000
+
+
+class HandleSample(NamedTuple):
+    """What the device side says: time [ns], position [m, m, rad], velocity, and the gains it couples with."""
+
+    time_ns: int
+    position: Planar
+    velocity: Planar
+    stiffness: float
+    damping: float
+    rotational_stiffness: float
+    rotational_damping: float
+
+
+class ToolSample(NamedTuple):
+    """The answer to one handle sample.
+
+    Tool position [m, m, rad], velocity, the force on the tool over the last sub-step [N, N, N m], whether the
+    tool was in contact during the exchange, and the energy supplied at the tool port so far [J].
+    """
+
+    position: Planar
+    velocity: Planar
+    force_on_tool: Planar
+    contact: bool
+    energy: float
+
+
+class Counters(NamedTuple):
+    """What happened since the last reset; the contact force [N] is the largest of one pair of shapes."""
+
+    exchanges: int = 0
+    sub_steps: int = 0
+    rejoined: int = 0
+    max_contact_force: float = 0.0
+    max_penetration: float = 0.0
+
+
+class Simulation:
+    """A scene with a tool port. Same samples in, same bits out.
+
+    `sub_step` and `max_catch_up` in seconds. A handle sample that comes more than `max_catch_up` after the one before,
+    or before it, starts a new time base: the world waits where it is, and nothing is made up for the time in between.
+    """
+
+    def __init__(self, scene: Scene, sub_step: float = 0.25e-3, max_catch_up: float = 0.02):
+        self.scene = scene
+        self.sub_step_ns = round(sub_step * SECOND)
+        self.max_catch_up_ns = round(max_catch_up * SECOND)
+        if not 0 < self.sub_step_ns <= self.max_catch_up_ns:
+            raise ValueError(f"sub_step is {sub_step} s; it must be above 0 and at most max_catch_up, {max_catch_up} s")
+        self.method = Impulse(scene, self.sub_step_ns / SECOND)
+        self.reset()
+
+    def reset(self) -> None:
+        """The scene's start again: bodies, energy and counters; the next handle sample starts a new time base."""
+        self.method.reset()
+        self.ledger = Ledger(*self.method.energy())
+        self.counters = Counters()
+        self.rejoin()
+
+    def rejoin(self) -> None:
+        """The next handle sample starts a new time base (a new session of the device); the tool stays where it is."""
+        self._last = None
+        self._remainder_ns = 0
+
+    def exchange(self, handle: HandleSample) -> ToolSample:
+        """Advance to the handle's time and answer. ValueError if a gain is negative or not finite."""
+        self.method.couple(Coupling(*handle[3:]))
+        count = self._sub_steps_until(handle.time_ns)
+        touched = self._advance(handle, count)
+        self._last = handle
+        self.ledger.close(*self.method.energy())
+        self.counters = self.counters._replace(exchanges=self.counters.exchanges + 1,
+                                               sub_steps=self.counters.sub_steps + count)
+        return self._sample(touched)
+
+    def measure(self) -> dict[str, float]:
+        """What the scene reports: name → fraction."""
+        return {name: measure.fraction(self.method.pose(measure.body)) for name, measure in self.scene.measure.items()}
+
+    def _sub_steps_until(self, time_ns):
+        if self._last is None:
+            return 0
+        passed = time_ns - self._last.time_ns
+        if not 0 <= passed <= self.max_catch_up_ns:
+            self._remainder_ns = 0
+            self.counters = self.counters._replace(rejoined=self.counters.rejoined + 1)
+            return 0
+        count, self._remainder_ns = divmod(passed + self._remainder_ns, self.sub_step_ns)
+        return count
+
+    def _advance(self, handle, count):
+        method, supply = self.method, self.ledger.supply
+        touched = method.touching if count == 0 else False
+        for k in range(1, count + 1):
+            before = method.position
+            method.step(_between(self._last.position, handle.position, k / count),
+                        _between(self._last.velocity, handle.velocity, k / count))
+            supply(method.force_on_tool, before, method.position)
+            if method.touching:
+                touched = True
+                self._watch_contacts()
+        return touched
+
+    def _watch_contacts(self):
+        contacts = self.method.contacts()
+        force = max((x * x + y * y for *_, (x, y), _ in contacts), default=0.0) ** 0.5
+        depth = max((contact.depth for contact in contacts), default=0.0)
+        counters = self.counters
+        if force > counters.max_contact_force or depth > counters.max_penetration:
+            self.counters = counters._replace(max_contact_force=max(force, counters.max_contact_force),
+                                              max_penetration=max(depth, counters.max_penetration))
+
+    def _sample(self, touched):
+        method = self.method
+        return ToolSample(method.position, method.velocity, method.force_on_tool, touched, self.ledger.supplied)
+
+
+def _between(start, end, share):
+    """Point at `share` of the way; exactly `end` at 1."""
+    rest = 1.0 - share
+    return (rest * start[0] + share * end[0], rest * start[1] + share * end[1], rest * start[2] + share * end[2])

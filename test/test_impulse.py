@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The impulse method against closed forms: backward difference, contacts, friction, restitution, gravity."""
+
+import math
+
+import numpy as np
+import pytest
+
+from haptic_sim.method import Coupling
+from haptic_sim.method.impulse import SLOP, Impulse
+from haptic_sim.scene import Scene
+
+H = 0.25e-3
+M = 0.1
+REST = (0.0, 0.0, 0.0)
+STIFF = Coupling(2000.0, 2.0, 2.0, 0.002)
+
+
+def world(gains=STIFF, sub_step=H, mass=M, pose=REST, inertia=1e-4, unit=1.0, friction=0.2, restitution=0.0, **more):
+    """A round tool of 10 mm, and to the left of x = -10 mm a wall."""
+    wall = {"name": "wall", "fixed": True, "material": "steel",
+            "shapes": [{"box": {"size": [0.1 * unit, unit], "center": [-0.06 * unit, 0]}}]}
+    tool = {"mass": mass, "inertia": inertia, "pose": pose, "material": "steel",
+            "shapes": [{"circle": {"radius": 0.01 * unit}}]}
+    materials = {"steel": {"friction": friction, "restitution": restitution}}
+    scene = Scene.model_validate({"name": "test", "materials": materials, "bodies": [wall], "tool": tool, **more})
+    method = Impulse(scene, sub_step)
+    method.couple(gains)
+    return method
+
+
+def hold(method, handle, steps, velocity=REST):
+    for _ in range(steps):
+        method.step(handle, velocity)
+    return method
+
+
+def backward_difference(x0, stiffness, damping, mass, h, steps):
+    """Closed form of m(v⁺−v) = −h(K x⁺ + B v⁺), x⁺ = x + h v⁺ from rest: powers of its two roots."""
+    polynomial = mass + h * damping + h * h * stiffness, -(2.0 * mass + h * damping), mass
+    first, second = np.roots(polynomial).astype(complex)
+    # From rest x₋₁ = x₀, so a + b = x₀ and a/z₁ + b/z₂ = x₀.
+    a = x0 * (1.0 - 1.0 / second) / (1.0 / first - 1.0 / second)
+    n = np.arange(1, steps + 1)
+    return (a * first**n + (x0 - a) * second**n).real
+
+
+GAINS = [(2000.0, 2.0), (500.0, 0.0), (2000.0, 200.0), (1e6, 0.0), (0.1, 50.0)]
+
+
+@pytest.mark.parametrize("sub_step", [1e-3, 0.25e-3, 0.1e-3])
+@pytest.mark.parametrize(("stiffness", "damping"), GAINS)
+def test_free_tool_follows_the_closed_form_of_backward_difference(stiffness, damping, sub_step):
+    method = world(Coupling(stiffness, damping), sub_step, pose=(0.02, 0.5, 0.0))
+    target = (0.03, 0.5, 0.0)
+    path = [hold(method, target, 1).position[0] - target[0] for _ in range(400)]
+    assert path == pytest.approx(backward_difference(-0.01, stiffness, damping, M, sub_step, 400), abs=1e-9 * 0.01)
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), [(2.0, 0.002), (2.0, 0.1), (50.0, 0.0)])
+def test_rotation_follows_the_closed_form_of_backward_difference_too(stiffness, damping):
+    method = world(Coupling(0.0, 0.0, stiffness, damping), pose=(0.5, 0.0, 0.1))
+    path = [hold(method, (0.5, 0.0, 0.3), 1).position[2] - 0.3 for _ in range(400)]
+    assert path == pytest.approx(backward_difference(-0.2, stiffness, damping, 1e-4, H, 400), abs=1e-9 * 0.2)
+
+
+def test_backward_difference_tends_to_the_continuous_coupling_at_first_order():
+    decay, frequency, time = 2.0 / (2 * M), math.sqrt(2000.0 / M - (2.0 / (2 * M)) ** 2), 0.02
+    swing = math.cos(frequency * time) + decay / frequency * math.sin(frequency * time)
+    exact = 0.5 + 0.01 * math.exp(-decay * time) * swing
+    errors = [hold(world(STIFF, h, pose=(0.51, 0.0, 0.0)), (0.5, 0.0, 0.0), round(time / h)).position[0] - exact
+              for h in (20e-6, 10e-6, 5e-6)]
+    assert [errors[0] / errors[1], errors[1] / errors[2]] == pytest.approx([2.0, 2.0], rel=0.05)
+
+
+@pytest.mark.parametrize("velocity", [(0.3, -0.2, 5.0), (0.0, 0.0, 0.0)])
+def test_force_on_the_tool_is_what_moved_it(velocity):
+    method = world(pose=(0.5, 0.0, 0.1))
+    for k in range(1, 200):
+        before = method.velocity
+        method.step((0.5 + velocity[0] * k * H, 0.01 + velocity[1] * k * H, velocity[2] * k * H), velocity)
+        gained = np.multiply((M, M, 1e-4), np.subtract(method.velocity, before)) / H
+        assert method.force_on_tool == pytest.approx(gained, rel=1e-9, abs=1e-9)
+
+
+def test_force_on_the_tool_is_the_law_of_the_coupling_at_the_end_of_the_sub_step():
+    method = hold(world(pose=(0.5, 0.0, 0.0)), (0.52, 0.01, 0.3), 3, (0.1, -0.2, 4.0))
+    (x, y, angle), (vx, vy, w) = method.position, method.velocity
+    expected = (2000 * (0.52 - x) + 2 * (0.1 - vx), 2000 * (0.01 - y) + 2 * (-0.2 - vy),
+                2 * (0.3 - angle) + 0.002 * (4.0 - w))
+    assert method.force_on_tool == pytest.approx(expected, rel=1e-12)
+
+
+def test_without_gains_the_tool_is_a_free_body():
+    method = world(Coupling(), gravity=[0.0, -9.81])
+    hold(method, (5.0, 5.0, 5.0), 400)
+    assert method.velocity == pytest.approx((0.0, -9.81 * 400 * H, 0.0), rel=1e-12)
+    assert method.force_on_tool == REST
+
+
+@pytest.mark.parametrize("gains", [STIFF, Coupling(1e5, 100.0), Coupling(50.0, 1.0)])
+def test_a_held_tool_sags_by_its_true_weight_over_the_stiffness(gains):
+    method = world(gains, 1e-3, gravity=[0.0, -9.81])
+    hold(method, REST, 20000)
+    assert -method.position[1] == pytest.approx(M * 9.81 / gains.stiffness, rel=1e-9)
+    assert method.force_on_tool[1] == pytest.approx(M * 9.81, rel=1e-9)
+
+
+@pytest.mark.parametrize("stretch", [0.5e-3, 5e-3])
+def test_pressed_on_a_wall_the_contact_force_is_stiffness_times_stretch(stretch):
+    method = hold(world(pose=(0.001, 0.0, 0.0)), (-stretch, 0.0, 0.0), 4000)
+    (contact,) = method.contacts()
+    assert contact.body_a, contact.body_b == ("tool", "wall")
+    assert contact.force_on_a[0] == pytest.approx(2000.0 * (stretch + method.position[0]), rel=1e-9)
+    assert method.force_on_tool[0] == pytest.approx(-contact.force_on_a[0], rel=1e-9)
+    assert contact.force_on_a[0] == pytest.approx(2000.0 * stretch, rel=2 * SLOP * 0.01 / stretch + 1e-9)
+    assert contact.normal == pytest.approx((-1.0, 0.0))
+    assert contact.point == pytest.approx((-0.01, 0.0), abs=1e-5)
+    assert 0.0 < contact.depth <= 1.01 * SLOP * 0.01
+
+
+def test_while_sliding_and_bouncing_contacts_coupling_and_gravity_add_up_to_the_change_of_momentum():
+    method = world(pose=(0.001, 0.0, 0.0), gravity=[0.3, -9.81], restitution=0.5)
+    touched = 0
+    for k in range(800):
+        before = method.velocity
+        method.step((-0.002 + 0.004 * math.sin(0.05 * k), 1e-4 * k, 0.0), REST)
+        forces = [contact.force_on_a for contact in method.contacts()]
+        total = np.sum([method.force_on_tool[:2], (0.3 * M, -9.81 * M), *forces], axis=0)
+        assert total * H == pytest.approx(M * np.subtract(method.velocity, before)[:2], abs=1e-12)
+        touched += method.touching
+    assert 50 < touched < 750
+
+
+@pytest.mark.parametrize(("pull", "slides"), [(0.99, False), (1.01, True)])
+def test_a_pressed_block_slides_just_beyond_the_friction_cone_and_stays_just_within(pull, slides):
+    block = {"mass": M, "inertia": 1.0, "material": "steel", "shapes": [{"box": {"size": [0.02, 0.02]}}]}
+    method = Impulse(world().scene.model_copy(update={"tool": type(world().scene.tool).model_validate(block)}), H)
+    method.couple(Coupling(2000.0, 2.0, 100.0, 10.0))
+    hold(method, (-2e-3, 0.0, 0.0), 2000)
+    normal = -method.force_on_tool[0]
+    hold(method, (-2e-3, pull * 0.2 * normal / 2000.0, 0.0), 4000)
+    assert (abs(method.position[1]) > 1e-6) == slides
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.3, 1.0])
+def test_a_free_tool_rebounds_with_the_coefficient_of_restitution(restitution):
+    method = world(Coupling(1e-9), pose=(0.05, 0.0, 0.0), restitution=restitution)
+    hold(method, (0.0, 0.0, 0.0), 1)
+    method.couple(Coupling(0.0, 1e4))
+    hold(method, REST, 1, (-0.5, 0.0, 0.0))
+    approach = method.velocity[0]
+    method.couple(Coupling())
+    hold(method, REST, 1000)
+    assert approach < -0.4
+    assert method.velocity[0] == pytest.approx(-restitution * approach, abs=1e-12)
+
+
+def test_gains_count_from_the_sub_step_after_they_change():
+    soft, changed = Coupling(300.0, 1.0, 0.5, 0.001), world(pose=(0.5, 0.0, 0.1))
+    fresh = world(soft, pose=(0.5, 0.0, 0.1))
+    changed.couple(soft)
+    assert hold(changed, (0.51, 0.0, 0.0), 5).position == hold(fresh, (0.51, 0.0, 0.0), 5).position
+
+
+@pytest.mark.parametrize("gains", [Coupling(-1.0), Coupling(damping=math.nan), Coupling(rotational_damping=math.inf)])
+def test_gains_that_are_negative_or_not_finite_are_refused_by_name(gains):
+    name = next(name for name, gain in gains._asdict().items() if gain != 0.0)
+    with pytest.raises(ValueError, match=f"coupling {name} is .*finite and at least 0"):
+        world().couple(gains)
+
+
+@pytest.mark.parametrize(("mass", "stiffness"), [(1e-3, 2e5), (1e-3, 1e8), (10.0, 1e8)])
+def test_a_coupling_far_stiffer_than_the_sub_step_likes_stays_bounded_on_a_wall(mass, stiffness):
+    method = world(Coupling(stiffness, 0.0, 10.0, 0.0), mass=mass, pose=(0.005, 0.0, 0.0))
+    farthest = max(abs(hold(method, (-0.001, 0.0, 0.0), 1).position[0]) for _ in range(2000))
+    assert farthest <= 0.005
+    assert method.velocity[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_scene_scaled_by_a_power_of_two_moves_bit_for_bit_the_same():
+    unit = 1024.0
+    gains = Coupling(2000.0, 2.0, 2.0 * unit**2, 0.002 * unit**2)
+    metre, scaled = world(), world(gains, inertia=1e-4 * unit**2, unit=unit)
+    for k in range(500):
+        x, y, angle = -0.003 * math.sin(0.02 * k), 1e-5 * k, 0.1
+        metre.step((x, y, angle), REST)
+        scaled.step((unit * x, unit * y, angle), REST)
+        assert scaled.position == (unit * metre.position[0], unit * metre.position[1], metre.position[2])
+
+
+def test_reset_brings_back_the_start_and_the_same_bits():
+    method = world(pose=(0.001, 0.0, 0.0))
+    handle = (-0.002, 0.003, 0.1)
+    first = [hold(method, handle, 1).position for _ in range(200)]
+    method.reset()
+    assert (method.position, method.velocity) == ((0.001, 0.0, 0.0), REST)
+    assert [hold(method, handle, 1).position for _ in range(200)] == first
+
+
+def test_a_dynamic_body_slides_to_rest_after_v_squared_over_two_mu_g():
+    floor = {"name": "floor", "fixed": True, "material": "steel", "pose": [0.0, -0.05, 0.0],
+             "shapes": [{"box": {"size": [4, 0.1]}}]}
+    block = {"name": "block", "mass": 1.0, "material": "steel", "pose": [0.5, 0.05, 0.0],
+             "shapes": [{"box": {"size": [0.2, 0.1]}}]}
+    tool = {"mass": 1e3, "inertia": 1e3, "pose": [0.39, 0.05, 0.0], "shapes": [{"circle": {"radius": 0.009}}]}
+    scene = Scene.model_validate({
+        "name": "push", "gravity": [0.0, -9.81], "materials": {"steel": {"friction": 0.4}},
+        "bodies": [floor, block], "tool": tool,
+    })
+    method = Impulse(scene, H)
+    method.couple(Coupling(1e9, 1e6, 1e6, 1e6))
+    for k in range(1, 2001):  # pushes to 1 m/s, then stops dead
+        method.step((0.39 + 0.25e-3 * k * k * H, 0.05, 0.0), (k / 2000.0, 0.0, 0.0))
+    left_at, speed = method.pose("block")[0], 1.0
+    hold(method, method.position, 2000)
+    travelled = method.pose("block")[0] - left_at
+    assert travelled == pytest.approx(speed**2 / (2 * 0.4 * 9.81), rel=5e-3)
+    assert method.energy() == pytest.approx((0.0, 9.81 * (1.0 + 1e3) * 0.05), rel=1e-3, abs=1e-9)
