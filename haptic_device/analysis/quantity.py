@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of the quantities that the analysis is given: one sentence with name, value, limit and unit, or silence."""
+
+import numpy as np
+
+
+def positive(name, value, unit):
+    """Refuse a quantity that is not finite and greater than zero (ValueError)."""
+    good = np.isfinite(value) & (np.asarray(value) > 0.0)
+    _refuse_unless(good, name, value, "must be a finite number greater than 0", unit)
+
+
+def not_negative(name, value, unit):
+    """Refuse a quantity that is not finite or lies below zero (ValueError)."""
+    good = np.isfinite(value) & (np.asarray(value) >= 0.0)
+    _refuse_unless(good, name, value, "must be a finite number, at least 0", unit)
+
+
+def finite(name, value, unit):
+    """Refuse a quantity that is not a finite number (ValueError)."""
+    _refuse_unless(np.isfinite(value), name, value, "must be a finite number", unit)
+
+
+def within(name, value, low, high, unit):
+    """Refuse a quantity that is not finite or lies outside [low, high] (ValueError)."""
+    inside = (np.asarray(value) >= low) & (np.asarray(value) <= high)
+    _refuse_unless(inside, name, value, f"must lie between {low:g} and {high:g}", unit)
+
+
+def _refuse_unless(good, name, value, limit, unit):
+    good, value = np.broadcast_arrays(good, value)
+    if not np.all(good):
+        unit = f" {unit}" if unit else ""
+        raise ValueError(f"{name} is {value[~good].flat[0]:g}{unit}, but it {limit}{unit}")

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parameters of the device's nodes, gathered; readable without ROS."""
+
+from haptic_device import operating
+from haptic_device.law import operator
+from haptic_device.node import recorder_parameters
+from haptic_device.parameter import Parameter
+
+COMMON = (
+    Parameter("device", "desktop", "", "device description: a file, or a name in config/devices"),
+    Parameter("autostart", True, "", "configure and activate by itself"),
+    Parameter("realtime", "prefer", "", "SCHED_FIFO, locked memory, timer slack", choices=("require", "prefer", "off")),
+)
+DRIVER = (
+    *COMMON,
+    *operating.PARAMETERS,
+    Parameter("auto_enable", False, "", "enable as soon as the device answers, as if ~/enable had been called"),
+    Parameter(
+        "exchange.path", "rcl", "", "rcl: without python; rclpy: its supported interface", choices=("rcl", "rclpy")
+    ),
+    Parameter("publish.rate", 500.0, "Hz", "encoder and motor", 1.0, 1000.0),
+    Parameter("publish.pose_rate", 100.0, "Hz", "wrench and pose", 1.0, 1000.0),
+    Parameter("publish.trace", True, "", "publish every tick in blocks on trace"),
+)
+LOOPBACK = (
+    *COMMON,
+    *operator.PARAMETERS,
+    Parameter("publish.rate", 500.0, "Hz", "operator/state", 1.0, 1000.0),
+)
+NODES = {"haptic_driver": DRIVER, "haptic_loopback": LOOPBACK, "haptic_recorder": recorder_parameters.PARAMETERS}

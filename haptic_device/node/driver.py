@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""haptic_driver: runs the servo on a device, exchanges samples with the simulation, and tells what happens."""
+
+import secrets
+import sys
+import time
+
+from std_srvs.srv import Trigger
+
+from haptic_device import operating
+from haptic_device.device import load_device
+from haptic_device.law import engage, fault
+from haptic_device.node import wire
+from haptic_device.node.declared import DRIVER
+from haptic_device.node.exchange_thread import ExchangeThread
+from haptic_device.node.lifecycle import ManagedNode, run
+from haptic_device.node.params import on_change
+from haptic_device.node.telemetry import Telemetry
+from haptic_device.runtime import clock, loop
+from haptic_device.runtime.link import PageLink
+from haptic_device.runtime.page import page_name
+from haptic_device.runtime.servo_thread import ServoThread
+
+MIDDLEWARE_PRIORITY = 65  # below the servo, above the exchange
+PATIENCE = 0.1  # [s] that a service waits for the servo to have taken a command
+
+
+class DriverNode(ManagedNode):
+    """Configured it holds the device, active the servo runs; the motor is zero in every other state."""
+
+    def __init__(self):
+        super().__init__("haptic_driver", DRIVER)
+        self.link = self.servo = self.exchange = self.telemetry = None
+        self._version, self._enabled_once, self._said = 0, False, set()
+        self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
+        for name in ("enable", "disable", "estop", "reset"):
+            self.create_service(Trigger, f"~/{name}", getattr(self, f"_on_{name}"))
+        on_change(self, DRIVER, self._on_parameters)
+        self.create_timer(0.5, self._diagnose)
+        self.create_timer(0.02, self._watch)
+
+    def configure(self):
+        """Reads the device description and takes the device."""
+        clock.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)
+        self.device = load_device(self.values["device"])
+        operating.settings_from(self.device, self.values)
+        self.link = PageLink(self.page_name(page_name), secrets.randbits(48) | 1)
+        if self.link.stale:
+            self.get_logger().warning("took over a stale page of a process that had died")
+
+    def activate(self):
+        """Starts servo, exchange and telemetry; the motor stays at zero until enabled."""
+        home = self.device.home if self.device.homing == "at_start" else None
+        settings = operating.settings_from(self.device, self.values, self._version)
+        self.servo = ServoThread(self.link, settings, home, self.values["realtime"])
+        self.servo.gains.put(operating.gains_from(self.values))
+        self._set_flag(engage.CLUTCH, self.values["clutch.open"])
+        self.exchange = ExchangeThread(self, self.servo, len(self.device.axes), self.values)
+        self.servo.start()
+        self.telemetry = Telemetry(self, self.servo, self.device, self.values)
+        self._enabled_once = False
+
+    def deactivate(self):
+        """Stops the servo first: the motor is zero when this returns."""
+        for part in (self.servo, self.exchange, self.telemetry):
+            if part is not None:
+                part.stop()
+        if self.telemetry is not None:
+            self._diagnose()
+        self.servo = self.exchange = self.telemetry = None
+
+    def cleanup(self):
+        """Lets the device go."""
+        if self.link is not None:
+            self.link.close()
+        self.link = None
+
+    def _on_parameters(self, values):
+        """Takes live changes at the next tick boundary; raises ValueError to refuse them."""
+        if self.servo is not None:
+            settings = operating.settings_from(self.device, values, self._version + 1)
+            self._version += 1
+            self.servo.set(settings)
+            self.servo.gains.put(operating.gains_from(values))
+            self._set_flag(engage.CLUTCH, values["clutch.open"])
+        self.values = values
+
+    def _set_flag(self, flag, wanted):
+        self.servo.order(**({"set_flags": flag} if wanted else {"clear_flags": flag}))
+
+    def _watch(self):
+        """Enables once by itself if asked to, drops the wish to be enabled on a fault, and says what is new."""
+        if self.servo is None:
+            return
+        if self.servo.refusal:
+            self._say("error", self.servo.refusal)
+        if not self.servo.running:
+            return
+        self._say("info", f"servo at {self.values['servo.rate']:g} Hz, {self.servo.realtime}")
+        row = self.servo.row.get()[0]
+        if row.fault:
+            self.servo.order(clear_flags=engage.ENABLE)
+            self._say("error", f"fault {fault.name_of(row.fault)} at tick {int(row.tick)}: motor off")
+        elif self.values["auto_enable"] and not self._enabled_once:
+            self.servo.order(set_flags=engage.ENABLE)
+            self._enabled_once = True
+
+    def _say(self, level, sentence):
+        if sentence not in self._said:
+            self._said.add(sentence)
+            getattr(self.get_logger(), level)(sentence)
+
+    def _on_enable(self, request, response):
+        def refusal():
+            row = self.servo.row.get()[0]
+            return f"fault {fault.name_of(row.fault)} is latched; call ~/reset first" if row.fault else ""
+
+        return self._command(response, lambda: self.servo.order(set_flags=engage.ENABLE), "enabled", refusal)
+
+    def _on_disable(self, request, response):
+        return self._command(response, lambda: self.servo.order(clear_flags=engage.ENABLE), "motor zero")
+
+    def _on_estop(self, request, response):
+        flags = {"set_flags": engage.ESTOP, "clear_flags": engage.ENABLE}
+        return self._command(response, lambda: self.servo.order(**flags), "e-stop latched, motor zero")
+
+    def _on_reset(self, request, response):
+        self._said = {sentence for sentence in self._said if not sentence.startswith("fault")}
+        return self._command(response, self.servo.reset if self.servo else None, "fault cleared; ~/enable to go on")
+
+    def _command(self, response, act, done, refusal=lambda: ""):
+        """Gives the servo a command and answers when it has taken it."""
+        if self.servo is None or not self.servo.running:
+            response.message = "the servo does not run: no device, or the node is not active"
+        elif sentence := refusal():
+            response.message = sentence
+        else:
+            act()
+            response.success = self._taken()
+            response.message = done if response.success else f"the servo did not take it within {PATIENCE} s"
+        return response
+
+    def _taken(self):
+        until = time.monotonic() + PATIENCE
+        while int(self.servo.row.get()[0].command) != self.servo.command:
+            if time.monotonic() > until:
+                return False
+            time.sleep(0.0002)
+        return True
+
+    def _diagnose(self):
+        if self.telemetry is None:
+            return
+        row = self.servo.row.get()[0]
+        level, message = self._verdict(row)
+        now = self.get_clock().now().nanoseconds
+        values = {**self._figures(row), **{f"refused.{k}": v for k, v in self.exchange.refusals().items()}}
+        self._diagnostics.publish(wire.diagnostics(now, "haptic_driver", self.device.name, level, message, values))
+
+    def _verdict(self, row):
+        if row.fault:
+            return "error", f"fault {fault.name_of(row.fault)}"
+        if not self.servo.running:
+            return "warn", "no device: waiting for its page"
+        if row.tool_age < 0.0:
+            return "warn", "no simulation: the handle is in free space"
+        if row.exchange_fade < 1.0:
+            return "warn", f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling is let go"
+        return "ok", engage.STATES[int(row.state)]
+
+    def _figures(self, row):
+        lateness, compute, age = self.telemetry.percentiles() * 1e6
+        return {
+            "state": engage.STATES[int(row.state)],
+            "fault": fault.name_of(row.fault),
+            "realtime": self.servo.realtime,
+            "rate_hz": self.values["servo.rate"],
+            "ticks": int(row.tick),
+            "missed": int(row.missed),
+            "late_device": int(self.servo.control[loop.LATE_DEVICE]),
+            "trace_dropped": self.servo.ring.dropped,
+            **{
+                f"lateness_us_{name}": f"{v:.1f}"
+                for name, v in zip(("p50", "p99", "p999", "max"), lateness, strict=True)
+            },
+            **{
+                f"compute_us_{name}": f"{v:.2f}" for name, v in zip(("p50", "p99", "p999", "max"), compute, strict=True)
+            },
+            **{f"age_ms_{name}": f"{v / 1e3:.3f}" for name, v in zip(("p50", "p99", "p999", "max"), age, strict=True)},
+            "exchange_sent": self.exchange.sent,
+            "exchange_answered": self.exchange.answered,
+            "exchange_method": self.values["exchange.method"],
+            "energy_given": f"{sum(row.energy_given):.6f}",
+        }
+
+
+def main(args=None):
+    """Runs haptic_driver until SIGINT, SIGTERM or SIGHUP."""
+    return run(DriverNode, "haptic_driver", args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

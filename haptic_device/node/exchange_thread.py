@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The driver's side of the exchange as a thread: on librcl without python, or by rclpy's supported interface."""
+
+import secrets
+import threading
+
+import numpy as np
+
+from haptic_device.law import exchange as law
+from haptic_device.law import servo
+from haptic_device.node import wire
+from haptic_device.node.tap import Tap
+from haptic_device.runtime import clock, exchange, loop, rcl
+
+PRIORITY = 60
+
+
+class ExchangeThread:
+    """Sends `handle` at the exchange rate and takes `tool`, from the constructor on until stop()."""
+
+    def __init__(self, node, servo_thread, axes, values):
+        self._servo, self._path = servo_thread, values["exchange.path"]
+        self._realtime, self._period = values["realtime"], round(1e9 / values["exchange.rate"])
+        layout = wire.JointLayout(wire.exchange_names(axes))
+        self.frame = exchange.make_frame(layout.template, layout.fixed, layout.offsets, layout.count)
+        self.state, self.watch = np.zeros(1, exchange.STATE), np.zeros(exchange.WATCHES, np.int64)
+        self.state["session"], self.state["axes"] = secrets.randbits(48) | 1, axes
+        self.state["method"] = law.METHODS.index(values["exchange.method"])
+        self._node = node
+        self._publisher = node.create_publisher(wire.JointState, "handle", wire.LATEST)
+        self._tap = Tap(node, "tool", "sensor_msgs/msg/JointState", wire.LATEST, raw=True)
+        self._compiled = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="exchange")
+        self._thread.start()
+        self._compiled.wait()  # compiling holds the interpreter: done before the servo starts, it disturbs nobody
+
+    def stop(self):
+        """Ends the thread, then publisher and subscription."""
+        self.watch[exchange.STOP] = 1
+        self._thread.join()
+        self._tap.close()
+        self._node.destroy_publisher(self._publisher)
+
+    @property
+    def sent(self):
+        return int(self.watch[exchange.SENT])
+
+    @property
+    def answered(self):
+        return int(self.watch[exchange.ANSWERED])
+
+    def refusals(self):
+        """{reason: count} of tool messages refused so far."""
+        counts = self.watch[exchange.REFUSED : exchange.REFUSED + len(law.REFUSALS)]
+        return {reason: int(count) for reason, count in zip(law.REFUSALS, counts, strict=True) if count}
+
+    def _run(self):
+        if self._realtime != "off":
+            clock.go_realtime("prefer", PRIORITY)
+        row, gains, tool = np.zeros(1, servo.TICK), np.zeros(1, exchange.GAINS), np.zeros(1, loop.TOOL)
+        mails = self._servo.row.words, self._servo.gains.words, self._servo.tool.words
+        (self._run_rcl if self._path == "rcl" else self._run_rclpy)(mails, row, gains, tool)
+
+    def _run_rcl(self, mails, row, gains, tool):
+        rcl.load_library()
+        inbox, outbox = rcl.incoming_buffer(), rcl.outgoing_buffer(self.frame.outgoing)
+        publisher, subscription = self._publisher.handle, self._tap.handle
+        records = row, gains, tool
+        with publisher, subscription:  # they live on while the loop has their addresses
+            for watch in (stopped(), self.watch):
+                rcl.run_exchange(
+                    publisher.pointer, subscription.pointer, inbox, outbox, self._period, self.frame, self.state,
+                    watch, *mails, *records,
+                )  # fmt: skip
+                self._compiled.set()
+        rcl.free(inbox)
+
+    def _run_rclpy(self, mails, row, gains, tool):
+        scratch, deadline = clock.scratch(), 0
+        exchange.next_handle(self.frame, self.state, mails[0], mails[1], row, gains, scratch)
+        self._compiled.set()
+        while not self.watch[exchange.STOP]:
+            now = int(clock.now_ns(scratch))
+            if now >= deadline:
+                deadline = max(deadline + self._period, now)
+                if exchange.next_handle(self.frame, self.state, mails[0], mails[1], row, gains, scratch):
+                    self._publisher.publish(self.frame.outgoing.tobytes())
+                    self.watch[exchange.SENT] += 1
+            for sample in self._tap.take():
+                self._take(sample.message, gains, tool, mails[2], scratch)
+            clock.sleep_until(min(deadline, now + rcl.POLL), scratch)
+
+    def _take(self, message, gains, tool, tool_mail, scratch):
+        size = min(len(message), self.frame.incoming.size)
+        self.frame.incoming[:size] = np.frombuffer(message, np.uint8, size)
+        now = clock.now_ns(scratch)
+        exchange.take_in(self.frame, len(message), self.state[0], self.watch, gains[0], tool, tool_mail, now)
+
+
+def stopped():
+    """A watch with which a loop returns at once: it is compiled and loaded by that."""
+    watch = np.zeros(exchange.WATCHES, np.int64)
+    watch[exchange.STOP] = 1
+    return watch

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the device's nodes have in common: a managed node that starts by itself and ends well."""
+
+import os
+import signal
+import sys
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.lifecycle import Node, TransitionCallbackReturn
+from rclpy.signals import SignalHandlerOptions
+
+from haptic_device.node.params import declare
+from haptic_device.parameter import Parameter
+
+LOOK_UP = 0.05  # [s] longest time a signal waits
+
+
+class ManagedNode(Node):
+    """Lifecycle node with declared parameters; a subclass's begin/end raise ValueError, OSError to refuse."""
+
+    def __init__(self, name, parameters: tuple[Parameter, ...]):
+        super().__init__(name, namespace="/haptic")
+        self.values = declare(self, parameters)
+        self.refusal = ""
+
+    def page_name(self, page_name):
+        """The device page of this node's ROS domain and namespace."""
+        return page_name(os.environ.get("ROS_DOMAIN_ID", "0") or "0", self.get_namespace())
+
+    def on_configure(self, state):
+        """Configures; a refusal is logged as its sentence."""
+        return self._try(self.configure, super().on_configure, state)
+
+    def on_activate(self, state):
+        """Starts."""
+        return self._try(self.activate, super().on_activate, state)
+
+    def on_deactivate(self, state):
+        """Stops; what must be zero is zero before it answers."""
+        return self._try(self.deactivate, super().on_deactivate, state)
+
+    def on_cleanup(self, state):
+        """Lets everything go."""
+        return self._try(self.cleanup, super().on_cleanup, state)
+
+    def on_shutdown(self, state):
+        """Stops and lets everything go, from any state."""
+        self.finish()
+        return TransitionCallbackReturn.SUCCESS
+
+    def finish(self):
+        """Ends in the right order whatever has begun."""
+        self.deactivate()
+        self.cleanup()
+
+    def _try(self, action, after, state):
+        try:
+            action()
+        except (ValueError, OSError) as refusal:
+            self.refusal = str(refusal)
+            self.get_logger().error(self.refusal)
+            self.finish()
+            return TransitionCallbackReturn.FAILURE
+        return after(state)
+
+
+def _autostart(node):
+    if not node.values["autostart"]:
+        return
+    for trigger in (node.trigger_configure, node.trigger_activate):
+        if trigger() != TransitionCallbackReturn.SUCCESS:
+            raise ValueError(node.refusal)
+
+
+def run(make_node, name, args=None):
+    """Runs a managed node until SIGINT, SIGTERM or SIGHUP; a refusal is printed as its sentence, exit code 1."""
+    told, node = [], None
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda received, frame: told.append(received))
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        node = make_node()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        _autostart(node)
+        while not told:
+            executor.spin_once(timeout_sec=LOOK_UP)
+    except (ValueError, OSError) as refusal:
+        print(f"{name}: {refusal}", file=sys.stderr)
+        return 1
+    finally:
+        if node is not None:
+            node.finish()
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0

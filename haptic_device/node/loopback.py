@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""haptic_loopback: a device model behind the page, with an operator's hand on it; publishes the truth."""
+
+import secrets
+import sys
+import threading
+
+import numpy as np
+
+from haptic_device import device as description
+from haptic_device.law import operator, plant
+from haptic_device.node import wire
+from haptic_device.node.declared import LOOPBACK
+from haptic_device.node.lifecycle import ManagedNode, run
+from haptic_device.runtime import clock, loopback
+from haptic_device.runtime.mailbox import Mailbox
+from haptic_device.runtime.page import DEVICE, Page, page_name
+
+PRIORITY = 85  # above the servo: the plant must be there when the servo reads
+
+
+class LoopbackNode(ManagedNode):
+    """Configured it holds the page, active it serves it."""
+
+    def __init__(self):
+        super().__init__("haptic_loopback", LOOPBACK)
+        self.page = self._thread = None
+        self._control, self._truth = np.zeros(loopback.CONTROLS, np.int64), Mailbox(loopback.TRUTH)
+        self._state = self.create_publisher(wire.JointState, "operator/state", wire.STREAM)
+        self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
+        self.create_subscription(wire.JointState, "operator/target", self._on_target, wire.LATEST)
+        self.refused_targets, self.realtime, self._publisher = 0, "", None
+        self.create_timer(0.5, self._diagnose)
+
+    def configure(self):
+        """Reads device and script, and takes the page."""
+        self.device = description.load_device(self.values["device"])
+        self.plant, self.motion = description.plant_of(self.device), operator.script(self.values)
+        self.memory = np.zeros(1, plant.PLANT_MEMORY)
+        self._set_hand()
+        start = np.array(self.values["motion.start"]) * [axis < len(self.device.axes) for axis in range(3)]
+        self._check_start(start)
+        scale = np.array([self.device.scale[0], self.device.scale[0], self.device.scale[1]])
+        self.motion["points"] /= scale
+        self.motion["radius"] /= scale[0]
+        self.memory["position"] = self.memory["target"] = start / scale
+        self.layout = wire.JointLayout(wire.truth_names(len(self.device.axes)))
+        self.page = Page(self.page_name(page_name), DEVICE)
+        if self.page.stale:
+            self.get_logger().warning(f"took over the stale page {self.page.path} of a process that had died")
+
+    def activate(self):
+        """Starts plant and telemetry."""
+        self._control[:] = 0
+        self._thread = threading.Thread(target=self._serve, name="plant")
+        self._thread.start()
+        self._publisher = threading.Thread(target=self._publish, name="telemetry")
+        self._publisher.start()
+
+    def deactivate(self):
+        """Stops them."""
+        self._control[loopback.STOP] = 1
+        for thread in (self._thread, self._publisher):
+            if thread is not None:
+                thread.join()
+        self._thread = self._publisher = None
+
+    def cleanup(self):
+        """Lets the page go."""
+        if self.page is not None:
+            self.page.close()
+        self.page = None
+
+    def _set_hand(self):
+        for field in ("mass", "damping", "stiffness"):
+            self.plant[f"hand_{field}"][0, :2] = self.values[f"hand.{field}"]
+            self.plant[f"hand_{field}"][0, 2] = self.values[f"hand.rotational_{field}"]
+
+    def _check_start(self, start):
+        for axis, position in zip(self.device.axes, start, strict=False):
+            low, high = axis.workspace
+            if not low <= position <= high:
+                unit = "rad" if axis.name == "theta" else "m"
+                raise ValueError(
+                    f"motion.start {axis.name} is {position:g} {unit}; the workspace is {low:g} to {high:g} {unit}"
+                )
+
+    def _serve(self):
+        try:
+            self.realtime = clock.go_realtime(self.values["realtime"], PRIORITY)
+        except PermissionError as refusal:
+            self.get_logger().error(f"realtime is require: {refusal}")
+            return
+        session = secrets.randbits(48) | 1
+        truth = np.zeros(1, loopback.TRUTH)
+        loopback.serve(
+            self.page.words, self._control, self._truth.words, session, self.plant, self.memory, self.motion, truth
+        )
+
+    def _publish(self):
+        period, scratch = int(1e9 / self.values["publish.rate"]), clock.scratch()
+        deadline, axes = clock.now_ns(scratch), len(self.device.axes)
+        while not self._control[loopback.STOP]:
+            deadline = max(deadline + period, clock.now_ns(scratch))
+            clock.sleep_until(deadline, scratch)
+            self._state.publish(self._truth_bytes(self._truth.get()[0], axes, scratch))
+
+    def _truth_bytes(self, truth, axes, scratch):
+        extra, none = (truth.energy_given, truth.time, truth.motion_done), (0.0, 0.0, 0.0)
+        return self.layout.pack(
+            int(clock.read_clock(clock.REALTIME, scratch)),
+            (*truth.position[:axes], *truth.target[:axes], *extra),
+            (*truth.velocity[:axes], *truth.target_velocity[:axes], *none),
+            (*truth.operator_force[:axes], *truth.motor_force[:axes], *none),
+        )
+
+    def _on_target(self, message):
+        """Takes a target for the hand; wrong names or numbers are refused and counted."""
+        wanted = dict(zip(message.name, message.position, strict=False))
+        names = wire.AXES[: len(self.device.axes)] if self.page else ()
+        if (
+            len(message.name) != len(message.position)
+            or set(wanted) != set(names)
+            or not np.isfinite(list(wanted.values())).all()
+        ):
+            self.refused_targets += 1
+            return
+        for i, axis in enumerate(self.device.axes):
+            low, high = axis.workspace
+            self.motion["points"][0, 0, i] = min(high, max(low, wanted[axis.name]))
+
+    def _diagnose(self):
+        if self._thread is None:
+            return
+        level, message = ("ok", "serving") if self._thread.is_alive() else ("error", "the plant is not running")
+        values = {
+            "device": self.device.name,
+            "realtime": self.realtime,
+            "driven": bool(self._truth.get()[0].driven),
+            "late_writes": int(self._control[loopback.LATE_WRITES]),
+            "run_on": int(self._control[loopback.RUN_ON]),
+            "watchdog_trips": int(self._control[loopback.TRIPS]),
+            "refused_targets": self.refused_targets,
+            "energy_given": float(self._truth.get()[0].energy_given),
+        }
+        now = self.get_clock().now().nanoseconds
+        self._diagnostics.publish(wire.diagnostics(now, "haptic_loopback", self.device.name, level, message, values))
+
+
+def main(args=None):
+    """Runs haptic_loopback until SIGINT, SIGTERM or SIGHUP."""
+    return run(LoopbackNode, "haptic_loopback", args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of haptic_recorder."""
+
+from haptic_device.parameter import Parameter
+
+PARAMETERS = (
+    Parameter("autostart", True, "", "configure and activate by itself at start"),
+    Parameter("bag", "", "", "folder of the bag, new or empty; if no name is given, haptic_bags/<date>-<time>"),
+    Parameter("queue", 2000, "messages", "what each topic may hold between two looks", low=1, high=100000),
+    Parameter("look_period", 0.04, "s", "time between two looks at the queues", low=0.001, high=0.5),
+    Parameter("flush_period", 0.25, "s", "time between chunks written out: what a kill can lose", low=0.02, high=0.75),
+)

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The thread that answers handle samples: off the executor, on bytes, the latest only.
+
+An executor would take half a core at 1 kHz to hand over what a wait set of one subscription hands over at once.
+"""
+
+import threading
+import time
+from collections import deque
+from typing import NamedTuple
+
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import ExternalShutdownException
+from rclpy.impl.implementation_singleton import rclpy_implementation
+
+from haptic_device.node.tap import Untouched
+from haptic_device.node.wire import LATEST, JointState
+from haptic_sim.node.port import Port
+from haptic_sim.simulation import Counters, Simulation
+
+LOOK_UP_NS = 50_000_000  # longest time it does not look at what others ask of it
+TIMES_KEPT = 4096
+END = (InvalidHandle, ExternalShutdownException, rclpy_implementation.RCLError)
+
+
+class Report(NamedTuple):
+    """What the thread last said about the world, for others to read."""
+
+    result: dict[str, float]
+    counters: Counters
+    energy: float
+
+
+class ExchangeThread:
+    """Owns the simulation while it runs: what others want of the world, they ask for.
+
+    `prepare` is called first in the thread and says what scheduling it has (kept as `scheduling`); a PermissionError of
+    its own comes out of the constructor.
+    """
+
+    def __init__(self, node, simulation: Simulation, port: Port, publisher, prepare):
+        self.simulation, self.port, self._publisher, self._prepare = simulation, port, publisher, prepare
+        self._node = node
+        self._subscription = node.create_subscription(
+            JointState, "handle", lambda data: None, LATEST, raw=True, callback_group=Untouched()
+        )
+        self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
+        self._stop, self._reset, self._reset_done = threading.Event(), threading.Event(), threading.Event()
+        self._ready, self._refusal = threading.Event(), None
+        self.scheduling = ""
+        self.answered = 0
+        self.compute_ns = deque(maxlen=TIMES_KEPT)
+        self._say()
+        self._thread = threading.Thread(target=self._run, name="exchange")
+        self._thread.start()
+        self._ready.wait()
+        if self._refusal is not None:
+            self.stop()
+            raise self._refusal
+
+    def stop(self) -> None:
+        """End the thread; returns when it has ended, at most one look-up and one exchange later."""
+        self._stop.set()
+        self._thread.join()
+        self._node.destroy_subscription(self._subscription)
+
+    def reset(self, patience: float = 1.0) -> bool:
+        """Put the world back to the scene's start; whether that was done within `patience` [s]."""
+        self._reset_done.clear()
+        self._reset.set()
+        return self._reset_done.wait(patience)
+
+    def _run(self):
+        try:
+            self.scheduling = self._prepare()
+        except PermissionError as refusal:
+            self._refusal = refusal
+            return
+        finally:
+            self._ready.set()
+        while not self._stop.is_set():
+            try:
+                data = self._latest()
+            except END:
+                break
+            if data is not None:
+                self._answer(data)
+            if self._reset.is_set():
+                self._start_again()
+            if time.monotonic_ns() >= self._next_report_ns:
+                self._say()
+        self._say()
+
+    def _latest(self):
+        self._wait_set.clear_entities()
+        self._wait_set.add_subscription(self._subscription.handle)
+        self._wait_set.wait(LOOK_UP_NS)
+        latest = None
+        while (taken := self._subscription.handle.take_message(JointState, True)) is not None:
+            latest = taken[0]
+        return latest
+
+    def _answer(self, data):
+        began = time.perf_counter_ns()
+        question = self.port.take(data, time.monotonic_ns())
+        if question is None:
+            return
+        if question.new_session:
+            self.simulation.rejoin()
+        answer = self.port.answer(question, self.simulation.exchange(question.handle))
+        self.compute_ns.append(time.perf_counter_ns() - began)
+        self._publisher.publish(answer)
+        self.answered += 1
+
+    def _start_again(self):
+        self._reset.clear()
+        self.simulation.reset()
+        self._say()
+        self._reset_done.set()
+
+    def _say(self):
+        self._next_report_ns = time.monotonic_ns() + 2 * LOOK_UP_NS
+        self.report = Report(self.simulation.measure(), self.simulation.counters, self.simulation.ledger.supplied)

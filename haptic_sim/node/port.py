@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulation's end of the exchange: bytes of `handle` become a handle sample or a counted refusal, and a tool
+sample becomes the bytes of `tool` that answer it.
+
+A device with fewer axes than the plane leaves the others where the scene put the tool.
+"""
+
+import secrets
+from typing import NamedTuple
+
+from haptic_device.law import exchange
+from haptic_device.node.wire import JointLayout, exchange_names
+from haptic_sim.simulation import HandleSample, Planar, ToolSample
+
+SILENCE_NS = 500_000_000
+"""A second device is listened to only after the first has been silent this long."""
+GAINS = slice(exchange.GAIN_0, exchange.GAIN_0 + 4)
+
+
+class Question(NamedTuple):
+    """An accepted handle sample, its number of axes and its tail, and whether its session is new."""
+
+    handle: HandleSample
+    axes: int
+    tail: list[float]
+    new_session: bool
+
+
+class Port:
+    """Judges handle messages of one device at a time and packs the answers; `home` is the tool's pose at the start."""
+
+    def __init__(self, home: Planar):
+        self.home = home
+        self.session = float(secrets.randbits(48) | 1)
+        self.refused = dict.fromkeys(exchange.REFUSALS[1:], 0)
+        self._layouts = {axes: JointLayout(exchange_names(axes)) for axes in (1, 2, 3)}
+        self._axes = {layout.size: axes for axes, layout in self._layouts.items()}
+        self._sequence = 0
+        self._peer_session = self._peer_sequence = 0.0
+        self._accepted_ns = 0
+
+    def take(self, data: bytes, now_ns: int) -> Question | None:
+        """The question in a message that arrived at `now_ns` (own monotonic clock), or None: refused and counted."""
+        axes = self._axes.get(len(data), 1)
+        if not self._layouts[axes].matches(data):
+            return self._refuse(exchange.OTHER_NAMES)
+        sample = self._layouts[axes].unpack(data)
+        position, velocity = sample.position.tolist(), sample.velocity.tolist()
+        tail = position[axes:]
+        code = self._judge((*position[:axes], *velocity[:axes]), tail, now_ns)
+        if code != exchange.ACCEPTED:
+            return self._refuse(code)
+        return self._accept(sample.stamp_ns, position[:axes], velocity[:axes], tail, now_ns)
+
+    def answer(self, question: Question, tool: ToolSample) -> bytes:
+        """Bytes of the tool message: stamped with, and naming, the handle sample it answers."""
+        self._sequence += 1
+        axes, tail = question.axes, question.tail
+        own = list(tail)
+        own[exchange.SESSION], own[exchange.SEQUENCE] = self.session, float(self._sequence)
+        own[exchange.ANSWERED_SESSION], own[exchange.ANSWERED] = tail[exchange.SESSION], tail[exchange.SEQUENCE]
+        own[exchange.CONTACT], own[exchange.ENERGY] = float(tool.contact), tool.energy
+        still = [0.0] * len(own)
+        arrays = [*tool.position[:axes], *own], [*tool.velocity[:axes], *still], [*tool.force_on_tool[:axes], *still]
+        return self._layouts[axes].pack(question.handle.time_ns, *arrays)
+
+    def _judge(self, numbers, tail, now_ns):
+        if not all(abs(value) <= exchange.LIMIT for value in numbers) or not all(abs(value) < 2**53 for value in tail):
+            return exchange.NOT_FINITE
+        if tail[exchange.LAYOUT] != exchange.LAYOUT_VERSION:
+            return exchange.OTHER_LAYOUT
+        if not all(0.0 <= gain <= exchange.LIMIT for gain in tail[GAINS]):
+            return exchange.NOT_FINITE
+        if tail[exchange.METHOD] not in range(len(exchange.METHODS)):
+            return exchange.OTHER_METHOD
+        if tail[exchange.SESSION] != self._peer_session:
+            silent = now_ns - self._accepted_ns >= SILENCE_NS
+            return exchange.ACCEPTED if silent or self._peer_session == 0.0 else exchange.SECOND_SENDER
+        return exchange.ACCEPTED if tail[exchange.SEQUENCE] > self._peer_sequence else exchange.OLD
+
+    def _accept(self, stamp_ns, position, velocity, tail, now_ns):
+        axes, new = len(position), tail[exchange.SESSION] != self._peer_session
+        self._peer_session, self._peer_sequence = tail[exchange.SESSION], tail[exchange.SEQUENCE]
+        self._accepted_ns = now_ns
+        whole = (*position, *self.home[axes:]), (*velocity, *(0.0,) * (3 - axes))
+        return Question(HandleSample(stamp_ns, *whole, *tail[GAINS]), axes, tail, new)
+
+    def _refuse(self, code):
+        self.refused[exchange.REFUSALS[code]] += 1

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""haptic_simulation: a scene with a tool in it, answering every handle sample with a tool sample."""
+
+import gc
+import statistics
+import sys
+
+from std_srvs.srv import Trigger
+
+from haptic_device.node import wire
+from haptic_device.node.lifecycle import ManagedNode, run
+from haptic_device.runtime.clock import go_realtime, lift_threads
+from haptic_sim.node.declared import PARAMETERS
+from haptic_sim.node.exchange_thread import ExchangeThread
+from haptic_sim.node.port import Port
+from haptic_sim.scene import load
+from haptic_sim.simulation import Simulation
+
+DIAGNOSTICS_PERIOD = 0.5  # s
+MIDDLEWARE_PRIORITY = 65  # above the exchange, which must never wait for the middleware's own threads
+GIL_SWITCH = 0.2e-3  # s, longest time the executor keeps the exchange thread from running; python's own is 5 ms
+
+
+class SimulationNode(ManagedNode):
+    """Configured it has a scene, active it answers."""
+
+    def __init__(self):
+        super().__init__("haptic_simulation", PARAMETERS)
+        self.exchange: ExchangeThread | None = None
+        self.simulation: Simulation | None = None
+        self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
+        self._tool = self.create_publisher(wire.JointState, "tool", wire.LATEST)
+        self.create_timer(DIAGNOSTICS_PERIOD, self.diagnose)
+        self.create_service(Trigger, "~/reset_scene", self._on_reset_scene)
+
+    def configure(self) -> None:
+        """Loads the scene."""
+        given = self.values
+        lift_threads(given["realtime"], MIDDLEWARE_PRIORITY)
+        self.simulation = Simulation(load(given["scene"]), given["sub_step"], given["max_catch_up"])
+
+    def activate(self) -> None:
+        """Starts answering."""
+        port = Port(self.simulation.scene.tool.pose)
+        self.exchange = ExchangeThread(self, self.simulation, port, self._tool, self._prepare)
+        self.get_logger().info(f"scene {self.simulation.scene.name}; {self.exchange.scheduling}")
+
+    def deactivate(self) -> None:
+        """Stops answering and says once more how things stand."""
+        if self.exchange is not None:
+            self.exchange.stop()
+            self.diagnose()
+            self.exchange = None
+
+    def cleanup(self) -> None:
+        """Forgets the scene."""
+        self.simulation = None
+
+    def diagnose(self) -> None:
+        """Publishes counts, times and results of the active node."""
+        if self.exchange is None:
+            return
+        values = {"scene": self.simulation.scene.name, **_values(self.exchange)}
+        level, message = ("ok", "answering") if self.exchange.answered else ("warn", "no handle sample has come yet")
+        now_ns = self.get_clock().now().nanoseconds
+        self._diagnostics.publish(wire.diagnostics(now_ns, self.get_name(), "", level, message, values))
+
+    def _prepare(self):
+        sys.setswitchinterval(GIL_SWITCH)
+        gc.collect()
+        gc.freeze()  # what is there now stays: no collection has to walk through it between two exchanges
+        return go_realtime(self.values["realtime"], self.values["realtime_priority"])
+
+    def _on_reset_scene(self, request, response):
+        if self.exchange is not None:
+            response.success = self.exchange.reset()
+        elif self.simulation is not None:
+            self.simulation.reset()
+            response.success = True
+        response.message = "scene is at its start" if response.success else "there is no scene that answers"
+        return response
+
+
+def _values(exchange):
+    report, refused, times = exchange.report, exchange.port.refused, sorted(exchange.compute_ns) or [0]
+    return {
+        "scheduling": exchange.scheduling,
+        "answered": exchange.answered,
+        "refused": sum(refused.values()),
+        **{f"refused.{reason}": count for reason, count in refused.items() if count},
+        "rejoined": report.counters.rejoined,
+        "sub_steps": report.counters.sub_steps,
+        "compute_us_p50": statistics.median(times) / 1e3,
+        "compute_us_p99": times[int(0.99 * (len(times) - 1))] / 1e3,
+        "compute_us_max": times[-1] / 1e3,
+        "max_contact_force": report.counters.max_contact_force,
+        "max_penetration": report.counters.max_penetration,
+        "tool_port_energy": report.energy,
+        **{f"result.{name}": value for name, value in report.result.items()},
+    }
+
+
+def main(args: list[str] | None = None) -> int:
+    """Runs haptic_simulation until SIGINT, SIGTERM or SIGHUP. Exit code 1 on a refusal."""
+    return run(SimulationNode, "haptic_simulation", args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
