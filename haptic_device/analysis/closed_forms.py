@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Closed forms of the least physical damping b of a wall or coupling, where condition (1) has one.
+
+K stiffness [N/m], B damping [N s/m], T period [s]; every function takes arrays and broadcasts.
+"""
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from haptic_device.analysis.quantity import finite, not_negative, positive, within
+
+
+def wall_damping(stiffness, damping, period):
+    """b > KT/2 + |B|, B of either sign (Colgate, Stanley & Brown 1995, eq. 3) [N s/m]."""
+    return stiffness * period / 2.0 + np.abs(damping)
+
+
+def lagged_wall_damping(stiffness, damping, period, velocity_lag):
+    """Velocity through a first-order lag τ (backward Euler): KT/2 + B T/(T+2τ) for B > 0, KT/2 + |B| for B < 0.
+
+    A positive B is dangerous where the sign alternates, and there the lag weakens it; a negative B is dangerous at
+    rest, where the lag does nothing.
+    """
+    weakened = damping * period / (period + 2.0 * velocity_lag)
+    return stiffness * period / 2.0 + np.where(np.asarray(damping) > 0.0, weakened, np.abs(damping))
+
+
+@np.vectorize
+def delayed_wall_damping(stiffness, damping, period, delay_samples):
+    """N whole samples late: sup over θ of (KT/2) sin((2N+1)θ/2)/sin(θ/2) − B cos((N+1)θ) [N s/m].
+
+    The first factor is 1 + 2 Σ cos kθ, k = 1…N, so the right-hand side is a Chebyshev series in cos θ whose largest
+    value lies at an end or at a root of its derivative.
+    """
+    series = np.full(int(delay_samples) + 2, float(stiffness * period))
+    series[0], series[-1] = stiffness * period / 2.0, -damping
+    turning = chebyshev.chebroots(chebyshev.chebder(chebyshev.chebtrim(series, 1e-16 * np.max(np.abs(series)))))
+    inside = turning[np.abs(turning) <= 1.0].real
+    return np.max(chebyshev.chebval(np.concatenate([inside, [-1.0, 1.0]]), series))
+
+
+def fractionally_delayed_spring_damping(stiffness, period, delay_samples):
+    """A spring alone, N + s samples late (0 ≤ s < 1): ½ [A + √(A² + s(1−s)(KT)²)], A = KT (½ + N + s) [N s/m]."""
+    not_negative("delay_samples", delay_samples, "samples")
+    fraction = np.mod(delay_samples, 1.0)
+    straight = 0.5 + np.asarray(delay_samples)
+    return stiffness * period * 0.5 * (straight + np.sqrt(straight**2 + fraction * (1.0 - fraction)))
+
+
+def late_write_damping(stiffness, damping, period, lateness):
+    """Samples on time, forces written late by anything in [0, lateness ≤ T/2], in any order: enough damping [N s/m].
+
+    The spring's share is exact: at each tick the leak grows with the lateness up to T/2, so the worst sequence is the
+    constant one. The damper acts over holds of up to T + lateness: |B v_k Δy_k| ≤ (|B|/2)(a T v_k² + Δy_k²/(aT)),
+    summed with the best a, costs |B| √(1 + lateness/T).
+    """
+    within("lateness", lateness, 0.0, np.min(period) / 2.0, "s")
+    late = np.asarray(lateness) / period
+    return fractionally_delayed_spring_damping(stiffness, period, late) + np.abs(damping) * np.sqrt(1.0 + late)
+
+
+def late_tick_damping(stiffness, damping, period, longest_period):
+    """Sample and force late together: the longest period counts, b > (K/2 + |B|/T) T_longest [N s/m].
+
+    The velocity is the difference over the nominal period T; dividing by the period that really passed is not safer,
+    for a short tick's estimate may be held over a long one.
+    """
+    positive("longest_period", longest_period, "s")
+    return (stiffness / 2.0 + np.abs(damping) / period) * longest_period
+
+
+def coulomb_friction_needed(stiffness, damping, period, resolution, velocity_lag=0.0):
+    """Coulomb friction f_c that covers the encoder step Δ: half of Δ Σ|h_k|, h the impulse response of H [N].
+
+    Each sample is off by at most Δ/2, so the force is off by at most that, and friction f_c takes at least as much from
+    every displacement; b must satisfy its own condition beside it. For B ≥ 0 and no lag: (K + 2B/T) Δ ≤ 2 f_c
+    (Abbott & Okamura 2005 for B = 0).
+    """
+    not_negative("resolution", resolution, "m")
+    viscous = np.asarray(damping) / (period + velocity_lag)
+    return 0.5 * resolution * (np.abs(stiffness + viscous) + np.abs(viscous))
+
+
+def directional_margin(physical_damping, normals, demands):
+    """Physical damping left over when walls and coupling act together [N s/m; N m s/rad in a rotation].
+
+    diag(b) − Σ demand_i n_i n_iᵀ must be positive definite; `demands` is what each direction alone would need, such as
+    KT/2 + |B|. Returns the smallest eigenvalue of that matrix, whose sign decides, and its diagonal, the margin in each
+    axis on its own. Refuses b ≤ 0 and normals of no length.
+    """
+    positive("physical_damping", physical_damping, "N s/m")
+    finite("demand", demands, "N s/m")
+    normals = np.atleast_2d(np.asarray(normals, float))
+    length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    positive("length of the normal", length, "")
+    normals = normals / length
+    surplus = np.diag(physical_damping) - np.einsum("i,ij,ik->jk", np.atleast_1d(demands), normals, normals)
+    return np.linalg.eigvalsh(surplus)[0], np.diag(surplus)

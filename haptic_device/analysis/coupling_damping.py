@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Physical damping for a coupling between any operator and any passive simulation: eq. 5 in closed form.
+
+In 1 + |det M|² − F of the μ test (`haptic_device.analysis.mu`) every term with D drops out, which leaves
+
+    (4/b₀) [Re{Ī/H} + (Re{Ī r} − |I r|)/(2b)] / |D|² > 0:
+
+b₀ is irrelevant and b stands alone. For the synchronous simulation, N samples of delay in the display's loop, θ = ωT,
+
+    b > (T/2) (1 − cos (N+1)θ) / Re{(1 − e^{−jθ})/H},   the denominator being positive.
+
+It is the least dissipation of display and coupling together, minimal over the handle's paths, so a fractional delay
+only interpolates the cosine: (1 − s) cos (N+1)θ + s cos (N+2)θ. For the wall of eq. 2 and N = 0 it reads
+(T/2) |H|²/(K + 2B/T), whose supremum is KT/2 + B for B ≥ 0 and (KT/2)²/(KT/2 + B) for −KT/2 < B < 0. With delay a
+spring needs (N + 1)² KT/2 here, where a wall needs (N + ½) KT.
+"""
+
+import numpy as np
+
+from haptic_device.analysis.environment import kind_of, leak, leak_at_rest, supply, supply_at_rest
+from haptic_device.analysis.passivity import as_transfer, larger_of_rest, sharp_angles
+from haptic_device.analysis.quantity import positive
+from haptic_device.analysis.supremum import supremum
+from haptic_device.analysis.transfer import value_at_rest
+
+POLE = 1e12
+"""A demand this many times T|H| is a pole of the closed form that rounding has made finite."""
+
+
+def least_damping_for_any_simulation(transfer, period, environment="synchronous", delay_samples=0.0):
+    """Least physical damping (LeastDamping) with any operator and any passive simulation; infinite if none is enough.
+
+    `transfer` as in `least_damping`; `environment` one of ENVIRONMENTS; delay_samples lie in the display's own loop,
+    fractions allowed. Refuses a period that is not positive.
+    """
+    positive("period", period, "s")
+    transfer, kind = as_transfer(transfer), kind_of(environment)
+    moving, angle = supremum(
+        lambda angle: _demand(angle, transfer, period, kind, delay_samples), sharp_angles(transfer)
+    )
+    return larger_of_rest(_demand_at_rest(transfer, period, kind, delay_samples), moving, angle, period)
+
+
+def wall_damping_for_any_simulation(stiffness, damping, period):
+    """Eq. 5 with eq. 2, in step [N s/m]: KT/2 + B for B ≥ 0, (KT/2)²/(KT/2 + B) for −KT/2 < B < 0, else infinite."""
+    half = np.asarray(stiffness) * period / 2.0
+    total = half + damping
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(np.asarray(damping) >= 0.0, total, np.where(total > 0.0, half**2 / total, np.inf))[()]
+
+
+def late_simulation_damping(stiffness, damping, period, environment_damping):
+    """Least b when the simulation is one sample late but guarantees damping b_e: 1/b + 1/b_e < 1/(KT/2 + |B|) [N s/m].
+
+    Both ports then act like devices with a damper, in series through the coupling. Infinite for b_e ≤ KT/2 + |B|.
+    """
+    positive("environment_damping", environment_damping, "N s/m")
+    need = np.asarray(stiffness) * period / 2.0 + np.abs(damping)
+    surplus = np.asarray(environment_damping) - need
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(surplus > 0.0, need * environment_damping / surplus, np.inf)[()]
+
+
+def _demand(angle, transfer, period, environment, delay_samples):
+    response = transfer(np.exp(1j * angle))
+    given = 0.5 * period * leak(angle, environment, delay_samples) * np.abs(response) ** 2
+    demand = _ratio(given, supply(response, angle, environment))
+    return np.where(demand > POLE * period * np.abs(response), np.inf, demand)
+
+
+def _demand_at_rest(transfer, period, environment, delay_samples):
+    value, slope = value_at_rest(transfer)
+    given = 0.5 * period * leak_at_rest(environment, delay_samples) * value**2
+    return _ratio(given, supply_at_rest(value, slope, environment))
+
+
+def _ratio(given, kept):
+    """given/kept; infinite where nothing is kept, unless nothing is given either."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        idle = (given == 0.0) & (kept == 0.0)
+        return np.where(idle, 0.0, np.where(kept > 0.0, given / kept, np.inf))

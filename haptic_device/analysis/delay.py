@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Passivity when the held force is switched a fraction of a period after the sample it answers.
+
+Let the sample be taken at kT and its force held over [kT + s T, (k+1)T + s T), 0 ≤ s < 1. Between two instants the
+damper takes least from a given displacement Δx when the speed is constant: b Δx²/Δt. What the display gives at most
+is therefore a quadratic form in the positions x at the samples and y at the switchings,
+
+    Σ b (y_k − x_k)²/(sT) + b (x_{k+1} − y_k)²/((1−s)T) + u_k (y_{k+1} − y_k)  ≥ 0,
+
+and the display is passive iff its 2 × 2 Hermitian symbol is positive semidefinite at every frequency. The determinant
+is quadratic in b and gives, with θ = ωT and P̄ = 1 − s + s e^{−jθ} (the linear interpolation of a delay),
+
+    b ≥ ½ [R + √(R² + s(1−s) T² |H|²)],   R = right-hand side of (1) for P̄ H.
+
+At s = 0 this is (1). For a spring alone it is largest at rest: b ≥ (KT/2) [½ + s + √(¼ + 2s)], more than K(T/2 + sT).
+"""
+
+import numpy as np
+from scipy.optimize import brentq
+
+from haptic_device.analysis.passivity import (
+    LeastDamping,
+    as_transfer,
+    damping_demand,
+    larger_of_rest,
+    sharp_angles,
+    unstable_pole,
+)
+from haptic_device.analysis.quantity import not_negative, positive
+from haptic_device.analysis.supremum import supremum
+from haptic_device.analysis.transfer import delayed, value_at_rest, wall_transfer
+
+
+def split_delay(delay_samples):
+    """A delay in periods as whole samples and the fraction left over."""
+    not_negative("delay_samples", delay_samples, "samples")
+    whole = int(np.floor(delay_samples))
+    return whole, float(delay_samples - whole)
+
+
+def delayed_demand(transfer, period, fraction, angle):
+    """Damping needed at the angles θ = ωT when the force is switched `fraction` of a period late [N s/m]."""
+    late = damping_demand(lambda z: (1.0 - fraction + fraction / z) * transfer(z), period, angle)
+    if fraction == 0.0:
+        return late
+    return _larger_root(late, _squared_gain(transfer(np.exp(1j * angle)), period, fraction))
+
+
+def least_damping_delayed(transfer, period, delay_samples):
+    """Least physical damping with `delay_samples` of loop delay, any real number ≥ 0; exact, as `least_damping` is."""
+    positive("period", period, "s")
+    whole, fraction = split_delay(delay_samples)
+    transfer = delayed(as_transfer(transfer), whole)
+    if (unstable := unstable_pole(transfer)) is not None:
+        return LeastDamping(np.inf, abs(np.angle(unstable)) / period)
+    moving, angle = supremum(lambda angle: delayed_demand(transfer, period, fraction, angle), sharp_angles(transfer))
+    return larger_of_rest(_demand_at_rest(transfer, period, fraction), moving, angle, period)
+
+
+def wall_damping_needed(stiffness, damping, period, velocity_lag=0.0, delay_samples=0.0):
+    """Least physical damping of a wall with a lagging velocity and any delay, whole or fractional [N s/m]."""
+    return least_damping_delayed(wall_transfer(stiffness, damping, period, velocity_lag), period, delay_samples)
+
+
+def largest_passive_stiffness(physical_damping, damping, period, velocity_lag=0.0, delay_samples=0.0):
+    """Largest wall stiffness that a device with physical damping b still shows passively [N/m]; 0 if there is none.
+
+    The damping needed is a supremum of forms linear in K, hence convex in K; and it is at least KT/2, the mean of (1)
+    over θ for every delay and lag. So the passive stiffnesses form one interval that ends at 2b/T or below.
+    """
+    positive("physical_damping", physical_damping, "N s/m")
+
+    def lacking(stiffness):
+        needed = wall_damping_needed(stiffness, damping, period, velocity_lag, delay_samples).damping
+        return needed - physical_damping
+
+    high = 2.0 * physical_damping / period
+    if lacking(0.0) >= 0.0:
+        return 0.0
+    return high if lacking(high) <= 0.0 else brentq(lacking, 0.0, high, xtol=1e-13 * high)
+
+
+def _larger_root(demand, gain):
+    return 0.5 * (demand + np.sqrt(demand**2 + gain))
+
+
+def _squared_gain(response, period, fraction):
+    return fraction * (1.0 - fraction) * (period * np.abs(response)) ** 2
+
+
+def _demand_at_rest(transfer, period, fraction):
+    value, slope = value_at_rest(transfer)
+    late = period * ((0.5 + fraction) * value - slope)
+    return _larger_root(late, _squared_gain(value, period, fraction)) if fraction else late

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stability of the display without an operator: exact sampled plant, wall, delay; the stiffnesses that are stable.
+
+The device 1/(s(ms + b)) under a zero-order hold has the sampled position (a = b/m, φ = (1 − e^{−aT})/a)
+
+    x(z)/f(z) = [β (z − e^{−aT}) + φ²/m] / ((z − 1)(z − e^{−aT})),   β = (T − φ)/b,
+
+and the loop with u = H(z) z^{−N} x the characteristic polynomial p(z) + K q(z), for H is linear in K. Stability is
+lost or won only where a root crosses the unit circle: where −p/q is real there. Those stiffnesses are the roots of a
+polynomial in cos ωT; between two of them nothing changes, and one look at the roots decides. So the answer is complete
+even where stability is lost and comes back (delays with much damping). Stability is not passivity: an operator may
+destabilize what is stable alone.
+"""
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from haptic_device.analysis.delay import split_delay
+from haptic_device.analysis.quantity import finite, not_negative, positive
+from haptic_device.analysis.transfer import Transfer, wall_transfer
+
+
+def held_plant(mass, physical_damping, period, fraction=0.0):
+    """Sampled position over force, the force switched `fraction` of a period after the sample [m/N].
+
+    m [kg] > 0, b [N s/m] ≥ 0, T [s] > 0, 0 ≤ fraction < 1.
+    """
+    positive("mass", mass, "kg")
+    not_negative("physical_damping", physical_damping, "N s/m")
+    positive("period", period, "s")
+    early, late = fraction * period, (1.0 - fraction) * period
+    decay = np.exp(-physical_damping * period / mass)
+    old_position, old_velocity = _response(mass, physical_damping, early)
+    glide = _glide(mass, physical_damping, late)
+    old_position = old_position + glide * old_velocity
+    old_velocity = old_velocity * np.exp(-physical_damping * late / mass)
+    new_position, new_velocity = _response(mass, physical_damping, late)
+    whole_glide = _glide(mass, physical_damping, period)
+    new = [new_position, whole_glide * new_velocity - decay * new_position]
+    old = [old_position, whole_glide * old_velocity - decay * old_position]
+    denominator = np.polymul([1.0, -1.0], [1.0, -decay])
+    if fraction == 0.0:
+        return Transfer(np.array(new), denominator)
+    return Transfer(np.polyadd(np.append(new, 0.0), old), np.append(denominator, 0.0))
+
+
+def characteristic(mass, physical_damping, damping, period, delay_samples=0.0, velocity_lag=0.0):
+    """Polynomials (p, q) in z, from the highest power down: the loop's poles are the roots of p + K q."""
+    whole, fraction = split_delay(delay_samples)
+    plant = held_plant(mass, physical_damping, period, fraction)
+    viscous = wall_transfer(0.0, damping, period, velocity_lag)
+    free = np.polymul(np.append(plant.denominator, np.zeros(whole)), viscous.denominator)
+    return (
+        np.polyadd(free, np.polymul(plant.numerator, viscous.numerator)),
+        np.polymul(plant.numerator, viscous.denominator),
+    )
+
+
+def spectral_radius(stiffness, damping, mass, physical_damping, period, delay_samples=0.0, velocity_lag=0.0):
+    """Largest pole magnitude of the loop without an operator; below 1 is stable. Stiffness and damping broadcast.
+
+    At K = 0 the free position is a pole at exactly 1, which is no instability: it is left out.
+    """
+    finite("stiffness", stiffness, "N/m")
+
+    def radius(stiffness, damping):
+        fixed, scaled = characteristic(mass, physical_damping, damping, period, delay_samples, velocity_lag)
+        if stiffness == 0.0:
+            return _radius(np.polydiv(fixed, [1.0, -1.0])[0])
+        return _radius(np.polyadd(fixed, stiffness * scaled))
+
+    return np.vectorize(radius, otypes=[float])(stiffness, damping)[()]
+
+
+def stable_ranges(mass, physical_damping, damping, period, delay_samples=0.0, velocity_lag=0.0):
+    """All intervals (low, high) of stiffness K > 0 [N/m] in which the loop without an operator is stable, rising."""
+    finite("damping", damping, "N s/m")
+    fixed, scaled = characteristic(mass, physical_damping, damping, period, delay_samples, velocity_lag)
+    edges = np.concatenate([[0.0], _crossings(fixed, scaled), [np.inf]])
+    ranges = []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        middle = 0.5 * (low + high) if np.isfinite(high) else 2.0 * low + 1.0
+        if _radius(np.polyadd(fixed, middle * scaled)) >= 1.0:
+            continue
+        if ranges and ranges[-1][1] == low:
+            low = ranges.pop()[0]
+        ranges.append((float(low), float(high)))
+    return ranges
+
+
+def largest_stable_stiffness(mass, physical_damping, damping, period, delay_samples=0.0, velocity_lag=0.0):
+    """The first stiffness at which stability is lost when K rises from 0 [N/m]; 0 if it is missing already there.
+
+    Stability may come back at larger K; `stable_ranges` tells.
+    """
+    ranges = stable_ranges(mass, physical_damping, damping, period, delay_samples, velocity_lag)
+    return ranges[0][1] if ranges and ranges[0][0] == 0.0 else 0.0
+
+
+def undamped_stable_stiffness(mass, damping, period):
+    """No physical damping: K < (m/T²) 2β(2−β)/(2+β), β = BT/m, for 0 < β < 2; at most 0.68629 m/T² [N/m]."""
+    share = np.asarray(damping) * period / mass
+    return mass / period**2 * np.maximum(2.0 * share * (2.0 - share) / (2.0 + share), 0.0)
+
+
+def small_gain_stiffness(physical_damping, damping, period, delay):
+    """K < (b + B)/(T/2 + t_d) (Gil, Sánchez, Hulin, Preusche & Hirzinger 2009): good only while (b+B) T/m is small."""
+    return (physical_damping + damping) / (period / 2.0 + delay)
+
+
+def _glide(mass, physical_damping, time):
+    """Distance covered in `time` per unit of initial velocity [s]."""
+    decay = physical_damping * time / mass
+    return time if decay == 0.0 else -time * np.expm1(-decay) / decay
+
+
+def _response(mass, physical_damping, time):
+    """Position and velocity after `time` of unit force from rest; a series where (T − φ)/b would cancel."""
+    decay = physical_damping * time / mass
+    if decay < 1e-2:
+        shape = 1 / 2 - decay / 6 + decay**2 / 24 - decay**3 / 120 + decay**4 / 720 - decay**5 / 5040
+    else:
+        shape = (decay + np.expm1(-decay)) / decay**2
+    return shape * time**2 / mass, _glide(mass, physical_damping, time) / mass
+
+
+def _crossings(fixed, scaled):
+    """Positive K for which p + K q has a root on the unit circle, rising.
+
+    Im{p q̄} on the circle is sin θ times a polynomial in cos θ: Σ a_k sin kθ = sin θ Σ a_k U_{k−1}(cos θ).
+    """
+    count = fixed.size
+    scaled = np.concatenate([np.zeros(count - scaled.size), scaled])
+    product = np.correlate(fixed, scaled, "full")
+    sines = product[: count - 1][::-1] - product[count:]
+    cosines = chebyshev.chebroots(chebyshev.chebtrim(_second_kind(sines), 1e-18 * np.max(np.abs(sines))))
+    inside = cosines[(np.abs(cosines.imag) < 1e-6) & (np.abs(cosines.real) < 1.0)].real
+    circle = np.append(np.exp(1j * np.arccos(inside)), -1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gains = -np.real(np.polyval(fixed, circle) / np.polyval(scaled, circle))
+    gains = np.sort(gains[np.isfinite(gains) & (gains > 0.0)])
+    return gains[np.diff(gains, prepend=0.0) > 1e-9 * gains]
+
+
+def _second_kind(weights):
+    """Chebyshev series of Σ w_k U_k: U_k is twice the sum of the T_j of its parity, T_0 counted once."""
+    series = np.array([2.0 * weights[index::2].sum() for index in range(weights.size)])
+    series[0] /= 2.0
+    return series
+
+
+def _radius(polynomial):
+    return np.max(np.abs(np.roots(polynomial)), initial=0.0)

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One display judged: passive, stable, with any simulation behind the coupling; by how much, and what to change."""
+
+from math import isfinite, tau
+from typing import NamedTuple
+
+from haptic_device.analysis.closed_forms import coulomb_friction_needed
+from haptic_device.analysis.coupling_damping import least_damping_for_any_simulation
+from haptic_device.analysis.delay import largest_passive_stiffness, wall_damping_needed
+from haptic_device.analysis.mu import mu_margin
+from haptic_device.analysis.quantity import positive, within
+from haptic_device.analysis.stability import largest_stable_stiffness, spectral_radius
+from haptic_device.analysis.transfer import wall_transfer
+
+LIMITS = {
+    "stiffness": (0.0, 1e12, "N/m"),
+    "damping": (-1e9, 1e9, "N s/m"),
+    "physical_damping": (1e-9, 1e9, "N s/m"),
+    "period": (1e-9, 1e3, "s"),
+    "mass": (1e-9, 1e9, "kg"),
+    "delay_samples": (0.0, 100.0, "samples"),
+    "resolution": (0.0, 1e3, "m"),
+    "coulomb": (0.0, 1e9, "N"),
+}
+"""Far beyond any device, and inside what double precision carries; each sample of delay is a root to be found."""
+
+
+class Display(NamedTuple):
+    """A device and the wall or coupling it shows; SI units, delay in periods."""
+
+    stiffness: float
+    damping: float
+    physical_damping: float
+    period: float
+    mass: float = 0.1
+    delay_samples: float = 0.0
+    velocity_lag: float = 0.0
+    resolution: float = 0.0
+    coulomb: float = 0.0
+
+
+class Verdict(NamedTuple):
+    """What `judge` finds. Margins are positive on the safe side; infinite needs mean that no damping is enough."""
+
+    passive: bool
+    stable: bool
+    margin: float
+    """Physical damping beyond what the wall needs [N s/m]."""
+    b_required: float
+    binding_hz: float
+    """Frequency at which the wall's condition binds [Hz]."""
+    coulomb_required: float
+    """Coulomb friction that covers the encoder step [N]."""
+    mu_passive: bool
+    mu_margin: float
+    b_required_mu: float
+    """Physical damping for any passive simulation in step behind a coupling with these gains [N s/m]."""
+    stiffness_max_passive: float
+    stiffness_max_stable: float
+
+
+def check_display(display):
+    """Refuse what cannot be a display (ValueError, one sentence)."""
+    for name in ("physical_damping", "period", "mass"):
+        positive(name, getattr(display, name), LIMITS[name][2])
+    for name, (low, high, unit) in LIMITS.items():
+        within(name, getattr(display, name), low, high, unit)
+    within("velocity_lag", display.velocity_lag, 0.0, 1e6 * display.period, "s")
+
+
+def judge(display):
+    """The Verdict on a display. Passive: b beyond what the wall needs, and friction that covers the encoder step.
+
+    Stable is meant without an operator. Refuses b ≤ 0, T ≤ 0, m ≤ 0, K < 0 and anything that is not finite.
+    """
+    check_display(display)
+    stiffness, damping, physical_damping, period, mass, delay, lag, resolution, coulomb = display
+    wall = wall_damping_needed(stiffness, damping, period, lag, delay)
+    friction = float(coulomb_friction_needed(stiffness, damping, period, resolution, lag))
+    coupling = wall_transfer(stiffness, damping, period, lag)
+    any_simulation = float(least_damping_for_any_simulation(coupling, period, delay_samples=delay).damping)
+    mu = float(mu_margin(coupling, period, physical_damping, delay_samples=delay))
+    return Verdict(
+        passive=bool(wall.damping < physical_damping and friction <= coulomb),
+        stable=bool(spectral_radius(stiffness, damping, mass, physical_damping, period, delay, lag) < 1.0),
+        margin=float(physical_damping - wall.damping),
+        b_required=float(wall.damping) + 0.0,
+        binding_hz=float(wall.frequency) / tau,
+        coulomb_required=friction,
+        mu_passive=any_simulation < physical_damping and isfinite(mu),
+        mu_margin=mu,
+        b_required_mu=any_simulation,
+        stiffness_max_passive=_largest_passive(display),
+        stiffness_max_stable=largest_stable_stiffness(mass, physical_damping, damping, period, delay, lag),
+    )
+
+
+def advise(display, verdict):
+    """One sentence: what holds, and what to change if it does not."""
+    if not verdict.passive:
+        lacks = "; ".join(_lacks(display, verdict))
+        return f"Not passive: {lacks}; supply that or {_softer(verdict)}{_alone(verdict)}."
+    spare = f"{verdict.margin:.3g} N s/m of physical damping to spare"
+    if not verdict.mu_passive:
+        need = f"b > {verdict.b_required_mu:.4g} N s/m" if isfinite(verdict.b_required_mu) else "no b is enough"
+        return f"Passive as a wall, with {spare}, but not as a coupling to any passive simulation ({need})."
+    return f"Passive with {spare}; the stiffness could rise to {verdict.stiffness_max_passive:.5g} N/m."
+
+
+def _lacks(display, verdict):
+    if verdict.margin <= 0.0:
+        yield f"it needs b > {verdict.b_required:.4g} N s/m and the device has {display.physical_damping:.4g}"
+    if verdict.coulomb_required > display.coulomb:
+        need, step = verdict.coulomb_required, display.resolution
+        yield f"an encoder step of {step:.3g} m needs {need:.3g} N of friction and the device has {display.coulomb:.3g}"
+
+
+def _softer(verdict):
+    if verdict.stiffness_max_passive > 0.0:
+        return f"lower the stiffness below {verdict.stiffness_max_passive:.5g} N/m"
+    return "bring the damping nearer to 0, for no stiffness is passive with it"
+
+
+def _alone(verdict):
+    if not verdict.stable:
+        return "; it is not even stable on its own"
+    return "; on its own it is stable, so only an operator would find out" if verdict.margin <= 0.0 else ""
+
+
+def _largest_passive(display):
+    """Both limits at once: (|K + v| + |v|) Δ/2 ≤ f_c with v = B/(T + τ), and the physical damping."""
+    damped = largest_passive_stiffness(
+        display.physical_damping, display.damping, display.period, display.velocity_lag, display.delay_samples
+    )
+    if display.resolution == 0.0:
+        return float(damped)
+    viscous = display.damping / (display.period + display.velocity_lag)
+    covered = 2.0 * display.coulomb / display.resolution - abs(viscous) - viscous
+    return float(min(damped, max(covered, 0.0)))

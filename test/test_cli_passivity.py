@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic passivity`: a verdict one can read, one object with --json, and a sentence for what cannot be."""
+
+import json
+import math
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from haptic_device.analysis.verdict import Display, advise, judge
+from haptic_sim.cli.passivity import passivity
+
+PROMISED = {
+    "passive",
+    "stable",
+    "margin",
+    "b_required",
+    "mu_passive",
+    "mu_margin",
+    "stiffness_max_passive",
+    "stiffness_max_stable",
+}
+
+
+def haptic(**options):
+    """Run the subcommand on a device of 0.8 N s/m at 4 kHz, with options changed or added."""
+    device = {"stiffness": 5000, "damping": 0.05, "physical-damping": 0.8, "period": 0.00025}
+    app = typer.Typer()
+    app.command()(passivity)
+    words = [
+        word for name, value in {**device, **options}.items() for word in (f"--{name}", str(value)) if word != "True"
+    ]
+    return CliRunner().invoke(app, words)
+
+
+def judged(**options):
+    result = haptic(json=True, **options)
+    assert result.exit_code == 0
+    return json.loads(result.stdout)
+
+
+def test_json_is_one_object_with_the_promised_keys():
+    verdict = judged()
+    assert verdict.keys() >= PROMISED
+    assert verdict["passive"] and verdict["stable"] and verdict["mu_passive"]
+    assert verdict["b_required"] == pytest.approx(0.675)
+    assert verdict["margin"] == pytest.approx(0.125)
+    assert verdict["stiffness_max_passive"] == pytest.approx(6000.0)
+
+
+@pytest.mark.parametrize("stiffness, passive", [(5999, True), (6001, False)])
+def test_the_verdict_turns_at_the_largest_passive_stiffness(stiffness, passive):
+    verdict = judged(stiffness=stiffness)
+    assert verdict["passive"] is verdict["mu_passive"] is passive
+    assert (verdict["mu_margin"] > 0.0) is passive
+
+
+def test_the_verdict_on_stability_turns_at_the_largest_stable_stiffness():
+    boundary = judged()["stiffness_max_stable"]
+    assert judged(stiffness=0.999 * boundary)["stable"] is True
+    assert judged(stiffness=1.001 * boundary)["stable"] is False
+    assert boundary > judged()["stiffness_max_passive"]
+
+
+@pytest.mark.parametrize("coulomb, passive", [(0.0269, False), (0.0271, True)])
+def test_friction_must_cover_the_encoder_step(coulomb, passive):
+    assert judged(resolution=1e-5, coulomb=coulomb)["passive"] is passive
+
+
+def test_the_largest_passive_stiffness_counts_friction_too():
+    limit = judged(resolution=1e-5, coulomb=0.01)["stiffness_max_passive"]
+    assert judged(stiffness=0.999 * limit, resolution=1e-5, coulomb=0.01)["passive"] is True
+    assert judged(stiffness=1.001 * limit, resolution=1e-5, coulomb=0.01)["passive"] is False
+
+
+def test_delay_and_lag_count():
+    assert judged(**{"delay-samples": 0.5})["b_required"] > judged(**{"delay-samples": 0.1})["b_required"] > 0.675
+    assert judged(**{"velocity-lag": 0.001})["b_required"] < 0.675
+
+
+def test_a_need_without_end_is_null():
+    verdict = judged(damping=-0.7)
+    assert verdict["b_required_mu"] is None
+    assert verdict["mu_passive"] is False
+
+
+def test_the_table_ends_with_a_sentence_that_says_what_to_change():
+    result = haptic(stiffness=12000)
+    assert result.exit_code == 0
+    assert "needs b > 1.55 N s/m and the device has 0.8" in result.stdout
+    assert "lower the stiffness below 6000 N/m" in result.stdout
+
+
+@pytest.mark.parametrize(
+    "display, words",
+    [
+        (Display(5000.0, 0.05, 0.8, 2.5e-4), "Passive with 0.125 N s/m of physical damping to spare"),
+        (Display(5000.0, -0.1, 0.8, 2.5e-4), "the stiffness could rise"),
+        (Display(1000.0, -0.3, 0.8, 2.5e-4), "Passive as a wall"),
+        (Display(100.0, 2.0, 0.8, 2.5e-4), "no stiffness is passive with it"),
+        (Display(5000.0, 0.05, 0.8, 2.5e-4, resolution=1e-5), "needs 0.027 N of friction and the device has 0"),
+        (Display(6200.0, 0.05, 0.8, 2.5e-4), "only an operator would find out"),
+        (Display(9000.0, 0.05, 0.8, 2.5e-4), "not even stable on its own"),
+    ],
+)
+def test_the_sentence_names_what_is_lacking(display, words):
+    assert words in advise(display, judge(display))
+
+
+def test_plot_writes_a_png(tmp_path):
+    assert haptic(plot=tmp_path / "map.png").exit_code == 0
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    "options, sentence",
+    [
+        ({"physical-damping": 0}, "physical_damping is 0 N s/m, but it must be a finite number greater than 0"),
+        ({"physical-damping": -1}, "physical_damping is -1 N s/m"),
+        ({"period": 0}, "period is 0 s"),
+        ({"period": math.nan}, "period is nan s"),
+        ({"stiffness": -1}, "stiffness is -1 N/m"),
+        ({"stiffness": math.nan}, "stiffness is nan N/m"),
+        ({"stiffness": math.inf}, "stiffness is inf N/m"),
+        ({"damping": math.nan}, "damping is nan N s/m"),
+        ({"mass": 0}, "mass is 0 kg"),
+        ({"delay-samples": -0.5}, "delay_samples is -0.5 samples"),
+        ({"delay-samples": 1e9}, "it must lie between 0 and 100 samples"),
+        ({"velocity-lag": -1}, "velocity_lag is -1 s"),
+        ({"resolution": -1}, "resolution is -1 m"),
+        ({"coulomb": -1}, "coulomb is -1 N"),
+        ({"plot": "/nowhere/map.png"}, "No such file"),
+    ],
+)
+def test_bad_input_ends_in_one_sentence_and_exit_code_2(options, sentence):
+    result = haptic(**options)
+    assert result.exit_code == 2
+    assert sentence in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert result.stdout == ""
+
+
+def test_a_word_for_a_number_is_refused():
+    assert haptic(stiffness="stiff").exit_code == 2

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stability without an operator: exact plant, boundaries from both sides, the closed form without physical damping."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from haptic_device.analysis.delay import largest_passive_stiffness
+from haptic_device.analysis.stability import (
+    held_plant,
+    largest_stable_stiffness,
+    small_gain_stiffness,
+    spectral_radius,
+    stable_ranges,
+    undamped_stable_stiffness,
+)
+
+MASS = st.floats(0.01, 1.0)
+PHYSICAL_DAMPING = st.floats(0.005, 5.0)
+PERIOD = st.floats(1e-4, 5e-3)
+DELAY = st.sampled_from([0.0, 0.4, 1.0, 2.0, 2.5, 5.0])
+LAG = st.sampled_from([0.0, 1e-3, 1e-2])
+
+
+def last_positions(stiffness, damping, mass, physical_damping, period, delay, ticks=4000):
+    """Largest |x| early and late in a run of the held plant by the matrix exponential, delay in whole periods."""
+    matrix = np.array([[0.0, 1.0, 0.0], [0.0, -physical_damping / mass, 1.0 / mass], [0.0, 0.0, 0.0]])
+    step = expm(matrix * period)
+    state, last, pending, track = np.array([1.0, 0.0]), 1.0, [0.0] * (delay + 1), []
+    for _ in range(ticks):
+        pending.append(-stiffness * state[0] - damping * (state[0] - last) / period)
+        last = state[0]
+        state = step[:2, :2] @ state + step[:2, 2] * pending[-1 - delay]
+        track.append(abs(state[0]))
+    return max(track[ticks // 4 : ticks // 2]), max(track[3 * ticks // 4 :])
+
+
+@pytest.mark.parametrize(
+    "damping, samples, expected",
+    [
+        (0.0, 0, 1000.83),
+        (0.0, 1, 333.80),
+        (0.0, 2, 200.43),
+        (0.25, 0, 1497.51),
+        (1.0, 0, 2972.70),
+        (5.0, 0, 10473.46),
+        (20.0, 0, 33590.93),
+    ],
+)
+def test_largest_stable_stiffness_agrees_with_the_reference_to_five_digits(damping, samples, expected):
+    assert largest_stable_stiffness(0.1, 0.5, damping, 1e-3, samples) == pytest.approx(expected, abs=0.0051)
+
+
+@pytest.mark.parametrize("damping, delay", [(0.0, 0), (1.0, 0), (1.0, 1), (5.0, 2)])
+def test_a_run_in_time_dies_out_just_below_the_boundary_and_grows_just_above(damping, delay):
+    boundary = largest_stable_stiffness(0.1, 0.5, damping, 1e-3, delay)
+    early, late = last_positions(0.97 * boundary, damping, 0.1, 0.5, 1e-3, delay)
+    assert late < early
+    early, late = last_positions(1.03 * boundary, damping, 0.1, 0.5, 1e-3, delay)
+    assert late > early
+
+
+@settings(max_examples=60, deadline=None)
+@given(MASS, PHYSICAL_DAMPING, st.floats(0.0, 20.0), PERIOD, DELAY, LAG)
+def test_poles_are_inside_the_unit_circle_just_below_every_boundary_and_outside_just_above(
+    mass, physical_damping, damping, period, delay, lag
+):
+    for low, high in stable_ranges(mass, physical_damping, damping, period, delay, lag):
+        loop = damping, mass, physical_damping, period, delay, lag
+        assert spectral_radius(high * (1.0 - 1e-4), *loop) < 1.0 < spectral_radius(high * (1.0 + 1e-4), *loop)
+        if low > 0.0:
+            assert spectral_radius(low * (1.0 - 1e-4), *loop) > 1.0 > spectral_radius(low * (1.0 + 1e-4), *loop)
+
+
+@settings(max_examples=30, deadline=None)
+@given(MASS, PERIOD, st.floats(0.01, 1.99))
+def test_without_physical_damping_the_boundary_has_a_closed_form(mass, period, share):
+    damping = share * mass / period
+    expected = undamped_stable_stiffness(mass, damping, period)
+    assert largest_stable_stiffness(mass, 0.0, damping, period) == pytest.approx(float(expected), rel=1e-6)
+
+
+def test_without_physical_damping_the_stiffest_stable_wall_has_beta_of_0_82843():
+    share = np.linspace(0.0, 2.0, 200001)
+    stiffest = undamped_stable_stiffness(1.0, share, 1.0)
+    assert np.max(stiffest) == pytest.approx(0.68629, abs=5e-6)
+    assert share[np.argmax(stiffest)] == pytest.approx(0.82843, abs=2e-5)
+    assert undamped_stable_stiffness(1.0, 0.0, 1.0) == undamped_stable_stiffness(1.0, 2.5, 1.0) == 0.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(MASS, st.floats(0.0, 50.0), PERIOD, st.floats(0.0, 0.99))
+def test_the_held_plant_is_the_exact_response_to_a_force_switched_late(mass, physical_damping, period, fraction):
+    matrix = np.array([[0.0, 1.0, 0.0], [0.0, -physical_damping / mass, 1.0 / mass], [0.0, 0.0, 0.0]])
+    early, late = expm(matrix * fraction * period), expm(matrix * (1.0 - fraction) * period)
+    z = 1.3 * np.exp(0.4j)
+    drive = late[:2, :2] @ early[:2, 2] / z + late[:2, 2]
+    expected = np.linalg.solve(z * np.eye(2) - (late @ early)[:2, :2], drive)[0]
+    assert held_plant(mass, physical_damping, period, fraction)(z) == pytest.approx(expected, rel=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(MASS, PHYSICAL_DAMPING, st.floats(-1.0, 5.0), PERIOD, DELAY)
+def test_what_is_passive_is_stable(mass, physical_damping, damping, period, delay):
+    passive = largest_passive_stiffness(physical_damping, damping, period, 0.0, delay)
+    stable = largest_stable_stiffness(mass, physical_damping, damping, period, delay)
+    assert stable >= passive * (1.0 - 1e-6)
+
+
+def test_the_small_gain_rule_is_good_for_little_damping_and_worthless_for_much():
+    truth = largest_stable_stiffness(0.1, 0.5, 0.25, 1e-3, 1.0)
+    assert small_gain_stiffness(0.5, 0.25, 1e-3, 1e-3) == pytest.approx(truth, rel=0.01)
+    assert largest_stable_stiffness(0.04, 0.8, 20.0, 1e-3, 5.0) == 0.0
+    assert small_gain_stiffness(0.8, 20.0, 1e-3, 5e-3) == pytest.approx(3782.0, abs=1.0)
+
+
+def test_a_loop_unstable_without_a_spring_may_be_stable_with_one_and_both_ends_are_reported():
+    (low, high), *more = stable_ranges(1.0, 2.5, -2.95, 1.0, 0.0, 0.5)
+    assert not more
+    assert largest_stable_stiffness(1.0, 2.5, -2.95, 1.0, 0.0, 0.5) == 0.0
+    radius = spectral_radius(np.array([0.99 * low, 1.01 * low, 0.99 * high, 1.01 * high]), -2.95, 1.0, 2.5, 1.0, 0, 0.5)
+    assert list(radius < 1.0) == [False, True, True, False]
+
+
+def test_without_a_spring_the_free_position_does_not_count_as_instability():
+    assert spectral_radius(0.0, 0.1, 0.1, 0.5, 1e-3) < 1.0
+    assert spectral_radius(0.0, 500.0, 0.1, 0.5, 1e-3) > 1.0
+
+
+@pytest.mark.parametrize(
+    "mass, physical_damping, period, sentence",
+    [
+        (0.0, 0.5, 1e-3, "mass is 0 kg"),
+        (0.1, -1.0, 1e-3, "physical_damping is -1 N s/m"),
+        (0.1, 0.5, 0.0, "period is 0"),
+    ],
+)
+def test_impossible_devices_are_refused(mass, physical_damping, period, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        largest_stable_stiffness(mass, physical_damping, 0.0, period)
