@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic demo`: the whole system as processes, a scripted operator at the handle, a bag, a table and a picture."""
+
+import json as json_text
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import psutil
+import typer
+
+from haptic_sim.cli.domain import isolated_domain
+from haptic_sim.cli.processes import NodeDiedError, Nodes, Program, interruptible
+
+INTERRUPTED = 130
+_SECONDS = "Length from the first motor command on; without it the run ends with the operator's motion."
+
+
+class Order(NamedTuple):
+    """What is to be run."""
+
+    scene: str
+    seconds: float | None
+    out: Path
+    exchange: str | None
+    rate: float | None
+    params: Path
+
+
+def demo(
+    scene: Annotated[str, typer.Option(help="A name in config/scenes or a YAML file.")] = "peg_in_hole",
+    seconds: Annotated[float | None, typer.Option(min=0.5, max=3600.0, help=_SECONDS)] = None,
+    out: Annotated[Path | None, typer.Option(help="New folder of the run [haptic_runs/SCENE-TIME].")] = None,
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output, no table.")] = False,
+    exchange: Annotated[str | None, typer.Option(help="Exchange method between driver and simulation.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Servo rate [Hz].")] = None,
+    params: Annotated[str, typer.Option(help="Operating point: a name in config or a YAML file.")] = "demo",
+) -> None:
+    """Run loopback device, driver, simulation and recorder on a scene. Exit code 0 only if the job was done."""
+    started = time.monotonic() - (time.time() - psutil.Process().create_time())
+    try:
+        with interruptible():
+            done = run(_order(scene, seconds, out, exchange, rate, params), started, json)
+    except KeyboardInterrupt:
+        print("haptic demo: interrupted; all nodes have ended", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    raise typer.Exit(0 if done else 1)
+
+
+def run(order: Order, started: float, as_json: bool) -> bool:
+    """Runs the order, reports, and says whether the job was done."""
+    from haptic_sim.cli.outcome import job_done, nothing, print_table
+
+    programs = _programs(order)
+    found, ended = nothing(), False
+    try:
+        ended = _play(order, programs)
+        found |= _evaluate(order, started)
+    except (NodeDiedError, ValueError, OSError) as error:
+        print(f"haptic demo: {error}", file=sys.stderr)
+        found["faults"].append(str(error))
+    bag = order.out / "bag"
+    found = {"scene": order.scene, "done": job_done(found, ended), **found, "bag": str(bag) if bag.exists() else None}
+    print(json_text.dumps(found)) if as_json else print_table(found, bag)
+    return found["done"]
+
+
+def _order(scene, seconds, out, exchange, rate, params) -> Order:
+    from haptic_device.share import find
+
+    out = out or Path("haptic_runs") / f"{Path(scene).stem}-{time.strftime('%Y%m%d-%H%M%S')}"
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise ValueError(f"--out {out} exists already and is not empty; name a new folder")
+    return Order(scene, seconds, out.absolute(), exchange, rate, find("", params).absolute())
+
+
+def _programs(order: Order) -> list[Program]:
+    """The four nodes in the order of their start; they are stopped in the reverse order, the recorder last."""
+    from haptic_device.parameter import read_operating_point
+    from haptic_device.share import find
+    from haptic_sim.cli.nodes import NODES
+    from haptic_sim.scene import load
+
+    read_operating_point(order.params, NODES)
+    scene = find("scenes", order.scene).absolute()
+    motion = {f"motion.{key}": value for key, value in load(scene).motion.items()}
+    driver = {"auto_enable": True, "servo.rate": order.rate, "exchange.method": order.exchange}
+    given = {
+        "haptic_recorder": {"bag": str(order.out / "bag")},
+        "haptic_loopback": motion,
+        "haptic_simulation": {"scene": str(scene)},
+        "haptic_driver": {name: value for name, value in driver.items() if value is not None},
+    }
+    return [_program(name, values, NODES[name], order.params) for name, values in given.items()]
+
+
+_MODULES = {
+    "haptic_recorder": "haptic_device.node.recorder",
+    "haptic_loopback": "haptic_device.node.loopback",
+    "haptic_simulation": "haptic_sim.node.simulation",
+    "haptic_driver": "haptic_device.node.driver",
+}
+
+
+def _program(name: str, values: dict, declared: tuple, operating_point: Path) -> Program:
+    """Checks the values against the node's declarations before any node starts. Raises ValueError, one sentence."""
+    from haptic_device.parameter import check_value, unknown
+
+    known = {parameter.name: parameter for parameter in declared}
+    for key, value in values.items():
+        if key not in known:
+            raise ValueError(unknown(key, f"a parameter of {name}", known))
+        check_value(known[key], value)
+    return Program(name, _MODULES[name], values, (operating_point,))
+
+
+def _play(order: Order, programs: list[Program]) -> bool:
+    """Starts the nodes, follows them to the end of the run, stops them. True if the run ended as asked."""
+    with isolated_domain(order.out / "log") as domain, Nodes(order.out / "log") as nodes:
+        for program in programs:
+            nodes.start(program)
+        from haptic_sim.cli.follow import follow  # ROS is imported while the nodes start
+
+        return follow(order.seconds, domain, nodes.check)
+
+
+def _evaluate(order: Order, started: float) -> dict:
+    from haptic_device.analysis.recording import load
+    from haptic_device.analysis.report import draw
+    from haptic_sim.cli.outcome import figures
+
+    recording = load(order.out / "bag")
+    for note in recording.notes:
+        print(f"haptic demo: {note}", file=sys.stderr)
+    report = order.out / "report.png"
+    found = figures(recording, started)
+    draw(recording, report, order.scene)
+    return found | {"report": str(report)}

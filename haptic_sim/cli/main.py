@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The `haptic` command. One file a subcommand; only the one that runs is imported, so `haptic check` needs no ROS."""
+
+import importlib
+import sys
+
+import typer
+
+COMMANDS = {
+    "check": "haptic_sim.cli.check:check",
+    "demo": "haptic_sim.cli.demo:demo",
+    "docs": "haptic_sim.cli.params_doc:docs",
+    "passivity": "haptic_sim.cli.passivity:passivity",
+    "record": "haptic_sim.cli.record:record",
+}
+ROS_MISSING = "ROS 2 Jazzy is missing: pip install '.[ros]' in the clone, or source an installed ROS 2 first"
+
+
+def main():
+    """Entry point. Bad input ends in one sentence on standard error and exit code 1, never in a traceback."""
+    try:
+        _application(sys.argv[1:2])(prog_name="haptic")
+    except (ValueError, OSError) as error:
+        _refuse(error)
+    except ModuleNotFoundError as error:
+        if error.name != "rclpy":
+            raise
+        _refuse(ROS_MISSING)
+
+
+def _application(wanted):
+    """The typer application with the wanted subcommand, or with all of them if it is none of them, as for --help."""
+    app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+    app.callback(help="Haptic display of tool use: run it, check its files, compute its bounds.")(lambda: None)
+    for name in set(wanted) & set(COMMANDS) or COMMANDS:
+        module, function = COMMANDS[name].split(":")
+        app.command(name)(getattr(importlib.import_module(module), function))
+    return app
+
+
+def _refuse(reason):
+    print(f"haptic: {reason}", file=sys.stderr)
+    sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What came of a run: its figures from the bag, whether its job was done, and both as a table."""
+
+from pathlib import Path
+
+from haptic_device.analysis.recording import Recording
+from haptic_device.analysis.summary import (
+    energy_figures,
+    engaged_rows,
+    exchange_figures,
+    faults,
+    first_command,
+    residual_figures,
+    servo_figures,
+)
+
+INSERTED = 0.95  # of the hole's depth
+ANSWERED = 0.9  # of the handle samples sent, for scenes without a goal of their own
+_NOTHING = ("servo", "exchange", "energy_j", "contact", "report", "startup_s")
+
+
+def figures(recording: Recording, started: float) -> dict:
+    """Everything that `--json` reports of a recorded run; `started` is the command's start on CLOCK_MONOTONIC [s].
+
+    Raises ValueError if the bag lacks what the figures are read from.
+    """
+    rows = engaged_rows(recording.trace)
+    driver, simulation = (recording.last_values(node) for node in ("haptic_driver", "haptic_simulation"))
+    return {
+        "seconds": float(rows["deadline"][-1] - rows["deadline"][0]) * 1e-9,
+        "servo": servo_figures(rows) | {"realtime": driver.get("realtime")},
+        "exchange": exchange_figures(recording, rows),
+        "energy_j": energy_figures(recording),
+        "contact": {
+            "max_force_n": _number(simulation, "max_contact_force"),
+            "max_penetration_m": _number(simulation, "max_penetration"),
+        },
+        "residual": residual_figures(recording, rows),
+        "result": _result(simulation),
+        "faults": faults(recording),
+        "startup_s": first_command(recording.trace) - started,
+    }
+
+
+def nothing() -> dict:
+    """The same keys for a run that left no figures."""
+    return {"seconds": 0.0, **dict.fromkeys(_NOTHING), "residual": None, "result": {}, "faults": []}
+
+
+def job_done(found: dict, ended: bool) -> bool:
+    """Whether the job was done: no fault, and the peg in its hole, or else a run that `ended` as asked, answered."""
+    if found["faults"] or not found["exchange"]:
+        return False
+    if "insertion_fraction" in found["result"]:
+        return found["result"]["insertion_fraction"] >= INSERTED
+    return ended and found["exchange"]["answered"] >= ANSWERED * found["exchange"]["sent"] > 0
+
+
+def print_table(found: dict, bag: Path) -> None:
+    """Prints the figures as a table on standard output."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("figure", "value", title=f"{found['scene']}: {'done' if found['done'] else 'NOT done'}")
+    for name, value in _lines(found):
+        table.add_row(name, value)
+    console = Console()
+    console.print(table)
+    console.print(f"bag     {bag}\nreport  {found['report'] or 'none'}", soft_wrap=True, highlight=False)
+
+
+def _lines(found: dict):
+    for name, value in found.items():
+        if isinstance(value, dict):
+            yield from ((f"{name} {inner}", text) for inner, text in _lines(value))
+        elif name not in ("scene", "done", "bag", "report"):
+            yield name, _text(value)
+
+
+def _text(value) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        return ", ".join(value) or "none"
+    return "unknown" if value is None else str(value)
+
+
+def _result(values: dict[str, str]) -> dict[str, float]:
+    return {key.removeprefix("result."): float(value) for key, value in values.items() if key.startswith("result.")}
+
+
+def _number(values: dict[str, str], key: str) -> float | None:
+    return float(values[key]) if key in values else None

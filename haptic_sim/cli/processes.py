@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The nodes as child processes: started on the loopback interface alone, watched, stopped in order, never orphaned."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from haptic_device.runtime.process import die_with_parent
+
+NAMESPACE = "/haptic"
+_PATIENCE = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))  # s after each
+
+_QUIET = ("--disable-external-lib-logs",)  # what a node prints is kept anyway
+
+
+class NodeDiedError(RuntimeError):
+    """A node ended by itself."""
+
+
+class Program(NamedTuple):
+    """A node to start: its executable's name, Python module, ROS parameters, files of more of them, namespace."""
+
+    name: str
+    module: str
+    parameters: dict = {}
+    files: tuple[Path, ...] = ()
+    namespace: str = NAMESPACE
+
+    def command(self) -> list[str]:
+        """The command line that starts it."""
+        given = [word for file in self.files for word in ("--params-file", str(file))]
+        given += [word for key, value in self.parameters.items() for word in ("-p", f"{key}:={parameter_text(value)}")]
+        return [sys.executable, "-m", self.module, "--ros-args", *_QUIET, "-r", f"__ns:={self.namespace}", *given]
+
+
+def parameter_text(value) -> str:
+    """A value as `-p name:=` wants it: texts quoted (y is a bool to YAML), numbers of a list all doubles if one is."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return "'" + value.replace("'", "''") + "'"
+    if isinstance(value, list | tuple):
+        mixed = any(isinstance(item, float) for item in value)
+        return "[" + ", ".join(parameter_text(float(item) if mixed else item) for item in value) + "]"
+    return repr(value)
+
+
+class Nodes:
+    """The running nodes. As a context: whatever happens inside, none of them is left when it is over."""
+
+    def __init__(self, logs: Path):
+        """`logs` is the folder for what each node prints."""
+        logs.mkdir(parents=True, exist_ok=True)
+        self._logs = logs
+        self._running: dict[str, subprocess.Popen] = {}
+
+    def __enter__(self) -> "Nodes":
+        return self
+
+    def __exit__(self, *exception) -> None:
+        self.stop()
+
+    def start(self, program: Program) -> None:
+        """Starts one node; it gets a session of its own, so that a terminal's Ctrl-C comes from us, in order."""
+        parent = os.getpid()
+        with open(self._log(program.name), "wb") as log:
+            self._running[program.name] = subprocess.Popen(
+                program.command(),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, "ROS_LOG_DIR": str(self._logs.absolute()), "PYTHONUNBUFFERED": "1"},
+                start_new_session=True,
+                preexec_fn=lambda: die_with_parent(parent),
+            )
+
+    def check(self) -> None:
+        """Raises NodeDiedError with the node's name, exit code and last line if one has ended."""
+        for name, process in self._running.items():
+            if process.poll() is not None:
+                raise NodeDiedError(f"{name} ended with exit code {process.returncode}: {self.last_line(name)}")
+
+    def pid(self, name: str) -> int:
+        """Process id of a running node."""
+        return self._running[name].pid
+
+    def last_line(self, name: str) -> str:
+        """The last line that the node printed."""
+        lines = self._log(name).read_text(errors="replace").split("\n")
+        return next((line.strip() for line in reversed(lines) if line.strip()), "it printed nothing")
+
+    def stop(self) -> None:
+        """Ends all nodes one by one, the last started first; a Ctrl-C meanwhile waits until all have ended."""
+        with _later():
+            for name in reversed(list(self._running)):
+                if not _end(self._running.pop(name)):
+                    print(f"{name} had to be killed; it heard neither SIGINT nor SIGTERM", file=sys.stderr)
+
+    def _log(self, name: str) -> Path:
+        return self._logs / f"{name}.log"
+
+
+def _end(process: subprocess.Popen) -> bool:
+    for number, patience in _PATIENCE:
+        if process.poll() is None:
+            process.send_signal(number)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(patience)
+    return process.returncode != -signal.SIGKILL
+
+
+@contextlib.contextmanager
+def _later() -> Iterator[None]:
+    heard: list[int] = []
+    with _handling(lambda number, frame: heard.append(number)):
+        yield
+    if heard:
+        raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def interruptible() -> Iterator[None]:
+    """SIGINT, SIGTERM and SIGHUP all arrive as KeyboardInterrupt, so that every end takes the orderly way out."""
+
+    def interrupt(number, frame):
+        raise KeyboardInterrupt
+
+    with _handling(interrupt):
+        yield
+
+
+@contextlib.contextmanager
+def _handling(handler) -> Iterator[None]:
+    held = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, before in held.items():
+            signal.signal(number, before)

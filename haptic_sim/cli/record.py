@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic record`: everything a running system says, into a bag, until Ctrl-C."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from haptic_sim.cli.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible
+
+LOOK_PERIOD = 0.1  # s
+
+
+def record(
+    out: Annotated[Path | None, typer.Option(help="New folder for the bag and its log [haptic_bags/TIME].")] = None,
+    seconds: Annotated[float | None, typer.Option(min=0.1, help="Length; else until Ctrl-C.")] = None,
+    namespace: Annotated[str, typer.Option(help="Namespace of the system to record.")] = NAMESPACE,
+) -> None:
+    """Record all topics of a running system to a rosbag2 folder (MCAP). Ctrl-C is the normal end."""
+    out = (out or Path("haptic_bags") / time.strftime("%Y%m%d-%H%M%S")).absolute()
+    bag = out / "bag"
+    program = Program("haptic_recorder", "haptic_device.node.recorder", {"bag": str(bag)}, namespace=namespace)
+    with Nodes(out / "log") as nodes:
+        try:
+            with interruptible():
+                nodes.start(program)
+                _wait(nodes, seconds)
+        except KeyboardInterrupt:
+            typer.echo("", err=True)
+        except NodeDiedError as error:
+            raise ValueError(str(error)) from error
+    _print_counts(bag)
+
+
+def _wait(nodes: Nodes, seconds: float | None) -> None:
+    end = None if seconds is None else time.monotonic() + seconds
+    while end is None or time.monotonic() < end:
+        nodes.check()
+        time.sleep(LOOK_PERIOD)
+
+
+def _print_counts(bag: Path) -> None:
+    import yaml
+
+    information = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    for topic in information["topics_with_message_count"]:
+        name = topic["topic_metadata"]["name"]
+        lost = information["custom_data"].get(f"lost {name}", "0")
+        typer.echo(f"{name:32} {topic['message_count']:9d} messages, lost: {lost}")
+    typer.echo(f"bag {bag}")

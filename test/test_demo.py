@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic demo` alive: the job is done, and no way of ending it leaves anything behind."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from haptic_device.analysis.recording import load
+
+ROOT = Path(__file__).resolve().parent.parent
+HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
+NODES = ("haptic_driver", "haptic_loopback", "haptic_recorder", "haptic_simulation")
+
+
+def start(out: Path, *options: str) -> subprocess.Popen:
+    command = [*HAPTIC, "demo", "--out", str(out), *options]
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def pages() -> set[str]:
+    """Shared memory that is not the middleware's own (which only a killed process leaves)."""
+    return {path.name for path in Path("/dev/shm").iterdir() if "fastrtps" not in path.name}
+
+
+def flat(found: dict, prefix: str = "") -> set[str]:
+    keys = set()
+    for key, value in found.items():
+        keys |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key}
+    return keys
+
+
+def documented() -> set[str]:
+    text = (ROOT / "docs" / "cli.md").read_text().split("| key |")[1]
+    return set(re.findall(r"^\| `([\w.]+)` \|", text, re.MULTILINE))
+
+
+def wait_for(condition, seconds: float = 40.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "what was waited for did not come"
+        time.sleep(0.05)
+
+
+def test_the_peg_goes_into_the_hole_and_every_figure_is_reported(tmp_path):
+    demo = start(tmp_path / "run", "--json")
+    said, progress = demo.communicate(timeout=120)
+    assert demo.returncode == 0, progress
+    found = json.loads(said)
+    assert found["done"] and found["faults"] == [] and found["result"]["insertion_fraction"] >= 0.95
+    assert flat(found) == documented()
+    assert found["exchange"]["answered"] >= 0.9 * found["exchange"]["sent"] > 0
+    assert found["contact"]["max_penetration_m"] <= 1e-4
+    recording = load(Path(found["bag"]))
+    assert recording.notes == () and recording.trace_rows_missing == 0
+    assert Path(found["report"]).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(("number", "after"), [(signal.SIGINT, 0.9), (signal.SIGTERM, 2.0), (signal.SIGINT, 5.0)])
+def test_an_interrupt_leaves_no_process_no_page_and_no_half_written_bag(tmp_path, number, after):
+    before = pages()
+    demo = start(tmp_path / "run")
+    time.sleep(after)
+    children = psutil.Process(demo.pid).children(recursive=True)
+    demo.send_signal(number)
+    demo.communicate(timeout=30)
+    assert demo.returncode == 130
+    assert not [child for child in children if child.is_running()] and pages() <= before
+    bag = tmp_path / "run" / "bag"
+    assert not bag.exists() or (bag / "metadata.yaml").exists()
+
+
+def test_a_dead_node_ends_the_demo_and_is_named(tmp_path):
+    demo = start(tmp_path / "run", "--json")
+    bag = tmp_path / "run" / "bag"
+    wait_for(bag.exists)
+    children = psutil.Process(demo.pid).children()
+    victim = next(child for child in children if "haptic_sim.node.simulation" in child.cmdline())
+    victim.kill()
+    said, progress = demo.communicate(timeout=60)
+    assert demo.returncode == 1 and "haptic_simulation ended with exit code -9" in progress
+    assert not json.loads(said)["done"] and (bag / "metadata.yaml").exists()
+    assert not [child for child in children if child.is_running()]
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (("--scene", "no_such_scene"), "no_such_scene is neither a file nor a name"),
+        (("--params", "no_such_file"), "no_such_file is neither a file nor a name"),
+        (("--exchange", "carrier_pigeon"), "carrier_pigeon"),
+        (("--rate", "1.0"), "1.0 Hz"),
+    ],
+)
+def test_a_wrong_wish_is_refused_in_a_sentence_before_anything_starts(tmp_path, options, sentence):
+    demo = start(tmp_path / "run", *options)
+    _, said = demo.communicate(timeout=30)
+    assert demo.returncode != 0 and sentence in said and "Traceback" not in said
+    assert not (tmp_path / "run").exists()
