@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic passivity`: is this display passive, is it stable, by how much, and what to change."""
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from haptic_device.analysis.verdict import Display, advise, judge
+
+
+def passivity(
+    stiffness: Annotated[float, typer.Option(help="Stiffness K of the wall or coupling (N/m).")],
+    damping: Annotated[float, typer.Option(help="Its virtual damping B, of either sign (N s/m).")],
+    physical_damping: Annotated[float, typer.Option(help="Physical damping b of the device (N s/m).")],
+    period: Annotated[float, typer.Option(help="Servo period T (s).")],
+    mass: Annotated[float, typer.Option(help="Moving mass m of the device (kg); only stability needs it.")] = 0.1,
+    delay_samples: Annotated[float, typer.Option(help="Loop delay in periods, fractions allowed.")] = 0.0,
+    velocity_lag: Annotated[float, typer.Option(help="Time constant of the velocity filter (s).")] = 0.0,
+    resolution: Annotated[float, typer.Option(help="Encoder step (m); 0 leaves quantization out.")] = 0.0,
+    coulomb: Annotated[float, typer.Option(help="Coulomb friction of the device (N).")] = 0.0,
+    plot: Annotated[Path | None, typer.Option(help="Write the K-B plane to this PNG file.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
+):
+    """Passivity and stability of a wall or coupling on a sampled device (Colgate, Stanley & Brown 1995)."""
+    display = Display(
+        stiffness, damping, physical_damping, period, mass, delay_samples, velocity_lag, resolution, coulomb
+    )
+    try:
+        verdict = judge(display)
+        if plot is not None:
+            _save(display, verdict, plot)
+    except (ValueError, OSError) as error:
+        typer.echo(f"haptic passivity: {error}", err=True)
+        raise typer.Exit(2) from None
+    if as_json:
+        typer.echo(json.dumps(_report(display, verdict)))
+    else:
+        _show(display, verdict)
+
+
+def _save(display, verdict, path):
+    from haptic_device.analysis.passivity_figure import save_map
+
+    save_map(display, verdict, path)
+
+
+def _report(display, verdict):
+    """Inputs, results and the advice; JSON has no infinity, so a need without end is null."""
+    values = {**display._asdict(), **verdict._asdict()}
+    finite = {key: value if math.isfinite(value) else None for key, value in values.items()}
+    return {**finite, "advice": advise(display, verdict)}
+
+
+def _show(display, verdict):
+    table = Table(title=_heading(display), title_justify="left")
+    for column in ("question", "answer", "has", "needs"):
+        table.add_column(column, justify="left" if column == "question" else "right")
+    for row in _rows(display, verdict):
+        table.add_row(*row)
+    console = Console(width=None if Console().is_terminal else 100)
+    console.print(table)
+    console.print(advise(display, verdict), soft_wrap=True)
+
+
+def _rows(display, verdict):
+    has, wall = f"b = {display.physical_damping:.4g} N s/m", f"K = {display.stiffness:.5g} N/m"
+    coupling, limit = verdict.b_required_mu, verdict.stiffness_max_passive
+    yield "passive as a wall, any operator", _word(verdict.margin > 0.0), has, f"b > {verdict.b_required:.4g} N s/m"
+    yield "passive as a coupling, any simulation", _word(verdict.mu_passive), has, f"b > {coupling:.4g} N s/m"
+    if display.resolution > 0.0:
+        friction, needed = display.coulomb, verdict.coulomb_required
+        yield "encoder step covered by friction", _word(friction >= needed), f"{friction:.4g} N", f"{needed:.4g} N"
+    yield "largest passive stiffness", _word(display.stiffness < limit), wall, f"K < {limit:.5g} N/m"
+    yield "stable without operator", _word(verdict.stable), wall, f"K < {verdict.stiffness_max_stable:.5g} N/m"
+
+
+def _word(holds):
+    return "[green]yes[/green]" if holds else "[red]no[/red]"
+
+
+def _heading(display):
+    return (
+        f"K = {display.stiffness:g} N/m, B = {display.damping:g} N s/m, b = {display.physical_damping:g} N s/m, "
+        f"T = {display.period:g} s, m = {display.mass:g} kg,\ndelay {display.delay_samples:g} T, velocity lag "
+        f"{display.velocity_lag:g} s, encoder step {display.resolution:g} m, friction {display.coulomb:g} N"
+    )
