@@ -37,7 +37,7 @@ class LoopbackNode(ManagedNode):
         self.device = description.load_device(self.values["device"])
         self.plant, self.motion = description.plant_of(self.device), operator.script(self.values)
         self.memory = np.zeros(1, plant.PLANT_MEMORY)
-        self._set_hand()
+        operator.grip_by(self.plant, self.values)
         start = np.array(self.values["motion.start"]) * [axis < len(self.device.axes) for axis in range(3)]
         self._check_start(start)
         scale = np.array([self.device.scale[0], self.device.scale[0], self.device.scale[1]])
@@ -70,11 +70,6 @@ class LoopbackNode(ManagedNode):
         if self.page is not None:
             self.page.close()
         self.page = None
-
-    def _set_hand(self):
-        for field in ("mass", "damping", "stiffness"):
-            self.plant[f"hand_{field}"][0, :2] = self.values[f"hand.{field}"]
-            self.plant[f"hand_{field}"][0, 2] = self.values[f"hand.rotational_{field}"]
 
     def _check_start(self, start):
         for axis, position in zip(self.device.axes, start, strict=False):

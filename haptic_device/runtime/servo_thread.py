@@ -26,7 +26,7 @@ class ServoThread:
     def __init__(self, device_link, settings, home=None, realtime="prefer"):
         self.link, self._home, self._wish = device_link, home, realtime
         self.settings, self.gains = Mailbox(servo.SETTINGS), Mailbox(GAINS)
-        self.tool, self.row, self.ring = Mailbox(loop.TOOL), Mailbox(servo.TICK), Ring(servo.TICK, RING_ROWS + 1)
+        self.tool, self.row, self.ring = Mailbox(loop.TOOL), Mailbox(servo.TICK), Ring(servo.TICK, RING_ROWS)
         self.control = np.zeros(loop.CONTROLS, np.int64)
         self.realtime, self.refusal = "", ""
         self._resets, self._zero = 0, settings["zero"].copy()
