@@ -26,9 +26,9 @@ PARAMETERS = (
 
 
 def _columns(*names):
-    """Structured type of float64 columns; `name*` is one per axis, `name#` one per wall."""
-    widths = {"*": AXES, "#": wall.MOST}
-    return np.dtype([(n.rstrip("*#"), "f8", (widths[n[-1]],)) if n[-1] in widths else (n, "f8") for n in names])
+    """Structured type of float64 columns; `name*` is one per axis, `name#` one per wall, `name^` a history."""
+    widths = {"*": AXES, "#": wall.MOST, "^": encoder.KEPT}
+    return np.dtype([(n.rstrip("*#^"), "f8", (widths[n[-1]],)) if n[-1] in widths else (n, "f8") for n in names])
 
 
 TRACE_VERSION = 1
@@ -42,7 +42,8 @@ OUTPUTS = (
     *("position*", "velocity*", "coupling_position*", "coupling_velocity*"),  # handle and what the coupling pulls to
     *("force_walls*", "force_coupling*", "force_cancellation*", "force_passivity*", "force_gravity*"),
     *("force_on_handle*", "motor*"),  # total as the motor holds it, at the device; and in motor units
-    *("engage", "exchange_fade", "cancellation_fade", "exchange_energy", "energy_given*", "margin*"),
+    *("engage", "exchange_fade", "cancellation_fade", "exchange_energy", "energy_given*"),
+    *("generated*", "injected*", "injections", "margin*"),  # observer [J], controller [N s/m], ticks it acted; [N s/m]
     *("state", "fault"),
 )
 TICK = _columns(*INPUTS, *OUTPUTS)
@@ -53,13 +54,17 @@ SETTINGS = _columns(
     *("position_low*", "position_high*", "velocity_limit*", "force_limit*"),
     *("stiffness*", "damping*"),  # of the coupling
     *("walls", "wall_x#", "wall_y#", "wall_offset#", "wall_stiffness#", "wall_damping#"),
-    *("cancellation_ratio", "cancellation_band", "cancellation_stretch", "velocity_lag"),
+    *("cancellation_ratio", "cancellation_band", "cancellation_stretch", "cancellation_source", "cancellation_filter"),
+    *("velocity_estimator", "velocity_lag", "velocity_window"),
+    *("passivity_control", "passivity_budget", "margin*", "cross"),
     *("exchange_hold", "exchange_fade", "engage_time", "engage_force", "silence", "saturation"),
 )
 
 MEMORY = _columns(
     *("started", "latched", "device_position*", "device_velocity*", "offset*"),
+    *("history", "times^", "positions_x^", "positions_y^", "positions_theta^"),
     *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated"),
+    *("drag*", "moved*", "world*", "pulled*", "coupled", "growth*", "damper*", "store*", "generated*", "injections"),
 )
 
 FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor
@@ -72,38 +77,117 @@ def tick(settings, memory, row):
     _take_tool(settings, memory, row)
     _walls(settings, row)
     _coupling(settings, row)
-    _cancellation(settings, row)
+    _cancellation(settings, memory, row)
+    _control_passivity(settings, memory, row)
     _faults(settings, memory, row)
     _engage(settings, memory, row)
     _command_motor(settings, memory, row)
+    _remember_gains(settings, memory, row)
 
 
 @kernel
 def _sense(settings, memory, row):
     """Counts to handle position and velocity; books the energy of the hold that ends here."""
     elapsed = (row.latched - memory.latched) * 1e-9 if memory.started else 0.0
-    opened = (int(row.command) & engage.CLUTCH) != 0
+    _keep_time(memory, row, elapsed)
     for i in range(int(settings.axes)):
         before = memory.device_position[i]
         position = encoder.position_of(row.counts[i], settings.position_per_count[i], settings.zero[i])
         moved = position - before if memory.started else 0.0
-        velocity = encoder.velocity_of(memory.device_velocity[i], moved, elapsed, settings.velocity_lag)
-        if opened:
-            world = kinematics.to_world(before, settings.scale[i], memory.offset[i])
-            memory.offset[i] = kinematics.clutched_offset(world, position, settings.scale[i])
-        held, damping = memory.held_force[i], settings.physical_damping[i]
-        memory.energy_given[i] += passivity.energy_booked(held, moved, damping, elapsed)
-        latched = fault.motion_fault(
-            position, velocity, settings.position_low[i], settings.position_high[i], settings.velocity_limit[i],
-            moved, elapsed,
-        )  # fmt: skip
-        if latched != fault.NONE and memory.fault == fault.NONE:
-            memory.fault = latched
+        memory.moved[i] = moved
+        velocity = _velocity(settings, memory, i, position, moved, elapsed)
+        _check_motion(settings, memory, i, position, velocity, moved, elapsed)
+        _to_world(settings, memory, row, i, before, position, velocity)
         memory.device_position[i], memory.device_velocity[i] = position, velocity
-        row.position[i] = kinematics.to_world(position, settings.scale[i], memory.offset[i])
-        row.velocity[i] = 0.0 if opened else settings.scale[i] * velocity
-        row.energy_given[i] = memory.energy_given[i]
+        memory.drag[i] = cancellation.filtered_drag(memory.drag[i], row.drag[i], elapsed, settings.cancellation_filter)
+    _book(settings, memory, row, elapsed)
+    for i in range(AXES):
+        row.energy_given[i], row.generated[i] = memory.energy_given[i], memory.generated[i]
+        row.margin[i], memory.world[i] = settings.margin[i], row.position[i]
     memory.started, memory.latched = 1.0, row.latched
+
+
+@kernel
+def _keep_time(memory, row, elapsed):
+    """A new sample's place in the history."""
+    if elapsed > 0.0 or not memory.started:
+        memory.history += 1.0
+        memory.times[int(memory.history) % encoder.KEPT] = row.latched * 1e-9
+
+
+@kernel
+def _velocity(settings, memory, i, position, moved, elapsed):
+    """Device velocity of axis i by the estimator that is set."""
+    history = memory.positions_x if i == 0 else (memory.positions_y if i == 1 else memory.positions_theta)
+    newest = int(memory.history) % encoder.KEPT
+    history[newest] = position
+    if settings.velocity_estimator == encoder.ADAPTIVE_WINDOW:
+        count, longest = int(min(memory.history, encoder.KEPT)), int(settings.velocity_window)
+        step = 1.01 * abs(settings.position_per_count[i])  # an end-fit line passes through quantized ends
+        return encoder.adaptive_velocity(memory.times, history, newest, count, longest, step)
+    lag = settings.velocity_lag if settings.velocity_estimator == encoder.LOWPASS else 0.0
+    return encoder.velocity_of(memory.device_velocity[i], moved, elapsed, lag)
+
+
+@kernel
+def _book(settings, memory, row, elapsed):
+    """Energy given, and energy generated by the laws, over the hold that ends here."""
+    if elapsed <= 0.0:
+        return
+    _spring_growth(settings, memory, row)
+    for i in range(int(settings.axes)):
+        moved, damping = memory.moved[i], settings.physical_damping[i]
+        memory.energy_given[i] += passivity.energy_booked(memory.held_force[i], moved, damping, elapsed)
+        store = passivity.damping_store(memory.damper[i], moved, elapsed)
+        made = passivity.energy_generated(memory.held_force[i], moved, memory.growth[i], damping, elapsed)
+        memory.generated[i] = max(0.0, memory.generated[i] + made + store - memory.store[i])
+        memory.store[i] = store
+
+
+@kernel
+def _spring_growth(settings, memory, row):
+    """How the stores of all springs that held grew from the last sample to this one, by axis: x first, then y.
+
+    A wall that is not square to the axes couples them: its cross term K n_x n_y dx dy falls to y. Half of its bound by
+    λ dx² + dy²/λ is moved to x; with the λ of the settings each axis then stays within its own damping whenever both
+    together do.
+    """
+    before, now = memory.world, row.position
+    for i in range(int(settings.axes)):
+        stiffness, pulled = memory.coupled * settings.stiffness[i], memory.pulled[i]
+        memory.growth[i] = coupling.coupling_store(stiffness, pulled - now[i])
+        memory.growth[i] -= coupling.coupling_store(stiffness, pulled - before[i])
+        memory.growth[i] += memory.engage * settings.gravity[i] * -memory.moved[i]
+    for j in range(int(settings.walls)):
+        nx, ny, offset = settings.wall_x[j], settings.wall_y[j], settings.wall_offset[j]
+        stiffness = memory.engage * settings.wall_stiffness[j]
+        start = wall.wall_store(stiffness, wall.wall_depth(nx, ny, offset, before[0], before[1]))
+        corner = wall.wall_store(stiffness, wall.wall_depth(nx, ny, offset, now[0], before[1]))
+        end = wall.wall_store(stiffness, wall.wall_depth(nx, ny, offset, now[0], now[1]))
+        cross = 0.5 * abs(stiffness * nx * ny) * settings.cross * (now[0] - before[0]) ** 2
+        cross = cross if start + corner + end > 0.0 else 0.0
+        memory.growth[0] += corner - start + cross
+        memory.growth[1] += end - corner - cross
+
+
+@kernel
+def _check_motion(settings, memory, i, position, velocity, moved, elapsed):
+    low, high, limit = settings.position_low[i], settings.position_high[i], settings.velocity_limit[i]
+    code = fault.motion_fault(position, velocity, low, high, limit, moved, elapsed)
+    if code != fault.NONE and memory.fault == fault.NONE:
+        memory.fault = code
+
+
+@kernel
+def _to_world(settings, memory, row, i, before, position, velocity):
+    """Handle in the world; under an open clutch it stays where it is."""
+    scale = settings.scale[i]
+    opened = (int(row.command) & engage.CLUTCH) != 0
+    if opened:
+        world = kinematics.to_world(before, scale, memory.offset[i])
+        memory.offset[i] = kinematics.clutched_offset(world, position, scale)
+    row.position[i] = kinematics.to_world(position, scale, memory.offset[i])
+    row.velocity[i] = 0.0 if opened else scale * velocity
 
 
 @kernel
@@ -141,22 +225,41 @@ def _coupling(settings, row):
 
 
 @kernel
-def _cancellation(settings, row):
+def _cancellation(settings, memory, row):
     """Negative damping of the device's own, in free space only."""
     clearance = math.inf
     for i in range(int(settings.walls)):
-        depth = wall.wall_depth(
-            settings.wall_x[i], settings.wall_y[i], settings.wall_offset[i], row.position[0], row.position[1]
-        )
-        clearance = min(clearance, -depth)
+        nx, ny = settings.wall_x[i], settings.wall_y[i]
+        clearance = min(clearance, -wall.wall_depth(nx, ny, settings.wall_offset[i], row.position[0], row.position[1]))
     stretch = math.hypot(row.coupling_position[0] - row.position[0], row.coupling_position[1] - row.position[1])
     stretch = stretch if row.exchange_fade > 0.0 else 0.0
     fade = cancellation.cancellation_fade(clearance, settings.cancellation_band, stretch, settings.cancellation_stretch)
     row.cancellation_fade = fade
+    ratio = settings.cancellation_ratio * fade
+    for i in range(int(settings.axes)):
+        damping, velocity = settings.physical_damping[i], memory.device_velocity[i]
+        if settings.cancellation_source == cancellation.MEASURED:
+            force = cancellation.measured_cancellation_force(ratio, memory.drag[i], damping, velocity)
+        else:
+            force = cancellation.cancellation_force(ratio, damping, velocity)
+        row.force_cancellation[i] = force / settings.scale[i]
+
+
+@kernel
+def _control_passivity(settings, memory, row):
+    """Damping injected where the observer finds more energy generated than the budget; at most the physical damping."""
+    acted = 0.0
     for i in range(AXES):
-        damping = settings.physical_damping[i] / settings.scale[i] ** 2
-        ratio = settings.cancellation_ratio * fade
-        row.force_cancellation[i] = cancellation.cancellation_force(ratio, damping, row.velocity[i])
+        most = settings.physical_damping[i] if settings.passivity_control else 0.0
+        velocity = memory.device_velocity[i]
+        injected = passivity.injected_damping(
+            memory.generated[i], settings.passivity_budget, velocity, settings.period, most
+        )
+        row.injected[i] = injected
+        row.force_passivity[i] = -injected * velocity / settings.scale[i]
+        acted = 1.0 if injected > 0.0 else acted
+    memory.injections += acted
+    row.injections = memory.injections
 
 
 @kernel
@@ -213,3 +316,20 @@ def _command_motor(settings, memory, row):
         memory.held_force[i] = row.force_on_handle[i]
         row.motor[i] = row.force_on_handle[i] * settings.motor_per_force[i]
     memory.saturated = memory.saturated + settings.period if saturated else 0.0
+
+
+@kernel
+def _remember_gains(settings, memory, row):
+    """What the observer must know of this hold: how far the coupling counts, where it pulls to, and the dampers."""
+    memory.coupled = row.engage * row.exchange_fade
+    for i in range(int(settings.axes)):
+        memory.pulled[i] = row.coupling_position[i]
+        squared = settings.scale[i] * settings.scale[i]
+        cancelled = settings.cancellation_ratio * row.cancellation_fade * settings.physical_damping[i]
+        memory.damper[i] = squared * memory.coupled * settings.damping[i] + row.engage * (row.injected[i] + cancelled)
+    for j in range(int(settings.walls)):
+        nx, ny = settings.wall_x[j], settings.wall_y[j]
+        depth = wall.wall_depth(nx, ny, settings.wall_offset[j], row.position[0], row.position[1])
+        damping = row.engage * settings.wall_damping[j] if depth > 0.0 else 0.0
+        memory.damper[0] += settings.scale[0] ** 2 * damping * (nx * nx + abs(nx * ny) * settings.cross)
+        memory.damper[1] += settings.scale[1] ** 2 * damping * (ny * ny + abs(nx * ny) / settings.cross)

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_driver: runs the servo on a device, exchanges samples with the simulation, and tells what happens."""
 
+import math
 import secrets
 import sys
 import time
 
+import numpy as np
 from std_srvs.srv import Trigger
 
 from haptic_device import operating
 from haptic_device.device import load_device
 from haptic_device.law import engage, fault
+from haptic_device.law import servo as law
 from haptic_device.node import wire
 from haptic_device.node.declared import DRIVER
 from haptic_device.node.exchange_thread import ExchangeThread
@@ -31,7 +34,7 @@ class DriverNode(ManagedNode):
     def __init__(self):
         super().__init__("haptic_driver", DRIVER)
         self.link = self.servo = self.exchange = self.telemetry = None
-        self._version, self._enabled_once, self._said = 0, False, set()
+        self._version, self._enabled_once, self._said, self._margin = 0, False, set(), math.inf
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
         for name in ("enable", "disable", "estop", "reset"):
             self.create_service(Trigger, f"~/{name}", getattr(self, f"_on_{name}"))
@@ -43,7 +46,7 @@ class DriverNode(ManagedNode):
         """Reads the device description and takes the device."""
         clock.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)
         self.device = load_device(self.values["device"])
-        operating.settings_from(self.device, self.values)
+        self._judge(operating.settings_from(self.device, self.values), self.values)
         self.link = PageLink(self.page_name(page_name), secrets.randbits(48) | 1)
         if self.link.stale:
             self.get_logger().warning("took over a stale page of a process that had died")
@@ -79,11 +82,34 @@ class DriverNode(ManagedNode):
         """Takes live changes at the next tick boundary; raises ValueError to refuse them."""
         if self.servo is not None:
             settings = operating.settings_from(self.device, values, self._version + 1)
+            self._judge(settings, values)
             self._version += 1
+            settings["margin"] = operating.margins(settings[0], self._lateness())[0]
             self.servo.set(settings)
             self.servo.gains.put(operating.gains_from(values))
             self._set_flag(engage.CLUTCH, values["clutch.open"])
         self.values = values
+
+    def _judge(self, settings, values):
+        """Refuses (ValueError), says or takes gains beyond the device's damping, as passivity.policy wants it."""
+        sentence = operating.refusal(settings[0], self._lateness()) if values["passivity.policy"] != "off" else ""
+        if sentence and values["passivity.policy"] == "enforce":
+            raise ValueError(sentence)
+        if sentence:
+            self._say("warning", sentence)
+
+    def _lateness(self):
+        """How late forces act [s]: the device's own delays, and the p99 of the measured lateness of the writes."""
+        measured = self.telemetry.percentiles()[0, 1] if self.telemetry is not None else math.nan
+        delays = self.device.sensing_delay + self.device.actuation_delay
+        return delays + (0.0 if math.isnan(measured) else measured)
+
+    def _follow_margin(self):
+        """The margin of the gains in force, with the lateness as measured now."""
+        settings = self.servo.settings.get().view(np.ndarray).view(law.SETTINGS)
+        by_axis, self._margin = operating.margins(settings[0], self._lateness())
+        settings["margin"] = by_axis
+        self.servo.set(settings)
 
     def _set_flag(self, flag, wanted):
         self.servo.order(**({"set_flags": flag} if wanted else {"clear_flags": flag}))
@@ -151,6 +177,7 @@ class DriverNode(ManagedNode):
     def _diagnose(self):
         if self.telemetry is None:
             return
+        self._follow_margin()
         row = self.servo.row.get()[0]
         level, message = self._verdict(row)
         now = self.get_clock().now().nanoseconds
@@ -164,6 +191,11 @@ class DriverNode(ManagedNode):
             return "warn", "no device: waiting for its page"
         if row.tool_age < 0.0:
             return "warn", "no simulation: the handle is in free space"
+        if self._margin <= 0.0 and self.values["passivity.policy"] != "off":
+            return (
+                "warn",
+                f"passivity margin {self._margin:.3g} N s/m: gains need more damping at the measured lateness",
+            )
         if row.exchange_fade < 1.0:
             return "warn", f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling is let go"
         return "ok", engage.STATES[int(row.state)]
@@ -190,6 +222,11 @@ class DriverNode(ManagedNode):
             "exchange_sent": self.exchange.sent,
             "exchange_answered": self.exchange.answered,
             "exchange_method": self.values["exchange.method"],
+            "physical_damping": ", ".join(f"{axis.damping:g}" for axis in self.device.axes),
+            "passivity_margin": f"{self._margin:.4f}",
+            "lateness_counted_us": f"{self._lateness() * 1e6:.1f}",
+            "injections": int(row.injections),
+            "generated": f"{max(row.generated):.6f}",
             "energy_given": f"{sum(row.energy_given):.6f}",
         }
 

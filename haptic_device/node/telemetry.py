@@ -51,7 +51,7 @@ class Telemetry:
             now = int(clock.now_ns(self._scratch))
             for i, act in enumerate(acts):
                 if now >= due[i]:
-                    due[i] = max(due[i] + periods[i], now)
+                    due[i] = max(due[i] + periods[i], now - periods[i])
                     act(self._servo.row.get()[0], now)
             clock.sleep_until(min(due), self._scratch)
         self._publish_trace(None, int(clock.now_ns(self._scratch)))
@@ -77,9 +77,14 @@ class Telemetry:
             self._pose.publish(wire.pose(stamp, FRAME, row.position))
 
     def _publish_trace(self, row, now):
-        while len(rows := self._servo.ring.take(MOST_ROWS)):
-            self._remember(rows)
-            if self._values["publish.trace"]:
+        """Everything that waits in the ring, in blocks; stops at one that is not full, for rows never stop coming."""
+        count = MOST_ROWS
+        while count == MOST_ROWS:
+            rows = self._servo.ring.take(MOST_ROWS)
+            count = len(rows)
+            if count:
+                self._remember(rows)
+            if count and self._values["publish.trace"]:
                 self._trace.publish(wire.trace_cloud(self._stamp(rows[0].view(np.recarray), now), FRAME, rows))
 
     def _remember(self, rows):
