@@ -64,7 +64,21 @@ MEMORY = _columns(
     *("started", "latched", "device_position*", "device_velocity*", "offset*"),
     *("history", "times^", "positions_x^", "positions_y^", "positions_theta^"),
     *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated"),
-    *("drag*", "moved*", "world*", "pulled*", "coupled", "growth*", "damper*", "store*", "generated*", "injections"),
+    *(
+        "drag*",
+        "moved*",
+        "world*",
+        "pulled*",
+        "coupled",
+        "limited*",
+        "cancelled*",
+        "credit",
+        "growth*",
+        "damper*",
+        "store*",
+        "generated*",
+        "injections",
+    ),
 )
 
 FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor
@@ -99,7 +113,7 @@ def _sense(settings, memory, row):
         _check_motion(settings, memory, i, position, velocity, moved, elapsed)
         _to_world(settings, memory, row, i, before, position, velocity)
         memory.device_position[i], memory.device_velocity[i] = position, velocity
-        memory.drag[i] = cancellation.filtered_drag(memory.drag[i], row.drag[i], elapsed, settings.cancellation_filter)
+        _filter_drag(settings, memory, row, i, elapsed)
     _book(settings, memory, row, elapsed)
     for i in range(AXES):
         row.energy_given[i], row.generated[i] = memory.energy_given[i], memory.generated[i]
@@ -137,9 +151,11 @@ def _book(settings, memory, row, elapsed):
     _spring_growth(settings, memory, row)
     for i in range(int(settings.axes)):
         moved, damping = memory.moved[i], settings.physical_damping[i]
+        held = memory.held_force[i] - memory.cancelled[i]
         memory.energy_given[i] += passivity.energy_booked(memory.held_force[i], moved, damping, elapsed)
         store = passivity.damping_store(memory.damper[i], moved, elapsed)
-        made = passivity.energy_generated(memory.held_force[i], moved, memory.growth[i], damping, elapsed)
+        grown = -held * moved if memory.limited[i] else memory.growth[i]  # a force at its limit stores force · way
+        made = passivity.energy_generated(held, moved, grown, memory.credit * damping, elapsed)
         memory.generated[i] = max(0.0, memory.generated[i] + made + store - memory.store[i])
         memory.store[i] = store
 
@@ -176,6 +192,15 @@ def _check_motion(settings, memory, i, position, velocity, moved, elapsed):
     code = fault.motion_fault(position, velocity, low, high, limit, moved, elapsed)
     if code != fault.NONE and memory.fault == fault.NONE:
         memory.fault = code
+
+
+@kernel
+def _filter_drag(settings, memory, row, i, elapsed):
+    """The measured drag behind its filter, which must never swallow what is not a number."""
+    if abs(row.drag[i]) < math.inf:
+        memory.drag[i] = cancellation.filtered_drag(memory.drag[i], row.drag[i], elapsed, settings.cancellation_filter)
+    elif memory.fault == fault.NONE:
+        memory.fault = fault.NOT_A_NUMBER
 
 
 @kernel
@@ -301,13 +326,14 @@ def _command_motor(settings, memory, row):
     saturated = False
     for i in range(AXES):
         total = row.force_walls[i] + row.force_coupling[i] + row.force_cancellation[i] + row.force_passivity[i]
+        if not abs(total) < math.inf:  # before any limit, which would make a force of it
+            memory.fault = row.fault = memory.fault if memory.fault != fault.NONE else fault.NOT_A_NUMBER
         limit = settings.force_limit[i]
         force = kinematics.to_device_force(row.engage * min(limit, max(-limit, total)), settings.scale[i])
         row.force_gravity[i] = settings.gravity[i] if row.engage > 0.0 else 0.0
         force += row.engage * row.force_gravity[i]
         saturated |= abs(force) > settings.device_limit[i]
-        if not abs(force) < math.inf:
-            memory.fault = row.fault = fault.NOT_A_NUMBER
+        memory.limited[i] = abs(total) > limit or abs(force) > settings.device_limit[i]
         force = min(settings.device_limit[i], max(-settings.device_limit[i], force))
         row.force_on_handle[i] = force
     for i in range(AXES):
@@ -322,11 +348,15 @@ def _command_motor(settings, memory, row):
 def _remember_gains(settings, memory, row):
     """What the observer must know of this hold: how far the coupling counts, where it pulls to, and the dampers."""
     memory.coupled = row.engage * row.exchange_fade
+    ratio = row.engage * settings.cancellation_ratio * row.cancellation_fade
+    measured = settings.cancellation_source == cancellation.MEASURED
+    memory.credit = 1.0 - ratio if measured else 1.0  # what cancels measured drag is paid by that drag, b or not
     for i in range(int(settings.axes)):
         memory.pulled[i] = row.coupling_position[i]
         squared = settings.scale[i] * settings.scale[i]
-        cancelled = settings.cancellation_ratio * row.cancellation_fade * settings.physical_damping[i]
-        memory.damper[i] = squared * memory.coupled * settings.damping[i] + row.engage * (row.injected[i] + cancelled)
+        memory.cancelled[i] = row.engage * settings.scale[i] * row.force_cancellation[i] if measured else 0.0
+        cancelled = 0.0 if measured else ratio * settings.physical_damping[i]
+        memory.damper[i] = squared * memory.coupled * settings.damping[i] + row.engage * row.injected[i] + cancelled
     for j in range(int(settings.walls)):
         nx, ny = settings.wall_x[j], settings.wall_y[j]
         depth = wall.wall_depth(nx, ny, settings.wall_offset[j], row.position[0], row.position[1])
