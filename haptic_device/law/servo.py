@@ -33,7 +33,14 @@ def _columns(*names):
 
 TRACE_VERSION = 1
 INPUTS = (
-    *("tick", "deadline", "lateness", "compute", "missed"),  # ns of CLOCK_MONOTONIC; s; s, of the tick before; count
+    *(
+        "tick",
+        "deadline",
+        "lateness",
+        "compute",
+        "write_delay",
+        "missed",
+    ),  # ns of CLOCK_MONOTONIC; s; s and s of the tick before; count
     *("parameter_version", "command", "latched", "counts*", "drag*", "device_status"),  # latched: ns, of the counts
     *("tool_session", "tool_sequence", "tool_answered", "tool_age", "tool_position*", "tool_velocity*", "tool_effort*"),
     *("tool_contact", "tool_energy", "contact_set", "handle_sequence"),

@@ -99,8 +99,8 @@ class DriverNode(ManagedNode):
             self._say("warning", sentence)
 
     def _lateness(self):
-        """How late forces act [s]: the device's own delays, and the p99 of the measured lateness of the writes."""
-        measured = self.telemetry.percentiles()[0, 1] if self.telemetry is not None else math.nan
+        """How late forces act [s]: the device's own delays, and the p99 of the measured delay of the writes."""
+        measured = self.telemetry.percentiles()[3, 1] if self.telemetry is not None else math.nan
         delays = self.device.sensing_delay + self.device.actuation_delay
         return delays + (0.0 if math.isnan(measured) else measured)
 
@@ -201,7 +201,7 @@ class DriverNode(ManagedNode):
         return "ok", engage.STATES[int(row.state)]
 
     def _figures(self, row):
-        lateness, compute, age = self.telemetry.percentiles() * 1e6
+        lateness, compute, age, _ = self.telemetry.percentiles() * 1e6
         return {
             "state": engage.STATES[int(row.state)],
             "fault": fault.name_of(row.fault),

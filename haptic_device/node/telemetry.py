@@ -27,7 +27,7 @@ class Telemetry:
         self._pose = node.create_publisher(wire.PoseStamped, "pose", wire.STREAM)
         self._trace = node.create_publisher(wire.PointCloud2, "trace", wire.TRACE)
         self._node, self._stopped, self._scratch = node, False, clock.scratch()
-        self._recent = np.zeros((WINDOW, 3))  # lateness [s], compute [s], age [s] of the last ticks
+        self._recent = np.zeros((WINDOW, 4))  # lateness, compute, age, write delay [s] of the last ticks
         self._ticks = 0
         self._thread = threading.Thread(target=self._run, name="telemetry")
         self._thread.start()
@@ -40,7 +40,7 @@ class Telemetry:
             self._node.destroy_publisher(publisher)
 
     def percentiles(self):
-        """(lateness, compute, age) percentiles 50, 99, 99.9, 100 of the last ticks [s]; age NaN where there is none."""
+        """Percentiles 50, 99, 99.9, 100 of lateness, compute, age and write delay of the last ticks [s]; NaN for none."""
         recent = self._recent[: min(self._ticks, WINDOW)]
         return np.array([_percentiles(column[column >= 0.0]) for column in recent.T])
 
@@ -89,7 +89,9 @@ class Telemetry:
 
     def _remember(self, rows):
         index = np.arange(self._ticks, self._ticks + len(rows)) % WINDOW
-        self._recent[index] = np.stack([rows["lateness"], rows["compute"], rows["tool_age"]], axis=1)
+        self._recent[index] = np.stack(
+            [rows["lateness"], rows["compute"], rows["tool_age"], rows["write_delay"]], axis=1
+        )
         self._ticks += len(rows)
 
 
