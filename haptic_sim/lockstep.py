@@ -27,6 +27,9 @@ class Network(NamedTuple):
     seed: int = 0
 
 
+PERFECT = Network()
+
+
 class Lockstep:
     """The system of one operating point; `run` goes on where it stopped.
 
@@ -34,7 +37,7 @@ class Lockstep:
     [s] from each deadline to the motor's write. Without a simulation the handle is in free space.
     """
 
-    def __init__(self, device, driver, loopback, simulation: Simulation | None, network=Network(), write_delay=0.0):
+    def __init__(self, device, driver, loopback, simulation: Simulation | None, network=PERFECT, write_delay=0.0):
         self.device, self.simulation, self.network = device, simulation, network
         self.settings = operating.settings_from(device, driver)
         self.gains = operating.gains_from(driver)[0]

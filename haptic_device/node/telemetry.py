@@ -40,7 +40,7 @@ class Telemetry:
             self._node.destroy_publisher(publisher)
 
     def percentiles(self):
-        """Percentiles 50, 99, 99.9, 100 of lateness, compute, age and write delay of the last ticks [s]; NaN for none."""
+        """Percentiles 50, 99, 99.9, 100 of lateness, compute, age, write delay of the last ticks [s]; NaN for none."""
         recent = self._recent[: min(self._ticks, WINDOW)]
         return np.array([_percentiles(column[column >= 0.0]) for column in recent.T])
 
