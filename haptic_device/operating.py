@@ -5,8 +5,20 @@ import math
 
 import numpy as np
 
-from haptic_device.device import settings_of
-from haptic_device.law import cancellation, coupling, encoder, engage, exchange, fault, passivity, servo, wall
+from haptic_device.device import plant_of, settings_of
+from haptic_device.law import (
+    cancellation,
+    coupling,
+    encoder,
+    engage,
+    exchange,
+    fault,
+    operator,
+    passivity,
+    plant,
+    servo,
+    wall,
+)
 from haptic_device.runtime.exchange import GAINS
 
 PARAMETERS = (
@@ -33,9 +45,33 @@ DIRECT = {  # parameter → field of SETTINGS with the same number
     "exchange.fade": "exchange_fade",
     "engage.time": "engage_time",
     "engage.force": "engage_force",
+    "engage.torque": "engage_torque",
     "fault.silence": "silence",
     "fault.saturation": "saturation",
 }
+
+
+def hand_from(device, values):
+    """Loopback's records of these parameter values: PLANT with its hand, PLANT_MEMORY at the start, MOTION.
+
+    motion.* is in the world; the records are in the device's own units. Raises ValueError where the start lies outside
+    the workspace.
+    """
+    body, memory, motion = plant_of(device), np.zeros(1, plant.PLANT_MEMORY), operator.script(values)
+    operator.grip_by(body, values)
+    scale = np.array([device.scale[0], device.scale[0], device.scale[1]])
+    motion["points"] /= scale
+    motion["radius"] /= device.scale[0]
+    there = np.arange(3) < len(device.axes)
+    start = np.where(there, values["motion.start"], 0.0) / scale
+    for axis, position in zip(device.axes, start, strict=False):
+        low, high = axis.workspace
+        unit = "rad" if axis.name == "theta" else "m"
+        if not low <= position <= high:
+            given = f"motion.start {axis.name} is at {position:g} {unit} of the device"
+            raise ValueError(f"{given}; its workspace is {low:g} to {high:g} {unit}")
+    memory["position"] = memory["target"] = start
+    return body, memory, motion
 
 
 def settings_from(device, values, version=0):
@@ -56,7 +92,7 @@ def settings_from(device, values, version=0):
 
 
 def margins(settings, lateness):
-    """Physical damping left over [N s/m | N m s/rad]: by axis (3), and in the worst direction of x and y, and theta.
+    """Physical damping left over: by axis (3), in the worst direction of x and y [N s/m], about theta [N m s/rad].
 
     diag(b) less, for every wall and the coupling, scale² times what each needs along its direction (law/passivity).
     lateness: how late forces act beyond the nominal period [s], delays of the device included.
@@ -64,8 +100,8 @@ def margins(settings, lateness):
     need = _needs(settings, lateness)
     left = np.diag(settings["physical_damping"]) - need
     axes = int(settings["axes"])
-    plane = np.linalg.eigvalsh(left[: min(2, axes), : min(2, axes)])[0]
-    return np.diag(left) * (np.arange(3) < axes), min(plane, left[2, 2]) if axes == 3 else plane
+    plane = float(np.linalg.eigvalsh(left[: min(2, axes), : min(2, axes)])[0])
+    return np.diag(left) * (np.arange(3) < axes), plane, float(left[2, 2]) if axes == 3 else math.inf
 
 
 def _needs(settings, lateness, coupled=True):
@@ -92,7 +128,7 @@ def _cross(settings):
 
 def refusal(settings, lateness=0.0):
     """The sentence that refuses gains which the device's damping does not cover; "" if it covers them."""
-    if margins(settings, lateness)[1] > 0.0:
+    if min(margins(settings, lateness)[1:]) > 0.0:
         return ""
     return next(filter(None, _blames(settings, lateness)), _together(settings, lateness))
 

@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_device import operating
-from haptic_device.device import plant_of
-from haptic_device.law import engage, operator, plant, servo
+from haptic_device.law import engage, servo
 from haptic_device.runtime import loop
 from haptic_sim.simulation import HandleSample, Simulation
 
@@ -42,10 +41,7 @@ class Lockstep:
         self.settings = operating.settings_from(device, driver)
         self.gains = operating.gains_from(driver)[0]
         self.memory, self.tool = np.zeros(1, servo.MEMORY), np.zeros(1, loop.TOOL)
-        self.plant, self.plant_memory = plant_of(device), np.zeros(1, plant.PLANT_MEMORY)
-        self.motion = operator.script(loopback)
-        operator.grip_by(self.plant, loopback)
-        self.plant_memory["position"] = self.plant_memory["target"] = self.motion["points"][0, 0]
+        self.plant, self.plant_memory, self.motion = operating.hand_from(device, loopback)
         self.ticks, self.period = 0, round(SECOND / driver["servo.rate"])
         self.exchange_period = SECOND / driver["exchange.rate"]
         self.write_delay, self.command = round(write_delay * SECOND), engage.ENABLE

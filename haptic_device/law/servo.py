@@ -64,7 +64,7 @@ SETTINGS = _columns(
     *("cancellation_ratio", "cancellation_band", "cancellation_stretch", "cancellation_source", "cancellation_filter"),
     *("velocity_estimator", "velocity_lag", "velocity_window"),
     *("passivity_control", "passivity_budget", "margin*", "cross"),
-    *("exchange_hold", "exchange_fade", "engage_time", "engage_force", "silence", "saturation"),
+    *("exchange_hold", "exchange_fade", "engage_time", "engage_force", "engage_torque", "silence", "saturation"),
 )
 
 MEMORY = _columns(
@@ -159,7 +159,8 @@ def _book(settings, memory, row, elapsed):
     for i in range(int(settings.axes)):
         moved, damping = memory.moved[i], settings.physical_damping[i]
         held = memory.held_force[i] - memory.cancelled[i]
-        memory.energy_given[i] += passivity.energy_booked(memory.held_force[i], moved, damping, elapsed)
+        lifted = memory.engage * settings.gravity[i]  # compensation only carries the handle's weight
+        memory.energy_given[i] += passivity.energy_booked(memory.held_force[i] - lifted, moved, damping, elapsed)
         store = passivity.damping_store(memory.damper[i], moved, elapsed)
         grown = -held * moved if memory.limited[i] else memory.growth[i]  # a force at its limit stores force · way
         made = passivity.energy_generated(held, moved, grown, memory.credit * damping, elapsed)
@@ -319,10 +320,9 @@ def _engage(settings, memory, row):
     command = int(row.command)
     enabled = (command & engage.ENABLE) != 0 and (command & engage.CLUTCH) == 0
     wanted = math.hypot(row.force_walls[0] + row.force_coupling[0], row.force_walls[1] + row.force_coupling[1])
-    state = int(memory.state)
-    memory.state = engage.engage_state(
-        state, enabled, memory.fault != fault.NONE, wanted, settings.engage_force, memory.engage
-    )
+    small = wanted < settings.engage_force and abs(row.force_coupling[2]) < settings.engage_torque
+    faulted = memory.fault != fault.NONE
+    memory.state = engage.engage_state(int(memory.state), enabled, faulted, small, memory.engage)
     memory.engage = engage.engage_factor(int(memory.state), memory.engage, settings.period, settings.engage_time)
     row.state, row.engage = memory.state, memory.engage
 

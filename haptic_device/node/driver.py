@@ -34,7 +34,7 @@ class DriverNode(ManagedNode):
     def __init__(self):
         super().__init__("haptic_driver", DRIVER)
         self.link = self.servo = self.exchange = self.telemetry = None
-        self._version, self._enabled_once, self._said, self._margin = 0, False, set(), math.inf
+        self._version, self._enabled_once, self._said, self._margins = 0, False, set(), [math.inf, math.inf]
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
         for name in ("enable", "disable", "estop", "reset"):
             self.create_service(Trigger, f"~/{name}", getattr(self, f"_on_{name}"))
@@ -91,8 +91,14 @@ class DriverNode(ManagedNode):
         self.values = values
 
     def _judge(self, settings, values):
-        """Refuses (ValueError), says or takes gains beyond the device's damping, as passivity.policy wants it."""
+        """Refuses (ValueError), says or takes gains beyond the device's damping, as passivity.policy wants it.
+
+        Gains that leave more than those in force are taken: a servo that runs late must not refuse softer ones.
+        """
         sentence = operating.refusal(settings[0], self._lateness()) if values["passivity.policy"] != "off" else ""
+        if sentence and self.servo is not None:
+            wished = operating.margins(settings[0], self._lateness())[1:]
+            sentence = "" if all(new >= old for new, old in zip(wished, self._in_force(), strict=True)) else sentence
         if sentence and values["passivity.policy"] == "enforce":
             raise ValueError(sentence)
         if sentence:
@@ -104,10 +110,14 @@ class DriverNode(ManagedNode):
         delays = self.device.sensing_delay + self.device.actuation_delay
         return delays + (0.0 if math.isnan(measured) else measured)
 
+    def _in_force(self):
+        """Margins of the gains in force at the measured lateness."""
+        return operating.margins(self.servo.settings.get()[0], self._lateness())[1:]
+
     def _follow_margin(self):
         """The margin of the gains in force, with the lateness as measured now."""
         settings = self.servo.settings.get().view(np.ndarray).view(law.SETTINGS)
-        by_axis, self._margin = operating.margins(settings[0], self._lateness())
+        by_axis, *self._margins = operating.margins(settings[0], self._lateness())
         settings["margin"] = by_axis
         self.servo.set(settings)
 
@@ -118,8 +128,6 @@ class DriverNode(ManagedNode):
         """Enables once by itself if asked to, drops the wish to be enabled on a fault, and says what is new."""
         if self.servo is None:
             return
-        if self.servo.refusal:
-            self._say("error", self.servo.refusal)
         if not self.servo.running:
             return
         self._say("info", f"servo at {self.values['servo.rate']:g} Hz, {self.servo.realtime}")
@@ -191,10 +199,10 @@ class DriverNode(ManagedNode):
             return "warn", "no device: waiting for its page"
         if row.tool_age < 0.0:
             return "warn", "no simulation: the handle is in free space"
-        if self._margin <= 0.0 and self.values["passivity.policy"] != "off":
+        if min(self._margins) <= 0.0 and self.values["passivity.policy"] != "off":
             return (
                 "warn",
-                f"passivity margin {self._margin:.3g} N s/m: gains need more damping at the measured lateness",
+                "the passivity margin is not positive: at the measured lateness the gains need more damping",
             )
         if row.exchange_fade < 1.0:
             return "warn", f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling is let go"
@@ -223,7 +231,8 @@ class DriverNode(ManagedNode):
             "exchange_answered": self.exchange.answered,
             "exchange_method": self.values["exchange.method"],
             "physical_damping": ", ".join(f"{axis.damping:g}" for axis in self.device.axes),
-            "passivity_margin": f"{self._margin:.4f}",
+            "passivity_margin": f"{self._margins[0]:.4f}",
+            "passivity_margin_theta": f"{self._margins[1]:.6f}",
             "lateness_counted_us": f"{self._lateness() * 1e6:.1f}",
             "injections": int(row.injections),
             "generated": f"{max(row.generated):.6f}",

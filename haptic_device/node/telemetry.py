@@ -28,7 +28,7 @@ class Telemetry:
         self._trace = node.create_publisher(wire.PointCloud2, "trace", wire.TRACE)
         self._node, self._stopped, self._scratch = node, False, clock.scratch()
         self._recent = np.zeros((WINDOW, 4))  # lateness, compute, age, write delay [s] of the last ticks
-        self._ticks = 0
+        self._ticks, self._latched, self._position = 0, 0.0, np.zeros(3)
         self._thread = threading.Thread(target=self._run, name="telemetry")
         self._thread.start()
 
@@ -61,20 +61,27 @@ class Telemetry:
         return int(clock.read_clock(clock.REALTIME, self._scratch)) - now + int(row.deadline)
 
     def _publish_axes(self, row, now):
+        """Encoder and motor in the device's own units."""
         if not row.deadline:
             return
-        n = len(self._device.axes)
-        stamp, scale = self._stamp(row, now), [self._device.scale[i // 2] for i in range(n)]
-        position, velocity = row.position[:n] / scale, row.velocity[:n] / scale
-        force, none = row.force_on_handle[:n], np.zeros(n)
-        self._encoder.publish(self._layout.pack(stamp, position, velocity, none))
-        self._motor.publish(self._layout.pack(stamp, row.motor[:n], none, force))
+        n, position = len(self._device.axes), self._device_position(row)
+        elapsed = (row.latched - self._latched) * 1e-9
+        velocity = (position - self._position) / elapsed if elapsed > 0.0 else np.zeros(3)
+        self._latched, self._position = row.latched, position
+        stamp, none = self._stamp(row, now), np.zeros(n)
+        self._encoder.publish(self._layout.pack(stamp, position[:n], velocity[:n], none))
+        self._motor.publish(self._layout.pack(stamp, row.motor[:n], none, row.force_on_handle[:n]))
+
+    def _device_position(self, row):
+        settings = self._servo.settings.get()[0]
+        return row.counts * settings.position_per_count - settings.zero
 
     def _publish_pose(self, row, now):
+        """The operator's side: handle on the device, and the force the motor holds there."""
         if row.deadline:
             stamp = self._stamp(row, now)
             self._wrench.publish(wire.wrench(stamp, FRAME, row.force_on_handle))
-            self._pose.publish(wire.pose(stamp, FRAME, row.position))
+            self._pose.publish(wire.pose(stamp, FRAME, self._device_position(row)))
 
     def _publish_trace(self, row, now):
         """Everything that waits in the ring, in blocks; stops at one that is not full, for rows never stop coming."""
