@@ -10,8 +10,10 @@ COMMANDS = {
     "check": "haptic_sim.cli.check:check",
     "demo": "haptic_sim.cli.demo:demo",
     "docs": "haptic_sim.cli.params_doc:docs",
+    "identify": "haptic_sim.cli.identify:identify",
     "passivity": "haptic_sim.cli.passivity:passivity",
     "record": "haptic_sim.cli.record:record",
+    "zwidth": "haptic_sim.cli.zwidth:zwidth",
 }
 ROS_MISSING = "ROS 2 Jazzy is missing: pip install '.[ros]' in the clone, or source an installed ROS 2 first"
 
