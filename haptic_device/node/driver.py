@@ -140,9 +140,16 @@ class DriverNode(ManagedNode):
             self._enabled_once = True
 
     def _say(self, level, sentence):
-        if sentence not in self._said:
-            self._said.add(sentence)
-            getattr(self.get_logger(), level)(sentence)
+        """Logs a sentence once; rclpy allows each place in the code one severity only."""
+        if sentence in self._said:
+            return
+        self._said.add(sentence)
+        if level == "error":
+            self.get_logger().error(sentence)
+        elif level == "warning":
+            self.get_logger().warning(sentence)
+        else:
+            self.get_logger().info(sentence)
 
     def _on_enable(self, request, response):
         def refusal():

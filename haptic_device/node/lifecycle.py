@@ -2,6 +2,7 @@
 """What the device's nodes have in common: a managed node that starts by itself and ends well."""
 
 import os
+import re
 import signal
 import sys
 
@@ -73,13 +74,22 @@ def _autostart(node):
             raise ValueError(node.refusal)
 
 
+def begin_ros(args):
+    """rclpy.init without signal handlers; ValueError, one sentence, for arguments or a file that ROS cannot read."""
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # rcl's own kinds are nowhere public; their text ends with places in its source
+        sentence = re.sub(r",? at \S+:\d+", "", str(error).removeprefix("failed to initialize rcl: "))
+        raise ValueError(f"ROS does not take these arguments: {' '.join(sentence.split())}") from None
+
+
 def run(make_node, name, args=None):
     """Runs a managed node until SIGINT, SIGTERM or SIGHUP; a refusal is printed as its sentence, exit code 1."""
     told, node = [], None
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda received, frame: told.append(received))
     try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        begin_ros(args)
         node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
@@ -87,7 +97,7 @@ def run(make_node, name, args=None):
         while not told:
             executor.spin_once(timeout_sec=LOOK_UP)
     except (ValueError, OSError) as refusal:
-        print(f"{name}: {refusal}", file=sys.stderr)
+        print(f"{name}: {' '.join(str(refusal).split())}", file=sys.stderr)
         return 1
     finally:
         if node is not None:

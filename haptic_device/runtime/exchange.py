@@ -139,9 +139,9 @@ def _judge(frame, size, state, gains, now):
     sample = np.empty(3 * count)
     for block in range(3):
         sample[block * count : (block + 1) * count] = frame.received[frame.first[block] : frame.first[block] + count]
-    if sample[axes + exchange.ANSWERED] <= state.sequence - REMEMBERED:
-        return exchange.OLD
     peer = exchange.Peer(state.peer_session, state.peer_answered, state.peer_accepted)
-    return exchange.judge_tool(
+    verdict = exchange.judge_tool(
         sample, axes, peer, state.session, state.sequence, state.method, gains.hash, now, SILENCE
     )
+    forgotten = sample[axes + exchange.ANSWERED] <= state.sequence - REMEMBERED
+    return exchange.OLD if verdict == exchange.ACCEPTED and forgotten else verdict

@@ -62,6 +62,8 @@ SESSION = page.WORDS - 1  # of the servo's run, kept for its writes
 def read(memory, deadline, give_up, sample):
     block, scratch = np.empty(page.DEVICE_WORDS, np.int64), np.empty(2, np.int64)
     fresh = page.read_device(memory, block, deadline, give_up, scratch)
+    if fresh < 0:  # the device died while it wrote: the sample stays as it was
+        return 0
     sample[LATCHED], sample[STATUS] = block[1], block[2]
     reals = block.view(np.float64)
     for i in range(3):
