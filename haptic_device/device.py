@@ -81,7 +81,7 @@ class Device(Part):
     actuation_delay: Annotated[NotNegative, Field(le=0.04)] = 0.0
     scale: tuple[Positive, Positive] = (1.0, 1.0)
     homing: Literal["absolute", "at_start"] = "absolute"
-    home: tuple[Number, ...] = (0.0, 0.0, 0.0)
+    home: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
     drag_sensor: DragSensor = DragSensor()
 
     @model_validator(mode="after")

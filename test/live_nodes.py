@@ -63,7 +63,7 @@ class Nodes:
         return self
 
     def __exit__(self, *exception):
-        for name in list(self.running):
+        for name in reversed(list(self.running)):
             self.end(name)
 
     def start(self, name, **given):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""haptic_driver alive, on a loopback in another process: what it is asked, what it refuses, and every way it can end."""
+"""haptic_driver alive, on a loopback in another process: what it is asked, what it refuses, how it can end."""
 
 import math
 import os
@@ -290,6 +290,19 @@ def test_the_last_one_out_removes_the_page(display, nodes):
     assert page_path().exists()
     assert nodes.end("haptic_loopback", signal.SIGINT) == 0
     assert not page_path().exists()
+
+
+def test_an_estop_latches_even_before_the_device_is_there(nodes, ear):
+    ear.said.pop("haptic_driver", None)
+    nodes.start("haptic_driver", auto_enable=True, **DRIVER)
+    said = ear.news("haptic_driver", lambda level, message, values: True)
+    assert said[:2] == (WARN, "no device: waiting for its page")
+    assert ear.trigger("enable") == (False, "the servo does not run: no device, or the node is not active")
+    assert ear.trigger("estop") == (True, "e-stop latched for the device that is not there yet")
+    nodes.start("haptic_loopback")
+    said = ear.news("haptic_driver", lambda level, message, values: values["fault"])
+    assert said[:2] == (ERROR, "fault estop") and said[2]["state"] == "fault"
+    assert ear.trigger("reset")[0] and ear.trigger("enable") == (True, "enabled")
 
 
 def test_every_signal_ends_a_driver_in_time_without_a_page_and_namespaces_have_their_own(start):

@@ -25,7 +25,9 @@ class Side:
 
     def __init__(self, axes=3, sequence=SEQUENCE):
         self.axes, self.layout = axes, wire.JointLayout(wire.exchange_names(axes))
-        self.frame = exchange.make_frame(self.layout.template, self.layout.fixed, self.layout.offsets, self.layout.count)
+        self.frame = exchange.make_frame(
+            self.layout.template, self.layout.fixed, self.layout.offsets, self.layout.count
+        )
         self.state, self.watch = np.zeros(1, exchange.STATE), np.zeros(exchange.WATCHES, np.int64)
         self.state["session"], self.state["sequence"], self.state["axes"] = SESSION, sequence, axes
         self.gains, self.tool = np.zeros(1, exchange.GAINS), np.zeros(1, loop.TOOL)

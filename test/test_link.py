@@ -106,7 +106,9 @@ def test_a_silent_servos_motor_is_cut_15_ms_after_its_last_write_by_the_plants_o
     now = int(clock.now_ns(scratch))
     for k in range(20):
         written = int(clock.now_ns(scratch))
-        device_link.write(device_link.memory, written, now + (k + 1) * 1_000_000, 1_000_000, 1, np.array([0.5, 0.0, 0.0]))
+        device_link.write(
+            device_link.memory, written, now + (k + 1) * 1_000_000, 1_000_000, 1, np.array([0.5, 0.0, 0.0])
+        )
         clock.sleep_until(now + (k + 1) * 1_000_000, scratch)
     seen = []
     wait_for(lambda: seen.append(served.truth.get()[0].copy()) or served.control[loopback.TRIPS])

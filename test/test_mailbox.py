@@ -76,7 +76,9 @@ def test_no_record_is_torn_between_two_processes(tmp_path, start):
     path, values = tmp_path / "page", np.zeros(LONG, np.int64)
     path.write_bytes(bytes(8 * 64))
     words = np.memmap(path, np.int64)
-    process = start([sys.executable, "-c", textwrap.dedent(WRITER), path], stderr=subprocess.PIPE, cwd=Path(__file__).parent)
+    process = start(
+        [sys.executable, "-c", textwrap.dedent(WRITER), path], stderr=subprocess.PIPE, cwd=Path(__file__).parent
+    )
     while words[8] == 0:
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.01)

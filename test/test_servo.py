@@ -221,8 +221,10 @@ def _saturation(runner):
 
 
 def _not_a_number(runner):
-    runner.tool((math.nan, 0.0, 0.0))
     runner.settings["stiffness"] = 1.0
+    runner.tool((0.0, 0.0, 0.0))
+    runner.run(0.2)
+    runner.tool((math.nan, 0.0, 0.0))
     return [runner.tick() for _ in range(2)][-1]
 
 
@@ -371,3 +373,14 @@ def test_a_hand_pressing_a_wall_comes_to_rest_where_both_springs_balance():
 def test_the_wall_never_pulls_while_a_hand_taps_it():
     rows = Press(motion={"motion__name": "tap"}, wall__damping=(1.0,)).run()
     assert rows["force_walls"][:, 0].max() > 1.0 and rows["force_walls"][:, 0].min() == 0.0
+
+
+def test_a_tool_that_joins_an_engaged_handle_from_afar_waits_until_its_pull_is_small():
+    runner = Servo(settled=True, **FREE)
+    runner.settings["stiffness"][0, :2] = 1000.0
+    runner.settings["exchange_fade"] = 0.01
+    runner.tool((0.0011, 0.0, 0.0))
+    assert runner.run(0.1).exchange_fade == 0.0 and not runner.rows[-1]["motor"].any()
+    runner.tool((0.0009, 0.0, 0.0))
+    assert runner.run(0.1).exchange_fade == 1.0
+    assert runner.rows[-1]["motor"][0, 0] > 0.0

@@ -61,14 +61,21 @@ SETTINGS = _columns(
     *("position_low*", "position_high*", "velocity_limit*", "force_limit*"),
     *("stiffness*", "damping*"),  # of the coupling
     *("walls", "wall_x#", "wall_y#", "wall_offset#", "wall_stiffness#", "wall_damping#"),
-    *("cancellation_ratio", "cancellation_band", "cancellation_stretch", "cancellation_source", "cancellation_filter"),
+    *(
+        "cancellation_ratio",
+        "cancellation_band",
+        "cancellation_stretch",
+        "cancellation_twist",
+        "cancellation_source",
+        "cancellation_filter",
+    ),
     *("velocity_estimator", "velocity_lag", "velocity_window"),
     *("passivity_control", "passivity_budget", "margin*", "cross"),
     *("exchange_hold", "exchange_fade", "engage_time", "engage_force", "engage_torque", "silence", "saturation"),
 )
 
 MEMORY = _columns(
-    *("started", "latched", "device_position*", "device_velocity*", "offset*"),
+    *("started", "latched", "unseen", "device_position*", "device_velocity*", "offset*"),
     *("history", "times^", "positions_x^", "positions_y^", "positions_theta^"),
     *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated"),
     *(
@@ -112,9 +119,9 @@ def _sense(settings, memory, row):
     elapsed = (row.latched - memory.latched) * 1e-9 if memory.started else 0.0
     _keep_time(memory, row, elapsed)
     for i in range(int(settings.axes)):
-        before = memory.device_position[i]
         position = encoder.position_of(row.counts[i], settings.position_per_count[i], settings.zero[i])
-        moved = position - before if memory.started else 0.0
+        before = memory.device_position[i] if memory.started else position
+        moved = position - before
         memory.moved[i] = moved
         velocity = _velocity(settings, memory, i, position, moved, elapsed)
         _check_motion(settings, memory, i, position, velocity, moved, elapsed)
@@ -131,7 +138,9 @@ def _sense(settings, memory, row):
 @kernel
 def _keep_time(memory, row, elapsed):
     """A new sample's place in the history."""
-    if elapsed > 0.0 or not memory.started:
+    fresh = elapsed > 0.0 or not memory.started
+    memory.unseen = 0.0 if fresh else memory.unseen + 1.0
+    if fresh:
         memory.history += 1.0
         memory.times[int(memory.history) % encoder.KEPT] = row.latched * 1e-9
 
@@ -227,11 +236,25 @@ def _to_world(settings, memory, row, i, before, position, velocity):
 def _take_tool(settings, memory, row):
     """What the coupling pulls to: the tool sample as it is, faded by its age."""
     hold, fade = settings.exchange_hold, settings.exchange_fade
-    memory.exchange_fade = exchange.fade_factor(memory.exchange_fade, row.tool_age, settings.period, hold, fade)
+    joining = memory.engage > 0.0 and memory.exchange_fade == 0.0
+    far = joining and not _tool_is_near(settings, row)
+    age = -1.0 if far else row.tool_age
+    memory.exchange_fade = exchange.fade_factor(memory.exchange_fade, age, settings.period, hold, fade)
     row.exchange_fade = memory.exchange_fade
     for i in range(AXES):
         row.coupling_position[i] = row.tool_position[i]
         row.coupling_velocity[i] = row.tool_velocity[i]
+
+
+@kernel
+def _tool_is_near(settings, row):
+    """Whether the coupling to a tool that (re)joins would begin with a small force, as engaging does."""
+    pull = math.hypot(
+        settings.stiffness[0] * (row.tool_position[0] - row.position[0]),
+        settings.stiffness[1] * (row.tool_position[1] - row.position[1]) if settings.axes > 1.0 else 0.0,
+    )
+    twist = settings.stiffness[2] * (row.tool_position[2] - row.position[2]) if settings.axes > 2.0 else 0.0
+    return pull < settings.engage_force and abs(twist) < settings.engage_torque
 
 
 @kernel
@@ -265,8 +288,11 @@ def _cancellation(settings, memory, row):
         nx, ny = settings.wall_x[i], settings.wall_y[i]
         clearance = min(clearance, -wall.wall_depth(nx, ny, settings.wall_offset[i], row.position[0], row.position[1]))
     stretch = math.hypot(row.coupling_position[0] - row.position[0], row.coupling_position[1] - row.position[1])
-    stretch = stretch if row.exchange_fade > 0.0 else 0.0
+    twist = abs(row.coupling_position[2] - row.position[2]) if settings.axes > 2.0 else 0.0
+    if row.exchange_fade == 0.0:
+        stretch, twist = 0.0, 0.0
     fade = cancellation.cancellation_fade(clearance, settings.cancellation_band, stretch, settings.cancellation_stretch)
+    fade *= cancellation.cancellation_fade(math.inf, 1.0, twist, settings.cancellation_twist)
     row.cancellation_fade = fade
     ratio = settings.cancellation_ratio * fade
     for i in range(int(settings.axes)):
@@ -346,7 +372,8 @@ def _command_motor(settings, memory, row):
     for i in range(AXES):
         if memory.fault != fault.NONE or i >= settings.axes:
             row.force_on_handle[i] = 0.0
-        memory.held_force[i] = row.force_on_handle[i]
+        mixed = memory.held_force[i] * memory.unseen + row.force_on_handle[i]
+        memory.held_force[i] = mixed / (memory.unseen + 1.0)  # mean over the ticks since the last fresh sample
         row.motor[i] = row.force_on_handle[i] * settings.motor_per_force[i]
     memory.saturated = memory.saturated + settings.period if saturated else 0.0
 

@@ -22,6 +22,8 @@ def main():
     """Entry point. Bad input ends in one sentence on standard error and exit code 1, never in a traceback."""
     try:
         _application(sys.argv[1:2])(prog_name="haptic")
+    except KeyboardInterrupt:
+        sys.exit(130)
     except (ValueError, OSError) as error:
         _refuse(error)
     except ModuleNotFoundError as error:
