@@ -2,6 +2,7 @@
 """Live nodes of the device in processes of their own, and an ear and a hand in this one."""
 
 import contextlib
+import math
 import os
 import signal
 import subprocess
@@ -151,17 +152,24 @@ class Ear:
         begin = len(heard)
         return self.until(lambda: next((said for said in heard[begin:] if condition(*said)), None), seconds)
 
-    def ask(self, service, kind, request):
+    def ask(self, service, kind, request, again=60.0):
+        """A service's answer. Asked again after this time: an answer is lost if its server was found a moment ago."""
         client = self._clients.get(service) or self.node.create_client(kind, service)
-        self._clients[service] = client
+        self._clients[service], answers, asked = client, [], -math.inf
         self.until(client.service_is_ready)
-        answer = client.call_async(request)
-        self.until(answer.done)
-        return answer.result()
+
+        def answered():
+            nonlocal asked
+            if time.monotonic() > asked + again:
+                asked = time.monotonic()
+                answers.append(client.call_async(request))
+            return next((answer for answer in answers if answer.done()), None)
+
+        return self.until(answered).result()
 
     def trigger(self, name):
         """A service of the driver: (success, message)."""
-        answer = self.ask(f"haptic_driver/{name}", Trigger, Trigger.Request())
+        answer = self.ask(f"haptic_driver/{name}", Trigger, Trigger.Request(), again=3.0)
         return answer.success, answer.message
 
     def set(self, name, value, node="haptic_driver"):
