@@ -2,6 +2,9 @@
 """Tools on a live driver: gains are left as found, strangers and faults given way to, and a device recognized."""
 
 import json
+import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -42,6 +45,73 @@ def test_gains_are_as_they_were_after_an_interrupt(pair):
     assert tuning.get(GAINS) == before
 
 
+def test_gains_that_the_policy_would_not_take_any_more_are_put_back_too(pair):
+    tuning = pair[0]
+    before = tuning.get(GAINS)
+    tuning.set(passivity__policy="off", coupling__stiffness=50000.0)
+    tuning.set(passivity__policy="enforce")
+    beyond = tuning.get(GAINS)
+    with tuning.as_found(GAINS):
+        tuning.set(coupling__stiffness=10.0)
+    assert tuning.get(GAINS) == beyond
+    tuning.set(**{name.replace(".", "__"): value for name, value in before.items()})
+
+
+def zwidth_live(pair, start):
+    """`haptic zwidth --live` as a person starts it, on the nodes of the pair."""
+    words = ["zwidth", "--live", "--device", "desktop", "--domain", pair[1], "--namespace", pair[2]]
+    command = [sys.executable, "-m", "haptic_sim.cli.main", *words]
+    return start(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def wait_until(process, condition):
+    while not condition():
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.05)
+
+
+def sentence_of(process):
+    """Exit code and the one line that the command says at its end."""
+    said, complained = process.communicate(timeout=100.0)
+    assert said == ""
+    [sentence] = complained.strip().splitlines()
+    return process.returncode, sentence
+
+
+def test_zwidth_live_interrupted_at_a_wall_leaves_the_gains_as_found(pair, start):
+    tuning = pair[0]
+    before = tuning.get(GAINS)
+    process = zwidth_live(pair, start)
+    wait_until(process, lambda: tuning.get(["wall.stiffness"]) != {"wall.stiffness": ()})
+    process.send_signal(signal.SIGINT)
+    assert sentence_of(process) == (130, "haptic zwidth: interrupted; the gains are as they were")
+    assert tuning.get(GAINS) == before
+
+
+def test_zwidth_live_gives_way_to_somebody_else_who_changes_its_gains(pair, start):
+    tuning = pair[0]
+    before = tuning.get(GAINS)
+    process = zwidth_live(pair, start)
+    wait_until(process, lambda: tuning.get(["coupling.stiffness"]) == {"coupling.stiffness": 0.0})
+    tuning.set(coupling__stiffness=250.0)
+    code, sentence = sentence_of(process)
+    assert code == 2
+    told = "something else set coupling.stiffness to 250.0 meanwhile, this command had set 0.0"
+    assert sentence == f"haptic zwidth: {told}"
+    assert tuning.get(GAINS) == before
+
+
+def test_zwidth_live_refuses_a_driver_in_fault(pair, start):
+    tuning = pair[0]
+    tuning.trigger("estop")
+    try:
+        code, sentence = sentence_of(zwidth_live(pair, start))
+    finally:
+        tuning.recover()
+    assert code == 2
+    assert sentence == "haptic zwidth: haptic_driver is in fault estop: clear it first (~/reset, then ~/enable)"
+
+
 def test_a_tool_gives_way_to_somebody_else_who_changes_its_gains(pair):
     tuning, domain, namespace = pair
     before, other = tuning.get(GAINS), Tuning(domain, namespace)
@@ -68,10 +138,7 @@ def test_a_driver_in_fault_is_refused(pair):
         with pytest.raises(ValueError, match="haptic_driver is in fault estop: clear it first"):
             tuning.watch(3.0)
     finally:
-        tuning.trigger("reset")
-        tuning.trigger("enable")
-        tuning.statuses.clear()
-        tuning.wait_engaged()
+        tuning.recover()
 
 
 def test_the_hand_goes_where_it_is_aimed(pair):

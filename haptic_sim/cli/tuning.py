@@ -27,6 +27,7 @@ from haptic_device.node.wire import AXES, LATEST, STREAM, TRACE, JointLayout, Jo
 PATIENCE = 15.0  # [s] for a service
 ATTEMPTS = 5  # the answer to a client whom the service has not discovered yet is lost; all calls may be repeated
 APPEARANCE = 60.0  # [s] for a driver that has just been started to be engaged; the first start compiles the kernels
+POLICY = "passivity.policy"
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _CLOUD = "sensor_msgs/msg/PointCloud2"
 
@@ -49,7 +50,7 @@ class Tuning:
         self.truths: list[dict] = []
         self.rows: list[np.ndarray] = []
         self.statuses: dict = {}
-        self._set: dict = {}
+        self._held: dict = {}  # what this tool has set, of the parameters that it will put back
 
     def close(self) -> None:
         """Leaves the network."""
@@ -111,6 +112,14 @@ class Tuning:
             f"haptic_driver is {state}; start it with a loopback and enable it, or let this command start both"
         )
 
+    def recover(self) -> None:
+        """Clears the driver's fault, and waits until it is engaged again."""
+        self.trigger("reset")
+        self.trigger("enable")
+        self.look()  # what was said before the reset
+        self.statuses.clear()
+        self.wait_engaged()
+
     def get(self, names) -> dict:
         """Values of the driver's parameters; lists as tuples."""
         answer = self._call(GetParameters, "get_parameters", GetParameters.Request(names=list(names)))
@@ -120,29 +129,34 @@ class Tuning:
     def set(self, **values) -> None:
         """Sets parameters of the driver, `__` for the dot, all or none; ValueError with its sentence if it refuses."""
         wanted = {name.replace("__", "."): value for name, value in values.items()}
-        self._refuse_stranger(wanted)
+        self._refuse_stranger()
         self._write(wanted)
 
     @contextlib.contextmanager
     def as_found(self, names) -> Iterator[dict]:
-        """Yields the values of these parameters, and puts them back whatever ends the block."""
-        found = self.get(names)
-        self._set = dict(found)
+        """Yields the values of these parameters, and puts them back whatever ends the block.
+
+        With the policy off first: on a servo that runs late now, the policy might refuse gains that it had taken.
+        """
+        found = self.get({*names, POLICY})
+        self._held = dict(found)
         try:
             yield found
         finally:
             with _undisturbed():
+                self._write(found | {POLICY: "off"})
                 self._write(found)
+                self._held = {}
 
     def trigger(self, service: str) -> None:
         """Calls ~/enable, ~/reset and their like."""
         self._call(Trigger, service, Trigger.Request())
 
-    def _refuse_stranger(self, wanted) -> None:
-        for name, value in self.get(self._set.keys() & wanted.keys()).items():
-            if value != self._set[name]:
+    def _refuse_stranger(self) -> None:
+        for name, value in self.get(self._held).items():
+            if value != self._held[name]:
                 raise ValueError(
-                    f"something else set {name} to {value} meanwhile, this command had set {self._set[name]}"
+                    f"something else set {name} to {value} meanwhile, this command had set {self._held[name]}"
                 )
 
     def _write(self, values) -> None:
@@ -151,7 +165,7 @@ class Tuning:
         result = self._call(SetParametersAtomically, "set_parameters_atomically", request).result
         if not result.successful:
             raise ValueError(f"haptic_driver refused: {result.reason}")
-        self._set |= values
+        self._held |= {name: value for name, value in values.items() if name in self._held}
 
     def _call(self, kind, name, request):
         if name not in self._services:

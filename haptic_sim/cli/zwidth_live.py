@@ -42,7 +42,7 @@ class Live:
             fault = True
         self._wall(0.0)
         if fault:
-            self._recover()
+            tuning.recover()
         truth = _truth(tuning.truths)
         tuning.watch(REST, lambda t: (WALL + OUT, 0.0, 0.0))
         self.energy_given = float(_truth(tuning.truths).energy_given[-1] - truth.energy_given[0])
@@ -74,13 +74,6 @@ class Live:
         self._tuning.look()
         self._tuning.truths = self._tuning.truths[-1:]
         return self._tuning.truths[-1]["time"][0]
-
-    def _recover(self):
-        tuning = self._tuning
-        tuning.trigger("reset")
-        tuning.trigger("enable")
-        tuning.statuses.pop("haptic_driver", None)
-        tuning.wait_engaged()
 
 
 def measure(device, path, rate, damping, stiffness_max, domain, namespace):
