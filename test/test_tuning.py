@@ -163,6 +163,7 @@ def test_identify_recognizes_a_live_device_that_the_driver_was_not_told(tmp_path
     content = yaml.safe_load(find("devices", "desktop").read_text())
     for axis in content["axes"][:2]:
         axis |= {"mass": 0.15, "damping": 2.0, "coulomb": 0.05}
+    content["axes"][2] |= {"mass": 0.00015, "damping": 0.003, "coulomb": 0.0003}
     (tmp_path / "other.yaml").write_text(yaml.safe_dump(content | {"actuation_delay": 0.0005}))
     app = typer.Typer()
     app.command()(identify)
@@ -171,8 +172,9 @@ def test_identify_recognizes_a_live_device_that_the_driver_was_not_told(tmp_path
     result = CliRunner().invoke(app, [*map(str, words), "--json"])
     assert result.exit_code == 0, result.stderr
     assert time.monotonic() - began < 100.0
-    for values in json.loads(result.stdout)["axes"].values():
-        assert values["mass"][0] == pytest.approx(0.15, rel=0.02)
-        assert values["damping"][0] == pytest.approx(2.0, rel=0.05)
-        assert values["coulomb"][0] == pytest.approx(0.05, abs=0.01)
-        assert values["delay"][0] == pytest.approx(0.0005, abs=1e-4)
+    axes = json.loads(result.stdout)["axes"]
+    for name, scale in (("x", 1.0), ("y", 1.0), ("theta", 1e-3)):
+        assert axes[name]["mass"][0] == pytest.approx(0.15 * scale, rel=0.02)
+        assert axes[name]["damping"][0] == pytest.approx(0.003 if name == "theta" else 2.0, rel=0.05)
+        assert axes[name]["coulomb"][0] == pytest.approx(0.0003 if name == "theta" else 0.05, abs=0.01 * scale)
+        assert axes[name]["delay"][0] == pytest.approx(0.0005, abs=1e-4)

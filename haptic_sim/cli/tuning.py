@@ -23,6 +23,7 @@ from haptic_device.analysis.recording import diagnostics_of
 from haptic_device.law.servo import TICK
 from haptic_device.node.tap import Tap
 from haptic_device.node.wire import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, truth_names
+from haptic_sim.cli.stand_in import StandIn
 
 PATIENCE = 15.0  # [s] for a service
 ATTEMPTS = 5  # the answer to a client whom the service has not discovered yet is lost; all calls may be repeated
@@ -33,9 +34,12 @@ _CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
 class Tuning:
-    """A node beside driver and loopback, without callbacks: `look` takes what has come. Raises ValueError sentences."""
+    """A node beside driver and loopback, without callbacks: `look` takes what has come. Raises ValueError sentences.
 
-    def __init__(self, domain: int, namespace: str, trace: bool = False):
+    With a `tool`, it answers the driver in place of a simulation whenever it looks.
+    """
+
+    def __init__(self, domain: int, namespace: str, trace: bool = False, tool: bool = False):
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("haptic_tuning", namespace=namespace, context=self._context)
@@ -44,6 +48,7 @@ class Tuning:
         self._state = Tap(self._node, "operator/state", "sensor_msgs/msg/JointState", STREAM, raw=True)
         self._said = Tap(self._node, "/diagnostics", _DIAGNOSTICS, STREAM, raw=True)
         self._trace = Tap(self._node, "trace", _CLOUD, TRACE) if trace else None
+        self.tool = StandIn(self._node) if tool else None
         self._target = self._node.create_publisher(JointState, "operator/target", LATEST)
         self._layouts = [JointLayout(truth_names(axes)) for axes in (1, 2, 3)]
         self._services = {}
@@ -68,6 +73,8 @@ class Tuning:
             self.statuses |= {name: found[-1] for name, found in diagnostics_of(_raw(_DIAGNOSTICS, sample)).items()}
         if self._trace is not None:
             self.rows += [_rows(sample.message) for sample in self._trace.take()]
+        if self.tool is not None:
+            self.tool.answer()
 
     def watch(self, seconds: float, aim=None) -> None:
         """Looks for so long; aim(elapsed) says every few milliseconds where the hand shall be (x, y, theta)."""

@@ -94,10 +94,11 @@ def measure(device, path, rate, damping, stiffness_max, domain, namespace):
 
 
 def _pair(path, rate):
-    """Parameters of driver and loopback; the hand is light, and follows."""
+    """Parameters of driver and loopback: no coupling, which some devices could not bear; a light hand that follows."""
     hand = {f"hand.{name}": value for name, value in HAND.items()}
     start = {"motion.name": "follow", "motion.lag": LAG, "motion.start": (0.0, 0.0, 0.0)}
-    return {"device": path, "servo.rate": rate}, {"device": path, **hand, **start}
+    driver = {"device": path, "servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
+    return driver, {"device": path, **hand, **start}
 
 
 def _figures(live, tuning, device, rate, damping, stiffness_max):
