@@ -149,13 +149,14 @@ def _text(value, confidence):
 
 def _show(report):
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     axes = report["axes"]
     table = Table("", *axes, title=report["device"])
     for name, (unit, turning) in _UNITS.items():
         label = f"{name} [{unit}, theta {turning}]" if "theta" in axes and turning != unit else f"{name} [{unit}]"
-        table.add_row(label, *(_text(*values[name]) for values in axes.values()))
+        table.add_row(escape(label), *(_text(*values[name]) for values in axes.values()))
     console = Console(width=None if Console().is_terminal else 140)
     console.print(table)
     console.print(f"description  {report['file']}", soft_wrap=True, highlight=False)

@@ -32,6 +32,7 @@ class Live:
     def show(self, stiffness):
         """Whether this wall shakes, or latches a fault of the driver; it is gone before this returns."""
         tuning, fault = self._tuning, False
+        tuning.watch(REST, lambda t: (WALL + OUT, 0.0, 0.0))
         self._wall(stiffness)
         began = self._begin()
         try:
