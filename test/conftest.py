@@ -5,7 +5,11 @@ import signal
 import subprocess
 
 import domain_coordinator
+import hypothesis
 import pytest
+
+hypothesis.settings.register_profile("project", deadline=None)  # the first call of a kernel may compile it
+hypothesis.settings.load_profile("project")
 
 
 @pytest.fixture(scope="session", autouse=True)
