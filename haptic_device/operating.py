@@ -173,8 +173,9 @@ def _blame(name, stiffness, damping, there, settings, lateness):
     twice = " (twice, for adaptive_window)" if counted > damping else ""
     late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
     return (
-        f"{name} {stiffness:.6g} {unit} with damping {damping:.4g} {damping_unit}{twice} needs b > {need:.4g} {damping_unit} "
-        f"at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: at most {math.floor(most):g} {unit}"
+        f"{name} {stiffness:.6g} {unit} with damping {damping:.4g} {damping_unit}{twice} "
+        f"needs b > {need:.4g} {damping_unit} at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: "
+        f"at most {math.floor(most):g} {unit}"
     )
 
 

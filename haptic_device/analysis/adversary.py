@@ -51,7 +51,7 @@ def search(display, ticks, starts, seed=1):
 
 
 def energy_left(display, path):
-    """Energy given to the operator along positions one tick apart, less the spring's store at the first, by the laws."""
+    """Energy given to the operator along positions one tick apart, less the spring's store at the first."""
     given, rate, before = -wall.wall_store(1.0, path[0]), 0.0, path[0]
     waiting = [_force(display, path[0], 0.0)] * display.delay
     for k in range(len(path) - 1):

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a device is shaken to be identified: springs whose rest position jumps.
 
-In x and y the spring is a pair of facing walls that overlap, about theta it is the coupling to a tool. Within the overlap the pair of one axis pushes with 2K towards its centre. Jumps of the centre at irregular times, large
-and small, at two stiffnesses, move the handle fast (mass, delay), evenly (damping) and slowly (friction).
+In x and y the spring is a pair of facing walls that overlap: within the overlap it pushes with 2K towards its centre.
+About theta it is the coupling to a tool. Jumps at irregular times, large and small, at two stiffnesses, move the handle
+fast (mass, delay), evenly (damping) and slowly (friction).
 """
 
 from typing import NamedTuple

@@ -2,7 +2,6 @@
 """`haptic identify`: shakes the connected device, and writes what it is made of as a device description."""
 
 import json
-import time
 from pathlib import Path
 from typing import Annotated
 
