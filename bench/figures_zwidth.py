@@ -57,8 +57,8 @@ def both_ends(panels, live):
     for panel in panels:
         panel.plot([], [], "kx", label="live nodes")
         panel.grid(alpha=0.3, which="both")
-        panel.set_ylim(top=panel.get_ylim()[1] * (4.0 if panel is stiff else 3.0))
-        panel.legend(fontsize=8, loc="upper left" if panel is stiff else "center", ncols=1 if panel is stiff else 2)
+        panel.set_ylim(top=panel.get_ylim()[1] * (4.0 if panel is stiff else 1.0))
+        panel.legend(fontsize=8, loc="upper left" if panel is stiff else (0.2, 0.54))
 
 
 def draw_stiff(axes, device, label, colour):
