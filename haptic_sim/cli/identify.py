@@ -41,7 +41,7 @@ def identify(
         typer.echo(f"haptic identify: {error}", err=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
-        typer.echo("haptic identify: interrupted; the walls are as they were", err=True)
+        typer.echo("haptic identify: interrupted; the gains are as they were", err=True)
         raise typer.Exit(INTERRUPTED) from None
     report = {"device": described.name, "file": str(out), "axes": found}
     typer.echo(json.dumps(report)) if as_json else _show(report)

@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from haptic_device.analysis.excitation import shakes, twists
+from haptic_device.law import engage
 from haptic_sim.cli.tuning import Tuning
 
 WALLS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping")
@@ -29,9 +30,15 @@ def record(domain, namespace, check, device, seconds, force, torque):
             plan = _plan(device, _centres(tuning, device), force, torque, period)
             if turned:
                 tuning.tool.refuse_company()
-                tuning.set(engage__torque=2.0 * torque)  # or a coupling that let go would not take hold again
+                tuning.set(engage__torque=_engaging(torque / device.scale[1]))
             _shake(tuning, plan, seconds, check)
         return _unbroken(tuning.rows)
+
+
+def _engaging(torque):
+    """engage.torque at which a coupling that let go of the tool takes hold of it again."""
+    [declared] = [parameter for parameter in engage.PARAMETERS if parameter.name == "engage.torque"]
+    return min(declared.high, max(declared.low, 2.0 * torque))
 
 
 def _plan(device, centres, force, torque, period):

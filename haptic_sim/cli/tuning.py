@@ -143,7 +143,8 @@ class Tuning:
     def as_found(self, names) -> Iterator[dict]:
         """Yields the values of these parameters, and puts them back whatever ends the block.
 
-        With the policy off first: on a servo that runs late now, the policy might refuse gains that it had taken.
+        A tool of its own is let go of before, lest gains that come back pull the handle to it. The policy is off first:
+        on a servo that runs late now, it might refuse gains that it had taken.
         """
         found = self.get({*names, POLICY})
         self._held = dict(found)
@@ -151,6 +152,8 @@ class Tuning:
             yield found
         finally:
             with _undisturbed():
+                if self.tool is not None:
+                    time.sleep(sum(self.get(["exchange.hold", "exchange.fade"]).values()))
                 self._write(found | {POLICY: "off"})
                 self._write(found)
                 self._held = {}
