@@ -99,7 +99,7 @@ def apparent_damping(truth, began):
 
     The energy it gives over each window is regressed on ∫ v² dt (damping), the path (friction) and the change of v²/2
     (mass): the truth integrates it exactly, whatever the hand's force does between two samples, and the speed changes
-    along the circle, so that the three can be told apart. Raises ValueError if the handle hardly moved, or if too little
+    along the circle, so that the three can be told apart. Raises ValueError if the handle hardly moved, or too little
     of it came.
     """
     edges = np.arange(began + BEGIN, began + CIRCLE, WINDOW)
