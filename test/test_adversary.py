@@ -25,7 +25,7 @@ from haptic_device.law.cancellation import cancellation_fade, cancellation_force
     ],
 )
 def test_an_optimizer_over_handle_paths_finds_energy_just_below_the_bound_and_none_just_above(bound, ticks, display):
-    starts = 40 if "cancelled" in display else 8
+    starts = 40  # of which a fifth, at worst, leads to energy
     assert search(Display(0.98 * float(bound), **display), ticks, starts).energy > 1e-3
     assert search(Display(1.02 * float(bound), **display), ticks, starts).energy == 0.0
 

@@ -11,8 +11,8 @@ that is left over was nobody's before.
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import toeplitz
 from scipy.optimize import minimize
+from scipy.signal import lfilter
 
 from haptic_device.law import cancellation, encoder, wall
 
@@ -72,31 +72,31 @@ def _force(display, depth, rate):
 
 def _climb(display, steps, depth, pin):
     """Path after the search from these steps; begins at this depth, or passes the surface at the index pin."""
-    ticks = steps.size
-    to_path = np.hstack([np.tri(ticks + 1, ticks, -1), np.ones((ticks + 1, 1))])
-    if pin is not None:
-        to_path -= to_path[pin]
-    estimate = _estimator(display.lag, ticks + 1)
+
+    def path_of(free):
+        path = np.cumsum(np.concatenate([free[-1:], free[:-1]]))
+        return path if pin is None else path - path[pin]
 
     def loss(free):
-        energy, slope = _energy_and_slope(display, to_path @ free, estimate)
-        return -energy, -(to_path.T @ slope)
+        energy, slope = _energy_and_slope(display, path_of(free))
+        if pin is not None:
+            slope[pin] -= slope.sum()
+        later = np.cumsum(slope[::-1])[::-1]
+        return -energy, -np.append(later[1:], later[0])
 
-    bounds = [(-1.0, 1.0)] * ticks + [(None, None)]
-    return to_path @ minimize(loss, [*steps, depth], jac=True, method="L-BFGS-B", bounds=bounds).x
-
-
-def _estimator(lag, count):
-    """Matrix from positions to velocity estimates, the first of which is 0."""
-    weights = (lag / (1.0 + lag)) ** np.arange(count) / (1.0 + lag)
-    difference = np.diff(np.eye(count), axis=0, prepend=np.eye(count)[:1])
-    return toeplitz(weights, np.zeros(count)) @ difference
+    bounds = [(-1.0, 1.0)] * steps.size + [(None, None)]
+    return path_of(minimize(loss, [*steps, depth], jac=True, method="L-BFGS-B", bounds=bounds).x)
 
 
-def _energy_and_slope(display, path, estimate):
+def _lagged(lag, values):
+    """First-order lag by backward Euler, as of the servo's estimator."""
+    return lfilter([1.0 / (1.0 + lag)], [1.0, -lag / (1.0 + lag)], values)
+
+
+def _energy_and_slope(display, path):
     """energy_left and its derivative by the positions, wherever the force is smooth."""
     b, late, band = display.physical_damping, display.delay, display.band
-    rate, step, ticks = estimate @ path, np.diff(path), path.size - 1
+    rate, step, ticks = _lagged(display.lag, np.diff(path, prepend=path[0])), np.diff(path), path.size - 1
     pushing = (path > 0.0) & (path + display.damping * rate > 0.0)
     fade = np.clip(-path / band, 0.0, 1.0) if band > 0.0 else (path <= 0.0).astype(float)
     force = display.cancelled * b * fade * rate - pushing * (path + display.damping * rate)
@@ -108,8 +108,8 @@ def _energy_and_slope(display, path, estimate):
     np.add.at(moved, source[~at_start], step[~at_start])
     fading = ((path < 0.0) & (path > -band)) / -band if band > 0.0 else 0.0
     slope = moved * (display.cancelled * b * fading * rate - pushing)
-    slope += estimate.T @ (moved * (display.cancelled * b * fade - display.damping * pushing))
-    by_step = held - 2.0 * b * step
+    by_rate = moved * (display.cancelled * b * fade - display.damping * pushing)
+    by_step = held - 2.0 * b * step + _lagged(display.lag, by_rate[::-1])[-2::-1]
     slope[1:] += by_step
     slope[:-1] -= by_step
     slope[0] -= max(0.0, path[0]) + (path[0] > 0.0) * step[at_start].sum()
