@@ -196,10 +196,10 @@ def _blame(name, stiffness, damping, there, settings, lateness, price=1.0):
 
 
 def _together(settings, lateness):
-    worst = margins(settings, lateness)[1]
+    lacking = abs(margins(settings, lateness)[1])
     return (
-        f"walls and coupling together need {abs(worst):.3g} N s/m more physical damping than the device has in their worst "
-        "direction: lower wall.stiffness or coupling.stiffness"
+        f"walls and coupling together need {lacking:.3g} N s/m more physical damping than the device has in their "
+        "worst direction: lower wall.stiffness or coupling.stiffness"
     )
 
 
