@@ -98,27 +98,42 @@ def settings_from(device, values, version=0):
 def margins(settings, lateness):
     """Physical damping left over: by axis (3), in the worst direction of x and y [N s/m], about theta [N m s/rad].
 
-    diag(b) less, for every wall and the coupling, scale² times what each needs along its direction (law/passivity).
+    diag(b) less, for every wall and the coupling, scale² times what each needs along its direction (law/passivity); the
+    lesser of outside and inside of walls, where nothing is cancelled.
     lateness: how late forces act beyond the nominal period [s], delays of the device included.
     """
-    need = _needs(settings, lateness)
-    left = np.diag(settings["physical_damping"]) - need
+    left = [np.diag(settings["physical_damping"]) - need for need in _needs(settings, lateness)]
     axes = int(settings["axes"])
-    plane = float(np.linalg.eigvalsh(left[: min(2, axes), : min(2, axes)])[0])
-    return np.diag(left) * (np.arange(3) < axes), plane, float(left[2, 2]) if axes == 3 else math.inf
+    by_axis = np.min([np.diag(each) for each in left], axis=0) * (np.arange(3) < axes)
+    plane = min(float(np.linalg.eigvalsh(each[: min(2, axes), : min(2, axes)])[0]) for each in left)
+    return by_axis, plane, float(by_axis[2]) if axes == 3 else math.inf
 
 
-def _needs(settings, lateness, coupled=True):
-    """Damping that all gains together need, as a matrix over x, y, theta."""
-    need, period, scale = np.zeros((3, 3)), float(settings["period"]), settings["scale"]
-    for i in range(int(settings["axes"]) if coupled else 0):
-        damping = _coupling_damping(settings, i) * _switched(settings)
-        need[i, i] = scale[i] ** 2 * passivity.least_damping(settings["stiffness"][i], damping, period, lateness)
+def _needs(settings, lateness):
+    """Damping that all gains together need, as matrices over x, y, theta: outside of walls, and inside."""
+    outside, inside = np.zeros((2, 3, 3))
+    period, scale, switched = float(settings["period"]), settings["scale"], _switched(settings)
+    for i in range(int(settings["axes"])):
+        for need, damping in ((outside, _coupling_damping(settings, i)), (inside, abs(settings["damping"][i]))):
+            stiffness = settings["stiffness"][i]
+            need[i, i] = scale[i] ** 2 * passivity.least_damping(stiffness, damping * switched, period, lateness)
     for j in range(int(settings["walls"])):
         normal = scale * (settings["wall_x"][j], settings["wall_y"][j], 0.0)
-        stiffness, damping = settings["wall_stiffness"][j], settings["wall_damping"][j] * _switched(settings)
-        need += np.outer(normal, normal) * passivity.least_damping(stiffness, damping, period, lateness)
-    return need
+        stiffness, damping = settings["wall_stiffness"][j], settings["wall_damping"][j] * switched
+        need = passivity.least_damping(stiffness, damping, period, lateness)
+        inside += np.outer(normal, normal) * need * _switch_price(settings, normal, lateness)
+    return outside, inside
+
+
+def _switch_price(settings, normal, lateness):
+    """How many times its damping a wall needs because cancellation ends at it (analysis/switching).
+
+    Nothing is paid where the band is no narrower than the handle's longest way towards the wall in one tick.
+    """
+    travel = float(np.abs(normal) @ settings["velocity_limit"]) * (float(settings["period"]) + lateness)
+    if settings["cancellation_band"] >= travel:
+        return 1.0
+    return 2.0 / (1.0 + math.sqrt(1.0 - float(settings["cancellation_ratio"]) ** 2))
 
 
 def _coupling_damping(settings, axis):
@@ -135,7 +150,7 @@ def _switched(settings):
 
 def _cross(settings):
     """λ with which the observer shares the cross term of oblique walls between x and y (law/servo)."""
-    left = settings["physical_damping"] - np.diag(_needs(settings, 0.0))
+    left = settings["physical_damping"] - np.diag(_needs(settings, 0.0)[1])
     if int(settings["axes"]) < 2 or left[0] <= 0.0 or left[1] <= 0.0:
         return 1.0
     return float(np.sqrt(left[0] / left[1]))
@@ -153,25 +168,26 @@ def _blames(settings, lateness):
     for j in range(int(settings["walls"])):
         normal = settings["scale"] * (settings["wall_x"][j], settings["wall_y"][j], 0.0)
         there = 1.0 / np.sum(normal**2 / np.where(normal != 0.0, settings["physical_damping"], 1.0))
-        yield _blame(
-            "wall.stiffness", settings["wall_stiffness"][j], settings["wall_damping"][j], there, settings, lateness
-        )
+        gains = settings["wall_stiffness"][j], settings["wall_damping"][j]
+        price = _switch_price(settings, normal, lateness)
+        yield _blame("wall.stiffness", *gains, there, settings, lateness, price)
     for i in range(int(settings["axes"])):
         there = settings["physical_damping"][i] / settings["scale"][i] ** 2
         name = "coupling.rotational_stiffness" if i == 2 else "coupling.stiffness"
         yield _blame(name, settings["stiffness"][i], _coupling_damping(settings, i), there, settings, lateness)
 
 
-def _blame(name, stiffness, damping, there, settings, lateness):
+def _blame(name, stiffness, damping, there, settings, lateness, price=1.0):
     period, counted = float(settings["period"]), damping * _switched(settings)
-    need = passivity.least_damping(stiffness, counted, period, lateness)
+    need = price * passivity.least_damping(stiffness, counted, period, lateness)
     if need < there:
         return ""
     unit, damping_unit = ("N m/rad", "N m s/rad") if "rotational" in name else ("N/m", "N s/m")
     per_stiffness = passivity.least_damping(1.0, 0.0, period, lateness)
-    most = max(0.0, there - passivity.least_damping(0.0, counted, period, lateness)) / per_stiffness
+    most = max(0.0, there / price - passivity.least_damping(0.0, counted, period, lateness)) / per_stiffness
     twice = " (twice, for adaptive_window)" if counted > damping else ""
     late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
+    late += ", cancellation.band being narrower than a tick's travel" if price > 1.0 else ""
     return (
         f"{name} {stiffness:.6g} {unit} with damping {damping:.4g} {damping_unit}{twice} "
         f"needs b > {need:.4g} {damping_unit} at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: "
@@ -180,10 +196,10 @@ def _blame(name, stiffness, damping, there, settings, lateness):
 
 
 def _together(settings, lateness):
-    worst = margins(settings, lateness)[1]
+    lacking = abs(margins(settings, lateness)[1])
     return (
-        f"walls and coupling together need {-worst:.3g} N s/m more physical damping than the device has in their worst "
-        "direction: lower wall.stiffness or coupling.stiffness"
+        f"walls and coupling together need {lacking:.3g} N s/m more physical damping than the device has in their "
+        "worst direction: lower wall.stiffness or coupling.stiffness"
     )
 
 

@@ -188,6 +188,8 @@ def test_the_description_that_is_written_can_be_loaded_and_keeps_what_was_not_fo
         (("--torque", "-0.1"), "torque is -0.1 N m, but it must be a finite number greater than 0"),
         (("--torque", "3"), "torque is 3 N m, but the motor of axis theta gives at most 1 N m"),
         (("--device", "nowhere"), "nowhere"),
+        (("--out", "/nowhere/found.yaml"), "/nowhere/found.yaml, but it must be a file in a folder that"),
+        (("--rate", "0"), "rate is 0 Hz, but it must be a finite number greater than 0"),
     ],
 )
 def test_bad_input_ends_in_one_sentence_and_exit_code_2(words, sentence):

@@ -9,6 +9,7 @@ from lockstep_systems import device, values
 
 from haptic_device import operating
 from haptic_device.analysis import closed_forms
+from haptic_device.analysis.switching import switched_cancellation_damping
 from haptic_device.law import passivity
 
 NO_COUPLING = {"coupling__stiffness": 0.0, "coupling__damping": 0.0}
@@ -69,6 +70,25 @@ def test_cancellation_of_a_held_coupling_counts_where_it_outweighs_the_couplings
     assert operating.margins(settings(**gains), 0.0)[0][0] == pytest.approx(0.8 - 0.25 - 0.2)
     cancelled = operating.margins(settings(**gains, cancellation__ratio=0.9), 0.0)[0][0]
     assert cancelled == pytest.approx(0.8 - 0.25 - abs(0.2 - 0.9 * 0.8))
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.9])
+def test_walls_keep_their_whole_bound_where_cancellation_fades_out_over_a_ticks_travel(ratio):
+    cancelled = {"cancellation__ratio": ratio, "cancellation__band": 0.005, "coupling__rotational_damping": 0.0}
+    assert operating.refusal(settings(**walls(6390.0, 0.0, 30.0), **cancelled)) == ""
+    assert "wall.stiffness" in operating.refusal(settings(**walls(6410.0, 0.0, 30.0), **cancelled))
+
+
+@pytest.mark.parametrize("stiffness, damping", [(5900.0, 0.0), (5000.0, 0.1)])
+def test_a_wall_pays_for_the_switch_where_the_band_is_narrower_than_a_ticks_travel(stiffness, damping):
+    wall = {**walls(stiffness, damping, 90.0), "cancellation__ratio": 0.9, "coupling__rotational_damping": 0.0}
+    travel = settings(**wall)["velocity_limit"][1] * 0.25e-3
+    wide, narrow = (settings(**wall, cancellation__band=share * travel) for share in (1.01, 0.99))
+    assert operating.margins(wide, 0.0)[1] == pytest.approx(0.8 - stiffness * 0.125e-3 - damping)
+    needed = switched_cancellation_damping(stiffness, damping, 0.25e-3, 0.9)
+    assert operating.margins(narrow, 0.0)[1] <= 0.8 - needed + 1e-12
+    assert operating.refusal(wide) == ""
+    assert "cancellation.band being narrower than a tick's travel" in operating.refusal(narrow)
 
 
 def windowed_work(steps, windows):

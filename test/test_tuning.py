@@ -180,10 +180,8 @@ def test_identify_recognizes_a_live_device_that_the_driver_was_not_told(tmp_path
     app = typer.Typer()
     app.command()(identify)
     words = ["--loopback", tmp_path / "other.yaml", "--out", tmp_path / "found.yaml", "--seconds", 4, "--rate", 1000]
-    began = time.monotonic()
     result = CliRunner().invoke(app, [*map(str, words), "--json"])
     assert result.exit_code == 0, result.stderr
-    assert time.monotonic() - began < 100.0
     axes = json.loads(result.stdout)["axes"]
     for name, scale in (("x", 1.0), ("y", 1.0), ("theta", 1e-3)):
         assert axes[name]["mass"][0] == pytest.approx(0.15 * scale, rel=0.02)

@@ -165,6 +165,17 @@ def test_an_unreadable_resume_file_is_refused_in_a_sentence_and_kept(tmp_path, c
     assert file.read_bytes() == content
 
 
+def test_a_resume_file_that_is_a_bare_array_or_has_damaged_content_is_refused_in_a_sentence(tmp_path):
+    np.save(tmp_path / "bare.npy", np.zeros(3))
+    draw_map(SMALL, 1, tmp_path / "damaged.npz")
+    content = bytearray((tmp_path / "damaged.npz").read_bytes())
+    content[60:120] = b"\xff" * 60
+    (tmp_path / "damaged.npz").write_bytes(content)
+    for name in ("bare.npy", "damaged.npz"):
+        with pytest.raises(ValueError, match="resume file .* cannot be read .*; delete it or name another"):
+            draw_map(SMALL, 1, tmp_path / name)
+
+
 def test_a_resume_file_of_another_map_is_refused(tmp_path):
     draw_map(SMALL, 1, tmp_path / "map.npz")
     other = SMALL._replace(setup=SMALL.setup._replace(mass=0.2))

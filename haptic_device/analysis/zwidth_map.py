@@ -5,6 +5,7 @@ import contextlib
 import json
 import os
 import zipfile
+import zlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
@@ -133,7 +134,7 @@ def _read(path, request):
     try:
         with np.load(path, allow_pickle=False) as kept:
             known, plane = str(kept["request"]), Plane(Outcome(*(kept[n] for n in Outcome._fields)), kept["done"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         reason = getattr(error, "strerror", None) or "it holds no map"
         raise ValueError(f"resume file {path} cannot be read ({reason}); delete it or name another") from None
     if known != request.text() or plane.outcome.verdict.shape != (request.damping.size, request.stiffness.size):

@@ -34,6 +34,7 @@ def identify(
     from haptic_sim.cli.processes import NodeDiedError, interruptible
 
     try:
+        _refuse_folder(out)
         with interruptible():
             found, described = _identify(device, loopback, seconds, force, torque, rate, domain, namespace)
         write(out, described, found)
@@ -54,6 +55,7 @@ def _identify(name, loopback, seconds, force, torque, rate, domain, namespace):
     from haptic_sim.cli.shaking import record
 
     positive("force", force, "N")
+    positive("rate", rate, "Hz")
     described = load_device(name)
     other = load_device(loopback) if loopback else described
     if len(other.axes) != len(described.axes):
@@ -65,6 +67,11 @@ def _identify(name, loopback, seconds, force, torque, rate, domain, namespace):
     with running(domain, namespace, told, true) as (number, room, check):
         rows = record(number, room, check, described, seconds, force, torque)
     return {axis.name: estimate(rows, i, axis) for i, axis in enumerate(described.axes)}, described
+
+
+def _refuse_folder(out):
+    if not out.parent.is_dir() or out.is_dir():
+        raise ValueError(f"--out is {out}, but it must be a file in a folder that exists")
 
 
 def _hand():
