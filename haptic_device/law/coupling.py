@@ -25,3 +25,18 @@ def coupling_force(stiffness, damping, stretch, rate):
 def coupling_store(stiffness, stretch):
     """Energy in the coupling's spring along one axis [J]."""
     return 0.5 * stiffness * stretch * stretch
+
+
+@kernel
+def spring_force(stiffness, limit, stretch):
+    """Force of the coupling's spring on the handle [N], never beyond what the motor can hold: a clamped spring."""
+    return min(limit, max(-limit, stiffness * stretch))
+
+
+@kernel
+def spring_store(stiffness, limit, stretch):
+    """Energy in the clamped spring [J], the integral of spring_force: quadratic up to the limit, straight beyond."""
+    force = stiffness * abs(stretch)
+    if force <= limit:
+        return 0.5 * force * abs(stretch)
+    return limit * (abs(stretch) - 0.5 * limit / stiffness)

@@ -85,6 +85,7 @@ class DriverNode(ManagedNode):
             self._judge(settings, values)
             self._version += 1
             settings["margin"] = operating.margins(settings[0], self._lateness())[0]
+            settings["surplus"] = operating.surplus(settings[0], self._lateness())
             self.servo.set(settings)
             self.servo.gains.put(operating.gains_from(values))
             self._set_flag(engage.CLUTCH, values["clutch.open"])
@@ -118,7 +119,7 @@ class DriverNode(ManagedNode):
         """The margin of the gains in force, with the lateness as measured now."""
         settings = self.servo.settings.get().view(np.ndarray).view(law.SETTINGS)
         by_axis, *self._margins = operating.margins(settings[0], self._lateness())
-        settings["margin"] = by_axis
+        settings["margin"], settings["surplus"] = by_axis, operating.surplus(settings[0], self._lateness())
         self.servo.set(settings)
 
     def _set_flag(self, flag, wanted):

@@ -79,7 +79,7 @@ def compose_handle(frame, state, row, gains, scratch):
     for i in range(axes):
         frame.reals[position + i] = row.position[i]
         frame.reals[velocity + i] = row.velocity[i]
-        frame.reals[effort + i] = row.force_coupling[i]
+        frame.reals[effort + i] = row.exchange_effort[i]
     tail = frame.reals[position + axes : position + frame.count]
     tail[exchange.LAYOUT], tail[exchange.SESSION], tail[exchange.SEQUENCE] = (
         exchange.LAYOUT_VERSION, state.session, state.sequence

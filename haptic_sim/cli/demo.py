@@ -84,9 +84,10 @@ def _programs(order: Order) -> list[Program]:
     given = {
         "haptic_recorder": {"bag": str(order.out / "bag")},
         "haptic_loopback": motion,
-        "haptic_simulation": {"scene": str(scene)},
-        "haptic_driver": {name: value for name, value in driver.items() if value is not None},
+        "haptic_simulation": {"scene": str(scene), "exchange.method": order.exchange},
+        "haptic_driver": driver,
     }
+    given = {node: {name: value for name, value in values.items() if value is not None} for node, values in given.items()}
     return [_program(name, values, NODES[name], order.params) for name, values in given.items()]
 
 

@@ -27,10 +27,13 @@ class Question(NamedTuple):
 
 
 class Port:
-    """Judges handle messages of one device at a time and packs the answers; `home` is the tool's pose at the start."""
+    """Judges handle messages of one device at a time and packs the answers.
 
-    def __init__(self, home: Planar):
-        self.home = home
+    home: the tool's pose at the start; method: the exchange method, which the device must share.
+    """
+
+    def __init__(self, home: Planar, method: str = "direct"):
+        self.home, self._method = home, float(exchange.METHODS.index(method))
         self.session = float(secrets.randbits(48) | 1)
         self.refused = dict.fromkeys(exchange.REFUSALS[1:], 0)
         self._layouts = {axes: JointLayout(exchange_names(axes)) for axes in (1, 2, 3)}
@@ -47,10 +50,11 @@ class Port:
         sample = self._layouts[axes].unpack(data)
         position, velocity = sample.position.tolist(), sample.velocity.tolist()
         tail = position[axes:]
-        code = self._judge((*position[:axes], *velocity[:axes]), tail, now_ns)
+        effort = sample.effort.tolist()[:axes]
+        code = self._judge((*position[:axes], *velocity[:axes], *effort), tail, now_ns)
         if code != exchange.ACCEPTED:
             return self._refuse(code)
-        return self._accept(sample.stamp_ns, position[:axes], velocity[:axes], tail, now_ns)
+        return self._accept(sample.stamp_ns, (position[:axes], velocity[:axes], effort), tail, now_ns)
 
     def answer(self, question: Question, tool: ToolSample) -> bytes:
         """Bytes of the tool message: stamped with, and naming, the handle sample it answers."""
@@ -71,19 +75,23 @@ class Port:
             return exchange.OTHER_LAYOUT
         if not all(0.0 <= gain <= exchange.LIMIT for gain in tail[GAINS]):
             return exchange.NOT_FINITE
-        if tail[exchange.METHOD] not in range(len(exchange.METHODS)):
+        if tail[exchange.METHOD] != self._method:
             return exchange.OTHER_METHOD
+        if tail[exchange.GAINS] != exchange.gains_hash(*tail[GAINS]):
+            return exchange.OTHER_GAINS
         if tail[exchange.SESSION] != self._peer_session:
             silent = now_ns - self._accepted_ns >= SILENCE_NS
             return exchange.ACCEPTED if silent or self._peer_session == 0.0 else exchange.SECOND_SENDER
         return exchange.ACCEPTED if tail[exchange.SEQUENCE] > self._peer_sequence else exchange.OLD
 
-    def _accept(self, stamp_ns, position, velocity, tail, now_ns):
-        axes, new = len(position), tail[exchange.SESSION] != self._peer_session
+    def _accept(self, stamp_ns, arrays, tail, now_ns):
+        axes, new = len(arrays[0]), tail[exchange.SESSION] != self._peer_session
         self._peer_session, self._peer_sequence = tail[exchange.SESSION], tail[exchange.SEQUENCE]
         self._accepted_ns = now_ns
-        whole = (*position, *self.home[axes:]), (*velocity, *(0.0,) * (3 - axes))
-        return Question(HandleSample(stamp_ns, *whole, *tail[GAINS]), axes, tail, new)
+        rest = self.home[axes:], (0.0,) * (3 - axes), (0.0,) * (3 - axes)
+        position, velocity, effort = ((*known, *missing) for known, missing in zip(arrays, rest, strict=True))
+        handle = HandleSample(stamp_ns, position, velocity, *tail[GAINS], effort, tail[exchange.ENERGY])
+        return Question(handle, axes, tail, new)
 
     def _refuse(self, code):
         self.refused[exchange.REFUSALS[code]] += 1

@@ -15,6 +15,7 @@ from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.port import Port
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
+from haptic_sim.tool_port import port_of
 
 DIAGNOSTICS_PERIOD = 0.5  # s
 MIDDLEWARE_PRIORITY = 65  # above the exchange, which must never wait for the middleware's own threads
@@ -37,11 +38,12 @@ class SimulationNode(ManagedNode):
         """Loads the scene."""
         given = self.values
         lift_threads(given["realtime"], MIDDLEWARE_PRIORITY)
-        self.simulation = Simulation(load(given["scene"]), given["sub_step"], given["max_catch_up"])
+        port = port_of(given["exchange.method"], given["port_budget"])
+        self.simulation = Simulation(load(given["scene"]), given["sub_step"], given["max_catch_up"], port)
 
     def activate(self) -> None:
         """Starts answering."""
-        port = Port(self.simulation.scene.tool.pose)
+        port = Port(self.simulation.scene.tool.pose, self.values["exchange.method"])
         self.exchange = ExchangeThread(self, self.simulation, port, self._tool, self._prepare)
         self.get_logger().info(f"scene {self.simulation.scene.name}; {self.exchange.scheduling}")
 

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tool's end of the exchange methods: which handle the coupling pulls to, and what the port's energy may be.
+
+Each sub-step `drive` gives the handle that the method couples the tool with, and `book` takes what came of it.
+"""
+
+import math
+from typing import Protocol
+
+from haptic_device.law import exchange, wave
+from haptic_sim.method import Coupling, Planar
+
+BUDGET = 0.05
+"""Energy [J] the tool port may supply before any has been shipped, and keep; what is over goes back to the device."""
+
+
+class Port(Protocol):
+    """One exchange method at the tool."""
+
+    def rejoin(self) -> None:
+        """A new session of the device, or a world put back to its start: the next sample's sums are the new zero."""
+
+    def receive(self, handle, sub_step: float) -> Coupling:
+        """Take what a handle sample ships; the gains to couple with over the next sub-steps [s]."""
+
+    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
+        """Handle position and velocity for the sub-step that starts with the tool there."""
+
+    def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """Take the sub-step's force on the tool [N, N, N m] and the tool's way."""
+
+    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
+        """The effort and energy of the tool sample."""
+
+
+class Direct:
+    """The handle as it is said to be, whatever that does to the energy."""
+
+    def rejoin(self) -> None:
+        """Nothing is kept."""
+
+    def receive(self, handle, sub_step: float) -> Coupling:
+        """The device's gains."""
+        return handle.gains
+
+    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
+        """The handle as it is."""
+        return position, velocity
+
+    def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """Nothing is booked."""
+
+    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
+        """The force on the tool, and the energy supplied."""
+        return force_on_tool, supplied
+
+
+class Modulated:
+    """The handle drawn nearer where its pull could supply more energy than the device has shipped.
+
+    Over a sub-step h the coupling's force on one axis is a − (h K + B) v⁺ with a = K (x_h − x) + B v_h, and the energy
+    it supplies, h (a − (h K + B) v⁺) v⁺, is at most h a²/4(h K + B), whatever contacts make of v⁺. As long as the tank
+    holds that much, nothing need be done; else a is made smaller by the root of what is missing. What is then really
+    supplied is taken from the tank, and what the tool gives back comes into it.
+    """
+
+    def __init__(self, budget: float = BUDGET):
+        self.budget = self.tank = budget
+        self.returned = 0.0
+        self._known = None
+        self._gains, self._sub_step = Coupling(), 0.0
+
+    def rejoin(self) -> None:
+        """The next sample's sum of energy is the new zero; the tank keeps what it has."""
+        self._known = None
+
+    def receive(self, handle, sub_step: float) -> Coupling:
+        """Energy shipped since the last sample goes into the tank."""
+        known = handle.energy if self._known is None else self._known
+        self.tank += max(0.0, handle.energy - known)
+        self._known = max(known, handle.energy)
+        self._gains, self._sub_step = handle.gains, sub_step
+        return handle.gains
+
+    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
+        """The handle, as near to the tool as the tank asks for."""
+        stiffness, damping, turning, turning_damping = self._gains
+        h, most = self._sub_step, 0.0
+        for i, (k, b) in enumerate(((stiffness, damping), (stiffness, damping), (turning, turning_damping))):
+            pull = k * (position[i] - tool[i]) + b * velocity[i]
+            most += h * pull * pull / (4.0 * (h * k + b)) if pull else 0.0
+        if most <= self.tank:
+            return position, velocity
+        share = math.sqrt(max(0.0, self.tank) / most)
+        nearer = tuple(t + share * (p - t) for p, t in zip(position, tool, strict=True))
+        return nearer, tuple(share * v for v in velocity)
+
+    def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """What the coupling supplied leaves the tank."""
+        self.tank -= sum(f * (b - a) for f, a, b in zip(force_on_tool, before, after, strict=True))
+
+    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
+        """The force on the tool, and all that was sent back so far: what the tank holds above the budget."""
+        over = max(0.0, self.tank - self.budget)
+        self.tank -= over
+        self.returned += over
+        return force_on_tool, self.returned
+
+
+class Waves:
+    """The tool pulled by the waves that have come: a force p − z v, which is a damper z to a handle at velocity p/z."""
+
+    def __init__(self):
+        self._turn, self._last_ns = 1.0, 0
+        self._store, self._sent_energy = 0.0, 0.0
+        self._sent, self._pending, self._come = [0.0] * 3, [0.0] * 3, None
+        self._energy_come, self._rate = 0.0, [0.0] * 3
+        self._impedance, self._sub_step = (1.0,) * 3, 1.0
+
+    def rejoin(self) -> None:
+        """The next sample's sums are the new zero, and nothing of the old ones is still to come."""
+        self._come, self._pending, self._store = None, [0.0] * 3, 0.0
+
+    def receive(self, handle, sub_step: float) -> Coupling:
+        """What has come since the last sample is still to be played."""
+        if self._come is None:
+            self._come, self._energy_come = handle.effort, handle.energy
+        self._measure_turn(handle.time_ns)
+        for i in range(3):
+            self._pending[i] += handle.effort[i] - self._come[i]
+            self._rate[i] = self._pending[i] / max(wave.TURNS * self._turn, 2.0 * sub_step)
+        self._store += max(0.0, handle.energy - self._energy_come)
+        self._come, self._energy_come = handle.effort, max(handle.energy, self._energy_come)
+        line, turning = wave.impedance(handle.stiffness), wave.impedance(handle.rotational_stiffness)
+        self._impedance, self._sub_step = (line, line, turning), sub_step
+        return Coupling(0.0, line, 0.0, turning)
+
+    def _measure_turn(self, time_ns):
+        """Time between handle samples [s], the shortest of late."""
+        passed = (time_ns - self._last_ns) * 1e-9
+        self._turn = min(passed, 1.02 * self._turn) if passed > 0.0 else self._turn
+        self._last_ns = time_ns
+
+    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
+        """The waves of this sub-step as velocities."""
+        waves = [wave.played(*both, self._sub_step) for both in zip(self._pending, self._rate, strict=True)]
+        pairs = zip(waves, self._impedance, strict=True)
+        energy = sum(wave.power(value, z) for value, z in pairs) * self._sub_step
+        share = wave.covered(energy, self._store)
+        self._store = max(0.0, self._store - share * share * energy)
+        for i in range(3):
+            waves[i] *= share
+            self._pending[i] -= waves[i] * self._sub_step
+        return tool, tuple(value / z for value, z in zip(waves, self._impedance, strict=True))
+
+    def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """The waves that go back: q = u − z v."""
+        for i in range(3):
+            z = self._impedance[i]
+            back = force_on_tool[i] - z * (after[i] - before[i]) / self._sub_step
+            self._sent[i] += back * self._sub_step
+            self._sent_energy += wave.power(back, z) * self._sub_step
+
+    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
+        """The sums of the waves sent and of their energy."""
+        return tuple(self._sent), self._sent_energy
+
+
+def port_of(method: str, budget: float = BUDGET) -> Port:
+    """The port of an exchange method; ValueError if there is none of this name."""
+    if method not in exchange.METHODS:
+        raise ValueError(f"exchange.method is {method}; there are {', '.join(exchange.METHODS)}")
+    return {"direct": Direct, "wave": Waves, "pspm": lambda: Modulated(budget)}[method]()
