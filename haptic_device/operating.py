@@ -18,6 +18,7 @@ from haptic_device.law import (
     plant,
     servo,
     wall,
+    wave,
 )
 from haptic_device.runtime.exchange import GAINS
 

@@ -11,8 +11,8 @@ from typing import NamedTuple
 from haptic_sim.energy import Ledger
 from haptic_sim.method import Coupling
 from haptic_sim.method.impulse import Impulse
-from haptic_sim.tool_port import Direct, Port
 from haptic_sim.scene import Scene
+from haptic_sim.tool_port import Direct, Port
 
 Planar = tuple[float, float, float]
 SECOND = 1_000_000_000

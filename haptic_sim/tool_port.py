@@ -111,7 +111,7 @@ class Waves:
     """The tool pulled by the waves that have come: a force p − z v, which is a damper z to a handle at velocity p/z."""
 
     def __init__(self):
-        self._turn, self._last_ns = 1.0, 0
+        self._last_ns = 0
         self._store, self._sent_energy = 0.0, 0.0
         self._sent, self._pending, self._come = [0.0] * 3, [0.0] * 3, None
         self._energy_come, self._rate = 0.0, [0.0] * 3
@@ -122,24 +122,18 @@ class Waves:
         self._come, self._pending, self._store = None, [0.0] * 3, 0.0
 
     def receive(self, handle, sub_step: float) -> Coupling:
-        """What has come since the last sample is still to be played."""
+        """What has come since the last sample is played over the time that the world now makes up."""
         if self._come is None:
             self._come, self._energy_come = handle.effort, handle.energy
-        self._measure_turn(handle.time_ns)
+        passed, self._last_ns = (handle.time_ns - self._last_ns) * 1e-9, handle.time_ns
         for i in range(3):
             self._pending[i] += handle.effort[i] - self._come[i]
-            self._rate[i] = self._pending[i] / max(wave.TURNS * self._turn, 2.0 * sub_step)
+            self._rate[i] = self._pending[i] / max(passed, sub_step)
         self._store += max(0.0, handle.energy - self._energy_come)
         self._come, self._energy_come = handle.effort, max(handle.energy, self._energy_come)
         line, turning = wave.impedance(handle.stiffness), wave.impedance(handle.rotational_stiffness)
         self._impedance, self._sub_step = (line, line, turning), sub_step
         return Coupling(0.0, line, 0.0, turning)
-
-    def _measure_turn(self, time_ns):
-        """Time between handle samples [s], the shortest of late."""
-        passed = (time_ns - self._last_ns) * 1e-9
-        self._turn = min(passed, 1.02 * self._turn) if passed > 0.0 else self._turn
-        self._last_ns = time_ns
 
     def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
         """The waves of this sub-step as velocities."""

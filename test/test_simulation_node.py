@@ -28,6 +28,7 @@ def handle(sequence=1.0, session=77.0, axes=3, position=HOME, stamp_ns=5_000_000
     entries = dict.fromkeys(exchange.TAIL, 0.0)
     entries.update(layout_version=exchange.LAYOUT_VERSION, session=session, sequence=sequence)
     entries["gains_hash"] = exchange.gains_hash(*GAINS)
+    entries["exchange_method"] = float(exchange.PSPM)
     entries.update(zip(exchange.TAIL[exchange.GAIN_0:], GAINS, strict=False))
     entries.update(tail)
     zeros = [0.0] * (axes + len(entries))

@@ -8,7 +8,7 @@ factor on the coupling's force (engaging, fading) multiplies its spring, so that
 import math
 
 from haptic_device.kernel import kernel
-from haptic_device.law import coupling, engage, exchange, pspm, wave
+from haptic_device.law import coupling, engage, exchange, pspm, tank, wave
 
 AXES = 3
 DAMPER_SLEW = 0.25  # share of the slew that the set position's velocity may make on top of it
@@ -26,7 +26,7 @@ def follow(settings, memory, row):
         return
     risen = engage.engage_factor(int(memory.state), memory.engage, settings.period, settings.engage_time)
     memory.factor = risen * row.exchange_fade
-    _fill_tank(settings, memory, row)
+    tank.fill(settings, memory, row)
     if settings.exchange_method == exchange.PSPM:
         _modulate(settings, memory, row)
     else:
@@ -57,55 +57,12 @@ def _as_it_is(row):
 
 
 @kernel
-def _fill_tank(settings, memory, row):
-    """Books the hold that ends here (law/pspm, 1) and the energy that the other side sends back."""
-    if not memory.filled:
-        _fill_first(settings, memory, row)
-    fresh = memory.window_holds >= pspm.WINDOW
-    memory.window_holds = 1.0 if fresh else memory.window_holds + 1.0
-    for i in range(int(settings.axes)):
-        moved, scale = memory.moved[i], settings.scale[i]
-        memory.tank -= memory.push[i] * scale * moved
-        if fresh:
-            memory.window_from[i], memory.counted[i] = memory.midpoint[i], 0.0
-        memory.midpoint[i] = memory.device_position[i] - 0.5 * moved
-    if fresh:
-        memory.window_start = memory.latched_before
-    elapsed = (row.latched - memory.window_start) * 1e-9
-    for i in range(int(settings.axes)):
-        way, step = memory.midpoint[i] - memory.window_from[i], abs(settings.position_per_count[i])
-        counted = pspm.dissipated(memory.counted[i], way, step, elapsed)
-        memory.tank += _worth(settings, memory, i) * (counted - memory.counted[i])
-        memory.counted[i] = counted
-    memory.latched_before, memory.factor_held = row.latched, memory.factor
-
-
-@kernel
-def _fill_first(settings, memory, row):
-    """The budget, and wave energy to begin with; where the handle is now, a window begins."""
-    memory.filled, memory.tank, memory.wave_store = 1.0, settings.exchange_budget, 0.0
-    memory.window_start = memory.latched_before = row.latched
-    for i in range(int(settings.axes)):
-        memory.window_from[i] = memory.midpoint[i] = memory.device_position[i]
-
-
-@kernel
-def _worth(settings, memory, i):
-    """What ∫ v² dt fills into the tank [N s/m]: b − c, and for pspm what the coupling's damper takes beside its bound."""
-    if settings.exchange_method == exchange.WAVE:
-        return max(0.0, settings.surplus[i])
-    damper = 2.0 * memory.factor_held * settings.damping[i] * settings.scale[i] ** 2
-    cancelled = settings.cancellation_ratio * settings.physical_damping[i]
-    return max(0.0, settings.surplus[i]) + max(0.0, damper - cancelled)
-
-
-@kernel
 def _modulate(settings, memory, row):
     """Set position after the tool's samples, foretold, as far as slew and tank allow (law/pspm, 2)."""
-    _take_returned(settings, memory, row)
+    tank.take_returned(settings, memory, row)
     for i in range(int(settings.axes)):
         memory.goal[i] = _foretold(settings, row, i)
-    _accept(settings, memory, row)
+    tank.pay(settings, memory, row)
     force_square = 0.0
     for i in range(int(settings.axes)):
         own = memory.own_velocity[i]
@@ -142,54 +99,13 @@ def _foretold(settings, row, i):
 
 
 @kernel
-def _accept(settings, memory, row):
-    """Moves the set position towards the goal; the tank takes what the spring lets go and pays what it gains."""
-    available, wanted, square = memory.tank, 0.0, 0.0
-    for i in range(int(settings.axes)):
-        moved = settings.scale[i] * memory.moved[i]
-        stretch = memory.set[i] - row.position[i]
-        held = coupling.spring_store(memory.spring[i], memory.clamp[i], stretch)
-        if memory.limited[i]:  # less was held than the spring says: what the hand may not have paid is not there
-            held = min(held, coupling.spring_store(memory.spring[i], memory.clamp[i], stretch + moved))
-        available += held
-        stiffness, limit = memory.factor * settings.stiffness[i], memory.factor * settings.coupling_limit[i]
-        reach = settings.exchange_slew[i] * settings.period / stiffness if stiffness > 0.0 else math.inf
-        goal = memory.goal[i] if row.exchange_fade > 0.0 else row.position[i]
-        stretch = pspm.slewed(memory.set[i], goal, moved, reach) - row.position[i]
-        memory.stretch[i] = stretch
-        wanted += coupling.spring_store(stiffness, limit, stretch)
-        square += 0.5 * stiffness * stretch * stretch
-    share = pspm.share_paid(available, wanted, square)
-    memory.shortened += 1.0 if share < 1.0 else 0.0
-    memory.tank = available
-    for i in range(int(settings.axes)):
-        stiffness, limit = memory.factor * settings.stiffness[i], memory.factor * settings.coupling_limit[i]
-        stretch = share * memory.stretch[i]
-        memory.tank -= coupling.spring_store(stiffness, limit, stretch)
-        before, memory.set[i] = memory.set[i], row.position[i] + stretch
-        memory.own_velocity[i] = (memory.set[i] - before) / settings.period
-        memory.spring[i], memory.clamp[i] = stiffness, limit
-
-
-@kernel
-def _take_returned(settings, memory, row):
-    """Energy that the simulation's side sends back, never more than was shipped there."""
-    if row.tool_session != memory.tool_session:
-        memory.tool_session, memory.tool_energy = row.tool_session, row.tool_energy
-    back = exchange.believed(row.tool_energy, memory.tool_energy, memory.shipped, memory.returned)
-    memory.tank = max(memory.tank, min(settings.exchange_tank, memory.tank + back))  # what is over is not sent again
-    memory.returned += back
-    memory.tool_energy = max(memory.tool_energy, row.tool_energy)
-
-
-@kernel
 def _take_waves(settings, memory, row):
     """Port behind the coupling that the waves from the tool move, and the waves it sends back (law/wave)."""
     _receive_waves(settings, memory, row)
     for i in range(int(settings.axes)):
         tool = pspm.foretold(row.tool_position[i], row.tool_velocity[i], row.tool_age, settings.exchange_horizon)
         memory.goal[i] = memory.set[i] + CORRECTION * settings.period * (tool - memory.set[i])
-    _accept(settings, memory, row)
+    tank.pay(settings, memory, row)
     memory.tank = min(memory.tank, settings.exchange_tank)
     share = _play(settings, memory)
     for i in range(int(settings.axes)):
@@ -223,19 +139,23 @@ def _receive_waves(settings, memory, row):
     memory.tool_energy = max(memory.tool_energy, row.tool_energy)
     if row.tool_answered == memory.tool_answered:
         return
-    memory.tool_answered = row.tool_answered
+    memory.gap = max(wave.FORGET * memory.gap, (row.latched - memory.answered_at) * 1e-9)
+    memory.tool_answered, memory.answered_at = row.tool_answered, row.latched
+    time = max(settings.exchange_play, wave.TURNS * memory.gap)
     for i in range(int(settings.axes)):
         memory.pending[i] += row.tool_effort[i] - memory.come[i]
         memory.come[i] = row.tool_effort[i]
-        memory.rate[i] = memory.pending[i] / settings.exchange_play
+        memory.rate[i] = memory.pending[i] / time
 
 
 @kernel
 def _play(settings, memory):
-    """Waves of this tick, into memory.wave; returns the share of them that the energy received covers, and spends it."""
+    """Fills in memory.wave; returns the share of these waves that the energy received covers, and spends it."""
     energy = 0.0
     for i in range(int(settings.axes)):
-        memory.wave[i] = wave.played(memory.pending[i], memory.rate[i], settings.period)
+        reach = settings.exchange_slew[i] * settings.period
+        rate = min(memory.wave[i] + reach, max(memory.wave[i] - reach, memory.rate[i]))
+        memory.wave[i] = wave.played(memory.pending[i], rate, settings.period)
         energy += wave.power(memory.wave[i], wave.impedance(settings.stiffness[i])) * settings.period
     share = wave.covered(energy, memory.wave_store)
     memory.wave_store = max(0.0, memory.wave_store - share * share * energy)

@@ -16,9 +16,10 @@ and the device's damper takes at least b Δx²/T. With c = κT/2 + B (Colgate 19
 the energy given up to any tick is at most E_0 − E − U. So E ≥ 0 is the whole condition, for any samples: (2) is kept by
 `share_paid`, which shortens a stretch that the tank cannot pay; (1) by `damper_share`, for the handle's worst motion.
 With midpoints m_k = (x_k + x_{k+1})/2 both squares of (1) are at least (b − c + 2B) Δm²/T, and over a window of n holds
-at least (b − c + 2B)(Σ Δm)²/nT (Cauchy–Schwarz): that is credited, by `dissipated`, where an encoder's step cannot raise it.
+at least (b − c + 2B)(Σ Δm)²/nT (Cauchy–Schwarz): that is credited, by `dissipated`, where no encoder step raises it.
 
-Energy leaves the tank for the other side and comes back at most up to what has left (exchange.believed). Limits: b = c leaves B alone to fill the tank; κ = 0 lets y go anywhere.
+Energy leaves the tank for the other side and comes back at most up to what has left (exchange.believed).
+Limits: b = c leaves B alone to fill the tank; κ = 0 lets y go anywhere.
 """
 
 import math
@@ -37,7 +38,7 @@ def foretold(position, velocity, age, horizon):
 
 @kernel
 def beside(straight, handle, stretch, age, agility):
-    """Where a free tool is now: where its stretch at its last sample, believed less with age, puts it beside the handle.
+    """Where a free tool is now: beside the handle, by the stretch of its last sample, which is believed less with age.
 
     A free tool goes where the handle goes, so that the handle's own motion foretells it without the error of
     acceleration · age²/2 that `straight`, the first-order place, is felt as a mass by. It stays within agility · age²/2

@@ -10,7 +10,18 @@ import math
 import numpy as np
 
 from haptic_device.kernel import kernel
-from haptic_device.law import cancellation, coupling, encoder, engage, exchange, fault, following, kinematics, passivity, wall
+from haptic_device.law import (
+    cancellation,
+    coupling,
+    encoder,
+    engage,
+    exchange,
+    fault,
+    following,
+    kinematics,
+    passivity,
+    wall,
+)
 from haptic_device.parameter import Parameter
 
 AXES = 3  # x, y, theta; a device with fewer leaves the rest at zero
@@ -66,8 +77,8 @@ SETTINGS = _columns(
     *("velocity_estimator", "velocity_lag", "velocity_window"),
     *("passivity_control", "passivity_budget", "margin*", "cross"),
     *("exchange_method", "exchange_budget", "exchange_tank", "exchange_horizon", "exchange_play", "exchange_slew*"),
-    *("exchange_agility*",),
-    *("surplus*", "exchange_hold", "exchange_fade", "engage_time", "engage_force", "engage_torque", "silence", "saturation"),
+    *("exchange_agility*", "surplus*", "exchange_hold", "exchange_fade"),
+    *("engage_time", "engage_force", "engage_torque", "silence", "saturation"),
 )
 
 MEMORY = _columns(
@@ -89,11 +100,11 @@ MEMORY = _columns(
         "generated*",
         "injections",
     ),
-    *("factor", "factor_held", "spring*", "clamp*", "push*"),  # what the coupling holds, and what law/following keeps:
+    *("factor", "factor_held", "spring*", "clamp*", "push*", "mixed*"),  # what the coupling holds, and what law/following keeps:
     *("filled", "tank", "shipped", "returned", "tool_session", "tool_energy", "shortened"),
     *("set*", "set_velocity*", "own_velocity*", "goal*", "stretch*"),
     *("midpoint*", "window_from*", "window_start", "window_holds", "counted*", "latched_before"),
-    *("tool_answered", "rate*", "wave*", "wave_store", "pending*", "come*", "sent*"),
+    *("tool_answered", "answered_at", "gap", "rate*", "wave*", "wave_store", "pending*", "come*", "sent*"),
 )
 
 FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor
@@ -342,6 +353,7 @@ def _command_motor(settings, memory, row):
         force += row.engage * row.force_gravity[i]
         saturated |= abs(force) > settings.device_limit[i]
         memory.limited[i] = abs(total) > limit or abs(force) > settings.device_limit[i]
+        memory.mixed[i] = memory.limited[i] and total != row.force_coupling[i]
         force = min(settings.device_limit[i], max(-settings.device_limit[i], force))
         row.force_on_handle[i] = force
     for i in range(AXES):

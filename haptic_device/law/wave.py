@@ -21,7 +21,8 @@ import math
 from haptic_device.kernel import kernel
 
 IMPEDANCE_TIME = 0.004  # [s] z = K · this: the line is as stiff as the coupling at a delay of this length
-TURNS = 1.5  # exchange periods over which what has come is played
+TURNS = 1.5  # what has come is played over this many of the longest gaps of late
+FORGET = 0.98  # from sample to sample, of the longest gap
 LEAST = 1e-3  # [N s/m] impedance where there is no stiffness
 
 

@@ -87,8 +87,11 @@ def _programs(order: Order) -> list[Program]:
         "haptic_simulation": {"scene": str(scene), "exchange.method": order.exchange},
         "haptic_driver": driver,
     }
-    given = {node: {name: value for name, value in values.items() if value is not None} for node, values in given.items()}
-    return [_program(name, values, NODES[name], order.params) for name, values in given.items()]
+    return [_program(name, _stated(values), NODES[name], order.params) for name, values in given.items()]
+
+
+def _stated(values: dict) -> dict:
+    return {name: value for name, value in values.items() if value is not None}
 
 
 _MODULES = {

@@ -32,7 +32,7 @@ class Port:
     home: the tool's pose at the start; method: the exchange method, which the device must share.
     """
 
-    def __init__(self, home: Planar, method: str = "direct"):
+    def __init__(self, home: Planar, method: str = "pspm"):
         self.home, self._method = home, float(exchange.METHODS.index(method))
         self.session = float(secrets.randbits(48) | 1)
         self.refused = dict.fromkeys(exchange.REFUSALS[1:], 0)
