@@ -38,6 +38,7 @@ DIRECT = {  # parameter → field of SETTINGS with the same number
     "cancellation.ratio": "cancellation_ratio",
     "cancellation.band": "cancellation_band",
     "cancellation.stretch": "cancellation_stretch",
+    "cancellation.twist": "cancellation_twist",
     "cancellation.filter": "cancellation_filter",
     "velocity.lag": "velocity_lag",
     "velocity.window": "velocity_window",
@@ -211,6 +212,8 @@ def _set_walls(settings, values):
         length = math.hypot(nx, ny)
         if abs(length - 1.0) > 1e-3:
             raise ValueError(f"wall.normals of wall {i} is [{nx:g}, {ny:g}], of length {length:g}; write a unit vector")
+        if abs(ny) > 1e-3 and int(settings["axes"][0]) < 2:
+            raise ValueError(f"wall.normals of wall {i} is [{nx:g}, {ny:g}]; the device has no y axis, so ny must be 0")
         settings["wall_x"][0, i], settings["wall_y"][0, i] = nx / length, ny / length
         settings["wall_offset"][0, i] = offsets[i]
         settings["wall_stiffness"][0, i], settings["wall_damping"][0, i] = (

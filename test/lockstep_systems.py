@@ -23,7 +23,9 @@ def device(damping=1.0, counts=1e7, coulomb=0.0, axes=2, **changes):
     return shipped.model_copy(update={"axes": (*plane, shipped.axes[2])[:axes], **changes})
 
 
-def wall_system(stiffness, damping, angle=90.0, motion="tap", physical_damping=1.0, counts=1e7, loopback=None, **driver):
+def wall_system(
+    stiffness, damping, angle=90.0, motion="tap", physical_damping=1.0, counts=1e7, loopback=None, **driver
+):
     """A handle that the hand moves from 10 mm before to 10 mm in one wall of this normal angle [°]; no tool."""
     normal = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle)), 0.0])
     walls = {

@@ -22,6 +22,7 @@ PARAMETERS = (
     ),
     Parameter("cancellation.filter", 0.002, "s", "time constant of the filter on measured drag", 0.0, 0.1, True),
     Parameter("cancellation.band", 0.005, "m", "distance before a wall over which it fades out", 1e-5, 1.0, True),
+    Parameter("cancellation.twist", 0.01, "rad", "coupling twist at which it is faded out", 1e-5, 1.0, True),
     Parameter("cancellation.stretch", 0.001, "m", "coupling stretch at which it is faded out", 1e-6, 1.0, True),
 )
 

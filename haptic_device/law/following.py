@@ -19,7 +19,9 @@ CORRECTION = 2.0  # [1/s] at which the wave method's port is led back to where t
 def follow(settings, memory, row):
     """Fills in coupling_position, coupling_velocity, exchange_fade, exchange_energy and exchange_effort of the row."""
     hold, fade = settings.exchange_hold, settings.exchange_fade
-    memory.exchange_fade = exchange.fade_factor(memory.exchange_fade, row.tool_age, settings.period, hold, fade)
+    joining = memory.engage > 0.0 and memory.exchange_fade == 0.0 and settings.exchange_method != exchange.PSPM
+    age = -1.0 if joining and not _tool_is_near(settings, row) else row.tool_age
+    memory.exchange_fade = exchange.fade_factor(memory.exchange_fade, age, settings.period, hold, fade)
     row.exchange_fade = memory.exchange_fade
     if settings.exchange_method == exchange.DIRECT:
         _as_it_is(row)
@@ -48,6 +50,20 @@ def settle(settings, memory, row):
         memory.spring[i], memory.clamp[i] = stiffness, limit
         memory.push[i] = modulated * factor * settings.damping[i] * row.coupling_velocity[i]
     memory.factor = factor
+
+
+@kernel
+def _tool_is_near(settings, row):
+    """Whether the coupling to a tool that (re)joins would begin with a small force, as engaging does.
+
+    With pspm nobody asks: there the tank pays for a stretch that comes back, or shortens it.
+    """
+    pull = math.hypot(
+        settings.stiffness[0] * (row.tool_position[0] - row.position[0]),
+        settings.stiffness[1] * (row.tool_position[1] - row.position[1]) if settings.axes > 1.0 else 0.0,
+    )
+    twist = settings.stiffness[2] * (row.tool_position[2] - row.position[2]) if settings.axes > 2.0 else 0.0
+    return pull < settings.engage_force and abs(twist) < settings.engage_torque
 
 
 @kernel

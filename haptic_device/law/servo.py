@@ -73,7 +73,14 @@ SETTINGS = _columns(
     *("position_low*", "position_high*", "velocity_limit*", "force_limit*"),
     *("stiffness*", "damping*", "coupling_limit*"),  # of the coupling; largest force of its spring
     *("walls", "wall_x#", "wall_y#", "wall_offset#", "wall_stiffness#", "wall_damping#"),
-    *("cancellation_ratio", "cancellation_band", "cancellation_stretch", "cancellation_source", "cancellation_filter"),
+    *(
+        "cancellation_ratio",
+        "cancellation_band",
+        "cancellation_stretch",
+        "cancellation_twist",
+        "cancellation_source",
+        "cancellation_filter",
+    ),
     *("velocity_estimator", "velocity_lag", "velocity_window"),
     *("passivity_control", "passivity_budget", "margin*", "cross"),
     *("exchange_method", "exchange_budget", "exchange_tank", "exchange_horizon", "exchange_play", "exchange_slew*"),
@@ -82,7 +89,7 @@ SETTINGS = _columns(
 )
 
 MEMORY = _columns(
-    *("started", "latched", "device_position*", "device_velocity*", "offset*"),
+    *("started", "latched", "unseen", "device_position*", "device_velocity*", "offset*"),
     *("history", "times^", "positions_x^", "positions_y^", "positions_theta^"),
     *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated"),
     *(
@@ -100,7 +107,7 @@ MEMORY = _columns(
         "generated*",
         "injections",
     ),
-    *("factor", "factor_held", "spring*", "clamp*", "push*", "mixed*"),  # what the coupling holds, and what law/following keeps:
+    *("factor", "factor_held", "spring*", "clamp*", "push*", "mixed*"),  # of the coupling; then law/following's:
     *("filled", "tank", "shipped", "returned", "tool_session", "tool_energy", "shortened"),
     *("set*", "set_velocity*", "own_velocity*", "goal*", "stretch*"),
     *("midpoint*", "window_from*", "window_start", "window_holds", "counted*", "latched_before"),
@@ -132,9 +139,9 @@ def _sense(settings, memory, row):
     elapsed = (row.latched - memory.latched) * 1e-9 if memory.started else 0.0
     _keep_time(memory, row, elapsed)
     for i in range(int(settings.axes)):
-        before = memory.device_position[i]
         position = encoder.position_of(row.counts[i], settings.position_per_count[i], settings.zero[i])
-        moved = position - before if memory.started else 0.0
+        before = memory.device_position[i] if memory.started else position
+        moved = position - before
         memory.moved[i] = moved
         velocity = _velocity(settings, memory, i, position, moved, elapsed)
         _check_motion(settings, memory, i, position, velocity, moved, elapsed)
@@ -151,7 +158,9 @@ def _sense(settings, memory, row):
 @kernel
 def _keep_time(memory, row, elapsed):
     """A new sample's place in the history."""
-    if elapsed > 0.0 or not memory.started:
+    fresh = elapsed > 0.0 or not memory.started
+    memory.unseen = 0.0 if fresh else memory.unseen + 1.0
+    if fresh:
         memory.history += 1.0
         memory.times[int(memory.history) % encoder.KEPT] = row.latched * 1e-9
 
@@ -277,8 +286,11 @@ def _cancellation(settings, memory, row):
         nx, ny = settings.wall_x[i], settings.wall_y[i]
         clearance = min(clearance, -wall.wall_depth(nx, ny, settings.wall_offset[i], row.position[0], row.position[1]))
     stretch = math.hypot(row.coupling_position[0] - row.position[0], row.coupling_position[1] - row.position[1])
-    stretch = stretch if row.exchange_fade > 0.0 else 0.0
+    twist = abs(row.coupling_position[2] - row.position[2]) if settings.axes > 2.0 else 0.0
+    if row.exchange_fade == 0.0:
+        stretch, twist = 0.0, 0.0
     fade = cancellation.cancellation_fade(clearance, settings.cancellation_band, stretch, settings.cancellation_stretch)
+    fade *= cancellation.cancellation_fade(math.inf, 1.0, twist, settings.cancellation_twist)
     row.cancellation_fade = fade
     ratio = settings.cancellation_ratio * fade
     for i in range(int(settings.axes)):
@@ -359,7 +371,8 @@ def _command_motor(settings, memory, row):
     for i in range(AXES):
         if memory.fault != fault.NONE or i >= settings.axes:
             row.force_on_handle[i] = 0.0
-        memory.held_force[i] = row.force_on_handle[i]
+        mixed = memory.held_force[i] * memory.unseen + row.force_on_handle[i]
+        memory.held_force[i] = mixed / (memory.unseen + 1.0)  # mean over the ticks since the last fresh sample
         row.motor[i] = row.force_on_handle[i] * settings.motor_per_force[i]
     memory.saturated = memory.saturated + settings.period if saturated else 0.0
 

@@ -55,6 +55,7 @@ class DriverNode(ManagedNode):
         """Starts servo, exchange and telemetry; the motor stays at zero until enabled."""
         home = self.device.home if self.device.homing == "at_start" else None
         settings = operating.settings_from(self.device, self.values, self._version)
+        self._judge(settings, self.values)
         self.servo = ServoThread(self.link, settings, home, self.values["realtime"])
         self.servo.gains.put(operating.gains_from(self.values))
         self._set_flag(engage.CLUTCH, self.values["clutch.open"])
@@ -80,9 +81,12 @@ class DriverNode(ManagedNode):
 
     def _on_parameters(self, values):
         """Takes live changes at the next tick boundary; raises ValueError to refuse them."""
+        if self.link is None:
+            self.values = values
+            return
+        settings = operating.settings_from(self.device, values, self._version + 1)
+        self._judge(settings, values)
         if self.servo is not None:
-            settings = operating.settings_from(self.device, values, self._version + 1)
-            self._judge(settings, values)
             self._version += 1
             settings["margin"] = operating.margins(settings[0], self._lateness())[0]
             settings["surplus"] = operating.surplus(settings[0], self._lateness())
@@ -135,15 +139,23 @@ class DriverNode(ManagedNode):
         row = self.servo.row.get()[0]
         if row.fault:
             self.servo.order(clear_flags=engage.ENABLE)
-            self._say("error", f"fault {fault.name_of(row.fault)} at tick {int(row.tick)}: motor off")
+            self._enabled_once = True  # after a fault a person enables
+            self._say("error", f"fault {fault.name_of(row.fault)}: motor off")
         elif self.values["auto_enable"] and not self._enabled_once:
             self.servo.order(set_flags=engage.ENABLE)
             self._enabled_once = True
 
     def _say(self, level, sentence):
-        if sentence not in self._said:
-            self._said.add(sentence)
-            getattr(self.get_logger(), level)(sentence)
+        """Logs a sentence once; rclpy allows each place in the code one severity only."""
+        if sentence in self._said:
+            return
+        self._said.add(sentence)
+        if level == "error":
+            self.get_logger().error(sentence)
+        elif level == "warning":
+            self.get_logger().warning(sentence)
+        else:
+            self.get_logger().info(sentence)
 
     def _on_enable(self, request, response):
         def refusal():
@@ -157,6 +169,10 @@ class DriverNode(ManagedNode):
 
     def _on_estop(self, request, response):
         flags = {"set_flags": engage.ESTOP, "clear_flags": engage.ENABLE}
+        if self.servo is not None and not self.servo.running:
+            self.servo.order(**flags)
+            response.success, response.message = True, "e-stop latched for the device that is not there yet"
+            return response
         return self._command(response, lambda: self.servo.order(**flags), "e-stop latched, motor zero")
 
     def _on_reset(self, request, response):

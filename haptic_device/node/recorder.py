@@ -10,9 +10,9 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import Node, State, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 
 from haptic_device.node.bag import Bag
+from haptic_device.node.lifecycle import begin_ros
 from haptic_device.node.params import declare
 from haptic_device.node.recorder_parameters import PARAMETERS
 from haptic_device.node.tap import Sample, Tap
@@ -177,7 +177,7 @@ def main(args: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, frame: told.append(received))
     try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        begin_ros(args)
         node = Recorder()
         _record_until_told(node, told)
         node.finish()

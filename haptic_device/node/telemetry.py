@@ -4,12 +4,15 @@
 import threading
 
 import numpy as np
+from rclpy.duration import Duration
 
 from haptic_device.node import wire
 from haptic_device.runtime import clock
 
 TRACE_PERIOD = 10_000_000  # [ns] between trace blocks
+ACKNOWLEDGED = 1.0  # [s] that readers of the trace get for its last rows
 MOST_ROWS = 256  # a block's size limit; more wait for the next
+FRESH_ENOUGH = 400  # ticks after which the statistics are computed anew
 WINDOW = 20000  # ticks that the statistics look back on
 FRAME = "haptic_base"
 
@@ -28,6 +31,7 @@ class Telemetry:
         self._trace = node.create_publisher(wire.PointCloud2, "trace", wire.TRACE)
         self._node, self._stopped, self._scratch = node, False, clock.scratch()
         self._recent = np.zeros((WINDOW, 4))  # lateness, compute, age, write delay [s] of the last ticks
+        self._judged, self._judged_at = np.full((4, 4), np.nan), -FRESH_ENOUGH
         self._ticks, self._latched, self._position = 0, 0.0, np.zeros(3)
         self._thread = threading.Thread(target=self._run, name="telemetry")
         self._thread.start()
@@ -36,13 +40,18 @@ class Telemetry:
         """Ends the thread with the last rows of the trace."""
         self._stopped = True
         self._thread.join()
+        self._trace.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED))  # else the last rows go with the publisher
         for publisher in (self._encoder, self._motor, self._wrench, self._pose, self._trace):
             self._node.destroy_publisher(publisher)
 
     def percentiles(self):
         """Percentiles 50, 99, 99.9, 100 of lateness, compute, age, write delay of the last ticks [s]; NaN for none."""
+        if self._ticks - self._judged_at < FRESH_ENOUGH:
+            return self._judged
         recent = self._recent[: min(self._ticks, WINDOW)]
-        return np.array([_percentiles(column[column >= 0.0]) for column in recent.T])
+        self._judged_at = self._ticks
+        self._judged = np.array([_percentiles(column[column >= 0.0]) for column in recent.T])
+        return self._judged
 
     def _run(self):
         periods = [round(1e9 / self._values[f"publish.{name}"]) for name in ("rate", "pose_rate")] + [TRACE_PERIOD]

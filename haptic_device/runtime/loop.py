@@ -52,13 +52,15 @@ def run_realtime(
     period = np.int64(round(settings[0].period * 1e9))
     deadline = clock.now_ns(scratch) + period
     write(memory_of_link, deadline - period, deadline, period, 0, zero)
+    fresh = np.int64(1)
     atomic.store(control, RUNNING, 1)
     while atomic.load(control, STOP) == 0:
         clock.sleep_until(deadline, scratch)
         woke = clock.now_ns(scratch)
         late = (woke - deadline) // period
         missed, deadline = missed + late, deadline + late * period
-        fresh = read(memory_of_link, deadline, deadline + period // 2, sample)
+        patience = period // 2 if fresh else period // 16  # a device that is gone must not keep the processor busy
+        fresh = read(memory_of_link, deadline, deadline + patience, sample)
         began = clock.now_ns(scratch)
         slot = mailbox.ring_slot(ring, rows.size - 1)
         row = rows[slot if slot >= 0 else rows.size - 1]
