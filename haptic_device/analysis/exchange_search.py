@@ -13,11 +13,12 @@ A path is an array (ticks, GENES) of numbers of order one.
 
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
-from haptic_device.kernel import kernel
 from haptic_device.law import coupling, engage, servo
 
+compiled = numba.njit(error_model="numpy")  # anew in each process: the cache knows the laws' rooms only
 MOVED, POSITION, VELOCITY, AGE, CONTACT, ENERGY, EFFORT, LOST = range(8)
 GENES = 8
 FREE = -1  # instead of a number of ticks
@@ -34,7 +35,7 @@ class Found(NamedTuple):
     path: np.ndarray
 
 
-@kernel
+@compiled
 def energy_given(settings, memory, row, path, scale, late, loss, watched):
     """Largest energy given [J] at any tick of a path's second half; settings, memory and row are records of one.
 
@@ -64,12 +65,12 @@ def energy_given(settings, memory, row, path, scale, late, loss, watched):
     return most
 
 
-@kernel
+@compiled
 def _spring(settings, set_position, handle):
     return coupling.spring_force(settings[0].stiffness[0], settings[0].coupling_limit[0], set_position - handle)
 
 
-@kernel
+@compiled
 def _sample(record, path, k, scale, past, late, loss, period):
     """The tool sample that the servo finds at tick k."""
     genes = path[k]

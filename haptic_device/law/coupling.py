@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Virtual coupling between handle and tool (Colgate, Stanley & Brown 1995, Figs 6 and 7)."""
 
+import math
+
 from haptic_device.kernel import kernel
 from haptic_device.parameter import Parameter
 
@@ -29,8 +31,14 @@ def coupling_store(stiffness, stretch):
 
 @kernel
 def spring_force(stiffness, limit, stretch):
-    """Force of the coupling's spring on the handle [N], never beyond what the motor can hold: a clamped spring."""
-    return min(limit, max(-limit, stiffness * stretch))
+    """Force of the coupling's spring on the handle [N], never beyond what the motor can hold: a clamped spring.
+
+    A stretch that is not finite is no force but not a number.
+    """
+    force = stiffness * stretch
+    if abs(force) <= limit:
+        return force
+    return math.copysign(limit, force) if abs(force) < math.inf else math.nan
 
 
 @kernel

@@ -21,9 +21,12 @@ def follow(settings, memory, row):
     hold, fade = settings.exchange_hold, settings.exchange_fade
     joining = memory.engage > 0.0 and memory.exchange_fade == 0.0 and settings.exchange_method != exchange.PSPM
     age = -1.0 if joining and not _tool_is_near(settings, row) else row.tool_age
+    full = memory.exchange_fade >= 1.0
     memory.exchange_fade = exchange.fade_factor(memory.exchange_fade, age, settings.period, hold, fade)
+    memory.let_go += 1.0 if full and memory.exchange_fade < 1.0 else 0.0
+    row.exchange_let_go = memory.let_go
     row.exchange_fade = memory.exchange_fade
-    if settings.exchange_method == exchange.DIRECT:
+    if settings.exchange_method == exchange.DIRECT or not _is_number(row):
         _as_it_is(row)
         return
     risen = engage.engage_factor(int(memory.state), memory.engage, settings.period, settings.engage_time)
@@ -64,6 +67,15 @@ def _tool_is_near(settings, row):
     )
     twist = settings.stiffness[2] * (row.tool_position[2] - row.position[2]) if settings.axes > 2.0 else 0.0
     return pull < settings.engage_force and abs(twist) < settings.engage_torque
+
+
+@kernel
+def _is_number(row):
+    """Whether the tool sample is made of numbers; one that is not goes on as it is, to become a fault."""
+    total = row.tool_energy + row.tool_age
+    for i in range(AXES):
+        total += abs(row.tool_position[i]) + abs(row.tool_velocity[i]) + abs(row.tool_effort[i])
+    return abs(total) < math.inf
 
 
 @kernel
