@@ -17,8 +17,9 @@ def point(**given):
 
 
 def test_every_parameter_arrives_in_its_field():
-    settings = point(servo__rate=2000.0, force__limit=3.0, force__limit_rotational=0.2, coupling__stiffness=500.0,
-                     coupling__damping=1.5, coupling__rotational_stiffness=2.5, coupling__rotational_damping=0.004)  # fmt: skip
+    coupling = {"stiffness": 500.0, "damping": 1.5, "rotational_stiffness": 2.5, "rotational_damping": 0.004}
+    coupling = {f"coupling__{name}": value for name, value in coupling.items()}
+    settings = point(servo__rate=2000.0, force__limit=3.0, force__limit_rotational=0.2, **coupling)
     assert (settings["version"], settings["period"], settings["axes"]) == (7, 0.0005, 3)
     assert settings["force_limit"].tolist() == [3.0, 3.0, 0.2]
     assert settings["stiffness"].tolist() == [500.0, 500.0, 2.5]

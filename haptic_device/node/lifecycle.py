@@ -77,13 +77,13 @@ def _autostart(node):
 
 def begin_ros(args):
     """rclpy.init without signal handlers; ValueError, one sentence, for arguments or a file that ROS cannot read."""
-    left = remove_ros_args(args=sys.argv if args is None else args)[1 if args is None else 0 :]
-    if left:
-        raise ValueError(f"{left[0]} is no argument of a node; ROS arguments begin with --ros-args")
     try:
+        left = remove_ros_args(args=sys.argv if args is None else args)[1 if args is None else 0 :]
+        if left:
+            raise ValueError(f"{left[0]} is no argument of a node; ROS arguments begin with --ros-args")
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl's own kinds are nowhere public; their text ends with places in its source
-        sentence = re.sub(r",? at \S+:\d+", "", str(error).removeprefix("failed to initialize rcl: "))
+        sentence = re.sub(r",? at \S+:\d+|^(failed to initialize rcl|Failed to parse ROS arguments): ", "", str(error))
         raise ValueError(f"ROS does not take these arguments: {' '.join(sentence.split())}") from None
 
 
