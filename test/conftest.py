@@ -6,6 +6,10 @@ import subprocess
 
 import domain_coordinator
 import pytest
+from hypothesis import settings
+
+settings.register_profile("any machine", deadline=None)  # the first example compiles a kernel, on a busy machine slowly
+settings.load_profile("any machine")
 
 
 @pytest.fixture(scope="session", autouse=True)

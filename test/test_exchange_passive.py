@@ -23,23 +23,44 @@ BOUND = 0.005 + 1e-7  # [J] exchange.budget, and what rounding of a path of newt
 @pytest.mark.parametrize(("stiffness", "damping", "period"), [(1000.0, 0.25, 1e-3), (2000.0, 2.0, 0.25e-3)])
 def test_no_path_that_is_found_gives_more_than_the_budget(method, late, stiffness, damping, period):
     given = one_axis(method, stiffness, damping, period)
-    found = adversary.search(given, late, loss=0.3, evaluations=1500, seed=late + 2)
+    found = adversary.search(given, adversary.Adversary(late, 0.3), evaluations=1500, seed=late + 2)
     assert found.energy <= BOUND
+    assert found.overcredit <= 1e-9
     assert found.force <= given["coupling_limit"][0, 0] + 1e-9
     if method == "pspm":
         assert found.change <= given["exchange_slew"][0, 0] * period * (1.0 + 1e-9)
 
 
+@pytest.mark.parametrize("reach", [0.3, 1.0, 5.0])
+@pytest.mark.parametrize("limit", [2.0, 20.0])
+@pytest.mark.parametrize("method", PASSIVE)
+def test_no_path_is_found_that_the_tank_is_credited_too_much_for(method, limit, reach):
+    """Far stronger than the budget: it must hold for full tanks too, at the force limit and with missed ticks."""
+    given = one_axis(method, 2000.0, 2.0, 0.25e-3, force__limit=limit)
+    for rough in (0, 1):
+        against = adversary.Adversary(loss=0.2, reach=reach, rough=rough, books=1)
+        assert adversary.search(given, against, evaluations=1000, seed=3).overcredit <= 1e-9
+
+
+@pytest.mark.parametrize("method", PASSIVE)
+def test_what_an_encoder_step_hides_is_paid_for(method):
+    given, step = one_axis(method, 2000.0, 2.0, 0.25e-3), 5e-6
+    given["position_per_count"][:, 0] = step
+    against = adversary.Adversary(coulomb=2000.0 * step / 2.0, reach=0.1, books=1)
+    at_its_ends = given["coupling_limit"][0, 0] * step / 2.0
+    assert adversary.search(given, against, evaluations=2000, seed=4).overcredit <= at_its_ends
+
+
 @pytest.mark.parametrize("late", [adversary.FREE, 1, 20])
-def test_the_same_search_finds_paths_that_direct_exchange_gives_a_hundred_budgets_for(late):
-    found = adversary.search(one_axis("direct"), late, evaluations=1500, seed=1)
-    assert found.energy > 100.0 * BOUND
+def test_the_same_search_finds_paths_that_direct_exchange_gives_ten_budgets_for(late):
+    found = adversary.search(one_axis("direct"), adversary.Adversary(late), evaluations=1500, seed=1)
+    assert found.energy > 10.0 * BOUND
 
 
 def test_the_budget_is_what_the_search_comes_close_to():
-    found = adversary.search(one_axis("pspm"), loss=0.3, evaluations=2500, seed=0)
+    found = adversary.search(one_axis("pspm"), adversary.Adversary(loss=0.3), evaluations=2500, seed=0)
     assert found.energy > 0.5 * BOUND
-    more = adversary.search(one_axis("pspm", exchange__budget=0.05), loss=0.3, evaluations=2500, seed=0)
+    more = adversary.search(one_axis("pspm", exchange__budget=0.05), adversary.Adversary(loss=0.3), evaluations=2500, seed=0)
     assert BOUND < more.energy <= 0.05 + 1e-7
 
 
@@ -57,8 +78,8 @@ def test_no_samples_and_no_path_give_more_than_the_budget(method, genes, repeats
     path = np.repeat(np.array(genes), repeats, axis=0)
     given = one_axis(method)
     memory, row = adversary.engaged()
-    scale, watched = adversary.scale_of(given), np.zeros(2)
-    assert adversary.energy_given(given, memory, row, path, scale, late, loss, watched) <= BOUND
+    scale, watched, against = adversary.scale_of(given), np.zeros(3), adversary.Adversary(late, loss)
+    assert adversary.energy_given(given, memory, row, path, scale, against, watched) <= BOUND
 
 
 @settings(max_examples=40, deadline=None)
@@ -131,7 +152,7 @@ def test_contact_and_free_motion_at_no_added_delay_feel_like_direct_exchange():
 def test_a_sample_that_is_not_a_number_stops_the_motor_and_leaves_the_tank_as_it_was(method, field, value):
     given, (memory, row) = one_axis(method), adversary.engaged()
     path, scale = np.zeros((20, adversary.GENES)), adversary.scale_of(given)
-    adversary.energy_given(given, memory, row, path, scale, adversary.FREE, -9.0, np.zeros(2))
+    adversary.energy_given(given, memory, row, path, scale, adversary.Adversary(loss=-9.0), np.zeros(3))
     tank = float(memory["tank"][0])
     row[field] = value
     row["latched"] += 1e6

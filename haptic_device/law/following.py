@@ -11,13 +11,15 @@ from haptic_device.kernel import kernel
 from haptic_device.law import coupling, engage, exchange, pspm, tank, wave
 
 AXES = 3
-DAMPER_SLEW = 0.25  # share of the slew that the set position's velocity may make on top of it
 CORRECTION = 2.0  # [1/s] at which the wave method's port is led back to where the tool is
 
 
 @kernel
 def follow(settings, memory, row):
     """Fills in coupling_position, coupling_velocity, exchange_fade, exchange_energy and exchange_effort of the row."""
+    if memory.unseen > 0.0 and settings.exchange_method != exchange.DIRECT and _is_number(row):
+        _stay(settings, memory, row)
+        return
     hold, fade = settings.exchange_hold, settings.exchange_fade
     joining = memory.engage > 0.0 and memory.exchange_fade == 0.0 and settings.exchange_method != exchange.PSPM
     age = -1.0 if joining and not _tool_is_near(settings, row) else row.tool_age
@@ -29,8 +31,7 @@ def follow(settings, memory, row):
     if settings.exchange_method == exchange.DIRECT or not _is_number(row):
         _as_it_is(row)
         return
-    risen = engage.engage_factor(int(memory.state), memory.engage, settings.period, settings.engage_time)
-    memory.factor = risen * row.exchange_fade
+    memory.factor = _risen(settings, memory) * row.exchange_fade
     tank.fill(settings, memory, row)
     if settings.exchange_method == exchange.PSPM:
         _modulate(settings, memory, row)
@@ -41,18 +42,44 @@ def follow(settings, memory, row):
 
 @kernel
 def settle(settings, memory, row):
-    """At the end of the tick: what the coupling's spring really holds; a rise that was not foreseen is still paid."""
+    """At the end of the tick: what the coupling's spring really holds, and what the encoder's step may hide.
+
+    A factor that was paid for and did not rise is paid back. The handle may be half an encoder step from where it is
+    booked: a change of force that is not the handle's own costs that much way (the rest is the friction's, as with any
+    sampled spring: Abbott & Okamura 2005).
+    """
     factor = row.engage * row.exchange_fade
     modulated = 1.0 if settings.exchange_method == exchange.PSPM else 0.0  # waves pay for their own velocity
     for i in range(int(settings.axes)):
+        stretch = row.coupling_position[i] - row.position[i]
         stiffness, limit = factor * settings.stiffness[i], factor * settings.coupling_limit[i]
-        if factor > memory.factor:
-            stretch = row.coupling_position[i] - row.position[i]
-            memory.tank -= coupling.spring_store(stiffness, limit, stretch)
+        push = modulated * factor * settings.damping[i] * row.coupling_velocity[i]
+        if abs(stretch) < math.inf and abs(push) < math.inf:
             memory.tank += coupling.spring_store(memory.spring[i], memory.clamp[i], stretch)
+            memory.tank -= coupling.spring_store(stiffness, limit, stretch)
+            own = abs(stretch - memory.stretched[i]) - settings.scale[i] * abs(memory.moved[i])
+            change = stiffness * max(0.0, own) + abs(push - memory.push[i])
+            memory.tank -= tank.hidden_energy(settings, i, change)
+            memory.push[i], memory.stretched[i] = push, stretch
         memory.spring[i], memory.clamp[i] = stiffness, limit
-        memory.push[i] = modulated * factor * settings.damping[i] * row.coupling_velocity[i]
-    memory.factor = factor
+    memory.factor = memory.factor_held = factor
+
+
+@kernel
+def _risen(settings, memory):
+    """The most that engaging can be in this tick: waiting may end in it."""
+    state = engage.ENGAGING if memory.state == engage.WAITING else int(memory.state)
+    return engage.engage_factor(state, memory.engage, settings.period, settings.engage_time)
+
+
+@kernel
+def _stay(settings, memory, row):
+    """A tick whose counts are those of the tick before: where the handle is now nobody knows, so nothing is moved."""
+    row.exchange_fade, row.exchange_let_go, row.exchange_energy = memory.exchange_fade, memory.let_go, memory.shipped
+    for i in range(int(settings.axes)):
+        row.coupling_position[i], row.coupling_velocity[i] = memory.set[i], memory.set_velocity[i]
+        row.exchange_effort[i] = memory.sent[i]
+    _keep(settings, memory, row)
 
 
 @kernel
@@ -97,13 +124,13 @@ def _modulate(settings, memory, row):
         most, least = max(0.0, row.tool_velocity[i]), min(0.0, row.tool_velocity[i])
         wanted = min(most, max(least, own))
         damping = memory.factor * settings.damping[i]
-        reach = DAMPER_SLEW * settings.exchange_slew[i] * settings.period / damping if damping > 0.0 else math.inf
+        reach = tank.DAMPER_SLEW * settings.exchange_slew[i] * settings.period / damping if damping > 0.0 else math.inf
         velocity = min(memory.set_velocity[i] + reach, max(memory.set_velocity[i] - reach, wanted))
         memory.set_velocity[i] = velocity
         force = settings.scale[i] * damping * velocity
         if force != 0.0:
             force_square += force * force / max(0.0, settings.surplus[i])
-    share = pspm.damper_share(memory.tank, force_square, settings.period)
+    share = pspm.damper_share(memory.tank - tank.reserve(settings, memory), force_square, settings.period)
     for i in range(int(settings.axes)):
         memory.set_velocity[i] *= share
         row.coupling_position[i], row.coupling_velocity[i] = memory.set[i], memory.set_velocity[i]

@@ -61,7 +61,7 @@ OUTPUTS = (
     *("force_walls*", "force_coupling*", "force_cancellation*", "force_passivity*", "force_gravity*"),
     *("force_on_handle*", "motor*"),  # total as the motor holds it, at the device; and in motor units
     *("engage", "exchange_fade", "cancellation_fade", "exchange_energy", "energy_given*"),
-    *("exchange_effort*", "exchange_tank", "exchange_shortened", "exchange_let_go"),  # the handle sample's effort; [J]; ticks
+    *("exchange_effort*", "exchange_tank", "exchange_shortened", "exchange_let_go"),  # next handle sample's; [J]; ticks
     *("generated*", "injected*", "injections", "margin*"),  # observer [J], controller [N s/m], ticks it acted; [N s/m]
     *("state", "fault"),
 )
@@ -107,10 +107,10 @@ MEMORY = _columns(
         "generated*",
         "injections",
     ),
-    *("factor", "factor_held", "spring*", "clamp*", "push*", "mixed*", "let_go"),  # of the coupling; then law/following's:
+    *("factor", "factor_held", "spring*", "clamp*", "push*", "mixed*", "let_go"),  # of the coupling
     *("filled", "tank", "shipped", "returned", "tool_session", "tool_energy", "shortened"),
-    *("set*", "set_velocity*", "own_velocity*", "goal*", "stretch*"),
-    *("midpoint*", "window_from*", "window_start", "window_holds", "counted*", "latched_before"),
+    *("set*", "set_velocity*", "own_velocity*", "goal*", "stretch*", "stretched*"),
+    *("midpoint*", "window_from*", "window_start", "window_holds", "counted*", "latched_before", "hold_before"),
     *("tool_answered", "answered_at", "gap", "rate*", "wave*", "wave_store", "pending*", "come*", "sent*"),
 )
 
