@@ -73,12 +73,12 @@ class Lockstep:
         self.ticks += len(rows)
 
     def _ticks_to_event(self):
-        """Ticks until a handle sample is due or an answer arrives, at least one."""
+        """Ticks until a handle sample is due, or until the next tick finds a sample that has arrived; at least one."""
         if self.simulation is None:
             return 1 << 40
-        flying = (one[0] for one in self._going + self._coming)
-        times = [(self._sent + 1) * self.exchange_period, *flying]
-        return max(1, int(-(-min(times) // self.period)) - self.ticks)
+        due = -(-(self._sent + 1) * self.exchange_period // self.period)
+        found = (-(-one[0] // self.period) - 1 for one in self._going + self._coming)
+        return max(1, int(min((due, *found))) - self.ticks)
 
     def _arrive(self):
         """What has arrived by the next deadline counts, newest first come; older ones are thrown away."""
@@ -112,7 +112,7 @@ class Lockstep:
             tool[name][: len(self.device.axes)] = numbers[: len(self.device.axes)]
 
     def _exchange(self, row):
-        if self.simulation is None or row.deadline < (self._sent + 1) * self.exchange_period - self.period:
+        if self.simulation is None or row.deadline < (self._sent + 1) * self.exchange_period:
             return
         self._sent += 1
         names = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")

@@ -60,7 +60,8 @@ def test_the_same_search_finds_paths_that_direct_exchange_gives_ten_budgets_for(
 def test_the_budget_is_what_the_search_comes_close_to():
     found = adversary.search(one_axis("pspm"), adversary.Adversary(loss=0.3), evaluations=2500, seed=0)
     assert found.energy > 0.5 * BOUND
-    more = adversary.search(one_axis("pspm", exchange__budget=0.05), adversary.Adversary(loss=0.3), evaluations=2500, seed=0)
+    richer = one_axis("pspm", exchange__budget=0.05)
+    more = adversary.search(richer, adversary.Adversary(loss=0.3), evaluations=2500, seed=0)
     assert BOUND < more.energy <= 0.05 + 1e-7
 
 

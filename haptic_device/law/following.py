@@ -194,7 +194,8 @@ def _receive_waves(settings, memory, row):
     memory.tool_energy = max(memory.tool_energy, row.tool_energy)
     if row.tool_answered == memory.tool_answered:
         return
-    memory.gap = max(wave.FORGET * memory.gap, (row.latched - memory.answered_at) * 1e-9)
+    gap = (row.latched - memory.answered_at) * 1e-9 if memory.answered_at > 0.0 else 0.0
+    memory.gap = max(wave.FORGET * memory.gap, gap)
     memory.tool_answered, memory.answered_at = row.tool_answered, row.latched
     time = max(settings.exchange_play, wave.TURNS * memory.gap)
     for i in range(int(settings.axes)):
