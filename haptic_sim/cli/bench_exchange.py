@@ -62,13 +62,17 @@ def exchange(
     rate: Annotated[list[float] | None, typer.Option(help="Handle samples a second [1000].")] = None,
     params: Annotated[str, typer.Option(help="Operating point: a name in config or a YAML file.")] = "demo",
     plot: Annotated[Path | None, typer.Option(help="Write the figure to this PNG file.")] = None,
+    live: Annotated[bool, typer.Option("--live", help="On running nodes behind a relay, not in lock-step.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
-    """Exchange methods against delay, jitter, loss and rate: stiffness, tool error, drag, energies, force jumps."""
+    """Exchange methods against delay, jitter, loss and rate: stiffness, tool error, drag, energies, force jumps.
+
+    Two motions a case, of 3 s each: pressing a rigid wall, and a circle in free space.
+    """
     delays = [value * 1e-3 for value in delay or (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)]
     cases = [Case(name, late, jitter * late, lost, fast) for lost, fast, late, name in
              itertools.product(loss or (0.0,), rate or (1000.0,), delays, method or METHODS)]  # fmt: skip
-    found = {case: measure(case, params) for case in cases}
+    found = {case: measure(case, params, live) for case in cases}
     if plot is not None:
         from haptic_sim.cli.exchange_figure import save
 
@@ -76,13 +80,14 @@ def exchange(
     if as_json:
         typer.echo(json.dumps([{**case._asdict(), **figures._asdict()} for case, figures in found.items()]))
     else:
-        _show(found)
+        _show(found, "live" if live else "lock-step")
 
 
-def measure(case: Case, params: str = "demo") -> Figures:
+def measure(case: Case, params: str = "demo", live: bool = False) -> Figures:
     """Figures of one case at an operating point; ValueError, one sentence, for values that cannot be."""
-    pressed, press = _run(case, params, "wall", PRESS)
-    led, circle = _run(case, params, "free_space", CIRCLE)
+    run = _run_live if live else _run
+    pressed, press = run(case, params, "wall", PRESS)
+    led, circle = run(case, params, "free_space", CIRCLE)
     held = pressed[int(0.55 * len(pressed)) : int(0.68 * len(pressed))]
     steady = led[int(0.2 * len(led)) : int(0.8 * len(led))]
     damping, mass = _drag(steady)
@@ -114,6 +119,14 @@ def _run(case, params, scene, motion):
     return np.concatenate(rows).view(np.recarray), told
 
 
+def _run_live(case, params, scene, motion):
+    from haptic_sim.cli.exchange_live import run
+
+    motion = motion | {"motion.duration": SECONDS}
+    rows, told = run(case, find("", params).absolute(), scene, motion, PATIENT, SECONDS + 0.3)
+    return rows[: np.searchsorted(rows.deadline, rows.deadline[0] + SECONDS * 1e9)], told
+
+
 def _drag(rows):
     """Apparent damping and mass of the coupling: least squares of f = −c v + m ω² (x − centre) over a steady circle."""
     place = rows.position[:, :2] - rows.position[:, :2].mean(axis=0)
@@ -128,11 +141,11 @@ def _jump(rows):
     return float(np.abs(rows.force_coupling[late:, :2] - rows.force_coupling[:-late, :2]).max())
 
 
-def _show(found):
+def _show(found, how):
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title="lock-step; stiffness and drag as the hand feels them, energies the largest on the way")
+    table = Table(title=f"{how}; stiffness and drag as the hand feels them, energies the largest on the way")
     heads = ("method", "delay ms", "jitter ms", "loss", "rate Hz", "stiffness N/m", "tool error mm", "drag N s/m",
              "mass kg", "ratio 1/s", "given J", "supplied J", "jump N/ms")  # fmt: skip
     for head in heads:
@@ -141,4 +154,4 @@ def _show(found):
         numbers = (case.delay * 1e3, case.jitter * 1e3, case.loss, case.rate, one.stiffness, one.tool_error * 1e3,
                    one.damping, one.mass, one.impedance_ratio, one.given, one.supplied, one.jump)  # fmt: skip
         table.add_row(case.method, *(f"{number:.4g}" for number in numbers))
-    Console(width=None if Console().is_terminal else 150).print(table)
+    Console(width=None if Console().is_terminal else 170).print(table)

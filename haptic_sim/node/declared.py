@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of haptic_simulation."""
+"""Parameters of haptic_simulation and haptic_relay."""
 
 from haptic_device.law.exchange import PARAMETERS as EXCHANGE
 from haptic_device.parameter import Parameter
@@ -20,4 +20,13 @@ PARAMETERS = (
         choices=("require", "prefer", "off"),
     ),
     Parameter("realtime_priority", 60, "", "SCHED_FIFO priority of the exchange thread", 1, 98),
+)
+
+RELAY = (
+    Parameter("autostart", True, "", "configure and activate by itself at start"),
+    Parameter("delay", 0.0, "s", "of both ways together; either has half of it", 0.0, 2.0),
+    Parameter("jitter", 0.0, "s", "uniform ± of the delay of both ways together", 0.0, 2.0),
+    Parameter("loss", 0.0, "", "share of the messages lost, either way", 0.0, 1.0),
+    Parameter("duplicates", 0.0, "", "share of the messages that come twice", 0.0, 1.0),
+    Parameter("seed", 0, "", "of the random numbers", 0, 2**31 - 1),
 )
