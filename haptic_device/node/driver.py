@@ -18,6 +18,7 @@ from haptic_device.node.declared import DRIVER
 from haptic_device.node.exchange_thread import ExchangeThread
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
+from haptic_device.node.refusals import Refusals
 from haptic_device.node.telemetry import Telemetry
 from haptic_device.runtime import clock, loop
 from haptic_device.runtime.link import PageLink
@@ -60,6 +61,7 @@ class DriverNode(ManagedNode):
         self.servo.gains.put(operating.gains_from(self.values))
         self._set_flag(engage.CLUTCH, self.values["clutch.open"])
         self.exchange = ExchangeThread(self, self.servo, len(self.device.axes), self.values)
+        self._refused = Refusals("tool")
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values)
         self._enabled_once = False
@@ -214,6 +216,8 @@ class DriverNode(ManagedNode):
             return "error", f"fault {fault.name_of(row.fault)}"
         if not self.servo.running:
             return "warn", "no device: waiting for its page"
+        if refused := self._refused.sentence(self.exchange.refusals()):
+            return "warn", refused
         if row.tool_age < 0.0:
             return "warn", "no simulation: the handle is in free space"
         if min(self._margins) <= 0.0 and self.values["passivity.policy"] != "off":
