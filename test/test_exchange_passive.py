@@ -132,21 +132,6 @@ def test_a_wall_behind_a_bad_network_is_steady_and_passive_and_direct_exchange_i
     assert direct.plant_memory["energy_given"][0] > 0.1
 
 
-def test_contact_and_free_motion_at_no_added_delay_feel_like_direct_exchange():
-    figures = {}
-    for method in ("direct", "pspm"):
-        wall, free = demo_system(method, "wall"), demo_system(method, "free_space")
-        pressed = wall.run(1.0)[-200:]
-        led = free.run(3.0)[4000:]
-        stretch = 0.01 - np.mean(pressed.position[:, 0])
-        figures[method] = (
-            np.mean(pressed.force_coupling[:, 0]) / stretch,
-            np.abs(led.tool_position - led.position)[:, :2].mean(),
-        )
-    assert figures["pspm"][0] == pytest.approx(figures["direct"][0], rel=0.02)
-    assert figures["pspm"][1] <= 1.2 * figures["direct"][1]
-
-
 @pytest.mark.parametrize("method", PASSIVE)
 @pytest.mark.parametrize("field", ["tool_position", "tool_velocity", "tool_effort", "tool_energy", "tool_age"])
 @pytest.mark.parametrize("value", [np.nan, np.inf])

@@ -171,7 +171,7 @@ def test_the_node_answers_resets_reports_and_ends_at_once_when_told(start, peer,
     assert peer.tools[-1].position[0] < 0.03
     assert peer.tools[-1].stamp_ns == 1_000_000 * peer.tools[-1].position[3 + exchange.ANSWERED]
     peer.until(lambda: peer.said and int(peer.said[-1]["answered"]) >= 20)
-    assert float(peer.said[-1]["tool_port_energy"]) > 0.0
+    peer.until(lambda: float(peer.said[-1]["tool_port_energy"]) > 0.0)
     done = peer.reset.call_async(Trigger.Request())
     peer.until(done.done)
     assert done.result().success

@@ -231,6 +231,7 @@ class DriverNode(ManagedNode):
 
     def _figures(self, row):
         lateness, compute, age, _ = self.telemetry.percentiles() * 1e6
+        trips = self.exchange.round_trips() * 1e-3
         return {
             "state": engage.STATES[int(row.state)],
             "fault": fault.name_of(row.fault),
@@ -248,6 +249,7 @@ class DriverNode(ManagedNode):
                 f"compute_us_{name}": f"{v:.2f}" for name, v in zip(("p50", "p99", "p999", "max"), compute, strict=True)
             },
             **{f"age_ms_{name}": f"{v / 1e3:.3f}" for name, v in zip(("p50", "p99", "p999", "max"), age, strict=True)},
+            **{f"round_trip_us_{name}": f"{v:.1f}" for name, v in zip(("p50", "p99"), trips, strict=True)},
             "exchange_sent": self.exchange.sent,
             "exchange_answered": self.exchange.answered,
             "exchange_method": self.values["exchange.method"],

@@ -78,7 +78,7 @@ class SimulationNode(ManagedNode):
             return "warn", "no handle sample has come yet"
         if rejoined > 0:
             late = self.values["max_catch_up"] * 1e3
-            return "warn", f"the world waited {rejoined} times: handle samples more than {late:g} ms apart, or going back"
+            return "warn", f"the world waited {rejoined} times: handle samples over {late:g} ms apart, or going back"
         return "ok", "answering"
 
     def _prepare(self):
