@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic bench exchange`: what each exchange method makes of a network, in lock-step, at handle and tool."""
 
+import csv
 import itertools
 import json
 from pathlib import Path
@@ -62,6 +63,7 @@ def exchange(
     rate: Annotated[list[float] | None, typer.Option(help="Handle samples a second [1000].")] = None,
     params: Annotated[str, typer.Option(help="Operating point: a name in config or a YAML file.")] = "demo",
     plot: Annotated[Path | None, typer.Option(help="Write the figure to this PNG file.")] = None,
+    table: Annotated[Path | None, typer.Option("--csv", help="Write the figures to this CSV file.")] = None,
     live: Annotated[bool, typer.Option("--live", help="On running nodes behind a relay, not in lock-step.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
@@ -77,10 +79,20 @@ def exchange(
         from haptic_sim.cli.exchange_figure import save
 
         save(found, plot)
+    rows = [{**case._asdict(), **one._asdict(), "impedance_ratio": one.impedance_ratio} for case, one in found.items()]
+    if table is not None:
+        _write_csv(rows, table)
     if as_json:
-        typer.echo(json.dumps([{**case._asdict(), **figures._asdict()} for case, figures in found.items()]))
+        typer.echo(json.dumps({"live": live, "params": params, "cases": rows}))
     else:
         _show(found, "live" if live else "lock-step")
+
+
+def _write_csv(rows, path):
+    with open(path, "w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def measure(case: Case, params: str = "demo", live: bool = False) -> Figures:
