@@ -52,7 +52,7 @@ PARAMETERS = (
     Parameter("exchange.hold", 0.06, "s", "age up to which a tool sample is held at full force", 0.001, 2.0, True),
     Parameter("exchange.budget", 0.005, "J", "energy the coupling may give before the hand has paid any", 0.0, 1.0),
     Parameter("exchange.tank", 0.05, "J", "energy kept to pay for set positions; the rest is shipped", 0.0, 10.0),
-    Parameter("exchange.horizon", 0.03, "s", "time over which the tool's motion is foretold, at most", 0.0, 0.5, True),
+    Parameter("exchange.horizon", 0.06, "s", "time over which the tool's motion is foretold, at most", 0.0, 0.5, True),
     Parameter("exchange.slew", 400.0, "N/s", "fastest change of force by the tool's samples alone", 1.0, 1e6, True),
     Parameter("exchange.agility", 20.0, "m/s^2", "acceleration that a free tool is given credit for", 0.0, 1e4, True),
     Parameter("exchange.fade", 0.14, "s", "time over which the coupling then lets go, and returns", 0.001, 5.0, True),

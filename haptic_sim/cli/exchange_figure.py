@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from haptic_device.law.exchange import PARAMETERS
 
 PANELS = (  # and up to where the axis is straight, logarithmic beyond
-    ("stiffness felt at a rigid wall [N/m]", lambda one: one.stiffness, 4e3),
+    ("stiffness felt at a rigid wall [N/m]", lambda one: one.stiffness, None),
     ("tool error in free motion [mm]", lambda one: one.tool_error * 1e3, 0.1),
     ("apparent damping in free motion [N s/m]", lambda one: one.damping, 0.2),
     ("apparent mass in free motion [kg]", lambda one: one.mass, 0.2),
@@ -23,13 +23,14 @@ def save(found: dict, path) -> None:
     for axes, (label, value, straight) in zip(figure.subplots(3, 2).flat, PANELS, strict=True):
         _draw(axes, found, value)
         axes.set(ylabel=label, xlabel="round trip delay [ms]")
-        axes.set_yscale("symlog", linthresh=straight)
+        if straight is not None:
+            axes.set_yscale("symlog", linthresh=straight)
         axes.set_xscale("symlog", linthresh=1.0)
         axes.set_xlim(left=0.0)
         axes.grid(alpha=0.3)
     figure.axes[0].legend()
-    figure.axes[4].axhline(BUDGET, color="black", linestyle=":", label="exchange.budget, the default")
-    figure.axes[4].legend()
+    line = figure.axes[4].axhline(BUDGET, color="black", linestyle=":")
+    figure.axes[4].legend([line], ["exchange.budget, the default"], loc="upper left")
     first = next(iter(found))
     figure.suptitle(f"Exchange methods in lock-step; jitter ± {first.jitter * 1e3:g} ms at the first delay, "
                     f"loss {first.loss:g}, {first.rate:g} samples/s", fontsize=10)  # fmt: skip
