@@ -143,8 +143,8 @@ class Waves:
         share = wave.covered(energy, self._store)
         self._store = max(0.0, self._store - share * share * energy)
         for i in range(3):
+            self._pending[i] -= waves[i] * self._sub_step  # what energy does not cover is dropped, or it grows
             waves[i] *= share
-            self._pending[i] -= waves[i] * self._sub_step
         return tool, tuple(value / z for value, z in zip(waves, self._impedance, strict=True))
 
     def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:

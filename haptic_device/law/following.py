@@ -165,7 +165,7 @@ def _take_waves(settings, memory, row):
     share = _play(settings, memory)
     for i in range(int(settings.axes)):
         incoming = share * memory.wave[i]
-        memory.pending[i] -= incoming * settings.period
+        memory.pending[i] -= memory.wave[i] * settings.period  # what energy does not cover is dropped, or it grows
         stiffness, limit = memory.spring[i], memory.clamp[i]
         damping, z = memory.factor * settings.damping[i], wave.impedance(settings.stiffness[i])
         spring = stiffness * (row.position[i] - memory.set[i])
@@ -206,15 +206,18 @@ def _receive_waves(settings, memory, row):
 
 @kernel
 def _play(settings, memory):
-    """Fills in memory.wave; returns the share of these waves that the energy received covers, and spends it."""
+    """Fills in memory.wave; returns the share of these waves that energy received, and the tank, cover; spends it."""
     energy = 0.0
     for i in range(int(settings.axes)):
         reach = settings.exchange_slew[i] * settings.period
         rate = min(memory.wave[i] + reach, max(memory.wave[i] - reach, memory.rate[i]))
         memory.wave[i] = wave.played(memory.pending[i], rate, settings.period)
         energy += wave.power(memory.wave[i], wave.impedance(settings.stiffness[i])) * settings.period
-    share = wave.covered(energy, memory.wave_store)
-    memory.wave_store = max(0.0, memory.wave_store - share * share * energy)
+    spare = max(0.0, memory.tank - tank.reserve(settings, memory))  # pays for the ripple of irregular samples
+    share = wave.covered(energy, memory.wave_store + spare)
+    spent = min(memory.wave_store, share * share * energy)
+    memory.wave_store -= spent
+    memory.tank -= min(spare, share * share * energy - spent)
     return share
 
 

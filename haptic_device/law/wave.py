@@ -8,8 +8,9 @@ comes back holds energy only if it was sent. What is carried is not the wave but
     the integral Σ p T [N s] of each axis, and the energy Σ p² T/4z [J] of all axes,
 
 so that lost, late, repeated and reordered samples lose nothing. The receiver plays out what has come as waves of its
-own: `played` empties the integral at a steady rate, `covered` keeps their energy within what has come. An integral kept
-whole is a position kept whole: no drift. A held wave would create energy, a sum played once cannot.
+own: `played` empties the integral at a steady rate, `covered` keeps their energy within what has come and what the tank
+adds. An integral kept whole is a position kept whole; what energy did not cover is dropped and the port led back to the
+tool: no drift. A held wave would create energy, a sum played once cannot.
 
 A message's energy is believed only up to what this side itself has sent (and a budget): then, whatever comes, the
 energy out of the port stays below the energy into it, and with b > KT/2 + B the display is passive (Colgate 1995,
