@@ -67,8 +67,7 @@ class Modulated:
     def __init__(self, budget: float = BUDGET):
         self.budget = self.tank = budget
         self.returned = 0.0
-        self._known = None
-        self._gains, self._sub_step = Coupling(), 0.0
+        self._known, self._gains, self._worst = None, None, (0.0, 0.0)
 
     def rejoin(self) -> None:
         """The next sample's sum of energy is the new zero; the tank keeps what it has."""
@@ -79,25 +78,30 @@ class Modulated:
         known = handle.energy if self._known is None else self._known
         self.tank += max(0.0, handle.energy - known)
         self._known = max(known, handle.energy)
-        self._gains, self._sub_step = handle.gains, sub_step
+        if handle.gains != self._gains:
+            self._gains = handle.gains
+            stiff, damping, turning, turning_damping = self._gains
+            self._worst = _worst(stiff, damping, sub_step), _worst(turning, turning_damping, sub_step)
         return handle.gains
 
     def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
         """The handle, as near to the tool as the tank asks for."""
-        stiffness, damping, turning, turning_damping = self._gains
-        h, most = self._sub_step, 0.0
-        for i, (k, b) in enumerate(((stiffness, damping), (stiffness, damping), (turning, turning_damping))):
-            pull = k * (position[i] - tool[i]) + b * velocity[i]
-            most += h * pull * pull / (4.0 * (h * k + b)) if pull else 0.0
+        stiff, damping, turning, turning_damping = self._gains
+        straight, around = self._worst
+        (x, y, angle), (vx, vy, turn), (tx, ty, tilt) = position, velocity, tool
+        ax, ay = stiff * (x - tx) + damping * vx, stiff * (y - ty) + damping * vy
+        twist = turning * (angle - tilt) + turning_damping * turn
+        most = straight * (ax * ax + ay * ay) + around * twist * twist
         if most <= self.tank:
             return position, velocity
         share = math.sqrt(max(0.0, self.tank) / most)
-        nearer = tuple(t + share * (p - t) for p, t in zip(position, tool, strict=True))
-        return nearer, tuple(share * v for v in velocity)
+        nearer = tx + share * (x - tx), ty + share * (y - ty), tilt + share * (angle - tilt)
+        return nearer, (share * vx, share * vy, share * turn)
 
     def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
         """What the coupling supplied leaves the tank."""
-        self.tank -= sum(f * (b - a) for f, a, b in zip(force_on_tool, before, after, strict=True))
+        (fx, fy, torque), (x0, y0, angle0), (x1, y1, angle1) = force_on_tool, before, after
+        self.tank -= fx * (x1 - x0) + fy * (y1 - y0) + torque * (angle1 - angle0)
 
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The force on the tool, and all that was sent back so far: what the tank holds above the budget."""
@@ -105,6 +109,12 @@ class Modulated:
         self.tank -= over
         self.returned += over
         return force_on_tool, self.returned
+
+
+def _worst(stiffness, damping, sub_step):
+    """h/4(h K + B) [J/N² | J/(N m)²]: energy of the worst tool motion in a sub-step for each pull at rest squared."""
+    hold = sub_step * stiffness + damping
+    return 0.25 * sub_step / hold if hold > 0.0 else 0.0
 
 
 class Waves:
