@@ -52,7 +52,7 @@ def job_done(found: dict, ended: bool, share: float = ANSWERED) -> bool:
         return False
     if "insertion_fraction" in found["result"]:
         return found["result"]["insertion_fraction"] >= INSERTED
-    return ended and found["exchange"]["answered"] > share * found["exchange"]["sent"]
+    return ended and found["exchange"]["answered"] >= max(1, share * found["exchange"]["sent"])
 
 
 def print_table(found: dict) -> None:
