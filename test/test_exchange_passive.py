@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from exchange_systems import GAINS, demo_system, one_axis, reference
+from exchange_systems import GAINS, credited, demo_system, one_axis, reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -40,6 +40,19 @@ def test_no_path_is_found_that_the_tank_is_credited_too_much_for(method, limit, 
     for rough in (0, 1):
         against = adversary.Adversary(loss=0.2, reach=reach, rough=rough, books=1)
         assert adversary.search(given, against, evaluations=1000, seed=3).overcredit <= 1e-9
+
+
+@settings(max_examples=60)
+@given(
+    method=st.sampled_from(PASSIVE),
+    seed=st.integers(0, 2**32),
+    scale=st.sampled_from([(1.0, 1.0), (2.0, 0.5), (0.5, 2.0)]),
+    limit=st.sampled_from([2.0, 20.0]),
+    reach=st.sampled_from([0.3, 1.0, 3.0]),
+    wall=st.sampled_from([0.0, 1000.0]),
+)
+def test_nor_in_three_axes_with_a_scaled_device_beside_a_wall(method, seed, scale, limit, reach, wall):
+    assert credited(method, seed, scale, limit, reach, wall) <= 1e-9
 
 
 @pytest.mark.parametrize("method", PASSIVE)
