@@ -14,6 +14,7 @@ from haptic_sim.simulation import HandleSample, Planar, ToolSample
 
 SILENCE_NS = 500_000_000
 """A second device is listened to only after the first has been silent this long."""
+LARGEST_WHOLE = 2.0**53 - 1.0
 GAINS = slice(exchange.GAIN_0, exchange.GAIN_0 + 4)
 
 
@@ -22,7 +23,7 @@ class Question(NamedTuple):
 
     handle: HandleSample
     axes: int
-    tail: list[float]
+    tail: tuple[float, ...]
     new_session: bool
 
 
@@ -47,14 +48,12 @@ class Port:
         axes = self._axes.get(len(data), 1)
         if not self._layouts[axes].matches(data):
             return self._refuse(exchange.OTHER_NAMES)
-        sample = self._layouts[axes].unpack(data)
-        position, velocity = sample.position.tolist(), sample.velocity.tolist()
-        tail = position[axes:]
-        effort = sample.effort.tolist()[:axes]
-        code = self._judge((*position[:axes], *velocity[:axes], *effort), tail, now_ns)
+        stamp_ns, position, velocity, effort = self._layouts[axes].numbers(data)
+        tail, arrays = position[axes:], (position[:axes], velocity[:axes], effort[:axes])
+        code = self._judge(arrays, tail, now_ns)
         if code != exchange.ACCEPTED:
             return self._refuse(code)
-        return self._accept(sample.stamp_ns, (position[:axes], velocity[:axes], effort), tail, now_ns)
+        return self._accept(stamp_ns, arrays, tail, now_ns)
 
     def answer(self, question: Question, tool: ToolSample) -> bytes:
         """Bytes of the tool message: stamped with, and naming, the handle sample it answers."""
@@ -68,8 +67,8 @@ class Port:
         arrays = [*tool.position[:axes], *own], [*tool.velocity[:axes], *still], [*tool.force_on_tool[:axes], *still]
         return self._layouts[axes].pack(question.handle.time_ns, *arrays)
 
-    def _judge(self, numbers, tail, now_ns):
-        if not all(abs(value) <= exchange.LIMIT for value in numbers) or not all(abs(value) < 2**53 for value in tail):
+    def _judge(self, arrays, tail, now_ns):
+        if not (all(_within(numbers, exchange.LIMIT) for numbers in arrays) and _within(tail, LARGEST_WHOLE)):
             return exchange.NOT_FINITE
         if tail[exchange.LAYOUT] != exchange.LAYOUT_VERSION:
             return exchange.OTHER_LAYOUT
@@ -95,3 +94,8 @@ class Port:
 
     def _refuse(self, code):
         self.refused[exchange.REFUSALS[code]] += 1
+
+
+def _within(numbers, limit):
+    """Whether all are finite and at most the limit; a sum with NaN in it is NaN, whatever max makes of it."""
+    return sum(numbers) - sum(numbers) == 0.0 and max(numbers) <= limit and min(numbers) >= -limit
