@@ -43,6 +43,14 @@ def test_with_no_delay_added_the_tool_is_as_near_the_handle_as_with_direct_excha
     assert felt["pspm", 0.0].impedance_ratio > 10.0 * felt["direct", 0.0].impedance_ratio
 
 
+@pytest.mark.parametrize("late", [0.0, 1e-3, 1.5e-3, 3e-3, 20e-3])
+def test_in_lock_step_samples_leave_and_are_found_at_their_own_tick(late):
+    rows = demo_system("direct", "free_space", Network(late)).run(0.1)[200:]
+    new = np.flatnonzero(np.diff(rows.tool_answered)) + 1
+    assert np.all(np.diff(new) == 4)
+    assert rows.tool_age[new] == pytest.approx(max(late, 0.25e-3), abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("servo", "exchange"), [(1000.0, 100.0), (4000.0, 700.0), (3000.0, 1300.0), (10_000.0, 2000.0), (1000.0, 2000.0)]
 )

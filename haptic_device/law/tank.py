@@ -34,10 +34,10 @@ def fill(settings, memory, row):
 
 @kernel
 def _open_window(settings, memory, row):
-    """Where the handle is now, a window begins."""
+    """With the midpoint of the hold that ends now, a window begins."""
     memory.window_start, memory.window_holds = row.latched, 0.0
     for i in range(int(settings.axes)):
-        memory.window_from[i] = memory.midpoint[i] = memory.device_position[i]
+        memory.window_from[i] = memory.midpoint[i] = memory.device_position[i] - 0.5 * memory.moved[i]
         memory.counted[i] = 0.0
 
 
