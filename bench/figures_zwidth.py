@@ -20,7 +20,7 @@ from haptic_sim.cli.zwidth_live import CANCELLED
 from haptic_sim.cli.zwidth_twin import HAND, Twin
 
 RATES = (1000.0, 4000.0, 10000.0)
-WITHOUT = 0.05  # of the damper is left where there is "none": bearings
+DEVICES = (("desktop", "with damper", "tab:green"), ("undamped", "without", "tab:red"))
 LATE = 2e-5  # [s] of the servo's writes
 
 
@@ -38,42 +38,43 @@ def main(folder, live):
 
 
 def both_ends(panels, live):
+    """Lines are lock-step, crosses the live nodes."""
     stiff, free = panels
-    with_damper = load_device("desktop")
-    axes = tuple(axis.model_copy(update={"damping": WITHOUT * axis.damping}) for axis in with_damper.axes)
-    for device, name, colour in (
-        (with_damper, "with physical damper", "tab:green"),
-        (with_damper.model_copy(update={"axes": axes}), "without", "tab:red"),
-    ):
+    for name, said, colour in DEVICES:
+        device = load_device(name)
         b = device.axes[0].damping
-        passive = 2.0 * b * np.array(RATES)
-        found = [
-            probe.find_boundary(Twin(device, rate, 0.0, LATE).show, 0.95 * p, 1e6)
-            for rate, p in zip(RATES, passive, strict=True)
-        ]
-        stiff.loglog(
-            RATES,
-            [each.stiffness for each in found],
-            "o-",
-            color=colour,
-            label=f"{name}, b = {b:g} N s/m: shakes above",
-        )
-        stiff.loglog(RATES, passive, "--", color=colour, label="passive below, 2b/T")
-        for ratio, style in ((0.0, "-"), (CANCELLED, ":")):
-            felt = [Twin(device, rate, 0.0, LATE).turn(ratio) for rate in RATES]
-            free.loglog(RATES, felt, "o" + style, color=colour, label=f"{name}, {100 * ratio:g} % cancelled")
-    for one in live:
-        known = [one["live"][end] for end in ("quiet", "shaking") if one["live"][end]]
-        stiff.loglog(one["rate"], np.mean(known), "kx", markersize=9)
-        free.loglog([one["rate"]] * 2, list(one["live"]["damping"].values()), "kx", markersize=9)
-    if live:
-        stiff.plot([], [], "kx", label="live nodes")
+        here = [one for one in live if one["physical_damping"] == b]
+        label = f"{said}, b = {b:g} N s/m"
+        draw_stiff(stiff, device, label, colour)
+        draw_free(free, device, label, colour)
+        for one in here:
+            known = [one["live"][end] for end in ("quiet", "shaking") if one["live"][end]]
+            stiff.loglog(one["rate"], np.mean(known), "x", color=colour, markersize=10)
+            free.loglog([one["rate"]] * 2, list(one["live"]["damping"].values()), "x", color=colour, markersize=10)
     hand = ", ".join(f"{value:g} {unit}" for value, unit in zip(HAND.values(), ("kg", "N s/m", "N/m"), strict=True))
     stiff.set(xlabel="servo rate [Hz]", ylabel="stiffness of the wall [N/m]", title=f"Stiff end, hand {hand}, B = 0")
     free.set(xlabel="servo rate [Hz]", ylabel="damping felt in free space [N s/m]", title="Free end")
     for panel in panels:
+        panel.plot([], [], "kx", label="live nodes")
         panel.grid(alpha=0.3, which="both")
-        panel.legend(fontsize=8, loc="best" if panel is stiff else (0.03, 0.17))
+        panel.set_ylim(top=panel.get_ylim()[1] * (4.0 if panel is stiff else 1.0))
+        panel.legend(fontsize=8, loc="upper left" if panel is stiff else (0.2, 0.54))
+
+
+def draw_stiff(axes, device, label, colour):
+    passive = 2.0 * device.axes[0].damping * np.array(RATES)
+    found = [
+        probe.find_boundary(Twin(device, rate, 0.0, LATE).show, 0.95 * limit, 20.0 * limit).stiffness
+        for rate, limit in zip(RATES, passive, strict=True)
+    ]
+    axes.loglog(RATES, found, "o-", color=colour, label=f"{label}: shakes above")
+    axes.loglog(RATES, passive, "--", color=colour, label="passive below, 2b/T")
+
+
+def draw_free(axes, device, label, colour):
+    for ratio, style in ((0.0, "-"), (CANCELLED, ":")):
+        felt = [Twin(device, rate, 0.0, LATE).turn(ratio) for rate in RATES]
+        axes.loglog(RATES, felt, "o" + style, color=colour, label=f"{label}, {100 * ratio:g} % cancelled")
 
 
 if __name__ == "__main__":

@@ -34,6 +34,9 @@ PARAMETERS = (
     *fault.PARAMETERS,
 )
 ARM = 0.05  # [m] between grip and tip, which turns accelerations into angular ones
+SWITCHED = 2.0
+"""Times |B| that a damper may need whose velocity comes from windows of any lengths: |v̂| is at most the largest mean of
+the last steps, and the l² norm of that maximum is at most twice that of the steps (Hardy and Littlewood 1930)."""
 DIRECT = {  # parameter → field of SETTINGS with the same number
     "cancellation.ratio": "cancellation_ratio",
     "cancellation.band": "cancellation_band",
@@ -134,14 +137,25 @@ def _needs(settings, lateness, coupled=True):
     """Damping that all gains together need, as a matrix over x, y, theta."""
     need, period, scale = np.zeros((3, 3)), float(settings["period"]), settings["scale"]
     for i in range(int(settings["axes"]) if coupled else 0):
-        cancelled = settings["cancellation_ratio"] * settings["physical_damping"][i]
-        damping = max(abs(settings["damping"][i]), abs(settings["damping"][i] - cancelled))
+        damping = _coupling_damping(settings, i) * _switched(settings)
         need[i, i] = scale[i] ** 2 * passivity.least_damping(settings["stiffness"][i], damping, period, lateness)
     for j in range(int(settings["walls"])):
         normal = scale * (settings["wall_x"][j], settings["wall_y"][j], 0.0)
-        stiffness, damping = settings["wall_stiffness"][j], settings["wall_damping"][j]
+        stiffness, damping = settings["wall_stiffness"][j], settings["wall_damping"][j] * _switched(settings)
         need += np.outer(normal, normal) * passivity.least_damping(stiffness, damping, period, lateness)
     return need
+
+
+def _coupling_damping(settings, axis):
+    """Damping that counts for the coupling, held while damping cancellation is still on, perhaps."""
+    damping, cancelled = settings["damping"][axis], settings["cancellation_ratio"] * settings["physical_damping"][axis]
+    return max(abs(damping), abs(damping - cancelled))
+
+
+def _switched(settings):
+    """What the estimator of velocity makes of a damper."""
+    windows = settings["velocity_estimator"] == encoder.ADAPTIVE_WINDOW and settings["velocity_window"] > 1.0
+    return SWITCHED if windows else 1.0
 
 
 def _cross(settings):
@@ -170,23 +184,23 @@ def _blames(settings, lateness):
     for i in range(int(settings["axes"])):
         there = settings["physical_damping"][i] / settings["scale"][i] ** 2
         name = "coupling.rotational_stiffness" if i == 2 else "coupling.stiffness"
-        cancelled = settings["cancellation_ratio"] * settings["physical_damping"][i]
-        damping = max(abs(settings["damping"][i]), abs(settings["damping"][i] - cancelled))
-        yield _blame(name, settings["stiffness"][i], damping, there, settings, lateness)
+        yield _blame(name, settings["stiffness"][i], _coupling_damping(settings, i), there, settings, lateness)
 
 
 def _blame(name, stiffness, damping, there, settings, lateness):
-    period = float(settings["period"])
-    need = passivity.least_damping(stiffness, damping, period, lateness)
+    period, counted = float(settings["period"]), damping * _switched(settings)
+    need = passivity.least_damping(stiffness, counted, period, lateness)
     if need < there:
         return ""
     unit, damping_unit = ("N m/rad", "N m s/rad") if "rotational" in name else ("N/m", "N s/m")
     per_stiffness = passivity.least_damping(1.0, 0.0, period, lateness)
-    most = max(0.0, there - passivity.least_damping(0.0, damping, period, lateness)) / per_stiffness
+    most = max(0.0, there - passivity.least_damping(0.0, counted, period, lateness)) / per_stiffness
+    twice = " (twice, for adaptive_window)" if counted > damping else ""
     late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
     return (
-        f"{name} {stiffness:.6g} {unit} with damping {damping:.4g} {damping_unit} needs b > {need:.4g} {damping_unit} "
-        f"at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: at most {math.floor(most):g} {unit}"
+        f"{name} {stiffness:.6g} {unit} with damping {damping:.4g} {damping_unit}{twice} "
+        f"needs b > {need:.4g} {damping_unit} at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: "
+        f"at most {math.floor(most):g} {unit}"
     )
 
 

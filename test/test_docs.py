@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The documents say what the code has: names, layouts, faults, priorities, files and functions."""
 
+import json
 import re
 from pathlib import Path
 
@@ -11,12 +12,13 @@ from haptic_device.node import driver, exchange_thread, loopback, recorder
 from haptic_device.ros_yaml import load as load_yaml
 from haptic_device.runtime import servo_thread
 from haptic_sim.cli.check import problems
-from haptic_sim.cli.main import COMMANDS
+from haptic_sim.cli.main import COMMANDS, _application
 from haptic_sim.node import simulation
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
-MODEL, README, PLATFORM = (ROOT / name for name in ("docs/model.md", "README.md", "docs/platform.md"))
+PAGE_NAMES = ("docs/model.md", "README.md", "docs/platform.md", "docs/cli.md")
+MODEL, README, PLATFORM, CLI = (ROOT / name for name in PAGE_NAMES)
 
 
 def rows(page, heading):
@@ -100,6 +102,24 @@ def test_the_operating_point_in_the_readme_passes_the_check(tmp_path):
         file = tmp_path / f"{number}.yaml"
         file.write_text(block, encoding="utf-8")
         assert load_yaml(file) and problems(file) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "passivity --stiffness 1000 --damping 0.1 --physical-damping 1 --period 0.001",
+        "zwidth --points 2 --seconds 0.05 --lateness 0.0001",
+    ],
+)
+def test_each_key_of_the_json_of_a_command_stands_on_its_page(words, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    name = words.split()[0]
+    section = CLI.read_text(encoding="utf-8").split(f"## `haptic {name}`")[1].split("\n## ")[0]
+    _application([name])([*words.split(), "--json"], standalone_mode=False)
+    found = json.loads(capsys.readouterr().out)
+    for key, value in found.items():
+        names = [f"{key}.{inner}" for inner in value] if isinstance(value, dict) else [key]
+        assert all(re.search(rf"`(\w+)?{re.escape(n)}`|`\.{n.split('.')[-1]}`", section) for n in names), names
 
 
 def test_commands_in_the_readme_exist():

@@ -6,10 +6,11 @@ import functools
 import numpy as np
 import pytest
 import typer
+import yaml
 from typer.testing import CliRunner
 
 from haptic_device import operating
-from haptic_device.analysis.excitation import shakes
+from haptic_device.analysis.excitation import shakes, twists
 from haptic_device.analysis.identify import NAMES, Trace, identify, resolution_of, trace_of
 from haptic_device.device import Axis, Device, load_device, plant_of
 from haptic_device.law import engage, operator, plant, servo
@@ -80,6 +81,54 @@ def test_a_device_is_recognized_by_values_the_servo_was_not_told(device):
     assert identified.residual == pytest.approx(device.get("step", 5e-6) / np.sqrt(12.0), rel=0.1)
 
 
+@functools.cache
+def twisted(inertia=2e-4, damping=0.006, coulomb=3e-4, rate=2000.0, torque=0.05):
+    """Rows of a servo whose coupling turns a handle towards a tool that jumps; it believes another inertia and b."""
+    told = load_device("desktop")
+    theta = told.axes[2].model_copy(update={"mass": inertia, "damping": damping, "coulomb": coulomb})
+    true = told.model_copy(update={"axes": (*told.axes[:2], theta), "actuation_delay": 2e-4})
+    values = {p.name: p.default for p in operating.PARAMETERS}
+    values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0, "exchange.hold": 2.0}
+    values |= {"coupling.rotational_damping": 0.0}
+    memory = np.zeros(1, servo.MEMORY).view(np.recarray)
+    memory.state, memory.engage = engage.ENGAGED, 1.0
+    body, state = plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
+    motion = operator.script({p.name: p.default for p in operator.PARAMETERS}).view(np.recarray)
+    tool, blocks, first, period = np.zeros(1, loop.TOOL).view(np.recarray), [], 0, round(1e9 / rate)
+    tool.sequence, plan = 1.0, twists(0.0, torque, 2.0, told.axes[2].damping, told.axes[2].mass, 1.0 / rate)
+    for dwell in np.random.default_rng(3).uniform(0.03, 0.15, 40):
+        twist = next(plan)
+        values["coupling.rotational_stiffness"] = twist.stiffness
+        settings, rows = operating.settings_from(told, values).view(np.recarray), round(dwell * rate)
+        rows = np.zeros(rows, servo.TICK).view(np.recarray)
+        tool.sent, angle = first * period, state.position[0, 2]
+        tool.position[0, 2] = min(angle + twist.leash, max(angle - twist.leash, twist.angle))
+        at = (first * period, first, 30_000, engage.ENABLE)
+        loop.run_lockstep(settings, memory, rows, tool, body, state, motion, *at)
+        blocks.append(np.asarray(rows))
+        first += len(rows)
+    return np.concatenate(blocks)
+
+
+@pytest.mark.parametrize("true", [{}, {"inertia": 5e-5, "damping": 0.002, "coulomb": 1e-3, "rate": 1000.0}])
+def test_a_rotation_is_recognized_by_values_the_servo_was_not_told(true):
+    rows = twisted(**true)
+    true = {"inertia": 2e-4, "damping": 0.006, "coulomb": 3e-4, "delay": 2e-4, "bias": 0.0, **true}
+    found = identify(trace_of(rows, 2, 1.0 / 40000.0), 1e-4, 0.004)
+    for name in NAMES:
+        estimate, value = getattr(found, name), true["inertia" if name == "mass" else name]
+        assert abs(estimate.value - value) <= 3.0 * estimate.confidence + 1e-12
+    assert found.mass.confidence < 2e-3 * true["inertia"]
+    assert found.damping.confidence < 1e-2 * true["damping"]
+    assert found.coulomb.confidence < 2e-5
+    assert found.delay.confidence < 2e-5
+
+
+def test_the_torque_of_a_twist_is_never_more_than_is_allowed():
+    rows = twisted()
+    assert 0.03 < np.max(np.abs(rows["force_on_handle"][:, 2])) <= 0.05 * 1.001
+
+
 def test_a_weaker_shake_leaves_a_wider_confidence():
     assert found(force=0.5).mass.confidence > 2.0 * found().mass.confidence
 
@@ -120,14 +169,15 @@ def test_the_description_that_is_written_can_be_loaded_and_keeps_what_was_not_fo
     described = load_device("desktop")
     values = {"mass": (0.2, 1e-3), "damping": (1.5, 0.02), "coulomb": (0.04, 1e-3), "bias": (0.0, 1e-3)}
     values |= {"delay": (4e-4, 1e-5), "resolution": (5e-6, None), "residual": (2e-6, None)}
-    write(tmp_path / "found.yaml", described, {"x": values, "y": values})
+    turning = values | {"mass": (3e-4, 1e-6), "delay": (8e-4, 1e-2)}
+    write(tmp_path / "found.yaml", described, {"x": values, "y": values, "theta": turning})
     device = load_device(str(tmp_path / "found.yaml"))
     assert (device.axes[0].mass, device.axes[1].damping, device.axes[1].coulomb) == (0.2, 1.5, 0.04)
-    assert device.axes[2] == described.axes[2]
-    assert device.sensing_delay + device.actuation_delay == 4e-4
+    assert (device.axes[2].mass, device.axes[2].counts_per_unit) == (3e-4, described.axes[2].counts_per_unit)
+    assert device.sensing_delay + device.actuation_delay == pytest.approx(4e-4, abs=1e-9)
     text = (tmp_path / "found.yaml").read_text()
     assert "mass 0.2 ± 0.001 kg" in text
-    assert "Not shaken, as described: theta" in text
+    assert "mass 0.0003 ± 1e-06 kg m²" in text
 
 
 @pytest.mark.parametrize(
@@ -135,6 +185,8 @@ def test_the_description_that_is_written_can_be_loaded_and_keeps_what_was_not_fo
     [
         (("--force", "0"), "force is 0 N, but it must be a finite number greater than 0"),
         (("--force", "90"), "force is 90 N, but the motor of axis x gives at most 15 N"),
+        (("--torque", "-0.1"), "torque is -0.1 N m, but it must be a finite number greater than 0"),
+        (("--torque", "3"), "torque is 3 N m, but the motor of axis theta gives at most 1 N m"),
         (("--device", "nowhere"), "nowhere"),
     ],
 )
@@ -145,3 +197,12 @@ def test_bad_input_ends_in_one_sentence_and_exit_code_2(words, sentence):
     assert result.exit_code == 2
     assert sentence in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_a_device_that_does_not_turn_is_not_turned(tmp_path):
+    content = load_device("desktop").model_dump(mode="json")
+    (tmp_path / "flat.yaml").write_text(yaml.safe_dump(content | {"name": "flat", "axes": content["axes"][:2]}))
+    app = typer.Typer()
+    app.command()(command)
+    result = CliRunner().invoke(app, ["--device", str(tmp_path / "flat.yaml"), "--torque", "0.1"])
+    assert (result.exit_code, result.stderr.strip()) == (2, "haptic identify: torque is 0.1 N m, but flat has no theta")

@@ -11,7 +11,7 @@ import pytest
 
 from haptic_device.device import load_device, plant_of
 from haptic_device.law import operator, plant, servo
-from haptic_device.runtime import clock, link, loopback, page
+from haptic_device.runtime import clock, link, loop, loopback, page
 from haptic_device.runtime.link import PageLink
 from haptic_device.runtime.mailbox import Mailbox
 from haptic_device.runtime.servo_thread import ServoThread
@@ -54,7 +54,7 @@ def served(name):
     served.close()
 
 
-def wait_for(condition, seconds=10.0):
+def wait_for(condition, seconds=60.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "what was waited for did not come"
@@ -87,6 +87,44 @@ def test_a_device_that_died_in_the_middle_of_a_write_leaves_the_last_sample_as_i
     assert sample.tolist() == kept.tolist()
     device_link.close()
     device.close()
+
+
+def test_a_sample_from_the_future_is_not_believed(name):
+    device, device_link = page.Page(name, page.DEVICE), PageLink(name, 7)
+    block, sample, scratch = np.zeros(page.DEVICE_WORDS, np.int64), np.zeros(link.SAMPLE), clock.scratch()
+    for ahead, believed in ((link.AHEAD, 1), (link.AHEAD + 60_000_000_000, 0), (2**62, 0)):
+        now = int(clock.now_ns(scratch))
+        counts = np.array([float(believed), 0.0, 0.0])
+        page.write_device(device.words, block, 1, now + ahead, 0, 1000, counts, np.zeros(3))
+        assert device_link.read(device_link.memory, now, now, sample) == believed
+        assert sample[link.COUNTS] == 1.0
+    device_link.close()
+    device.close()
+
+
+NONSENSE = [
+    (2**62, 0, 1_000_000, 0.0),
+    (0, 2**62, 1_000_000, 0.0),
+    (-(2**62), 0, 1_000_000, 0.0),
+    (0, 0, 0, 0.0),
+    (0, 0, 2**62, 0.0),
+    (0, 0, 1_000_000, np.nan),
+]
+
+
+@pytest.mark.parametrize("written, deadline, period, motor", NONSENSE)
+def test_a_write_of_nonsense_moves_neither_the_plant_nor_its_clock(served, name, written, deadline, period, motor):
+    device_link, scratch = PageLink(name, 7), clock.scratch()
+    wait_for(device_link.present)
+    now = int(clock.now_ns(scratch))
+    device_link.write(device_link.memory, now + written, now + deadline, period, 1, np.array([motor, 0.5, 0.0]))
+    wait_for(lambda: served.control[loopback.REFUSED] == 1)
+    before = float(served.truth.get()[0].time)
+    wait_for(lambda: served.truth.get()[0].time > before + 0.02)
+    truth = served.truth.get()[0]
+    assert truth.time < clock.now_ns(scratch) * 1e-9 + 1.0
+    assert truth.motor_force.tolist() == [0.0, 0.0, 0.0] and np.isfinite(truth.position).all()
+    device_link.close()
 
 
 def test_what_the_servo_writes_reaches_the_device_word_by_word(name):
@@ -153,6 +191,25 @@ def test_the_servo_runs_on_the_page_takes_its_home_and_leaves_the_motor_at_zero(
     block = np.zeros(page.SERVO_WORDS, np.int64)
     page.read_servo(served.page.words, block)
     assert not thread.running and block[4:].tolist() == [0, 0, 0, 0]
+    wait_for(lambda: not served.truth.get()[0].driven)
+    assert served.control[loopback.TRIPS] == 0
+
+
+@pytest.mark.parametrize("mail", ["settings", "tool"])
+def test_a_record_whose_writer_does_not_end_is_not_taken_and_counted(served, name, mail):
+    thread = ServoThread(PageLink(name, 7), settings(), realtime="off")
+    thread.start()
+    try:
+        wait_for(lambda: thread.row.get()[0].tick > 5)
+        words = getattr(thread, mail).words
+        words[8:] = np.float64(np.nan).view(np.int64)
+        words[0] |= 1
+        wait_for(lambda: thread.control[loop.TORN] > 5)
+        row = thread.row.get()[0]
+        assert np.isfinite(row.position).all() and np.isfinite(row.tool_position).all() and row.fault == 0
+    finally:
+        thread.stop()
+        thread.link.close()
 
 
 def test_a_servo_without_a_device_waits_and_can_be_stopped(name):

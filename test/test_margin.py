@@ -71,6 +71,42 @@ def test_cancellation_of_a_held_coupling_counts_where_it_outweighs_the_couplings
     assert cancelled == pytest.approx(0.8 - 0.25 - abs(0.2 - 0.9 * 0.8))
 
 
+def windowed_work(steps, windows):
+    """Σ v̂_k Δ_{k+1} of a damper whose velocity is the mean of the last so many steps, from rest; T = 1."""
+    rates = [np.sum(steps[max(0, k + 1 - window) : k + 1]) / window for k, window in enumerate(windows[:-1])]
+    return float(np.dot(rates, steps[1:]))
+
+
+@given(st.lists(st.tuples(st.floats(-1.0, 1.0), st.integers(1, 32)), min_size=2, max_size=80))
+def test_no_sequence_of_windows_draws_more_than_twice_the_dampers_own(pairs):
+    steps, windows = (np.array(column) for column in zip(*pairs, strict=True))
+    assert windowed_work(steps, windows) <= operating.SWITCHED * steps @ steps + 1e-12
+
+
+def test_switching_windows_draw_more_than_any_one_window_does():
+    steps = 1.0 / np.sqrt(np.arange(1.0, 33.0))
+    assert windowed_work(steps, np.arange(1, 33)) > 1.1 * steps @ steps
+    for window in range(1, 33):
+        assert windowed_work(steps, np.full(32, window)) <= steps @ steps
+
+
+def test_the_adaptive_window_is_charged_twice_its_damping_and_a_window_of_one_tick_once():
+    adaptive = {**walls(3000.0, 0.2, 90.0), "velocity__estimator": "adaptive_window"}
+    assert operating.margins(settings(**adaptive), 0.0)[1] == pytest.approx(0.8 - 0.375 - 0.4)
+    assert operating.margins(settings(**adaptive, velocity__window=1), 0.0)[1] == pytest.approx(0.8 - 0.375 - 0.2)
+    adaptive["wall__damping"] = (0.22,)
+    assert operating.refusal(settings(**adaptive)) == (
+        "wall.stiffness 3000 N/m with damping 0.22 N s/m (twice, for adaptive_window) needs b > 0.815 N s/m at "
+        "T = 0.25 ms; the device has 0.8: at most 2880 N/m"
+    )
+
+
+def test_with_adaptive_windows_no_more_than_half_of_the_damping_may_be_cancelled():
+    free = {**NO_COUPLING, "coupling__rotational_damping": 0.0, "velocity__estimator": "adaptive_window"}
+    assert operating.refusal(settings(**free, cancellation__ratio=0.49)) == ""
+    assert "adaptive_window" in operating.refusal(settings(**free, cancellation__ratio=0.51))
+
+
 @given(stiffness=st.floats(0.0, 1e5), damping=st.floats(-5.0, 5.0), period=st.floats(1e-4, 2e-3))
 def test_without_delay_the_law_is_equation_3(stiffness, damping, period):
     expected = closed_forms.wall_damping(stiffness, damping, period)

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from haptic_device.analysis.closed_forms import (
     coulomb_friction_needed,
     delayed_wall_damping,
-    directional_margin,
     lagged_wall_damping,
     late_tick_damping,
     late_write_damping,
@@ -193,24 +192,6 @@ def test_writing_late_by_a_tenth_costs_more_than_a_period_longer_by_a_tenth():
     assert worst > 1.15 * 0.55
 
 
-def test_perpendicular_walls_do_not_add_and_parallel_ones_do():
-    smallest, axes = directional_margin([1.0, 1.0], [[1.0, 0.0], [0.0, 2.0]], [0.6, 0.9])
-    assert smallest == pytest.approx(0.1)
-    assert axes == pytest.approx([0.4, 0.1])
-    smallest, axes = directional_margin([1.0, 1.0], [[1.0, 0.0], [-3.0, 0.0]], [0.6, 0.9])
-    assert smallest == pytest.approx(-0.5)
-    assert axes == pytest.approx([-0.5, 1.0])
-
-
-@pytest.mark.parametrize("excess, passive", [(0.99, True), (1.01, False)])
-def test_an_oblique_corner_is_judged_in_its_worst_direction_not_along_the_axes(excess, passive):
-    normals = [[np.cos(0.5), np.sin(0.5)], [np.cos(0.9), np.sin(0.9)]]
-    demand = excess / (1.0 + np.cos(0.4))
-    smallest, axes = directional_margin([1.0, 1.0], normals, [demand, demand])
-    assert bool(smallest > 0.0) is passive
-    assert np.all(axes > 0.0)
-
-
 @pytest.mark.parametrize(
     "wrong, sentence",
     [
@@ -221,8 +202,6 @@ def test_an_oblique_corner_is_judged_in_its_worst_direction_not_along_the_axes(e
         (lambda: wall_transfer(np.nan, 0.0, 1e-3), "stiffness is nan N/m"),
         (lambda: wall_transfer(1.0, 0.0, 1e-3, delay_samples=0.5), "whole number of samples"),
         (lambda: late_write_damping(1.0, 0.0, 1.0, 0.6), "lateness is 0.6 s, but it must lie between 0 and 0.5 s"),
-        (lambda: directional_margin([1.0, 1.0], [[0.0, 0.0]], [1.0]), "length of the normal is 0"),
-        (lambda: directional_margin([0.0, 1.0], [[1.0, 0.0]], [1.0]), "physical_damping is 0 N s/m"),
         (lambda: least_damping_over_horizon(1.0, 0.0, 1.0, [0.0, 1.0], [0.5, 0.4]), "times must rise"),
     ],
 )

@@ -2,6 +2,10 @@
 """Tools on a live driver: gains are left as found, strangers and faults given way to, and a device recognized."""
 
 import json
+import re
+import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -42,6 +46,84 @@ def test_gains_are_as_they_were_after_an_interrupt(pair):
     assert tuning.get(GAINS) == before
 
 
+def test_gains_that_the_policy_would_not_take_any_more_are_put_back_too(pair):
+    tuning = pair[0]
+    before = tuning.get(GAINS)
+    tuning.set(passivity__policy="off", coupling__stiffness=50000.0)
+    tuning.set(passivity__policy="enforce")
+    beyond = tuning.get(GAINS)
+    with tuning.as_found(GAINS):
+        tuning.set(coupling__stiffness=10.0)
+    assert tuning.get(GAINS) == beyond
+    tuning.set(**{name.replace(".", "__"): value for name, value in before.items()})
+
+
+def zwidth_live(pair, start):
+    """`haptic zwidth --live` as a person starts it, on the nodes of the pair."""
+    words = ["zwidth", "--live", "--device", "desktop", "--domain", pair[1], "--namespace", pair[2]]
+    command = [sys.executable, "-m", "haptic_sim.cli.main", *words]
+    return start(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def disturbed(pair, start, condition, act):
+    """How `haptic zwidth --live` ends if act(process) comes once the condition holds.
+
+    Begun anew where this machine stalled so long that the device cut the motor, which is a fault of its own.
+    """
+    end = time.monotonic() + 60.0
+    while True:
+        process = zwidth_live(pair, start)
+        while process.poll() is None and not condition():
+            time.sleep(0.05)
+        act(process)
+        ended = sentence_of(process)
+        if "device_watchdog" not in ended[1] or time.monotonic() > end:
+            return ended
+        pair[0].recover()
+
+
+def sentence_of(process):
+    """Exit code and the one line that the command says at its end."""
+    said, complained = process.communicate(timeout=100.0)
+    assert said == ""
+    [sentence] = complained.strip().splitlines()
+    return process.returncode, sentence
+
+
+def test_zwidth_live_interrupted_at_a_wall_leaves_the_gains_as_found(pair, start):
+    tuning = pair[0]
+    before = tuning.get(GAINS)
+    ended = disturbed(
+        pair, start, lambda: tuning.get(["wall.stiffness"]) != {"wall.stiffness": ()},
+        lambda process: process.send_signal(signal.SIGINT),
+    )  # fmt: skip
+    assert ended == (130, "haptic zwidth: interrupted; the gains are as they were")
+    assert tuning.get(GAINS) == before
+
+
+def test_zwidth_live_gives_way_to_somebody_else_who_changes_its_gains(pair, start):
+    tuning = pair[0]
+    before = tuning.get(GAINS)
+    ended = disturbed(
+        pair, start, lambda: tuning.get(["coupling.stiffness"]) == {"coupling.stiffness": 0.0},
+        lambda process: tuning.set(coupling__stiffness=250.0 if process.poll() is None else 1000.0),
+    )  # fmt: skip
+    told = "something else set coupling.stiffness to 250.0 meanwhile, this command had set 0.0"
+    assert ended == (2, f"haptic zwidth: {told}")
+    assert tuning.get(GAINS) == before
+
+
+def test_zwidth_live_refuses_a_driver_in_fault(pair, start):
+    tuning = pair[0]
+    tuning.trigger("estop")
+    try:
+        ended = sentence_of(zwidth_live(pair, start))
+    finally:
+        tuning.recover()
+    assert ended[0] == 2
+    assert re.fullmatch(r"haptic zwidth: haptic_driver is in fault \w+: clear it first .*", ended[1])
+
+
 def test_a_tool_gives_way_to_somebody_else_who_changes_its_gains(pair):
     tuning, domain, namespace = pair
     before, other = tuning.get(GAINS), Tuning(domain, namespace)
@@ -68,10 +150,7 @@ def test_a_driver_in_fault_is_refused(pair):
         with pytest.raises(ValueError, match="haptic_driver is in fault estop: clear it first"):
             tuning.watch(3.0)
     finally:
-        tuning.trigger("reset")
-        tuning.trigger("enable")
-        tuning.statuses.clear()
-        tuning.wait_engaged()
+        tuning.recover()
 
 
 def test_the_hand_goes_where_it_is_aimed(pair):
@@ -96,6 +175,7 @@ def test_identify_recognizes_a_live_device_that_the_driver_was_not_told(tmp_path
     content = yaml.safe_load(find("devices", "desktop").read_text())
     for axis in content["axes"][:2]:
         axis |= {"mass": 0.15, "damping": 2.0, "coulomb": 0.05}
+    content["axes"][2] |= {"mass": 0.00015, "damping": 0.003, "coulomb": 0.0003}
     (tmp_path / "other.yaml").write_text(yaml.safe_dump(content | {"actuation_delay": 0.0005}))
     app = typer.Typer()
     app.command()(identify)
@@ -104,8 +184,9 @@ def test_identify_recognizes_a_live_device_that_the_driver_was_not_told(tmp_path
     result = CliRunner().invoke(app, [*map(str, words), "--json"])
     assert result.exit_code == 0, result.stderr
     assert time.monotonic() - began < 100.0
-    for values in json.loads(result.stdout)["axes"].values():
-        assert values["mass"][0] == pytest.approx(0.15, rel=0.02)
-        assert values["damping"][0] == pytest.approx(2.0, rel=0.05)
-        assert values["coulomb"][0] == pytest.approx(0.05, abs=0.01)
-        assert values["delay"][0] == pytest.approx(0.0005, abs=1e-4)
+    axes = json.loads(result.stdout)["axes"]
+    for name, scale in (("x", 1.0), ("y", 1.0), ("theta", 1e-3)):
+        assert axes[name]["mass"][0] == pytest.approx(0.15 * scale, rel=0.02)
+        assert axes[name]["damping"][0] == pytest.approx(0.003 if name == "theta" else 2.0, rel=0.05)
+        assert axes[name]["coulomb"][0] == pytest.approx(0.0003 if name == "theta" else 0.05, abs=0.01 * scale)
+        assert axes[name]["delay"][0] == pytest.approx(0.0005, abs=1e-4)

@@ -7,7 +7,7 @@ K stiffness [N/m], B damping [N s/m], T period [s]; every function takes arrays 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from haptic_device.analysis.quantity import finite, not_negative, positive, within
+from haptic_device.analysis.quantity import not_negative, positive, within
 
 
 def wall_damping(stiffness, damping, period):
@@ -79,20 +79,3 @@ def coulomb_friction_needed(stiffness, damping, period, resolution, velocity_lag
     not_negative("resolution", resolution, "m")
     viscous = np.asarray(damping) / (period + velocity_lag)
     return 0.5 * resolution * (np.abs(stiffness + viscous) + np.abs(viscous))
-
-
-def directional_margin(physical_damping, normals, demands):
-    """Physical damping left over when walls and coupling act together [N s/m; N m s/rad in a rotation].
-
-    diag(b) − Σ demand_i n_i n_iᵀ must be positive definite; `demands` is what each direction alone would need, such as
-    KT/2 + |B|. Returns the smallest eigenvalue of that matrix, whose sign decides, and its diagonal, the margin in each
-    axis on its own. Refuses b ≤ 0 and normals of no length.
-    """
-    positive("physical_damping", physical_damping, "N s/m")
-    finite("demand", demands, "N s/m")
-    normals = np.atleast_2d(np.asarray(normals, float))
-    length = np.linalg.norm(normals, axis=-1, keepdims=True)
-    positive("length of the normal", length, "")
-    normals = normals / length
-    surplus = np.diag(physical_damping) - np.einsum("i,ij,ik->jk", np.atleast_1d(demands), normals, normals)
-    return np.linalg.eigvalsh(surplus)[0], np.diag(surplus)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a device is shaken to be identified: pairs of facing walls that overlap, a spring whose rest position jumps.
+"""How a device is shaken to be identified: springs whose rest position jumps.
 
-Within the overlap the pair of one axis pushes with 2K towards its centre. Jumps of the centre at irregular times, large
-and small, at two stiffnesses, move the handle fast (mass, delay), evenly (damping) and slowly (friction).
+In x and y the spring is a pair of facing walls that overlap: within the overlap it pushes with 2K towards its centre.
+About theta it is the coupling to a tool. Jumps at irregular times, large and small, at two stiffnesses, move the handle
+fast (mass, delay), evenly (damping) and slowly (friction).
 """
 
 from typing import NamedTuple
@@ -13,6 +14,7 @@ OVERLAP = 0.05  # [m] each wall reaches beyond the centre
 DWELL = (0.03, 0.15)  # [s] between jumps
 SMALL = 0.2  # of the full jump, at every third time: friction shows where forces are small
 STIFFNESS = (20.0, 100.0, 400.0)  # [N/m] softest, usual, stiffest of one wall
+QUICK = 50.0  # [rad/s] natural frequency of the described inertia on the stiffest rotational spring
 
 
 class Shake(NamedTuple):
@@ -37,6 +39,26 @@ def shakes(centres, force, damping, period, seed=1):
         reach = force / (4.0 * stiffness) * (SMALL if rng.random() < 1 / 3 else 1.0)
         places = [centre + reach * rng.uniform(-1.0, 1.0) for centre in centres]
         yield _pairs(places, stiffness, float(rng.uniform(*DWELL)))
+
+
+class Twist(NamedTuple):
+    """For one dwell: angle of the tool and its largest distance from the handle [rad], stiffness [N m/rad]."""
+
+    angle: float
+    leash: float
+    stiffness: float
+
+
+def twists(centre, torque, reach, damping, inertia, period, seed=2):
+    """Endless Twists about this centre [rad], at most so far [rad], with at most so much torque [N m].
+
+    damping, inertia: as described [N m s/rad, kg m²]; the coupling stays at a quarter of the stiffness that b bears.
+    """
+    rng, stiffest = np.random.default_rng(seed), min(0.5 * damping / period, inertia * QUICK**2)
+    while True:
+        stiffness = float(rng.choice([stiffest / 4.0, stiffest]))
+        far = min(reach, torque / (2.0 * stiffness)) * (SMALL if rng.random() < 1 / 3 else 1.0)
+        yield Twist(centre + far * float(rng.uniform(-1.0, 1.0)), torque / stiffness, stiffness)
 
 
 def _pairs(centres, stiffness, seconds):

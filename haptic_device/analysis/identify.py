@@ -19,8 +19,7 @@ SEGMENT = 0.2  # [s]
 FEWEST = 8  # segments that a confidence can rest on
 MOST_DELAY = 0.02  # [s]
 NAMES = ("mass", "damping", "coulomb", "bias", "delay")
-TINY = np.array([1e-6, 1e-6, 0.0, -1e3, 0.0])
-HUGE = np.array([1e4, 1e5, 1e3, 1e3, MOST_DELAY])
+TINY, HUGE = 1e-3, 1e3  # times mass and damping of the beginning: where the search ends
 
 
 class Trace(NamedTuple):
@@ -40,7 +39,10 @@ class Estimate(NamedTuple):
 
 
 class Identified(NamedTuple):
-    """mass [kg], damping [N s/m], coulomb [N], bias: constant force [N], delay [s]; residual: of position, rms [m]."""
+    """mass [kg], damping [N s/m], coulomb [N], bias: constant force [N], delay [s]; residual: of position, rms [m].
+
+    About theta kg m², N m s/rad, N m and rad.
+    """
 
     mass: Estimate
     damping: Estimate
@@ -71,12 +73,13 @@ def identify(trace, mass, damping):
     """
     begins = _segments(trace)
     _refuse_rest(trace)
-    begin = np.array([mass, damping, 0.01 * np.max(np.abs(trace.force)), 0.0, 0.5 * _tick(trace)])
-    fit = _Fit(trace, begins)
+    most = np.max(np.abs(trace.force))
+    begin = np.array([mass, damping, 0.01 * most, 0.0, 0.5 * _tick(trace)])
+    fit = _Fit(trace, begins, np.array([mass, damping, 0.01 * most, 0.01 * most]))
     first = np.concatenate([begin, trace.position[begins[:-1]], _velocities(trace, begins)])
-    free = np.full(first.size, np.inf)
-    low, high = -free, free.copy()
-    low[: TINY.size], high[: HUGE.size] = TINY, HUGE
+    low, high = np.full((2, first.size), [[-np.inf], [np.inf]])
+    low[: begin.size] = TINY * mass, TINY * damping, 0.0, -most, 0.0
+    high[: begin.size] = HUGE * mass, HUGE * damping, most, most, MOST_DELAY
     found = least_squares(
         fit.residual, first, fit.jacobian, (low, high), x_scale="jac", xtol=1e-8, ftol=1e-7, max_nfev=60
     )
@@ -95,13 +98,12 @@ def resolution_of(counts, position_per_count):
 class _Fit:
     """Residuals of the run against the trace, and their derivatives by finite differences.
 
-    A segment's beginning moves only that segment, so one run moves all beginnings at once.
+    A segment's beginning moves only that segment, so one run moves all beginnings at once. typical: size of mass,
+    damping, coulomb and bias, for the steps.
     """
 
-    STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-6])
-
-    def __init__(self, trace, begins):
-        self.trace, self.begins = trace, begins
+    def __init__(self, trace, begins, typical):
+        self.trace, self.begins, self.typical = trace, begins, typical
         self.count = begins.size - 1
         self.segment = np.repeat(np.arange(self.count), np.diff(begins))
         self.out = np.empty(begins[-1])
@@ -119,8 +121,8 @@ class _Fit:
 
     def jacobian(self, parameters):
         columns = np.zeros((self.begins[-1], parameters.size))
-        for i, step in enumerate(self.STEPS):
-            step = step * max(abs(parameters[i]), 1e-2) if i < 4 else step
+        steps = 1e-4 * np.maximum(np.abs(parameters[: self.typical.size]), self.typical)
+        for i, step in enumerate((*steps, 1e-6)):
             columns[:, i] = self._slope(parameters, i, i + 1, step)
         for half, step in ((0, 1e-6), (1, 1e-5)):
             start = len(NAMES) + half * self.count

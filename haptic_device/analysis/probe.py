@@ -18,6 +18,7 @@ POWER = 2e-6  # [W] given to the hand on end that counts as generated
 RISE, PRECISION = 1.15, 0.02
 CIRCLE, SLOW, FAST = 4.0, 0.5, 2.0  # [s] of the circle; turns a second in the beginning and in the end
 BEGIN, WINDOW = 0.5, 0.1  # [s] left out in the beginning; over which energies are balanced
+GAP = 0.02  # [s] between two truths, beyond which such a balance is left out: on a busy machine some are lost
 
 
 class Truth(NamedTuple):
@@ -98,7 +99,8 @@ def apparent_damping(truth, began):
 
     The energy it gives over each window is regressed on ∫ v² dt (damping), the path (friction) and the change of v²/2
     (mass): the truth integrates it exactly, whatever the hand's force does between two samples, and the speed changes
-    along the circle, so that the three can be told apart. Raises ValueError if the handle hardly moved.
+    along the circle, so that the three can be told apart. Raises ValueError if the handle hardly moved, or too little
+    of it came.
     """
     edges = np.arange(began + BEGIN, began + CIRCLE, WINDOW)
     at = np.unique(np.searchsorted(truth.time, edges[edges < truth.time[-1]]))
@@ -109,5 +111,8 @@ def apparent_damping(truth, began):
         )
     step = np.diff(truth.time, prepend=truth.time[0])
     sums = [np.cumsum(column * step)[at] for column in (square, np.sqrt(square))]
-    columns = np.diff(np.stack([*sums, 0.5 * square[at]]), axis=1).T
-    return float(np.linalg.lstsq(columns, -np.diff(truth.energy_given[at]), rcond=None)[0][0])
+    whole = np.maximum.reduceat(step, at[:-1] + 1) <= GAP
+    if whole.sum() < 10:
+        raise ValueError(f"only {whole.sum()} tenths of a second of the circle came whole; is the machine too busy?")
+    columns = np.diff(np.stack([*sums, 0.5 * square[at]]), axis=1).T[whole]
+    return float(np.linalg.lstsq(columns, -np.diff(truth.energy_given[at])[whole], rcond=None)[0][0])

@@ -134,7 +134,8 @@ def _read(path, request):
         with np.load(path, allow_pickle=False) as kept:
             known, plane = str(kept["request"]), Plane(Outcome(*(kept[n] for n in Outcome._fields)), kept["done"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(f"resume file {path} cannot be read ({error}); delete it or name another") from None
+        reason = getattr(error, "strerror", None) or "it holds no map"
+        raise ValueError(f"resume file {path} cannot be read ({reason}); delete it or name another") from None
     if known != request.text() or plane.outcome.verdict.shape != (request.damping.size, request.stiffness.size):
         raise ValueError(f"resume file {path} is of another map; delete it or name another")
     return plane

@@ -240,6 +240,7 @@ class DriverNode(ManagedNode):
             "ticks": int(row.tick),
             "missed": int(row.missed),
             "late_device": int(self.servo.control[loop.LATE_DEVICE]),
+            "torn_records": int(self.servo.control[loop.TORN]),
             "trace_dropped": self.servo.ring.dropped,
             **{
                 f"lateness_us_{name}": f"{v:.1f}"

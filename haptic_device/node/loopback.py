@@ -122,6 +122,7 @@ class LoopbackNode(ManagedNode):
             "late_writes": int(self._control[loopback.LATE_WRITES]),
             "run_on": int(self._control[loopback.RUN_ON]),
             "watchdog_trips": int(self._control[loopback.TRIPS]),
+            "refused_writes": int(self._control[loopback.REFUSED]),
             "refused_targets": self.refused_targets,
             "energy_given": float(self._truth.get()[0].energy_given),
         }

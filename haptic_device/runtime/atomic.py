@@ -75,3 +75,12 @@ def collect(words, lock, first, values):
         if load(words, lock) == turn:
             return turn
     return -1
+
+
+@kernel
+def collect_whole(words, lock, first, staged, values):
+    """collect by way of `staged`: where the writer never left it alone (−1), values stay the record that they were."""
+    turn = collect(words, lock, first, staged)
+    if turn >= 0:
+        values[:] = staged
+    return turn

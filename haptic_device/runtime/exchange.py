@@ -102,7 +102,8 @@ def next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
     """Composes the next handle sample from the servo's newest row; False if it has not run yet. Records of one."""
     if atomic.collect(row_mail, 0, mailbox.FIRST, row.view(np.int64)) <= 0:
         return False
-    atomic.collect(gains_mail, 0, mailbox.FIRST, gains.view(np.int64))
+    known = gains.view(np.int64)
+    atomic.collect_whole(gains_mail, 0, mailbox.FIRST, np.empty_like(known), known)
     compose_handle(frame, state[0], row[0], gains[0], scratch)
     return True
 

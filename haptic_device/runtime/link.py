@@ -26,6 +26,7 @@ LATCHED, STATUS, COUNTS, DRAG, SAMPLE = 0, 1, 2, 5, 8
 
 
 LIVELY = 100_000_000  # [ns] since which a device that is there has written its page
+AHEAD = 1_000_000_000  # [ns] beyond which a sample from the future is nonsense
 
 
 class Link(Protocol):
@@ -53,7 +54,7 @@ class PageLink:
 
     def present(self):
         age = clock.now_ns(self._scratch) - self.memory[page.DEVICE_FIRST + 3]
-        return self._page.peer_present() and age < LIVELY
+        return self._page.peer_present() and abs(age) < LIVELY
 
     def close(self):
         self.memory = None
@@ -67,7 +68,7 @@ SESSION = page.WORDS - 1  # of the servo's run, kept for its writes
 def read(memory, deadline, give_up, sample):
     block, scratch = np.empty(page.DEVICE_WORDS, np.int64), np.empty(2, np.int64)
     fresh = page.read_device(memory, block, deadline, give_up, scratch)
-    if fresh < 0:  # the device died while it wrote: the sample stays as it was
+    if fresh < 0 or block[1] > clock.now_ns(scratch) + AHEAD:  # it died while it wrote, or wrote nonsense
         return 0
     sample[LATCHED], sample[STATUS] = block[1], block[2]
     reals = block.view(np.float64)

@@ -11,7 +11,7 @@ from haptic_device.kernel import kernel
 from haptic_device.law import engage, servo
 from haptic_device.runtime import atomic, clock, link, loopback, mailbox
 
-STOP, COMMAND, RUNNING, LATE_DEVICE, CONTROLS = 0, 1, 2, 3, 8  # words of control
+STOP, COMMAND, RUNNING, LATE_DEVICE, TORN, CONTROLS = 0, 1, 2, 3, 4, 8  # words of control
 
 # what the servo takes of the tool sample that counts now; the exchange writes it
 TOOL = np.dtype(
@@ -47,8 +47,10 @@ def run_realtime(
     """
     scratch, sample = np.zeros(2, np.int64), np.zeros(link.SAMPLE)
     zero, motor = np.zeros(3), np.zeros(3)
-    settings_turn, missed, compute, delay, number = -1, 0, 0.0, 0.0, 0
-    settings_turn = _take(settings_mail, settings.view(np.int64), settings_turn)
+    settings_words, tool_words = settings.view(np.int64), tool.view(np.int64)
+    settings_staged, tool_staged = np.empty_like(settings_words), np.empty_like(tool_words)
+    tool_turn, missed, compute, delay, number = -1, 0, 0.0, 0.0, 0
+    settings_turn = _take(control, settings_mail, settings_staged, settings_words, -1)
     period = np.int64(round(settings[0].period * 1e9))
     deadline = clock.now_ns(scratch) + period
     write(memory_of_link, deadline - period, deadline, period, 0, zero)
@@ -64,8 +66,8 @@ def run_realtime(
         began = clock.now_ns(scratch)
         slot = mailbox.ring_slot(ring, rows.size - 1)
         row = rows[slot if slot >= 0 else rows.size - 1]
-        settings_turn = _take(settings_mail, settings.view(np.int64), settings_turn)
-        atomic.collect(tool_mail, 0, mailbox.FIRST, tool.view(np.int64))
+        settings_turn = _take(control, settings_mail, settings_staged, settings_words, settings_turn)
+        tool_turn = _take(control, tool_mail, tool_staged, tool_words, tool_turn)
         row.tick, row.deadline, row.missed, row.compute = number, deadline, missed, compute
         row.write_delay = delay
         row.lateness = (woke - deadline + late * period) * 1e-9
@@ -100,11 +102,15 @@ def row_words(rows, slot):
 
 
 @kernel
-def _take(mail, words, known):
-    """The latest record of a mailbox into words if it is not the known one; returns which is known now."""
+def _take(control, mail, staged, words, known):
+    """The latest record of a mailbox into words if it is not the known one; returns which is known now.
+
+    One that its writer does not leave alone waits for the next tick, and is counted.
+    """
     if atomic.load(mail, 0) == known:
         return known
-    turn = atomic.collect(mail, 0, mailbox.FIRST, words)
+    turn = atomic.collect_whole(mail, 0, mailbox.FIRST, staged, words)
+    control[TORN] += turn < 0
     return turn if turn >= 0 else known
 
 

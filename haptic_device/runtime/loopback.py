@@ -9,7 +9,9 @@ from haptic_device.runtime import atomic, clock, link, mailbox, page
 
 MOTOR_WATCHDOG = 15_000_000  # [ns] without a write of the servo, after which a real drive cuts the motor
 FREE_STEP = 1_000_000  # [ns] between samples while there is no servo
-STOP, LATE_WRITES, RUN_ON, TRIPS, CONTROLS = 0, 1, 2, 3, 8  # words of control
+NEAR = 1_000_000_000  # [ns] from now within which the times of a write make sense
+PERIODS = 10_000, 100_000_000  # [ns] that a servo may have
+STOP, LATE_WRITES, RUN_ON, TRIPS, REFUSED, CONTROLS = 0, 1, 2, 3, 4, 8  # words of control
 
 TRUTH = np.dtype(
     [
@@ -68,25 +70,29 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
     """Serves the page until control[STOP]: driven by the servo's writes, free and with motor zero without them.
 
     Counts into control: LATE_WRITES (a write's time lay before what was integrated), RUN_ON (deadlines that passed
-    without a write), TRIPS (of the motor watchdog).
+    without a write), TRIPS (of the motor watchdog, a servo that ended well not counted), REFUSED (writes of nonsense).
     """
     scratch, zero, sample = np.zeros(2, np.int64), np.zeros(3), np.zeros(link.SAMPLE)
     inbox, outbox = np.zeros(page.SERVO_WORDS, np.int64), np.zeros(page.DEVICE_WORDS, np.int64)
-    seen, driven = page.read_servo(words, inbox), False
+    seen, driven, holding = page.read_servo(words, inbox), False, False
     memory[0].time = clock.now_ns(scratch)
     _cut_motor(device[0], memory[0], motion[0], memory[0].time, zero)
     announced, period, heartbeat = memory[0].time, np.int64(FREE_STEP), memory[0].time
     while atomic.load(control, STOP) == 0:
         turn, now = page.read_servo(words, inbox), clock.now_ns(scratch)
-        if turn >= 0 and turn != seen:
-            seen, driven = turn, True
+        fresh = turn >= 0 and turn != seen
+        seen = turn if fresh else seen
+        if fresh and not _sensible(inbox, now):
+            control[REFUSED] += 1
+        elif fresh:
+            driven, holding = True, _holds(inbox)
             heartbeat, announced, period = inbox[1], inbox[2], inbox[3]
             control[LATE_WRITES] += heartbeat < memory[0].time
             plant.push_motor(device[0], memory[0], max(heartbeat, memory[0].time), inbox.view(np.float64)[5:])
             _begin(motion[0], inbox[4] != 0, heartbeat)
         elif driven and now - heartbeat > MOTOR_WATCHDOG:
             driven = False
-            control[TRIPS] += 1
+            control[TRIPS] += holding
             _cut_motor(device[0], memory[0], motion[0], heartbeat + MOTOR_WATCHDOG, zero)
         elif driven and now >= announced + period:
             announced += period
@@ -103,6 +109,21 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
         _tell(truth_mail, memory[0], motion[0], truth, driven)
         clock.sleep_until(announced + (period // 4 if driven else FREE_STEP), scratch)
     return seen
+
+
+@kernel
+def _sensible(inbox, now):
+    """Whether a write's times lie near now, its period is one of a servo, and its motor values are numbers."""
+    motor = inbox.view(np.float64)[5:]
+    near = abs(inbox[1] - now) < NEAR and abs(inbox[2] - now) < NEAR
+    return near and PERIODS[0] <= inbox[3] <= PERIODS[1] and np.all(np.isfinite(motor))
+
+
+@kernel
+def _holds(inbox):
+    """Whether a write engages the display or drives the motor; the last one of a servo that ends does neither."""
+    motor = inbox.view(np.float64)[5:]
+    return inbox[4] != 0 or motor[0] != 0.0 or motor[1] != 0.0 or motor[2] != 0.0
 
 
 @kernel

@@ -2,18 +2,19 @@
 """`haptic identify`: shakes the connected device, and writes what it is made of as a device description."""
 
 import json
-import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from haptic_device.analysis.quantity import positive
+
 INTERRUPTED = 130
-WALLS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping")
-QUIET = ("coupling.stiffness", "coupling.damping", "cancellation.ratio")
-SETTLING = 1.0  # [s] of the trace that is left out: the handle comes to the first centre
+SHARE = 0.05  # of the motor's torque, to turn with
 _DEVICE = "Device description that the driver has, the beginning of the search (a name in config/devices or a file)."
+_TORQUE = "Largest torque of the shaking about theta (N m) [a twentieth of its motor's]."
 _LOOPBACK = "Description of the loopback that is started, if it is to be another device."
+_COUPLING = ("coupling.stiffness", "coupling.damping", "coupling.rotational_stiffness", "coupling.rotational_damping")
 _DOMAIN = "Identify the driver that runs in this ROS domain, with nobody holding the handle."
 
 
@@ -23,6 +24,7 @@ def identify(
     loopback: Annotated[str | None, typer.Option(help=_LOOPBACK)] = None,
     seconds: Annotated[float, typer.Option(min=3.0, max=600.0, help="How long it is shaken (s).")] = 8.0,
     force: Annotated[float, typer.Option(help="Largest force of the shaking on each axis (N).")] = 3.0,
+    torque: Annotated[float | None, typer.Option(help=_TORQUE)] = None,
     rate: Annotated[float, typer.Option(help="Servo rate of a driver that is started here (Hz).")] = 4000.0,
     domain: Annotated[int | None, typer.Option(min=0, max=232, help=_DOMAIN)] = None,
     namespace: Annotated[str | None, typer.Option(help="Namespace of the running driver.")] = None,
@@ -33,23 +35,23 @@ def identify(
 
     try:
         with interruptible():
-            found, described = _identify(device, loopback, seconds, force, rate, domain, namespace)
+            found, described = _identify(device, loopback, seconds, force, torque, rate, domain, namespace)
         write(out, described, found)
     except (ValueError, OSError, NodeDiedError) as error:
         typer.echo(f"haptic identify: {error}", err=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
-        typer.echo("haptic identify: interrupted; the walls are as they were", err=True)
+        typer.echo("haptic identify: interrupted; the gains are as they were", err=True)
         raise typer.Exit(INTERRUPTED) from None
     report = {"device": described.name, "file": str(out), "axes": found}
     typer.echo(json.dumps(report)) if as_json else _show(report)
 
 
-def _identify(name, loopback, seconds, force, rate, domain, namespace):
-    from haptic_device.analysis.quantity import positive
+def _identify(name, loopback, seconds, force, torque, rate, domain, namespace):
     from haptic_device.device import load_device
     from haptic_device.share import find
     from haptic_sim.cli.bench_nodes import running
+    from haptic_sim.cli.shaking import record
 
     positive("force", force, "N")
     described = load_device(name)
@@ -57,11 +59,12 @@ def _identify(name, loopback, seconds, force, rate, domain, namespace):
     if len(other.axes) != len(described.axes):
         raise ValueError(f"--loopback has {len(other.axes)} axes and --device {len(described.axes)}")
     _refuse_force(described, force)
-    told = {"device": str(Path(find("devices", name)).absolute()), "servo.rate": rate}
+    torque = _torque(described, torque)
+    told = {"device": str(Path(find("devices", name)).absolute()), "servo.rate": rate, **dict.fromkeys(_COUPLING, 0.0)}
     true = {"device": str(Path(find("devices", loopback or name)).absolute()), **dict.fromkeys(_hand(), 0.0)}
     with running(domain, namespace, told, true) as (number, room, check):
-        rows = record(number, room, check, described, seconds, force)
-    return {axis.name: estimate(rows, i, axis) for i, axis in enumerate(described.axes[:2])}, described
+        rows = record(number, room, check, described, seconds, force, torque)
+    return {axis.name: estimate(rows, i, axis) for i, axis in enumerate(described.axes)}, described
 
 
 def _hand():
@@ -77,60 +80,18 @@ def _refuse_force(device, force):
             )
 
 
-def record(domain, namespace, check, described, seconds, force):
-    """Rows of the longest unbroken trace of the shaking; the driver's parameters are put back in any case."""
-    from haptic_device.analysis.excitation import shakes
-    from haptic_sim.cli.tuning import Tuning
-
-    tuning = Tuning(domain, namespace, trace=True)
-    try:
-        tuning.wait_engaged(check)
-        with tuning.as_found((*WALLS, *QUIET)) as found:
-            if found["wall.offsets"]:
-                raise ValueError(f"the driver shows {len(found['wall.offsets'])} walls; identify it in free space")
-            tuning.set(coupling__stiffness=0.0, coupling__damping=0.0, cancellation__ratio=0.0)
-            centres = _centres(tuning, described)
-            damping = min(axis.damping for axis in described.axes[:2])
-            plan, end = shakes(centres, force, damping, _period(tuning)), time.monotonic() + seconds + SETTLING
-            while time.monotonic() < end:
-                shake = next(plan)
-                tuning.set(
-                    wall__normals=shake.normals, wall__offsets=shake.offsets, wall__stiffness=shake.stiffness,
-                    wall__damping=shake.damping,
-                )  # fmt: skip
-                tuning.watch(shake.seconds)
-                check()
-        return _unbroken(tuning.rows)
-    finally:
-        tuning.close()
-
-
-def _period(tuning):
-    return 1.0 / float(tuning.get(["servo.rate"])["servo.rate"])
-
-
-def _centres(tuning, device):
-    """Where the handle is, but not in the outer fifth of its workspace."""
-    centres = []
-    for axis in device.axes[:2]:
-        low, high = axis.workspace
-        at, inset = tuning.truths[-1][axis.name][0], 0.2 * (high - low)
-        centres.append(min(high - inset, max(low + inset, at)))
-    return centres
-
-
-def _unbroken(blocks):
-    """The longest run of ticks without a gap, less its beginning."""
-    import numpy as np
-
-    rows = np.concatenate(blocks) if blocks else np.zeros(0, [("tick", "f8")])
-    if not len(rows):
-        raise ValueError("no trace came from haptic_driver; is publish.trace off?")
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(rows["tick"]) != 1.0) + 1, [len(rows)]])
-    longest = np.argmax(np.diff(edges))
-    run = rows[edges[longest] : edges[longest + 1]]
-    late = run["deadline"] >= run["deadline"][0] + SETTLING * 1e9
-    return run[late]
+def _torque(device, torque):
+    """Largest torque of the shaking [N m]; None where nothing turns."""
+    if len(device.axes) < 3:
+        if torque is not None:
+            raise ValueError(f"torque is {torque:g} N m, but {device.name} has no theta")
+        return None
+    limit = device.axes[2].motor_limit
+    torque = SHARE * limit if torque is None else torque
+    positive("torque", torque, "N m")
+    if torque > limit:
+        raise ValueError(f"torque is {torque:g} N m, but the motor of axis theta gives at most {limit:g} N m")
+    return torque
 
 
 def estimate(rows, index, axis):
@@ -148,32 +109,37 @@ def write(path, described, found):
     """The description with what was found in it; the confidence stands beside it as comments."""
     import yaml
 
-    delay = max(0.0, sum(axis["delay"][0] for axis in found.values()) / len(found))
+    delay = max(0.0, _weighted([axis["delay"] for axis in found.values()]))
     content = described.model_dump(mode="json")
     for axis in content["axes"]:
-        for name in ("mass", "damping", "coulomb") if axis["name"] in found else ():
+        for name in ("mass", "damping", "coulomb"):
             axis[name] = round(max(0.0, found[axis["name"]][name][0]), 9)
     content |= {"name": f"{described.name}_identified", "sensing_delay": 0.0, "actuation_delay": round(delay, 9)}
-    lines = [f"#   {name}: {_line(values)}" for name, values in found.items()]
-    left = [axis.name for axis in described.axes if axis.name not in found]
+    lines = [f"#   {axis}: {_line(axis, values)}" for axis, values in found.items()]
     head = "# Identified by haptic identify, ± 95 % confidence. Only the sum of both delays can be told: it stands as\n"
-    head += "# actuation_delay." + (f" Not shaken, as described: {', '.join(left)}." if left else "") + "\n"
+    head += "# actuation_delay.\n"
     path.write_text(head + "\n".join(lines) + "\n" + yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
 
 
+def _weighted(estimates):
+    """Mean of values, the surer the heavier."""
+    weights = [1.0 / max(confidence, 1e-12) ** 2 for _, confidence in estimates]
+    return sum(w * value for w, (value, _) in zip(weights, estimates, strict=True)) / sum(weights)
+
+
 _UNITS = {
-    "mass": "kg",
-    "damping": "N s/m",
-    "coulomb": "N",
-    "bias": "N",
-    "delay": "s",
-    "resolution": "m",
-    "residual": "m",
+    "mass": ("kg", "kg m²"),
+    "damping": ("N s/m", "N m s/rad"),
+    "coulomb": ("N", "N m"),
+    "bias": ("N", "N m"),
+    "delay": ("s", "s"),
+    "resolution": ("m", "rad"),
+    "residual": ("m", "rad"),
 }
 
 
-def _line(values):
-    return ", ".join(f"{name} {_text(*pair)} {_UNITS[name]}" for name, pair in values.items())
+def _line(axis, values):
+    return ", ".join(f"{name} {_text(*pair)} {_UNITS[name][axis == 'theta']}" for name, pair in values.items())
 
 
 def _text(value, confidence):
@@ -182,11 +148,14 @@ def _text(value, confidence):
 
 def _show(report):
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
-    table = Table("axis", *(f"{name} [{unit}]" for name, unit in _UNITS.items()), title=report["device"])
-    for axis, values in report["axes"].items():
-        table.add_row(axis, *(_text(*values[name]) for name in _UNITS))
+    axes = report["axes"]
+    table = Table("", *axes, title=report["device"])
+    for name, (unit, turning) in _UNITS.items():
+        label = f"{name} [{unit}, theta {turning}]" if "theta" in axes and turning != unit else f"{name} [{unit}]"
+        table.add_row(escape(label), *(_text(*values[name]) for values in axes.values()))
     console = Console(width=None if Console().is_terminal else 140)
     console.print(table)
     console.print(f"description  {report['file']}", soft_wrap=True, highlight=False)

@@ -23,18 +23,23 @@ from haptic_device.analysis.recording import diagnostics_of
 from haptic_device.law.servo import TICK
 from haptic_device.node.tap import Tap
 from haptic_device.node.wire import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, truth_names
+from haptic_sim.cli.stand_in import StandIn
 
 PATIENCE = 15.0  # [s] for a service
 ATTEMPTS = 5  # the answer to a client whom the service has not discovered yet is lost; all calls may be repeated
 APPEARANCE = 60.0  # [s] for a driver that has just been started to be engaged; the first start compiles the kernels
+POLICY = "passivity.policy"
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
 class Tuning:
-    """A node beside driver and loopback, without callbacks: `look` takes what has come. Raises ValueError sentences."""
+    """A node beside driver and loopback, without callbacks: `look` takes what has come. Raises ValueError sentences.
 
-    def __init__(self, domain: int, namespace: str, trace: bool = False):
+    With a `tool`, it answers the driver in place of a simulation whenever it looks.
+    """
+
+    def __init__(self, domain: int, namespace: str, trace: bool = False, tool: bool = False):
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("haptic_tuning", namespace=namespace, context=self._context)
@@ -43,13 +48,14 @@ class Tuning:
         self._state = Tap(self._node, "operator/state", "sensor_msgs/msg/JointState", STREAM, raw=True)
         self._said = Tap(self._node, "/diagnostics", _DIAGNOSTICS, STREAM, raw=True)
         self._trace = Tap(self._node, "trace", _CLOUD, TRACE) if trace else None
+        self.tool = StandIn(self._node) if tool else None
         self._target = self._node.create_publisher(JointState, "operator/target", LATEST)
         self._layouts = [JointLayout(truth_names(axes)) for axes in (1, 2, 3)]
         self._services = {}
         self.truths: list[dict] = []
         self.rows: list[np.ndarray] = []
         self.statuses: dict = {}
-        self._set: dict = {}
+        self._held: dict = {}  # what this tool has set, of the parameters that it will put back
 
     def close(self) -> None:
         """Leaves the network."""
@@ -67,6 +73,8 @@ class Tuning:
             self.statuses |= {name: found[-1] for name, found in diagnostics_of(_raw(_DIAGNOSTICS, sample)).items()}
         if self._trace is not None:
             self.rows += [_rows(sample.message) for sample in self._trace.take()]
+        if self.tool is not None:
+            self.tool.answer()
 
     def watch(self, seconds: float, aim=None) -> None:
         """Looks for so long; aim(elapsed) says every few milliseconds where the hand shall be (x, y, theta)."""
@@ -111,6 +119,14 @@ class Tuning:
             f"haptic_driver is {state}; start it with a loopback and enable it, or let this command start both"
         )
 
+    def recover(self) -> None:
+        """Clears the driver's fault, and waits until it is engaged again."""
+        self.trigger("reset")
+        self.trigger("enable")
+        self.look()  # what was said before the reset
+        self.statuses.clear()
+        self.wait_engaged()
+
     def get(self, names) -> dict:
         """Values of the driver's parameters; lists as tuples."""
         answer = self._call(GetParameters, "get_parameters", GetParameters.Request(names=list(names)))
@@ -120,29 +136,37 @@ class Tuning:
     def set(self, **values) -> None:
         """Sets parameters of the driver, `__` for the dot, all or none; ValueError with its sentence if it refuses."""
         wanted = {name.replace("__", "."): value for name, value in values.items()}
-        self._refuse_stranger(wanted)
+        self._refuse_stranger()
         self._write(wanted)
 
     @contextlib.contextmanager
     def as_found(self, names) -> Iterator[dict]:
-        """Yields the values of these parameters, and puts them back whatever ends the block."""
-        found = self.get(names)
-        self._set = dict(found)
+        """Yields the values of these parameters, and puts them back whatever ends the block.
+
+        A tool of its own is let go of before, lest gains that come back pull the handle to it. The policy is off first:
+        on a servo that runs late now, it might refuse gains that it had taken.
+        """
+        found = self.get({*names, POLICY})
+        self._held = dict(found)
         try:
             yield found
         finally:
             with _undisturbed():
+                if self.tool is not None:
+                    time.sleep(sum(self.get(["exchange.hold", "exchange.fade"]).values()))
+                self._write(found | {POLICY: "off"})
                 self._write(found)
+                self._held = {}
 
     def trigger(self, service: str) -> None:
         """Calls ~/enable, ~/reset and their like."""
         self._call(Trigger, service, Trigger.Request())
 
-    def _refuse_stranger(self, wanted) -> None:
-        for name, value in self.get(self._set.keys() & wanted.keys()).items():
-            if value != self._set[name]:
+    def _refuse_stranger(self) -> None:
+        for name, value in self.get(self._held).items():
+            if value != self._held[name]:
                 raise ValueError(
-                    f"something else set {name} to {value} meanwhile, this command had set {self._set[name]}"
+                    f"something else set {name} to {value} meanwhile, this command had set {self._held[name]}"
                 )
 
     def _write(self, values) -> None:
@@ -151,7 +175,7 @@ class Tuning:
         result = self._call(SetParametersAtomically, "set_parameters_atomically", request).result
         if not result.successful:
             raise ValueError(f"haptic_driver refused: {result.reason}")
-        self._set |= values
+        self._held |= {name: value for name, value in values.items() if name in self._held}
 
     def _call(self, kind, name, request):
         if name not in self._services:

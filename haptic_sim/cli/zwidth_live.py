@@ -32,6 +32,7 @@ class Live:
     def show(self, stiffness):
         """Whether this wall shakes, or latches a fault of the driver; it is gone before this returns."""
         tuning, fault = self._tuning, False
+        tuning.watch(REST, lambda t: (WALL + OUT, 0.0, 0.0))
         self._wall(stiffness)
         began = self._begin()
         try:
@@ -42,7 +43,7 @@ class Live:
             fault = True
         self._wall(0.0)
         if fault:
-            self._recover()
+            tuning.recover()
         truth = _truth(tuning.truths)
         tuning.watch(REST, lambda t: (WALL + OUT, 0.0, 0.0))
         self.energy_given = float(_truth(tuning.truths).energy_given[-1] - truth.energy_given[0])
@@ -75,13 +76,6 @@ class Live:
         self._tuning.truths = self._tuning.truths[-1:]
         return self._tuning.truths[-1]["time"][0]
 
-    def _recover(self):
-        tuning = self._tuning
-        tuning.trigger("reset")
-        tuning.trigger("enable")
-        tuning.statuses.pop("haptic_driver", None)
-        tuning.wait_engaged()
-
 
 def measure(device, path, rate, damping, stiffness_max, domain, namespace):
     """Figures of the display, live and in lock-step. Raises ValueError, NodeDiedError."""
@@ -101,10 +95,11 @@ def measure(device, path, rate, damping, stiffness_max, domain, namespace):
 
 
 def _pair(path, rate):
-    """Parameters of driver and loopback; the hand is light, and follows."""
+    """Parameters of driver and loopback: no coupling, which some devices could not bear; a light hand that follows."""
     hand = {f"hand.{name}": value for name, value in HAND.items()}
     start = {"motion.name": "follow", "motion.lag": LAG, "motion.start": (0.0, 0.0, 0.0)}
-    return {"device": path, "servo.rate": rate}, {"device": path, **hand, **start}
+    driver = {"device": path, "servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
+    return driver, {"device": path, **hand, **start}
 
 
 def _figures(live, tuning, device, rate, damping, stiffness_max):

@@ -38,7 +38,9 @@ class Twin:
     def _touch(self, stiffness, depth):
         wall = {"wall.normals": (1.0, 0.0), "wall.offsets": (WALL,)}
         wall |= {"wall.stiffness": (stiffness,), "wall.damping": (self.damping,)}
-        truth, fault = self._play(wall, probe.GESTURE, lambda t: (WALL + probe.tap_and_press(t, OUT, depth), 0.0))
+        truth, fault = self._play(
+            wall, probe.GESTURE, lambda t: (WALL + probe.tap_and_press(t, OUT, depth), 0.0), WALL + OUT
+        )
         return fault or probe.shakes(truth, 0.0, 1.0 / self.device.axes[0].counts_per_unit)
 
     def turn(self, ratio):
@@ -46,11 +48,12 @@ class Twin:
         truth, _ = self._play({"cancellation.ratio": ratio}, probe.CIRCLE, lambda t: probe.circle(t, RADIUS))
         return probe.apparent_damping(truth, 0.0)
 
-    def _play(self, values, seconds, aim):
+    def _play(self, values, seconds, aim, start=0.0):
+        """Truth and whether a fault latched, the handle beginning at rest at x = start [m]."""
         settings = operating.settings_from(self.device, self.values | values).view(np.recarray)
         memory = np.zeros(1, servo.MEMORY).view(np.recarray)
         memory.state, memory.engage = engage.ENGAGED, 1.0
-        body, state = self._body()
+        body, state = self._body(start)
         motion = operator.script({p.name: p.default for p in operator.PARAMETERS} | {"motion.name": "follow"})
         motion, tool = motion.view(np.recarray), np.zeros(1, loop.TOOL).view(np.recarray)
         ticks = max(1, round(EVERY * 1e9 / self.period))
@@ -65,10 +68,11 @@ class Twin:
                 return probe.Truth(*np.array(samples).T), True
         return probe.Truth(*np.array(samples).T), False
 
-    def _body(self):
+    def _body(self, start):
         body, state = plant_of(self.device).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
         for name, value in HAND.items():
             body[f"hand_{name}"][0, :2] = value
+        state.position[0, 0] = state.target[0, 0] = start
         return body, state
 
 

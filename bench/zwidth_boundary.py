@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where walls begin to shake in lock-step, against the eigenvalues: python bench/zwidth_boundary.py [SECONDS].
+
+The handle is pressed against the wall by a constant force, without operator, encoder steps or friction.
+"""
+
+import sys
+
+from haptic_device.analysis.stability import largest_stable_stiffness
+from haptic_device.analysis.zwidth import Operator, Setup, boundary_stiffness
+
+CASES = (  # m [kg], b [N s/m], B [N s/m], T [s], delay [T]
+    (0.1, 0.5, 0.0, 1e-3, 0.0),
+    (0.1, 0.5, -0.2, 1e-3, 0.0),
+    (0.1, 0.5, 5.0, 1e-3, 0.0),
+    (0.05, 2.0, 1.0, 1e-3, 1.0),
+    (0.3, 1.0, 0.5, 1e-3, 2.0),
+    (0.1, 0.5, 0.25, 1e-3, 0.5),
+    (0.1, 3.0, 0.5, 2.5e-4, 0.0),
+    (0.1, 0.8, 0.2, 2.5e-4, 1.3),
+    (0.1, 3.0, 1.0, 1e-4, 0.0),
+)
+
+
+def main(seconds):
+    for mass, physical_damping, damping, period, delay in CASES:
+        setup = Setup(mass, physical_damping, period, delay_samples=delay, seconds=seconds)
+        exact = largest_stable_stiffness(mass, physical_damping, damping, period, delay)
+        found = boundary_stiffness(setup, (Operator(pressed=True),), damping, 1.5 * exact)
+        print(
+            f"m {mass:g} kg, b {physical_damping:g}, B {damping:g} N s/m, T {period * 1e3:g} ms, delay {delay:g} T: "
+            f"lock-step {found:.1f} N/m, eigenvalues {exact:.1f} N/m, {100.0 * (found / exact - 1.0):+.2f} %"
+        )
+
+
+if __name__ == "__main__":
+    main(float(sys.argv[1]) if sys.argv[1:] else 10.0)

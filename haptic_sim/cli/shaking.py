@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Shakes the handle of a running driver to be identified, and brings the trace home; all gains are put back."""
+
+import contextlib
+import time
+
+import numpy as np
+
+from haptic_device.analysis.excitation import shakes, twists
+from haptic_device.law import engage
+from haptic_sim.cli.tuning import Tuning
+
+WALLS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping")
+QUIET = ("coupling.stiffness", "coupling.damping", "cancellation.ratio")
+TURNING = ("coupling.rotational_stiffness", "coupling.rotational_damping", "engage.torque")
+SETTLING = 1.0  # [s] of the trace that is left out: the handle comes to the first centre
+EDGE = 0.2  # of the workspace, at either end, that no centre lies in
+
+
+def record(domain, namespace, check, device, seconds, force, torque):
+    """Rows of the longest unbroken trace of the shaking, with at most so much force [N] and torque [N m]."""
+    turned = len(device.axes) == 3
+    with contextlib.closing(Tuning(domain, namespace, trace=True, tool=turned)) as tuning:
+        tuning.wait_engaged(check)
+        with tuning.as_found((*WALLS, *QUIET, *TURNING)) as found:
+            if found["wall.offsets"]:
+                raise ValueError(f"the driver shows {len(found['wall.offsets'])} walls; identify it in free space")
+            tuning.set(coupling__stiffness=0.0, coupling__damping=0.0, cancellation__ratio=0.0)
+            period = 1.0 / float(tuning.get(["servo.rate"])["servo.rate"])
+            plan = _plan(device, _centres(tuning, device), force, torque, period)
+            if turned:
+                tuning.tool.refuse_company()
+                tuning.set(engage__torque=_engaging(torque / device.scale[1]))
+            _shake(tuning, plan, seconds, check)
+        return _unbroken(tuning.rows)
+
+
+def _engaging(torque):
+    """engage.torque at which a coupling that let go of the tool takes hold of it again."""
+    [declared] = [parameter for parameter in engage.PARAMETERS if parameter.name == "engage.torque"]
+    return min(declared.high, max(declared.low, 2.0 * torque))
+
+
+def _plan(device, centres, force, torque, period):
+    """Endless pairs of a Shake and a Twist, None where nothing turns; centres, force and torque of the device."""
+    damping = min(axis.damping for axis in device.axes[:2])
+    plane = [centre * device.scale[0] for centre in centres[:2]]
+    along = shakes(plane, force / device.scale[0], damping / device.scale[0] ** 2, period)
+    if len(device.axes) < 3:
+        return ((shake, None) for shake in along)
+    theta, scale = device.axes[2], device.scale[1]
+    reach = 0.5 * EDGE * (theta.workspace[1] - theta.workspace[0]) * scale
+    figures = torque / scale, reach, theta.damping / scale**2, theta.mass / scale**2
+    return zip(along, twists(centres[2] * scale, *figures, period), strict=False)
+
+
+def _shake(tuning, plan, seconds, check):
+    end = time.monotonic() + seconds + SETTLING
+    while time.monotonic() < end:
+        shake, twist = next(plan)
+        gains = {f"wall__{name}": getattr(shake, name) for name in ("normals", "offsets", "stiffness", "damping")}
+        if twist is not None:
+            gains |= {"coupling__rotational_stiffness": twist.stiffness, "coupling__rotational_damping": 0.0}
+            tuning.tool.angle, tuning.tool.leash = twist.angle, twist.leash
+        tuning.set(**gains)
+        tuning.watch(shake.seconds)
+        check()
+
+
+def _centres(tuning, device):
+    """Where the handle is, but not in the outer fifth of its workspace."""
+    centres = []
+    for axis in device.axes:
+        low, high = axis.workspace
+        inset = EDGE * (high - low)
+        centres.append(min(high - inset, max(low + inset, tuning.truths[-1][axis.name][0])))
+    return centres
+
+
+def _unbroken(blocks):
+    """The longest run of ticks without a gap, less its beginning."""
+    rows = np.concatenate(blocks) if blocks else np.zeros(0, [("tick", "f8")])
+    if not len(rows):
+        raise ValueError("no trace came from haptic_driver; is publish.trace off?")
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(rows["tick"]) != 1.0) + 1, [len(rows)]])
+    longest = np.argmax(np.diff(edges))
+    run = rows[edges[longest] : edges[longest + 1]]
+    late = run["deadline"] >= run["deadline"][0] + SETTLING * 1e9
+    return run[late]
