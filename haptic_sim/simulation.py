@@ -12,13 +12,17 @@ from haptic_sim.energy import Ledger
 from haptic_sim.method import Coupling
 from haptic_sim.method.impulse import Impulse
 from haptic_sim.scene import Scene
+from haptic_sim.tool_port import Direct, Port
 
 Planar = tuple[float, float, float]
 SECOND = 1_000_000_000
 
 
 class HandleSample(NamedTuple):
-    """What the device side says: time [ns], position [m, m, rad], velocity, and the gains it couples with."""
+    """What the device side says: time [ns], position [m, m, rad], velocity, and the gains it couples with.
+
+    effort and energy: what the exchange method ships (docs/exchange.md).
+    """
 
     time_ns: int
     position: Planar
@@ -27,13 +31,21 @@ class HandleSample(NamedTuple):
     damping: float
     rotational_stiffness: float
     rotational_damping: float
+    effort: Planar = (0.0, 0.0, 0.0)
+    energy: float = 0.0
+
+    @property
+    def gains(self) -> Coupling:
+        """The gains alone."""
+        return Coupling(*self[3:7])
 
 
 class ToolSample(NamedTuple):
     """The answer to one handle sample.
 
-    Tool position [m, m, rad], velocity, the force on the tool over the last sub-step [N, N, N m], whether the
-    tool was in contact during the exchange, and the energy supplied at the tool port so far [J].
+    Tool position [m, m, rad], velocity, the force on the tool over the last sub-step [N, N, N m] (or what the exchange
+    method carries in its place), whether the tool was in contact during the exchange, and the energy [J] supplied at
+    the tool port so far (or what the exchange method ships).
     """
 
     position: Planar
@@ -60,8 +72,9 @@ class Simulation:
     or before it, starts a new time base: the world waits where it is, and nothing is made up for the time in between.
     """
 
-    def __init__(self, scene: Scene, sub_step: float = 0.25e-3, max_catch_up: float = 0.02):
+    def __init__(self, scene: Scene, sub_step: float = 0.25e-3, max_catch_up: float = 0.02, port: Port | None = None):
         self.scene = scene
+        self.port = port or Direct()
         self.sub_step_ns = round(sub_step * SECOND)
         self.max_catch_up_ns = round(max_catch_up * SECOND)
         if not 0 < self.sub_step_ns <= self.max_catch_up_ns:
@@ -80,10 +93,11 @@ class Simulation:
         """The next handle sample starts a new time base (a new session of the device); the tool stays where it is."""
         self._last = None
         self._remainder_ns = 0
+        self.port.rejoin()
 
     def exchange(self, handle: HandleSample) -> ToolSample:
         """Advance to the handle's time and answer. ValueError if a gain is negative or not finite."""
-        self.method.couple(Coupling(*handle[3:]))
+        self.method.couple(self.port.receive(handle, self.sub_step_ns / SECOND))
         count = self._sub_steps_until(handle.time_ns)
         touched = self._advance(handle, count)
         self._last = handle
@@ -108,13 +122,14 @@ class Simulation:
         return count
 
     def _advance(self, handle, count):
-        method, supply = self.method, self.ledger.supply
+        method, supply, port = self.method, self.ledger.supply, self.port
         touched = method.touching if count == 0 else False
         for k in range(1, count + 1):
             before = method.position
-            method.step(_between(self._last.position, handle.position, k / count),
-                        _between(self._last.velocity, handle.velocity, k / count))
+            position = _between(self._last.position, handle.position, k / count)
+            method.step(*port.drive(position, _between(self._last.velocity, handle.velocity, k / count), before))
             supply(method.force_on_tool, before, method.position)
+            port.book(method.force_on_tool, before, method.position)
             if method.touching:
                 touched = True
                 self._watch_contacts()
@@ -131,7 +146,8 @@ class Simulation:
 
     def _sample(self, touched):
         method = self.method
-        return ToolSample(method.position, method.velocity, method.force_on_tool, touched, self.ledger.supplied)
+        effort, energy = self.port.send(method.force_on_tool, self.ledger.supplied)
+        return ToolSample(method.position, method.velocity, effort, touched, energy)
 
 
 def _between(start, end, share):

@@ -123,7 +123,8 @@ def test_foreign_tool_messages_move_nothing_are_refused_and_counted_by_reason(di
     engage(display)
     layout, count = wire.JointLayout(wire.exchange_names(3)), len(wire.exchange_names(3))
     still, wild = [0.0] * count, [math.nan] * count
-    tail = dict.fromkeys(exchange.TAIL, 1.0) | {"layout_version": exchange.LAYOUT_VERSION, "exchange_method": 0.0}
+    tail = dict.fromkeys(exchange.TAIL, 1.0) | {"layout_version": exchange.LAYOUT_VERSION}
+    tail["exchange_method"] = float(exchange.PSPM)
     messages = [
         layout.pack(0, wild, still, still),
         layout.pack(0, [0.05, 0.05, 0.5, *tail.values()], still, still),

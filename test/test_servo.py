@@ -23,6 +23,7 @@ class Servo:
 
     def __init__(self, axes=3, scale=(1.0, 1.0), gravity=(0.0, 0.0), settled=True, **given):
         self.device = device(damping=3.0, counts=COUNTS, axes=axes, scale=scale, gravity=gravity)
+        given = {"exchange__method": "direct"} | given  # the tool as it is; the other methods have tests of their own
         self.settings = operating.settings_from(self.device, values("haptic_driver", **given))
         self.memory, self.now, self.command = np.zeros(1, servo.MEMORY), 10**12, engage.ENABLE
         self.inputs = {"tool_age": -1.0, "device_status": servo.FRESH}

@@ -26,7 +26,9 @@ TOOL = ToolSample((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), (7.0, 8.0, 9.0), True, 0.25)
 def handle(sequence=1.0, session=77.0, axes=3, position=HOME, stamp_ns=5_000_000_007, **tail):
     """Bytes of a handle message."""
     entries = dict.fromkeys(exchange.TAIL, 0.0)
-    entries.update(layout_version=exchange.LAYOUT_VERSION, session=session, sequence=sequence, gains_hash=3.25)
+    entries.update(layout_version=exchange.LAYOUT_VERSION, session=session, sequence=sequence)
+    entries["gains_hash"] = exchange.gains_hash(*GAINS)
+    entries["exchange_method"] = float(exchange.PSPM)
     entries.update(zip(exchange.TAIL[exchange.GAIN_0:], GAINS, strict=False))
     entries.update(tail)
     zeros = [0.0] * (axes + len(entries))
@@ -39,7 +41,7 @@ def test_a_handle_of_any_number_of_axes_is_taken_and_the_rest_stays_at_home(axes
     question = Port(HOME).take(handle(axes=axes, position=(0.4, 0.5, 0.6)), 0)
     assert question.handle.position == (0.4, 0.5, 0.6)[:axes] + HOME[axes:]
     assert question.handle.velocity == (0.5,) * axes + (0.0,) * (3 - axes)
-    assert question.handle[3:] == tuple(GAINS)
+    assert question.handle.gains == tuple(GAINS)
     assert question.handle.time_ns == 5_000_000_007
 
 
@@ -51,6 +53,8 @@ REFUSED = [
     ({"session": math.nan}, "NaN or out of range"),
     ({"layout_version": exchange.LAYOUT_VERSION + 1.0}, "other layout version"),
     ({"exchange_method": 99.0}, "other exchange method"),
+    ({"exchange_method": 1.0}, "other exchange method"),
+    ({"gains_hash": 1.0}, "other coupling gains"),
 ]
 
 
@@ -98,7 +102,7 @@ def test_the_answer_names_the_sample_it_answers_and_carries_its_stamp_and_gains(
     assert answers[0].effort[:axes].tolist() == list(TOOL.force_on_tool[:axes])
     tail = dict(zip(exchange.TAIL, answers[1].position[axes:], strict=True))
     assert (tail["answered_session"], tail["answered"], tail["sequence"]) == (77.0, 43.0, 2.0)
-    assert (tail["session"], tail["gains_hash"], tail["damping"]) == (port.session, 3.25, 2.0)
+    assert (tail["session"], tail["gains_hash"], tail["damping"]) == (port.session, exchange.gains_hash(*GAINS), 2.0)
     assert (tail["contact"], tail["energy"], tail["layout_version"]) == (1.0, 0.25, exchange.LAYOUT_VERSION)
 
 
@@ -167,7 +171,7 @@ def test_the_node_answers_resets_reports_and_ends_at_once_when_told(start, peer,
     assert peer.tools[-1].position[0] < 0.03
     assert peer.tools[-1].stamp_ns == 1_000_000 * peer.tools[-1].position[3 + exchange.ANSWERED]
     peer.until(lambda: peer.said and int(peer.said[-1]["answered"]) >= 20)
-    assert float(peer.said[-1]["tool_port_energy"]) > 0.0
+    peer.until(lambda: float(peer.said[-1]["tool_port_energy"]) > 0.0)
     done = peer.reset.call_async(Trigger.Request())
     peer.until(done.done)
     assert done.result().success

@@ -18,6 +18,7 @@ from haptic_device.node.declared import DRIVER
 from haptic_device.node.exchange_thread import ExchangeThread
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
+from haptic_device.node.refusals import Refusals
 from haptic_device.node.telemetry import Telemetry
 from haptic_device.runtime import clock, loop
 from haptic_device.runtime.link import PageLink
@@ -60,6 +61,7 @@ class DriverNode(ManagedNode):
         self.servo.gains.put(operating.gains_from(self.values))
         self._set_flag(engage.CLUTCH, self.values["clutch.open"])
         self.exchange = ExchangeThread(self, self.servo, len(self.device.axes), self.values)
+        self._refused = Refusals("tool")
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values)
         self._enabled_once = False
@@ -89,6 +91,7 @@ class DriverNode(ManagedNode):
         if self.servo is not None:
             self._version += 1
             settings["margin"] = operating.margins(settings[0], self._lateness())[0]
+            settings["surplus"] = operating.surplus(settings[0], self._lateness())
             self.servo.set(settings)
             self.servo.gains.put(operating.gains_from(values))
             self._set_flag(engage.CLUTCH, values["clutch.open"])
@@ -122,7 +125,7 @@ class DriverNode(ManagedNode):
         """The margin of the gains in force, with the lateness as measured now."""
         settings = self.servo.settings.get().view(np.ndarray).view(law.SETTINGS)
         by_axis, *self._margins = operating.margins(settings[0], self._lateness())
-        settings["margin"] = by_axis
+        settings["margin"], settings["surplus"] = by_axis, operating.surplus(settings[0], self._lateness())
         self.servo.set(settings)
 
     def _set_flag(self, flag, wanted):
@@ -213,6 +216,8 @@ class DriverNode(ManagedNode):
             return "error", f"fault {fault.name_of(row.fault)}"
         if not self.servo.running:
             return "warn", "no device: waiting for its page"
+        if refused := self._refused.sentence(self.exchange.refusals()):
+            return "warn", refused
         if row.tool_age < 0.0:
             return "warn", "no simulation: the handle is in free space"
         if min(self._margins) <= 0.0 and self.values["passivity.policy"] != "off":
@@ -226,6 +231,7 @@ class DriverNode(ManagedNode):
 
     def _figures(self, row):
         lateness, compute, age, _ = self.telemetry.percentiles() * 1e6
+        trips = self.exchange.round_trips() * 1e-3
         return {
             "state": engage.STATES[int(row.state)],
             "fault": fault.name_of(row.fault),
@@ -244,9 +250,13 @@ class DriverNode(ManagedNode):
                 f"compute_us_{name}": f"{v:.2f}" for name, v in zip(("p50", "p99", "p999", "max"), compute, strict=True)
             },
             **{f"age_ms_{name}": f"{v / 1e3:.3f}" for name, v in zip(("p50", "p99", "p999", "max"), age, strict=True)},
+            **{f"round_trip_us_{name}": f"{v:.1f}" for name, v in zip(("p50", "p99"), trips, strict=True)},
             "exchange_sent": self.exchange.sent,
             "exchange_answered": self.exchange.answered,
             "exchange_method": self.values["exchange.method"],
+            "exchange_tank": f"{row.exchange_tank:.6f}",
+            "exchange_shortened": int(row.exchange_shortened),
+            "exchange_let_go": int(row.exchange_let_go),
             "physical_damping": ", ".join(f"{axis.damping:g}" for axis in self.device.axes),
             "passivity_margin": f"{self._margins[0]:.4f}",
             "passivity_margin_theta": f"{self._margins[1]:.6f}",

@@ -23,18 +23,21 @@ class NodeDiedError(RuntimeError):
 
 
 class Program(NamedTuple):
-    """A node to start: its executable's name, Python module, ROS parameters, files of more of them, namespace."""
+    """A node to start: its executable's name, Python module, ROS parameters, files of more of them, namespace, and
+    topics that it finds under other names."""
 
     name: str
     module: str
     parameters: dict = {}
     files: tuple[Path, ...] = ()
     namespace: str = NAMESPACE
+    renamed: dict[str, str] = {}
 
     def command(self) -> list[str]:
         """The command line that starts it."""
         given = [word for file in self.files for word in ("--params-file", str(file))]
         given += [word for key, value in self.parameters.items() for word in ("-p", f"{key}:={parameter_text(value)}")]
+        given += [word for old, new in self.renamed.items() for word in ("-r", f"{old}:={new}")]
         return [sys.executable, "-m", self.module, "--ros-args", *_QUIET, "-r", f"__ns:={self.namespace}", *given]
 
 

@@ -9,12 +9,14 @@ from std_srvs.srv import Trigger
 
 from haptic_device.node import wire
 from haptic_device.node.lifecycle import ManagedNode, run
+from haptic_device.node.refusals import Refusals
 from haptic_device.runtime.clock import go_realtime, lift_threads
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.port import Port
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
+from haptic_sim.tool_port import port_of
 
 DIAGNOSTICS_PERIOD = 0.5  # s
 MIDDLEWARE_PRIORITY = 65  # above the exchange, which must never wait for the middleware's own threads
@@ -37,11 +39,13 @@ class SimulationNode(ManagedNode):
         """Loads the scene."""
         given = self.values
         lift_threads(given["realtime"], MIDDLEWARE_PRIORITY)
-        self.simulation = Simulation(load(given["scene"]), given["sub_step"], given["max_catch_up"])
+        port = port_of(given["exchange.method"], given["port_budget"])
+        self.simulation = Simulation(load(given["scene"]), given["sub_step"], given["max_catch_up"], port)
 
     def activate(self) -> None:
         """Starts answering."""
-        port = Port(self.simulation.scene.tool.pose)
+        port = Port(self.simulation.scene.tool.pose, self.values["exchange.method"])
+        self._refused, self._rejoined = Refusals("handle"), self.simulation.counters.rejoined
         self.exchange = ExchangeThread(self, self.simulation, port, self._tool, self._prepare)
         self.get_logger().info(f"scene {self.simulation.scene.name}; {self.exchange.scheduling}")
 
@@ -61,9 +65,21 @@ class SimulationNode(ManagedNode):
         if self.exchange is None:
             return
         values = {"scene": self.simulation.scene.name, **_values(self.exchange)}
-        level, message = ("ok", "answering") if self.exchange.answered else ("warn", "no handle sample has come yet")
+        level, message = self._verdict()
         now_ns = self.get_clock().now().nanoseconds
         self._diagnostics.publish(wire.diagnostics(now_ns, self.get_name(), "", level, message, values))
+
+    def _verdict(self):
+        known, self._rejoined = self._rejoined, self.exchange.report.counters.rejoined
+        rejoined = self._rejoined - known
+        if refused := self._refused.sentence(self.exchange.port.refused):
+            return "warn", refused
+        if not self.exchange.answered:
+            return "warn", "no handle sample has come yet"
+        if rejoined > 0:
+            late = self.values["max_catch_up"] * 1e3
+            return "warn", f"the world waited {rejoined} times: handle samples over {late:g} ms apart, or going back"
+        return "ok", "answering"
 
     def _prepare(self):
         sys.setswitchinterval(GIL_SWITCH)
