@@ -87,7 +87,10 @@ def test_tail_and_truth_have_their_published_names_in_their_order():
 def test_a_trace_describes_itself_and_holds_every_column_of_every_tick():
     rows = np.zeros(5, servo.TICK)
     rows["tick"], rows["position"] = np.arange(5), np.arange(15).reshape(5, 3)
-    cloud = deserialize_message(serialize_message(wire.trace_cloud(STAMP, "haptic_base", rows)), wire.PointCloud2)
+    packed = wire.CloudLayout(servo.TICK, "haptic_base").pack(STAMP, rows)
+    cloud = deserialize_message(packed, wire.PointCloud2)
+    assert wire.to_time(STAMP) == cloud.header.stamp and cloud.header.frame_id == "haptic_base"
+    assert (cloud.row_step, cloud.is_dense, cloud.is_bigendian) == (rows.nbytes, True, False)
     assert (cloud.width, cloud.height, cloud.point_step) == (5, 1, servo.TICK.itemsize)
     assert {field.datatype for field in cloud.fields} == {8}
     kind = np.dtype([(field.name, "f8", (field.count,)) if field.count > 1 else (field.name, "f8")

@@ -2,14 +2,18 @@
 """What the driver tells the world, by a thread of its own: encoder, motor, wrench, pose and the trace."""
 
 import threading
+import time
 
 import numpy as np
 from rclpy.duration import Duration
 
+from haptic_device.law.servo import TICK
 from haptic_device.node import wire
 from haptic_device.runtime import clock
+from haptic_device.runtime.recompute import SNAPSHOT
 
 TRACE_PERIOD = 10_000_000  # [ns] between trace blocks
+SNAPSHOT_PERIOD = 1_000_000_000  # [ns] between snapshots of settings and memory, where nothing has changed
 ACKNOWLEDGED = 1.0  # [s] that readers of the trace get for its last rows
 MOST_ROWS = 256  # a block's size limit; more wait for the next
 FRESH_ENOUGH = 400  # ticks after which the statistics are computed anew
@@ -29,6 +33,9 @@ class Telemetry:
         self._wrench = node.create_publisher(wire.WrenchStamped, "wrench", wire.STREAM)
         self._pose = node.create_publisher(wire.PoseStamped, "pose", wire.STREAM)
         self._trace = node.create_publisher(wire.PointCloud2, "trace", wire.TRACE)
+        self._snapshot = node.create_publisher(wire.PointCloud2, "snapshot", wire.STATE)
+        self._trace_layout, self._snapshot_layout = wire.CloudLayout(TICK, FRAME), wire.CloudLayout(SNAPSHOT, FRAME)
+        self._version, self._snapshot_due, self.cpu = -1, 0, 0.0
         self._node, self._stopped, self._scratch = node, False, clock.scratch()
         self._recent = np.zeros((WINDOW, 4))  # lateness, compute, age, write delay [s] of the last ticks
         self._judged, self._judged_at = np.full((4, 4), np.nan), -FRESH_ENOUGH
@@ -41,7 +48,7 @@ class Telemetry:
         self._stopped = True
         self._thread.join()
         self._trace.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED))  # else the last rows go with the publisher
-        for publisher in (self._encoder, self._motor, self._wrench, self._pose, self._trace):
+        for publisher in (self._encoder, self._motor, self._wrench, self._pose, self._trace, self._snapshot):
             self._node.destroy_publisher(publisher)
 
     def percentiles(self):
@@ -62,6 +69,7 @@ class Telemetry:
                 if now >= due[i]:
                     due[i] = max(due[i] + periods[i], now - periods[i])
                     act(self._servo.row.get()[0], now)
+            self.cpu = time.thread_time()
             clock.sleep_until(min(due), self._scratch)
         self._publish_trace(None, int(clock.now_ns(self._scratch)))
 
@@ -94,6 +102,7 @@ class Telemetry:
 
     def _publish_trace(self, row, now):
         """Everything that waits in the ring, in blocks; stops at one that is not full, for rows never stop coming."""
+        self._publish_snapshot(now)
         count = MOST_ROWS
         while count == MOST_ROWS:
             rows = self._servo.ring.take(MOST_ROWS)
@@ -101,7 +110,18 @@ class Telemetry:
             if count:
                 self._remember(rows)
             if count and self._values["publish.trace"]:
-                self._trace.publish(wire.trace_cloud(self._stamp(rows[0].view(np.recarray), now), FRAME, rows))
+                self._trace.publish(self._trace_layout.pack(self._stamp(rows[0].view(np.recarray), now), rows))
+
+    def _publish_snapshot(self, now):
+        """Settings and memory, each second and whenever the settings are new."""
+        version = int(self._servo.settings.get()[0].version)
+        if not self._values["publish.trace"] or (version == self._version and now < self._snapshot_due):
+            return
+        snapshot = self._servo.snapshot()
+        if snapshot is not None:
+            self._version, self._snapshot_due = version, now + SNAPSHOT_PERIOD
+            stamp = int(clock.read_clock(clock.REALTIME, self._scratch))
+            self._snapshot.publish(self._snapshot_layout.pack(stamp, snapshot))
 
     def _remember(self, rows):
         index = np.arange(self._ticks, self._ticks + len(rows)) % WINDOW

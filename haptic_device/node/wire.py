@@ -14,10 +14,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState, PointCloud2, PointField
+from std_msgs.msg import String
 
 from haptic_device.law import exchange
 
-__all__ = ["DiagnosticArray", "JointLayout", "JointState", "PointCloud2", "PoseStamped", "WrenchStamped"]
+__all__ = [
+    "CloudLayout", "DiagnosticArray", "JointLayout", "JointState", "PointCloud2", "PoseStamped", "String",
+    "WrenchStamped",
+]  # fmt: skip
 
 AXES = ("x", "y", "theta")
 LATEST = QoSProfile(
@@ -37,6 +41,12 @@ TRACE = QoSProfile(
     durability=DurabilityPolicy.VOLATILE,
     history=HistoryPolicy.KEEP_LAST,
     depth=100,
+)
+STATE = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
 )
 LEVELS = {"ok": DiagnosticStatus.OK, "warn": DiagnosticStatus.WARN, "error": DiagnosticStatus.ERROR}
 
@@ -117,6 +127,7 @@ class _Template:
     def word(self, value):
         self.align(4)
         self.fixed(struct.pack("<I", value))
+        return len(self.data) - 4
 
     def text(self, value):
         encoded = value.encode() + b"\0"
@@ -143,25 +154,36 @@ def to_time(stamp_ns):
     return Time(sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000)
 
 
-def trace_cloud(stamp_ns, frame_id, rows):
-    """PointCloud2 of servo ticks: one point a row, one FLOAT64 field a column."""
-    fields = []
-    for name in rows.dtype.names:
-        kind, offset = rows.dtype.fields[name][:2]
-        fields.append(PointField(name=name, offset=offset, datatype=PointField.FLOAT64, count=kind.itemsize // 8))
-    cloud = PointCloud2(height=1, width=len(rows), fields=fields, point_step=rows.dtype.itemsize, is_dense=True)
-    cloud.header.stamp, cloud.header.frame_id = to_time(stamp_ns), frame_id
-    cloud.row_step = rows.nbytes
-    cloud._data = _bytes_array(rows)
-    return cloud
+class CloudLayout:
+    """Bytes (CDR, little endian) of a PointCloud2 of records: one point a record, one FLOAT64 field a column."""
 
+    def __init__(self, dtype, frame_id=""):
+        head, self._step = _Template(), dtype.itemsize
+        head.varying(8)
+        head.text(frame_id)
+        head.word(1)  # height
+        self._width = head.word(0)
+        head.word(len(dtype.names))
+        for name in dtype.names:
+            kind, offset = dtype.fields[name][:2]
+            head.text(name)
+            head.word(offset)
+            head.fixed(bytes([PointField.FLOAT64]))
+            head.word(kind.itemsize // 8)
+        head.fixed(b"\0")  # is_bigendian
+        head.word(dtype.itemsize)
+        self._row_step = head.word(0)
+        self._size = head.word(0)
+        self._head = bytes(head.data)
 
-def _bytes_array(rows):
-    import array
-
-    data = array.array("B")
-    data.frombytes(rows.tobytes())
-    return data
+    def pack(self, stamp_ns, records):
+        """Bytes of one message."""
+        data = bytearray(self._head)
+        struct.pack_into("<iI", data, 4, stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000)
+        struct.pack_into("<I", data, self._width, len(records))
+        for place in (self._row_step, self._size):
+            struct.pack_into("<I", data, place, records.nbytes)
+        return b"".join((data, records.tobytes(), b"\1"))  # is_dense
 
 
 def wrench(stamp_ns, frame_id, force):

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Collectors that turn serialized messages into arrays: JointStates by entry, clouds of records by column."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from haptic_device.analysis.cdr import (
+    cloud_layout,
+    cloud_records,
+    joint_arrays,
+    joint_layout,
+    same_layout,
+    stamp_of,
+)
+
+
+class JointColumns:
+    """Stamps and position, velocity, effort of a JointState topic; of the entries named, or of all.
+
+    kept: for each message whether it had the layout of the first; the others are left out.
+    """
+
+    def __init__(self, entries: Iterable[str] | None = None):
+        self._wanted = entries
+        self._layout = None
+        self._parts: list[tuple[np.ndarray, ...]] = []
+        self._kept: list[np.ndarray] = []
+
+    def add(self, data: list[bytes]) -> None:
+        """Takes the next messages. Raises ValueError if the first of all is no JointState."""
+        if self._layout is None:
+            self._layout = joint_layout(data[0])
+            everything = self._layout.names
+            wanted = everything if self._wanted is None else [name for name in everything if name in self._wanted]
+            self.names, self._index = tuple(wanted), [everything.index(name) for name in wanted]
+        kept = np.array([same_layout(self._layout, item) for item in data])
+        if not kept.all():
+            data = [item for item, keep in zip(data, kept, strict=True) if keep]
+        self._kept.append(kept)
+        if data:
+            stamp, arrays = joint_arrays(self._layout, data)
+            self._parts.append((stamp, *(array[:, self._index] for array in arrays)))
+
+    @property
+    def kept(self) -> np.ndarray:
+        """Which messages are in the arrays."""
+        return np.concatenate(self._kept)
+
+    def arrays(self) -> list[np.ndarray]:
+        """Stamps [ns], then position, velocity, effort as (messages, names)."""
+        return [np.concatenate(part) for part in zip(*self._parts, strict=True)]
+
+
+class CloudColumns:
+    """Records of a PointCloud2 topic: with the columns and types of a structured type, or all as they are.
+
+    stamps: of the messages kept; begins: index of the first record of each. A column that the messages lack is NaN and
+    stands in `missing`.
+    """
+
+    def __init__(self, columns: np.dtype | None = None):
+        self._wanted, self._layout, self._parts = columns, None, []
+        self._stamps: list[int] = []
+        self._begins: list[int] = []
+        self._count = self.others = 0
+        self.missing: list[str] = []
+
+    def add(self, data: list[bytes]) -> None:
+        """Takes the next messages. Raises ValueError if the first of all is no cloud of named fields."""
+        if self._layout is None:
+            self._layout = cloud_layout(data[0])
+            self.kind = self._layout.record if self._wanted is None else self._subset()
+        pieces = []
+        for message in data:
+            piece = cloud_records(self._layout, message)
+            if piece is None:
+                self.others += 1
+                continue
+            pieces.append(piece)
+            self._stamps.append(stamp_of(message))
+            self._begins.append(self._count)
+            self._count += len(piece) // self._layout.record.itemsize
+        rows = np.frombuffer(b"".join(pieces), self._layout.record)
+        self._parts.append(rows if self._wanted is None else self._narrow(rows))
+
+    @property
+    def stamps(self) -> np.ndarray:
+        """Header stamps [ns] of the messages."""
+        return np.array(self._stamps, np.int64)
+
+    @property
+    def begins(self) -> np.ndarray:
+        """Index of the first record of each message."""
+        return np.array(self._begins, np.int64)
+
+    def records(self) -> np.ndarray:
+        """All records as one structured array."""
+        whole = np.empty(self._count, self.kind)
+        at = 0
+        while self._parts:
+            part = self._parts.pop(0)  # freed one by one, so that there are never two of the whole
+            whole[at : at + len(part)] = part
+            at += len(part)
+        return whole
+
+    def _subset(self) -> np.dtype:
+        there, wanted = self._layout.record, self._wanted
+        self.missing = [n for n in wanted.names if n not in there.names or there[n].shape != wanted[n].shape]
+        return wanted
+
+    def _narrow(self, rows: np.ndarray) -> np.ndarray:
+        narrow = np.empty(len(rows), self.kind)
+        for name in self.kind.names:
+            narrow[name] = np.nan if name in self.missing else rows[name]
+        return narrow
