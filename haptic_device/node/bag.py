@@ -25,7 +25,7 @@ class Bag:
     """One bag being written; what has been flushed survives the death of the process."""
 
     def __init__(self, folder: Path, split_bytes: int = 0, split_seconds: float = 0.0):
-        """Creates `folder` and the first file in it; 0 never splits. Raises ValueError if the folder holds something."""
+        """Creates `folder` and its first file; 0 never splits. Raises ValueError if the folder holds something."""
         self.folder = folder
         self._split_bytes, self._split_ns = split_bytes, int(split_seconds * 1e9)
         self._types = get_typestore(Stores.ROS2_JAZZY)
