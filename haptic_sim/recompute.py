@@ -41,7 +41,7 @@ def verdict_on(trace: np.ndarray, snapshots: np.ndarray) -> Verdict:
             if wrong.any():
                 first = int(recorded["tick"][np.argmax(wrong)]) if first is None else first
                 columns |= _names(recorded[wrong], again[wrong])
-    return Verdict(same, len(trace) - done, different, first, tuple(name for name in trace.dtype.names if name in columns))
+    return Verdict(same, len(trace) - done, different, first, tuple(sorted(columns)))
 
 
 def _check(trace, snapshots):

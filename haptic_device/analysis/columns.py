@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Collectors that turn serialized messages into arrays: JointStates by entry, clouds of records by column."""
 
-from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,14 +14,23 @@ from haptic_device.analysis.cdr import (
     stamp_of,
 )
 
+PARTS = ("position", "velocity", "effort")
+
+
+class Entries(NamedTuple):
+    """Entries of a JointState topic to be read, by name, and which of their parts; the others stay empty."""
+
+    names: tuple[str, ...]
+    parts: tuple[str, ...] = PARTS
+
 
 class JointColumns:
-    """Stamps and position, velocity, effort of a JointState topic; of the entries named, or of all.
+    """Stamps and position, velocity, effort of a JointState topic; of the entries wanted, or of all.
 
     kept: for each message whether it had the layout of the first; the others are left out.
     """
 
-    def __init__(self, entries: Iterable[str] | None = None):
+    def __init__(self, entries: Entries | None = None):
         self._wanted = entries
         self._layout = None
         self._parts: list[tuple[np.ndarray, ...]] = []
@@ -32,15 +41,18 @@ class JointColumns:
         if self._layout is None:
             self._layout = joint_layout(data[0])
             everything = self._layout.names
-            wanted = everything if self._wanted is None else [name for name in everything if name in self._wanted]
-            self.names, self._index = tuple(wanted), [everything.index(name) for name in wanted]
+            wanted = Entries(everything) if self._wanted is None else self._wanted
+            self.names = tuple(name for name in everything if name in wanted.names)
+            index = [everything.index(name) for name in self.names]
+            self._index = [index if part in wanted.parts else [] for part in PARTS]
         kept = np.array([same_layout(self._layout, item) for item in data])
         if not kept.all():
             data = [item for item, keep in zip(data, kept, strict=True) if keep]
         self._kept.append(kept)
         if data:
             stamp, arrays = joint_arrays(self._layout, data)
-            self._parts.append((stamp, *(array[:, self._index] for array in arrays)))
+            chosen = (array[:, index] for array, index in zip(arrays, self._index, strict=True))
+            self._parts.append((stamp, *chosen))
 
     @property
     def kept(self) -> np.ndarray:

@@ -179,7 +179,7 @@ def _axes(count: int) -> Iterable[str]:
 def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] | None = None) -> Recording:
     """Reads a bag folder or one .mcap file; `namespace` is needed only where the bag holds several devices.
 
-    only: the topics to read and what of them, {short name: entries of a JointState | structured type of a trace | None
+    only: the topics to read and what of them, {short name: Entries of a JointState | structured type of a trace | None
     for all}, for bags that would not fit into memory; diagnostics and marks are read in any case. Raises
     FileNotFoundError or ValueError with a sentence; a bag that is cut off or damaged is read as far as it goes and
     `notes` says so.
