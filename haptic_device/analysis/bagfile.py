@@ -7,7 +7,6 @@ memory of what is kept of it.
 
 import io
 import struct
-from array import array
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -18,9 +17,9 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 
-from haptic_device.mcapfile import MESSAGE, Records, places, unpack
+from haptic_device.mcapfile import MESSAGE, RECORD, Records, unpack
 
-_BATCH = 4 * 2**20  # bytes of one topic's messages that are decoded together
+_BATCH = 2**20  # bytes of one topic's messages that are decoded together
 
 
 class Collector(Protocol):
@@ -49,40 +48,31 @@ class Times(NamedTuple):
     sequence: np.ndarray
 
 
+_HEAD = np.dtype([("channel", "<u2"), ("sequence", "<u4"), ("received", "<u8"), ("published", "<u8")])
+
+
 class Topic:
     """One topic as it is read: its type, its times, and its collector (None: only counted)."""
 
     def __init__(self, type_name: str, collector: Collector | None):
         self.type_name, self.collector = type_name, collector
-        self._times = array("q"), array("q"), array("q")
-        self._waiting: list[bytes] = []
-        self._size = 0
+        self.heads = bytearray()  # of every message, as the file has them
+        self.waiting: list[bytes] = []
 
     @property
     def times(self) -> Times:
         """Times and sequences of all messages."""
-        return Times(*(np.array(column, np.int64) for column in self._times))
+        heads = np.frombuffer(self.heads, _HEAD)
+        return Times(*(heads[name].astype(np.int64) for name in ("received", "published", "sequence")))
 
     def __len__(self) -> int:
-        return len(self._times[0])
+        return len(self.heads) // MESSAGE.size
 
-    def note(self, sequence: int, received: int, published: int) -> None:
-        """Notes the times of one message."""
-        for column, value in zip(self._times, (received, published, sequence), strict=True):
-            column.append(value)
-
-    def take(self, data: bytes) -> None:
-        """Takes one message's bytes."""
-        self._waiting.append(data)
-        self._size += len(data)
-        if self._size >= _BATCH:
-            self.finish()
-
-    def finish(self) -> None:
-        """Hands what waits to the collector."""
-        if self._waiting:
-            self.collector.add(self._waiting)
-        self._waiting, self._size = [], 0
+    def hand_on(self, least: int = 1) -> None:
+        """Hands what waits to the collector, if it is at least so many bytes."""
+        if self.waiting and len(self.waiting) * len(self.waiting[0]) >= least:
+            self.collector.add(self.waiting)
+            self.waiting = []
 
 
 class Contents(NamedTuple):
@@ -106,7 +96,7 @@ def read(bag: Path, collector: Callable[[str, str], Collector | None]) -> Conten
         except ValueError as error:
             refused.append(f"{file}: {error} ({file.stat().st_size} bytes)")
     for name, topic in list(contents.topics.items()):
-        topic.finish()
+        topic.hand_on()
         if not len(topic):
             del contents.topics[name]
     contents.notes.extend(refused)
@@ -167,20 +157,24 @@ class _File:
             self._damaged += 1
 
     def _take_chunk(self, data: bytes) -> None:
-        parts = list(places(data))
-        parse, head, channels = MESSAGE.unpack_from, MESSAGE.size, self._channels
-        for opcode, begin, end in parts:
-            if opcode != Opcode.MESSAGE:
-                self._take_part(opcode, data[begin:end])
+        """The loop that a long bag spends its time in: a microsecond a message."""
+        at, size, parse, head, channels = 0, len(data), RECORD.unpack_from, MESSAGE.size, self._channels
+        while at < size:
+            opcode, length = parse(data, at)
+            begin = at + RECORD.size
+            at = begin + length
+            if opcode != Opcode.MESSAGE or length < head or at > size:
+                self._take_part(opcode, data[begin:at])
                 continue
-            channel, sequence, received, published = parse(data, begin)
-            topic = channels.get(channel)
+            topic = channels.get(data[begin] + 256 * data[begin + 1])
             if topic is None:
                 self._strangers += 1
                 continue
-            topic.note(sequence, received, published)
+            topic.heads += data[begin : begin + head]
             if topic.collector is not None:
-                topic.take(data[begin + head : end])
+                topic.waiting.append(data[begin + head : at])
+        for topic in channels.values():
+            topic.hand_on(_BATCH)
 
     def _take_part(self, opcode: int, content: bytes) -> None:
         if opcode == Opcode.SCHEMA:
@@ -193,11 +187,11 @@ class _File:
             self._take_alone(content)
 
     def _take_alone(self, content: bytes) -> None:
-        channel, sequence, received, published = MESSAGE.unpack_from(content)
-        if topic := self._channels.get(channel):
-            topic.note(sequence, received, published)
+        if topic := self._channels.get(MESSAGE.unpack_from(content)[0]):
+            topic.heads += content[: MESSAGE.size]
             if topic.collector is not None:
-                topic.take(content[MESSAGE.size :])
+                topic.waiting.append(content[MESSAGE.size :])
+                topic.hand_on(_BATCH)
 
     def _topic(self, name: str, type_name: str) -> Topic:
         found = self._contents.topics.get(name)

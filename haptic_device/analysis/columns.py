@@ -33,7 +33,7 @@ class JointColumns:
     def __init__(self, entries: Entries | None = None):
         self._wanted = entries
         self._layout = None
-        self._parts: list[tuple[np.ndarray, ...]] = []
+        self._parts: list[list[np.ndarray]] = [[], [], [], []]
         self._kept: list[np.ndarray] = []
 
     def add(self, data: list[bytes]) -> None:
@@ -52,7 +52,8 @@ class JointColumns:
         if data:
             stamp, arrays = joint_arrays(self._layout, data)
             chosen = (array[:, index] for array, index in zip(arrays, self._index, strict=True))
-            self._parts.append((stamp, *chosen))
+            for part, piece in zip(self._parts, (stamp, *chosen), strict=True):
+                part.append(piece)
 
     @property
     def kept(self) -> np.ndarray:
@@ -61,7 +62,7 @@ class JointColumns:
 
     def arrays(self) -> list[np.ndarray]:
         """Stamps [ns], then position, velocity, effort as (messages, names)."""
-        return [np.concatenate(part) for part in zip(*self._parts, strict=True)]
+        return [_joined(part) for part in self._parts]
 
 
 class CloudColumns:
@@ -72,7 +73,7 @@ class CloudColumns:
     """
 
     def __init__(self, columns: np.dtype | None = None):
-        self._wanted, self._layout, self._parts = columns, None, []
+        self._wanted, self._layout, self._rows = columns, None, None
         self._stamps: list[int] = []
         self._begins: list[int] = []
         self._count = self.others = 0
@@ -82,8 +83,8 @@ class CloudColumns:
         """Takes the next messages. Raises ValueError if the first of all is no cloud of named fields."""
         if self._layout is None:
             self._layout = cloud_layout(data[0])
-            self.kind = self._layout.record if self._wanted is None else self._subset()
-        pieces = []
+            self._rows = np.empty(0, self._layout.record if self._wanted is None else self._subset())
+        pieces, before = [], self._count
         for message in data:
             piece = cloud_records(self._layout, message)
             if piece is None:
@@ -93,8 +94,8 @@ class CloudColumns:
             self._stamps.append(stamp_of(message))
             self._begins.append(self._count)
             self._count += len(piece) // self._layout.record.itemsize
-        rows = np.frombuffer(b"".join(pieces), self._layout.record)
-        self._parts.append(rows if self._wanted is None else self._narrow(rows))
+        self._make_room()
+        self._fill(self._rows[before : self._count], np.frombuffer(b"".join(pieces), self._layout.record))
 
     @property
     def stamps(self) -> np.ndarray:
@@ -108,21 +109,28 @@ class CloudColumns:
 
     def records(self) -> np.ndarray:
         """All records as one structured array."""
-        whole = np.empty(self._count, self.kind)
-        at = 0
-        while self._parts:
-            part = self._parts.pop(0)  # freed one by one, so that there are never two of the whole
-            whole[at : at + len(part)] = part
-            at += len(part)
-        return whole
+        self._rows.resize(self._count, refcheck=False)
+        return self._rows
+
+    def _make_room(self) -> None:
+        """Grows in place, where the operating system can: the whole is never there twice."""
+        if self._count > len(self._rows):
+            self._rows.resize(self._count + self._count // 8, refcheck=False)
 
     def _subset(self) -> np.dtype:
         there, wanted = self._layout.record, self._wanted
         self.missing = [n for n in wanted.names if n not in there.names or there[n].shape != wanted[n].shape]
         return wanted
 
-    def _narrow(self, rows: np.ndarray) -> np.ndarray:
-        narrow = np.empty(len(rows), self.kind)
-        for name in self.kind.names:
-            narrow[name] = np.nan if name in self.missing else rows[name]
-        return narrow
+    def _fill(self, target: np.ndarray, rows: np.ndarray) -> None:
+        if self._wanted is None:
+            target[:] = rows
+            return
+        for name in target.dtype.names:
+            target[name] = np.nan if name in self.missing else rows[name]
+
+
+def _joined(pieces: list[np.ndarray]) -> np.ndarray:
+    whole = np.concatenate(pieces)
+    pieces.clear()
+    return whole

@@ -11,6 +11,7 @@ LOWEST = 15.0  # [Hz]; below it is the hand
 STANDS_OUT = 100.0  # times the median of its neighbourhood; noise reaches 25 once in an hour
 LEAST_FORCE = 0.02  # [N] RMS; a hand does not feel less
 _NEIGHBOURS = 2.0 ** np.array([-1.0, 1.0])
+PIECE = 100  # segments computed at a time
 _LINE = 2  # bins to either side that belong to a line (Hann window)
 
 
@@ -39,12 +40,21 @@ def spectrum_of(force: np.ndarray, rate: float) -> Spectrum:
     length = int(WINDOW * rate)
     if len(force) < length:
         raise ValueError(f"a force of {len(force) / rate:.2g} s is too short for a spectrum; {WINDOW} s are needed")
-    frequency, densities = None, 0.0
+    step = length // 2 * PIECE  # long forces piece by piece: their spectra alone would need more memory than they
+    starts = range(0, len(force) - length + 1, step)
+    pieces = [_densities(force[at : at + step + length // 2], rate, length) for at in starts]
+    densities = np.concatenate(pieces, axis=1)
+    frequency, begins = np.fft.rfftfreq(length, 1.0 / rate), np.arange(densities.shape[1]) * (length // 2) / rate
+    return Spectrum(frequency, densities.mean(axis=1), _strongest(frequency, densities, begins))
+
+
+def _densities(force, rate, length) -> np.ndarray:
+    """Power density (frequency, segment) of all axes together; the segments overlap by half."""
+    density = 0.0
     for column in force.T:
         finite = np.nan_to_num(column, nan=0.0, posinf=0.0, neginf=0.0)
-        frequency, begins, density = signal.spectrogram(finite, rate, "hann", length, length // 2, detrend="linear")
-        densities = densities + density
-    return Spectrum(frequency, densities.mean(axis=1), _strongest(frequency, densities, begins - WINDOW / 2))
+        density = density + signal.spectrogram(finite, rate, "hann", length, length - length // 2, detrend="linear")[2]
+    return density.astype(np.float32)
 
 
 def _strongest(frequency, densities, begins) -> Oscillation | None:

@@ -3,6 +3,7 @@
 
 import base64
 import html
+import textwrap
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -18,10 +19,12 @@ from matplotlib import pyplot  # noqa: E402  (the backend is chosen first)
 
 MOST = 6  # runs side by side
 _STYLE = """
-body { font: 15px/1.4 sans-serif; color: #111; background: #fff; max-width: 1200px; margin: 1.5em auto; padding: 0 1em }
+body { font: 15px/1.4 sans-serif; color: #111; background: #fff; max-width: 1200px; margin: 1.5em auto;
+padding: 0 1em }
 h1 { font-size: 1.5em } h2 { font-size: 1.15em; margin-top: 1.6em; border-bottom: 1px solid #999 }
-table { border-collapse: collapse; width: 100% } td, th { text-align: left; vertical-align: top; padding: .15em .6em .15em 0;
-border-bottom: 1px solid #ddd; overflow-wrap: anywhere } th { font-weight: normal; color: #444; width: 22% }
+table { border-collapse: collapse; width: 100%; table-layout: fixed }
+td, th { text-align: left; vertical-align: top; padding: .15em .6em .15em 0; border-bottom: 1px solid #ddd }
+td { overflow-wrap: anywhere } th { font-weight: normal; color: #444; width: 22% }
 img { max-width: 100% } figure { margin: 0 0 1.2em; break-inside: avoid } figcaption { color: #444 }
 .notes { border: 2px solid #D55E00; padding: .3em 1em }
 @media print { body { font-size: 10pt; max-width: none; margin: 0 } h2 { break-after: avoid } }
@@ -49,7 +52,7 @@ FIGURES = (
     Figure("lateness", "How late the servo woke, and how long it worked.", panel.lateness, 2.5),
     Figure("age", "Age of the tool sample in use.", panel.ages, 2.2),
     Figure("spectrum", "Spectrum of the force on the handle; an oscillation is named.", panel.spectrum),
-    Figure("impedance", "Stiffness and damping that the display added, fitted, with 95 % confidence.", panel.impedance, 2.2, 2),
+    Figure("impedance", "Stiffness and damping that the display added, with 95 % confidence.", panel.impedance, 2.2, 2),
 )
 
 
@@ -77,7 +80,8 @@ def _draw(figure: Figure, runs: list[Run], picture: Path) -> None:
         for number, run in enumerate(runs):
             part = grid[0, number * figure.wide : (number + 1) * figure.wide]
             labels = ", ".join(f"{name} = {value}" for name, value in run.conditions.items())
-            part[0].set_title(f"{run.name}\n{labels}", fontsize=7, loc="left")
+            lines = [run.name, *textwrap.wrap(labels, 72)]
+            part[0].set_title("\n".join(lines), fontsize=7, loc="left")
             _try(figure, part, run)
         shown.savefig(picture, dpi=100)
     finally:
@@ -120,4 +124,5 @@ def _row(name: str, values: list[str]) -> str:
 def _figure(figure: Figure, picture: Path) -> str:
     data = base64.b64encode(picture.read_bytes()).decode()
     caption = html.escape(figure.caption)
-    return f'<figure><img alt="{caption}" src="data:image/png;base64,{data}"><figcaption>{caption}</figcaption></figure>'
+    image = f'<img alt="{caption}" src="data:image/png;base64,{data}">'
+    return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"

@@ -69,9 +69,10 @@ def contact_events(axes, run: Run) -> None:
 
 def energies(axes, run: Run) -> None:
     """Energy given to the operator by truth and by the servo's books, and what went through the other ports."""
-    _line(axes, run.seconds, run.rows["energy_given"].sum(axis=1) * 1e3, ORANGE, "to the operator, servo's books", dashes=_BACK)
+    booked = run.rows["energy_given"].sum(axis=1) * 1e3
+    _line(axes, run.seconds, booked, ORANGE, "to the operator, servo's books", dashes=_BACK)
     try:
-        axes.plot(*_thin(run.truth_seconds, run.truth.entry("energy_given") * 1e3), color=BLUE, label="to the operator, truth")
+        _line(axes, run.truth_seconds, run.truth.entry("energy_given") * 1e3, BLUE, "to the operator, truth")
     except ValueError:
         axes.set_title("operator/state was not recorded: no truth", fontsize=8)
     _line(axes, run.seconds, run.rows["tool_energy"] * 1e3, GREEN, "to the tool at its port", dashes=(1, 1))
@@ -86,7 +87,8 @@ def margins(axes, run: Run) -> None:
         raise ValueError("the driver did not say its physical damping")
     for i in range(3):
         if np.isfinite(damping[i]):
-            _line(axes, run.seconds, run.rows["margin"][:, i] / damping[i] * 100, COLOURS[i], NAMES[i], dashes=(4, i + 0.01))
+            share = run.rows["margin"][:, i] / damping[i] * 100
+            _line(axes, run.seconds, share, COLOURS[i], NAMES[i], dashes=(4, i + 0.01))
     axes.axhline(0, color="black", linewidth=0.8)
     _finish(axes, _TIME, "passivity margin\n[% of b left over]")
 
@@ -121,7 +123,8 @@ def spectrum(axes, run: Run) -> None:
     axes.loglog(found.frequency[1:], np.maximum(found.density[1:], 1e-18), color=BLUE, label="x and y together")
     if found.oscillation:
         line = found.oscillation
-        axes.axvline(line.frequency, color=VERMILION, dashes=_BACK, label=f"{line.frequency:.1f} Hz, {line.force:.3g} N RMS")
+        name = f"{line.frequency:.1f} Hz, {line.force:.3g} N RMS"
+        axes.axvline(line.frequency, color=VERMILION, dashes=_BACK, label=name)
     _finish(axes, "frequency [Hz]", "force on handle [N²/Hz]")
 
 
@@ -130,11 +133,10 @@ def impedance(axes, run: Run) -> None:
     rows = [(kind, axis, fitted) for (kind, axis), fitted in run.impedances.items() if axis != "theta"]
     if not rows:
         raise ValueError("the handle did not move enough to fit an impedance")
-    for place, (kind, axis, fitted) in enumerate(rows):
-        colour = VERMILION if kind == "contact" else BLUE
+    for place, (kind, _, fitted) in enumerate(rows):
+        look = {"color": VERMILION, "fmt": "o"} if kind == "contact" else {"color": BLUE, "fmt": "s"}
         for column, estimate in enumerate((fitted.stiffness, fitted.damping)):
-            inset = axes[column]
-            inset.errorbar(estimate.value, place, xerr=estimate.error, fmt="o" if kind == "contact" else "s", color=colour, capsize=4)
+            axes[column].errorbar(estimate.value, place, xerr=estimate.error, capsize=4, **look)
     for column, label in enumerate(("stiffness [N/m]", "damping added [N s/m]")):
         axes[column].set(xlabel=label, yticks=range(len(rows)), ylim=(-0.6, len(rows) - 0.4))
         axes[column].set_yticklabels([f"{kind}, {axis}" for kind, axis, _ in rows] if column == 0 else [])
@@ -150,6 +152,8 @@ def _tool(run: Run, axis: int, scale: float):
 
 
 def _line(axes, time, values, colour, label, **style) -> None:
+    if len(time) == 0:
+        return
     axes.plot(*_thin(time, values), color=colour, linewidth=1.2, label=label, **style)
 
 

@@ -18,7 +18,7 @@ from haptic_device.analysis.recording import Joints, Recording, load
 AXES = ("x", "y", "theta")
 TRACE = np.dtype(  # a tick in a third of its full size: ten minutes at 4 kHz then fit into half a gigabyte
     [(name, "f8") for name in ("tick", "deadline", "tool_answered", "handle_sequence")]
-    + [(name, "f8", (3,)) for name in ("position", "tool_position")]
+    + [(name, "f4", (3,)) for name in ("position", "tool_position")]
     + [(name, "f4") for name in ("lateness", "compute", "missed", "tool_age", "tool_contact", "tool_energy")]
     + [(name, "f4") for name in ("engage", "state", "fault", "injections")]
     + [(name, "f4", (3,)) for name in ("force_coupling", "force_on_handle", "force_walls", "energy_given", "margin")]
@@ -46,15 +46,15 @@ class Run:
 
     @cached_property
     def rows(self) -> np.ndarray:
-        """The ticks with the motor engaged, or all if it never was."""
+        """The ticks from the first to the last with the motor engaged, or all if it never was."""
         trace = self.recording.trace
         if len(trace) < 2:
             raise ValueError(f"the trace has {len(trace)} ticks; two are needed")
-        try:
-            return summary.engaged_rows(trace)
-        except ValueError as error:
-            self.notes.append(f"{error}: figures are of all ticks")
+        engaged = trace["engage"] > 0
+        if engaged.sum() < 2:
+            self.notes.append("the motor was never engaged: figures are of all ticks")
             return trace
+        return trace[np.argmax(engaged) : len(trace) - np.argmax(engaged[::-1])]
 
     @cached_property
     def seconds(self) -> np.ndarray:

@@ -15,11 +15,10 @@ _MICRO, _MILLI = 1e6, 1e3
 
 def engaged_rows(trace: np.ndarray) -> np.ndarray:
     """Rows of the trace with the motor engaged. Raises ValueError if there is none."""
-    engaged = trace["engage"] > 0
-    if (count := int(engaged.sum())) < 2:
-        raise ValueError(f"the trace of {len(trace)} ticks has {count} with the motor engaged; two are needed")
-    begin, end = int(np.argmax(engaged)), len(trace) - int(np.argmax(engaged[::-1]))
-    return trace[begin:end] if count == end - begin else trace[engaged]  # one stretch is no copy
+    rows = trace[trace["engage"] > 0]
+    if len(rows) < 2:
+        raise ValueError(f"the trace of {len(trace)} ticks has {len(rows)} with the motor engaged; two are needed")
+    return rows
 
 
 def first_command(trace: np.ndarray) -> float:

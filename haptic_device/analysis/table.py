@@ -11,6 +11,8 @@ from haptic_device.analysis.recording import TOPICS
 from haptic_device.analysis.run import Run
 
 MISSING = "—"
+VERSIONS = ("haptic_display", "numba", "numpy", "ros-rclpy")  # of what was attached, those that a reader looks for
+MACHINE = ("processor", "cores", "system")
 
 
 def sections(run: Run) -> dict[str, dict[str, str]]:
@@ -41,17 +43,14 @@ def _what_ran(run: Run):
     yield "recording", run.name
     yield "length", f"{run.seconds[-1]:.3f} s, {len(run.rows)} ticks"
     yield from run.conditions.items()
-    scene = next((name.removeprefix("scene/") for name in run.recording.attachments if name.startswith("scene/")), "")
-    device = next((name.removeprefix("device/") for name in run.recording.attachments if name.startswith("device/")), "")
-    yield "scene", scene or MISSING
-    yield "device", device or MISSING
+    for kind in ("scene", "device"):
+        attached = [name.removeprefix(f"{kind}/") for name in run.recording.attachments if name.startswith(f"{kind}/")]
+        yield kind, ", ".join(attached) or MISSING
     made = run.attached("made.yaml")
     yield "git revision", str(made.get("program", {}).get("git_revision") or MISSING)
-    packages = made.get("packages", {})
-    versions = (f"{name} {packages[name]}" for name in ("haptic_display", "numba", "numpy", "ros-rclpy") if packages.get(name))
-    yield "versions", ", ".join(versions) or MISSING
-    machine = made.get("machine", {})
-    yield "machine", ", ".join(str(machine[name]) for name in ("processor", "cores", "system") if machine.get(name)) or MISSING
+    packages, machine = made.get("packages", {}), made.get("machine", {})
+    yield "versions", ", ".join(f"{name} {packages[name]}" for name in VERSIONS if packages.get(name)) or MISSING
+    yield "machine", ", ".join(str(machine[name]) for name in MACHINE if machine.get(name)) or MISSING
     yield "real time", run.recording.last_values("haptic_driver").get("realtime", MISSING)
     yield "faults", ", ".join(summary.faults(run.recording)) or "none"
 
