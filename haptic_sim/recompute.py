@@ -10,6 +10,7 @@ from haptic_device.law import servo
 from haptic_device.runtime import recompute
 
 BLOCK = 100_000  # ticks computed at a time
+SECOND = 1_000_000_000
 
 
 class Verdict(NamedTuple):
@@ -55,31 +56,49 @@ def _check(trace, snapshots):
 
 def _stretches(trace, snapshots) -> Iterator[tuple]:
     """(begin, end, settings, memory) of rows that can be computed one after the other."""
-    ticks = trace["tick"].astype(np.int64)
-    breaks = np.flatnonzero(np.diff(ticks) != 1) + 1
-    after = {int(snapshot["tick"]) + 1: snapshot for snapshot in snapshots}
-    settings = {int(snapshot["settings.version"]): snapshot for snapshot in snapshots}
+    breaks = np.flatnonzero(np.diff(trace["tick"]) != 1) + 1
     for begin, end in zip([0, *breaks], [*breaks, len(trace)], strict=True):
-        yield from _stretch(trace, int(begin), int(end), after, settings)
+        yield from _stretch(trace, int(begin), int(end), snapshots)
 
 
-def _stretch(trace, begin, end, after, settings):
-    """The same of one stretch without a gap; memory goes on from one set of settings to the next."""
+def _stretch(trace, begin, end, snapshots):
+    """The same of rows without a gap; memory goes on from one set of settings to the next."""
     memory, at = None, begin
     while at < end:
-        tick, version = int(trace["tick"][at]), int(trace["parameter_version"][at])
-        if memory is None and tick == 0:
-            memory = np.zeros(1, servo.MEMORY)
-        elif memory is None and tick in after:
-            memory = recompute.parts_of(after[tick])[1]
-        if memory is None or version not in settings:
-            at = min((begin + t - int(trace["tick"][begin]) for t in after if t > tick), default=end)
-            memory = None
+        memory = _memory_before(trace, at, snapshots) if memory is None else memory
+        settings = _settings_of(trace[at], snapshots)
+        if memory is None or settings is None:
+            memory, at = None, _next_start(trace, at, end, snapshots)
             continue
-        changes = np.flatnonzero(trace["parameter_version"][at:end] != version)
+        changes = np.flatnonzero(trace["parameter_version"][at:end] != trace["parameter_version"][at])
         until = at + int(changes[0]) if len(changes) else end
-        yield at, until, recompute.parts_of(settings[version])[0], memory
+        yield at, until, settings, memory
         at = until
+
+
+def _memory_before(trace, at, snapshots):
+    """What the servo remembered before row `at`; None if no snapshot says it."""
+    if trace["tick"][at] == 0:
+        return np.zeros(1, servo.MEMORY)
+    elapsed = trace["latched"][at] - snapshots["memory.latched"]  # a restarted servo counts its ticks anew
+    found = np.flatnonzero((snapshots["tick"] == trace["tick"][at] - 1) & (elapsed >= 0) & (elapsed < SECOND))
+    return recompute.parts_of(snapshots[found[:1]])[1] if len(found) else None
+
+
+def _settings_of(row, snapshots):
+    """Settings of the row's version, as the next snapshot has them, or else the last one; None if there is none."""
+    same = snapshots[snapshots["settings.version"] == row["parameter_version"]]
+    if len(same) == 0:
+        return None
+    later = np.flatnonzero(same["memory.latched"] >= row["latched"])
+    place = later[0] if len(later) else len(same) - 1
+    return recompute.parts_of(same[place : place + 1])[0]
+
+
+def _next_start(trace, at, end, snapshots):
+    """Index of the next row that follows a snapshot."""
+    rest = np.isin(trace["tick"][at + 1 : end] - 1, snapshots["tick"])
+    return at + 1 + int(np.argmax(rest)) if rest.any() else end
 
 
 def _differences(recorded, again):

@@ -12,6 +12,7 @@ STANDS_OUT = 100.0  # times the median of its neighbourhood; noise reaches 25 on
 LEAST_FORCE = 0.02  # [N] RMS; a hand does not feel less
 _NEIGHBOURS = 2.0 ** np.array([-1.0, 1.0])
 PIECE = 100  # segments computed at a time
+_KNOWN = 0.02  # of a known frequency, to either side
 _LINE = 2  # bins to either side that belong to a line (Hann window)
 
 
@@ -32,9 +33,10 @@ class Spectrum(NamedTuple):
     oscillation: Oscillation | None
 
 
-def spectrum_of(force: np.ndarray, rate: float) -> Spectrum:
+def spectrum_of(force: np.ndarray, rate: float, known: float = 0.0) -> Spectrum:
     """Spectrum of a force (samples, axes) at this rate [Hz], all axes together.
 
+    known: frequency [Hz] whose multiples are no oscillation, such as the exchange's, which makes the force a stair.
     Samples that are not finite count as 0. Raises ValueError if it is shorter than one window.
     """
     length = int(WINDOW * rate)
@@ -45,7 +47,7 @@ def spectrum_of(force: np.ndarray, rate: float) -> Spectrum:
     pieces = [_densities(force[at : at + step + length // 2], rate, length) for at in starts]
     densities = np.concatenate(pieces, axis=1)
     frequency, begins = np.fft.rfftfreq(length, 1.0 / rate), np.arange(densities.shape[1]) * (length // 2) / rate
-    return Spectrum(frequency, densities.mean(axis=1), _strongest(frequency, densities, begins))
+    return Spectrum(frequency, densities.mean(axis=1), _strongest(frequency, densities, begins, known))
 
 
 def _densities(force, rate, length) -> np.ndarray:
@@ -57,9 +59,9 @@ def _densities(force, rate, length) -> np.ndarray:
     return density.astype(np.float32)
 
 
-def _strongest(frequency, densities, begins) -> Oscillation | None:
+def _strongest(frequency, densities, begins, known) -> Oscillation | None:
     """The line with the largest force that stands out of its neighbourhood."""
-    lines = _lines(frequency, densities)
+    lines = _lines(frequency, densities, known)
     step = frequency[1] - frequency[0]
     found = {segment: line for segment, line in lines.items() if line[1] >= LEAST_FORCE}
     if not found:
@@ -70,12 +72,16 @@ def _strongest(frequency, densities, begins) -> Oscillation | None:
     return Oscillation(float(line), float(force), float(begins[min(same)]), len(same) * WINDOW / 2)
 
 
-def _lines(frequency, densities) -> dict[int, tuple[float, float]]:
+def _lines(frequency, densities, known) -> dict[int, tuple[float, float]]:
     """(frequency, RMS) of the line in each segment that has one."""
     step, found = frequency[1] - frequency[0], {}
     high = int(0.45 * 2 * len(frequency))
     first = int(np.ceil(LOWEST / step))
-    peaks = first + np.argmax(densities[first:high] * frequency[first:high, None] ** 2, axis=0)
+    weight = frequency[first:high, None] ** 2
+    if known > 0.0:
+        multiple = np.maximum(1.0, np.round(frequency[first:high] / known)) * known
+        weight[np.abs(frequency[first:high] - multiple) < _KNOWN * multiple] = 0.0
+    peaks = first + np.argmax(densities[first:high] * weight, axis=0)
     for segment, peak in enumerate(peaks):
         low, up = np.clip((peak * _NEIGHBOURS).astype(int), 1, len(frequency) - 1)
         around = densities[low : up + 1, segment]

@@ -95,7 +95,9 @@ class Run:
     @cached_property
     def spectrum(self) -> Spectrum:
         """Spectrum of the force on the handle in x and y."""
-        return spectrum_of(self.rows["force_on_handle"][:, :2], 1.0 / summary.period(self.rows))
+        sent = self.rows["handle_sequence"][-1] - self.rows["handle_sequence"][0]
+        exchange = max(0.0, float(sent / self.seconds[-1])) if np.isfinite(sent) else 0.0
+        return spectrum_of(self.rows["force_on_handle"][:, :2], 1.0 / summary.period(self.rows), exchange)
 
     @cached_property
     def physical_damping(self) -> np.ndarray:
