@@ -62,16 +62,23 @@ def hand_of(recording: Recording, as_device: bool) -> Hand:
     if as_device:
         rows = trace[engaged[0] : engaged[-1] + 1]
         return Hand(PlayedDevice(rows["deadline"] - begin, rows["position"]), seconds)
-    state = recording.joint("operator/state")
+    return Hand(_target(recording, begin, end), seconds)
+
+
+def _target(recording, begin, end) -> PlayedTarget:
+    """The hand's target between these times [ns], from the loopback's truth, from time 0 on."""
+    state = recording.joints.get("operator/state")
+    if state is None or "motor_x" not in state.names:
+        raise ValueError(f"bag {recording.bag} does not say the hand's target; replay it --as device")
     times = state.entry("time") * SECOND - begin
     during = (times >= -SECOND / 10) & (times <= end - begin)
     if during.sum() < 2:
-        raise ValueError(f"bag {recording.bag} has no operator/state while engaged: replay it --as device")
+        raise ValueError(f"bag {recording.bag} has no operator/state while engaged; replay it --as device")
     points = np.zeros((int(during.sum()), 3))
     for index, name in enumerate(AXES):
         if f"motor_{name}" in state.names:
             points[:, index] = state.entry(f"motor_{name}")[during]
-    return Hand(PlayedTarget(np.round(times[during]).astype(np.int64), points), seconds)
+    return PlayedTarget(np.round(times[during]).astype(np.int64), points)
 
 
 def recorded_point(recording: Recording, declared: dict[str, tuple[Parameter, ...]], given: dict[str, dict]) -> Point:

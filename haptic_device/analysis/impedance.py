@@ -12,7 +12,7 @@ import numpy as np
 from scipy import stats
 
 CLUSTERS = 24  # stretches of time
-LEAST = 200  # samples below which nothing is fitted
+LEAST = 100  # samples below which nothing is fitted
 CONFIDENCE = 0.95
 
 

@@ -30,7 +30,7 @@ ONLY = {
     "tool": Entries(("answered",), ("position",)),
     "operator/state": Entries((*AXES, *(f"motor_{name}" for name in AXES), "energy_given", "time")),
 }
-HELD_WINDOW = 0.1  # [s]
+HELD_WINDOW = 0.05  # [s]
 HELD_SHARE = 0.1  # of the handle's way, up to which the tool counts as standing still
 HELD_WAY = 20e-6  # [m | rad] that the handle has to move in a window to tell something
 AVERAGED = 8  # ticks, where only the servo's own columns are there
@@ -137,11 +137,11 @@ class Run:
 
     def _felt(self) -> tuple[np.ndarray, dict[str, tuple]]:
         """Times [s], and position, velocity, minus motor force of each axis: of the truth, else of the trace."""
-        try:
-            truth = self.truth
-            names = [name for name in AXES if name in truth.names and f"motor_{name}" in truth.names]
-        except ValueError:
+        state = self.recording.joints.get("operator/state")
+        names = [name for name in AXES if state and name in state.names and f"motor_{name}" in state.names]
+        if not names:
             return self._felt_by_servo()
+        truth = self.truth
         parts = {
             name: (truth.entry(name), truth.entry(name, "velocity"), -truth.entry(f"motor_{name}", "effort"))
             for name in names

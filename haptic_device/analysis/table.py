@@ -73,7 +73,7 @@ def _exchange(run: Run):
 def _energy(run: Run):
     yield "given to the operator, servo's books, end", f"{run.rows['energy_given'][-1].sum() * 1e3:.3g} mJ"
     yield "to the tool at its port, end", f"{run.rows['tool_energy'][-1] * 1e3:.3g} mJ"
-    margin = np.nanmin(run.rows["margin"], axis=0)
+    margin = np.fmin.reduce(run.rows["margin"], axis=0)
     yield "least margin x, y, θ", ", ".join(f"{value:.4g}" for value in margin)
     yield "ticks in which the controller acted", f"{run.rows['injections'][-1] - run.rows['injections'][0]:.0f}"
     given = run.truth.entry("energy_given") * 1e3

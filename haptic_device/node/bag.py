@@ -71,7 +71,7 @@ class Bag:
         Raises OSError if the disk does not take it; `abandon` then ends the bag.
         """
         self._writer.flush()
-        self._kept = self._stream.tell(), list(self._counts), self._files[-1]
+        self._keep()
         span = self._files[-1]
         large = 0 < self._split_bytes <= self._stream.tell()
         if span.messages and (large or 0 < self._split_ns <= span.last - span.first):
@@ -89,9 +89,13 @@ class Bag:
     def abandon(self, custom_data: dict[str, str]) -> None:
         """Ends a bag that the disk no longer takes: with the chunks that are on it, in the room held in reserve."""
         (self.folder / RESERVE).unlink(missing_ok=True)
-        size, self._counts, self._files[-1] = self._kept
-        self._stream.cut(size)
-        complete(self.folder / self._files[-1].name)
+        self._stream.close()
+        size, counts, files = self._kept
+        for file in self._files[len(files) :]:  # one that the disk had no room to begin
+            (self.folder / file.name).unlink(missing_ok=True)
+        self._files, self._counts = files, counts + [0] * (len(self._topics) - len(counts))
+        os.truncate(self.folder / files[-1].name, size)
+        complete(self.folder / files[-1].name)
         write_metadata(self.folder, information(self._files, self._topics, self._counts, custom_data))
 
     def _begin_file(self) -> None:
@@ -100,11 +104,15 @@ class Bag:
         self._stream = _Stream(self.folder / self._files[-1].name)
         self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(profile="ros2", library="haptic_display")
-        self._kept = self._stream.tell(), list(self._counts), self._files[-1]
+        self._keep()
         for name, (media_type, data, now) in self._attachments.items():
             self._writer.add_attachment(now, now, name, media_type, data)
         for topic in self._topics:
             self._register(topic)
+
+    def _keep(self) -> None:
+        """What is on the disk now stays, whatever happens next."""
+        self._kept = self._stream.tell(), list(self._counts), list(self._files)
 
     def _end_file(self) -> None:
         self._writer.finish()
@@ -150,13 +158,10 @@ class _Stream:
     def flush(self) -> None:
         """Nothing is held back."""
 
-    def cut(self, size: int) -> None:
-        """Ends the file at this size."""
-        os.ftruncate(self._descriptor, size)
-        self.close()
-
     def close(self) -> None:
-        os.close(self._descriptor)
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+        self._descriptor = -1
 
 
 def _prepare(folder: Path) -> None:
