@@ -6,20 +6,22 @@ parses the records; this file finds them also where a file ends too early or a c
 messages of a chunk ten times as fast.
 """
 
+import io
 import struct
-import zlib
 from collections.abc import Iterator
 from typing import BinaryIO, NamedTuple
 
-import lz4.frame
 import zstandard
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
+from mcap.stream_reader import get_chunk_data_stream
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; then the data
 LARGEST = 256 * 2**20  # bytes; a damaged length must not ask for the whole memory
-_CHUNK = struct.Struct("<QQQII")  # first and last log time, size, CRC, length of the compression's name
 _OPCODES = range(1, 256)
 
 
@@ -66,7 +68,7 @@ class Records:
 
 
 class Chunk(NamedTuple):
-    """A chunk's times [ns], name of its compression, sizes as stored and as unpacked, and the unpacked records."""
+    """A chunk's times [ns], name of its compression, size as stored [bytes], and the unpacked records."""
 
     first: int
     last: int
@@ -78,36 +80,23 @@ class Chunk(NamedTuple):
 def unpack(content: bytes) -> Chunk:
     """The chunk in a record's content. Raises ValueError if it is damaged."""
     try:
-        first, last, size, crc, length = _CHUNK.unpack_from(content)
-        compression = content[_CHUNK.size : _CHUNK.size + length].decode()
-        data = memoryview(content)[_CHUNK.size + length + 8 :]
-        if size > LARGEST:
-            raise ValueError(f"it claims {size} bytes")
-        records = _decompress(compression, data, size)
-    except (struct.error, UnicodeDecodeError, zstandard.ZstdError, RuntimeError) as error:
-        raise ValueError(" ".join(str(error).split())) from None
-    if len(records) != size or (crc and zlib.crc32(records) != crc):
-        raise ValueError("its checksum is wrong")
-    return Chunk(first, last, compression, len(data), records)
+        chunk = records.Chunk.read(ReadDataStream(io.BytesIO(content)))
+        if chunk.uncompressed_size > LARGEST:
+            raise ValueError(f"it claims {chunk.uncompressed_size} bytes")
+        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+        data = stream.read(size)
+    except (struct.error, EndOfFile, McapError, zstandard.ZstdError, RuntimeError) as error:
+        raise ValueError(f"its content is damaged: {' '.join(str(error).split())}") from None
+    return Chunk(chunk.message_start_time, chunk.message_end_time, chunk.compression, len(chunk.data), data)
 
 
-def _decompress(compression: str, data: memoryview, size: int) -> bytes:
-    if compression == "zstd":
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-    if compression == "lz4":
-        return lz4.frame.decompress(data)
-    if compression:
-        raise ValueError(f"its compression {compression} is unknown")
-    return bytes(data)
-
-
-def places(records: bytes) -> Iterator[tuple[int, int, int]]:
+def places(data: bytes) -> Iterator[tuple[int, int, int]]:
     """(opcode, begin, end) of the content of each record in an unpacked chunk. Raises ValueError if they do not fit."""
-    at, size, unpack_head = 0, len(records), RECORD.unpack_from
+    at, size, unpack_head = 0, len(data), RECORD.unpack_from
     while at < size:
         if at + RECORD.size > size:
             raise ValueError("its last record is cut off")
-        opcode, length = unpack_head(records, at)
+        opcode, length = unpack_head(data, at)
         begin = at + RECORD.size
         at = begin + length
         if at > size:
