@@ -5,6 +5,7 @@ A JointState whose names and frame never change has bytes of one size in which o
 keeps that template, so that a sample is written and read by offsets, and foreign bytes are told at once.
 """
 
+import math
 import struct
 from typing import NamedTuple
 
@@ -19,8 +20,8 @@ from std_msgs.msg import String
 from haptic_device.law import exchange
 
 __all__ = [
-    "CloudLayout", "DiagnosticArray", "JointLayout", "JointState", "PointCloud2", "PoseStamped", "String",
-    "WrenchStamped",
+    "CloudLayout", "DiagnosticArray", "JointLayout", "JointState", "PointCloud2", "PoseStamped", "StampedLayout",
+    "String", "WrenchStamped",
 ]  # fmt: skip
 
 AXES = ("x", "y", "theta")
@@ -186,22 +187,31 @@ class CloudLayout:
         return b"".join((data, records.tobytes(), b"\1"))  # is_dense
 
 
-def wrench(stamp_ns, frame_id, force):
-    """WrenchStamped of a planar (f_x, f_y, torque)."""
-    message = WrenchStamped()
-    message.header.stamp, message.header.frame_id = to_time(stamp_ns), frame_id
-    message.wrench.force.x, message.wrench.force.y, message.wrench.torque.z = (float(value) for value in force)
-    return message
+class StampedLayout:
+    """Bytes (CDR, little endian) of a message that is a header and then so many float64: WrenchStamped, PoseStamped."""
+
+    def __init__(self, count, frame_id=""):
+        head = _Template()
+        head.varying(8)
+        head.text(frame_id)
+        head.align(8)
+        self._head, self._numbers = bytes(head.data), struct.Struct(f"<{count}d")
+
+    def pack(self, stamp_ns, numbers):
+        """Bytes of one message."""
+        stamp = struct.pack("<iI", stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000)
+        return b"".join((self._head[:4], stamp, self._head[12:], self._numbers.pack(*numbers)))
 
 
-def pose(stamp_ns, frame_id, position):
-    """PoseStamped of a planar (x, y, theta)."""
-    message = PoseStamped()
-    message.header.stamp, message.header.frame_id = to_time(stamp_ns), frame_id
-    message.pose.position.x, message.pose.position.y = float(position[0]), float(position[1])
+def wrench_numbers(force):
+    """The numbers of a WrenchStamped of a planar (f_x, f_y, torque)."""
+    return force[0], force[1], 0.0, 0.0, 0.0, force[2]
+
+
+def pose_numbers(position):
+    """The numbers of a PoseStamped of a planar (x, y, theta)."""
     half = float(position[2]) / 2
-    message.pose.orientation.z, message.pose.orientation.w = float(np.sin(half)), float(np.cos(half))
-    return message
+    return position[0], position[1], 0.0, 0.0, 0.0, math.sin(half), math.cos(half)
 
 
 def diagnostics(stamp_ns, name, hardware_id, level, message, values):
