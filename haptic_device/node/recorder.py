@@ -5,6 +5,7 @@ import shutil
 import signal
 import sys
 import time
+from itertools import islice
 from pathlib import Path
 
 import rclpy
@@ -24,6 +25,7 @@ from haptic_device.node.recorder_parameters import PARAMETERS
 from haptic_device.node.tap import Sample, Tap
 from haptic_device.node.track import Track, joining_qos, offered_qos
 from haptic_device.node.wire import STATE, TRACE, DiagnosticArray, String, diagnostics
+from haptic_device.runtime import clock
 
 _JOINTS, _CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 KNOWN = {  # joined before their publishers exist, so that no first message is missed
@@ -46,6 +48,8 @@ _DISCOVERY_PERIOD = 0.5  # s
 _DIAGNOSTICS_PERIOD = 0.5  # s
 _SECOND = 1_000_000_000
 _MEGA = 1_000_000
+_MOST = 500  # messages of one topic at a look: one that has fallen behind must not keep the others waiting
+PRIORITY = 10  # below everything that moves the handle, above everything that only computes
 
 
 class Recorder(Node):
@@ -67,6 +71,8 @@ class Recorder(Node):
         self._mark = self.create_publisher(String, "mark", TRACE)
         self.create_service(Trigger, "~/mark", self._on_mark)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._realtime = clock.go_realtime(self.parameters["realtime"], PRIORITY)
+        clock.lift_threads(self.parameters["realtime"], PRIORITY)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._report)
 
     def on_configure(self, state: State) -> TransitionCallbackReturn:
@@ -111,7 +117,7 @@ class Recorder(Node):
             self._inquiry.look()
         try:
             for track in self.tracks.values():
-                self._take(track)
+                self._take(track, _MOST)
             self._attach_fresh()
             if self.bag and now >= self._next_flush:
                 self._next_flush = now + int(self.parameters["flush_period"] * _SECOND)
@@ -202,8 +208,12 @@ class Recorder(Node):
         lossy = any(track.lost and track.publishers <= 1 for track in self.tracks.values())
         level = "error" if self.stopped else "warn" if lossy else "ok"
         state = f"recording to {self.bag.folder}" if self.bag else self.stopped or "not recording"
-        cpu = f"{time.process_time():.3f}"
-        values = {"messages": self.bag.messages if self.bag else 0, "cpu_s": cpu, **self._losses()}
+        values = {
+            "messages": self.bag.messages if self.bag else 0,
+            "cpu_s": f"{time.process_time():.3f}",
+            "realtime": self._realtime,
+            **self._losses(),
+        }
         now = self.get_clock().now().nanoseconds
         self._diagnostics.publish(diagnostics(now, self.get_name(), "", level, state, values))
 
@@ -232,8 +242,8 @@ class Recorder(Node):
             self._unknown.add(topic)
             self.get_logger().warning(f"topic {topic} is not recorded: its type {type_name} is not installed ({error})")
 
-    def _take(self, track: Track) -> None:
-        for sample in track.tap.take():
+    def _take(self, track: Track, most: int | None = None) -> None:
+        for sample in islice(track.tap.take(), most):
             if self.bag is None or track.tap.topic in self._unknown:
                 continue
             track.channel = track.channel or self._channel(track)
