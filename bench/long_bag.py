@@ -34,12 +34,12 @@ def repeat(source: Path, target: Path, seconds: float) -> None:
         for data, received, published in zip(topic.collector.data, *topic.times[:2], strict=True)
         if first <= received <= last
     )
-    shift, sequence, flushed = Shift(contents.topics[trace]), 0, 0
+    shift, sequences, flushed = Shift(contents.topics[trace]), dict.fromkeys(channels, 0), 0
     while shift.seconds < seconds:
         for received, name, data, published in messages:
-            sequence += 1
+            sequences[name] += 1
             moved = shift.moved(name, data, trace)
-            bag.write(channels[name], moved, received + shift.ns, published + shift.ns, sequence)
+            bag.write(channels[name], moved, received + shift.ns, published + shift.ns, sequences[name])
             if received + shift.ns > flushed + SECOND // 4:
                 bag.flush()
                 flushed = received + shift.ns

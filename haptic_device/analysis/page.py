@@ -79,7 +79,7 @@ def _draw(figure: Figure, runs: list[Run], picture: Path) -> None:
     try:
         for number, run in enumerate(runs):
             part = grid[0, number * figure.wide : (number + 1) * figure.wide]
-            labels = ", ".join(f"{name} = {value}" for name, value in run.conditions.items())
+            labels = ", ".join(f"{name} = {value}".replace(" ", "\u00a0") for name, value in run.conditions.items())
             lines = [run.name, *textwrap.wrap(labels, 72)]
             part[0].set_title("\n".join(lines), fontsize=7, loc="left")
             _try(figure, part, run)

@@ -132,7 +132,7 @@ def impedance(axes, run: Run) -> None:
     """Fitted stiffness in contact and damping in free space, with confidence."""
     rows = [(kind, axis, fitted) for (kind, axis), fitted in run.impedances.items() if axis != "theta"]
     if not rows:
-        raise ValueError("the handle did not move enough to fit an impedance")
+        raise ValueError("no motion of the handle that told an impedance")
     for place, (kind, _, fitted) in enumerate(rows):
         look = {"color": VERMILION, "fmt": "o"} if kind == "contact" else {"color": BLUE, "fmt": "s"}
         for column, estimate in enumerate((fitted.stiffness, fitted.damping)):

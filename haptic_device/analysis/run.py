@@ -30,6 +30,7 @@ ONLY = {
     "tool": Entries(("answered",), ("position",)),
     "operator/state": Entries((*AXES, *(f"motor_{name}" for name in AXES), "energy_given", "time")),
 }
+TELLING = 0.9  # share of the force that a fit has to explain
 HELD_WINDOW = 0.05  # [s]
 HELD_SHARE = 0.1  # of the handle's way, up to which the tool counts as standing still
 HELD_WAY = 20e-6  # [m | rad] that the handle has to move in a window to tell something
@@ -108,29 +109,43 @@ class Run:
 
     @cached_property
     def impedances(self) -> dict[tuple[str, str], Impedance]:
+        """Of all fits those that explain enough of the force to tell something."""
+        return {which: fitted for which, fitted in self.fits.items() if fitted.explained >= TELLING}
+
+    @cached_property
+    def fits(self) -> dict[tuple[str, str], Impedance]:
         """What the display added to the device: {(contact | free, axis): fit of minus the motor's force}.
 
-        In contact only while the tool stood still and the handle moved: a tool that is moved is an input of its own.
-        Nor would the hand's force do: in the closed loop the fit would find the hand's own spring.
+        In contact only while the tool stood still and the handle moved, and by the way from the tool: a tool that is
+        moved is an input of its own. Nor would the hand's force do: in the closed loop the fit would find its spring.
         """
         time, parts = self._felt()
         place = np.clip(np.searchsorted(self.seconds, time, side="right") - 1, 0, len(self.seconds) - 1)
         touch, engaged = self.touch[place], self.rows["engage"][place] >= 1.0
         found = {}
-        for axis, columns in parts.items():
-            held = self._held(AXES.index(axis), time, place, columns[0])
-            for kind, chosen in (("contact", touch & held & engaged), ("free", ~touch & engaged)):
+        for axis, (position, velocity, force) in parts.items():
+            tool = self._held_to(AXES.index(axis), place)
+            held = self._held(time, tool, position)
+            stretch = position - tool, velocity - np.gradient(tool, time)
+            for kind, chosen, way in (
+                ("contact", touch & held & engaged, stretch),
+                ("free", ~touch & engaged, (position, velocity)),
+            ):
                 episode = np.cumsum(np.diff(chosen, prepend=chosen[:1]) != 0)
-                fitted = fit(time[chosen], *(column[chosen] for column in columns), episode[chosen])
+                fitted = fit(time[chosen], *(column[chosen] for column in (*way, force)), episode[chosen])
                 if fitted is not None:
                     found[kind, axis] = fitted
         return found
 
-    def _held(self, axis: int, time: np.ndarray, place: np.ndarray, position: np.ndarray) -> np.ndarray:
+    def _held_to(self, axis: int, place: np.ndarray) -> np.ndarray:
+        """Where the tool is in this axis; 0 where a wall holds the handle."""
+        tool = self.rows["tool_position"][place, axis].astype(float)
+        return np.where(np.abs(self.rows["force_walls"][place]).max(axis=1) > 0.0, 0.0, tool)
+
+    @staticmethod
+    def _held(time: np.ndarray, tool: np.ndarray, position: np.ndarray) -> np.ndarray:
         """Whether the tool, or a wall, stood still in this axis while the handle moved, looked at in short windows."""
         begins = np.flatnonzero(np.diff(np.floor(time / HELD_WINDOW), prepend=-1.0))
-        tool = self.rows["tool_position"][place, axis]
-        tool = np.where(np.abs(self.rows["force_walls"][place]).max(axis=1) > 0.0, 0.0, tool)
         ways = [np.maximum.reduceat(x, begins) - np.minimum.reduceat(x, begins) for x in (tool, position)]
         held = (ways[0] < HELD_SHARE * ways[1]) & (ways[1] > HELD_WAY)
         return np.repeat(held, np.diff(np.append(begins, len(time))))

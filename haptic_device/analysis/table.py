@@ -93,8 +93,11 @@ def _contact(run: Run):
 
 
 def _impedance(run: Run):
-    if not run.impedances:
+    if not run.fits:
         raise ValueError("the handle did not move enough, engaged and with the tool held still")
+    for (kind, axis), found in run.fits.items():
+        if (kind, axis) not in run.impedances:
+            yield f"{kind}, {axis}", f"not told: mass, damper and spring explain only {100 * found.explained:.0f} %"
     for (kind, axis), found in run.impedances.items():
         torque = axis == "theta"
         stiffness = _plus(found.stiffness, "N m/rad" if torque else "N/m")
