@@ -15,13 +15,13 @@ class PlayedTarget:
     """The hand's recorded target over time; times [ns] of lock-step, points (n, 3) in the device's own units."""
 
     def __init__(self, times: np.ndarray, points: np.ndarray):
-        self._times, self._points = times, points
+        self.times, self.points = times, points
 
     def begin(self, system) -> None:
         """Puts handle and target where the recording begins."""
         system.motion["kind"], system.motion["started"] = operator.PATH, 1
         system.motion["grip"] = 1.0
-        system.plant_memory["position"] = system.plant_memory["target"] = self._points[0]
+        system.plant_memory["position"] = system.plant_memory["target"] = self.points[0]
 
     def run(self, system, rows, start: int) -> None:
         """Ticks of the system from this time [ns] on."""
@@ -36,12 +36,12 @@ class PlayedTarget:
 
     def _fill(self, motion, now: int) -> int:
         """The path from `now` on, as much as fits; returns when it ends."""
-        first = max(0, int(np.searchsorted(self._times, now, side="right")) - 1)
-        times = self._times[first : first + operator.MOST]
+        first = max(0, int(np.searchsorted(self.times, now, side="right")) - 1)
+        times = self.times[first : first + operator.MOST]
         motion["count"] = len(times)
         motion["times"][0, : len(times)] = (times - 1) * 1e-9
-        motion["points"][0, : len(times)] = self._points[first : first + len(times)]
-        return int(times[-1]) if first + len(times) < len(self._times) else 1 << 62
+        motion["points"][0, : len(times)] = self.points[first : first + len(times)]
+        return int(times[-1]) if first + len(times) < len(self.times) else 1 << 62
 
 
 class PlayedDevice:

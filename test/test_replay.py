@@ -1,9 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recorded ticks computed again to the bit, and a recorded hand on the same and on other gains, in lock-step."""
 
+import threading
+import time
+
 import numpy as np
 import pytest
+import rclpy
 from lockstep_systems import device, values
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
 from typer.testing import CliRunner
 
 from haptic_device import operating
@@ -14,6 +22,7 @@ from haptic_device.runtime import recompute
 from haptic_sim import replay
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import PERFECT, Lockstep
+from haptic_sim.played import PlayedTarget
 from haptic_sim.recompute import verdict_on
 from haptic_sim.scene import load as load_scene
 
@@ -93,8 +102,8 @@ def test_a_path_joins_its_points_by_straight_lines():
     motion, target = np.zeros(1, operator.MOTION), np.zeros(3)
     motion["kind"], motion["count"] = operator.PATH, 3
     motion["times"][0, :3], motion["points"][0, :3, 0] = (0.0, 1.0, 3.0), (0.0, 1.0, 5.0)
-    for time, place in ((0.25, 0.25), (1.0, 1.0), (2.5, 4.0), (9.0, 5.0)):
-        operator.target_at(motion[0], time, target)
+    for moment, place in ((0.25, 0.25), (1.0, 1.0), (2.5, 4.0), (9.0, 5.0)):
+        operator.target_at(motion[0], moment, target)
         assert target[0] == pytest.approx(place)
 
 
@@ -193,3 +202,43 @@ def test_settings_survive_the_way_through_a_snapshot():
     memory["history"], memory["times"][0, 3] = 5.0, 1.5
     again_settings, again_memory = recompute.parts_of(recompute.snapshot_of(3, settings[0], memory[0]))
     assert again_settings.tobytes() == settings.tobytes() and again_memory.tobytes() == memory.tobytes()
+
+
+def test_live_the_recorded_target_is_published_sample_by_sample_in_its_own_time(bag, tmp_path, monkeypatch):
+    from haptic_sim.cli.domain import isolated_domain
+    from haptic_sim.cli.replay_live import play
+
+    with isolated_domain(tmp_path / "domain") as domain:
+        context = Context()
+        rclpy.init(context=context, domain_id=domain)
+        node, heard = rclpy.create_node("listener", namespace="/haptic", context=context), []
+        deep = QoSProfile(depth=5000, reliability=ReliabilityPolicy.BEST_EFFORT)
+        node.create_subscription(JointState, "operator/target", heard.append, deep)
+        target = replay.hand_of(replay.recorded(bag), False).played
+        short = PlayedTarget(target.times[:300], target.points[:300])
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(node)
+        listening = threading.Thread(target=executor.spin)
+        listening.start()
+        began = time.monotonic()
+        assert play(short, ("x", "y", "theta"), (2.0, 2.0, 1.0), "/haptic") == 300
+        took, span = time.monotonic() - began, (short.times[-1] - short.times[0]) * 1e-9
+        end = time.monotonic() + 20.0
+        while not heard or heard[-1].position[0] != 2.0 * short.points[-1, 0]:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        executor.shutdown()
+        listening.join()
+        rclpy.shutdown(context=context)
+    assert took >= span and heard[-1].name == ["x", "y", "theta"]
+    published = (short.points * (2.0, 2.0, 1.0)).tolist()
+    assert all(list(message.position) in published for message in heard)
+
+
+def test_live_without_a_loopback_is_refused_in_a_sentence(bag, tmp_path, monkeypatch):
+    from haptic_sim.cli import replay_live
+    from haptic_sim.cli.domain import isolated_domain
+
+    monkeypatch.setattr(replay_live, "PATIENCE", 0.3)
+    with isolated_domain(tmp_path / "domain"), pytest.raises(ValueError, match="nobody listens on /haptic/operator/t"):
+        replay_live.play(PlayedTarget(np.array([0]), np.zeros((1, 3))), ("x",), (1.0,), "/haptic")

@@ -20,6 +20,7 @@ def replay(
     bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file.")],
     as_: Annotated[As, typer.Option("--as", help="The hand's target, or the device's own position.")] = As.target,
     check: Annotated[bool, typer.Option("--check", help="Compute the recorded ticks again, bit for bit.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Move the hand of a running loopback device instead.")] = False,
     params: Annotated[str | None, typer.Option(help="Operating point in place of the bag's own values.")] = None,
     delay: Annotated[float, typer.Option(min=0.0, help="Delay of the exchange there and back [s].")] = 0.0,
     out: Annotated[Path | None, typer.Option(help="New bag of the replay [haptic_bags/replay-TIME].")] = None,
@@ -29,6 +30,9 @@ def replay(
     if check:
         _check(bag, namespace)
         return
+    if live:
+        _play(bag, namespace)
+        return
     from haptic_device.analysis.run import read_run
     from haptic_sim.cli.compared import figures_of, given_at, print_table, replayed
 
@@ -36,6 +40,19 @@ def replay(
     replayed(bag, namespace, as_ is As.device, given_at(params), delay, out)
     print_table({"recorded": figures_of(read_run(bag, namespace)), "replayed": figures_of(read_run(out))})
     typer.echo(f"bag {out}")
+
+
+def _play(bag: Path, namespace: str | None) -> None:
+    from haptic_sim import replay
+    from haptic_sim.cli.nodes import NODES
+    from haptic_sim.cli.replay_live import play
+
+    recording = replay.recorded(bag, namespace)
+    declared = {node: NODES[node] for node in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
+    device = replay.recorded_point(recording, declared, {}).device
+    target, scale = replay.hand_of(recording, False).played, (device.scale[0], *device.scale)
+    count = play(target, tuple(axis.name for axis in device.axes), scale, recording.namespace)
+    typer.echo(f"{count} targets published on {recording.namespace}/operator/target")
 
 
 def _check(bag: Path, namespace: str | None) -> None:
