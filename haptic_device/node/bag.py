@@ -19,6 +19,7 @@ CHUNK_BYTES = 512 * 1024
 RESERVE_BYTES = 4 * 2**20  # given back when the disk is full, so that there is room to end the bag
 RESERVE = ".reserve"
 _UINT32 = 0xFFFFFFFF
+_FUTURE = 2**63
 
 
 class Bag:
@@ -62,7 +63,8 @@ class Bag:
     def write(self, channel: int, data: bytes, received: int, published: int, sequence: int) -> None:
         """Adds one serialized message; times in ns of the system clock. Raises OSError as flush does."""
         self._counts[channel - 1] += 1
-        self._files[-1] = self._files[-1].with_message(received)
+        self._first, self._last = min(self._first, received), max(self._last, received)
+        self._count += 1
         self._writer.add_message(channel, received, data, published, sequence & _UINT32)
 
     def flush(self) -> None:
@@ -71,6 +73,7 @@ class Bag:
         Raises OSError if the disk does not take it; `abandon` then ends the bag.
         """
         self._writer.flush()
+        self._note_span()
         self._keep()
         span = self._files[-1]
         large = 0 < self._split_bytes <= self._stream.tell()
@@ -81,6 +84,7 @@ class Bag:
     def close(self, custom_data: dict[str, str]) -> None:
         """Ends the file, then writes metadata.yaml, complete or not at all."""
         (self.folder / RESERVE).unlink(missing_ok=True)
+        self._note_span()
         content = information(self._files, self._topics, self._counts, custom_data)
         self._writer.add_metadata("rosbag2", {"serialized_metadata": dump(content)})
         self._end_file()
@@ -98,7 +102,13 @@ class Bag:
         complete(self.folder / files[-1].name)
         write_metadata(self.folder, information(self._files, self._topics, self._counts, custom_data))
 
+    def _note_span(self) -> None:
+        """The present file's span as it is by now."""
+        if self._count:
+            self._files[-1] = FileSpan(self._files[-1].name, self._first, self._last, self._count)
+
     def _begin_file(self) -> None:
+        self._first, self._last, self._count = _FUTURE, 0, 0
         self._files.append(FileSpan(f"{self.folder.name}_{len(self._files)}.mcap"))
         self._schemas: dict[str, int] = {}
         self._stream = _Stream(self.folder / self._files[-1].name)

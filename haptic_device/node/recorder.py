@@ -46,6 +46,7 @@ KNOWN = {  # joined before their publishers exist, so that no first message is m
 _QOS = {"trace": TRACE, "snapshot": STATE, "mark": TRACE, "/parameter_events": TRACE}  # the others: best effort
 _DISCOVERY_PERIOD = 0.5  # s
 _DIAGNOSTICS_PERIOD = 0.5  # s
+_SPIN_PERIOD = 0.1  # s
 _SECOND = 1_000_000_000
 _MEGA = 1_000_000
 _MOST = 500  # messages of one topic at a look: one that has fallen behind must not keep the others waiting
@@ -229,10 +230,10 @@ class Recorder(Node):
         for topic, type_names in self.get_topic_names_and_types():
             if not topic.startswith(prefix) and topic not in self.tracks:
                 continue
-            publishers = self.get_publishers_info_by_topic(topic)
             if topic in self.tracks:
-                self.tracks[topic].publishers = max(self.tracks[topic].publishers, len(publishers))
-            elif publishers and topic not in self._unknown:
+                track = self.tracks[topic]
+                track.publishers = max(track.publishers, self.count_publishers(topic))
+            elif topic not in self._unknown and (publishers := self.get_publishers_info_by_topic(topic)):
                 self._join_discovered(topic, type_names[0], publishers)
 
     def _join_discovered(self, topic: str, type_name: str, publishers: list) -> None:
@@ -271,11 +272,15 @@ def _record_until_told(node: Recorder, told: list) -> None:
         node.trigger_configure()
         if node.trigger_activate() != TransitionCallbackReturn.SUCCESS:
             raise ValueError("haptic_recorder could not start recording; the reason stands above")
+    next_spin = 0.0
     while not told:
         node.look()
         if node.stopped and node.parameters["autostart"]:
             raise ValueError(node.stopped)
-        executor.spin_once(timeout_sec=node.parameters["look_period"])
+        time.sleep(node.parameters["look_period"])
+        if time.monotonic() > next_spin:  # services and timers; each look at them costs as much as fifty messages
+            next_spin = time.monotonic() + _SPIN_PERIOD
+            executor.spin_once(timeout_sec=0.0)
 
 
 def main(args: list[str] | None = None) -> int:
