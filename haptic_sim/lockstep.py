@@ -36,11 +36,14 @@ class Lockstep:
     """The system of one operating point; `run` goes on where it stopped.
 
     driver, loopback: values of those nodes' parameters, all of them; device: as the driver has it; write_delay: time
-    [s] from each deadline to the motor's write. Without a simulation the handle is in free space.
+    [s] from each deadline to the motor's write. Without a simulation the handle is in free space. hand: plays a
+    recorded motion in place of the operator's script (played.py).
     """
 
-    def __init__(self, device, driver, loopback, simulation: Simulation | None, network=PERFECT, write_delay=0.0):
-        self.device, self.simulation, self.network = device, simulation, network
+    def __init__(
+        self, device, driver, loopback, simulation: Simulation | None, network=PERFECT, write_delay=0.0, hand=None
+    ):
+        self.device, self.simulation, self.network, self._hand = device, simulation, network, hand
         self.settings = operating.settings_from(device, driver)
         self.gains = operating.gains_from(driver)[0]
         self.memory, self.tool = np.zeros(1, servo.MEMORY), np.zeros(1, loop.TOOL)
@@ -66,11 +69,18 @@ class Lockstep:
     def _tick(self, rows):
         self._arrive()
         start = (self.ticks + 1) * self.period
+        if self._hand is None:
+            self.script_ticks(rows, start)
+        else:
+            self._hand.run(self, rows, start)
+        self.ticks += len(rows)
+
+    def script_ticks(self, rows, start):
+        """Ticks from this time [ns] on, against the plant with the hand's script on it."""
         loop.run_lockstep(
             self.settings, self.memory, rows, self.tool, self.plant, self.plant_memory, self.motion, start, self.ticks,
             self.write_delay, self.command,
         )  # fmt: skip
-        self.ticks += len(rows)
 
     def _ticks_to_event(self):
         """Ticks until a handle sample is due, or until the next tick finds a sample that has arrived; at least one."""

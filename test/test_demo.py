@@ -14,6 +14,7 @@ import psutil
 import pytest
 
 from haptic_device.analysis.recording import load
+from haptic_sim.recompute import verdict_on
 
 ROOT = Path(__file__).resolve().parent.parent
 HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
@@ -60,6 +61,11 @@ def test_the_peg_goes_into_the_hole_and_every_figure_is_reported(tmp_path):
     assert found["contact"]["max_penetration_m"] <= 1e-4
     recording = load(Path(found["bag"]))
     assert recording.notes == () and recording.trace_rows_missing == 0
+    again = verdict_on(recording.trace, recording.clouds["snapshot"])
+    assert again.same == len(recording.trace) and again.different == 0
+    later = verdict_on(recording.trace[100:], recording.clouds["snapshot"])
+    assert later.same > 0 and later.different == 0  # from memory that was copied while the servo ran
+    assert {"trial.yaml", "made.yaml", "device/desktop.yaml", "scene/peg_in_hole.yaml"} <= set(recording.attachments)
     assert Path(found["report"]).read_bytes().startswith(b"\x89PNG")
 
 

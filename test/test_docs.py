@@ -72,6 +72,7 @@ def test_priorities_on_the_platform_page_are_those_of_the_threads():
         "servo": servo_thread.PRIORITY,
         "middleware": driver.MIDDLEWARE_PRIORITY,
         "exchange": exchange_thread.PRIORITY,
+        "recorder": recorder.PRIORITY,
     }
     assert driver.MIDDLEWARE_PRIORITY == simulation.MIDDLEWARE_PRIORITY
     assert {row.default for row in simulation.PARAMETERS if row.name == "realtime_priority"} == {listed["exchange"]}

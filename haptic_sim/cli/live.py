@@ -5,9 +5,8 @@ import rclpy
 from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 
-from haptic_device.analysis.bagfile import Raw
-from haptic_device.analysis.recording import Status, diagnostics_of
-from haptic_device.node.tap import Sample, Tap
+from haptic_device.analysis.recording import Status, statuses_of
+from haptic_device.node.tap import Tap
 from haptic_device.node.wire import AXES, LATEST, STREAM, JointLayout, JointSample, truth_names
 from haptic_sim.cli.processes import NAMESPACE
 
@@ -32,7 +31,7 @@ class Live:
         if (sample := self._truth.latest()) is not None:
             self._read_truth(sample.message)
         for sample in self._said.take():
-            self.statuses |= {name: found[-1] for name, found in _statuses(sample).items()}
+            self.statuses |= statuses_of(sample.message, sample.received)
 
     def close(self) -> None:
         """Leaves the network."""
@@ -66,7 +65,3 @@ class Live:
 
 def _by_name(layout: JointLayout, sample: JointSample) -> dict[str, tuple[float, float, float]]:
     return dict(zip(layout.names, zip(sample.position, sample.velocity, sample.effort, strict=True), strict=True))
-
-
-def _statuses(sample: Sample) -> dict[str, tuple[Status, ...]]:
-    return diagnostics_of(Raw(_DIAGNOSTICS, [sample.message], [sample.received], [sample.published], [sample.sequence]))

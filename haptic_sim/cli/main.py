@@ -9,11 +9,16 @@ import typer
 COMMANDS = {
     "bench": "haptic_sim.cli.bench:group",
     "check": "haptic_sim.cli.check:check",
+    "compare": "haptic_sim.cli.compare:compare",
     "demo": "haptic_sim.cli.demo:demo",
     "docs": "haptic_sim.cli.params_doc:docs",
     "identify": "haptic_sim.cli.identify:identify",
+    "mark": "haptic_sim.cli.mark:mark",
     "passivity": "haptic_sim.cli.passivity:passivity",
     "record": "haptic_sim.cli.record:record",
+    "recover": "haptic_sim.cli.recover:recover",
+    "replay": "haptic_sim.cli.replay:replay",
+    "report": "haptic_sim.cli.report:report",
     "zwidth": "haptic_sim.cli.zwidth:zwidth",
 }
 GROUPS = ("bench",)  # of subcommands
