@@ -12,6 +12,7 @@ COMMANDS = {
     "docs": "haptic_sim.cli.params_doc:docs",
     "passivity": "haptic_sim.cli.passivity:passivity",
     "record": "haptic_sim.cli.record:record",
+    "scenes": "haptic_sim.cli.scenes:scenes",
 }
 ROS_MISSING = "ROS 2 Jazzy is missing: pip install '.[ros]' in the clone, or source an installed ROS 2 first"
 
