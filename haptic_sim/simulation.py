@@ -8,9 +8,10 @@ the newest sample.
 
 from typing import NamedTuple
 
+from haptic_sim.compile import compile_scene
 from haptic_sim.energy import Ledger
 from haptic_sim.method import Coupling
-from haptic_sim.method.impulse import Impulse
+from haptic_sim.method.registry import make
 from haptic_sim.scene import Scene
 
 Planar = tuple[float, float, float]
@@ -56,17 +57,21 @@ class Counters(NamedTuple):
 class Simulation:
     """A scene with a tool port. Same samples in, same bits out.
 
-    `sub_step` and `max_catch_up` in seconds. A handle sample that comes more than `max_catch_up` after the one before,
-    or before it, starts a new time base: the world waits where it is, and nothing is made up for the time in between.
+    `sub_step` [s] and `method` are as compiled from the scene unless given. A handle sample that comes more than
+    `max_catch_up` [s] after the one before, or before it, starts a new time base: the world waits where it is, and
+    nothing is made up for the time in between.
     """
 
-    def __init__(self, scene: Scene, sub_step: float = 0.25e-3, max_catch_up: float = 0.02):
-        self.scene = scene
+    def __init__(self, scene: Scene, sub_step: float | None = None, max_catch_up: float = 0.02,
+                 method: str | None = None):
+        compiled = compile_scene(scene)
+        sub_step = compiled.sub_step if sub_step is None else sub_step
+        self.scene, self.method_name = scene, method or compiled.method
         self.sub_step_ns = round(sub_step * SECOND)
         self.max_catch_up_ns = round(max_catch_up * SECOND)
         if not 0 < self.sub_step_ns <= self.max_catch_up_ns:
             raise ValueError(f"sub_step is {sub_step} s; it must be above 0 and at most max_catch_up, {max_catch_up} s")
-        self.method = Impulse(scene, self.sub_step_ns / SECOND)
+        self.method = make(self.method_name, scene, self.sub_step_ns / SECOND)
         self.reset()
 
     def reset(self) -> None:

@@ -40,6 +40,7 @@ class ClosedForm:
         self._settings = (mass, mass, inertia), self._turned((*scene.gravity, 0.0)), low, high, sub_step
         self.couple(Coupling())
         self.reset()
+        self.run(self.position, _STILL, 0)  # compiled here, not in the first exchange
 
     def reset(self) -> None:
         """Everything back to the scene's start, with the same gains."""
