@@ -6,12 +6,14 @@ sub-steps, and carries the remainder in integer nanoseconds. Within it the handl
 the newest sample.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 from haptic_sim.compile import compile_scene
 from haptic_sim.energy import Ledger
 from haptic_sim.method import Coupling
 from haptic_sim.method.registry import make
+from haptic_sim.method.stepwise import step_by_step
 from haptic_sim.scene import Scene
 
 Planar = tuple[float, float, float]
@@ -72,6 +74,7 @@ class Simulation:
         if not 0 < self.sub_step_ns <= self.max_catch_up_ns:
             raise ValueError(f"sub_step is {sub_step} s; it must be above 0 and at most max_catch_up, {max_catch_up} s")
         self.method = make(self.method_name, scene, self.sub_step_ns / SECOND)
+        self._travel = getattr(self.method, "travel", None) or partial(step_by_step, self.method)
         self.reset()
 
     def reset(self) -> None:
@@ -113,33 +116,17 @@ class Simulation:
         return count
 
     def _advance(self, handle, count):
-        method, supply = self.method, self.ledger.supply
-        touched = method.touching if count == 0 else False
-        for k in range(1, count + 1):
-            before = method.position
-            method.step(_between(self._last.position, handle.position, k / count),
-                        _between(self._last.velocity, handle.velocity, k / count))
-            supply(method.force_on_tool, before, method.position)
-            if method.touching:
-                touched = True
-                self._watch_contacts()
-        return touched
-
-    def _watch_contacts(self):
-        contacts = self.method.contacts()
-        force = max((x * x + y * y for *_, (x, y), _ in contacts), default=0.0) ** 0.5
-        depth = max((contact.depth for contact in contacts), default=0.0)
+        if count == 0:
+            return self.method.touching
+        start = self._last.position, self._last.velocity
+        travelled = self._travel(*start, handle.position, handle.velocity, count)
+        self.ledger.supplied += travelled.supplied
         counters = self.counters
-        if force > counters.max_contact_force or depth > counters.max_penetration:
-            self.counters = counters._replace(max_contact_force=max(force, counters.max_contact_force),
-                                              max_penetration=max(depth, counters.max_penetration))
+        if travelled.force > counters.max_contact_force or travelled.depth > counters.max_penetration:
+            self.counters = counters._replace(max_contact_force=max(travelled.force, counters.max_contact_force),
+                                              max_penetration=max(travelled.depth, counters.max_penetration))
+        return travelled.touched
 
     def _sample(self, touched):
         method = self.method
         return ToolSample(method.position, method.velocity, method.force_on_tool, touched, self.ledger.supplied)
-
-
-def _between(start, end, share):
-    """Point at `share` of the way; exactly `end` at 1."""
-    rest = 1.0 - share
-    return (rest * start[0] + share * end[0], rest * start[1] + share * end[1], rest * start[2] + share * end[2])

@@ -30,8 +30,25 @@ class Contact(NamedTuple):
     depth: float
 
 
+class Travel(NamedTuple):
+    """What happened over several sub-steps.
+
+    Energy supplied to the tool by the coupling [J], whether a contact pushed the tool, the largest mean force of one
+    pair of shapes over a sub-step [N], the deepest overlap [m].
+    """
+
+    supplied: float
+    touched: bool
+    force: float
+    depth: float
+
+
 class Method(Protocol):
-    """A world with a tool in it that is advanced sub-step by sub-step, the coupling solved within."""
+    """A world with a tool in it that is advanced sub-step by sub-step, the coupling solved within.
+
+    One that is compiled as a whole also offers `travel(start, start_velocity, end, end_velocity, count) -> Travel`:
+    `count` sub-steps in one call, the handle going on a straight line from start (exclusive) to end.
+    """
 
     position: Planar
     """Tool's grip at the end of the sub-step [m, m, rad]."""

@@ -16,7 +16,7 @@ import math
 
 from haptic_device.kernel import kernel
 from haptic_sim.compile import compile_scene
-from haptic_sim.method import Contact, Coupling, Planar
+from haptic_sim.method import Contact, Coupling, Planar, Travel
 from haptic_sim.scene import Scene
 from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
@@ -40,7 +40,7 @@ class ClosedForm:
         self._settings = (mass, mass, inertia), self._turned((*scene.gravity, 0.0)), low, high, sub_step
         self.couple(Coupling())
         self.reset()
-        self.run(self.position, _STILL, 0)  # compiled here, not in the first exchange
+        self.travel(self.position, _STILL, self.position, _STILL, 0)  # compiled here, not in the first exchange
 
     def reset(self) -> None:
         """Everything back to the scene's start, with the same gains."""
@@ -61,16 +61,17 @@ class ClosedForm:
 
     def step(self, handle_position: Planar, handle_velocity: Planar) -> None:
         """Advance one sub-step; the arguments are the handle's at its end."""
-        self.run(handle_position, handle_velocity, 1)
+        self.travel(handle_position, handle_velocity, handle_position, handle_velocity, 1)
 
-    def run(self, handle_position: Planar, handle_velocity: Planar, count: int) -> None:
-        """Advance `count` sub-steps with a handle that stays as it is."""
-        ends = self._turned(handle_position), self._turned(handle_velocity)
+    def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
+        """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
+        ways = [self._turned(vector) for vector in (start, start_velocity, end, end_velocity)]
         place, rate, force, push = self._state
-        place, rate, force, push = _advance(place, rate, *ends, *self._gains, *self._settings, count)
+        place, rate, force, push, supplied, most = _advance(place, rate, *ways, *self._gains, *self._settings, count)
         self._state = place, rate, force, push
         self.position, self.velocity, self.force_on_tool = self._plane(place), self._plane(rate), self._plane(force)
         self.touching = push[0] != 0.0 or push[1] != 0.0
+        return Travel(supplied, most > 0.0, most, 0.0)
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last sub-step, sorted by bodies and place."""
@@ -108,15 +109,21 @@ class ClosedForm:
 
 
 @kernel
-def _advance(place, rate, handle, handle_rate, stiffness, damping, mass, gravity, low, high, h, count):
-    """Places, rates, forces of the coupling, mean forces of the walls on it: of all axes, `count` sub-steps on."""
-    x = place[0], rate[0], 0.0, 0.0
-    y = place[1], rate[1], 0.0, 0.0
-    t = place[2], rate[2], 0.0, 0.0
-    given = handle, handle_rate, stiffness, damping, mass, gravity, low, high, h
-    for _ in range(count):
+def _advance(place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low, high, h, count):
+    """Places, rates, forces of the coupling, mean forces of the walls; energy supplied; the walls' largest force."""
+    x, y, t = (place[0], rate[0], 0.0, 0.0), (place[1], rate[1], 0.0, 0.0), (place[2], rate[2], 0.0, 0.0)
+    supplied = most = 0.0
+    for k in range(1, count + 1):
+        s = k / count
+        r = 1.0 - s
+        handle = r * p0[0] + s * p1[0], r * p0[1] + s * p1[1], r * p0[2] + s * p1[2]
+        velocity = r * v0[0] + s * v1[0], r * v0[1] + s * v1[1], r * v0[2] + s * v1[2]
+        given = handle, velocity, stiffness, damping, mass, gravity, low, high, h
+        past_x, past_y, past_t = x[0], y[0], t[0]
         x, y, t = _axis(0, x, *given), _axis(1, y, *given), _axis(2, t, *given)
-    return (x[0], y[0], t[0]), (x[1], y[1], t[1]), (x[2], y[2], t[2]), (x[3], y[3], t[3])
+        supplied += x[2] * (x[0] - past_x) + y[2] * (y[0] - past_y) + t[2] * (t[0] - past_t)
+        most = max(most, max(abs(x[3]), abs(y[3])))
+    return (x[0], y[0], t[0]), (x[1], y[1], t[1]), (x[2], y[2], t[2]), (x[3], y[3], t[3]), supplied, most
 
 
 @kernel
