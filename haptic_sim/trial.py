@@ -107,8 +107,8 @@ def _watch(world):
     scene, method = world.scene, world.method
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     pairs = compile_scene(scene).needs.touching
-    sizes = {name: max(math.hypot(*vertex) + outline.radius for outline in solid.outlines for vertex in outline.vertices)
-             for name, solid in solids.items()}
+    sizes = {name: max(math.hypot(*vertex) + outline.radius for outline in solid.outlines
+                       for vertex in outline.vertices) for name, solid in solids.items()}
 
     def look():
         poses = {name: method.pose(name) for name in solids}

@@ -29,7 +29,9 @@ def choose_method(scene, needs) -> tuple[str, str]:
         return "closed_form", f"contact acts on {_count(len(needs.axes), 'axis', 'axes')}, each solvable by itself"
     if scene.joints:
         return "partitioned", "joints: coordinates that keep them exactly"
-    return "impulse", "free bodies in contact"
+    if len(needs.moving) > 1:
+        return "partitioned", "bodies push on each other: one direct solve for any mass ratio, impacts in their instant"
+    return "impulse", "one free body among fixed ones"
 
 
 def choose_sub_step(scene, model: Model, method: str) -> tuple[float, str]:
