@@ -25,7 +25,10 @@ _STILL = (0.0, 0.0, 0.0)
 
 
 class Outcome(NamedTuple):
-    """What came of it: deepest overlap [m], energy created [J], largest energy about [J], whether all stayed finite."""
+    """What came of it: deepest overlap [m], energy created [J], whether all stayed finite.
+
+    `scale` [J] is the largest energy about: kinetic, potential or in the coupling's spring.
+    """
 
     finite: bool
     overlap: float
@@ -96,10 +99,16 @@ def attempt(scene: Scene, seconds: float, method: str | None = None, sub_step: f
         if not all(map(math.isfinite, (*answer.position, *answer.velocity, *answer.force_on_tool, *balance))):
             return Outcome(False, math.inf, math.inf, scale, world)
         created = max(created, lost - balance.dissipated)
-        lost, scale = max(lost, balance.dissipated), max(scale, balance.kinetic, abs(balance.potential))
+        lost = max(lost, balance.dissipated)
+        scale = max(scale, balance.kinetic, abs(balance.potential), _stretch_energy(answer.position, here, gains))
         if k % look_every == 0:
             overlap = max(overlap, watch())
     return Outcome(True, overlap, created, scale, world)
+
+
+def _stretch_energy(tool, handle, gains):
+    x, y, theta = (a - b for a, b in zip(tool, handle, strict=True))
+    return 0.5 * (gains[0] * (x * x + y * y) + gains[2] * theta * theta)
 
 
 def _watch(world):
