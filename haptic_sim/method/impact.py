@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One impact: all contacts that touch at an instant, solved together."""
+
+import math
+
+from haptic_device.kernel import kernel
+from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows
+from haptic_sim.method.lcp import NORMAL, solve_modes
+from haptic_sim.method.lemke import lemke
+from haptic_sim.method.linkage import reduce_linkage
+from haptic_sim.method.rows import add_contact, add_joints, keep_rows, moves, rate_of, refresh
+from haptic_sim.method.touch import far_apart, gap_of, place_shapes, touch
+
+TOUCHING = 1e-10
+"""Gap [m] below which two shapes touch."""
+RESTING = 1e-9
+"""Speed [m/s | rad/s] below which a contact neither parts nor slips nor rebounds."""
+
+
+@kernel
+def impact(model, layout, work):
+    """Velocities after the impact at work.q; restitution is given up where, with friction, it would add energy."""
+    before = kinetic(model, layout, work, work.v)
+    n = touching_rows(model, layout, work)
+    if n == 0:
+        return
+    copy(work.v, work.trial_v, model.bodies)
+    strike(model, layout, work, n, 1.0)
+    if kinetic(model, layout, work, work.v) > before * (1.0 + 1e-12):
+        copy(work.trial_v, work.v, model.bodies)
+        strike(model, layout, work, n, 0.0)
+    note_impulses(work, n, 1.0)
+
+
+@kernel
+def touching_rows(model, layout, work):
+    """Rows of all contacts that touch, and of joints at a limit; returns how many."""
+    n = 0
+    place_shapes(model, layout, work.q, work.points, work.normals, work.middles)
+    for p in range(model.pair_count):
+        s, u = model.pairs[p, 0], model.pairs[p, 1]
+        if not moves(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
+            continue
+        if far_apart(layout, work.middles, s, u) > TOUCHING or gap_of(
+                model, work.points, work.normals, s, u) > TOUCHING:
+            continue
+        for k in range(touch(model, work.points, work.normals, s, u, work.features)):
+            n = add_contact(model, layout, work, n, p, work.features[k])
+    n = add_joints(model, layout, work, n, work.q, work.v, TOUCHING, 0.0)
+    refresh(model, layout, work, work.q, work.v, n)
+    n = keep_rows(work, work.v, n, TOUCHING, math.inf)
+    for i in range(layout.linkages):
+        if work.active[i] > 0:
+            reduce_linkage(model, layout, work, i, work.q, work.v, 0.0, work.port[6:10])
+    respond_rows(model, layout, work, n)
+    return n
+
+
+@kernel
+def strike(model, layout, work, n, scale):
+    """v⁺ with the pairs' restitution times `scale`."""
+    for r in range(n):
+        work.b[r] = rate_of(work, work.v, r)
+        if work.kind[r] == NORMAL and work.source[r] == 0 and work.b[r] < -RESTING:
+            work.b[r] *= 1.0 + scale * model.pair_restitution[work.index[r]]
+    if solve_modes(work.A, work.b, n, work.kind, work.partner, work.mu, work.bound, work.mode, work.lam, work, 60) < 0:
+        lemke(work.A, work.b, n, work.kind, work.partner, work.mu, work.bound, work.lam)
+    apply_rows(model, work, n, 1.0, work.v)
+
+
+@kernel
+def kinetic(model, layout, work, v):
+    """Kinetic energy of the bodies that are being advanced [J]."""
+    energy = 0.0
+    for b in range(model.bodies - 1):
+        if work.active[layout.linkage[b]] > 0:
+            energy += 0.5 * (model.mass[b] * (v[b, 0] ** 2 + v[b, 1] ** 2) + model.inertia[b] * v[b, 2] ** 2)
+    return energy

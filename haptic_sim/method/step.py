@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One sub-step of the partitioned method: who is held by the coupling, who flies, and what the port supplied."""
+
+import math
+
+from haptic_device.kernel import kernel
+from haptic_sim.method.flight import fly
+from haptic_sim.method.press import press
+from haptic_sim.method.touch import far_apart, gap_of, place_shapes
+
+FALL = 100.0
+"""Acceleration [m/s²] beyond the present speeds that is allowed for when looking who can come near the tool."""
+
+
+@kernel
+def sub_steps(models, layouts, works, h, count, start):
+    """`count` sub-steps, the handle going evenly from `start` (position, velocity) to where work.port has it.
+
+    The records come as arrays of one: numba tells the type of an array faster than that of a lone record, by 50 µs.
+    """
+    model, layout, work = models[0], layouts[0], works[0]
+    end = work.port[:6].copy()
+    for k in range(1, count + 1):
+        part = k / count
+        for m in range(6):
+            work.port[m] = end[m] if k == count else start[m] + part * (end[m] - start[m])
+        sub_step(model, layout, work, h)
+        watch_contacts(layout, work, h)
+
+
+@kernel
+def watch_contacts(layout, work, h):
+    """Books in work.port[14:] whether a contact pushed the tool, the largest force [N], the deepest overlap [m]."""
+    port = work.port
+    for k in range(work.counts[3]):
+        note, pair = work.note[k], work.note_pair[k]
+        if layout.pair_bodies[pair, 0] == 0 or layout.pair_bodies[pair, 1] == 0:
+            port[14] = 1.0
+        port[15] = max(port[15], math.hypot(note[4], note[5]) / h)
+        port[16] = max(port[16], note[6])
+
+
+@kernel
+def sub_step(model, layout, work, h):
+    """Advances all bodies by h [s] and books the energy supplied at the tool's port."""
+    x, y, angle = work.q[0, 0], work.q[0, 1], work.q[0, 2]
+    work.counts[3] = 0
+    for k in range(10, 13):
+        work.port[k] = 0.0
+    held = hold_to_tool(model, layout, work, h) if work.port[17] == 0.0 else hold_all(layout, work)
+    if held < layout.linkages:
+        for i in range(layout.linkages):
+            work.active[i] = 1 - work.active[i]
+        left = fly(model, layout, work, h)
+        if left > 0.0:
+            work.counts[0] += 1
+            press(model, layout, work, left)
+        for i in range(layout.linkages):
+            work.active[i] = 1 - work.active[i]
+    if held > 0:
+        press(model, layout, work, h)
+    q, port = work.q, work.port
+    port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
+
+
+@kernel
+def hold_all(layout, work):
+    """Marks every linkage as active; returns how many."""
+    for i in range(layout.linkages):
+        work.active[i] = 1
+    return layout.linkages
+
+
+@kernel
+def hold_to_tool(model, layout, work, h):
+    """Marks as active the linkages that the coupling can act on within h, by joints or contacts; returns how many."""
+    for i in range(layout.linkages):
+        work.active[i] = 0
+    port, q = work.port, work.q
+    if max(max(port[6], port[7]), max(port[8], port[9])) <= 0.0:
+        return 0
+    work.active[layout.linkage[0]] = 1
+    if model.pair_count == 0:
+        return 1
+    place_shapes(model, layout, q, work.points, work.normals, work.middles)
+    pull = math.hypot(port[0] - q[0, 0], port[1] - q[0, 1]) + h * math.hypot(port[3], port[4])
+    pull += layout.extent[0] * (abs(port[2] - q[0, 2]) + h * abs(port[5])) if port[8] + port[9] > 0.0 else 0.0
+    held, before = 1, 0
+    while held > before:
+        before = held
+        for p in range(model.pair_count):
+            held += spread(model, layout, work, p, h, pull)
+    return held
+
+
+@kernel
+def spread(model, layout, work, p, h, pull):
+    """Activates the other linkage of a pair if the two can meet within h and one is active; returns 1 if it did."""
+    a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
+    la, lb = layout.linkage[a], layout.linkage[b]
+    if la < 0 or lb < 0 or work.active[la] == work.active[lb]:
+        return 0
+    v, s, u = work.v, model.pairs[p, 0], model.pairs[p, 1]
+    way = h * math.hypot(v[b, 0] - v[a, 0], v[b, 1] - v[a, 1]) + FALL * h * h + pull
+    way += h * (abs(v[a, 2]) * layout.extent[a] + abs(v[b, 2]) * layout.extent[b])
+    if far_apart(layout, work.middles, s, u) > way or gap_of(model, work.points, work.normals, s, u) > way:
+        return 0
+    work.active[la] = work.active[lb] = 1
+    return 1
