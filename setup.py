@@ -50,7 +50,7 @@ setup(
     install_requires=[
         "llvmlite>=0.43",
         "matplotlib>=3.8",
-        "mcap>=1.1",
+        "mcap>=1.6",
         "numba>=0.60",
         "numpy>=1.26",
         "psutil>=5.9",

@@ -81,7 +81,7 @@ class Device(Part):
     actuation_delay: Annotated[NotNegative, Field(le=0.04)] = 0.0
     scale: tuple[Positive, Positive] = (1.0, 1.0)
     homing: Literal["absolute", "at_start"] = "absolute"
-    home: tuple[Number, ...] = (0.0, 0.0, 0.0)
+    home: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
     drag_sensor: DragSensor = DragSensor()
 
     @model_validator(mode="after")
@@ -116,7 +116,8 @@ def _sentence(error):
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
     if first["type"] == "extra_forbidden":
         known = {**Axis.model_fields, **Device.model_fields, **DragSensor.model_fields}
-        return unknown(where, "a key of a device description", known)
+        last = str(first["loc"][-1])
+        return where.removesuffix(last) + unknown(last, "a key of a device description", known)
     reason = first["msg"].removeprefix("Value error, ")
     given = "" if isinstance(first["input"], dict) else f"{where} is {first['input']!r}: "
     return f"{given or where + ': '}{reason[0].lower()}{reason[1:]}"

@@ -10,6 +10,7 @@ import hashlib
 import os
 import shutil
 import sys
+import tempfile
 from pathlib import Path
 
 import llvmlite.binding
@@ -34,11 +35,21 @@ def cache_folder():
     """This code's own folder under the user's cache, newest last used; made here, older ones pruned."""
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "haptic_display"
     folder = base / sources_digest()
-    folder.mkdir(parents=True, exist_ok=True)
-    folder.touch()
-    for old in sorted(base.iterdir(), key=lambda entry: entry.stat().st_mtime)[:-KEPT]:
-        shutil.rmtree(old, ignore_errors=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        folder.touch()
+        for old in sorted(base.iterdir(), key=_last_used)[:-KEPT]:
+            shutil.rmtree(old, ignore_errors=True)
+    except OSError:  # no cache to be had: compiled anew each time
+        return Path(tempfile.mkdtemp(prefix="haptic_display_"))
     return folder
+
+
+def _last_used(entry):
+    try:
+        return entry.stat().st_mtime
+    except FileNotFoundError:  # another process prunes too
+        return 0.0
 
 
 numba.config.CACHE_DIR = str(cache_folder())

@@ -5,8 +5,20 @@ import math
 
 import numpy as np
 
-from haptic_device.device import settings_of
-from haptic_device.law import cancellation, coupling, encoder, engage, exchange, fault, servo, wall
+from haptic_device.device import plant_of, settings_of
+from haptic_device.law import (
+    cancellation,
+    coupling,
+    encoder,
+    engage,
+    exchange,
+    fault,
+    operator,
+    passivity,
+    plant,
+    servo,
+    wall,
+)
 from haptic_device.runtime.exchange import GAINS
 
 PARAMETERS = (
@@ -17,20 +29,50 @@ PARAMETERS = (
     *encoder.PARAMETERS,
     *engage.PARAMETERS,
     *exchange.PARAMETERS,
+    *passivity.PARAMETERS,
     *fault.PARAMETERS,
 )
 DIRECT = {  # parameter → field of SETTINGS with the same number
     "cancellation.ratio": "cancellation_ratio",
     "cancellation.band": "cancellation_band",
     "cancellation.stretch": "cancellation_stretch",
+    "cancellation.twist": "cancellation_twist",
+    "cancellation.filter": "cancellation_filter",
     "velocity.lag": "velocity_lag",
+    "velocity.window": "velocity_window",
+    "passivity.control": "passivity_control",
+    "passivity.budget": "passivity_budget",
     "exchange.hold": "exchange_hold",
     "exchange.fade": "exchange_fade",
     "engage.time": "engage_time",
     "engage.force": "engage_force",
+    "engage.torque": "engage_torque",
     "fault.silence": "silence",
     "fault.saturation": "saturation",
 }
+
+
+def hand_from(device, values):
+    """Loopback's records of these parameter values: PLANT with its hand, PLANT_MEMORY at the start, MOTION.
+
+    motion.* is in the world; the records are in the device's own units. Raises ValueError where the start lies outside
+    the workspace.
+    """
+    body, memory, motion = plant_of(device), np.zeros(1, plant.PLANT_MEMORY), operator.script(values)
+    operator.grip_by(body, values)
+    scale = np.array([device.scale[0], device.scale[0], device.scale[1]])
+    motion["points"] /= scale
+    motion["radius"] /= device.scale[0]
+    there = np.arange(3) < len(device.axes)
+    start = np.where(there, values["motion.start"], 0.0) / scale
+    for axis, position in zip(device.axes, start, strict=False):
+        low, high = axis.workspace
+        unit = "rad" if axis.name == "theta" else "m"
+        if not low <= position <= high:
+            given = f"motion.start {axis.name} is at {position:g} {unit} of the device"
+            raise ValueError(f"{given}; its workspace is {low:g} to {high:g} {unit}")
+    memory["position"] = memory["target"] = start
+    return body, memory, motion
 
 
 def settings_from(device, values, version=0):
@@ -39,12 +81,96 @@ def settings_from(device, values, version=0):
     settings["version"], settings["period"] = version, 1.0 / values["servo.rate"]
     for name, field in DIRECT.items():
         settings[field] = values[name]
+    settings["velocity_estimator"] = encoder.ESTIMATORS.index(values["velocity.estimator"])
+    settings["cancellation_source"] = cancellation.SOURCES.index(values["cancellation.source"])
     for name, field in (("stiffness", "stiffness"), ("damping", "damping")):
         settings[field][0, :2] = values[f"coupling.{name}"]
         settings[field][0, 2] = values[f"coupling.rotational_{name}"]
     settings["force_limit"][0] = (values["force.limit"], values["force.limit"], values["force.limit_rotational"])
     _set_walls(settings, values)
+    settings["margin"][0], settings["cross"] = margins(settings[0], 0.0)[0], _cross(settings[0])
     return settings
+
+
+def margins(settings, lateness):
+    """Physical damping left over: by axis (3), in the worst direction of x and y [N s/m], about theta [N m s/rad].
+
+    diag(b) less, for every wall and the coupling, scale² times what each needs along its direction (law/passivity).
+    lateness: how late forces act beyond the nominal period [s], delays of the device included.
+    """
+    need = _needs(settings, lateness)
+    left = np.diag(settings["physical_damping"]) - need
+    axes = int(settings["axes"])
+    plane = float(np.linalg.eigvalsh(left[: min(2, axes), : min(2, axes)])[0])
+    return np.diag(left) * (np.arange(3) < axes), plane, float(left[2, 2]) if axes == 3 else math.inf
+
+
+def _needs(settings, lateness, coupled=True):
+    """Damping that all gains together need, as a matrix over x, y, theta."""
+    need, period, scale = np.zeros((3, 3)), float(settings["period"]), settings["scale"]
+    for i in range(int(settings["axes"]) if coupled else 0):
+        cancelled = settings["cancellation_ratio"] * settings["physical_damping"][i]
+        damping = max(abs(settings["damping"][i]), abs(settings["damping"][i] - cancelled))
+        need[i, i] = scale[i] ** 2 * passivity.least_damping(settings["stiffness"][i], damping, period, lateness)
+    for j in range(int(settings["walls"])):
+        normal = scale * (settings["wall_x"][j], settings["wall_y"][j], 0.0)
+        stiffness, damping = settings["wall_stiffness"][j], settings["wall_damping"][j]
+        need += np.outer(normal, normal) * passivity.least_damping(stiffness, damping, period, lateness)
+    return need
+
+
+def _cross(settings):
+    """λ with which the observer shares the cross term of oblique walls between x and y (law/servo)."""
+    left = settings["physical_damping"] - np.diag(_needs(settings, 0.0))
+    if int(settings["axes"]) < 2 or left[0] <= 0.0 or left[1] <= 0.0:
+        return 1.0
+    return float(np.sqrt(left[0] / left[1]))
+
+
+def refusal(settings, lateness=0.0):
+    """The sentence that refuses gains which the device's damping does not cover; "" if it covers them."""
+    if min(margins(settings, lateness)[1:]) > 0.0:
+        return ""
+    return next(filter(None, _blames(settings, lateness)), _together(settings, lateness))
+
+
+def _blames(settings, lateness):
+    """A sentence for each wall and each axis of the coupling that alone needs more than there is."""
+    for j in range(int(settings["walls"])):
+        normal = settings["scale"] * (settings["wall_x"][j], settings["wall_y"][j], 0.0)
+        there = 1.0 / np.sum(normal**2 / np.where(normal != 0.0, settings["physical_damping"], 1.0))
+        yield _blame(
+            "wall.stiffness", settings["wall_stiffness"][j], settings["wall_damping"][j], there, settings, lateness
+        )
+    for i in range(int(settings["axes"])):
+        there = settings["physical_damping"][i] / settings["scale"][i] ** 2
+        name = "coupling.rotational_stiffness" if i == 2 else "coupling.stiffness"
+        cancelled = settings["cancellation_ratio"] * settings["physical_damping"][i]
+        damping = max(abs(settings["damping"][i]), abs(settings["damping"][i] - cancelled))
+        yield _blame(name, settings["stiffness"][i], damping, there, settings, lateness)
+
+
+def _blame(name, stiffness, damping, there, settings, lateness):
+    period = float(settings["period"])
+    need = passivity.least_damping(stiffness, damping, period, lateness)
+    if need < there:
+        return ""
+    unit, damping_unit = ("N m/rad", "N m s/rad") if "rotational" in name else ("N/m", "N s/m")
+    per_stiffness = passivity.least_damping(1.0, 0.0, period, lateness)
+    most = max(0.0, there - passivity.least_damping(0.0, damping, period, lateness)) / per_stiffness
+    late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
+    return (
+        f"{name} {stiffness:.6g} {unit} with damping {damping:.4g} {damping_unit} needs b > {need:.4g} {damping_unit} "
+        f"at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: at most {math.floor(most):g} {unit}"
+    )
+
+
+def _together(settings, lateness):
+    worst = margins(settings, lateness)[1]
+    return (
+        f"walls and coupling together need {-worst:.3g} N s/m more physical damping than the device has in their worst "
+        "direction: lower wall.stiffness or coupling.stiffness"
+    )
 
 
 def _set_walls(settings, values):
@@ -61,6 +187,8 @@ def _set_walls(settings, values):
         length = math.hypot(nx, ny)
         if abs(length - 1.0) > 1e-3:
             raise ValueError(f"wall.normals of wall {i} is [{nx:g}, {ny:g}], of length {length:g}; write a unit vector")
+        if abs(ny) > 1e-3 and int(settings["axes"][0]) < 2:
+            raise ValueError(f"wall.normals of wall {i} is [{nx:g}, {ny:g}]; the device has no y axis, so ny must be 0")
         settings["wall_x"][0, i], settings["wall_y"][0, i] = nx / length, ny / length
         settings["wall_offset"][0, i] = offsets[i]
         settings["wall_stiffness"][0, i], settings["wall_damping"][0, i] = (

@@ -234,7 +234,7 @@ def test_a_force_with_the_wrong_sign_cannot_be_explained_by_age(run):
 
 
 def test_energy_figures_are_those_of_the_truth(run):
-    figures = summary.energy_figures(load(run))
+    figures = summary.energy_figures(load(run), swing(2000))
     assert figures["given_to_operator_max"] == -1e-3 and figures["given_to_operator_end"] == pytest.approx(-0.5)
     assert figures["tool_port_end"] == 0.125
 

@@ -5,6 +5,7 @@ Clocks: `deadline` in the trace is CLOCK_MONOTONIC [ns]; stamps, received and pu
 `Recording.monotonic` turns the latter into the former.
 """
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -138,6 +139,11 @@ def load(bag: Path | str, namespace: str | None = None) -> Recording:
     )
 
 
+@functools.cache
+def _types():
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
 def _only_namespace(raw: dict[str, Raw], bag: Path) -> str:
     found = {topic[: -len(name) - 1] for topic in raw for name in TOPICS if topic.endswith("/" + name)}
     if not found:
@@ -171,8 +177,7 @@ def _joints(raw: Raw) -> tuple[Joints, int]:
 
 
 def _cloud(raw: Raw) -> tuple[np.ndarray, int]:
-    types = get_typestore(Stores.ROS2_JAZZY)
-    blocks = [_block(types.deserialize_cdr(data, raw.type_name)) for data in raw.data]
+    blocks = [_block(_types().deserialize_cdr(data, raw.type_name)) for data in raw.data]
     same = [block for block in blocks if block.dtype == blocks[0].dtype]
     return np.concatenate(same), len(blocks) - len(same)
 
@@ -193,9 +198,8 @@ def _block(message) -> np.ndarray:
 def diagnostics_of(raw: Raw | None) -> dict[str, tuple[Status, ...]]:
     """Statuses by name, oldest first, out of serialized DiagnosticArrays."""
     statuses: dict[str, list[Status]] = {}
-    types = get_typestore(Stores.ROS2_JAZZY)
     for data, time in zip(raw.data, raw.received, strict=True) if raw else ():
-        for status in types.deserialize_cdr(data, raw.type_name).status:
+        for status in _types().deserialize_cdr(data, raw.type_name).status:
             values = {pair.key: pair.value for pair in status.values}
             statuses.setdefault(status.name, []).append(Status(time, int(status.level), status.message, values))
     return {name: tuple(found) for name, found in statuses.items()}

@@ -75,7 +75,8 @@ def _energy(axes, seconds: np.ndarray, rows: np.ndarray, recording: Recording) -
     if state is not None:
         since = state.entry("time") - rows["deadline"][0] * 1e-9
         given = state.entry("energy_given") * 1e3
-        axes.plot(since[since >= 0], given[since >= 0], color=BLUE, label="truth at the handle")
+        during = (since >= 0) & (since <= seconds[-1])
+        axes.plot(since[during], given[during], color=BLUE, label="truth at the handle")
     axes.axhline(0, color="0.6", linewidth=0.8)
     _finish(axes, "time since first motor command [s]", "energy given to\nthe operator [mJ]")
 

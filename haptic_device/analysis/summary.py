@@ -57,13 +57,14 @@ def exchange_figures(recording: Recording, rows: np.ndarray) -> dict:
     }
 
 
-def energy_figures(recording: Recording) -> dict:
+def energy_figures(recording: Recording, rows: np.ndarray) -> dict:
     """Energy given to the operator [J] by the loopback's truth, and supplied to the tool at its port by the end."""
-    given = recording.joint("operator/state").entry("energy_given")
+    state = recording.joint("operator/state")
+    given = state.entry("energy_given")[state.entry("time") * 1e9 <= rows["deadline"][-1]]
     supplied = recording.last_values("haptic_simulation").get("tool_port_energy")
     return {
-        "given_to_operator_max": float(np.max(given)),
-        "given_to_operator_end": float(given[-1]),
+        "given_to_operator_max": float(np.max(given)) if len(given) else None,
+        "given_to_operator_end": float(given[-1]) if len(given) else None,
         "tool_port_end": None if supplied is None else float(supplied),
     }
 

@@ -1,12 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """Damping cancellation: negative virtual damping in free space against the device's own (Colgate 1995, section 3)."""
 
+import math
+
 from haptic_device.kernel import kernel
 from haptic_device.parameter import Parameter
 
+SOURCES = ("model", "measured")
+MODEL, MEASURED = range(2)
+GUARD = 2.0  # measured drag beyond this many times the described damping is not believed
+
 PARAMETERS = (
     Parameter("cancellation.ratio", 0.0, "", "part of the physical damping cancelled in free space", 0.0, 0.98, True),
+    Parameter(
+        "cancellation.source",
+        "model",
+        "",
+        "drag as the device is described, or as measured",
+        live=True,
+        choices=SOURCES,
+    ),
+    Parameter("cancellation.filter", 0.002, "s", "time constant of the filter on measured drag", 0.0, 0.1, True),
     Parameter("cancellation.band", 0.005, "m", "distance before a wall over which it fades out", 1e-5, 1.0, True),
+    Parameter("cancellation.twist", 0.01, "rad", "coupling twist at which it is faded out", 1e-5, 1.0, True),
     Parameter("cancellation.stretch", 0.001, "m", "coupling stretch at which it is faded out", 1e-6, 1.0, True),
 )
 
@@ -27,3 +43,21 @@ def cancellation_fade(clearance, band, stretch, stretch_limit):
 def cancellation_force(ratio, damping, velocity):
     """Force on the handle along its motion [N | N m] that cancels this part of the physical damping b."""
     return ratio * damping * velocity
+
+
+@kernel
+def filtered_drag(previous, drag, elapsed, lag):
+    """Next value of the measured drag [N | N m] behind a first-order lag [s], backward Euler."""
+    return (lag * previous + elapsed * drag) / (lag + elapsed) if elapsed > 0.0 else previous
+
+
+@kernel
+def measured_cancellation_force(ratio, drag, damping, velocity):
+    """The same from the drag that a sensor feels at the damper, guarded against over-cancelling.
+
+    It pushes along the motion only, and by no more than GUARD times the described damping would drag: a bias at rest,
+    or noise against the motion, becomes no force.
+    """
+    along = drag * math.copysign(1.0, velocity)
+    most = GUARD * damping * abs(velocity)
+    return ratio * math.copysign(min(most, max(0.0, along)), velocity)

@@ -19,3 +19,9 @@ def coupling_force(stiffness, damping, stretch, rate):
     stretch = tool − handle [m | rad], rate = its derivative. K = 0, B = 0 is free space.
     """
     return stiffness * stretch + damping * rate
+
+
+@kernel
+def coupling_store(stiffness, stretch):
+    """Energy in the coupling's spring along one axis [J]."""
+    return 0.5 * stiffness * stretch * stretch

@@ -4,10 +4,21 @@
 from haptic_device.kernel import kernel
 from haptic_device.parameter import Parameter
 
+ESTIMATORS = ("backward_difference", "lowpass", "adaptive_window")
+BACKWARD_DIFFERENCE, LOWPASS, ADAPTIVE_WINDOW = range(3)
+KEPT = 33  # samples: windows of up to 32 ticks
+
 PARAMETERS = (
     Parameter(
-        "velocity.lag", 0.0, "s", "time constant of the velocity estimate; 0 is the plain difference", 0.0, 0.1, True
+        "velocity.estimator",
+        "backward_difference",
+        "",
+        "how velocity comes from position",
+        live=True,
+        choices=ESTIMATORS,
     ),
+    Parameter("velocity.lag", 0.001, "s", "time constant of the lowpass estimate", 0.0, 0.1, True),
+    Parameter("velocity.window", 16, "ticks", "longest adaptive window", 1, KEPT - 1, True),
 )
 
 
@@ -27,3 +38,34 @@ def velocity_of(previous, displacement, elapsed, lag):
     if elapsed <= 0.0:
         return previous
     return (lag * previous + displacement) / (lag + elapsed)
+
+
+@kernel
+def adaptive_velocity(times, positions, newest, count, longest, step):
+    """End-fit first-order adaptive window (Janabi-Sharifi, Hayward & Chen 2000) [m/s | rad/s].
+
+    times [s] and positions are rings of KEPT samples, `newest` the index of the last, `count` how many there are. The
+    longest window is taken on whose end-to-end line every sample lies within one encoder step: long at rest, where
+    the difference of two samples would be a step over T, short where the motion turns.
+    """
+    velocity = 0.0
+    for window in range(1, min(longest, count - 1) + 1):
+        oldest = (newest - window) % KEPT
+        span = times[newest] - times[oldest]
+        if span <= 0.0:
+            break
+        slope = (positions[newest] - positions[oldest]) / span
+        if not _on_line(times, positions, newest, window, slope, step):
+            break
+        velocity = slope
+    return velocity
+
+
+@kernel
+def _on_line(times, positions, newest, window, slope, step):
+    for back in range(1, window):
+        index = (newest - back) % KEPT
+        line = positions[newest] - slope * (times[newest] - times[index])
+        if abs(positions[index] - line) > step:
+            return False
+    return True

@@ -10,13 +10,14 @@ ENABLE, ESTOP, CLUTCH, RESET = 1, 2, 4, 8  # the command word: three flags, then
 
 PARAMETERS = (
     Parameter("engage.time", 0.5, "s", "time over which forces rise after enabling", 0.01, 10.0, True),
+    Parameter("engage.torque", 0.1, "N m", "and the wanted torque below this", 0.001, 10.0, True),
     Parameter("engage.force", 1.0, "N", "engaging begins only while the wanted force is below this", 0.01, 100.0, True),
 )
 
 
 @kernel
-def engage_state(state, enabled, faulted, wanted_force, force_limit, factor):
-    """Next state from the present one; factor is the present rise 0…1."""
+def engage_state(state, enabled, faulted, small, factor):
+    """Next state from the present one; small: the wanted force is small enough; factor is the present rise 0…1."""
     if faulted:
         return FAULT
     if not enabled:
@@ -24,7 +25,7 @@ def engage_state(state, enabled, faulted, wanted_force, force_limit, factor):
     if state in (IDLE, FAULT):
         return WAITING
     if state == WAITING:
-        return ENGAGING if wanted_force < force_limit else WAITING
+        return ENGAGING if small else WAITING
     return ENGAGED if factor >= 1.0 else ENGAGING
 
 

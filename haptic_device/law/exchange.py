@@ -84,15 +84,18 @@ def judge_tool(sample, axes, peer, own_session, own_sequence, method, gains, now
         for axis in range(axes):
             if abs(sample[block * count + axis]) > LIMIT:
                 return NOT_FINITE
+    if tail[SESSION] < 1.0 or tail[SEQUENCE] < 1.0:
+        return NOT_FINITE
     if tail[LAYOUT] != LAYOUT_VERSION:
         return OTHER_LAYOUT
     if tail[METHOD] != method:
         return OTHER_METHOD
-    if tail[ANSWERED_SESSION] != own_session or tail[ANSWERED] > own_sequence or tail[ANSWERED] < 1.0:
+    answered = tail[ANSWERED]
+    if tail[ANSWERED_SESSION] != own_session or not 1.0 <= answered <= own_sequence or answered != math.floor(answered):
         return NOT_MINE
     if tail[SESSION] != peer.session and peer.session != 0.0 and now_ns - peer.accepted_ns < silence_ns:
         return SECOND_SENDER
-    if tail[ANSWERED] <= peer.answered:
+    if answered <= peer.answered:
         return OLD
     if tail[GAINS] != gains:
         return OTHER_GAINS

@@ -74,6 +74,13 @@ def script(values):
     return motion
 
 
+def grip_by(plant, values):
+    """Puts the hand of these parameter values on a PLANT record."""
+    for field in ("mass", "damping", "stiffness"):
+        plant[f"hand_{field}"][0, :2] = values[f"hand.{field}"]
+        plant[f"hand_{field}"][0, 2] = values[f"hand.rotational_{field}"]
+
+
 @kernel
 def minimum_jerk(fraction):
     """Path fraction 0…1 after this fraction of the time: 10 s³ − 15 s⁴ + 6 s⁵, at rest at both ends."""

@@ -1,13 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Energy booked in the servo, and the least damping that a sampled wall needs."""
+"""Passivity in the servo: the least damping that gains need, what is left of it, and the observer and controller."""
+
+import math
 
 from haptic_device.kernel import kernel
+from haptic_device.parameter import Parameter
+
+POLICIES = ("enforce", "warn", "off")
+PARAMETERS = (
+    Parameter(
+        "passivity.policy",
+        "enforce",
+        "",
+        "gains beyond the device's damping are refused (enforce), said (warn) or taken (off)",
+        live=True,
+        choices=POLICIES,
+    ),
+    Parameter("passivity.control", True, "", "inject damping when the observer finds energy generated", live=True),
+    Parameter(
+        "passivity.budget", 0.001, "J", "energy generated, per axis, before damping is injected", 0.0, 10.0, True
+    ),
+)
 
 
 @kernel
-def least_damping(stiffness, damping, period):
-    """Physical damping b [N s/m] above which wall or coupling is passive: KT/2 + |B| (Colgate 1995, eq. 3)."""
-    return stiffness * period / 2.0 + abs(damping)
+def least_damping(stiffness, damping, period, delay):
+    """Physical damping b [N s/m] above which wall or coupling is passive: KT/2 + |B| (Colgate 1995, eq. 3).
+
+    A force that acts `delay` [s] late, N + s periods, needs more: with A = KT (½ + N + s) the spring needs
+    ½ [A + √(A² + s(1−s)(KT)²)] (docs/passivity.md), exact for a constant delay and for writes late by anything up to it
+    while that is below T/2; the damper, acting over holds of up to T + delay, is charged |B| √(1 + delay/T).
+    """
+    late = delay / period
+    fraction = late - math.floor(late)
+    straight = 0.5 + late
+    spring = stiffness * period * 0.5 * (straight + math.sqrt(straight * straight + fraction * (1.0 - fraction)))
+    return spring + abs(damping) * math.sqrt(1.0 + min(late, 1.0))
 
 
 @kernel
@@ -21,3 +49,34 @@ def energy_booked(held_force, displacement, physical_damping, elapsed):
     if elapsed <= 0.0:
         return 0.0
     return held_force * displacement - physical_damping * displacement * displacement / elapsed
+
+
+@kernel
+def energy_generated(held_force, displacement, stored, physical_damping, elapsed):
+    """Energy [J] that one hold generated: work on the handle and growth of the springs' store, less the damper's share.
+
+    A held spring force gives −K x dx while its store takes K x dx + K dx²/2: what is left over is K dx²/2, the leak of
+    the zero-order hold, and under eq. 3 the sum over all ticks, with damping_store, never rises.
+    """
+    if elapsed <= 0.0:
+        return 0.0
+    return held_force * displacement + stored - physical_damping * displacement * displacement / elapsed
+
+
+@kernel
+def damping_store(damping, displacement, elapsed):
+    """What a sampled damper may still owe: |B| dx²/(2T) [J], the store that makes its bound hold tick by tick."""
+    return abs(damping) * displacement * displacement / (2.0 * elapsed) if elapsed > 0.0 else 0.0
+
+
+@kernel
+def injected_damping(generated, budget, velocity, elapsed, most):
+    """Damping [N s/m] that takes the excess over the budget out of the next tick at this velocity, at most `most`.
+
+    A time-domain passivity controller (Hannaford & Ryu 2002); `most` is what the sampled loop can take.
+    """
+    excess = generated - budget
+    power = velocity * velocity * elapsed
+    if excess <= 0.0 or power <= 0.0:
+        return 0.0
+    return min(most, excess / power)

@@ -72,7 +72,8 @@ PLANT_MEMORY = np.dtype(
 def drift(mass, damping, stiffness, force, force_rate, position, velocity, time):
     """Position and velocity after time [s] of mass·x'' + damping·x' + stiffness·x = force + force_rate·t, exactly.
 
-    Taylor series: x⁽ⁿ⁺²⁾ = (F⁽ⁿ⁾ − D x⁽ⁿ⁺¹⁾ − k x⁽ⁿ⁾)/M, summed until nothing changes; meant for D t/M, k t²/M below 1.
+    Taylor series: x⁽ⁿ⁺²⁾ = (F⁽ⁿ⁾ − D x⁽ⁿ⁺¹⁾ − k x⁽ⁿ⁾)/M, summed until two terms in a row change nothing (one alone may
+    vanish while the next does not); meant for D t/M, k t²/M below 1.
     """
     lower, upper = velocity, (force - damping * velocity - stiffness * position) / mass
     drive = force_rate / mass
@@ -83,7 +84,7 @@ def drift(mass, damping, stiffness, force, force_rate, position, velocity, time)
         weight *= time / (n + 1)
         x += upper * weight
         lower, upper, drive = upper, drive - (damping * upper + stiffness * lower) / mass, 0.0
-        if abs(upper) * weight <= 1e-18 * abs(v) and abs(upper) * weight * time <= 1e-18 * abs(x):
+        if max(abs(lower) * (n + 1), abs(upper) * time) * weight <= 1e-18 * min(abs(v) * time, abs(x)):
             break
     return x, v
 
@@ -220,7 +221,9 @@ def _keep_knot(plant, memory):
 
 @kernel
 def position_at(memory, time, i):
-    """Position of axis i at a past time [ns]: the cubic through the kept states around it."""
+    """Position of axis i at a past time [ns]: the cubic through the kept states around it; before them, the first."""
+    if memory.knot == 0:
+        return memory.position[i]
     later = memory.knot
     while later > max(1, memory.knot - KNOTS + 2) and memory.knot_time[(later - 1) % KNOTS] >= time:
         later -= 1

@@ -26,14 +26,21 @@ PARAMETERS = (
 
 
 def _columns(*names):
-    """Structured type of float64 columns; `name*` is one per axis, `name#` one per wall."""
-    widths = {"*": AXES, "#": wall.MOST}
-    return np.dtype([(n.rstrip("*#"), "f8", (widths[n[-1]],)) if n[-1] in widths else (n, "f8") for n in names])
+    """Structured type of float64 columns; `name*` is one per axis, `name#` one per wall, `name^` a history."""
+    widths = {"*": AXES, "#": wall.MOST, "^": encoder.KEPT}
+    return np.dtype([(n.rstrip("*#^"), "f8", (widths[n[-1]],)) if n[-1] in widths else (n, "f8") for n in names])
 
 
 TRACE_VERSION = 1
 INPUTS = (
-    *("tick", "deadline", "lateness", "compute", "missed"),  # ns of CLOCK_MONOTONIC; s; s, of the tick before; count
+    *(
+        "tick",
+        "deadline",
+        "lateness",
+        "compute",
+        "write_delay",
+        "missed",
+    ),  # ns of CLOCK_MONOTONIC; s; s and s of the tick before; count
     *("parameter_version", "command", "latched", "counts*", "drag*", "device_status"),  # latched: ns, of the counts
     *("tool_session", "tool_sequence", "tool_answered", "tool_age", "tool_position*", "tool_velocity*", "tool_effort*"),
     *("tool_contact", "tool_energy", "contact_set", "handle_sequence"),
@@ -42,7 +49,8 @@ OUTPUTS = (
     *("position*", "velocity*", "coupling_position*", "coupling_velocity*"),  # handle and what the coupling pulls to
     *("force_walls*", "force_coupling*", "force_cancellation*", "force_passivity*", "force_gravity*"),
     *("force_on_handle*", "motor*"),  # total as the motor holds it, at the device; and in motor units
-    *("engage", "exchange_fade", "cancellation_fade", "exchange_energy", "energy_given*", "margin*"),
+    *("engage", "exchange_fade", "cancellation_fade", "exchange_energy", "energy_given*"),
+    *("generated*", "injected*", "injections", "margin*"),  # observer [J], controller [N s/m], ticks it acted; [N s/m]
     *("state", "fault"),
 )
 TICK = _columns(*INPUTS, *OUTPUTS)
@@ -53,13 +61,38 @@ SETTINGS = _columns(
     *("position_low*", "position_high*", "velocity_limit*", "force_limit*"),
     *("stiffness*", "damping*"),  # of the coupling
     *("walls", "wall_x#", "wall_y#", "wall_offset#", "wall_stiffness#", "wall_damping#"),
-    *("cancellation_ratio", "cancellation_band", "cancellation_stretch", "velocity_lag"),
-    *("exchange_hold", "exchange_fade", "engage_time", "engage_force", "silence", "saturation"),
+    *(
+        "cancellation_ratio",
+        "cancellation_band",
+        "cancellation_stretch",
+        "cancellation_twist",
+        "cancellation_source",
+        "cancellation_filter",
+    ),
+    *("velocity_estimator", "velocity_lag", "velocity_window"),
+    *("passivity_control", "passivity_budget", "margin*", "cross"),
+    *("exchange_hold", "exchange_fade", "engage_time", "engage_force", "engage_torque", "silence", "saturation"),
 )
 
 MEMORY = _columns(
-    *("started", "latched", "device_position*", "device_velocity*", "offset*"),
+    *("started", "latched", "unseen", "device_position*", "device_velocity*", "offset*"),
+    *("history", "times^", "positions_x^", "positions_y^", "positions_theta^"),
     *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated"),
+    *(
+        "drag*",
+        "moved*",
+        "world*",
+        "pulled*",
+        "coupled",
+        "limited*",
+        "cancelled*",
+        "credit",
+        "growth*",
+        "damper*",
+        "store*",
+        "generated*",
+        "injections",
+    ),
 )
 
 FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor
@@ -72,49 +105,156 @@ def tick(settings, memory, row):
     _take_tool(settings, memory, row)
     _walls(settings, row)
     _coupling(settings, row)
-    _cancellation(settings, row)
+    _cancellation(settings, memory, row)
+    _control_passivity(settings, memory, row)
     _faults(settings, memory, row)
     _engage(settings, memory, row)
     _command_motor(settings, memory, row)
+    _remember_gains(settings, memory, row)
 
 
 @kernel
 def _sense(settings, memory, row):
     """Counts to handle position and velocity; books the energy of the hold that ends here."""
     elapsed = (row.latched - memory.latched) * 1e-9 if memory.started else 0.0
-    opened = (int(row.command) & engage.CLUTCH) != 0
+    _keep_time(memory, row, elapsed)
     for i in range(int(settings.axes)):
-        before = memory.device_position[i]
         position = encoder.position_of(row.counts[i], settings.position_per_count[i], settings.zero[i])
-        moved = position - before if memory.started else 0.0
-        velocity = encoder.velocity_of(memory.device_velocity[i], moved, elapsed, settings.velocity_lag)
-        if opened:
-            world = kinematics.to_world(before, settings.scale[i], memory.offset[i])
-            memory.offset[i] = kinematics.clutched_offset(world, position, settings.scale[i])
-        held, damping = memory.held_force[i], settings.physical_damping[i]
-        memory.energy_given[i] += passivity.energy_booked(held, moved, damping, elapsed)
-        latched = fault.motion_fault(
-            position, velocity, settings.position_low[i], settings.position_high[i], settings.velocity_limit[i],
-            moved, elapsed,
-        )  # fmt: skip
-        if latched != fault.NONE and memory.fault == fault.NONE:
-            memory.fault = latched
+        before = memory.device_position[i] if memory.started else position
+        moved = position - before
+        memory.moved[i] = moved
+        velocity = _velocity(settings, memory, i, position, moved, elapsed)
+        _check_motion(settings, memory, i, position, velocity, moved, elapsed)
+        _to_world(settings, memory, row, i, before, position, velocity)
         memory.device_position[i], memory.device_velocity[i] = position, velocity
-        row.position[i] = kinematics.to_world(position, settings.scale[i], memory.offset[i])
-        row.velocity[i] = 0.0 if opened else settings.scale[i] * velocity
-        row.energy_given[i] = memory.energy_given[i]
+        _filter_drag(settings, memory, row, i, elapsed)
+    _book(settings, memory, row, elapsed)
+    for i in range(AXES):
+        row.energy_given[i], row.generated[i] = memory.energy_given[i], memory.generated[i]
+        row.margin[i], memory.world[i] = settings.margin[i], row.position[i]
     memory.started, memory.latched = 1.0, row.latched
+
+
+@kernel
+def _keep_time(memory, row, elapsed):
+    """A new sample's place in the history."""
+    fresh = elapsed > 0.0 or not memory.started
+    memory.unseen = 0.0 if fresh else memory.unseen + 1.0
+    if fresh:
+        memory.history += 1.0
+        memory.times[int(memory.history) % encoder.KEPT] = row.latched * 1e-9
+
+
+@kernel
+def _velocity(settings, memory, i, position, moved, elapsed):
+    """Device velocity of axis i by the estimator that is set."""
+    history = memory.positions_x if i == 0 else (memory.positions_y if i == 1 else memory.positions_theta)
+    newest = int(memory.history) % encoder.KEPT
+    history[newest] = position
+    if settings.velocity_estimator == encoder.ADAPTIVE_WINDOW:
+        count, longest = int(min(memory.history, encoder.KEPT)), int(settings.velocity_window)
+        step = 1.01 * abs(settings.position_per_count[i])  # an end-fit line passes through quantized ends
+        return encoder.adaptive_velocity(memory.times, history, newest, count, longest, step)
+    lag = settings.velocity_lag if settings.velocity_estimator == encoder.LOWPASS else 0.0
+    return encoder.velocity_of(memory.device_velocity[i], moved, elapsed, lag)
+
+
+@kernel
+def _book(settings, memory, row, elapsed):
+    """Energy given, and energy generated by the laws, over the hold that ends here."""
+    if elapsed <= 0.0:
+        return
+    _spring_growth(settings, memory, row)
+    for i in range(int(settings.axes)):
+        moved, damping = memory.moved[i], settings.physical_damping[i]
+        held = memory.held_force[i] - memory.cancelled[i]
+        lifted = memory.engage * settings.gravity[i]  # compensation only carries the handle's weight
+        memory.energy_given[i] += passivity.energy_booked(memory.held_force[i] - lifted, moved, damping, elapsed)
+        store = passivity.damping_store(memory.damper[i], moved, elapsed)
+        grown = -held * moved if memory.limited[i] else memory.growth[i]  # a force at its limit stores force · way
+        made = passivity.energy_generated(held, moved, grown, memory.credit * damping, elapsed)
+        memory.generated[i] = max(0.0, memory.generated[i] + made + store - memory.store[i])
+        memory.store[i] = store
+
+
+@kernel
+def _spring_growth(settings, memory, row):
+    """How the stores of all springs that held grew from the last sample to this one, by axis: x first, then y.
+
+    A wall that is not square to the axes couples them: its cross term K n_x n_y dx dy falls to y. Half of its bound by
+    λ dx² + dy²/λ is moved to x; with the λ of the settings each axis then stays within its own damping whenever both
+    together do.
+    """
+    before, now = memory.world, row.position
+    for i in range(int(settings.axes)):
+        stiffness, pulled = memory.coupled * settings.stiffness[i], memory.pulled[i]
+        memory.growth[i] = coupling.coupling_store(stiffness, pulled - now[i])
+        memory.growth[i] -= coupling.coupling_store(stiffness, pulled - before[i])
+        memory.growth[i] += memory.engage * settings.gravity[i] * -memory.moved[i]
+    for j in range(int(settings.walls)):
+        nx, ny, offset = settings.wall_x[j], settings.wall_y[j], settings.wall_offset[j]
+        stiffness = memory.engage * settings.wall_stiffness[j]
+        start = wall.wall_store(stiffness, wall.wall_depth(nx, ny, offset, before[0], before[1]))
+        corner = wall.wall_store(stiffness, wall.wall_depth(nx, ny, offset, now[0], before[1]))
+        end = wall.wall_store(stiffness, wall.wall_depth(nx, ny, offset, now[0], now[1]))
+        cross = 0.5 * abs(stiffness * nx * ny) * settings.cross * (now[0] - before[0]) ** 2
+        cross = cross if start + corner + end > 0.0 else 0.0
+        memory.growth[0] += corner - start + cross
+        memory.growth[1] += end - corner - cross
+
+
+@kernel
+def _check_motion(settings, memory, i, position, velocity, moved, elapsed):
+    low, high, limit = settings.position_low[i], settings.position_high[i], settings.velocity_limit[i]
+    code = fault.motion_fault(position, velocity, low, high, limit, moved, elapsed)
+    if code != fault.NONE and memory.fault == fault.NONE:
+        memory.fault = code
+
+
+@kernel
+def _filter_drag(settings, memory, row, i, elapsed):
+    """The measured drag behind its filter, which must never swallow what is not a number."""
+    if abs(row.drag[i]) < math.inf:
+        memory.drag[i] = cancellation.filtered_drag(memory.drag[i], row.drag[i], elapsed, settings.cancellation_filter)
+    elif memory.fault == fault.NONE:
+        memory.fault = fault.NOT_A_NUMBER
+
+
+@kernel
+def _to_world(settings, memory, row, i, before, position, velocity):
+    """Handle in the world; under an open clutch it stays where it is."""
+    scale = settings.scale[i]
+    opened = (int(row.command) & engage.CLUTCH) != 0
+    if opened:
+        world = kinematics.to_world(before, scale, memory.offset[i])
+        memory.offset[i] = kinematics.clutched_offset(world, position, scale)
+    row.position[i] = kinematics.to_world(position, scale, memory.offset[i])
+    row.velocity[i] = 0.0 if opened else scale * velocity
 
 
 @kernel
 def _take_tool(settings, memory, row):
     """What the coupling pulls to: the tool sample as it is, faded by its age."""
     hold, fade = settings.exchange_hold, settings.exchange_fade
-    memory.exchange_fade = exchange.fade_factor(memory.exchange_fade, row.tool_age, settings.period, hold, fade)
+    joining = memory.engage > 0.0 and memory.exchange_fade == 0.0
+    far = joining and not _tool_is_near(settings, row)
+    age = -1.0 if far else row.tool_age
+    memory.exchange_fade = exchange.fade_factor(memory.exchange_fade, age, settings.period, hold, fade)
     row.exchange_fade = memory.exchange_fade
     for i in range(AXES):
         row.coupling_position[i] = row.tool_position[i]
         row.coupling_velocity[i] = row.tool_velocity[i]
+
+
+@kernel
+def _tool_is_near(settings, row):
+    """Whether the coupling to a tool that (re)joins would begin with a small force, as engaging does."""
+    pull = math.hypot(
+        settings.stiffness[0] * (row.tool_position[0] - row.position[0]),
+        settings.stiffness[1] * (row.tool_position[1] - row.position[1]) if settings.axes > 1.0 else 0.0,
+    )
+    twist = settings.stiffness[2] * (row.tool_position[2] - row.position[2]) if settings.axes > 2.0 else 0.0
+    return pull < settings.engage_force and abs(twist) < settings.engage_torque
 
 
 @kernel
@@ -141,22 +281,44 @@ def _coupling(settings, row):
 
 
 @kernel
-def _cancellation(settings, row):
+def _cancellation(settings, memory, row):
     """Negative damping of the device's own, in free space only."""
     clearance = math.inf
     for i in range(int(settings.walls)):
-        depth = wall.wall_depth(
-            settings.wall_x[i], settings.wall_y[i], settings.wall_offset[i], row.position[0], row.position[1]
-        )
-        clearance = min(clearance, -depth)
+        nx, ny = settings.wall_x[i], settings.wall_y[i]
+        clearance = min(clearance, -wall.wall_depth(nx, ny, settings.wall_offset[i], row.position[0], row.position[1]))
     stretch = math.hypot(row.coupling_position[0] - row.position[0], row.coupling_position[1] - row.position[1])
-    stretch = stretch if row.exchange_fade > 0.0 else 0.0
+    twist = abs(row.coupling_position[2] - row.position[2]) if settings.axes > 2.0 else 0.0
+    if row.exchange_fade == 0.0:
+        stretch, twist = 0.0, 0.0
     fade = cancellation.cancellation_fade(clearance, settings.cancellation_band, stretch, settings.cancellation_stretch)
+    fade *= cancellation.cancellation_fade(math.inf, 1.0, twist, settings.cancellation_twist)
     row.cancellation_fade = fade
+    ratio = settings.cancellation_ratio * fade
+    for i in range(int(settings.axes)):
+        damping, velocity = settings.physical_damping[i], memory.device_velocity[i]
+        if settings.cancellation_source == cancellation.MEASURED:
+            force = cancellation.measured_cancellation_force(ratio, memory.drag[i], damping, velocity)
+        else:
+            force = cancellation.cancellation_force(ratio, damping, velocity)
+        row.force_cancellation[i] = force / settings.scale[i]
+
+
+@kernel
+def _control_passivity(settings, memory, row):
+    """Damping injected where the observer finds more energy generated than the budget; at most the physical damping."""
+    acted = 0.0
     for i in range(AXES):
-        damping = settings.physical_damping[i] / settings.scale[i] ** 2
-        ratio = settings.cancellation_ratio * fade
-        row.force_cancellation[i] = cancellation.cancellation_force(ratio, damping, row.velocity[i])
+        most = settings.physical_damping[i] if settings.passivity_control else 0.0
+        velocity = memory.device_velocity[i]
+        injected = passivity.injected_damping(
+            memory.generated[i], settings.passivity_budget, velocity, settings.period, most
+        )
+        row.injected[i] = injected
+        row.force_passivity[i] = -injected * velocity / settings.scale[i]
+        acted = 1.0 if injected > 0.0 else acted
+    memory.injections += acted
+    row.injections = memory.injections
 
 
 @kernel
@@ -184,10 +346,9 @@ def _engage(settings, memory, row):
     command = int(row.command)
     enabled = (command & engage.ENABLE) != 0 and (command & engage.CLUTCH) == 0
     wanted = math.hypot(row.force_walls[0] + row.force_coupling[0], row.force_walls[1] + row.force_coupling[1])
-    state = int(memory.state)
-    memory.state = engage.engage_state(
-        state, enabled, memory.fault != fault.NONE, wanted, settings.engage_force, memory.engage
-    )
+    small = wanted < settings.engage_force and abs(row.force_coupling[2]) < settings.engage_torque
+    faulted = memory.fault != fault.NONE
+    memory.state = engage.engage_state(int(memory.state), enabled, faulted, small, memory.engage)
     memory.engage = engage.engage_factor(int(memory.state), memory.engage, settings.period, settings.engage_time)
     row.state, row.engage = memory.state, memory.engage
 
@@ -198,18 +359,41 @@ def _command_motor(settings, memory, row):
     saturated = False
     for i in range(AXES):
         total = row.force_walls[i] + row.force_coupling[i] + row.force_cancellation[i] + row.force_passivity[i]
+        if not abs(total) < math.inf:  # before any limit, which would make a force of it
+            memory.fault = row.fault = memory.fault if memory.fault != fault.NONE else fault.NOT_A_NUMBER
         limit = settings.force_limit[i]
         force = kinematics.to_device_force(row.engage * min(limit, max(-limit, total)), settings.scale[i])
         row.force_gravity[i] = settings.gravity[i] if row.engage > 0.0 else 0.0
         force += row.engage * row.force_gravity[i]
         saturated |= abs(force) > settings.device_limit[i]
-        if not abs(force) < math.inf:
-            memory.fault = row.fault = fault.NOT_A_NUMBER
+        memory.limited[i] = abs(total) > limit or abs(force) > settings.device_limit[i]
         force = min(settings.device_limit[i], max(-settings.device_limit[i], force))
         row.force_on_handle[i] = force
     for i in range(AXES):
         if memory.fault != fault.NONE or i >= settings.axes:
             row.force_on_handle[i] = 0.0
-        memory.held_force[i] = row.force_on_handle[i]
+        mixed = memory.held_force[i] * memory.unseen + row.force_on_handle[i]
+        memory.held_force[i] = mixed / (memory.unseen + 1.0)  # mean over the ticks since the last fresh sample
         row.motor[i] = row.force_on_handle[i] * settings.motor_per_force[i]
     memory.saturated = memory.saturated + settings.period if saturated else 0.0
+
+
+@kernel
+def _remember_gains(settings, memory, row):
+    """What the observer must know of this hold: how far the coupling counts, where it pulls to, and the dampers."""
+    memory.coupled = row.engage * row.exchange_fade
+    ratio = row.engage * settings.cancellation_ratio * row.cancellation_fade
+    measured = settings.cancellation_source == cancellation.MEASURED
+    memory.credit = 1.0 - ratio if measured else 1.0  # what cancels measured drag is paid by that drag, b or not
+    for i in range(int(settings.axes)):
+        memory.pulled[i] = row.coupling_position[i]
+        squared = settings.scale[i] * settings.scale[i]
+        memory.cancelled[i] = row.engage * settings.scale[i] * row.force_cancellation[i] if measured else 0.0
+        cancelled = 0.0 if measured else ratio * settings.physical_damping[i]
+        memory.damper[i] = squared * memory.coupled * settings.damping[i] + row.engage * row.injected[i] + cancelled
+    for j in range(int(settings.walls)):
+        nx, ny = settings.wall_x[j], settings.wall_y[j]
+        depth = wall.wall_depth(nx, ny, settings.wall_offset[j], row.position[0], row.position[1])
+        damping = row.engage * settings.wall_damping[j] if depth > 0.0 else 0.0
+        memory.damper[0] += settings.scale[0] ** 2 * damping * (nx * nx + abs(nx * ny) * settings.cross)
+        memory.damper[1] += settings.scale[1] ** 2 * damping * (ny * ny + abs(nx * ny) / settings.cross)

@@ -37,3 +37,9 @@ def wall_force(stiffness, damping, depth, depth_rate):
     if depth <= 0.0:
         return 0.0
     return max(0.0, stiffness * depth + damping * depth_rate)
+
+
+@kernel
+def wall_store(stiffness, depth):
+    """Energy in the wall's spring [J]."""
+    return 0.5 * stiffness * max(0.0, depth) ** 2

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_driver: runs the servo on a device, exchanges samples with the simulation, and tells what happens."""
 
+import math
 import secrets
 import sys
 import time
 
+import numpy as np
 from std_srvs.srv import Trigger
 
 from haptic_device import operating
 from haptic_device.device import load_device
 from haptic_device.law import engage, fault
+from haptic_device.law import servo as law
 from haptic_device.node import wire
 from haptic_device.node.declared import DRIVER
 from haptic_device.node.exchange_thread import ExchangeThread
@@ -31,7 +34,7 @@ class DriverNode(ManagedNode):
     def __init__(self):
         super().__init__("haptic_driver", DRIVER)
         self.link = self.servo = self.exchange = self.telemetry = None
-        self._version, self._enabled_once, self._said = 0, False, set()
+        self._version, self._enabled_once, self._said, self._margins = 0, False, set(), [math.inf, math.inf]
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
         for name in ("enable", "disable", "estop", "reset"):
             self.create_service(Trigger, f"~/{name}", getattr(self, f"_on_{name}"))
@@ -43,7 +46,7 @@ class DriverNode(ManagedNode):
         """Reads the device description and takes the device."""
         clock.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)
         self.device = load_device(self.values["device"])
-        operating.settings_from(self.device, self.values)
+        self._judge(operating.settings_from(self.device, self.values), self.values)
         self.link = PageLink(self.page_name(page_name), secrets.randbits(48) | 1)
         if self.link.stale:
             self.get_logger().warning("took over a stale page of a process that had died")
@@ -52,6 +55,7 @@ class DriverNode(ManagedNode):
         """Starts servo, exchange and telemetry; the motor stays at zero until enabled."""
         home = self.device.home if self.device.homing == "at_start" else None
         settings = operating.settings_from(self.device, self.values, self._version)
+        self._judge(settings, self.values)
         self.servo = ServoThread(self.link, settings, home, self.values["realtime"])
         self.servo.gains.put(operating.gains_from(self.values))
         self._set_flag(engage.CLUTCH, self.values["clutch.open"])
@@ -77,13 +81,49 @@ class DriverNode(ManagedNode):
 
     def _on_parameters(self, values):
         """Takes live changes at the next tick boundary; raises ValueError to refuse them."""
+        if self.link is None:
+            self.values = values
+            return
+        settings = operating.settings_from(self.device, values, self._version + 1)
+        self._judge(settings, values)
         if self.servo is not None:
-            settings = operating.settings_from(self.device, values, self._version + 1)
             self._version += 1
+            settings["margin"] = operating.margins(settings[0], self._lateness())[0]
             self.servo.set(settings)
             self.servo.gains.put(operating.gains_from(values))
             self._set_flag(engage.CLUTCH, values["clutch.open"])
         self.values = values
+
+    def _judge(self, settings, values):
+        """Refuses (ValueError), says or takes gains beyond the device's damping, as passivity.policy wants it.
+
+        Gains that leave more than those in force are taken: a servo that runs late must not refuse softer ones.
+        """
+        sentence = operating.refusal(settings[0], self._lateness()) if values["passivity.policy"] != "off" else ""
+        if sentence and self.servo is not None:
+            wished = operating.margins(settings[0], self._lateness())[1:]
+            sentence = "" if all(new >= old for new, old in zip(wished, self._in_force(), strict=True)) else sentence
+        if sentence and values["passivity.policy"] == "enforce":
+            raise ValueError(sentence)
+        if sentence:
+            self._say("warning", sentence)
+
+    def _lateness(self):
+        """How late forces act [s]: the device's own delays, and the p99 of the measured delay of the writes."""
+        measured = self.telemetry.percentiles()[3, 1] if self.telemetry is not None else math.nan
+        delays = self.device.sensing_delay + self.device.actuation_delay
+        return delays + (0.0 if math.isnan(measured) else measured)
+
+    def _in_force(self):
+        """Margins of the gains in force at the measured lateness."""
+        return operating.margins(self.servo.settings.get()[0], self._lateness())[1:]
+
+    def _follow_margin(self):
+        """The margin of the gains in force, with the lateness as measured now."""
+        settings = self.servo.settings.get().view(np.ndarray).view(law.SETTINGS)
+        by_axis, *self._margins = operating.margins(settings[0], self._lateness())
+        settings["margin"] = by_axis
+        self.servo.set(settings)
 
     def _set_flag(self, flag, wanted):
         self.servo.order(**({"set_flags": flag} if wanted else {"clear_flags": flag}))
@@ -92,23 +132,29 @@ class DriverNode(ManagedNode):
         """Enables once by itself if asked to, drops the wish to be enabled on a fault, and says what is new."""
         if self.servo is None:
             return
-        if self.servo.refusal:
-            self._say("error", self.servo.refusal)
         if not self.servo.running:
             return
         self._say("info", f"servo at {self.values['servo.rate']:g} Hz, {self.servo.realtime}")
         row = self.servo.row.get()[0]
         if row.fault:
             self.servo.order(clear_flags=engage.ENABLE)
-            self._say("error", f"fault {fault.name_of(row.fault)} at tick {int(row.tick)}: motor off")
+            self._enabled_once = True  # after a fault a person enables
+            self._say("error", f"fault {fault.name_of(row.fault)}: motor off")
         elif self.values["auto_enable"] and not self._enabled_once:
             self.servo.order(set_flags=engage.ENABLE)
             self._enabled_once = True
 
     def _say(self, level, sentence):
-        if sentence not in self._said:
-            self._said.add(sentence)
-            getattr(self.get_logger(), level)(sentence)
+        """Logs a sentence once; rclpy allows each place in the code one severity only."""
+        if sentence in self._said:
+            return
+        self._said.add(sentence)
+        if level == "error":
+            self.get_logger().error(sentence)
+        elif level == "warning":
+            self.get_logger().warning(sentence)
+        else:
+            self.get_logger().info(sentence)
 
     def _on_enable(self, request, response):
         def refusal():
@@ -122,6 +168,10 @@ class DriverNode(ManagedNode):
 
     def _on_estop(self, request, response):
         flags = {"set_flags": engage.ESTOP, "clear_flags": engage.ENABLE}
+        if self.servo is not None and not self.servo.running:
+            self.servo.order(**flags)
+            response.success, response.message = True, "e-stop latched for the device that is not there yet"
+            return response
         return self._command(response, lambda: self.servo.order(**flags), "e-stop latched, motor zero")
 
     def _on_reset(self, request, response):
@@ -151,6 +201,7 @@ class DriverNode(ManagedNode):
     def _diagnose(self):
         if self.telemetry is None:
             return
+        self._follow_margin()
         row = self.servo.row.get()[0]
         level, message = self._verdict(row)
         now = self.get_clock().now().nanoseconds
@@ -164,12 +215,17 @@ class DriverNode(ManagedNode):
             return "warn", "no device: waiting for its page"
         if row.tool_age < 0.0:
             return "warn", "no simulation: the handle is in free space"
+        if min(self._margins) <= 0.0 and self.values["passivity.policy"] != "off":
+            return (
+                "warn",
+                "the passivity margin is not positive: at the measured lateness the gains need more damping",
+            )
         if row.exchange_fade < 1.0:
             return "warn", f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling is let go"
         return "ok", engage.STATES[int(row.state)]
 
     def _figures(self, row):
-        lateness, compute, age = self.telemetry.percentiles() * 1e6
+        lateness, compute, age, _ = self.telemetry.percentiles() * 1e6
         return {
             "state": engage.STATES[int(row.state)],
             "fault": fault.name_of(row.fault),
@@ -190,6 +246,12 @@ class DriverNode(ManagedNode):
             "exchange_sent": self.exchange.sent,
             "exchange_answered": self.exchange.answered,
             "exchange_method": self.values["exchange.method"],
+            "physical_damping": ", ".join(f"{axis.damping:g}" for axis in self.device.axes),
+            "passivity_margin": f"{self._margins[0]:.4f}",
+            "passivity_margin_theta": f"{self._margins[1]:.6f}",
+            "lateness_counted_us": f"{self._lateness() * 1e6:.1f}",
+            "injections": int(row.injections),
+            "generated": f"{max(row.generated):.6f}",
             "energy_given": f"{sum(row.energy_given):.6f}",
         }
 

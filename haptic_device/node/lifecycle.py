@@ -2,6 +2,7 @@
 """What the device's nodes have in common: a managed node that starts by itself and ends well."""
 
 import os
+import re
 import signal
 import sys
 
@@ -9,6 +10,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import Node, TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 from haptic_device.node.params import declare
 from haptic_device.parameter import Parameter
@@ -30,11 +32,11 @@ class ManagedNode(Node):
 
     def on_configure(self, state):
         """Configures; a refusal is logged as its sentence."""
-        return self._try(self.configure, super().on_configure, state)
+        return self._try(self.configure, super().on_configure, state, self.cleanup)
 
     def on_activate(self, state):
         """Starts."""
-        return self._try(self.activate, super().on_activate, state)
+        return self._try(self.activate, super().on_activate, state, self.deactivate)
 
     def on_deactivate(self, state):
         """Stops; what must be zero is zero before it answers."""
@@ -54,13 +56,13 @@ class ManagedNode(Node):
         self.deactivate()
         self.cleanup()
 
-    def _try(self, action, after, state):
+    def _try(self, action, after, state, undo=lambda: None):
         try:
             action()
         except (ValueError, OSError) as refusal:
             self.refusal = str(refusal)
             self.get_logger().error(self.refusal)
-            self.finish()
+            undo()
             return TransitionCallbackReturn.FAILURE
         return after(state)
 
@@ -73,13 +75,25 @@ def _autostart(node):
             raise ValueError(node.refusal)
 
 
+def begin_ros(args):
+    """rclpy.init without signal handlers; ValueError, one sentence, for arguments or a file that ROS cannot read."""
+    try:
+        left = remove_ros_args(args=sys.argv if args is None else args)[1 if args is None else 0 :]
+        if left:
+            raise ValueError(f"{left[0]} is no argument of a node; ROS arguments begin with --ros-args")
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # rcl's own kinds are nowhere public; their text ends with places in its source
+        sentence = re.sub(r",? at \S+:\d+|^(failed to initialize rcl|Failed to parse ROS arguments): ", "", str(error))
+        raise ValueError(f"ROS does not take these arguments: {' '.join(sentence.split())}") from None
+
+
 def run(make_node, name, args=None):
     """Runs a managed node until SIGINT, SIGTERM or SIGHUP; a refusal is printed as its sentence, exit code 1."""
     told, node = [], None
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda received, frame: told.append(received))
     try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        begin_ros(args)
         node = make_node()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
@@ -87,7 +101,7 @@ def run(make_node, name, args=None):
         while not told:
             executor.spin_once(timeout_sec=LOOK_UP)
     except (ValueError, OSError) as refusal:
-        print(f"{name}: {refusal}", file=sys.stderr)
+        print(f"{name}: {' '.join(str(refusal).split())}", file=sys.stderr)
         return 1
     finally:
         if node is not None:

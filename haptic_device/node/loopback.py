@@ -7,8 +7,9 @@ import threading
 
 import numpy as np
 
-from haptic_device import device as description
-from haptic_device.law import operator, plant
+from haptic_device import operating
+from haptic_device.device import load_device
+from haptic_device.law import operator
 from haptic_device.node import wire
 from haptic_device.node.declared import LOOPBACK
 from haptic_device.node.lifecycle import ManagedNode, run
@@ -34,16 +35,8 @@ class LoopbackNode(ManagedNode):
 
     def configure(self):
         """Reads device and script, and takes the page."""
-        self.device = description.load_device(self.values["device"])
-        self.plant, self.motion = description.plant_of(self.device), operator.script(self.values)
-        self.memory = np.zeros(1, plant.PLANT_MEMORY)
-        self._set_hand()
-        start = np.array(self.values["motion.start"]) * [axis < len(self.device.axes) for axis in range(3)]
-        self._check_start(start)
-        scale = np.array([self.device.scale[0], self.device.scale[0], self.device.scale[1]])
-        self.motion["points"] /= scale
-        self.motion["radius"] /= scale[0]
-        self.memory["position"] = self.memory["target"] = start / scale
+        self.device = load_device(self.values["device"])
+        self.plant, self.memory, self.motion = operating.hand_from(self.device, self.values)
         self.layout = wire.JointLayout(wire.truth_names(len(self.device.axes)))
         self.page = Page(self.page_name(page_name), DEVICE)
         if self.page.stale:
@@ -51,9 +44,13 @@ class LoopbackNode(ManagedNode):
 
     def activate(self):
         """Starts plant and telemetry."""
-        self._control[:] = 0
+        self._control[:], self._refused = 0, None
+        self._ready = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="plant")
         self._thread.start()
+        self._ready.wait()
+        if self._refused:
+            raise PermissionError(f"realtime is require: {self._refused}")
         self._publisher = threading.Thread(target=self._publish, name="telemetry")
         self._publisher.start()
 
@@ -71,26 +68,14 @@ class LoopbackNode(ManagedNode):
             self.page.close()
         self.page = None
 
-    def _set_hand(self):
-        for field in ("mass", "damping", "stiffness"):
-            self.plant[f"hand_{field}"][0, :2] = self.values[f"hand.{field}"]
-            self.plant[f"hand_{field}"][0, 2] = self.values[f"hand.rotational_{field}"]
-
-    def _check_start(self, start):
-        for axis, position in zip(self.device.axes, start, strict=False):
-            low, high = axis.workspace
-            if not low <= position <= high:
-                unit = "rad" if axis.name == "theta" else "m"
-                raise ValueError(
-                    f"motion.start {axis.name} is {position:g} {unit}; the workspace is {low:g} to {high:g} {unit}"
-                )
-
     def _serve(self):
         try:
             self.realtime = clock.go_realtime(self.values["realtime"], PRIORITY)
         except PermissionError as refusal:
-            self.get_logger().error(f"realtime is require: {refusal}")
+            self._refused = refusal
             return
+        finally:
+            self._ready.set()
         session = secrets.randbits(48) | 1
         truth = np.zeros(1, loopback.TRUTH)
         loopback.serve(
@@ -115,19 +100,16 @@ class LoopbackNode(ManagedNode):
         )
 
     def _on_target(self, message):
-        """Takes a target for the hand; wrong names or numbers are refused and counted."""
-        wanted = dict(zip(message.name, message.position, strict=False))
+        """Takes a target in the world; with wrong names or numbers, or beside a script, it is refused and counted."""
         names = wire.AXES[: len(self.device.axes)] if self.page else ()
-        if (
-            len(message.name) != len(message.position)
-            or set(wanted) != set(names)
-            or not np.isfinite(list(wanted.values())).all()
-        ):
+        following = self.page and self.motion["kind"][0] == operator.FOLLOW
+        target = wire.planar_target(message, names)
+        if not following or target is None:
             self.refused_targets += 1
             return
         for i, axis in enumerate(self.device.axes):
             low, high = axis.workspace
-            self.motion["points"][0, 0, i] = min(high, max(low, wanted[axis.name]))
+            self.motion["points"][0, 0, i] = min(high, max(low, target[i] / self.device.scale[i // 2]))
 
     def _diagnose(self):
         if self._thread is None:

@@ -9,15 +9,15 @@ from pathlib import Path
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import Node, State, TransitionCallbackReturn
-from rclpy.qos import QoSProfile
-from rclpy.signals import SignalHandlerOptions
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from haptic_device.node.bag import Bag
+from haptic_device.node.lifecycle import begin_ros
 from haptic_device.node.params import declare
 from haptic_device.node.recorder_parameters import PARAMETERS
 from haptic_device.node.tap import Sample, Tap
 from haptic_device.node.track import Track, joining_qos, offered_qos
-from haptic_device.node.wire import DiagnosticArray, diagnostics
+from haptic_device.node.wire import TRACE, DiagnosticArray, diagnostics
 
 _JOINTS = "sensor_msgs/msg/JointState"
 KNOWN = {  # joined before their publishers exist, so that no first message is missed
@@ -53,7 +53,8 @@ class Recorder(Node):
     def on_configure(self, state: State) -> TransitionCallbackReturn:
         """Joins the known topics."""
         for topic, type_name in KNOWN.items():
-            self._join(topic, type_name, joining_qos([], self.parameters["queue"]))
+            reliability = TRACE.reliability if topic == "trace" else ReliabilityPolicy.BEST_EFFORT
+            self._join(topic, type_name, QoSProfile(depth=self.parameters["queue"], reliability=reliability))
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: State) -> TransitionCallbackReturn:
@@ -176,7 +177,7 @@ def main(args: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, frame: told.append(received))
     try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        begin_ros(args)
         node = Recorder()
         _record_until_told(node, told)
         node.finish()

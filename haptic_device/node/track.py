@@ -37,11 +37,9 @@ class Track:
 
 
 def joining_qos(publishers: list, depth: int) -> QoSProfile:
-    """The strongest QoS that all these publishers (endpoint infos) match; best effort if there is none yet."""
-    reliable = publishers and all(info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in publishers)
-    latched = publishers and all(
-        info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for info in publishers
-    )
+    """The strongest QoS that all these publishers (endpoint infos) match."""
+    reliable = all(info.qos_profile.reliability == ReliabilityPolicy.RELIABLE for info in publishers)
+    latched = all(info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for info in publishers)
     return QoSProfile(
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,

@@ -130,6 +130,15 @@ class _Template:
         return len(self.data) - 8 * count
 
 
+def planar_target(message, names):
+    """Positions of a JointState with exactly these names, in their order; None if names, sizes or numbers are wrong."""
+    given = dict(zip(message.name, message.position, strict=False))
+    if len(message.name) != len(message.position) or len(given) != len(message.name) or set(given) != set(names):
+        return None
+    target = [given[name] for name in names]
+    return target if target and np.isfinite(target).all() else None
+
+
 def to_time(stamp_ns):
     return Time(sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000)
 

@@ -21,7 +21,7 @@ GAINS = np.dtype([(name, "f8") for name in exchange.TAIL[exchange.GAIN_0 : excha
 
 STATE = np.dtype(
     [(name, "f8") for name in ("session", "sequence", "method", "axes", "peer_session", "peer_answered")]
-    + [("peer_accepted", "i8"), ("sent", "i8", (REMEMBERED,))]
+    + [("peer_accepted", "i8"), ("clock_offset", "i8"), ("sent", "i8", (REMEMBERED,))]
 )
 
 
@@ -89,8 +89,9 @@ def compose_handle(frame, state, row, gains, scratch):
     tail[exchange.GAIN_0], tail[exchange.GAIN_0 + 1] = gains.stiffness, gains.damping
     tail[exchange.GAIN_0 + 2], tail[exchange.GAIN_0 + 3] = gains.rotational_stiffness, gains.rotational_damping
     tail[exchange.CONTACT], tail[exchange.ENERGY] = 0.0, row.exchange_energy
-    age = clock.read_clock(clock.MONOTONIC, scratch) - np.int64(row.deadline)
-    stamp = clock.read_clock(clock.REALTIME, scratch) - age
+    if state.clock_offset == 0:
+        state.clock_offset = clock.read_clock(clock.REALTIME, scratch) - clock.read_clock(clock.MONOTONIC, scratch)
+    stamp = np.int64(row.deadline) + state.clock_offset  # one offset a session: stamps differ as deadlines do
     frame.stamp[0], frame.stamp[1] = stamp // 1_000_000_000, stamp % 1_000_000_000
 
 
@@ -139,9 +140,9 @@ def _judge(frame, size, state, gains, now):
     sample = np.empty(3 * count)
     for block in range(3):
         sample[block * count : (block + 1) * count] = frame.received[frame.first[block] : frame.first[block] + count]
-    if sample[axes + exchange.ANSWERED] <= state.sequence - REMEMBERED:
-        return exchange.OLD
     peer = exchange.Peer(state.peer_session, state.peer_answered, state.peer_accepted)
-    return exchange.judge_tool(
+    verdict = exchange.judge_tool(
         sample, axes, peer, state.session, state.sequence, state.method, gains.hash, now, SILENCE
     )
+    forgotten = sample[axes + exchange.ANSWERED] <= state.sequence - REMEMBERED
+    return exchange.OLD if verdict == exchange.ACCEPTED and forgotten else verdict

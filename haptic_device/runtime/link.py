@@ -17,12 +17,15 @@ import numpy as np
 from numba import types
 
 from haptic_device.kernel import kernel
-from haptic_device.runtime import page
+from haptic_device.runtime import clock, page
 
 WORDS, REALS, WORD = types.int64[::1], types.float64[::1], types.int64
 READ = WORD(WORDS, WORD, WORD, REALS)
 WRITE = WORD(WORDS, WORD, WORD, WORD, WORD, REALS)
 LATCHED, STATUS, COUNTS, DRAG, SAMPLE = 0, 1, 2, 5, 8
+
+
+LIVELY = 100_000_000  # [ns] since which a device that is there has written its page
 
 
 class Link(Protocol):
@@ -46,9 +49,11 @@ class PageLink:
         self.memory = self._page.words
         self.memory[SESSION] = session
         self.read, self.write = read, write
+        self._scratch = clock.scratch()
 
     def present(self):
-        return self._page.peer_present() and self.memory[page.DEVICE_LOCK] > 0
+        age = clock.now_ns(self._scratch) - self.memory[page.DEVICE_FIRST + 3]
+        return self._page.peer_present() and age < LIVELY
 
     def close(self):
         self.memory = None
@@ -62,6 +67,8 @@ SESSION = page.WORDS - 1  # of the servo's run, kept for its writes
 def read(memory, deadline, give_up, sample):
     block, scratch = np.empty(page.DEVICE_WORDS, np.int64), np.empty(2, np.int64)
     fresh = page.read_device(memory, block, deadline, give_up, scratch)
+    if fresh < 0:  # the device died while it wrote: the sample stays as it was
+        return 0
     sample[LATCHED], sample[STATUS] = block[1], block[2]
     reals = block.view(np.float64)
     for i in range(3):

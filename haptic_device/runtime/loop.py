@@ -47,24 +47,27 @@ def run_realtime(
     """
     scratch, sample = np.zeros(2, np.int64), np.zeros(link.SAMPLE)
     zero, motor = np.zeros(3), np.zeros(3)
-    settings_turn, missed, compute, number = -1, 0, 0.0, 0
+    settings_turn, missed, compute, delay, number = -1, 0, 0.0, 0.0, 0
     settings_turn = _take(settings_mail, settings.view(np.int64), settings_turn)
     period = np.int64(round(settings[0].period * 1e9))
     deadline = clock.now_ns(scratch) + period
     write(memory_of_link, deadline - period, deadline, period, 0, zero)
+    fresh = np.int64(1)
     atomic.store(control, RUNNING, 1)
     while atomic.load(control, STOP) == 0:
         clock.sleep_until(deadline, scratch)
         woke = clock.now_ns(scratch)
         late = (woke - deadline) // period
         missed, deadline = missed + late, deadline + late * period
-        fresh = read(memory_of_link, deadline, deadline + period // 2, sample)
+        patience = period // 2 if fresh else period // 16  # a device that is gone must not keep the processor busy
+        fresh = read(memory_of_link, deadline, deadline + patience, sample)
         began = clock.now_ns(scratch)
         slot = mailbox.ring_slot(ring, rows.size - 1)
         row = rows[slot if slot >= 0 else rows.size - 1]
         settings_turn = _take(settings_mail, settings.view(np.int64), settings_turn)
         atomic.collect(tool_mail, 0, mailbox.FIRST, tool.view(np.int64))
         row.tick, row.deadline, row.missed, row.compute = number, deadline, missed, compute
+        row.write_delay = delay
         row.lateness = (woke - deadline + late * period) * 1e-9
         row.command = atomic.load(control, COMMAND)
         fill_inputs(row, settings[0], tool[0], sample, fresh)
@@ -76,6 +79,7 @@ def run_realtime(
         if slot >= 0:
             mailbox.ring_push(ring)
         control[LATE_DEVICE] += 1 - fresh
+        delay = (written - deadline) * 1e-9
         compute = (clock.now_ns(scratch) - began) * 1e-9
         number, deadline = number + 1, deadline + period
     write(memory_of_link, clock.now_ns(scratch), deadline, period, 0, zero)
@@ -133,7 +137,7 @@ def run_lockstep(settings, memory, rows, tool, plant, plant_memory, motion, star
         loopback.advance(plant[0], plant_memory[0], motion[0], deadline)
         loopback.latch(plant[0], plant_memory[0], deadline, sample)
         row.tick, row.deadline, row.missed, row.compute = first + k, deadline, 0, 0.0
-        row.lateness, row.command = write_delay * 1e-9, command
+        row.lateness, row.write_delay, row.command = write_delay * 1e-9, write_delay * 1e-9, command
         fill_inputs(row, settings[0], tool[0], sample, 1)
         servo.tick(settings[0], memory[0], row)
         loopback.command(plant[0], plant_memory[0], motion[0], deadline + write_delay, row)

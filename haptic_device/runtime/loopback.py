@@ -74,6 +74,7 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
     inbox, outbox = np.zeros(page.SERVO_WORDS, np.int64), np.zeros(page.DEVICE_WORDS, np.int64)
     seen, driven = page.read_servo(words, inbox), False
     memory[0].time = clock.now_ns(scratch)
+    _cut_motor(device[0], memory[0], motion[0], memory[0].time, zero)
     announced, period, heartbeat = memory[0].time, np.int64(FREE_STEP), memory[0].time
     while atomic.load(control, STOP) == 0:
         turn, now = page.read_servo(words, inbox), clock.now_ns(scratch)

@@ -29,17 +29,21 @@ class Mailbox:
 
 
 class Ring:
-    """Rows from one writer to one reader; when full, new rows are dropped and counted."""
+    """Rows from one writer to one reader; when full, new rows are dropped and counted.
+
+    Behind the ring's `size` rows there is one more, for the writer to work in while the ring is full.
+    """
 
     def __init__(self, dtype, size):
-        self.rows = np.zeros(size, dtype)
+        self.size, self.rows = size, np.zeros(size + 1, dtype)
+        self.rows.view(np.uint8).fill(0)  # touched now, so that the writer meets no page fault
         self.words = np.zeros(8, np.int64)
 
     def take(self, most):
         """Up to `most` of the oldest rows, copied."""
         tail = int(self.words[TAIL])
         count = min(int(atomic_head(self.words)) - tail, most)
-        index = np.arange(tail, tail + count) % len(self.rows)
+        index = np.arange(tail, tail + count) % self.size
         rows = self.rows[index]
         release_tail(self.words, tail + count)
         return rows

@@ -54,18 +54,18 @@ class Page:
                 break
             os.close(self._file)  # removed by its last owner between our open and our lock
         try:
-            return self._claim()
-        except PageError:
-            os.close(self._file)
-            raise
-        finally:
-            self._open_gate()
-
-    def _open_gate(self):
-        try:
-            _unlock(self._file, GATE_BYTE)
+            words = self._claim()
         except OSError:
-            return  # the file was closed by a refusal, its locks with it
+            self._let_go()
+            raise
+        _unlock(self._file, GATE_BYTE)
+        return words
+
+    def _let_go(self):
+        """Gives the locks up by name: a mapping that somebody still looks at keeps the file open, and its locks."""
+        for byte in (ROLE_BYTE[self.role], GATE_BYTE):
+            _unlock(self._file, byte)
+        os.close(self._file)
 
     def _still_there(self):
         try:
@@ -103,7 +103,7 @@ class Page:
         _lock(self._file, GATE_BYTE, wait=True)
         if not self.peer_present() and self._still_there():
             self.path.unlink()
-        os.close(self._file)
+        self._let_go()
 
 
 def _lock(file, byte, wait=False):
@@ -151,11 +151,11 @@ def write_servo(words, block, session, written, next_deadline, period, engaged, 
 def read_device(words, block, deadline, give_up, scratch):
     """Servo side: the sample latched at this deadline into block, waiting for it no longer than give_up [ns].
 
-    Returns 1 if the sample is of this deadline, 0 if an older one had to do.
+    Returns 1 if the sample is of this deadline, 0 if an older one had to do, −1 if the device left none that is whole.
     """
     while True:
         turn = atomic.collect(words, DEVICE_LOCK, DEVICE_FIRST, block)
         if turn >= 0 and block[1] >= deadline:
             return 1
         if clock.now_ns(scratch) >= give_up:
-            return 0
+            return 0 if turn >= 0 else -1

@@ -26,15 +26,19 @@ class ServoThread:
     def __init__(self, device_link, settings, home=None, realtime="prefer"):
         self.link, self._home, self._wish = device_link, home, realtime
         self.settings, self.gains = Mailbox(servo.SETTINGS), Mailbox(GAINS)
-        self.tool, self.row, self.ring = Mailbox(loop.TOOL), Mailbox(servo.TICK), Ring(servo.TICK, RING_ROWS + 1)
+        self.tool, self.row, self.ring = Mailbox(loop.TOOL), Mailbox(servo.TICK), Ring(servo.TICK, RING_ROWS)
         self.control = np.zeros(loop.CONTROLS, np.int64)
-        self.realtime, self.refusal = "", ""
+        self.realtime, self._refused, self._ready = "", None, threading.Event()
         self._resets, self._zero = 0, settings["zero"].copy()
         self.set(settings)
         self._thread = threading.Thread(target=self._run, name="servo")
 
     def start(self):
+        """Starts it; PermissionError if `require` cannot be had."""
         self._thread.start()
+        self._ready.wait()
+        if self._refused:
+            raise PermissionError(f"realtime is require: {self._refused}")
 
     def stop(self):
         self.control[loop.STOP] = 1
@@ -68,8 +72,10 @@ class ServoThread:
         try:
             self.realtime = clock.go_realtime(self._wish, PRIORITY)
         except PermissionError as refusal:
-            self.refusal = f"realtime is require: {refusal}"
+            self._refused = refusal
             return
+        finally:
+            self._ready.set()
         run = loop.realtime()
         while not self.link.present():
             if self.control[loop.STOP]:

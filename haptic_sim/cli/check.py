@@ -6,9 +6,10 @@ from typing import Annotated
 
 import typer
 
-from haptic_device import ros_yaml
+from haptic_device import operating, ros_yaml
 from haptic_device.device import load_device
-from haptic_device.parameter import SECTION, operating_point_problems
+from haptic_device.law import operator
+from haptic_device.parameter import SECTION, check_value, operating_point_problems, read_operating_point, unknown
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.scene import load as load_scene
 
@@ -28,12 +29,39 @@ def problems(path: Path) -> list[str]:
     try:
         document = ros_yaml.load(path)
         if _has_section(document):
-            return list(operating_point_problems(document, NODES))
-        _loader(document)(path)
+            return list(operating_point_problems(document, NODES)) or _together(path)
+        loaded = _loader(document)(path)
+        return _motion(loaded.motion) if hasattr(loaded, "motion") else []
     except OSError as error:
         return [error.strerror or str(error)]
     except ValueError as error:
         return [str(error).removeprefix(f"{path}: ")]
+    return []
+
+
+def _together(path):
+    """What is wrong with values that are right one by one: walls that do not fit, gains beyond the device, names."""
+    given = read_operating_point(path, NODES)
+    everything = {
+        node: {parameter.name: parameter.default for parameter in declared} | given.get(node, {})
+        for node, declared in NODES.items()
+    }
+    driver = everything["haptic_driver"]
+    device = load_device(driver["device"])
+    operating.hand_from(load_device(everything["haptic_loopback"]["device"]), everything["haptic_loopback"])
+    load_scene(everything["haptic_simulation"]["scene"])
+    settings = operating.settings_from(device, driver)
+    refusal = operating.refusal(settings[0]) if driver["passivity.policy"] == "enforce" else ""
+    return [refusal] if refusal else []
+
+
+def _motion(motion):
+    """What the loopback would refuse of a scene's suggested motion."""
+    known = {parameter.name: parameter for parameter in operator.PARAMETERS}
+    for key, value in motion.items():
+        if f"motion.{key}" not in known:
+            return [unknown(f"motion.{key}", "a parameter of haptic_loopback", known)]
+        check_value(known[f"motion.{key}"], value)
     return []
 
 

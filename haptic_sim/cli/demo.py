@@ -2,6 +2,7 @@
 """`haptic demo`: the whole system as processes, a scripted operator at the handle, a bag, a table and a picture."""
 
 import json as json_text
+import os
 import sys
 import time
 from pathlib import Path
@@ -43,27 +44,21 @@ def demo(
         with interruptible():
             done = run(_order(scene, seconds, out, exchange, rate, params), started, json)
     except KeyboardInterrupt:
-        print("haptic demo: interrupted; all nodes have ended", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED) from None
+        print("haptic demo: interrupted; all nodes have ended", file=sys.stderr, flush=True)
+        os._exit(INTERRUPTED)  # an interrupt that struck inside exec() would otherwise end python by SIGINT
     raise typer.Exit(0 if done else 1)
 
 
 def run(order: Order, started: float, as_json: bool) -> bool:
     """Runs the order, reports, and says whether the job was done."""
-    from haptic_sim.cli.outcome import job_done, nothing, print_table
-
-    programs = _programs(order)
-    found, ended = nothing(), False
+    programs, ended, found, wrong = _programs(order), False, {}, []
     try:
         ended = _play(order, programs)
-        found |= _evaluate(order, started)
+        found = _evaluate(order, started)
     except (NodeDiedError, ValueError, OSError) as error:
         print(f"haptic demo: {error}", file=sys.stderr)
-        found["faults"].append(str(error))
-    bag = order.out / "bag"
-    found = {"scene": order.scene, "done": job_done(found, ended), **found, "bag": str(bag) if bag.exists() else None}
-    print(json_text.dumps(found)) if as_json else print_table(found, bag)
-    return found["done"]
+        wrong.append(str(error))
+    return _conclude(order, found, ended, wrong, as_json)
 
 
 def _order(scene, seconds, out, exchange, rate, params) -> Order:
@@ -131,9 +126,21 @@ def _evaluate(order: Order, started: float) -> dict:
     from haptic_sim.cli.outcome import figures
 
     recording = load(order.out / "bag")
-    for note in recording.notes:
+    missing = recording.trace_rows_missing
+    for note in (*recording.notes, *([f"{missing} ticks are missing from the trace"] if missing else [])):
         print(f"haptic demo: {note}", file=sys.stderr)
     report = order.out / "report.png"
     found = figures(recording, started)
     draw(recording, report, order.scene)
     return found | {"report": str(report)}
+
+
+def _conclude(order: Order, found: dict, ended: bool, wrong: list[str], as_json: bool) -> bool:
+    from haptic_sim.cli.outcome import job_done, nothing, print_table
+
+    bag = order.out / "bag"
+    found = nothing() | found
+    found["faults"] = found["faults"] + wrong
+    found = {"scene": order.scene, "done": job_done(found, ended), **found, "bag": str(bag) if bag.exists() else None}
+    print(json_text.dumps(found)) if as_json else print_table(found)
+    return found["done"]

@@ -10,9 +10,11 @@ COMMANDS = {
     "check": "haptic_sim.cli.check:check",
     "demo": "haptic_sim.cli.demo:demo",
     "docs": "haptic_sim.cli.params_doc:docs",
+    "identify": "haptic_sim.cli.identify:identify",
     "passivity": "haptic_sim.cli.passivity:passivity",
     "record": "haptic_sim.cli.record:record",
     "scenes": "haptic_sim.cli.scenes:scenes",
+    "zwidth": "haptic_sim.cli.zwidth:zwidth",
 }
 ROS_MISSING = "ROS 2 Jazzy is missing: pip install '.[ros]' in the clone, or source an installed ROS 2 first"
 
@@ -21,6 +23,8 @@ def main():
     """Entry point. Bad input ends in one sentence on standard error and exit code 1, never in a traceback."""
     try:
         _application(sys.argv[1:2])(prog_name="haptic")
+    except KeyboardInterrupt:
+        sys.exit(130)
     except (ValueError, OSError) as error:
         _refuse(error)
     except ModuleNotFoundError as error:

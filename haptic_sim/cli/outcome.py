@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What came of a run: its figures from the bag, whether its job was done, and both as a table."""
 
-from pathlib import Path
-
 from haptic_device.analysis.recording import Recording
 from haptic_device.analysis.summary import (
     energy_figures,
@@ -30,7 +28,7 @@ def figures(recording: Recording, started: float) -> dict:
         "seconds": float(rows["deadline"][-1] - rows["deadline"][0]) * 1e-9,
         "servo": servo_figures(rows) | {"realtime": driver.get("realtime")},
         "exchange": exchange_figures(recording, rows),
-        "energy_j": energy_figures(recording),
+        "energy_j": energy_figures(recording, rows),
         "contact": {
             "max_force_n": _number(simulation, "max_contact_force"),
             "max_penetration_m": _number(simulation, "max_penetration"),
@@ -56,7 +54,7 @@ def job_done(found: dict, ended: bool) -> bool:
     return ended and found["exchange"]["answered"] >= ANSWERED * found["exchange"]["sent"] > 0
 
 
-def print_table(found: dict, bag: Path) -> None:
+def print_table(found: dict) -> None:
     """Prints the figures as a table on standard output."""
     from rich.console import Console
     from rich.table import Table
@@ -66,7 +64,8 @@ def print_table(found: dict, bag: Path) -> None:
         table.add_row(name, value)
     console = Console()
     console.print(table)
-    console.print(f"bag     {bag}\nreport  {found['report'] or 'none'}", soft_wrap=True, highlight=False)
+    for name in ("bag", "report"):
+        console.print(f"{name:8}{found[name] or 'none'}", soft_wrap=True, highlight=False)
 
 
 def _lines(found: dict):

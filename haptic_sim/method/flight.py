@@ -2,7 +2,7 @@
 """From event to event: impacts and sticking are found in time, not cured after the fact.
 
 A step is cut where a gap closes or a slip speed passes zero. The instant is found by bracketing (Illinois) on the
-motion itself, which is integrated anew to each guess; then the impact is solved for all contacts touching at that instant:
+motion itself, which is integrated anew to each guess; then the impact is solved for all contacts touching at that time:
 
     v⁺ = v⁻ + W Gᵀ λ,   0 ≤ λ_n ⟂ G_n v⁺ + e G_n v⁻ ≥ 0 (Newton),   |λ_t| ≤ μ λ_n against G_t v⁺
 

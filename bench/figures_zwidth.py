@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The figures of docs/zwidth.md: python bench/figures_zwidth.py [FOLDER] [LIVE.json …].
+
+The latter are what `haptic zwidth --live --json` prints.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from haptic_device.analysis import probe
+from haptic_device.analysis.zwidth import Setup
+from haptic_device.analysis.zwidth_figure import draw_cells
+from haptic_device.analysis.zwidth_map import Request, draw_map
+from haptic_device.device import load_device
+from haptic_sim.cli.zwidth_live import CANCELLED
+from haptic_sim.cli.zwidth_twin import HAND, Twin
+
+RATES = (1000.0, 4000.0, 10000.0)
+WITHOUT = 0.05  # of the damper is left where there is "none": bearings
+LATE = 2e-5  # [s] of the servo's writes
+
+
+def main(folder, live):
+    folder.mkdir(parents=True, exist_ok=True)
+    figure = Figure(figsize=(11.0, 5.2), layout="constrained")
+    for axes, operator in zip(figure.subplots(1, 2), ("none", "worst"), strict=True):
+        setup = Setup(0.1, 0.5, 1e-3)
+        request = Request(setup, operator, np.linspace(20.0, 5000.0, 100), np.linspace(-0.5, 1.5, 100))
+        draw_cells(axes, request, draw_map(request, 2), 1e-4)
+    figure.savefig(folder / "zwidth_map.png", dpi=110)
+    figure = Figure(figsize=(11.0, 4.8), layout="constrained")
+    both_ends(figure.subplots(1, 2), [json.loads(path.read_text()) for path in live])
+    figure.savefig(folder / "zwidth.png", dpi=110)
+
+
+def both_ends(panels, live):
+    stiff, free = panels
+    with_damper = load_device("desktop")
+    axes = tuple(axis.model_copy(update={"damping": WITHOUT * axis.damping}) for axis in with_damper.axes)
+    for device, name, colour in (
+        (with_damper, "with physical damper", "tab:green"),
+        (with_damper.model_copy(update={"axes": axes}), "without", "tab:red"),
+    ):
+        b = device.axes[0].damping
+        passive = 2.0 * b * np.array(RATES)
+        found = [
+            probe.find_boundary(Twin(device, rate, 0.0, LATE).show, 0.95 * p, 1e6)
+            for rate, p in zip(RATES, passive, strict=True)
+        ]
+        stiff.loglog(
+            RATES,
+            [each.stiffness for each in found],
+            "o-",
+            color=colour,
+            label=f"{name}, b = {b:g} N s/m: shakes above",
+        )
+        stiff.loglog(RATES, passive, "--", color=colour, label="passive below, 2b/T")
+        for ratio, style in ((0.0, "-"), (CANCELLED, ":")):
+            felt = [Twin(device, rate, 0.0, LATE).turn(ratio) for rate in RATES]
+            free.loglog(RATES, felt, "o" + style, color=colour, label=f"{name}, {100 * ratio:g} % cancelled")
+    for one in live:
+        known = [one["live"][end] for end in ("quiet", "shaking") if one["live"][end]]
+        stiff.loglog(one["rate"], np.mean(known), "kx", markersize=9)
+        free.loglog([one["rate"]] * 2, list(one["live"]["damping"].values()), "kx", markersize=9)
+    if live:
+        stiff.plot([], [], "kx", label="live nodes")
+    hand = ", ".join(f"{value:g} {unit}" for value, unit in zip(HAND.values(), ("kg", "N s/m", "N/m"), strict=True))
+    stiff.set(xlabel="servo rate [Hz]", ylabel="stiffness of the wall [N/m]", title=f"Stiff end, hand {hand}, B = 0")
+    free.set(xlabel="servo rate [Hz]", ylabel="damping felt in free space [N s/m]", title="Free end")
+    for panel in panels:
+        panel.grid(alpha=0.3, which="both")
+        panel.legend(fontsize=8, loc="best" if panel is stiff else (0.03, 0.17))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if sys.argv[1:] else Path("docs/figures"), [Path(word) for word in sys.argv[2:]])

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plays a recorded demo again in lock-step, with the delay measured in it, and prints how far the handles are apart.
+
+usage: python bench/live_against_lockstep.py RUN_FOLDER [--scene peg_in_hole] [--params demo]
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from haptic_device.analysis import recording
+from haptic_device.device import load_device
+from haptic_device.law import engage
+from haptic_device.parameter import read_operating_point
+from haptic_device.share import find
+from haptic_sim.cli.nodes import NODES
+from haptic_sim.lockstep import Lockstep, Network
+from haptic_sim.scene import load
+from haptic_sim.simulation import Simulation
+
+
+def values_of(node, given, **more):
+    """All parameter values of a node: defaults, the operating point's, and more."""
+    return {parameter.name: parameter.default for parameter in NODES[node]} | given.get(node, {}) | more
+
+
+def system(scene_name, params, delay, write_delay):
+    """The lock-step twin of a demo."""
+    scene, given = load(scene_name), read_operating_point(find("", params), NODES)
+    motion = {f"motion.{key}": value for key, value in scene.motion.items()}
+    driver, loopback = values_of("haptic_driver", given), values_of("haptic_loopback", given, **motion)
+    simulated = values_of("haptic_simulation", given)
+    simulation = Simulation(scene, simulated["sub_step"], simulated["max_catch_up"])
+    return Lockstep(load_device(driver["device"]), driver, loopback, simulation, Network(delay), write_delay)
+
+
+def first_use_age(trace):
+    """Median age [s] of a tool sample in the first tick that used it."""
+    new = np.flatnonzero(np.diff(trace["tool_answered"]) > 0) + 1
+    return float(np.median(trace["tool_age"][new]))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("run", type=Path)
+    parser.add_argument("--scene", default="peg_in_hole")
+    parser.add_argument("--params", default="demo")
+    given = parser.parse_args()
+    trace = recording.load(given.run / "bag").trace
+    begun = int(np.argmax(trace["state"] == engage.ENGAGED))
+    live = trace["position"][begun:]
+    age, late = first_use_age(trace[begun:]), float(np.median(trace["lateness"][begun:]))
+    twin = system(given.scene, given.params, age, late)
+    rows = twin.run(1.0 + len(live) * twin.period * 1e-9)
+    twin_begun = int(np.argmax(rows.state == engage.ENGAGED))
+    count = min(len(live), len(rows) - twin_begun)
+    elapsed = (trace["deadline"][begun : begun + count] - trace["deadline"][begun]) / twin.period
+    apart = live[:count] - rows.position[twin_begun + np.minimum(elapsed.astype(int), count - 1)]
+    rms = np.sqrt(np.mean(apart**2, axis=0))
+    print(f"round trip {age * 1e3:.3f} ms, write {late * 1e6:.1f} us after the deadline, {count} ticks")
+    print(f"handle apart, RMS: x {rms[0] * 1e3:.4f} mm, y {rms[1] * 1e3:.4f} mm, theta {rms[2]:.5f} rad")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Z-width of a device model: which walls in the K–B plane it shows without shaking and without giving energy.
+
+Each cell of the plane is a run in lock-step (`haptic_device.runtime.zwidth_cell`): an operator taps the unilateral
+wall and stays pressed against it. What a run can show depends on the operator, so operators are named, and none of
+them is the worst there is: condition (3) is about all passive ones (Colgate & Brown 1994 for the word Z-width).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_device.analysis.closed_forms import fractionally_delayed_spring_damping
+from haptic_device.analysis.delay import largest_passive_stiffness
+from haptic_device.analysis.quantity import finite, not_negative, positive, within
+from haptic_device.analysis.stability import largest_stable_stiffness
+from haptic_device.runtime import zwidth_cell
+
+QUIET, GIVING, SHAKING = range(3)
+NAMES = ("quiet", "gives energy", "shakes")
+SETTLED = 1e-6  # of the energy of the beginning: what is left at rest
+ROUNDING = 1e-9  # of the energy of the beginning, that may seem given
+
+
+class Setup(NamedTuple):
+    """A device model and its loop; SI units, delay in periods (sensing and acting together)."""
+
+    mass: float
+    physical_damping: float
+    period: float
+    coulomb: float = 0.0
+    resolution: float = 0.0
+    delay_samples: float = 0.0
+    velocity_lag: float = 0.0
+    seconds: float = 1.0
+
+
+class Operator(NamedTuple):
+    """What holds the handle: mass [kg], damper [N s/m] and spring [N/m] on it, and a push [N] into the wall.
+
+    A tap comes from 2 mm before the wall at 0.1 m/s; who is pressed begins a third deeper in the wall than at rest.
+    """
+
+    mass: float = 0.0
+    damping: float = 0.0
+    stiffness: float = 0.0
+    push: float = 1.0
+    pressed: bool = False
+
+
+def _grid():
+    """Operators without damper: masses and springs, whose push holds them 5 mm deep or 1 N strong in the wall."""
+    masses, springs = (0.0, 0.1, 1.0), (0.0, 1e2, 1e3, 1e4)
+    return tuple(Operator(m, 0.0, k, 1.0 + 5e-3 * k, True) for m in masses for k in springs)
+
+
+def _both(*hand):
+    return Operator(*hand), Operator(*hand, pressed=True)
+
+
+OPERATORS = {
+    "none": _both(0.0, 0.0, 0.0, 1.0),
+    "light": _both(0.05, 2.0, 50.0, 1.0),
+    "firm": _both(0.5, 20.0, 1000.0, 5.0),
+    "worst": _grid(),
+}
+"""Each hand taps, and is pressed; the grid is pressed only, where contact that is lost cannot hide a slow growth."""
+
+
+class Outcome(NamedTuple):
+    """What the cells did, arrays over the cells: verdict (QUIET, GIVING, SHAKING), energy given [J], growth."""
+
+    verdict: np.ndarray
+    energy_given: np.ndarray
+    growth: np.ndarray
+
+
+def check_setup(setup):
+    """Refuse what cannot be a device or a run (ValueError, one sentence)."""
+    for name, unit in (("mass", "kg"), ("physical_damping", "N s/m"), ("period", "s"), ("seconds", "s")):
+        positive(name, getattr(setup, name), unit)
+    for name, unit in (("coulomb", "N"), ("resolution", "m"), ("velocity_lag", "s")):
+        not_negative(name, getattr(setup, name), unit)
+    within("delay_samples", setup.delay_samples, 0.0, 100.0, "samples")
+    within("seconds/period", setup.seconds / setup.period, zwidth_cell.FEWEST_TICKS, 1e7, "ticks")
+
+
+def operators_of(name):
+    """The operators behind a name of OPERATORS. Raises ValueError, one sentence, for another one."""
+    if name not in OPERATORS:
+        raise ValueError(f"operator is {name!r}, but it must be one of {', '.join(OPERATORS)}")
+    return OPERATORS[name]
+
+
+def run_cells(setup, operators, stiffness, damping):
+    """Outcome of the walls K [N/m], B [N s/m] (arrays that broadcast), the worst over the operators."""
+    check_setup(setup)
+    not_negative("stiffness", stiffness, "N/m")
+    finite("damping", damping, "N s/m")
+    stiffness, damping = (np.array(a, float) for a in np.broadcast_arrays(stiffness, damping))
+    outcomes = [_run(setup, operator, stiffness.ravel(), damping.ravel()) for operator in operators]
+    verdict, given, growth = (np.max(column, axis=0) for column in zip(*outcomes, strict=True))
+    return Outcome(*(column.reshape(stiffness.shape) for column in (verdict.astype(np.int8), given, growth)))
+
+
+def _run(setup, operator, stiffness, damping):
+    record, outcomes = record_of(setup, operator), np.zeros(stiffness.size, zwidth_cell.OUTCOME)
+    zwidth_cell.cells(record.view(np.recarray), stiffness, damping, outcomes.view(np.recarray))
+    return _verdict(setup, operator, outcomes), outcomes["energy_given"], outcomes["growth"]
+
+
+def record_of(setup, operator):
+    """CELL record of one operator at this device."""
+    record = np.zeros(1, zwidth_cell.CELL)
+    for name in setup._fields:
+        record[name] = getattr(setup, name)
+    for name in ("mass", "damping", "stiffness"):
+        record[f"operator_{name}"] = getattr(operator, name)
+    record["push"] = operator.push
+    record["position"], record["depth"], record["velocity"] = (
+        (0.0, 4 / 3, 0.0) if operator.pressed else (-2e-3, 0.0, 0.1)
+    )
+    return record
+
+
+def _verdict(setup, operator, outcomes):
+    """Shaking is energy of motion that grows or has grown, beyond two encoder steps; giving is more than there was."""
+    begin = outcomes["beginning"]
+    steps = 0.5 * (operator.stiffness + operator.push / 1e-3) * (2.0 * setup.resolution) ** 2
+    moving = outcomes["vibration"] > SETTLED * begin + steps
+    shaking = moving & ((outcomes["growth"] >= 1.0) | (outcomes["vibration"] > begin))
+    giving = outcomes["energy_given"] > ROUNDING * begin + steps
+    return np.where(shaking, SHAKING, np.where(giving, GIVING, QUIET))
+
+
+def boundary_stiffness(setup, operators, damping, high, precision=1e-3):
+    """Largest K [N/m] below which no wall of this B shakes with these operators, by bisection below `high`.
+
+    Stops at this relative precision; `high` itself if nothing shakes there.
+    """
+    low = 0.0
+    if run_cells(setup, operators, high, damping).verdict < SHAKING:
+        return high
+    while high - low > precision * high:
+        middle = 0.5 * (low + high)
+        if run_cells(setup, operators, middle, damping).verdict == SHAKING:
+            high = middle
+        else:
+            low = middle
+    return 0.5 * (low + high)
+
+
+def theory(setup, damping, lateness=0.0):
+    """Lines over B [N s/m] (array): name → largest K [N/m]. lateness [s]: writes late by anything up to it."""
+    check_setup(setup)
+    within("lateness", lateness, 0.0, 0.5 * setup.period, "s")
+    b, m, period = setup.physical_damping, setup.mass, setup.period
+    loop = {"delay_samples": setup.delay_samples, "velocity_lag": setup.velocity_lag}
+    lines = {
+        "passive": [largest_passive_stiffness(b, float(B), period, **loop) for B in damping],
+        "stable": [largest_stable_stiffness(m, b, float(B), period, **loop) for B in damping],
+    }  # fmt: skip
+    if lateness > 0.0:
+        late = setup.delay_samples + lateness / period
+        spare = b - np.abs(damping) * np.sqrt(1.0 + late)
+        lines["late writes"] = np.maximum(spare, 0.0) / fractionally_delayed_spring_damping(1.0, period, late)
+    return {name: np.array(line) for name, line in lines.items()}

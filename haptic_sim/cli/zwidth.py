@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic zwidth`: which walls a device shows without shaking: as a map of its model, or live on the running nodes."""
+
+import contextlib
+import json
+import math
+import os
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+INTERRUPTED = 130
+_DEVICE = "Take m, b, friction, encoder step and delays from this device's x axis (a name in config/devices or a file)."
+
+_LIVE = "Raise the wall's stiffness on driver and loopback until it shakes, instead of drawing the map of a model."
+_DOMAIN = "With --live: ROS domain of nodes that run already, the hand's motion being follow."
+
+
+def zwidth(
+    device: Annotated[str | None, typer.Option(help=_DEVICE)] = None,
+    mass: Annotated[float | None, typer.Option(help="Moving mass m (kg) [0.1].")] = None,
+    physical_damping: Annotated[float | None, typer.Option(help="Physical damping b (N s/m) [0.5].")] = None,
+    period: Annotated[float, typer.Option(help="Servo period T (s).")] = 0.001,
+    delay_samples: Annotated[float | None, typer.Option(help="Loop delay in periods [0].")] = None,
+    velocity_lag: Annotated[float, typer.Option(help="Time constant of the velocity filter (s).")] = 0.0,
+    resolution: Annotated[float | None, typer.Option(help="Encoder step (m) [0].")] = None,
+    coulomb: Annotated[float | None, typer.Option(help="Coulomb friction (N) [0].")] = None,
+    lateness: Annotated[
+        float, typer.Option(help="Also draw: writes late by anything up to this (s), at most T/2.")
+    ] = 0.0,
+    operator: Annotated[
+        str, typer.Option(help="none, light, firm, or worst of a grid of masses and springs.")
+    ] = "none",
+    stiffness_max: Annotated[float | None, typer.Option(help="Largest K of the map (N/m) [by theory].")] = None,
+    damping_max: Annotated[float | None, typer.Option(help="Largest B of the map (N s/m) [4 b].")] = None,
+    points: Annotated[int, typer.Option(min=2, max=1000, help="Cells along each axis.")] = 100,
+    seconds: Annotated[float, typer.Option(help="Simulated time of a cell (s).")] = 1.0,
+    out: Annotated[Path, typer.Option(help="Folder for map.csv and map.png.")] = Path("zwidth"),
+    resume: Annotated[Path | None, typer.Option(help="File to go on from [OUT/resume.npz].")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Threads [one a core].")] = None,
+    live: Annotated[bool, typer.Option("--live", help=_LIVE)] = False,
+    damping: Annotated[float, typer.Option(help="With --live: virtual damping B of the wall (N s/m).")] = 0.0,
+    domain: Annotated[int | None, typer.Option(min=0, max=232, help=_DOMAIN)] = None,
+    namespace: Annotated[str | None, typer.Option(help="With --live: namespace of nodes that run already.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
+):
+    """Z-width of a device: the K-B plane of walls it can show (Colgate & Brown 1994), in lock-step simulation."""
+    from haptic_device.analysis.zwidth import Setup
+
+    given = {"mass": mass, "physical_damping": physical_damping, "delay_samples": delay_samples, "coulomb": coulomb}
+    given = {name: value for name, value in {**given, "resolution": resolution}.items() if value is not None}
+    try:
+        if live:
+            _live(device or "desktop", period, damping, stiffness_max, domain, namespace, as_json)
+            return
+        base = {"mass": 0.1, "physical_damping": 0.5} if device is None else _of_device(device, period)
+        setup = Setup(**{**base, **given, "period": period, "velocity_lag": velocity_lag, "seconds": seconds})
+        request = _request(setup, operator, stiffness_max, damping_max, points)
+        found = _run(request, lateness, out, resume, workers or len(os.sched_getaffinity(0)))
+    except (ValueError, OSError) as error:
+        typer.echo(f"haptic zwidth: {error}", err=True)
+        raise typer.Exit(2) from None
+    except KeyboardInterrupt:
+        kept = "the gains are as they were" if live else f"the same command goes on from {resume or out / 'resume.npz'}"
+        typer.echo(f"haptic zwidth: interrupted; {kept}", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+    typer.echo(json.dumps(found)) if as_json else _show(found)
+
+
+def _live(name, period, damping, stiffness_max, domain, namespace, as_json):
+    from haptic_device.analysis.quantity import finite, positive
+    from haptic_device.device import load_device
+    from haptic_device.share import find
+    from haptic_sim.cli.processes import NodeDiedError
+
+    positive("period", period, "s")
+    finite("damping", damping, "N s/m")
+    stiffness_max = 1e6 if stiffness_max is None else stiffness_max
+    positive("stiffness_max", stiffness_max, "N/m")
+    device = load_device(name)
+    from haptic_sim.cli.zwidth_live import measure
+
+    try:
+        with interruptible():
+            path = str(Path(find("devices", name)).absolute())
+            found = measure(device, path, 1.0 / period, damping, stiffness_max, domain, namespace)
+    except NodeDiedError as error:
+        raise ValueError(str(error)) from None
+    typer.echo(json.dumps(found)) if as_json else _show_live(found)
+
+
+def _show_live(found):
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(
+        "figure", "live", "lock-step", title=f"Z-width at {found['rate']:g} Hz, B = {found['damping']:g} N s/m"
+    )
+    for label, *keys in (
+        ("stiffest quiet wall [N/m]", "quiet"), ("softest shaking wall [N/m]", "shaking"),
+        ("felt damping, nothing cancelled [N s/m]", "damping", "none"),
+        ("felt damping, cancelled [N s/m]", "damping", "cancelled"),
+    ):  # fmt: skip
+        table.add_row(label, *(_number(found[side], keys) for side in ("live", "lockstep")))
+    console, at = Console(width=None if Console().is_terminal else 100), found["at_95_percent_of_passive"]
+    console.print(table)
+    console.print(f"passive up to {found['passive']:.5g} N/m; at 95 % of it: {at}", highlight=False)
+
+
+def _number(values, keys):
+    for key in keys:
+        values = values[key]
+    return "none" if values is None else f"{values:.5g}"
+
+
+def _of_device(name, period):
+    from haptic_device.analysis.quantity import positive
+    from haptic_device.device import load_device
+
+    positive("period", period, "s")
+    device = load_device(name)
+    axis = device.axes[0]
+    return {
+        "mass": axis.mass,
+        "physical_damping": axis.damping,
+        "coulomb": axis.coulomb,
+        "resolution": 1.0 / axis.counts_per_unit,
+        "delay_samples": (device.sensing_delay + device.actuation_delay) / period,
+    }
+
+
+def _request(setup, operator, stiffness_max, damping_max, points):
+    from haptic_device.analysis.quantity import positive
+    from haptic_device.analysis.zwidth import check_setup, operators_of, theory
+    from haptic_device.analysis.zwidth_map import Request
+
+    check_setup(setup)
+    operators_of(operator)
+    damping_max = 4.0 * setup.physical_damping if damping_max is None else damping_max
+    positive("damping_max", damping_max, "N s/m")
+    damping = np.linspace(-setup.physical_damping, damping_max, points)
+    if stiffness_max is None:
+        stiffness_max = 1.2 * max(line.max() for line in theory(setup, damping[:: max(1, points // 20)]).values())
+    positive("stiffness_max", stiffness_max, "N/m")
+    return Request(setup, operator, np.linspace(0.0, stiffness_max, points + 1)[1:], damping)
+
+
+def _run(request, lateness, out, resume, workers):
+    from haptic_device.analysis.zwidth import theory
+    from haptic_device.analysis.zwidth_figure import save_map
+    from haptic_device.analysis.zwidth_map import boundaries, draw_map, write_csv
+
+    theory(request.setup, request.damping[:1], lateness)
+    out.mkdir(parents=True, exist_ok=True)
+    kept = resume or out / "resume.npz"
+    with interruptible(), _progress(request.damping.size) as progress:
+        plane = draw_map(request, workers, kept, progress)
+    write_csv(out / "map.csv", request, plane)
+    save_map(request, plane, lateness, out / "map.png")
+    lines = {name.replace(" ", "_"): line.tolist() for name, line in boundaries(request, plane, lateness).items()}
+    kept.unlink()
+    return {
+        **request.setup._asdict(),
+        "operator": request.operator,
+        "cells": int(plane.outcome.verdict.size),
+        "shares": {
+            name: float(np.mean(plane.outcome.verdict == i)) for i, name in enumerate(("quiet", "gives", "shakes"))
+        },
+        "energy_given_max": _finite(np.max(plane.outcome.energy_given)),
+        "damping": request.damping.tolist(),
+        "stiffness_max": {name: [_finite(value) for value in line] for name, line in lines.items()},
+        "csv": str(out / "map.csv"),
+        "figure": str(out / "map.png"),
+    }
+
+
+def interruptible():
+    """Every signal that ends a program arrives as KeyboardInterrupt."""
+    from haptic_sim.cli.processes import interruptible
+
+    return interruptible()
+
+
+def _finite(value):
+    return float(value) if math.isfinite(value) else None
+
+
+@contextlib.contextmanager
+def _progress(rows) -> Iterator[Callable[[int], None]]:
+    """A bar with the time left, on standard error."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("rows of the map"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(file=sys.stderr)) as progress:
+        task = progress.add_task("", total=rows)
+        yield lambda done: progress.update(task, completed=done)
+
+
+def _show(found):
+    from rich.console import Console
+    from rich.table import Table
+
+    lines = found["stiffness_max"]
+    table = Table("B [N s/m]", *(f"{name.replace('_', ' ')} [N/m]" for name in lines), title="Largest stiffness")
+    for i in np.linspace(0, len(found["damping"]) - 1, 9).astype(int):
+        row = (found["damping"][i], *(line[i] for line in lines.values()))
+        table.add_row(*("none" if value is None else f"{value:.5g}" for value in row))
+    console = Console(width=None if Console().is_terminal else 100)
+    console.print(table)
+    shares = ", ".join(f"{100 * share:.1f} % {name}" for name, share in found["shares"].items())
+    console.print(f"{found['cells']} cells with operator {found['operator']}: {shares}", highlight=False)
+    console.print(f"map     {found['csv']}\nfigure  {found['figure']}", soft_wrap=True, highlight=False)

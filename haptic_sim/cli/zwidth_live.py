@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic zwidth --live`: raises a wall's stiffness on the running driver until it shakes under the loopback's hand.
+
+The search, the gestures and the judgement are those of `haptic_device.analysis.probe`; the same device in lock-step
+(`zwidth_twin`) gives the figures to compare with. Everything is judged on the loopback's truth.
+"""
+
+import contextlib
+
+import numpy as np
+
+from haptic_device.analysis import probe
+from haptic_sim.cli.bench_nodes import running
+from haptic_sim.cli.tuning import Tuning
+from haptic_sim.cli.zwidth_twin import DEPTH, HAND, LAG, OUT, RADIUS, WALL, Twin
+
+TOUCHED = (
+    *("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "coupling.stiffness", "coupling.damping"),
+    *("passivity.policy", "passivity.control", "cancellation.ratio"),
+)
+REST = 0.4  # [s] in free space between two gestures
+CANCELLED = 0.95  # share of the damping, for the free end
+
+
+class Live:
+    """The running display; `show` and `turn` as of the twin in lock-step."""
+
+    def __init__(self, tuning, damping, resolution):
+        self._tuning, self._damping, self._resolution = tuning, damping, resolution
+        self.energy_given = 0.0
+
+    def show(self, stiffness):
+        """Whether this wall shakes, or latches a fault of the driver; it is gone before this returns."""
+        tuning, fault = self._tuning, False
+        self._wall(stiffness)
+        began = self._begin()
+        try:
+            tuning.watch(probe.GESTURE, lambda t: (WALL + probe.tap_and_press(t, OUT, DEPTH), 0.0, 0.0))
+        except ValueError:
+            if not tuning.said("fault"):
+                raise
+            fault = True
+        self._wall(0.0)
+        if fault:
+            self._recover()
+        truth = _truth(tuning.truths)
+        tuning.watch(REST, lambda t: (WALL + OUT, 0.0, 0.0))
+        self.energy_given = float(_truth(tuning.truths).energy_given[-1] - truth.energy_given[0])
+        return fault or probe.shakes(truth, began, self._resolution)
+
+    def turn(self, ratio):
+        """Apparent damping on a circle with this share of damping cancelled [N s/m]."""
+        self._tuning.watch(REST, lambda t: (0.0, 0.0, 0.0))
+        self._tuning.set(cancellation__ratio=ratio)
+        began = self._begin()
+        self._tuning.watch(probe.CIRCLE, lambda t: (*probe.circle(t, RADIUS), 0.0))
+        self._tuning.set(cancellation__ratio=0.0)
+        return probe.apparent_damping(_truth(self._tuning.truths), began)
+
+    def free(self):
+        """No wall, no coupling, and nothing that would calm what is to be seen."""
+        self._tuning.set(
+            passivity__policy="off", passivity__control=False, cancellation__ratio=0.0, coupling__stiffness=0.0,
+            coupling__damping=0.0,
+        )  # fmt: skip
+
+    def _wall(self, stiffness):
+        damping = self._damping if stiffness else 0.0
+        walls = {"wall__normals": (1.0, 0.0), "wall__offsets": (WALL,)}
+        self._tuning.set(**walls, wall__stiffness=(stiffness,), wall__damping=(damping,))
+
+    def _begin(self):
+        """Forgets the truths so far; time of the loopback at which the gesture begins."""
+        self._tuning.look()
+        self._tuning.truths = self._tuning.truths[-1:]
+        return self._tuning.truths[-1]["time"][0]
+
+    def _recover(self):
+        tuning = self._tuning
+        tuning.trigger("reset")
+        tuning.trigger("enable")
+        tuning.statuses.pop("haptic_driver", None)
+        tuning.wait_engaged()
+
+
+def measure(device, path, rate, damping, stiffness_max, domain, namespace):
+    """Figures of the display, live and in lock-step. Raises ValueError, NodeDiedError."""
+    pair = _pair(path, rate)
+    with running(domain, namespace, *pair) as (number, room, check), contextlib.closing(Tuning(number, room)) as tuning:
+        tuning.wait_engaged(check)
+        with tuning.as_found(TOUCHED):
+            rate = float(tuning.get(["servo.rate"])["servo.rate"])
+            return _figures(
+                Live(tuning, damping, 1.0 / device.axes[0].counts_per_unit),
+                tuning,
+                device,
+                rate,
+                damping,
+                stiffness_max,
+            )
+
+
+def _pair(path, rate):
+    """Parameters of driver and loopback; the hand is light, and follows."""
+    hand = {f"hand.{name}": value for name, value in HAND.items()}
+    start = {"motion.name": "follow", "motion.lag": LAG, "motion.start": (0.0, 0.0, 0.0)}
+    return {"device": path, "servo.rate": rate}, {"device": path, **hand, **start}
+
+
+def _figures(live, tuning, device, rate, damping, stiffness_max):
+    b = device.axes[0].damping
+    passive = 2.0 * (b - abs(damping)) * rate
+    live.free()
+    free = {"none": live.turn(0.0), "cancelled": live.turn(CANCELLED)}
+    bound = max(passive, 0.2 * b * rate)
+    boundary = probe.find_boundary(live.show, 0.95 * bound, min(stiffness_max, 20.0 * bound))
+    shaking = live.show(0.95 * passive) if passive > 0.0 else None
+    given, delay = live.energy_given, _write_delay(tuning)
+    twin = Twin(device, rate, damping, delay)
+    same = probe.find_boundary(twin.show, 0.95 * bound, min(stiffness_max, 20.0 * bound))
+    return {
+        "rate": rate,
+        "damping": damping,
+        "physical_damping": b,
+        "write_delay": delay,
+        "passive": passive,
+        "live": {"quiet": boundary.quiet, "shaking": boundary.shaking, "damping": free},
+        "lockstep": {
+            "quiet": same.quiet, "shaking": same.shaking,
+            "damping": {"none": twin.turn(0.0), "cancelled": twin.turn(CANCELLED)},
+        },
+        "at_95_percent_of_passive": {"shaking": shaking, "energy_given": given},
+    }  # fmt: skip
+
+
+def _write_delay(tuning):
+    """Median time from deadline to the servo's write [s]: its lateness and its work, as its diagnostics say."""
+    tuning.watch(0.6)
+    said = [tuning.said(f"{name}_us_p50") for name in ("lateness", "compute")]
+    return sum(max(0.0, float(value or 0.0)) for value in said) * 1e-6
+
+
+def _truth(truths):
+    columns = {
+        "position": ("x", 0),
+        "velocity_x": ("x", 1),
+        "velocity_y": ("y", 1),
+        "energy_given": ("energy_given", 0),
+    }
+    column = {
+        key: np.array([t[name][part] if name in t else 0.0 for t in truths]) for key, (name, part) in columns.items()
+    }
+    return probe.Truth(np.array([t["time"][0] for t in truths]), **column)

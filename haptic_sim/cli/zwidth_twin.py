@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The display of `haptic zwidth --live` in lock-step: same device, hand, gestures and judgement, no clock, no DDS."""
+
+import numpy as np
+
+from haptic_device import operating
+from haptic_device.analysis import probe
+from haptic_device.device import plant_of
+from haptic_device.law import engage, operator, plant, servo
+from haptic_device.runtime import loop
+
+HAND = {"mass": 0.05, "damping": 0.5, "stiffness": 100.0}  # light: it calms little
+OUT, DEPTH, RADIUS = 0.005, 0.02, 0.02  # [m] of the gestures; pressed in by 2 N
+WALL = -0.02  # [m] offset of the wall on x; the hand comes from above
+PHASES = (1.0, 0.97, 1.03, 0.9, 1.1)  # of the depth
+EVERY = 0.002  # [s] between two targets of the hand
+LAG = 0.01  # [s] motion.lag
+
+
+class Twin:
+    """A display in lock-step; `show` and `turn` as of the live one. write_delay [s]: of the servo's writes."""
+
+    def __init__(self, device, rate, damping, write_delay=0.0):
+        self.device, self.damping, self.delay = device, damping, int(write_delay * 1e9)
+        self.values = {parameter.name: parameter.default for parameter in operating.PARAMETERS}
+        self.values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
+        self.values |= {"passivity.control": False}
+        self.period = round(1e9 / rate)
+
+    def show(self, stiffness):
+        """Whether the wall of this stiffness shakes under a tap and a press, or even stops the servo by a fault.
+
+        Friction calms small oscillations, so what one gesture shows depends on its phase: the worst of some counts, as
+        jitter finds it on the live display.
+        """
+        return any(self._touch(stiffness, share * DEPTH) for share in PHASES)
+
+    def _touch(self, stiffness, depth):
+        wall = {"wall.normals": (1.0, 0.0), "wall.offsets": (WALL,)}
+        wall |= {"wall.stiffness": (stiffness,), "wall.damping": (self.damping,)}
+        truth, fault = self._play(wall, probe.GESTURE, lambda t: (WALL + probe.tap_and_press(t, OUT, depth), 0.0))
+        return fault or probe.shakes(truth, 0.0, 1.0 / self.device.axes[0].counts_per_unit)
+
+    def turn(self, ratio):
+        """Apparent damping on a circle with this share of damping cancelled [N s/m]."""
+        truth, _ = self._play({"cancellation.ratio": ratio}, probe.CIRCLE, lambda t: probe.circle(t, RADIUS))
+        return probe.apparent_damping(truth, 0.0)
+
+    def _play(self, values, seconds, aim):
+        settings = operating.settings_from(self.device, self.values | values).view(np.recarray)
+        memory = np.zeros(1, servo.MEMORY).view(np.recarray)
+        memory.state, memory.engage = engage.ENGAGED, 1.0
+        body, state = self._body()
+        motion = operator.script({p.name: p.default for p in operator.PARAMETERS} | {"motion.name": "follow"})
+        motion, tool = motion.view(np.recarray), np.zeros(1, loop.TOOL).view(np.recarray)
+        ticks = max(1, round(EVERY * 1e9 / self.period))
+        rows, samples = np.zeros(ticks, servo.TICK).view(np.recarray), []
+        for first in range(0, round(seconds * 1e9 / self.period), ticks):
+            motion.points[0, 0, :2] = aim(first * self.period * 1e-9)
+            loop.run_lockstep(
+                settings, memory, rows, tool, body, state, motion, first * self.period, first, self.delay, engage.ENABLE
+            )
+            samples.append(_sample(state))
+            if rows.fault[-1]:
+                return probe.Truth(*np.array(samples).T), True
+        return probe.Truth(*np.array(samples).T), False
+
+    def _body(self):
+        body, state = plant_of(self.device).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
+        for name, value in HAND.items():
+            body[f"hand_{name}"][0, :2] = value
+        return body, state
+
+
+def _sample(state):
+    s = state[0]
+    return s.time * 1e-9, s.position[0], s.velocity[0], s.velocity[1], s.energy_given

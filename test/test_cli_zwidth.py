@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic zwidth`: a map in a folder, one object with --json, and a sentence for what cannot be."""
+
+import json
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from haptic_sim.cli.zwidth import zwidth
+
+
+def haptic(folder, *words, **options):
+    """Run the subcommand on a small map, with options changed or added."""
+    given = {"points": 12, "seconds": 0.2, "out": folder, **options}
+    app = typer.Typer()
+    app.command()(zwidth)
+    named = [word for name, value in given.items() for word in (f"--{name.replace('_', '-')}", str(value))]
+    return CliRunner().invoke(app, [*named, *words])
+
+
+def test_json_tells_the_map_and_both_files_are_there(tmp_path):
+    result = haptic(tmp_path, "--json")
+    assert result.exit_code == 0
+    found = json.loads(result.stdout)
+    assert found["cells"] == 144
+    assert sum(found["shares"].values()) == pytest.approx(1.0)
+    assert found["stiffness_max"].keys() == {"quiet", "not_shaking", "passive", "stable"}
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+    assert len((tmp_path / "map.csv").read_text().splitlines()) == 145
+    assert not (tmp_path / "resume.npz").exists()
+
+
+def test_the_table_shows_the_largest_stiffness_over_the_damping(tmp_path):
+    result = haptic(tmp_path, operator="worst", lateness=1e-4)
+    assert result.exit_code == 0
+    assert "Largest stiffness" in result.stdout
+    assert "late writes" in result.stdout
+    assert "operator worst" in result.stdout
+
+
+def test_a_device_description_gives_the_values_that_are_not_given(tmp_path):
+    found = json.loads(haptic(tmp_path, "--json", device="desktop", period=0.00025, coulomb=0.1).stdout)
+    assert (found["mass"], found["physical_damping"], found["resolution"]) == (0.1, 3.0, 5e-6)
+    assert found["coulomb"] == 0.1
+
+
+@pytest.mark.parametrize(
+    "options, sentence",
+    [
+        ({"physical_damping": 0}, "physical_damping is 0 N s/m"),
+        ({"period": 0}, "period is 0 s"),
+        ({"period": 0, "device": "desktop"}, "period is 0 s"),
+        ({"mass": -1}, "mass is -1 kg"),
+        ({"stiffness_max": -5}, "stiffness_max is -5 N/m"),
+        ({"damping_max": 0}, "damping_max is 0 N s/m"),
+        ({"operator": "strong"}, "operator is 'strong'"),
+        ({"lateness": 0.001}, "lateness is 0.001 s, but it must lie between 0 and 0.0005 s"),
+        ({"device": "nowhere"}, "nowhere"),
+        ({"seconds": 0}, "seconds is 0 s"),
+        ({"physical_damping": "nan"}, "physical_damping is nan N s/m"),
+    ],
+)
+def test_bad_input_ends_in_one_sentence_and_exit_code_2(tmp_path, options, sentence):
+    result = haptic(tmp_path, **options)
+    assert result.exit_code == 2
+    assert sentence in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert result.stdout == ""
+
+
+def test_an_unreadable_resume_file_ends_in_one_sentence_and_stays(tmp_path):
+    file = tmp_path / "resume.npz"
+    file.write_text("not a map")
+    result = haptic(tmp_path)
+    assert result.exit_code == 2
+    assert "resume file" in result.stderr
+    assert "cannot be read" in result.stderr
+    assert file.read_text() == "not a map"

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled kernels: never a stale law, and the same arithmetic without the compiler."""
+
+import os
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haptic_device.law import servo
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def python(script, cwd=ROOT, **environment):
+    environment = {**os.environ, "PYTHONPATH": f"{cwd}:{ROOT / 'test'}", **environment}
+    command = [sys.executable, "-c", textwrap.dedent(script)]
+    done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
+
+
+@pytest.fixture
+def tree(tmp_path):
+    """A copy of the packages, with a cache of its own."""
+    for package in ("haptic_device", "haptic_sim"):
+        shutil.copytree(ROOT / package, tmp_path / "tree" / package, ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path / "tree"
+
+
+ASK = """
+    from haptic_device import kernel
+    from haptic_device.law import coupling
+    print(kernel.__file__, kernel.sources_digest(), kernel.cache_folder(), coupling.coupling_force(2.0, 0.0, 3.0, 0.0))
+"""
+
+
+def test_an_edited_law_is_compiled_anew_and_an_old_one_is_never_run(tree, tmp_path):
+    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    before = python(ASK, tree, **cache)
+    assert before[0].startswith(str(tree)) and before[2].startswith(str(tmp_path / "cache")) and before[3] == "6.0"
+    assert python(ASK, tree, **cache) == before
+    law = tree / "haptic_device/law/coupling.py"
+    law.write_text(law.read_text().replace("stiffness * stretch + damping", "2.0 * stiffness * stretch + damping"))
+    after = python(ASK, tree, **cache)
+    assert after[1] != before[1] and after[2] != before[2] and after[3] == "12.0"
+
+
+DIGEST = "from haptic_device import kernel; print(kernel.sources_digest())"
+
+
+@pytest.mark.parametrize("source", ["haptic_device/runtime/loop.py", "haptic_device/kernel.py"])
+def test_any_source_that_can_reach_a_kernel_changes_the_digest(tree, tmp_path, source):
+    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    before = python(DIGEST, tree, **cache)
+    (tree / source).write_text((tree / source).read_text() + "\n")
+    assert python(DIGEST, tree, **cache) != before
+
+
+def test_folders_of_old_sources_are_removed_and_the_own_one_stays(tmp_path):
+    for i in range(9):
+        old = tmp_path / "haptic_display" / f"old{i}"
+        old.mkdir(parents=True)
+        os.utime(old, (i, i))
+    [own] = python("from haptic_device import kernel; print(kernel.cache_folder())", XDG_CACHE_HOME=str(tmp_path))
+    left = {path.name for path in (tmp_path / "haptic_display").iterdir()}
+    assert Path(own).name in left and len(left) == 4
+    assert "old0" not in left and "old8" in left
+
+
+LOCKSTEP = """
+    import numpy as np
+    from lockstep_systems import device, values
+    from haptic_device import operating
+    from haptic_device.law import plant, servo
+    from haptic_device.runtime import loop
+
+    described = device(1.0, 2e5, 0.02)
+    wall = dict(wall__normals=(0.8, 0.6), wall__offsets=(0.0,), wall__stiffness=(4000.0,), wall__damping=(0.2,))
+    settings = operating.settings_from(described, values("haptic_driver", **wall, engage__time=0.01,
+        coupling__stiffness=0.0, coupling__damping=0.0, cancellation__ratio=0.5))
+    body, memory, motion = operating.hand_from(described, values("haptic_loopback", motion__name="press_wall",
+        motion__start=(-0.0002, 0.0, 0.0), motion__target=(-0.01, -0.005, 0.0), motion__duration=0.1))
+    memory["time"] = start = 1_000_000_000
+    state, rows, tool = np.zeros(1, servo.MEMORY), np.zeros(100, servo.TICK), np.zeros(1, loop.TOOL)
+    records = [array.view(np.recarray) for array in (settings, state, rows, tool, body, memory, motion)]
+    loop.run_lockstep(*records, start, 0, 5000, 1)
+    rows.tofile(OUT)
+"""
+
+
+def test_without_the_compiler_the_same_servo_and_plant_compute_the_same(tmp_path):
+    results = []
+    for disabled in ("0", "1"):
+        out = tmp_path / disabled
+        python(f"OUT = {str(out)!r}\n" + textwrap.dedent(LOCKSTEP), NUMBA_DISABLE_JIT=disabled)
+        results.append(np.fromfile(out, servo.TICK))
+    compiled, plain = results
+    assert np.abs(compiled["force_walls"]).max() > 0.1 and compiled["engage"][-1] == 1.0
+    for name in servo.TICK.names:
+        assert np.allclose(compiled[name], plain[name], rtol=1e-9, atol=1e-12), name

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page as a link, with a plant behind it in a thread of its own; and the loopback's motor watchdog."""
+
+import threading
+import time
+import uuid
+
+import link_conformance
+import numpy as np
+import pytest
+
+from haptic_device.device import load_device, plant_of
+from haptic_device.law import operator, plant, servo
+from haptic_device.runtime import clock, link, loopback, page
+from haptic_device.runtime.link import PageLink
+from haptic_device.runtime.mailbox import Mailbox
+from haptic_device.runtime.servo_thread import ServoThread
+
+
+class Served:
+    """A plant behind a page, as haptic_loopback runs it; the hand holds on with nothing."""
+
+    def __init__(self, name, position=(0.01, 0.0, 0.0)):
+        self.page, self.truth = page.Page(name, page.DEVICE), Mailbox(loopback.TRUTH)
+        self.control, self.plant = np.zeros(loopback.CONTROLS, np.int64), plant_of(load_device("desktop"))
+        self.memory, self.motion = np.zeros(1, plant.PLANT_MEMORY), np.zeros(1, operator.MOTION)
+        self.memory["position"] = self.memory["target"] = position
+        self.motion["count"], self.motion["duration"] = 1, 1.0
+        self.thread = threading.Thread(target=self._serve)
+        self.thread.start()
+
+    def _serve(self):
+        truth = np.zeros(1, loopback.TRUTH)
+        words, mail = self.page.words, self.truth.words
+        loopback.serve(words, self.control, mail, 42, self.plant, self.memory, self.motion, truth)
+
+    def close(self):
+        self.control[loopback.STOP] = 1
+        self.thread.join()
+        self.page.close()
+
+
+@pytest.fixture
+def name():
+    name = f"haptic_display.test.{uuid.uuid4().hex}"
+    yield name
+    assert not (page.FOLDER / name).exists()
+
+
+@pytest.fixture
+def served(name):
+    served = Served(name)
+    yield served
+    served.close()
+
+
+def wait_for(condition, seconds=10.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "what was waited for did not come"
+        time.sleep(0.001)
+
+
+def test_the_page_keeps_every_promise_of_a_link(served, name):
+    link_conformance.check(PageLink(name, 7))
+
+
+def test_without_a_device_there_is_nobody_and_reading_gives_up(name):
+    device_link = PageLink(name, 7)
+    assert not device_link.present()
+    sample, scratch = np.zeros(link.SAMPLE), clock.scratch()
+    assert device_link.read(device_link.memory, 1, int(clock.now_ns(scratch)) + 100_000, sample) == 0
+    device_link.close()
+
+
+def test_a_device_that_died_in_the_middle_of_a_write_leaves_the_last_sample_as_it_was(name):
+    device, device_link = page.Page(name, page.DEVICE), PageLink(name, 7)
+    block = np.zeros(page.DEVICE_WORDS, np.int64)
+    page.write_device(device.words, block, 1, 1000, 0, 1000, np.array([11.0, -12.0, 13.0]), np.array([0.5, 0.25, 0.0]))
+    sample = np.zeros(link.SAMPLE)
+    assert device_link.read(device_link.memory, 1000, 0, sample) == 1
+    kept = sample.copy()
+    assert kept.tolist() == [1000.0, 0.0, 11.0, -12.0, 13.0, 0.5, 0.25, 0.0]
+    device.words[page.DEVICE_LOCK] |= 1
+    device.words[page.DEVICE_FIRST : page.DEVICE_FIRST + page.DEVICE_WORDS] = 2**60
+    assert device_link.read(device_link.memory, 2000, 0, sample) == 0
+    assert sample.tolist() == kept.tolist()
+    device_link.close()
+    device.close()
+
+
+def test_what_the_servo_writes_reaches_the_device_word_by_word(name):
+    device, device_link = page.Page(name, page.DEVICE), PageLink(name, 7)
+    device_link.write(device_link.memory, 1000, 2000, 250, 1, np.array([0.5, -1.5, 0.25]))
+    block = np.zeros(page.SERVO_WORDS, np.int64)
+    assert page.read_servo(device.words, block) > 0
+    assert block[:5].tolist() == [7, 1000, 2000, 250, 1]
+    assert block[5:].view(np.float64).tolist() == [0.5, -1.5, 0.25]
+    device_link.close()
+    device.close()
+
+
+def test_a_silent_servos_motor_is_cut_15_ms_after_its_last_write_by_the_plants_own_time(served, name):
+    device_link, scratch = PageLink(name, 7), clock.scratch()
+    wait_for(device_link.present)
+    now = int(clock.now_ns(scratch))
+    for k in range(20):
+        written = int(clock.now_ns(scratch))
+        device_link.write(
+            device_link.memory, written, now + (k + 1) * 1_000_000, 1_000_000, 1, np.array([0.5, 0.0, 0.0])
+        )
+        clock.sleep_until(now + (k + 1) * 1_000_000, scratch)
+    seen = []
+    wait_for(lambda: seen.append(served.truth.get()[0].copy()) or served.control[loopback.TRIPS])
+    wait_for(lambda: not served.truth.get()[0].driven)
+    assert served.truth.get()[0].motor_force.tolist() == [0.0, 0.0, 0.0]
+    driven = [truth.time * 1e9 for truth in seen if truth.motor_force[0] != 0.0]
+    assert driven and max(driven) <= max(written, now + 20_000_000) + loopback.MOTOR_WATCHDOG + 1_000_000
+    assert loopback.MOTOR_WATCHDOG == 15_000_000
+    device_link.close()
+
+
+def test_a_device_that_returns_where_its_predecessor_died_takes_up_an_odd_lock(name):
+    words = np.zeros(page.WORDS, np.int64)
+    words[page.DEVICE_LOCK] = 5
+    page.write_device(words, np.zeros(page.DEVICE_WORDS, np.int64), 1, 9, 0, 9, np.zeros(3), np.zeros(3))
+    assert words[page.DEVICE_LOCK] == 6
+
+
+def settings():
+    record = np.zeros(1, servo.SETTINGS)
+    record["period"], record["axes"], record["scale"], record["position_per_count"] = 0.001, 3, 1.0, 5e-6
+    record["motor_per_force"], record["device_limit"], record["force_limit"] = 1.0, 10.0, 10.0
+    record["position_low"], record["position_high"], record["velocity_limit"] = -1.0, 1.0, 100.0
+    record["cancellation_band"] = record["cancellation_stretch"] = record["cross"] = 1.0
+    record["engage_time"], record["engage_force"], record["silence"], record["saturation"] = 0.1, 1.0, 5.0, 1.0
+    record["exchange_fade"] = 0.1
+    return record
+
+
+def test_the_servo_runs_on_the_page_takes_its_home_and_leaves_the_motor_at_zero(served, name):
+    thread = ServoThread(PageLink(name, 7), settings(), home=(0.25, 0.5, 0.75), realtime="off")
+    thread.start()
+    try:
+        wait_for(lambda: thread.row.get()[0].tick > 20)
+        assert thread.running
+        assert thread.row.get()[0].position.tolist() == pytest.approx([0.25, 0.5, 0.75], abs=2e-5)
+        rows = thread.ring.take(1000)
+        assert np.diff(rows["tick"]).tolist() == [1.0] * (len(rows) - 1)
+    finally:
+        thread.stop()
+        thread.link.close()
+    block = np.zeros(page.SERVO_WORDS, np.int64)
+    page.read_servo(served.page.words, block)
+    assert not thread.running and block[4:].tolist() == [0, 0, 0, 0]
+
+
+def test_a_servo_without_a_device_waits_and_can_be_stopped(name):
+    thread = ServoThread(PageLink(name, 7), settings(), realtime="off")
+    thread.start()
+    time.sleep(0.05)
+    assert not thread.running
+    thread.stop()
+    thread.link.close()
+
+
+def test_realtime_that_is_required_but_not_permitted_is_a_sentence_and_no_servo(name, monkeypatch):
+    def forbidden(*arguments):
+        raise PermissionError
+
+    monkeypatch.setattr(clock.os, "sched_setscheduler", forbidden)
+    thread = ServoThread(PageLink(name, 7), settings(), realtime="require")
+    with pytest.raises(PermissionError, match="realtime is require: no SCHED_FIFO 80: set `rtprio 98`"):
+        thread.start()
+    assert not thread.running
+    thread.stop()
+    thread.link.close()

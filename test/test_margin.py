@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The passivity margin of an operating point, and the refusal of gains beyond it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lockstep_systems import device, values
+
+from haptic_device import operating
+from haptic_device.analysis import closed_forms
+from haptic_device.law import passivity
+
+NO_COUPLING = {"coupling__stiffness": 0.0, "coupling__damping": 0.0}
+
+
+def settings(physical_damping=0.8, scale=(1.0, 1.0), **driver):
+    return operating.settings_from(device(physical_damping, scale=scale), values("haptic_driver", **driver))[0]
+
+
+def walls(stiffness, damping, *angles):
+    count = len(angles)
+    normals = np.array([[np.cos(a), np.sin(a)] for a in np.radians(angles)]).ravel()
+    return {
+        "wall__normals": tuple(normals), "wall__offsets": (0.0,) * count, "wall__stiffness": (stiffness,) * count,
+        "wall__damping": (damping,) * count, **NO_COUPLING,
+    }  # fmt: skip
+
+
+def test_refusal_names_the_wall_its_need_what_the_device_has_and_the_largest_stiffness():
+    assert operating.refusal(settings(**walls(12000.0, 0.05, 90.0))) == (
+        "wall.stiffness 12000 N/m with damping 0.05 N s/m needs b > 1.55 N s/m at T = 0.25 ms; "
+        "the device has 0.8: at most 6000 N/m"
+    )
+
+
+def test_gains_just_within_the_damping_are_taken_and_just_beyond_refused():
+    for angle in (0.0, 30.0, 90.0, 200.0):
+        assert operating.refusal(settings(**walls(5999.0, 0.05, angle))) == ""
+        assert operating.refusal(settings(**walls(6001.0, 0.05, angle))) != ""
+
+
+def test_two_walls_of_one_direction_add_up_and_square_ones_do_not():
+    assert operating.refusal(settings(**walls(3500.0, 0.05, 90.0, 90.0))) != ""
+    assert operating.refusal(settings(**walls(2700.0, 0.05, 90.0, 90.0))) == ""
+    assert operating.refusal(settings(**walls(5900.0, 0.05, 0.0, 90.0))) == ""
+
+
+def test_the_worst_direction_of_oblique_walls_counts():
+    oblique = settings(**walls(4000.0, 0.0, 30.0, 60.0))
+    expected = 0.8 - 0.5 * (1.0 + np.cos(np.radians(30.0)))
+    assert operating.margins(oblique, 0.0)[1] == pytest.approx(expected)
+    assert "together" in operating.refusal(oblique)
+
+
+def test_scaling_changes_the_felt_stiffness_by_its_square():
+    assert operating.refusal(settings(scale=(2.0, 1.0), **walls(1190.0, 0.05, 90.0))) == ""
+    assert "at most 1200" in operating.refusal(settings(scale=(2.0, 1.0), **walls(1210.0, 0.05, 90.0)))
+
+
+def test_lateness_costs_stiffness():
+    wall = settings(**walls(4500.0, 0.05, 90.0))
+    assert operating.margins(wall, 0.0)[1] > 0.0 > operating.margins(wall, 0.1e-3)[1]
+    assert "0.1 ms late" in operating.refusal(wall, 0.1e-3)
+
+
+def test_cancellation_of_a_held_coupling_counts_where_it_outweighs_the_couplings_own_damping():
+    gains = {"coupling__stiffness": 2000.0, "coupling__damping": 0.2}
+    assert operating.margins(settings(**gains), 0.0)[0][0] == pytest.approx(0.8 - 0.25 - 0.2)
+    cancelled = operating.margins(settings(**gains, cancellation__ratio=0.9), 0.0)[0][0]
+    assert cancelled == pytest.approx(0.8 - 0.25 - abs(0.2 - 0.9 * 0.8))
+
+
+@given(stiffness=st.floats(0.0, 1e5), damping=st.floats(-5.0, 5.0), period=st.floats(1e-4, 2e-3))
+def test_without_delay_the_law_is_equation_3(stiffness, damping, period):
+    expected = closed_forms.wall_damping(stiffness, damping, period)
+    assert passivity.least_damping(stiffness, damping, period, 0.0) == pytest.approx(expected, rel=1e-12)
+
+
+@given(stiffness=st.floats(1.0, 1e5), damping=st.floats(0.0, 5.0), late=st.floats(0.0, 0.5))
+def test_for_late_writes_the_law_is_the_closed_form_of_the_analysis(stiffness, damping, late):
+    expected = closed_forms.late_write_damping(stiffness, damping, 1e-3, late * 1e-3)
+    assert passivity.least_damping(stiffness, damping, 1e-3, late * 1e-3) == pytest.approx(expected, rel=1e-9)
+
+
+@given(stiffness=st.floats(1.0, 1e5), ratio=st.floats(0.0, 3.0), samples=st.integers(0, 6))
+def test_for_whole_samples_of_delay_the_law_is_enough(stiffness, ratio, samples):
+    period = 1e-3
+    damping = ratio * stiffness * period
+    needed = closed_forms.delayed_wall_damping(stiffness, damping, period, samples)
+    assert passivity.least_damping(stiffness, damping, period, samples * period) >= needed * (1.0 - 1e-12)
+
+
+def test_for_a_constant_fraction_of_delay_the_law_is_the_exact_need_of_a_spring():
+    for late, needed in ((0.1, 0.6354), (0.25, 0.8080), (0.5, 1.0590), (0.75, 1.2864), (1.0, 1.5)):
+        assert passivity.least_damping(1000.0, 0.0, 1e-3, late * 1e-3) == pytest.approx(needed, abs=5e-5)

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The passivity observer and controller of the servo."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lockstep_systems import wall_system
+
+from haptic_device import operating
+from haptic_device.law import passivity
+
+TICK = 1 / 4000.0
+ROUNDING = 1e-9  # [J] against stores of 10 to 100 mJ
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    share=st.floats(0.05, 0.98),
+    damping=st.floats(0.0, 0.5),
+    angle=st.floats(0.0, 360.0),
+    counts=st.sampled_from([1e7, 2e5, 2e4]),
+)
+def test_observer_finds_nothing_at_any_wall_within_the_margin(share, damping, angle, counts):
+    stiffness = share * 2.0 * (1.0 - damping) / TICK
+    system = wall_system(stiffness, damping, angle, counts=counts)
+    assert operating.margins(system.settings[0], 0.0)[1] > 0.0
+    rows = system.run(1.2)
+    assert rows.generated.max() < ROUNDING + 0.02 * damping * (1.0 / counts) ** 2 / TICK * len(rows)
+    assert rows.injections[-1] == 0
+
+
+def test_observer_finds_the_leak_of_a_wall_far_beyond_the_margin_and_the_controller_takes_it_back():
+    wild = {"passivity__policy": "off", "physical_damping": 0.3, "counts": 2e4}
+    loose = wall_system(30000.0, 0.0, passivity__control=False, **wild)
+    held = wall_system(30000.0, 0.0, passivity__control=True, passivity__budget=1e-4, **wild)
+    loose_rows, held_rows = loose.run(1.2), held.run(1.2)
+    assert loose_rows.generated.max() > 1e-4
+    assert loose_rows.injections[-1] == 0
+    assert held_rows.injections[-1] > 0
+    assert held_rows.generated[-1].max() < loose_rows.generated[-1].max()
+    assert held.plant_memory["energy_given"][0] < loose.plant_memory["energy_given"][0]
+
+
+def test_the_injected_damping_never_exceeds_the_physical_one():
+    rows = wall_system(
+        60000.0, 0.0, physical_damping=0.2, counts=2e4, passivity__budget=0.0, passivity__policy="off"
+    ).run(1.0)
+    assert rows.injections[-1] > 0
+    assert rows.injected[:, 1].max() == pytest.approx(0.2)
+
+
+@given(
+    stiffness=st.floats(0.0, 1e5),
+    share=st.floats(0.0, 1.0),
+    path=st.lists(st.floats(-1e-3, 1e-3), min_size=3, max_size=40),
+)
+def test_a_held_spring_within_its_damping_generates_nothing_whatever_the_path(stiffness, share, path):
+    damping = share * 2.0
+    physical = stiffness * TICK / 2.0 + damping
+    x, store, total, held = 0.0, 0.0, 0.0, 0.0
+    previous = 0.0
+    for moved in path:
+        growth = 0.5 * stiffness * ((x + moved) ** 2 - x**2)
+        made = passivity.energy_generated(held, moved, growth, physical, TICK)
+        now = passivity.damping_store(damping, moved, TICK)
+        total, store, x, previous = total + made + now - store, now, x + moved, moved
+        held = -stiffness * x - damping * previous / TICK
+        assert total <= 1e-12 * (1.0 + stiffness)
+
+
+def test_energy_is_booked_with_the_force_that_was_held():
+    assert passivity.energy_booked(2.0, 0.01, 0.0, TICK) == 0.02
+    assert passivity.energy_booked(2.0, 0.01, 3.0, TICK) == pytest.approx(0.02 - 3.0 * 1e-4 / TICK)
+    assert passivity.energy_booked(2.0, 0.01, 3.0, 0.0) == 0.0
+
+
+def test_booked_energy_follows_the_truth_of_a_press():
+    system = wall_system(3000.0, 0.2, motion="press_wall")
+    rows = system.run(1.2)
+    truth = system.plant_memory["energy_given"][0]
+    assert rows.energy_given[-1].sum() == pytest.approx(truth, rel=0.02)
+    assert np.all(rows.fault == 0)

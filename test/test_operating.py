@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Operating points: parameter values become the servo's and the loopback's records, or a sentence."""
+
+import numpy as np
+import pytest
+from lockstep_systems import device, values
+
+from haptic_device import operating
+from haptic_device.device import load_device
+from haptic_device.law import exchange, operator
+
+DESKTOP = load_device("desktop")
+
+
+def point(**given):
+    return operating.settings_from(DESKTOP, values("haptic_driver", **given), version=7)[0]
+
+
+def test_every_parameter_arrives_in_its_field():
+    coupling = {"stiffness": 500.0, "damping": 1.5, "rotational_stiffness": 2.5, "rotational_damping": 0.004}
+    coupling = {f"coupling__{name}": value for name, value in coupling.items()}
+    settings = point(servo__rate=2000.0, force__limit=3.0, force__limit_rotational=0.2, **coupling)
+    assert (settings["version"], settings["period"], settings["axes"]) == (7, 0.0005, 3)
+    assert settings["force_limit"].tolist() == [3.0, 3.0, 0.2]
+    assert settings["stiffness"].tolist() == [500.0, 500.0, 2.5]
+    assert settings["damping"].tolist() == [1.5, 1.5, 0.004]
+    for i, (name, field) in enumerate(operating.DIRECT.items()):
+        given = 0.03125 + i / 64
+        assert point(**{name.replace(".", "__"): given})[field] == given
+
+
+def test_walls_arrive_in_order_with_unit_normals():
+    settings = point(
+        wall__normals=(0.6004, 0.8, -1.0, 0.0), wall__offsets=(0.01, -0.02), wall__stiffness=(300.0, 400.0),
+        wall__damping=(1.0, 2.0),
+    )  # fmt: skip
+    assert settings["walls"] == 2
+    assert np.hypot(settings["wall_x"], settings["wall_y"])[:2] == pytest.approx([1.0, 1.0], abs=1e-15)
+    assert settings["wall_offset"][:2].tolist() == [0.01, -0.02]
+    assert settings["wall_stiffness"][:2].tolist() == [300.0, 400.0]
+    assert settings["wall_damping"][:2].tolist() == [1.0, 2.0]
+
+
+ONE = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness": (1.0,), "wall__damping": (0.0,)}
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"wall__normals": (1.0,)}, "wall.normals has 1 numbers; 1 walls need 2"),
+        ({"wall__stiffness": (1.0, 2.0)}, "wall.stiffness has 2 numbers; 1 walls need 1"),
+        ({"wall__damping": ()}, "wall.damping has 0 numbers; 1 walls need 1"),
+        ({"wall__offsets": (0.0,) * 9}, "wall.offsets names 9 walls; the limit is 8"),
+        ({"wall__normals": (1.0, 1.0)}, "wall.normals of wall 0 is [1, 1], of length 1.41421; write a unit vector"),
+        ({"wall__normals": (0.0, 0.0)}, "wall.normals of wall 0 is [0, 0], of length 0; write a unit vector"),
+    ],
+)
+def test_walls_that_do_not_fit_together_are_refused_in_a_sentence(change, sentence):
+    with pytest.raises(ValueError) as refusal:
+        point(**ONE | change)
+    assert str(refusal.value) == sentence
+
+
+def test_a_normal_may_be_off_by_a_thousandth_and_no_more():
+    assert point(**ONE | {"wall__normals": (1.0009, 0.0)})["wall_x"][0] == 1.0
+    with pytest.raises(ValueError, match="unit vector"):
+        point(**ONE | {"wall__normals": (1.0011, 0.0)})
+
+
+def test_eight_walls_are_taken():
+    eight = {"wall__normals": (1.0, 0.0) * 8, "wall__offsets": (0.0,) * 8, "wall__stiffness": (1.0,) * 8}
+    assert point(**eight, wall__damping=(0.0,) * 8)["walls"] == 8
+
+
+def test_both_sides_of_the_coupling_are_told_the_same_gains():
+    given = values("haptic_driver", coupling__stiffness=500.0, coupling__rotational_damping=0.004)
+    gains = operating.gains_from(given)[0]
+    assert (gains["stiffness"], gains["rotational_damping"]) == (500.0, 0.004)
+    assert gains["hash"] == exchange.gains_hash(500.0, 1.0, 1.0, 0.004)
+
+
+def hand(scale=(1.0, 1.0), **given):
+    described = device(axes=3, scale=scale)
+    return operating.hand_from(described, values("haptic_loopback", **given))
+
+
+def test_hand_and_handle_begin_at_the_start_of_the_motion_in_the_devices_own_units():
+    body, memory, motion = hand((2.0, 4.0), motion__name="press_wall", motion__start=(0.2, 0.1, 4.0))
+    assert memory["position"][0].tolist() == memory["target"][0].tolist() == [0.1, 0.05, 1.0]
+    assert motion["points"][0, 0].tolist() == [0.1, 0.05, 1.0]
+    assert body["hand_stiffness"][0].tolist() == [500.0, 500.0, 1.0]
+
+
+def test_the_circle_shrinks_with_the_scale():
+    _, _, motion = hand((2.0, 1.0), motion__name="circle", motion__radius=0.03)
+    target = np.zeros(3)
+    operator.target_at(motion[0], 0.0, target)
+    assert motion["radius"][0] == 0.015 and target.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_a_start_outside_the_workspace_is_refused_just_outside_and_taken_just_inside():
+    low, high = DESKTOP.axes[0].workspace
+    for inside in (low, high):
+        assert hand(motion__start=(inside, 0.0, 0.0))[1]["position"][0, 0] == inside
+        assert hand((2.0, 1.0), motion__start=(2.0 * inside, 0.0, 0.0))[1]["position"][0, 0] == inside
+    with pytest.raises(ValueError, match=r"motion.start x is at 0.121 m of the device; its workspace is -0.12 to 0.12"):
+        hand(motion__start=(0.121, 0.0, 0.0))
+
+
+def test_an_axis_that_is_not_there_begins_at_zero():
+    described = device(axes=1)
+    _, memory, _ = operating.hand_from(described, values("haptic_loopback", motion__start=(0.01, 5.0, 5.0)))
+    assert memory["position"][0].tolist() == [0.01, 0.0, 0.0]

@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What import-linter cannot say about the rooms."""
+
+from pathlib import Path
+
+from haptic_device.kernel import ROOMS
+
+ROOT = Path(__file__).parent.parent
+
+
+def test_every_kernel_lies_in_a_room_whose_sources_name_the_cache():
+    decorated = [
+        path.relative_to(ROOT)
+        for package in ("haptic_device", "haptic_sim")
+        for path in (ROOT / package).rglob("*.py")
+        if "\n@kernel" in path.read_text(encoding="utf-8")
+    ]
+    assert len(decorated) > 10
+    assert [path for path in decorated if path.parent.as_posix() not in ROOMS] == []

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Z-width in lock-step: the cell against the whole servo, its boundary against eigenvalues, passivity against both."""
+
+import numpy as np
+import pytest
+
+from haptic_device import operating
+from haptic_device.analysis.delay import largest_passive_stiffness
+from haptic_device.analysis.stability import largest_stable_stiffness
+from haptic_device.analysis.zwidth import (
+    GIVING,
+    OPERATORS,
+    QUIET,
+    SHAKING,
+    Operator,
+    Setup,
+    boundary_stiffness,
+    operators_of,
+    record_of,
+    run_cells,
+    theory,
+)
+from haptic_device.analysis.zwidth_map import Request, boundaries, draw_map, write_csv
+from haptic_device.device import Axis, Device, plant_of
+from haptic_device.law import engage, operator, plant, servo
+from haptic_device.runtime import loop, zwidth_cell
+
+PRESSED = (Operator(pressed=True),)
+SMALL = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(100.0, 2000.0, 12), np.linspace(-0.5, 1.0, 40))
+
+
+def whole_servo(setup, start, stiffness, damping):
+    """Most energy given in the same tap by the servo's tick and the plant's integration; gravity pushes as the hand."""
+    axis = Axis(
+        name="x", counts_per_unit=1.0 / setup.resolution, motor_limit=1e6, workspace=(-1.0, 1.0), velocity_limit=1e3,
+        mass=setup.mass, damping=setup.physical_damping, coulomb=setup.coulomb,
+    )  # fmt: skip
+    device = Device(name="one axis", axes=(axis,), gravity=(-start.push / setup.mass, 0.0), gravity_compensation=False)
+    values = {parameter.name: parameter.default for parameter in operating.PARAMETERS}
+    values |= {"servo.rate": 1.0 / setup.period, "force.limit": 1e6, "velocity.lag": setup.velocity_lag}
+    values |= {"velocity.estimator": "lowpass", "passivity.control": False}
+    values |= {"coupling.stiffness": 0.0, "coupling.damping": 0.0, "fault.saturation": 60.0}
+    values |= {"wall.normals": (1.0, 0.0), "wall.offsets": (0.0,)}
+    values |= {"wall.stiffness": (stiffness,), "wall.damping": (damping,)}
+    settings = operating.settings_from(device, values).view(np.recarray)
+    memory = np.zeros(1, servo.MEMORY).view(np.recarray)
+    memory.state, memory.engage = engage.ENGAGED, 1.0
+    body, state = plant_of(device).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
+    body.actuation_delay = round(setup.delay_samples * setup.period * 1e9)
+    state.position[0, 0], state.velocity[0, 0] = -start.position, -start.velocity
+    motion = operator.script({p.name: p.default for p in operator.PARAMETERS}).view(np.recarray)
+    tool, most, period = np.zeros(1, loop.TOOL).view(np.recarray), 0.0, round(setup.period * 1e9)
+    for k in range(round(setup.seconds / setup.period) + 1):
+        row = np.zeros(1, servo.TICK).view(np.recarray)
+        loop.run_lockstep(settings, memory, row, tool, body, state, motion, k * period, k, 0, engage.ENABLE)
+        most = max(most, float(state.energy_given[0] + start.push * (state.position[0, 0] + start.position)))
+    return most
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize("coulomb, lag", [(0.0, 0.0), (0.05, 2e-3)])
+def test_a_cell_gives_the_energy_that_servo_and_plant_give(delay, coulomb, lag):
+    setup = Setup(0.1, 0.5, 1e-3, coulomb, 1e-5, delay, lag, seconds=0.3)
+    start = record_of(setup, Operator()).view(np.recarray)[0]
+    outcome = run_cells(setup, (Operator(),), 1500.0, 0.3)
+    most = whole_servo(setup, start, 1500.0, 0.3)
+    budget = 0.5 * setup.mass * start.velocity**2
+    assert outcome.energy_given == pytest.approx(most - budget, rel=1e-6, abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    "mass, physical_damping, damping, period, delay",
+    [
+        (0.1, 0.5, 0.0, 1e-3, 0.0),
+        (0.1, 0.5, -0.2, 1e-3, 0.0),
+        (0.1, 0.5, 5.0, 1e-3, 0.0),
+        (0.05, 2.0, 1.0, 1e-3, 1.0),
+        (0.3, 1.0, 0.5, 1e-3, 2.0),
+        (0.1, 0.5, 0.25, 1e-3, 0.5),
+        (0.1, 3.0, 0.5, 2.5e-4, 0.0),
+        (0.1, 0.8, 0.2, 2.5e-4, 1.3),
+        (0.1, 3.0, 1.0, 1e-4, 0.0),
+    ],
+)
+def test_walls_begin_to_shake_where_the_eigenvalues_say(mass, physical_damping, damping, period, delay):
+    setup = Setup(mass, physical_damping, period, delay_samples=delay, seconds=10.0)
+    exact = largest_stable_stiffness(mass, physical_damping, damping, period, delay)
+    assert run_cells(setup, PRESSED, 0.98 * exact, damping).verdict == QUIET
+    assert run_cells(setup, PRESSED, 1.02 * exact, damping).verdict == SHAKING
+
+
+def test_bisection_finds_the_boundary_to_its_precision():
+    exact = largest_stable_stiffness(0.1, 0.5, 1.0, 1e-3)
+    setup = Setup(0.1, 0.5, 1e-3, seconds=10.0)
+    assert boundary_stiffness(setup, PRESSED, 1.0, 1e4) == pytest.approx(exact, rel=2e-3)
+    assert boundary_stiffness(setup, PRESSED, 1.0, 0.5 * exact) == 0.5 * exact
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+@pytest.mark.parametrize("delay", [0.0, 0.5, 1.0])
+def test_no_operator_shakes_or_draws_energy_from_a_wall_just_inside_the_passive_region(name, delay):
+    damping = np.linspace(-0.45, 0.45, 13)
+    limit = np.array([largest_passive_stiffness(0.5, B, 1e-3, 0.0, delay) for B in damping])
+    setup = Setup(0.1, 0.5, 1e-3, delay_samples=delay)
+    outcome = run_cells(setup, operators_of(name), 0.98 * limit, damping)
+    assert np.all(outcome.verdict[limit > 0.0] == QUIET)
+
+
+@pytest.mark.parametrize("damping", [-0.3, -0.1, 0.0])
+def test_the_worst_of_the_grid_shakes_just_outside_the_passive_region_while_a_hand_still_calms_the_wall(damping):
+    limit = largest_passive_stiffness(0.5, damping, 1e-3)
+    setup = Setup(0.1, 0.5, 1e-3, seconds=4.0)
+    assert run_cells(setup, operators_of("worst"), 1.03 * limit, damping).verdict == SHAKING
+    assert run_cells(setup, operators_of("firm"), 1.03 * limit, damping).verdict == QUIET
+
+
+def test_a_hand_may_get_energy_from_a_wall_that_it_keeps_from_shaking():
+    outcome = run_cells(Setup(0.1, 0.5, 1e-3), operators_of("firm"), 5000.0, 0.0)
+    assert outcome.verdict == GIVING
+    assert outcome.energy_given > 1e-5
+
+
+def test_friction_calms_what_an_encoder_step_keeps_alive():
+    rough = Setup(0.1, 0.5, 1e-3, resolution=5e-5, seconds=4.0)
+    assert run_cells(rough, PRESSED, 1100.0, 0.0).verdict == SHAKING
+    assert run_cells(rough._replace(coulomb=0.1), PRESSED, 1100.0, 0.0).verdict == QUIET
+
+
+def test_lines_of_theory_lie_in_their_order():
+    lines = theory(Setup(0.1, 0.5, 1e-3), np.linspace(-0.4, 0.4, 9), lateness=1e-4)
+    assert np.all(lines["late writes"] < lines["passive"])
+    assert np.all(lines["passive"] <= lines["stable"])
+    assert lines["late writes"][4] == pytest.approx(0.5 / 0.6354e-3, rel=1e-4)
+
+
+def test_the_map_is_the_same_with_one_thread_and_with_two():
+    one, two = draw_map(SMALL, 1), draw_map(SMALL, 2)
+    for first, second in zip(one.outcome, two.outcome, strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def test_an_interrupted_map_goes_on_where_it_stopped(tmp_path):
+    file, seen = tmp_path / "map.npz", []
+
+    def interrupt(done):
+        seen.append(done)
+        if done == 20:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        draw_map(SMALL, 1, file, interrupt)
+    resumed = []
+    plane = draw_map(SMALL, 1, file, resumed.append)
+    assert 20 <= resumed[0] < 40
+    assert resumed[-1] == 40
+    np.testing.assert_array_equal(plane.outcome.growth, draw_map(SMALL, 1).outcome.growth)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut off", b"nonsense"])
+def test_an_unreadable_resume_file_is_refused_in_a_sentence_and_kept(tmp_path, content):
+    file = tmp_path / "map.npz"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match="resume file .* cannot be read .*; delete it or name another"):
+        draw_map(SMALL, 1, file)
+    assert file.read_bytes() == content
+
+
+def test_a_resume_file_of_another_map_is_refused(tmp_path):
+    draw_map(SMALL, 1, tmp_path / "map.npz")
+    other = SMALL._replace(setup=SMALL.setup._replace(mass=0.2))
+    with pytest.raises(ValueError, match="is of another map"):
+        draw_map(other, 1, tmp_path / "map.npz")
+
+
+def test_boundaries_and_csv_tell_what_the_cells_did(tmp_path):
+    plane = draw_map(SMALL, 2)
+    write_csv(tmp_path / "map.csv", SMALL, plane)
+    table = np.loadtxt(tmp_path / "map.csv", delimiter=",", skiprows=1)
+    assert table.shape == (480, 5)
+    limit = boundaries(SMALL, plane)["not shaking"]
+    shaking = table[table[:, 2] == SHAKING]
+    for damping, stiffness in zip(SMALL.damping, limit, strict=True):
+        row = shaking[np.isclose(shaking[:, 0], damping), 1]
+        assert row.size == 0 or row.min() > stiffness
+
+
+@pytest.mark.parametrize(
+    "change, sentence",
+    [
+        ({"mass": 0.0}, "mass is 0 kg"),
+        ({"physical_damping": -1.0}, "physical_damping is -1 N s/m"),
+        ({"period": 0.0}, "period is 0 s"),
+        ({"coulomb": np.nan}, "coulomb is nan N"),
+        ({"delay_samples": -1.0}, "delay_samples is -1 samples"),
+        ({"seconds": 1e-3}, "seconds/period is 1 ticks"),
+    ],
+)
+def test_impossible_devices_are_refused(change, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        run_cells(SMALL.setup._replace(**change), PRESSED, 100.0, 0.0)
+
+
+def test_a_wall_that_pulls_and_an_operator_nobody_knows_are_refused():
+    with pytest.raises(ValueError, match="stiffness is -1 N/m, but it must be a finite number, at least 0"):
+        run_cells(SMALL.setup, PRESSED, -1.0, 0.0)
+    with pytest.raises(ValueError, match="operator is 'strong', but it must be one of none, light, firm, worst"):
+        operators_of("strong")
+
+
+def test_the_smallest_run_has_two_ticks_in_each_quarter():
+    assert zwidth_cell.FEWEST_TICKS == 8
+    assert run_cells(SMALL.setup._replace(seconds=8e-3), PRESSED, 100.0, 0.0).verdict == QUIET
