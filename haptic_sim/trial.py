@@ -89,7 +89,7 @@ def attempt(scene: Scene, seconds: float, method: str | None = None, sub_step: f
     lead = way or hand(scene, angle)
     step = sub_step or compile_scene(scene).sub_step
     world = Simulation(turned_scene(scene, angle, phase * step), step, method=method)
-    watch = _watch(world)
+    watch = overlap_watch(world.scene, world.method.pose)
     overlap = lost = created = scale = 0.0
     for k in range(round(seconds * 1e9) // EXCHANGE_NS + 1):
         here, before = lead(k * 1e-3 + phase * step), lead((k - 1) * 1e-3 + phase * step)
@@ -111,16 +111,15 @@ def _stretch_energy(tool, handle, gains):
     return 0.5 * (gains[0] * (x * x + y * y) + gains[2] * theta * theta)
 
 
-def _watch(world):
-    """() → deepest overlap now of all bodies that can touch [m]."""
-    scene, method = world.scene, world.method
+def overlap_watch(scene: Scene, pose):
+    """() → deepest overlap [m] of all bodies that can touch, where `pose` (body → pose) says that they are."""
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     pairs = compile_scene(scene).needs.touching
     sizes = {name: max(math.hypot(*vertex) + outline.radius for outline in solid.outlines
                        for vertex in outline.vertices) for name, solid in solids.items()}
 
     def look():
-        poses = {name: method.pose(name) for name in solids}
+        poses = {name: pose(name) for name in solids}
         near = ((a, b) for a, b in pairs
                 if math.dist(poses[a][:2], poses[b][:2]) < sizes[a] + sizes[b])
         return max((-body_distance(solids[a].outlines, poses[a], solids[b].outlines, poses[b]) for a, b in near),

@@ -47,7 +47,8 @@ class Method(Protocol):
     """A world with a tool in it that is advanced sub-step by sub-step, the coupling solved within.
 
     One that is compiled as a whole also offers `travel(start, start_velocity, end, end_velocity, count) -> Travel`:
-    `count` sub-steps in one call, the handle going on a straight line from start (exclusive) to end.
+    `count` sub-steps in one call, the handle going on a straight line from start (exclusive) to end; and `follow(path,
+    count) -> Travel`, the same from each row of a path (n, 6: position, velocity) to the next.
     """
 
     position: Planar

@@ -14,6 +14,8 @@ wall is passed at any speed. Limits: without walls the free tool; K → ∞ give
 
 import math
 
+import numpy as np
+
 from haptic_device.kernel import kernel
 from haptic_sim.compile import compile_scene
 from haptic_sim.method import Contact, Coupling, Planar, Travel
@@ -67,7 +69,15 @@ class ClosedForm:
         """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
         ways = [self._turned(vector) for vector in (start, start_velocity, end, end_velocity)]
         place, rate, force, push = self._state
-        place, rate, force, push, supplied, most = _advance(place, rate, *ways, *self._gains, *self._settings, count)
+        return self._take(_advance(place, rate, *ways, *self._gains, *self._settings, count))
+
+    def follow(self, path: np.ndarray, count: int) -> Travel:
+        """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
+        axes = self._x, self._y
+        return self._take(_advance_along(*self._state[:2], axes, path, self._gains, self._settings, count))
+
+    def _take(self, found):
+        place, rate, force, push, supplied, most = found
         self._state = place, rate, force, push
         self.position, self.velocity, self.force_on_tool = self._plane(place), self._plane(rate), self._plane(force)
         self.touching = push[0] != 0.0 or push[1] != 0.0
@@ -124,6 +134,25 @@ def _advance(place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low
         supplied += x[2] * (x[0] - past_x) + y[2] * (y[0] - past_y) + t[2] * (t[0] - past_t)
         most = max(most, max(abs(x[3]), abs(y[3])))
     return (x[0], y[0], t[0]), (x[1], y[1], t[1]), (x[2], y[2], t[2]), (x[3], y[3], t[3]), supplied, most
+
+
+@kernel
+def _advance_along(place, rate, axes, path, gains, settings, count):
+    """`_advance` from each row of a path in the plane to the next."""
+    force = push = (0.0, 0.0, 0.0)
+    supplied = most = 0.0
+    for k in range(len(path) - 1):
+        ends = (_on(axes, path[k], 0), _on(axes, path[k], 3), _on(axes, path[k + 1], 0), _on(axes, path[k + 1], 3))
+        place, rate, force, push, given, pressed = _advance(place, rate, *ends, *gains, *settings, count)
+        supplied, most = supplied + given, max(most, pressed)
+    return place, rate, force, push, supplied, most
+
+
+@kernel
+def _on(axes, row, at):
+    """Three numbers of a row, turned from the plane's axes to those of the walls."""
+    x, y = axes
+    return x * row[at] + y * row[at + 1], x * row[at + 1] - y * row[at], row[at + 2]
 
 
 @kernel

@@ -20,21 +20,18 @@ from haptic_sim.method.linkage import reduce_linkage, respond
 from haptic_sim.method.press import settle
 from haptic_sim.method.rows import add_contact, add_joints, rate_of, refresh, wished
 from haptic_sim.method.smooth import NO_GAINS, close_joints
-from haptic_sim.method.step import watch_contacts
+from haptic_sim.method.step import lead, watch_contacts
 from haptic_sim.method.touch import GAP, evaluate, far_apart, gap_of, place_shapes, touch
 
 
 @kernel
-def penalty_steps(models, layouts, works, h, count, start):
-    """`count` sub-steps, the handle going evenly from `start` (position, velocity) to where work.port has it."""
+def penalty_steps(models, layouts, works, h, count, path):
+    """`count` sub-steps from each row of the handle's path (position, velocity) evenly to the next."""
     model, layout, work = models[0], layouts[0], works[0]
-    end = work.port[:6].copy()
     for i in range(layout.linkages):
         work.active[i] = 1
-    for k in range(1, count + 1):
-        part = k / count
-        for m in range(6):
-            work.port[m] = end[m] if k == count else start[m] + part * (end[m] - start[m])
+    for k in range(count * (len(path) - 1)):
+        lead(work, path, k // count, (k % count + 1) / count)
         penalty_step(model, layout, work, h)
         watch_contacts(layout, work, h)
 

@@ -52,12 +52,14 @@ class PlanarWorld:
 
     def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
         """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
-        port = self._port
-        port[:6] = *end, *end_velocity
-        port[13:17] = 0.0
-        self._advance(*self._records, self.sub_step, count, np.array((*start, *start_velocity), dtype=float))
+        return self.follow(np.array(((*start, *start_velocity), (*end, *end_velocity))), count)
+
+    def follow(self, path: np.ndarray, count: int) -> Travel:
+        """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
+        self._port[13:17] = 0.0
+        self._advance(*self._records, self.sub_step, count, path)
         self._read()
-        supplied, touched, force, depth = port[13:17].tolist()
+        supplied, touched, force, depth = self._port[13:17].tolist()
         return Travel(supplied, touched > 0.0, force, depth)
 
     def contacts(self) -> list[Contact]:

@@ -13,19 +13,24 @@ FALL = 100.0
 
 
 @kernel
-def sub_steps(models, layouts, works, h, count, start):
-    """`count` sub-steps, the handle going evenly from `start` (position, velocity) to where work.port has it.
+def sub_steps(models, layouts, works, h, count, path):
+    """`count` sub-steps from each row of the handle's path (position, velocity) evenly to the next.
 
     The records come as arrays of one: numba tells the type of an array faster than that of a lone record, by 50 µs.
     """
     model, layout, work = models[0], layouts[0], works[0]
-    end = work.port[:6].copy()
-    for k in range(1, count + 1):
-        part = k / count
-        for m in range(6):
-            work.port[m] = end[m] if k == count else start[m] + part * (end[m] - start[m])
+    for k in range(count * (len(path) - 1)):
+        lead(work, path, k // count, (k % count + 1) / count)
         sub_step(model, layout, work, h)
         watch_contacts(layout, work, h)
+
+
+@kernel
+def lead(work, path, row, part):
+    """Puts the handle where it is after `part` of the way from this row of its path to the next; exactly there at 1."""
+    for m in range(6):
+        here, there = path[row, m], path[row + 1, m]
+        work.port[m] = there if part == 1.0 else here + part * (there - here)
 
 
 @kernel
