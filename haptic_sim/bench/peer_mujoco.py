@@ -25,6 +25,7 @@ VERSION = f"MuJoCo {mujoco.__version__}"
 DEEP = 0.01  # m, half the depth of boxes and prisms
 STIFF = (0.99, 0.9999, 1e-5, 0.5, 2.0)
 _ORIGIN = (0.0, 0.0, 0.0)
+mujoco.set_mju_user_warning(lambda _: None)  # a run that blows up is told by its numbers, not in a file MUJOCO_LOG.TXT
 _SLIDE, _HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
 
 

