@@ -80,13 +80,14 @@ def _attempt(name, kind, angle, phase):
     lead = jump(scene, angle, 0.02) if name == "handle_jump" else hand(scene, angle)
     scene = turned_scene(scene, angle, phase * step)
     world = make(kind, scene, step)
-    world.couple(STIFF if name == "stiff_coupling" else Coupling(*GAINS))
+    gains = STIFF if name == "stiff_coupling" else Coupling(*GAINS)
+    world.couple(gains)
     path = np.array([lead(k * 1e-3 + phase * step) for k in range(round(SECONDS[name] * 1e3) + 1)])
     rates = np.zeros_like(path) if name == "handle_jump" else np.gradient(path, 1e-3, axis=0)
-    return _judge(name, world, scene, np.hstack([path, rates]), round(1e-3 / step), angle)
+    return _judge(name, world, scene, gains, np.hstack([path, rates]), round(1e-3 / step), angle)
 
 
-def _judge(name, world, scene, path, count, angle):
+def _judge(name, world, scene, gains, path, count, angle):
     watch = overlap_watch(scene, world.pose)
     start = stored = sum(world.energy())
     scale, lost, created, overlap, letters = abs(start), 0.0, 0.0, 0.0, set()
@@ -97,7 +98,7 @@ def _judge(name, world, scene, path, count, angle):
             return "N", math.inf, math.inf
         dissipated = world.supplied - (stored - start)
         created, lost = max(created, lost - dissipated), max(lost, dissipated)
-        scale = max(scale, *map(abs, world.energy()), _stretch(path[k + 1], world.pose(TOOL)))
+        scale = max(scale, *map(abs, world.energy()), _stretch(gains, path[k + 1], world.pose(TOOL)))
         if k % LOOK_EVERY == 0:
             overlap = max(overlap, watch())
     share = created / max(scale, 1e-3)
@@ -113,7 +114,7 @@ def _passed(world, body, axis, least, angle):
     return axis[0] * x + axis[1] * y < least
 
 
-def _stretch(handle, tool):
-    """Energy in a coupling of usual gains [J]."""
+def _stretch(gains, handle, tool):
+    """Energy in the coupling's spring [J]."""
     x, y, theta = handle[:3] - tool
-    return 0.5 * (GAINS[0] * (x * x + y * y) + GAINS[2] * theta * theta)
+    return 0.5 * (gains.stiffness * (x * x + y * y) + gains.rotational_stiffness * theta * theta)
