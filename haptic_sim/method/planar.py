@@ -3,8 +3,6 @@
 
 import math
 
-import numpy as np
-
 from haptic_sim.compile import compile_scene
 from haptic_sim.method import Contact, Coupling, Planar, Travel
 from haptic_sim.method.joints import spring_energies
@@ -33,7 +31,8 @@ class PlanarWorld:
         self._count = int(model["bodies"][0]) - 1
         self._pairs = model["pairs"][0]
         self._tool_pairs = {p for p, pair in enumerate(layout["pair_bodies"][0].tolist()) if 0 in pair}
-        self._q, self._v, self._port, self._counts = (work[name][0] for name in ("q", "v", "port", "counts"))
+        self._q, self._v, self._port, self._way, self._counts = (
+            work[name][0] for name in ("q", "v", "port", "way", "counts"))
         self._note, self._note_pair = work["note"][0], work["note_pair"][0]
         self._port[6:10], self._port[17:] = self._gains, self._contact
         self._read()
@@ -53,9 +52,9 @@ class PlanarWorld:
     def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
         """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
         port = self._port
-        port[:6] = *end, *end_velocity
+        self._way[:] = *start, *start_velocity, *end, *end_velocity
         port[13:17] = 0.0
-        self._advance(*self._records, self.sub_step, count, np.array((*start, *start_velocity), dtype=float))
+        self._advance(*self._records, self.sub_step, count)
         self._read()
         supplied, touched, force, depth = port[13:17].tolist()
         return Travel(supplied, touched > 0.0, force, depth)
@@ -93,6 +92,6 @@ class PlanarWorld:
         self.touching = any(pair in self._tool_pairs for pair in self._note_pair[:self._counts[3]].tolist())
 
     def _contact_at(self, k):
-        x, y, nx, ny, px, py, depth = self._note[k].tolist()
+        x, y, nx, ny, px, py, depth = self._note[k, :7].tolist()
         a, b = (self._compiled.shape_names[shape] for shape in self._pairs[self._note_pair[k]])
         return Contact(a, b, (x, y), (nx, ny), (-px / self.sub_step, -py / self.sub_step), max(depth, 0.0))

@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.whole import part, whole
 from haptic_sim.method.flight import fly
 from haptic_sim.method.press import press
 from haptic_sim.method.touch import far_apart, gap_of, place_shapes
@@ -12,23 +12,27 @@ FALL = 100.0
 """Acceleration [m/s²] beyond the present speeds that is allowed for when looking who can come near the tool."""
 
 
-@kernel
-def sub_steps(models, layouts, works, h, count, start):
-    """`count` sub-steps, the handle going evenly from `start` (position, velocity) to where work.port has it.
+@whole
+def sub_steps(models, layouts, works, h, count):
+    """`count` sub-steps, the handle going evenly along work.way.
 
     The records come as arrays of one: numba tells the type of an array faster than that of a lone record, by 50 µs.
     """
     model, layout, work = models[0], layouts[0], works[0]
-    end = work.port[:6].copy()
     for k in range(1, count + 1):
-        part = k / count
-        for m in range(6):
-            work.port[m] = end[m] if k == count else start[m] + part * (end[m] - start[m])
+        lead_handle(work, k / count)
         sub_step(model, layout, work, h)
         watch_contacts(layout, work, h)
 
 
-@kernel
+@part
+def lead_handle(work, share):
+    """Handle's position and velocity at this share of the way into work.port."""
+    for m in range(6):
+        work.port[m] = (1.0 - share) * work.way[m] + share * work.way[6 + m]
+
+
+@part
 def watch_contacts(layout, work, h):
     """Books in work.port[14:] whether a contact pushed the tool, the largest force [N], the deepest overlap [m]."""
     port = work.port
@@ -40,7 +44,7 @@ def watch_contacts(layout, work, h):
         port[16] = max(port[16], note[6])
 
 
-@kernel
+@part
 def sub_step(model, layout, work, h):
     """Advances all bodies by h [s] and books the energy supplied at the tool's port."""
     x, y, angle = work.q[0, 0], work.q[0, 1], work.q[0, 2]
@@ -63,7 +67,7 @@ def sub_step(model, layout, work, h):
     port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
 
 
-@kernel
+@part
 def hold_all(layout, work):
     """Marks every linkage as active; returns how many."""
     for i in range(layout.linkages):
@@ -71,7 +75,7 @@ def hold_all(layout, work):
     return layout.linkages
 
 
-@kernel
+@part
 def hold_to_tool(model, layout, work, h):
     """Marks as active the linkages that the coupling can act on within h, by joints or contacts; returns how many."""
     for i in range(layout.linkages):
@@ -82,7 +86,7 @@ def hold_to_tool(model, layout, work, h):
     work.active[layout.linkage[0]] = 1
     if model.pair_count == 0:
         return 1
-    place_shapes(model, layout, q, work.points, work.normals, work.middles)
+    place_shapes(model, layout, work, q)
     pull = math.hypot(port[0] - q[0, 0], port[1] - q[0, 1]) + h * math.hypot(port[3], port[4])
     pull += layout.extent[0] * (abs(port[2] - q[0, 2]) + h * abs(port[5])) if port[8] + port[9] > 0.0 else 0.0
     held, before = 1, 0
@@ -93,7 +97,7 @@ def hold_to_tool(model, layout, work, h):
     return held
 
 
-@kernel
+@part
 def spread(model, layout, work, p, h, pull):
     """Activates the other linkage of a pair if the two can meet within h and one is active; returns 1 if it did."""
     a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
@@ -103,7 +107,7 @@ def spread(model, layout, work, p, h, pull):
     v, s, u = work.v, model.pairs[p, 0], model.pairs[p, 1]
     way = h * math.hypot(v[b, 0] - v[a, 0], v[b, 1] - v[a, 1]) + FALL * h * h + pull
     way += h * (abs(v[a, 2]) * layout.extent[a] + abs(v[b, 2]) * layout.extent[b])
-    if far_apart(layout, work.middles, s, u) > way or gap_of(model, work.points, work.normals, s, u) > way:
+    if far_apart(layout, work, s, u) > way or gap_of(model, work, s, u) > way:
         return 0
     work.active[la] = work.active[lb] = 1
     return 1
