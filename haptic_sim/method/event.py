@@ -7,7 +7,7 @@ by the Illinois rule (regula falsi that halves the weight of a bound kept twice)
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.whole import part
 from haptic_sim.compile.model import SPRING
 from haptic_sim.method.effect import copy
 from haptic_sim.method.impact import TOUCHING
@@ -23,13 +23,13 @@ EXACT = 1e-15
 """Value [m | m/s] that is zero."""
 
 
-@kernel
+@part
 def first_event(model, layout, work, n):
     """(event, value) of the lowest below zero in the trial state, event −1 if none is.
 
     Events 0…p−1 are gaps of pairs, then follow the slips of the n rows, then the limits of joints.
     """
-    place_shapes(model, layout, work.trial_q, work.points, work.normals, work.middles)
+    place_shapes(model, layout, work, work.trial_q)
     worst, event = -TOUCHING, -1
     for e in range(model.pair_count + n + model.joints):
         value = event_value(model, layout, work, n, e)
@@ -38,7 +38,7 @@ def first_event(model, layout, work, n):
     return event, worst
 
 
-@kernel
+@part
 def event_value(model, layout, work, n, e):
     """What must not fall below zero, in the trial state whose shapes have been placed."""
     pairs = model.pair_count
@@ -53,29 +53,29 @@ def event_value(model, layout, work, n, e):
     return slip if work.mode[r] == LOW else -slip
 
 
-@kernel
+@part
 def pair_gap(model, layout, work, n, p):
     """Gap of a pair [m]; if it is in contact, of what else of it could touch."""
     if not moves(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
         return math.inf
     s, u = model.pairs[p, 0], model.pairs[p, 1]
-    distance = far_apart(layout, work.middles, s, u)
+    distance = far_apart(layout, work, s, u)
     if distance > 0.0:
         return distance
     held = False
     for r in range(n):
         held |= work.source[r] == 0 and work.index[r] == p
     if not held:
-        return gap_of(model, work.points, work.normals, s, u)
+        return gap_of(model, work, s, u)
     least = math.inf
-    for k in range(touch(model, work.points, work.normals, s, u, work.features)):
+    for k in range(touch(model, work, s, u)):
         if not is_held(work, n, p, work.features[k]):
-            evaluate(layout, work.points, work.normals, work.features[k], work.contact)
+            evaluate(layout, work, work.features[k])
             least = min(least, work.contact[GAP])
     return least
 
 
-@kernel
+@part
 def is_held(work, n, p, feature):
     """Whether the contact of pair p at this feature is one of the rows."""
     for r in range(n):
@@ -88,7 +88,7 @@ def is_held(work, n, p, feature):
     return False
 
 
-@kernel
+@part
 def limit_gap(model, layout, work, n, j):
     """Way left to the nearer limit of joint j that is not held."""
     low, high = model.joint_limit[j, 0], model.joint_limit[j, 1]
@@ -106,7 +106,7 @@ def limit_gap(model, layout, work, n, j):
     return min(at - low, high - at)
 
 
-@kernel
+@part
 def locate(model, layout, work, n, tau, event, value):
     """Moves the trial state to the first event within tau and returns its time [s]; −1 if it cannot be told."""
     for _ in range(6):
@@ -120,7 +120,7 @@ def locate(model, layout, work, n, tau, event, value):
     return -1.0
 
 
-@kernel
+@part
 def value_after(model, layout, work, n, time, event):
     """An event's value after `time` [s], which becomes the trial state."""
     if time > 0.0:
@@ -128,13 +128,13 @@ def value_after(model, layout, work, n, time, event):
     else:
         copy(work.q, work.trial_q, model.bodies)
         copy(work.v, work.trial_v, model.bodies)
-    place_shapes(model, layout, work.trial_q, work.points, work.normals, work.middles)
+    place_shapes(model, layout, work, work.trial_q)
     if time <= 0.0 and n > 0:
         refresh(model, layout, work, work.q, work.v, n)
     return event_value(model, layout, work, n, event)
 
 
-@kernel
+@part
 def zero_of(model, layout, work, n, high, event, value_high):
     """Time at which the event's value passes zero downwards, before `high` where it is below."""
     low, value_low = 0.0, value_after(model, layout, work, n, 0.0, event)

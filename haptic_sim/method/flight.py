@@ -13,44 +13,54 @@ the rest of the step is a backward difference (see `press`), which always has on
 
 import math
 
-from haptic_device.kernel import kernel
-from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows, zero_body
+from haptic_device.whole import part
+from haptic_sim.method.effect import (
+    apply_rows,
+    copy,
+    hold_resting,
+    note_impulses,
+    note_resting,
+    respond_rows,
+    zero_body,
+)
 from haptic_sim.method.event import first_event, locate
-from haptic_sim.method.impact import RESTING, TOUCHING, impact
+from haptic_sim.method.impact import RESTING, TOUCHING, impact, touching_contacts
 from haptic_sim.method.lcp import FRICTION, HIGH, LOW, NORMAL, SLIDING, solve_modes
-from haptic_sim.method.rows import add_contact, add_joints, keep_rows, moves, rate_of, recall, refresh, remember, wished
+from haptic_sim.method.rows import add_joints, keep_rows, moves, rate_of, recall, refresh, remember, wished
 from haptic_sim.method.smooth import advance, free_acceleration
-from haptic_sim.method.touch import far_apart, gap_of, place_shapes, touch
+from haptic_sim.method.touch import far_apart, gap_of
 
 MOST_EVENTS = 400
 UNSOLVED, STRUCK = -1, -2
 
 
-@kernel
+@part
 def fly(model, layout, work, h):
     """Advances the active linkages by h [s]; returns the time left over when it had to give up, else 0."""
+    for i in range(layout.linkages):
+        work.flying[i] = work.active[i]
     left = h
     for _ in range(MOST_EVENTS):
-        n = present_rows(model, layout, work)
+        n = present_rows(model, layout, work, True)
         if n == STRUCK:
             impact(model, layout, work)
-            n = present_rows(model, layout, work)
+            n = present_rows(model, layout, work, True)
         if n < 0:
             return left
-        if n > 0 and at_rest(model, layout, work, n, left):
+        resting = n > 0 and lay_to_rest(model, layout, work, n, left) > 0
+        if resting and count_awake(layout, work) == 0:
+            note_resting(work, left)
+            wake(layout, work)
             return 0.0
-        tau = min(left, longest_flight(model, layout, work))
-        advance(model, layout, work, tau, n)
-        event, value = first_event(model, layout, work, n)
-        if event >= 0:
-            tau = locate(model, layout, work, n, tau, event, value)
-            if tau < 0.0:
-                return left
-        copy(work.trial_q, work.q, model.bodies)
-        copy(work.trial_v, work.v, model.bodies)
-        for r in range(n):
-            work.lam[r] = work.forces[r]
+        if resting:
+            n = present_rows(model, layout, work, False)
+        tau, event = soar(model, layout, work, n, left) if n >= 0 else (-1.0, -1)
+        wake(layout, work)
+        if tau < 0.0:
+            return left
         note_impulses(work, n, tau)
+        if resting:
+            note_resting(work, tau)
         if event >= 0:
             work.counts[2] += 1
             impact(model, layout, work)
@@ -60,22 +70,28 @@ def fly(model, layout, work, h):
     return left
 
 
-@kernel
-def present_rows(model, layout, work):
+@part
+def soar(model, layout, work, n, left):
+    """Moves on until something happens, or the time is up; (time taken, event), time −1 if it cannot be told."""
+    tau = min(left, longest_flight(model, layout, work))
+    advance(model, layout, work, tau, n)
+    event, value = first_event(model, layout, work, n)
+    if event >= 0:
+        tau = locate(model, layout, work, n, tau, event, value)
+        if tau < 0.0:
+            return tau, event
+    copy(work.trial_q, work.q, model.bodies)
+    copy(work.trial_v, work.v, model.bodies)
+    for r in range(n):
+        work.lam[r] = work.forces[r]
+    return tau, event
+
+
+@part
+def present_rows(model, layout, work, all_awake):
     """Rows of contacts that touch and do not part, with modes; returns how many, or UNSOLVED, or STRUCK."""
     q, v = work.q, work.v
-    n = 0
-    if model.pair_count > 0:
-        place_shapes(model, layout, q, work.points, work.normals, work.middles)
-        for p in range(model.pair_count):
-            if not moves(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
-                continue
-            s, u = model.pairs[p, 0], model.pairs[p, 1]
-            if far_apart(layout, work.middles, s, u) > TOUCHING or gap_of(
-                    model, work.points, work.normals, s, u) > TOUCHING:
-                continue
-            for k in range(touch(model, work.points, work.normals, s, u, work.features)):
-                n = add_contact(model, layout, work, n, p, work.features[k])
+    n = touching_contacts(model, layout, work)
     n = add_joints(model, layout, work, n, q, v, TOUCHING, 1.0)
     if n == 0:
         return 0
@@ -87,42 +103,79 @@ def present_rows(model, layout, work):
     recall(work, n)
     for r in range(n):
         set_sense(model, work, v, r)
-    free_acceleration(model, layout, work, q, v, work.slopes_v[0])
+    free_acceleration(model, layout, work, q, v)
     respond_rows(model, layout, work, n)
     for r in range(n):
-        work.b[r] = rate_of(work, work.slopes_v[0], r) + work.gamma[r]
-    if solve_modes(work.A, work.b, n, work.kind, work.partner, work.mu, work.bound, work.mode, work.lam, work, 60) < 0:
+        work.b[r] = rate_of(work, work.free_v, r) + work.gamma[r]
+    if solve_modes(work, n, 1.0, 60) < 0:
         work.counts[1] = 0
         return UNSOLVED
-    remember(work, n)
+    if all_awake:
+        remember(work, n)
     for r in range(n):
         work.forces[r] = work.lam[r]
     return n
 
 
-@kernel
-def at_rest(model, layout, work, n, left):
-    """Whether nothing moves, nor would within the time left, by more than RESTING; then velocities become zero.
+@part
+def lay_to_rest(model, layout, work, n, left):
+    """Linkages that do not move, nor would within the time left, by more than RESTING get velocity zero and sleep.
 
-    The contact forces have been solved for and hold everything: another integration would only move rounding about.
+    The contact forces have been solved for and hold them: to integrate them would only move rounding about. Who
+    touches one that moves stays awake. Returns how many sleep.
     """
-    v, a = work.v, work.slopes_v[0]
-    for r in range(n):
-        work.lam[r] = work.forces[r]
-    apply_rows(model, work, n, 1.0, a)
-    for b in range(model.bodies - 1):
-        if work.active[layout.linkage[b]] > 0:
+    a = work.free_v
+    apply_rows(model, work, n, a)
+    for i in range(layout.linkages):
+        work.moving[i] = 0
+        for m in range(layout.body_start[i], layout.body_start[i + 1]):
+            b = layout.order[m]
             for k in range(3):
-                if abs(v[b, k]) > RESTING or abs(a[b, k]) * left > RESTING:
-                    return False
-    note_impulses(work, n, left)
-    for b in range(model.bodies - 1):
-        if work.active[layout.linkage[b]] > 0:
-            zero_body(v, b)
-    return True
+                if abs(work.v[b, k]) > RESTING or abs(a[b, k]) * left > RESTING:
+                    work.moving[i] = 1
+    spread_motion(layout, work, n)
+    asleep = 0
+    for i in range(layout.linkages):
+        if work.active[i] > 0 and work.moving[i] == 0:
+            work.active[i] = 0
+            asleep += 1
+            for m in range(layout.body_start[i], layout.body_start[i + 1]):
+                zero_body(work.v, layout.order[m])
+    if asleep > 0:
+        hold_resting(layout, work, n)
+    return asleep
 
 
-@kernel
+@part
+def spread_motion(layout, work, n):
+    """Who shares a row with one that moves moves too."""
+    changed = True
+    while changed:
+        changed = False
+        for r in range(n):
+            a, b = layout.linkage[work.row_a[r]], layout.linkage[work.row_b[r]]
+            if a >= 0 and b >= 0 and work.moving[a] != work.moving[b]:
+                work.moving[a] = work.moving[b] = 1
+                changed = True
+
+
+@part
+def count_awake(layout, work):
+    """How many linkages move."""
+    count = 0
+    for i in range(layout.linkages):
+        count += work.active[i]
+    return count
+
+
+@part
+def wake(layout, work):
+    """All linkages of this flight are active again."""
+    for i in range(layout.linkages):
+        work.active[i] = work.flying[i]
+
+
+@part
 def set_sense(model, work, v, r):
     """A row that slips has its friction against the slip; a resting one may stick. A motor's slip is from its speed."""
     if work.kind[r] != FRICTION:
@@ -133,7 +186,7 @@ def set_sense(model, work, v, r):
         work.mode[r] = LOW if slip > 0.0 else HIGH
 
 
-@kernel
+@part
 def longest_flight(model, layout, work):
     """Time [s] within which no two shapes can meet and be through each other again: a quarter of their widths."""
     longest = math.inf
@@ -147,8 +200,8 @@ def longest_flight(model, layout, work):
         closing += abs(v[a, 2]) * layout.extent[a] + abs(v[b, 2]) * layout.extent[b]
         if closing <= 0.0:
             continue
-        apart = far_apart(layout, work.middles, s, u)
+        apart = far_apart(layout, work, s, u)
         if apart <= 0.0:
-            apart = gap_of(model, work.points, work.normals, s, u)
+            apart = gap_of(model, work, s, u)
         longest = min(longest, max(0.25 * (layout.thickness[s] + layout.thickness[u]), apart) / closing)
     return longest

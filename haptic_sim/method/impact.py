@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.whole import part
 from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows
 from haptic_sim.method.lcp import NORMAL, solve_modes
 from haptic_sim.method.lemke import lemke
@@ -17,7 +17,7 @@ RESTING = 1e-9
 """Speed [m/s | rad/s] below which a contact neither parts nor slips nor rebounds."""
 
 
-@kernel
+@part
 def impact(model, layout, work):
     """Velocities after the impact at work.q; restitution is given up where, with friction, it would add energy."""
     before = kinetic(model, layout, work, work.v)
@@ -32,43 +32,48 @@ def impact(model, layout, work):
     note_impulses(work, n, 1.0)
 
 
-@kernel
+@part
 def touching_rows(model, layout, work):
     """Rows of all contacts that touch, and of joints at a limit; returns how many."""
-    n = 0
-    place_shapes(model, layout, work.q, work.points, work.normals, work.middles)
-    for p in range(model.pair_count):
-        s, u = model.pairs[p, 0], model.pairs[p, 1]
-        if not moves(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
-            continue
-        if far_apart(layout, work.middles, s, u) > TOUCHING or gap_of(
-                model, work.points, work.normals, s, u) > TOUCHING:
-            continue
-        for k in range(touch(model, work.points, work.normals, s, u, work.features)):
-            n = add_contact(model, layout, work, n, p, work.features[k])
+    n = touching_contacts(model, layout, work)
     n = add_joints(model, layout, work, n, work.q, work.v, TOUCHING, 0.0)
     refresh(model, layout, work, work.q, work.v, n)
     n = keep_rows(work, work.v, n, TOUCHING, math.inf)
     for i in range(layout.linkages):
         if work.active[i] > 0:
-            reduce_linkage(model, layout, work, i, work.q, work.v, 0.0, work.port[6:10])
+            reduce_linkage(model, layout, work, i, work.q, work.v, 0.0)
     respond_rows(model, layout, work, n)
     return n
 
 
-@kernel
+@part
+def touching_contacts(model, layout, work):
+    """Rows of all contacts that touch; returns how many."""
+    n = 0
+    place_shapes(model, layout, work, work.q)
+    for p in range(model.pair_count):
+        s, u = model.pairs[p, 0], model.pairs[p, 1]
+        if not moves(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
+            continue
+        if far_apart(layout, work, s, u) <= TOUCHING and gap_of(model, work, s, u) <= TOUCHING:
+            for k in range(touch(model, work, s, u)):
+                n = add_contact(model, layout, work, n, p, work.features[k])
+    return n
+
+
+@part
 def strike(model, layout, work, n, scale):
     """v⁺ with the pairs' restitution times `scale`."""
     for r in range(n):
         work.b[r] = rate_of(work, work.v, r)
         if work.kind[r] == NORMAL and work.source[r] == 0 and work.b[r] < -RESTING:
             work.b[r] *= 1.0 + scale * model.pair_restitution[work.index[r]]
-    if solve_modes(work.A, work.b, n, work.kind, work.partner, work.mu, work.bound, work.mode, work.lam, work, 60) < 0:
-        lemke(work.A, work.b, n, work.kind, work.partner, work.mu, work.bound, work.lam)
-    apply_rows(model, work, n, 1.0, work.v)
+    if solve_modes(work, n, 1.0, 60) < 0:
+        lemke(work, n)
+    apply_rows(model, work, n, work.v)
 
 
-@kernel
+@part
 def kinetic(model, layout, work, v):
     """Kinetic energy of the bodies that are being advanced [J]."""
     energy = 0.0

@@ -116,7 +116,8 @@ class Impulse:
         potential = -self._mass * (gx * x + gy * y)
         for body in self._others:
             center = body.local_to_world(body.center_of_gravity) + self.sub_step * body.velocity
-            kinetic += body.kinetic_energy
+            # Chipmunk's own kinetic_energy lacks the half.
+            kinetic += 0.5 * (body.mass * body.velocity.length_squared + body.moment * body.angular_velocity**2)
             potential -= body.mass * (gx * center.x + gy * center.y)
         return kinetic, potential
 
@@ -189,7 +190,8 @@ def _add(space, scene, solid):
         mass, inertia, center = solid.mass_properties
         body = pymunk.Body(mass, inertia)
         body.center_of_gravity = center
-    body.position, body.angle = solid.pose[:2], solid.pose[2]
+    body.angle = solid.pose[2]  # before the position, which moves the mass centre by the angle that it finds
+    body.position = solid.pose[:2]
     space.add(body)
     material = scene.material(solid)
     for vertices, radius in solid.outlines:

@@ -18,7 +18,7 @@ Redundant contacts (two corners of a block) make A singular: every diagonal gain
 the solution of least sum of squares and changes w by that part only.
 """
 
-from haptic_device.kernel import kernel
+from haptic_device.whole import part
 
 NORMAL, FRICTION, SLIDING = 0, 1, 2
 OPEN, FREE, LOW, HIGH = 0, 1, -1, 2
@@ -27,14 +27,17 @@ SOFT = 1e-11
 ROUNDING = 1e-9
 
 
-@kernel
-def solve_modes(A, b, n, kind, partner, mu, bound, mode, lam, scratch, limit):
-    """Solves the rows 0…n−1 in place (`mode` is the first guess and the answer). Returns pivots used, or −1."""
+@part
+def solve_modes(work, n, share, limit):
+    """Solves the rows 0…n−1 in place (`work.mode` is the first guess and the answer). Returns pivots used, or −1.
+
+    `share` of the friction acts: 1, or 0 where constraints are only put right.
+    """
     fewest, patience = n + 1, 8
     for turn in range(limit):
-        if not solve_linear(A, b, n, kind, partner, mu, bound, mode, lam, scratch):
+        if not solve_linear(work, n, share):
             return -1
-        wrong, last = count_wrong(A, b, n, kind, partner, mu, bound, mode, lam, False)
+        wrong, last = count_wrong(work, n, share, False)
         if wrong == 0:
             return turn + 1
         if wrong < fewest:
@@ -42,64 +45,67 @@ def solve_modes(A, b, n, kind, partner, mu, bound, mode, lam, scratch, limit):
         else:
             patience -= 1
         if patience > 0:
-            count_wrong(A, b, n, kind, partner, mu, bound, mode, lam, True)
+            count_wrong(work, n, share, True)
         else:
-            mode[last] = better(A, b, n, kind, partner, mu, bound, mode, lam, last)
+            work.mode[last] = better(work, n, share, last)
     return -1
 
 
-@kernel
-def limit_of(r, partner, mu, bound, lam):
+@part
+def limit_of(work, r, share):
     """Bound on |λ_r|."""
-    return bound[r] + (mu[r] * max(lam[partner[r]], 0.0) if partner[r] >= 0 else 0.0)
+    normal = work.partner[r]
+    return share * (work.bound[r] + (work.mu[r] * max(work.lam[normal], 0.0) if normal >= 0 else 0.0))
 
 
-@kernel
-def count_wrong(A, b, n, kind, partner, mu, bound, mode, lam, change):
+@part
+def count_wrong(work, n, share, change):
     """(number, last) of rows whose mode the solution contradicts; with `change` they get the better one."""
     wrong, last = 0, -1
     for r in range(n):
-        wish = better(A, b, n, kind, partner, mu, bound, mode, lam, r)
-        if wish != mode[r]:
+        wish = better(work, n, share, r)
+        if wish != work.mode[r]:
             wrong, last = wrong + 1, r
             if change:
-                mode[r] = wish
+                work.mode[r] = wish
     return wrong, last
 
 
-@kernel
-def better(A, b, n, kind, partner, mu, bound, mode, lam, r):
+@part
+def better(work, n, share, r):
     """The mode that the present solution asks for in row r."""
+    A, lam, kind, mode = work.A, work.lam, work.kind, work.mode
     if kind[r] == SLIDING:
         return mode[r]
     if mode[r] == FREE:
         if kind[r] == NORMAL:
             return OPEN if lam[r] < 0.0 else FREE
-        most = limit_of(r, partner, mu, bound, lam)
+        most = limit_of(work, r, share)
         if abs(lam[r]) <= most * (1.0 + ROUNDING):
             return FREE
         return HIGH if lam[r] > 0.0 else LOW
-    w, size = b[r], abs(b[r])
+    w, size = work.b[r], abs(work.b[r])
     for k in range(n):
         w += A[r, k] * lam[k]
         size += abs(A[r, k] * lam[k])
     if kind[r] == NORMAL:
         return FREE if w < -ROUNDING * size else OPEN
-    if limit_of(r, partner, mu, bound, lam) <= 0.0:
+    if limit_of(work, r, share) <= 0.0:
         return mode[r]
     if mode[r] == LOW:
         return FREE if w < -ROUNDING * size else LOW
     return FREE if w > ROUNDING * size else HIGH
 
 
-@kernel
-def solve_linear(A, b, n, kind, partner, mu, bound, mode, lam, scratch):
+@part
+def solve_linear(work, n, share):
     """λ for the present modes, by elimination with row pivoting; False if the system is singular."""
-    S, free, m = scratch.system, scratch.free, 0
+    S, free, m, kind, partner = work.system, work.free, 0, work.kind, work.partner
+    A, lam, mode = work.A, work.lam, work.mode
     for r in range(n):
         lam[r] = 0.0
         if mode[r] == FREE and (kind[r] == NORMAL or partner[r] < 0 or mode[partner[r]] == FREE):
-            scratch.column[r] = m
+            work.column[r] = m
             free[m] = r
             m += 1
     for i in range(m):
@@ -107,35 +113,37 @@ def solve_linear(A, b, n, kind, partner, mu, bound, mode, lam, scratch):
         for k in range(m):
             S[i, k] = A[r, free[k]]
         S[i, i] += SOFT * A[r, r]
-        S[i, m] = -b[r]
+        S[i, m] = -work.b[r]
     for r in range(n):
         if kind[r] != NORMAL and mode[r] != FREE:
-            carry(A, r, m, free, S, partner, mu, bound, mode, scratch.column, -1.0 if mode[r] == LOW else 1.0)
-    if not gauss(S, m):
+            carry(work, r, m, share, -1.0 if mode[r] == LOW else 1.0)
+    if not gauss(work, m):
         return False
     for i in range(m):
         lam[free[i]] = S[i, m]
     for r in range(n):
         if kind[r] != NORMAL and mode[r] != FREE:
             sense = -1.0 if mode[r] == LOW else 1.0
-            lam[r] = sense * (bound[r] + (mu[r] * lam[partner[r]] if partner[r] >= 0 else 0.0))
+            carried = work.mu[r] * lam[partner[r]] if partner[r] >= 0 else 0.0
+            lam[r] = sense * share * (work.bound[r] + carried)
     return True
 
 
-@kernel
-def carry(A, r, m, free, S, partner, mu, bound, mode, column, sense):
+@part
+def carry(work, r, m, share, sense):
     """Inserts λ_r = ± (c + μ λ_n) of a row at its bound into the equations of the free rows."""
-    normal = partner[r]
-    seen = normal >= 0 and mode[normal] == FREE
+    A, S, free, normal = work.A, work.system, work.free, work.partner[r]
+    seen = normal >= 0 and work.mode[normal] == FREE
     for i in range(m):
-        S[i, m] -= A[free[i], r] * sense * bound[r]
+        S[i, m] -= A[free[i], r] * sense * share * work.bound[r]
         if seen:
-            S[i, column[normal]] += A[free[i], r] * sense * mu[r]
+            S[i, work.column[normal]] += A[free[i], r] * sense * share * work.mu[r]
 
 
-@kernel
-def gauss(S, m):
+@part
+def gauss(work, m):
     """Solves S[:m, :m] x = S[:m, m] in place; x ends in the last column. False if a pivot is zero."""
+    S = work.system
     for k in range(m):
         at = k
         for i in range(k + 1, m):

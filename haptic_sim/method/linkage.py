@@ -19,7 +19,7 @@ other coordinates, and a row that vanishes there is dropped.
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.whole import part
 from haptic_sim.compile.model import SPRING
 from haptic_sim.method.joints import forbidden_row, spring_row, spring_rows
 
@@ -27,26 +27,26 @@ REDUNDANT = 1e-10
 """Pivot, in the largest entry of J, below which a row says nothing new."""
 
 
-@kernel
-def reduce_linkage(model, layout, work, i, q, v, h, gains):
-    """Finds N, Y, a_p of linkage i at q, v; with h > 0 for a backward difference over h with the coupling's gains."""
+@part
+def reduce_linkage(model, layout, work, i, q, v, h):
+    """Finds N, Y, a_p of linkage i at q, v; with h > 0 for a backward difference over h with the coupling."""
     first, count = layout.body_start[i], layout.body_start[i + 1] - layout.body_start[i]
     if layout.joint_start[i + 1] == layout.joint_start[i]:
-        free_body(model, work, i, layout.order[first], 3 * first, h, gains)
+        free_body(model, work, i, layout.order[first], 3 * first, h)
         return
     columns = 3 * count
     eliminate(work, fill_rows(model, layout, work, i, q, v), columns)
     work.freedoms[i] = null_space(layout, work, first, columns)
-    fill_mass(model, layout, work, i, q, v, h, gains)
+    fill_mass(model, layout, work, i, q, v, h)
     factor(work, 3 * first, work.freedoms[i], columns)
 
 
-@kernel
-def free_body(model, work, i, b, row, h, gains):
+@part
+def free_body(model, work, i, b, row, h):
     """A body without joints: W = M⁻¹."""
-    added, added_turn = 0.0, 0.0
+    port, added, added_turn = work.port, 0.0, 0.0
     if b == 0 and h > 0.0:
-        added, added_turn = h * gains[1] + h * h * gains[0], h * gains[3] + h * h * gains[2]
+        added, added_turn = port[7] * h + port[6] * h * h, port[9] * h + port[8] * h * h
     y = 1.0 / math.sqrt(model.mass[b] + added)
     for k in range(3):
         for m in range(3):
@@ -57,7 +57,7 @@ def free_body(model, work, i, b, row, h, gains):
     work.freedoms[i] = 3
 
 
-@kernel
+@part
 def fill_rows(model, layout, work, i, q, v):
     """[J | γ | φ] of linkage i; returns the number of rows."""
     J, columns = work.jacobian, 3 * (layout.body_start[i + 1] - layout.body_start[i])
@@ -81,7 +81,7 @@ def fill_rows(model, layout, work, i, q, v):
     return r
 
 
-@kernel
+@part
 def eliminate(work, rows, columns):
     """Gauss–Jordan with full pivoting of [J | γ | φ]; work.pivot holds the dependent column of each row kept."""
     J, rank, largest = work.jacobian, 0, 0.0
@@ -112,7 +112,7 @@ def eliminate(work, rows, columns):
     return rank
 
 
-@kernel
+@part
 def null_space(layout, work, first, columns):
     """Rows of Nᵀ into work.N, a_p into work.bias; returns the number of independent coordinates."""
     J, N, u = work.jacobian, work.N, 0
@@ -129,16 +129,16 @@ def null_space(layout, work, first, columns):
     return u
 
 
-@kernel
-def fill_mass(model, layout, work, i, q, v, h, gains):
+@part
+def fill_mass(model, layout, work, i, q, v, h):
     """Nᵀ M N of linkage i into work.reduced."""
-    first, d, N, R = layout.body_start[i], work.freedoms[i], work.N, work.reduced
+    first, d, N, R, port = layout.body_start[i], work.freedoms[i], work.N, work.reduced, work.port
     columns = 3 * (layout.body_start[i + 1] - first)
     for c in range(columns):
         b = layout.order[first + c // 3]
         mass = model.inertia[b] if c % 3 == 2 else model.mass[b]
         if b == 0 and h > 0.0:
-            mass += h * gains[3] + h * h * gains[2] if c % 3 == 2 else h * gains[1] + h * h * gains[0]
+            mass += h * port[9] + h * h * port[8] if c % 3 == 2 else h * port[7] + h * h * port[6]
         work.diagonal[c] = mass
     for u in range(d):
         for w in range(u + 1):
@@ -151,7 +151,7 @@ def fill_mass(model, layout, work, i, q, v, h, gains):
             add_spring(model, layout, work, layout.joint_order[m], q, v, h, d)
 
 
-@kernel
+@part
 def add_spring(model, layout, work, j, q, v, h, d):
     """(h c + h² k) of a spring-damper along its rows, seen from the independent coordinates."""
     a, b = layout.place_in[model.joint_bodies[j, 0]], layout.place_in[model.joint_bodies[j, 1]]
@@ -171,7 +171,7 @@ def add_spring(model, layout, work, j, q, v, h, d):
                 work.reduced[u, w] += weight * work.seen[u] * work.seen[w]
 
 
-@kernel
+@part
 def factor(work, row, d, columns):
     """Cholesky of work.reduced, and Y = L⁻¹ Nᵀ into work.Y from `row` on."""
     R, N, Y = work.reduced, work.N, work.Y
@@ -188,7 +188,7 @@ def factor(work, row, d, columns):
             Y[row + u, c] = total / R[u, u]
 
 
-@kernel
+@part
 def respond(layout, work, i, f, out):
     """out = W f for the bodies of linkage i; f and out (n, 3)."""
     first, columns = layout.body_start[i], 3 * (layout.body_start[i + 1] - layout.body_start[i])

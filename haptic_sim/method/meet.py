@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.whole import part
 from haptic_sim.method.event import is_held
 from haptic_sim.method.impact import TOUCHING
 from haptic_sim.method.rows import add_contact, moves
@@ -13,7 +13,7 @@ BISECTIONS = 40
 MOST_PIECES = 4000
 
 
-@kernel
+@part
 def add_met(model, layout, work, n):
     """Adds rows for pairs that touch now, or meet on the straight way from work.q to work.trial_q; returns how many."""
     for p in range(model.pair_count):
@@ -28,13 +28,13 @@ def add_met(model, layout, work, n):
         if time < 0.0:
             continue
         place_pair(model, layout, work, s, u, time)
-        for k in range(touch(model, work.points, work.normals, s, u, work.features)):
+        for k in range(touch(model, work, s, u)):
             if not is_held(work, n, p, work.features[k]):
                 n = add_contact(model, layout, work, n, p, work.features[k])
     return n
 
 
-@kernel
+@part
 def way_between(layout, work, a, b):
     """How far points of two bodies move against each other at most [m]."""
     q, to = work.q, work.trial_q
@@ -42,7 +42,7 @@ def way_between(layout, work, a, b):
     return way + abs(to[a, 2] - q[a, 2]) * layout.extent[a] + abs(to[b, 2] - q[b, 2]) * layout.extent[b]
 
 
-@kernel
+@part
 def discs_apart(layout, work, model, s, u):
     """Distance of the discs around two shapes at the start [m]."""
     place_pair_middle(model, layout, work, s)
@@ -51,7 +51,7 @@ def discs_apart(layout, work, model, s, u):
     return math.hypot(m[u, 0] - m[s, 0], m[u, 1] - m[s, 1]) - layout.reach[s] - layout.reach[u]
 
 
-@kernel
+@part
 def place_pair_middle(model, layout, work, s):
     """Centre of the disc around a shape at the start."""
     b = model.shape_body[s]
@@ -60,7 +60,7 @@ def place_pair_middle(model, layout, work, s):
     work.middles[s, 0], work.middles[s, 1] = work.q[b, 0] + c * mx - sn * my, work.q[b, 1] + sn * mx + c * my
 
 
-@kernel
+@part
 def place_pair(model, layout, work, s, u, share):
     """Two shapes at a share of the way."""
     for shape in (s, u):
@@ -68,17 +68,17 @@ def place_pair(model, layout, work, s, u, share):
         x = work.q[b, 0] + share * (work.trial_q[b, 0] - work.q[b, 0])
         y = work.q[b, 1] + share * (work.trial_q[b, 1] - work.q[b, 1])
         angle = work.q[b, 2] + share * (work.trial_q[b, 2] - work.q[b, 2])
-        place_shape(model, layout, shape, x, y, angle, work.points, work.normals, work.middles)
+        place_shape(model, layout, work, shape, x, y, angle)
 
 
-@kernel
+@part
 def gap_at(model, layout, work, s, u, share):
     """Gap of two shapes at a share of the way [m]."""
     place_pair(model, layout, work, s, u, share)
-    return gap_of(model, work.points, work.normals, s, u)
+    return gap_of(model, work, s, u)
 
 
-@kernel
+@part
 def meeting(model, layout, work, s, u, way):
     """Share of the way at which two shapes meet; 0 if they touch already, −1 if they do not meet."""
     if gap_at(model, layout, work, s, u, 0.0) <= TOUCHING:
@@ -93,7 +93,7 @@ def meeting(model, layout, work, s, u, way):
     return -1.0
 
 
-@kernel
+@part
 def first_touch(model, layout, work, s, u, low, high):
     """Share of the way, between `low` (apart) and `high` (overlapping), at which the gap is zero."""
     for _ in range(BISECTIONS):

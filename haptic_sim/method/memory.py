@@ -19,6 +19,7 @@ STAGES = 12
 
 _n, _s, _v, _p, _j, _r = MOST_BODIES, MOST_SHAPES, MOST_CORNERS, MOST_PAIRS, MOST_JOINTS, MOST_ROWS
 _c, _k = 3 * MOST_LINKED, 2 * MOST_JOINTS
+_z = 2 * MOST_ROWS + 2 * MOST_JOINTS  # of two rows one is a normal; a joint may have friction alone
 
 
 def _fields(**shapes):
@@ -29,8 +30,8 @@ _WHOLE = {
     "bodies", "shapes", "corners", "pair_count", "joints", "linkages", "shape_body", "shape_start", "pairs",
     "joint_kind", "joint_bodies", "pair_bodies", "linkage", "place_in", "body_start", "order", "joint_start",
     "joint_order", "active", "freedoms", "dependent", "pivot", "features", "row_a", "row_b", "kind", "partner",
-    "source", "index", "key", "old_key", "mode", "old_mode", "feature", "free", "column", "note_key", "note_pair",
-    "counts",
+    "source", "index", "key", "old_key", "mode", "old_mode", "feature", "free", "column", "basis", "note_key",
+    "note_pair", "counts", "flying", "moving",
 }
 
 MODEL = np.dtype(_fields(
@@ -47,15 +48,17 @@ LAYOUT = np.dtype(_fields(
 
 WORK = np.dtype(_fields(
     q=(_n, 3), v=(_n, 3), trial_q=(_n, 3), trial_v=(_n, 3), stage_q=(_n, 3), stage_v=(_n, 3), smooth=(_n, 3),
-    slopes_q=(STAGES, _n, 3), slopes_v=(STAGES, _n, 3), force=(_n, 3), bias=(_n, 3), active=_n,
+    slopes_q=(STAGES, _n, 3), slopes_v=(STAGES, _n, 3), force=(_n, 3), bias=(_n, 3), active=_n, flying=_n, moving=_n,
     Y=(3 * _n, _c), freedoms=_n, jacobian=(_k, _c + 2), row=6, dependent=_c, pivot=_k, N=(_c, _c), diagonal=_c,
     reduced=(_c, _c), seen=_c, points=(_v, 2), normals=(_v, 2), middles=(_s, 2), contact=11, features=(2, 4),
     row_a=_r, row_b=_r, kind=_r, partner=_r, mu=_r, bound=_r, source=_r, index=_r, key=_r, old_key=_r, mode=_r,
-    old_mode=_r, feature=(_r, 4), G=(_r, 6), gamma=_r, gap=_r, place=(_r, 2), b=_r, lam=_r, slack=_r, forces=_r,
-    response=(_r, _n, 3), A=(_r, _r), system=(_r, _r + 1), free=_r, column=_r,
-    note=(_r, 7), note_key=_r, note_pair=_r, counts=4, port=19,
+    old_mode=_r, feature=(_r, 4), G=(_r, 6), gamma=_r, gap=_r, place=(_r, 2), b=_r, lam=_r, forces=_r,
+    response=(_r, _n, 3), A=(_r, _r), system=(_r, _r + 1), free=_r, column=_r, free_v=(_n, 3), answer=(_n, 3),
+    tableau=2 * _z * (_z + 1), basis=_z, z=_z,
+    note=(_r, 9), note_key=_r, note_pair=_r, counts=4, port=19,
 ))
-"""`note`: contacts of the last step, each place (2), normal (2), impulse on b (2), overlap. `counts`: refusals of
+"""`note`: contacts of the last step, each place (2), normal (2), impulse on b (2), overlap, force
+on b while it rests (2). `counts`: refusals of
 flight, rows remembered, events, contacts noted. `port`: handle position (3) and velocity (3), gains (4), force on the
 tool (3), energy supplied [J], whether a contact pushed the tool, largest contact force [N], deepest overlap [m],
 contact stiffness [N/m] (0: rigid) and damping [N s/m]."""

@@ -12,31 +12,31 @@ than it took: at h² k/m = .5 restitution already exceeds 1.06 at some phases. T
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.whole import part, whole
 from haptic_sim.method.effect import note_impulses
 from haptic_sim.method.joints import applied_forces
 from haptic_sim.method.lcp import NORMAL
 from haptic_sim.method.linkage import reduce_linkage, respond
 from haptic_sim.method.press import settle
 from haptic_sim.method.rows import add_contact, add_joints, rate_of, refresh, wished
-from haptic_sim.method.smooth import NO_GAINS, close_joints
-from haptic_sim.method.step import lead, watch_contacts
+from haptic_sim.method.smooth import close_joints
+from haptic_sim.method.step import lead_handle, watch_contacts
 from haptic_sim.method.touch import GAP, evaluate, far_apart, gap_of, place_shapes, touch
 
 
-@kernel
+@whole
 def penalty_steps(models, layouts, works, h, count, path):
     """`count` sub-steps from each row of the handle's path (position, velocity) evenly to the next."""
     model, layout, work = models[0], layouts[0], works[0]
     for i in range(layout.linkages):
         work.active[i] = 1
     for k in range(count * (len(path) - 1)):
-        lead(work, path, k // count, (k % count + 1) / count)
+        lead_handle(work, path, k // count, (k % count + 1) / count)
         penalty_step(model, layout, work, h)
         watch_contacts(layout, work, h)
 
 
-@kernel
+@part
 def penalty_step(model, layout, work, h):
     """Advances all bodies by h [s] and books the energy supplied at the tool's port."""
     q, v, f, port = work.q, work.v, work.smooth, work.port
@@ -50,7 +50,7 @@ def penalty_step(model, layout, work, h):
         f[b, 0], f[b, 1] = mass * v[b, 0] + h * f[b, 0], mass * v[b, 1] + h * f[b, 1]
         f[b, 2] = model.inertia[b] * v[b, 2] + h * f[b, 2]
     for i in range(layout.linkages):
-        reduce_linkage(model, layout, work, i, q, v, 0.0, NO_GAINS)
+        reduce_linkage(model, layout, work, i, q, v, 0.0)
         respond(layout, work, i, f, v)
     for b in range(model.bodies - 1):
         for k in range(3):
@@ -62,7 +62,7 @@ def penalty_step(model, layout, work, h):
     port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
 
 
-@kernel
+@part
 def couple_tool(work, f):
     """The coupling at the start of the sub-step."""
     port = work.port
@@ -72,15 +72,15 @@ def couple_tool(work, f):
         f[0, k] += port[10 + k]
 
 
-@kernel
+@part
 def push_contacts(model, layout, work, f, h):
     """Adds what overlapping shapes, limits and dry friction in joints push to the forces f."""
-    place_shapes(model, layout, work.q, work.points, work.normals, work.middles)
+    place_shapes(model, layout, work, work.q)
     n = 0
     for p in range(model.pair_count):
         s, u = model.pairs[p, 0], model.pairs[p, 1]
-        if far_apart(layout, work.middles, s, u) < 0.0 and gap_of(model, work.points, work.normals, s, u) < 0.0:
-            for k in range(touch(model, work.points, work.normals, s, u, work.features)):
+        if far_apart(layout, work, s, u) < 0.0 and gap_of(model, work, s, u) < 0.0:
+            for k in range(touch(model, work, s, u)):
                 n = add_contact(model, layout, work, n, p, work.features[k])
     n = add_joints(model, layout, work, n, work.q, work.v, 0.0, 1.0)
     refresh(model, layout, work, work.q, work.v, n)
@@ -100,17 +100,17 @@ def push_contacts(model, layout, work, f, h):
     note_impulses(work, n, h)
 
 
-@kernel
+@whole
 def contact_energy(models, layouts, works):
     """Energy stored in the springs of all contacts [J]."""
     model, layout, work = models[0], layouts[0], works[0]
-    place_shapes(model, layout, work.q, work.points, work.normals, work.middles)
+    place_shapes(model, layout, work, work.q)
     energy = 0.0
     for p in range(model.pair_count):
         s, u = model.pairs[p, 0], model.pairs[p, 1]
-        if far_apart(layout, work.middles, s, u) >= 0.0:
+        if far_apart(layout, work, s, u) >= 0.0:
             continue
-        for k in range(touch(model, work.points, work.normals, s, u, work.features)):
-            evaluate(layout, work.points, work.normals, work.features[k], work.contact)
+        for k in range(touch(model, work, s, u)):
+            evaluate(layout, work, work.features[k])
             energy += 0.5 * work.port[17] * min(work.contact[GAP], 0.0) ** 2
     return energy

@@ -34,6 +34,7 @@ class PlanarWorld:
         self._pairs = model["pairs"][0]
         self._tool_pairs = {p for p, pair in enumerate(layout["pair_bodies"][0].tolist()) if 0 in pair}
         self._q, self._v, self._port, self._counts = (work[name][0] for name in ("q", "v", "port", "counts"))
+        self._way = np.zeros((2, 6))
         self._note, self._note_pair = work["note"][0], work["note_pair"][0]
         self._port[6:10], self._port[17:] = self._gains, self._contact
         self._read()
@@ -52,7 +53,8 @@ class PlanarWorld:
 
     def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
         """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
-        return self.follow(np.array(((*start, *start_velocity), (*end, *end_velocity))), count)
+        self._way[0], self._way[1] = (*start, *start_velocity), (*end, *end_velocity)
+        return self.follow(self._way, count)
 
     def follow(self, path: np.ndarray, count: int) -> Travel:
         """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
@@ -95,6 +97,6 @@ class PlanarWorld:
         self.touching = any(pair in self._tool_pairs for pair in self._note_pair[:self._counts[3]].tolist())
 
     def _contact_at(self, k):
-        x, y, nx, ny, px, py, depth = self._note[k].tolist()
+        x, y, nx, ny, px, py, depth = self._note[k, :7].tolist()
         a, b = (self._compiled.shape_names[shape] for shape in self._pairs[self._note_pair[k]])
         return Contact(a, b, (x, y), (nx, ny), (-px / self.sub_step, -py / self.sub_step), max(depth, 0.0))

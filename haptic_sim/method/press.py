@@ -28,7 +28,7 @@ v₀ ≥ 2 |f| h e/(m (1 − e²)); the push shows as |f| h/m = |G_n (v_free −
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.whole import part
 from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows
 from haptic_sim.method.impact import RESTING, TOUCHING
 from haptic_sim.method.joints import applied_forces
@@ -37,7 +37,7 @@ from haptic_sim.method.lemke import lemke
 from haptic_sim.method.linkage import reduce_linkage, respond
 from haptic_sim.method.meet import add_met
 from haptic_sim.method.rows import add_joints, rate_of, recall, refresh, remember, wished
-from haptic_sim.method.smooth import NO_GAINS, close_joints
+from haptic_sim.method.smooth import close_joints
 from haptic_sim.method.touch import place_shapes
 
 FAR = 1e6
@@ -46,11 +46,11 @@ PASSES = 6
 """Solutions of one step, each with the contacts that the one before has run into."""
 
 
-@kernel
+@part
 def press(model, layout, work, h):
     """Advances the active linkages by one backward difference of h [s]; sets the force on the tool if it is one."""
-    q, v, free = work.q, work.v, work.slopes_v[0]
-    free_velocity(model, layout, work, h, free)
+    q, v, free = work.q, work.v, work.free_v
+    free_velocity(model, layout, work, h)
     n = add_joints(model, layout, work, 0, q, v, 1e9, h)
     copy(free, work.trial_v, model.bodies)
     for _ in range(PASSES):
@@ -59,15 +59,15 @@ def press(model, layout, work, h):
         if found == n and (n == 0 or _ > 0):
             break
         n = found
-        solve(model, layout, work, n, free, h)
+        solve(model, layout, work, n, h)
     move(model, layout, work, h)
     finish(model, layout, work, n, h)
 
 
-@kernel
-def free_velocity(model, layout, work, h, free):
-    """v⁺ without contacts, of the active linkages."""
-    q, v, f, port = work.q, work.v, work.smooth, work.port
+@part
+def free_velocity(model, layout, work, h):
+    """v⁺ without contacts, of the active linkages, into work.free_v."""
+    q, v, f, port, free = work.q, work.v, work.smooth, work.port, work.free_v
     applied_forces(model, q, v, False, work.row, f)
     for b in range(model.bodies - 1):
         mass, inertia = model.mass[b], model.inertia[b]
@@ -79,11 +79,11 @@ def free_velocity(model, layout, work, h, free):
     copy(v, free, model.bodies)
     for i in range(layout.linkages):
         if work.active[i] > 0:
-            reduce_linkage(model, layout, work, i, q, v, h, port[6:10])
+            reduce_linkage(model, layout, work, i, q, v, h)
             respond(layout, work, i, f, free)
 
 
-@kernel
+@part
 def move(model, layout, work, h):
     """Trial poses: the way of the step along the trial velocities; who is not held stays."""
     copy(work.q, work.trial_q, model.bodies)
@@ -93,10 +93,11 @@ def move(model, layout, work, h):
                 work.trial_q[b, k] += h * work.trial_v[b, k]
 
 
-@kernel
-def solve(model, layout, work, n, free, h):
+@part
+def solve(model, layout, work, n, h):
     """Trial velocities with n rows."""
-    place_shapes(model, layout, work.q, work.points, work.normals, work.middles)
+    free = work.free_v
+    place_shapes(model, layout, work, work.q)
     refresh(model, layout, work, work.q, work.v, n)
     respond_rows(model, layout, work, n)
     stiffness, damping = work.port[17], work.port[18]
@@ -106,31 +107,31 @@ def solve(model, layout, work, n, free, h):
             work.b[r] += work.gap[r] * stiffness / (damping + h * stiffness)
             work.A[r, r] += 1.0 / (h * (damping + h * stiffness))
         elif work.kind[r] == NORMAL:
-            work.b[r] += max(rebound(model, work, free, r), min(max(work.gap[r], 0.0) / h, FAR))
+            work.b[r] += max(rebound(model, work, r), min(max(work.gap[r], 0.0) / h, FAR))
         else:
             work.b[r] -= wished(model, work, r)
         work.mode[r] = FREE
     recall(work, n)
-    if solve_modes(work.A, work.b, n, work.kind, work.partner, work.mu, work.bound, work.mode, work.lam, work, 60) < 0:
-        lemke(work.A, work.b, n, work.kind, work.partner, work.mu, work.bound, work.lam)
+    if solve_modes(work, n, 1.0, 60) < 0:
+        lemke(work, n)
     remember(work, n)
     copy(free, work.trial_v, model.bodies)
-    apply_rows(model, work, n, 1.0, work.trial_v)
+    apply_rows(model, work, n, work.trial_v)
 
 
-@kernel
-def rebound(model, work, free, r):
+@part
+def rebound(model, work, r):
     """What restitution adds to w = G v⁺ of a normal row: e G v⁻ < 0 would hold it back, so its rebound is −e G v⁻."""
     if work.source[r] != 0:
         return -math.inf
     e, approach = model.pair_restitution[work.index[r]], -rate_of(work, work.v, r)
-    change = abs(rate_of(work, free, r) + approach)
+    change = abs(rate_of(work, work.free_v, r) + approach)
     if e == 0.0 or approach <= RESTING or approach * (1.0 - e * e) < 2.0 * change * e:
         return -math.inf
     return -e * approach
 
 
-@kernel
+@part
 def finish(model, layout, work, n, h):
     """Takes the trial state, books the contacts and the port, and puts the constraints right."""
     q, v, port = work.q, work.v, work.port
@@ -149,24 +150,24 @@ def finish(model, layout, work, n, h):
         push_out(model, layout, work, n)
 
 
-@kernel
+@part
 def settle(model, layout, work, i):
     """Velocities of a linkage onto what its joints allow at the new place, orthogonally in the sense of the masses.
 
     Of all ways to do it this one never adds energy.
     """
     q, v, f = work.q, work.v, work.smooth
-    reduce_linkage(model, layout, work, i, q, v, 0.0, NO_GAINS)
+    reduce_linkage(model, layout, work, i, q, v, 0.0)
     for m in range(layout.body_start[i], layout.body_start[i + 1]):
         b = layout.order[m]
         f[b, 0], f[b, 1], f[b, 2] = model.mass[b] * v[b, 0], model.mass[b] * v[b, 1], model.inertia[b] * v[b, 2]
     respond(layout, work, i, f, v)
 
 
-@kernel
+@part
 def push_out(model, layout, work, n):
     """Takes overlaps that the turning of the rows has left out of the positions; velocities stay."""
-    place_shapes(model, layout, work.q, work.points, work.normals, work.middles)
+    place_shapes(model, layout, work, work.q)
     refresh(model, layout, work, work.q, work.v, n)
     deepest = 0.0
     for r in range(n):
@@ -176,7 +177,7 @@ def push_out(model, layout, work, n):
         return
     respond_rows(model, layout, work, n)
     for r in range(n):
-        work.slack[r], work.b[r] = 0.0, work.gap[r]
+        work.b[r] = work.gap[r]
         work.mode[r] = FREE if work.kind[r] == FRICTION or work.gap[r] < 0.0 else 0
-    solve_modes(work.A, work.b, n, work.kind, work.partner, work.slack, work.slack, work.mode, work.lam, work, 60)
-    apply_rows(model, work, n, 1.0, work.q)
+    solve_modes(work, n, 0.0, 60)
+    apply_rows(model, work, n, work.q)

@@ -7,7 +7,7 @@ and `joints`).
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.whole import part
 from haptic_sim.compile.model import SPRING
 from haptic_sim.method.joints import coordinate_row
 from haptic_sim.method.lcp import FREE, FRICTION, NORMAL
@@ -18,7 +18,7 @@ LIMIT, DRY = 1, 2
 """Sources of a row beside a contact (0): a joint's limit (which side: sign), its dry friction or motor."""
 
 
-@kernel
+@part
 def rate_of(work, v, r):
     """G v of row r."""
     a, b, G = work.row_a[r], work.row_b[r], work.G
@@ -26,7 +26,7 @@ def rate_of(work, v, r):
             + G[r, 3] * v[b, 0] + G[r, 4] * v[b, 1] + G[r, 5] * v[b, 2])
 
 
-@kernel
+@part
 def wished(model, work, r):
     """Rate at which row r has no slip: a motor's speed, else 0."""
     if work.source[r] == DRY and model.joint_motor[work.index[r], 1] > 0.0:
@@ -34,7 +34,7 @@ def wished(model, work, r):
     return 0.0
 
 
-@kernel
+@part
 def add_row(work, r, a, b, kind, partner, mu, bound, source, index, key):
     """Row r's constants; its numbers are filled in by `refresh`. Returns r + 1."""
     work.row_a[r], work.row_b[r], work.kind[r], work.partner[r] = a, b, kind, partner
@@ -43,7 +43,7 @@ def add_row(work, r, a, b, kind, partner, mu, bound, source, index, key):
     return r + 1
 
 
-@kernel
+@part
 def add_contact(model, layout, work, r, pair, feature):
     """The rows of one contact: normal and, with friction, tangent."""
     if r + 2 > MOST_ROWS:
@@ -61,7 +61,7 @@ def add_contact(model, layout, work, r, pair, feature):
     return add_row(work, r + 1, a, b, FRICTION, r, model.pair_friction[pair], 0.0, 0, pair, 2 * key + 1)
 
 
-@kernel
+@part
 def add_joints(model, layout, work, r, q, v, slack, friction_scale):
     """Rows of joints: limits nearer than `slack`, dry friction and motors with their bounds times `friction_scale`."""
     for j in range(model.joints):
@@ -82,14 +82,14 @@ def add_joints(model, layout, work, r, q, v, slack, friction_scale):
     return r
 
 
-@kernel
+@part
 def moves(layout, work, a, b):
     """Whether one of two bodies belongs to a linkage that is being advanced."""
     la, lb = layout.linkage[a], layout.linkage[b]
     return (la >= 0 and work.active[la] > 0) or (lb >= 0 and work.active[lb] > 0)
 
 
-@kernel
+@part
 def recall(work, n):
     """First guess of the modes: what the same rows were in before."""
     for r in range(n):
@@ -100,7 +100,7 @@ def recall(work, n):
                 break
 
 
-@kernel
+@part
 def remember(work, n):
     """Keeps the modes for the next guess."""
     work.counts[1] = n
@@ -108,13 +108,13 @@ def remember(work, n):
         work.old_key[r], work.old_mode[r] = work.key[r], work.mode[r]
 
 
-@kernel
+@part
 def refresh(model, layout, work, q, v, n):
     """G, γ and gap of all rows at q, v; the shapes have been placed at q."""
     r = 0
     while r < n:
         if work.source[r] == 0:
-            evaluate(layout, work.points, work.normals, work.feature[r], work.contact)
+            evaluate(layout, work, work.feature[r])
             tangent = r + 1 < n and work.partner[r + 1] == r
             contact_rows(work, q, v, r, tangent)
             r += 2 if tangent else 1
@@ -123,7 +123,7 @@ def refresh(model, layout, work, q, v, n):
             r += 1
 
 
-@kernel
+@part
 def contact_rows(work, q, v, r, tangent):
     """Normal row r, and row r + 1 along t = z × n."""
     c, a, b, G = work.contact, work.row_a[r], work.row_b[r], work.G
@@ -146,7 +146,7 @@ def contact_rows(work, q, v, r, tangent):
     work.place[r, 0], work.place[r, 1] = c[PX], c[PY]
 
 
-@kernel
+@part
 def joint_coordinate(model, work, q, v, r):
     """A row along a joint's coordinate: towards the inside of a limit, or the coordinate itself."""
     j = work.index[r]
@@ -160,7 +160,7 @@ def joint_coordinate(model, work, q, v, r):
         work.gap[r] = at - model.joint_limit[j, 0] if sign > 0.0 else model.joint_limit[j, 1] - at
 
 
-@kernel
+@part
 def keep_rows(work, v, n, farthest, fastest):
     """Drops contacts and limits farther or parting faster (with their friction); returns how many are left."""
     kept, dropped = 0, False
@@ -175,7 +175,7 @@ def keep_rows(work, v, n, farthest, fastest):
     return kept
 
 
-@kernel
+@part
 def move_row(work, r, to):
     """Row r becomes row `to`; a friction row stays next to its normal."""
     work.row_a[to], work.row_b[to], work.kind[to], work.mu[to] = work.row_a[r], work.row_b[r], work.kind[r], work.mu[r]

@@ -8,9 +8,7 @@ the contact forces and steps are cut short by events anyway. Then the dependent
 coordinates are then found again from the independent ones by Newton's method, so that constraints hold to rounding.
 """
 
-import numpy as np
-
-from haptic_device.kernel import kernel
+from haptic_device.whole import part
 from haptic_sim.method.effect import apply_rows, copy, respond_rows, zero
 from haptic_sim.method.formulas import SLOPES_4, SLOPES_8, WEIGHTS_4, WEIGHTS_8
 from haptic_sim.method.joints import applied_forces
@@ -19,20 +17,20 @@ from haptic_sim.method.linkage import eliminate, fill_rows, reduce_linkage, resp
 from haptic_sim.method.rows import rate_of, refresh, wished
 from haptic_sim.method.touch import place_shapes
 
-NO_GAINS = np.zeros(4)
 MET = 1e-14
 """Residual of a constraint [m | rad] that Newton's method leaves alone."""
 
 
-@kernel
-def free_acceleration(model, layout, work, q, v, a):
-    """Accelerations [m/s², rad/s²] without contacts; bodies of inactive linkages get none."""
+@part
+def free_acceleration(model, layout, work, q, v):
+    """Accelerations [m/s², rad/s²] without contacts, into work.free_v; bodies of inactive linkages get none."""
     applied_forces(model, q, v, True, work.row, work.smooth)
-    f = work.smooth
+    f, a = work.smooth, work.free_v
+    zero(a, model.bodies)
     for i in range(layout.linkages):
         if work.active[i] == 0:
             continue
-        reduce_linkage(model, layout, work, i, q, v, 0.0, NO_GAINS)
+        reduce_linkage(model, layout, work, i, q, v, 0.0)
         for m in range(layout.body_start[i], layout.body_start[i + 1]):
             b = layout.order[m]
             f[b, 0] -= model.mass[b] * work.bias[b, 0]
@@ -44,22 +42,22 @@ def free_acceleration(model, layout, work, q, v, a):
                 a[layout.order[m], k] += work.bias[layout.order[m], k]
 
 
-@kernel
-def accelerate(model, layout, work, q, v, n, a):
-    """Accelerations with n rows in their present modes."""
-    free_acceleration(model, layout, work, q, v, a)
+@part
+def accelerate(model, layout, work, q, v, n):
+    """Accelerations with n rows in their present modes, into work.free_v."""
+    free_acceleration(model, layout, work, q, v)
     if n == 0:
         return
-    place_shapes(model, layout, q, work.points, work.normals, work.middles)
+    place_shapes(model, layout, work, q)
     refresh(model, layout, work, q, v, n)
     respond_rows(model, layout, work, n)
     for r in range(n):
-        work.b[r] = rate_of(work, a, r) + work.gamma[r]
-    solve_linear(work.A, work.b, n, work.kind, work.partner, work.mu, work.bound, work.mode, work.lam, work)
-    apply_rows(model, work, n, 1.0, a)
+        work.b[r] = rate_of(work, work.free_v, r) + work.gamma[r]
+    solve_linear(work, n, 1.0)
+    apply_rows(model, work, n, work.free_v)
 
 
-@kernel
+@part
 def advance(model, layout, work, tau, n):
     """Trial state after `tau` [s] from work.q, work.v, brought back to the constraints."""
     slopes, weights = (SLOPES_8, WEIGHTS_8) if n == 0 else (SLOPES_4, WEIGHTS_4)
@@ -71,9 +69,10 @@ def advance(model, layout, work, tau, n):
         for k in range(s):
             if slopes[s, k] != 0.0:
                 add(model, layout, work, at_q, at_v, tau * slopes[s, k], k)
-        copy(at_v, work.slopes_q[s], model.bodies)
-        zero(work.slopes_v[s], model.bodies)
-        accelerate(model, layout, work, at_q, at_v, n, work.slopes_v[s])
+        accelerate(model, layout, work, at_q, at_v, n)
+        for b in range(model.bodies):
+            for k in range(3):
+                work.slopes_q[s, b, k], work.slopes_v[s, b, k] = at_v[b, k], work.free_v[b, k]
     copy(q, work.trial_q, model.bodies)
     copy(v, work.trial_v, model.bodies)
     for s in range(stages):
@@ -81,7 +80,7 @@ def advance(model, layout, work, tau, n):
     bring_back(model, layout, work, work.trial_q, work.trial_v, n)
 
 
-@kernel
+@part
 def add(model, layout, work, q, v, part, s):
     """Adds a part of the slopes of stage s for bodies that are being advanced."""
     for b in range(model.bodies - 1):
@@ -92,7 +91,7 @@ def add(model, layout, work, q, v, part, s):
             v[b, k] += part * work.slopes_v[s, b, k]
 
 
-@kernel
+@part
 def bring_back(model, layout, work, q, v, n):
     """Newton steps of the dependent coordinates, then their velocities, then contacts that are held."""
     for i in range(layout.linkages):
@@ -102,7 +101,7 @@ def bring_back(model, layout, work, q, v, n):
         bring_back_contacts(model, layout, work, q, v, n)
 
 
-@kernel
+@part
 def bring_back_linkage(model, layout, work, i, q, v):
     """Dependent coordinates and velocities of a linkage from the independent ones."""
     first, J = layout.body_start[i], work.jacobian
@@ -117,7 +116,7 @@ def bring_back_linkage(model, layout, work, i, q, v):
         v[layout.order[first + c // 3], c % 3] = -total
 
 
-@kernel
+@part
 def close_joints(model, layout, work, i, q, v):
     """Dependent coordinates of a linkage by Newton's method; returns the rank, J is left eliminated there."""
     first, J, rank = layout.body_start[i], work.jacobian, 0
@@ -135,27 +134,27 @@ def close_joints(model, layout, work, i, q, v):
     return rank
 
 
-@kernel
+@part
 def bring_back_contacts(model, layout, work, q, v, n):
     """Gaps of held contacts to zero, by the least motion in the sense of the masses; then held rates to zero."""
     for i in range(layout.linkages):
         if work.active[i] > 0:
-            reduce_linkage(model, layout, work, i, q, v, 0.0, NO_GAINS)
-    place_shapes(model, layout, q, work.points, work.normals, work.middles)
+            reduce_linkage(model, layout, work, i, q, v, 0.0)
+    place_shapes(model, layout, work, q)
     refresh(model, layout, work, q, v, n)
     respond_rows(model, layout, work, n)
     if held_gap(work, n) > MET:
         for r in range(n):
             work.b[r] = work.gap[r] if work.kind[r] == NORMAL else 0.0
         hold(work, n)
-        apply_rows(model, work, n, 1.0, q)
+        apply_rows(model, work, n, q)
     for r in range(n):
         work.b[r] = rate_of(work, v, r) - wished(model, work, r)
     hold(work, n)
-    apply_rows(model, work, n, 1.0, v)
+    apply_rows(model, work, n, v)
 
 
-@kernel
+@part
 def held_gap(work, n):
     """Largest gap, or overlap, of a contact that is held [m]."""
     largest = 0.0
@@ -165,9 +164,7 @@ def held_gap(work, n):
     return largest
 
 
-@kernel
+@part
 def hold(work, n):
     """λ that takes the rates b of all held rows to zero, sliding ones without force."""
-    for r in range(n):
-        work.slack[r] = 0.0
-    solve_linear(work.A, work.b, n, work.kind, work.partner, work.slack, work.slack, work.mode, work.lam, work)
+    solve_linear(work, n, 0.0)

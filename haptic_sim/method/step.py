@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.whole import part, whole
 from haptic_sim.method.flight import fly
 from haptic_sim.method.press import press
 from haptic_sim.method.touch import far_apart, gap_of, place_shapes
@@ -12,7 +12,7 @@ FALL = 100.0
 """Acceleration [m/s²] beyond the present speeds that is allowed for when looking who can come near the tool."""
 
 
-@kernel
+@whole
 def sub_steps(models, layouts, works, h, count, path):
     """`count` sub-steps from each row of the handle's path (position, velocity) evenly to the next.
 
@@ -20,20 +20,19 @@ def sub_steps(models, layouts, works, h, count, path):
     """
     model, layout, work = models[0], layouts[0], works[0]
     for k in range(count * (len(path) - 1)):
-        lead(work, path, k // count, (k % count + 1) / count)
+        lead_handle(work, path, k // count, (k % count + 1) / count)
         sub_step(model, layout, work, h)
         watch_contacts(layout, work, h)
 
 
-@kernel
-def lead(work, path, row, part):
-    """Puts the handle where it is after `part` of the way from this row of its path to the next; exactly there at 1."""
+@part
+def lead_handle(work, path, row, share):
+    """Handle's position and velocity at this share of the way from a row of its path to the next into work.port."""
     for m in range(6):
-        here, there = path[row, m], path[row + 1, m]
-        work.port[m] = there if part == 1.0 else here + part * (there - here)
+        work.port[m] = (1.0 - share) * path[row, m] + share * path[row + 1, m]
 
 
-@kernel
+@part
 def watch_contacts(layout, work, h):
     """Books in work.port[14:] whether a contact pushed the tool, the largest force [N], the deepest overlap [m]."""
     port = work.port
@@ -45,7 +44,7 @@ def watch_contacts(layout, work, h):
         port[16] = max(port[16], note[6])
 
 
-@kernel
+@part
 def sub_step(model, layout, work, h):
     """Advances all bodies by h [s] and books the energy supplied at the tool's port."""
     x, y, angle = work.q[0, 0], work.q[0, 1], work.q[0, 2]
@@ -68,7 +67,7 @@ def sub_step(model, layout, work, h):
     port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
 
 
-@kernel
+@part
 def hold_all(layout, work):
     """Marks every linkage as active; returns how many."""
     for i in range(layout.linkages):
@@ -76,7 +75,7 @@ def hold_all(layout, work):
     return layout.linkages
 
 
-@kernel
+@part
 def hold_to_tool(model, layout, work, h):
     """Marks as active the linkages that the coupling can act on within h, by joints or contacts; returns how many."""
     for i in range(layout.linkages):
@@ -87,7 +86,7 @@ def hold_to_tool(model, layout, work, h):
     work.active[layout.linkage[0]] = 1
     if model.pair_count == 0:
         return 1
-    place_shapes(model, layout, q, work.points, work.normals, work.middles)
+    place_shapes(model, layout, work, q)
     pull = math.hypot(port[0] - q[0, 0], port[1] - q[0, 1]) + h * math.hypot(port[3], port[4])
     pull += layout.extent[0] * (abs(port[2] - q[0, 2]) + h * abs(port[5])) if port[8] + port[9] > 0.0 else 0.0
     held, before = 1, 0
@@ -98,7 +97,7 @@ def hold_to_tool(model, layout, work, h):
     return held
 
 
-@kernel
+@part
 def spread(model, layout, work, p, h, pull):
     """Activates the other linkage of a pair if the two can meet within h and one is active; returns 1 if it did."""
     a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
@@ -108,7 +107,7 @@ def spread(model, layout, work, p, h, pull):
     v, s, u = work.v, model.pairs[p, 0], model.pairs[p, 1]
     way = h * math.hypot(v[b, 0] - v[a, 0], v[b, 1] - v[a, 1]) + FALL * h * h + pull
     way += h * (abs(v[a, 2]) * layout.extent[a] + abs(v[b, 2]) * layout.extent[b])
-    if far_apart(layout, work.middles, s, u) > way or gap_of(model, work.points, work.normals, s, u) > way:
+    if far_apart(layout, work, s, u) > way or gap_of(model, work, s, u) > way:
         return 0
     work.active[la] = work.active[lb] = 1
     return 1

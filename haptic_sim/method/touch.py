@@ -15,7 +15,7 @@ velocity of the point relative to the edge's body, w_t its part along t = z × n
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.whole import part
 
 GAP, NX, NY, AX, AY, BX, BY, PX, PY, ROUND, OWNER = range(11)
 """Fields of a contact: gap [m], unit normal from a to b, the points of a and of b whose distance is the gap (relative
@@ -30,17 +30,18 @@ FLUSH = 0.9
 """Cosine between two facing edges above which both ends are contacts."""
 
 
-@kernel
-def place_shapes(model, layout, q, points, normals, middles):
+@part
+def place_shapes(model, layout, work, q):
     """Vertices, edge normals and disc centres of all shapes in the plane, bodies at poses `q`."""
     for s in range(model.shapes):
         b = model.shape_body[s]
-        place_shape(model, layout, s, q[b, 0], q[b, 1], q[b, 2], points, normals, middles)
+        place_shape(model, layout, work, s, q[b, 0], q[b, 1], q[b, 2])
 
 
-@kernel
-def place_shape(model, layout, s, x, y, angle, points, normals, middles):
+@part
+def place_shape(model, layout, work, s, x, y, angle):
     """The same of one shape, with its body's mass centre and angle given."""
+    points, normals, middles = work.points, work.normals, work.middles
     c, sn = math.cos(angle), math.sin(angle)
     mx, my = layout.middle[s, 0], layout.middle[s, 1]
     middles[s, 0], middles[s, 1] = x + c * mx - sn * my, y + sn * mx + c * my
@@ -51,15 +52,17 @@ def place_shape(model, layout, s, x, y, angle, points, normals, middles):
         normals[v, 0], normals[v, 1] = c * nx - sn * ny, sn * nx + c * ny
 
 
-@kernel
-def far_apart(layout, middles, s, u):
+@part
+def far_apart(layout, work, s, u):
     """Distance of the discs around two shapes [m]: a lower bound of their gap."""
+    middles = work.middles
     return math.hypot(middles[u, 0] - middles[s, 0], middles[u, 1] - middles[s, 1]) - layout.reach[s] - layout.reach[u]
 
 
-@kernel
-def best_edge(points, normals, a0, a1, b0, b1):
+@part
+def best_edge(work, a0, a1, b0, b1):
     """(separation, edge, deepest vertex): the edge of a with the largest least distance of b's vertices from it."""
+    points, normals = work.points, work.normals
     best, edge, deep = -math.inf, a0, b0
     for e in range(a0, a1):
         nx, ny, ox, oy = normals[e, 0], normals[e, 1], points[e, 0], points[e, 1]
@@ -73,10 +76,11 @@ def best_edge(points, normals, a0, a1, b0, b1):
     return best, edge, deep
 
 
-@kernel
-def disc_on(points, normals, c, radius, a0, a1):
+@part
+def disc_on(work, c, radius, a0, a1):
     """(gap, vertex or -1, edge): of a disc about vertex `c` from a polygon, and the corner it is nearest to, if any."""
-    best, edge, _ = best_edge(points, normals, a0, a1, c, c + 1)
+    points, normals = work.points, work.normals
+    best, edge, _ = best_edge(work, a0, a1, c, c + 1)
     nx, ny = normals[edge, 0], normals[edge, 1]
     after = edge + 1 if edge + 1 < a1 else a0
     if best > 0.0:
@@ -89,50 +93,53 @@ def disc_on(points, normals, c, radius, a0, a1):
     return best - radius, -1, edge
 
 
-@kernel
-def gap_of(model, points, normals, s, u):
+@part
+def gap_of(model, work, s, u):
     """Signed gap of two shapes [m]."""
+    points = work.points
     a0, a1, b0, b1 = model.shape_start[s], model.shape_start[s + 1], model.shape_start[u], model.shape_start[u + 1]
     ra, rb = model.radius[s], model.radius[u]
     if ra > 0.0 and rb > 0.0:
         return math.hypot(points[b0, 0] - points[a0, 0], points[b0, 1] - points[a0, 1]) - ra - rb
     if ra > 0.0:
-        return disc_on(points, normals, a0, ra, b0, b1)[0]
+        return disc_on(work, a0, ra, b0, b1)[0]
     if rb > 0.0:
-        return disc_on(points, normals, b0, rb, a0, a1)[0]
-    return max(best_edge(points, normals, a0, a1, b0, b1)[0], best_edge(points, normals, b0, b1, a0, a1)[0])
+        return disc_on(work, b0, rb, a0, a1)[0]
+    return max(best_edge(work, a0, a1, b0, b1)[0], best_edge(work, b0, b1, a0, a1)[0])
 
 
-@kernel
-def touch(model, points, normals, s, u, features):
-    """Writes the features (rows) by which two shapes touch or come nearest, and returns how many, 1 or 2."""
+@part
+def touch(model, work, s, u):
+    """Writes into work.features those by which two shapes touch or come nearest, and returns how many, 1 or 2."""
     a0, a1, b0, b1 = model.shape_start[s], model.shape_start[s + 1], model.shape_start[u], model.shape_start[u + 1]
     ra, rb = model.radius[s], model.radius[u]
     if ra > 0.0 and rb > 0.0:
-        return note(features, 0, TWO_POINTS, a0, b0, 0)
+        return note(work, 0, TWO_POINTS, a0, b0, 0)
     if rb > 0.0:
-        _, corner, edge = disc_on(points, normals, b0, rb, a0, a1)
-        return note(features, 0, ON_EDGE, b0, edge, 1) if corner < 0 else note(features, 0, TWO_POINTS, corner, b0, 0)
+        _, corner, edge = disc_on(work, b0, rb, a0, a1)
+        return note(work, 0, ON_EDGE, b0, edge, 1) if corner < 0 else note(work, 0, TWO_POINTS, corner, b0, 0)
     if ra > 0.0:
-        _, corner, edge = disc_on(points, normals, a0, ra, b0, b1)
-        return note(features, 0, ON_EDGE, a0, edge, -1) if corner < 0 else note(features, 0, TWO_POINTS, a0, corner, 0)
-    sep_a, edge_a, deep_b = best_edge(points, normals, a0, a1, b0, b1)
-    sep_b, edge_b, deep_a = best_edge(points, normals, b0, b1, a0, a1)
+        _, corner, edge = disc_on(work, a0, ra, b0, b1)
+        return note(work, 0, ON_EDGE, a0, edge, -1) if corner < 0 else note(work, 0, TWO_POINTS, a0, corner, 0)
+    sep_a, edge_a, deep_b = best_edge(work, a0, a1, b0, b1)
+    sep_b, edge_b, deep_a = best_edge(work, b0, b1, a0, a1)
     if sep_a >= sep_b - 1e-9 * abs(sep_b):
-        return facing(points, normals, edge_a, a0, a1, deep_b, b0, b1, 1, features)
-    return facing(points, normals, edge_b, b0, b1, deep_a, a0, a1, -1, features)
+        return facing(work, edge_a, a0, a1, deep_b, b0, b1, 1)
+    return facing(work, edge_b, b0, b1, deep_a, a0, a1, -1)
 
 
-@kernel
-def note(features, k, kind, first, second, sign):
+@part
+def note(work, k, kind, first, second, sign):
     """Writes feature k and returns k + 1."""
+    features = work.features
     features[k, 0], features[k, 1], features[k, 2], features[k, 3] = kind, first, second, sign
     return k + 1
 
 
-@kernel
-def facing(points, normals, e, a0, a1, deep, b0, b1, sign, features):
+@part
+def facing(work, e, a0, a1, deep, b0, b1, sign):
     """Features of edge `e` of one polygon with the other, whose deepest vertex is `deep`; sign -1 if e is body b's."""
+    normals = work.normals
     nx, ny = normals[e, 0], normals[e, 1]
     after = e + 1 if e + 1 < a1 else a0
     before = deep - 1 if deep > b0 else b1 - 1
@@ -141,29 +148,31 @@ def facing(points, normals, e, a0, a1, deep, b0, b1, sign, features):
     f = deep if facing_deep < facing_before else before
     g = f + 1 if f + 1 < b1 else b0
     if min(facing_deep, facing_before) > -FLUSH:
-        return note(features, 0, ON_EDGE, deep, e, sign)
+        return note(work, 0, ON_EDGE, deep, e, sign)
     count = 0
     for v in (f, g):
-        if within(points, v, e, after):
-            count = note(features, count, ON_EDGE, v, e, sign)
+        if within(work, v, e, after):
+            count = note(work, count, ON_EDGE, v, e, sign)
     for v in (e, after):
-        if count < 2 and within(points, v, f, g):
-            count = note(features, count, ON_EDGE, v, f, -sign)
-    return count if count > 0 else note(features, 0, ON_EDGE, deep, e, sign)
+        if count < 2 and within(work, v, f, g):
+            count = note(work, count, ON_EDGE, v, f, -sign)
+    return count if count > 0 else note(work, 0, ON_EDGE, deep, e, sign)
 
 
-@kernel
-def within(points, v, e, after):
+@part
+def within(work, v, e, after):
     """Whether vertex v projects into the edge from e to after."""
+    points = work.points
     ex, ey = points[after, 0] - points[e, 0], points[after, 1] - points[e, 1]
     along = (points[v, 0] - points[e, 0]) * ex + (points[v, 1] - points[e, 1]) * ey
     length = ex * ex + ey * ey
     return -ROUNDING * length <= along <= (1.0 + ROUNDING) * length
 
 
-@kernel
-def evaluate(layout, points, normals, feature, out):
-    """Fields of the contact at one feature, for the poses that `points` and `normals` were placed for."""
+@part
+def evaluate(layout, work, feature):
+    """Fields of the contact at one feature into work.contact, for the poses that the shapes were placed at."""
+    points, normals, out = work.points, work.normals, work.contact
     first, second = feature[1], feature[2]
     if feature[0] == TWO_POINTS:
         dx, dy = points[second, 0] - points[first, 0], points[second, 1] - points[first, 1]
