@@ -13,6 +13,10 @@ ROS = [
     "ros-jazzy-common-interfaces>=5.3",
     "ros-jazzy-lifecycle-msgs>=2.0",
 ]
+BENCH = [
+    "Box2D>=2.3.10",
+    "mujoco>=4",
+]
 TEST = [
     "colcon-common-extensions>=0.3",
     "hypothesis>=6.100",
@@ -45,6 +49,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=["haptic_device", "haptic_device.*", "haptic_sim", "haptic_sim.*"]),
+    package_data={"haptic_sim.bench": ["converged/*.csv"]},
     data_files=installed_files(),
     zip_safe=False,
     install_requires=[
@@ -64,7 +69,7 @@ setup(
         "typer>=0.12",
         "zstandard>=0.22",
     ],
-    extras_require={"ros": ROS, "test": TEST},
+    extras_require={"ros": ROS, "test": TEST, "bench": BENCH},
     entry_points={
         "console_scripts": [
             "haptic = haptic_sim.cli.main:main",

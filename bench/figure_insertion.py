@@ -11,12 +11,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from haptic_sim.bench import insertion as peg
+from haptic_sim.bench.figure import LOOKS
 
 CLEARANCE, WIDE = 5e-5, 2e-4  # m
 GAIN = 2.0  # N m/rad
 DEEP = np.geomspace(peg.INSERTIONS[0], peg.INSERTIONS[-1], 100)
-MARKS = {"penalty_explicit": ("v", "tab:red"), "penalty_implicit": ("^", "tab:orange"), "partitioned": ("s", "tab:green"),
-         "impulse": ("o", "tab:blue")}
 
 
 def main(path):
@@ -36,16 +35,17 @@ def stiffness(axes):
     print(f"K_app at the peg and at the handle [N/m], contacts of {peg.STIFFNESS:g} N/m, coupling {peg.COUPLING:g} N/m")
     for gain, style in ((0.0, "-"), (GAIN, "--")):
         theory = [peg.behind_coupling(peg.apparent_stiffness(deep, gain)) for deep in DEEP]
-        axes.plot(1e3 * DEEP, theory, style, color="black", linewidth=1.0, label=f"theory, rotation gain {gain:g} N m/rad")
+        axes.plot(1e3 * DEEP, theory, style, color="black", linewidth=1.0,
+                  label=f"theory, rotation gain {gain:g} N m/rad")
         for method in peg.PENALTY:
             found = [peg.felt(method, deep, gain) for deep in peg.INSERTIONS]
-            mark, color = MARKS[method]
+            color, mark = LOOKS[method]
             axes.plot(1e3 * np.array(peg.INSERTIONS), [felt.handle for felt in found], mark, color=color, markersize=6,
                       fillstyle="full" if gain == 0.0 else "none", label=f"{method}, {gain:g} N m/rad")
             for deep, felt in zip(peg.INSERTIONS, found, strict=True):
                 exact = peg.apparent_stiffness(deep, gain)
-                print(f"  {method:17} gain {gain:g}  L {1e3 * deep:5.1f} mm  K_app {felt.peg:8.2f}, theory {exact:8.2f} "
-                      f"({100.0 * (felt.peg / exact - 1.0):+.2f} %)  handle {felt.handle:8.2f}, "
+                print(f"  {method:17} gain {gain:g}  L {1e3 * deep:5.1f} mm  K_app {felt.peg:8.2f}, "
+                      f"theory {exact:8.2f} ({100.0 * (felt.peg / exact - 1.0):+.2f} %)  handle {felt.handle:8.2f}, "
                       f"theory {peg.behind_coupling(exact):8.2f}")
     axes.axhline(peg.COUPLING, color="tab:green", linewidth=1.0, linestyle=":", label="coupling alone: rigid contacts")
     axes.set(xscale="log", yscale="log", xlabel="insertion L [mm]", ylabel="stiffness at the handle [N/m]",
@@ -59,7 +59,7 @@ def play(axes):
               label="theory: ±c(½ + h/L)")
     for method in peg.RIGID:
         found = [peg.felt(method, deep, 0.0, CLEARANCE) for deep in peg.INSERTIONS]
-        mark, color = MARKS[method]
+        color, mark = LOOKS[method]
         axes.plot(1e3 * np.array(peg.INSERTIONS), [1e3 * felt.play for felt in found], mark, color=color, label=method)
         for deep, felt in zip(peg.INSERTIONS, found, strict=True):
             print(f"  {method:12} L {1e3 * deep:5.1f} mm  play {1e3 * felt.play:.4f}, "

@@ -3,8 +3,8 @@
 
 Rates over the crank's: b' = A sin(a - c)/(B sin(c - b)), c' = A sin(a - b)/(C sin(c - b)) (lengths A, B, C).
 Lagrange's equation  M a'' + M'/2 a'^2 + V' = Q  with M the sum of m |dp/da|^2 + I (dangle/da)^2 of all bars and of the
-tool, a point mass on the crank's end that turns by itself. Integrated by Dormand & Prince's formula of order 8 to 1e-13,
-independent of the methods that it is compared with.
+tool, a point mass on the crank's end that turns by itself. Integrated by Dormand & Prince's formula of order 8 to
+1e-13, independent of the methods that it is compared with.
 """
 
 import math
@@ -45,7 +45,8 @@ def _integrate(linkage, case, places, rates):
     period, state, found = case.period * 1e-9, np.array([linkage.start, 0.0]), [linkage.start]
     step = None
     for k in range(len(places) - 1):
-        hand = places[k, :2], rates[k, :2], (places[k + 1] - places[k])[:2] / period, (rates[k + 1] - rates[k])[:2] / period
+        moved, changed = (places[k + 1] - places[k])[:2] / period, (rates[k + 1] - rates[k])[:2] / period
+        hand = places[k, :2], rates[k, :2], moved, changed
         piece = solve_ivp(linkage.rate, (0.0, period), state, "DOP853", rtol=TOLERANCE, atol=1e-15, args=(hand,),
                           first_step=step)
         step = min(piece.t[1] - piece.t[0] if len(piece.t) > 1 else period, period)

@@ -8,7 +8,7 @@ from haptic_sim.bench.table import TITLES, default_of, fronts, scenes_of
 
 LOOKS = {
     "impulse": ("tab:blue", "o"), "penalty_explicit": ("tab:red", "v"), "penalty_implicit": ("tab:orange", "^"),
-    "partitioned": ("tab:green", "s"), "closed_form": ("tab:olive", "D"), "pymunk": ("0.55", "1"), "box2d": ("0.35", "2"),
+    "partitioned": ("tab:green", "s"), "closed_form": ("tab:olive", "D"), "pymunk": ("0.6", "1"), "box2d": ("0.3", "2"),
     "mujoco_rk4": ("tab:purple", "+"), "mujoco_implicit": ("tab:pink", "x"),
 }
 LEAST = 1e-14
@@ -38,7 +38,8 @@ def _panel(axes, runs, scene):
         if front:
             color, marker = LOOKS[name]
             points = [(max(item.error, LEAST), 1e3 * item.wall) for item in front]
-            drawn[name], = axes.plot(*zip(*points, strict=True), marker=marker, color=color, linewidth=1.0, markersize=5)
+            drawn[name], = axes.plot(*zip(*points, strict=True), marker=marker, color=color, linewidth=1.0,
+                                     markersize=5)
     for item in runs:
         if (item.method, item.step_us) == (method, step) and item.counts:
             axes.plot(max(item.error, LEAST), 1e3 * item.wall, "o", color="black", markersize=11, fillstyle="none")

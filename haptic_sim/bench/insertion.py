@@ -64,7 +64,7 @@ def free_play(insertion: float, clearance: float, height: float = HEIGHT) -> flo
 
 
 def pull_over(place: float, insertion: float, clearance: float, rotation_gain: float = 0.0) -> float:
-    """Force [N] of rigid contacts on a handle at `place` [m] ≥ 0: nothing, the tilt against the rotation gain, the coupling.
+    """Force [N] of rigid contacts on a handle at `place` [m] ≥ 0: nothing, then the tilt, then the coupling.
 
     Up to c/2 the peg follows; then it tilts about the mouth, K_θ/h² behind the coupling, until its tip touches.
     """

@@ -72,7 +72,8 @@ class World:
             if grip:
                 qx, qy = tool.position
                 force = grip.GetReactionForce(1.0 / h)
-                self.supplied += unit * unit * (force[0] * (qx - px) + force[1] * (qy - py)) + torque * (tool.angle - at)
+                self.supplied += unit * unit * (force[0] * (qx - px) + force[1] * (qy - py))
+            self.supplied += torque * (tool.angle - at)
 
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame."""

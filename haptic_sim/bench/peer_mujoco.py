@@ -125,7 +125,7 @@ class Implicit(World):
 class _Builder:
     """The scene as MuJoCo's specification: `spec`, and what is needed to read it.
 
-    `moving` bodies; `turns`: body → hinges from the world to it, each with its sign; `rates`: joint → rate at the start.
+    `moving` bodies; `turns`: body → hinges from the world to it, each with its sign; `rates`: joint → start's rate.
     """
 
     def __init__(self, scene, solids, sub_step):
@@ -145,7 +145,7 @@ class _Builder:
         option.solver, option.tolerance, option.iterations = mujoco.mjtSolver.mjSOL_NEWTON, 1e-12, 50
 
     def _grow(self):
-        """A tree from the world along pins and sliders; bodies it does not reach are planar; what is left closes loops."""
+        """A tree from the world along pins and sliders; bodies out of its reach are planar; the rest closes loops."""
         for name, solid in self.solids.items():
             if name not in self.moving:
                 _add_shapes(self.spec, self.spec.worldbody, solid, solid.pose)
@@ -176,8 +176,9 @@ class _Builder:
     def _add_planar(self, solid):
         body = self._add_body(self.spec.worldbody, _ORIGIN, solid)
         c, s = math.cos(solid.pose[2]), math.sin(solid.pose[2])
-        for axis, kind, direction, rate in zip(("x", "y", "theta"), (_SLIDE, _SLIDE, _HINGE),
-                                               ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)), solid.velocity, strict=True):
+        ways = (c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)
+        for axis, kind, direction, rate in zip(("x", "y", "theta"), (_SLIDE, _SLIDE, _HINGE), ways, solid.velocity,
+                                               strict=True):
             body.add_joint(name=f"{solid.name}.{axis}", type=kind, axis=direction)
             self.rates[f"{solid.name}.{axis}"] = rate
         self._made[solid.name], self.turns[solid.name] = body, [(f"{solid.name}.theta", 1.0)]
@@ -195,7 +196,8 @@ class _Builder:
             self.rates[name] = sign * (solid.velocity[2] - (0.0 if on_plane else self.solids[parent].velocity[2]))
         else:
             x, y = (sign * part / math.hypot(*joint.axis) for part in joint.axis)
-            made = body.add_joint(name=name, type=_SLIDE, axis=(*framed((x, y), (0.0, 0.0, solid.pose[2])), 0.0), pos=at)
+            axis = (*framed((x, y), (0.0, 0.0, solid.pose[2])), 0.0)
+            made = body.add_joint(name=name, type=_SLIDE, axis=axis, pos=at)
             self.rates[name] = x * solid.velocity[0] + y * solid.velocity[1]
         self._equip(made, joint)
 
@@ -212,7 +214,8 @@ class _Builder:
         if joint.motor:
             raise Impossible("no motor is written for MuJoCo here")
         made.frictionloss, made.solref_friction, made.solimp_friction = joint.friction, self.soft, STIFF
-        made.stiffness, made.damping, made.springref = _linear(joint.stiffness), _linear(joint.damping), joint.rest or 0.0
+        made.stiffness, made.damping = _linear(joint.stiffness), _linear(joint.damping)
+        made.springref = joint.rest or 0.0
         if joint.limits:
             made.limited, made.range = mujoco.mjtLimited.mjLIMITED_TRUE, joint.limits
             made.solref_limit, made.solimp_limit = self.soft, STIFF
@@ -247,7 +250,8 @@ class _Builder:
             tendon.wrap_joint(name, sign)
         affine, tied = mujoco.mjtBias.mjBIAS_AFFINE, mujoco.mjtTrn.mjTRN_TENDON
         for k, gear in enumerate(((1.0, 0.0), (0.0, 1.0))):
-            self.spec.add_actuator(name=f"servo{k}", trntype=mujoco.mjtTrn.mjTRN_SITE, target="grip", refsite="origin",
+            self.spec.add_actuator(name=f"servo{k}", trntype=mujoco.mjtTrn.mjTRN_SITE, target="grip",
+                                   refsite="origin",
                                    biastype=affine, gear=(*gear, 0.0, 0.0, 0.0, 0.0))
         self.spec.add_actuator(name="servo2", trntype=tied, target="angle", biastype=affine)
 

@@ -40,11 +40,13 @@ class World:
 
     def follow(self, path: np.ndarray, count: int) -> None:
         """`count` steps from each row of the hand's path to the next."""
-        tool, space, h, (stiffness, damping, turning, turning_damping) = self._tool, self._space, self._step, self._gains
+        tool, space, h = self._tool, self._space, self._step
+        stiffness, damping, turning, turning_damping = self._gains
         for x, y, angle, vx, vy, rate in between(path, count)[1:].tolist():
             (px, py), (ux, uy), turn = tool.position, tool.velocity, tool.angular_velocity
             # Chipmunk moves first and accelerates then: the force is that of the place it moves to.
-            force = stiffness * (x - px - h * ux) + damping * (vx - ux), stiffness * (y - py - h * uy) + damping * (vy - uy)
+            force = (stiffness * (x - px - h * ux) + damping * (vx - ux),
+                     stiffness * (y - py - h * uy) + damping * (vy - uy))
             torque = turning * (angle - tool.angle - h * turn) + turning_damping * (rate - turn)
             tool.force, tool.torque = force, torque
             space.step(h)

@@ -18,8 +18,8 @@ from haptic_sim.bench.world import make as make_world
 
 CLOSED = {
     "free_space": exact.free_space, "pendulum": exact.pendulum, "four_bar_free": four_bar, "four_bar": four_bar,
-    "slider": exact.slider, "slider_free": exact.slider_free, "wall": exact.wall, "incline": exact.incline, "zeno_ball": exact.zeno_ball,
-    "collinear_1e3": exact.collinear, "falling_rod": exact.falling_rod,
+    "slider": exact.slider, "slider_free": exact.slider_free, "wall": exact.wall, "incline": exact.incline,
+    "zeno_ball": exact.zeno_ball, "collinear_1e3": exact.collinear, "falling_rod": exact.falling_rod,
 }
 STORED = Path(__file__).parent / "converged"
 FINE = (2000, 1000)

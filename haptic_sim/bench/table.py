@@ -63,7 +63,8 @@ def markdown(runs: list[Run]) -> str:
         if shown:
             faster = {ratio.peer: ratio for ratio in ratios(of_scene, method)}
             rows.append([scene, shown.kind, method, f"{shown.step_us * 1e-3:g} ms", f"{shown.error:.1e}",
-                         f"{shown.wall * 1e3:.3g} ms/s", f"{shown.created_j:.0e} J", f"{shown.penetration_m * 1e6:.2g} µm",
+                         f"{shown.wall * 1e3:.3g} ms/s", f"{shown.created_j:.0e} J",
+                         f"{shown.penetration_m * 1e6:.2g} µm",
                          *(_cell(faster.get(peer), of_scene, peer) for peer in PEERS)])
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
@@ -85,8 +86,8 @@ def summary(runs: list[Run]) -> list[tuple[str, str, float, float, int, int]]:
         of_scene = [item for item in runs if item.scene == scene]
         for ratio in ratios(of_scene, default_of(scene)[0]):
             found.setdefault((ratio.kind, ratio.peer), []).append(ratio)
-    return [(kind, peer, min(item.ratio for item in items), WANTED[kind], sum(item.reached for item in items), len(items))
-            for (kind, peer), items in found.items()]
+    return [(kind, peer, min(item.ratio for item in items), WANTED[kind], sum(item.reached for item in items),
+             len(items)) for (kind, peer), items in found.items()]
 
 
 def fronts(runs: list[Run]) -> dict[str, list[Run]]:

@@ -47,7 +47,7 @@ class World(Protocol):
 
 
 def make(name: str, scene: Scene, sub_step: float) -> World:
-    """The world called `name`. Impossible if it cannot model the scene; ValueError if there is none or it is missing."""
+    """The world called `name`. Impossible if it cannot model the scene; ValueError if there is none of that name."""
     if name in PEERS:
         return _peer(name)(scene, sub_step)
     if name not in METHODS:
@@ -65,7 +65,7 @@ def missing(name: str) -> str | None:
             _peer(name)
     except ModuleNotFoundError as error:
         package = PACKAGES.get(error.name, error.name)
-        return f"{name} is left out: package {package} is not installed; pip install 'haptic_display[bench]' brings it"
+        return f"{name} is left out: package {package} is not installed; pip install '.[bench]' in the clone brings it"
     return None
 
 

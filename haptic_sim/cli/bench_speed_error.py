@@ -105,7 +105,7 @@ def _measure(jobs, runs):
 
 
 def progress(total: int):
-    """Context of a function (runs done, what is next) on standard error: a bar on a terminal, elsewhere a line now and then."""
+    """Context of a function (runs done, what is next) on standard error: a bar on a terminal, else some lines."""
     import contextlib
     import time
 
