@@ -9,7 +9,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -66,7 +65,7 @@ def test_a_run_that_blows_up_is_unstable_and_not_counted():
 
 
 def test_energy_from_nowhere_and_overlap_are_seen():
-    """Explicit springs let a square sink in visibly, the direct solve does not; the explicit coupling creates energy."""
+    """Explicit springs let bodies sink in visibly, the direct solve does not and creates nothing."""
     of = case("push_block")
     soft, rigid = (judge(of, reference("push_block"), _ready(of, name), 4) for name in
                    ("penalty_explicit", "partitioned"))
@@ -81,7 +80,8 @@ def _ready(of, name):
 
 
 def test_times_are_compared_at_the_smallest_error_that_both_reach():
-    runs = [made(error=1e-2, wall=0.1), made(error=1e-4, wall=1.0), made("pymunk", 1e-3, 20.0), made("pymunk", 1e-1, 2.0)]
+    runs = [made(error=1e-2, wall=0.1), made(error=1e-4, wall=1.0), made("pymunk", 1e-3, 20.0),
+            made("pymunk", 1e-1, 2.0)]
     ratio, = compare.ratios(runs, "partitioned")
     assert (ratio.peer, ratio.error, ratio.wall, ratio.peer_wall, ratio.ratio) == ("pymunk", 1e-3, 1.0, 20.0, 20.0)
     assert ratio.reached
@@ -164,7 +164,7 @@ def test_a_peer_that_is_not_installed_is_left_out_with_a_sentence(tmp_path):
 
 
 def test_explicit_penalties_fail_hard_cases_that_the_direct_solve_survives():
-    """Where section 5 of the paper says they would: a light block under a heavy one, and a coupling that is too stiff."""
+    """Where section 5 of the paper says they would: a light block under a heavy one, a coupling that is too stiff."""
     for name in ("heavy_on_light_1e6", "stiff_coupling"):
         assert "N" in hard.verdict(name, "penalty_explicit", 1).letters
     survivor = hard.verdict("heavy_on_light_1e6", "partitioned", 2)
