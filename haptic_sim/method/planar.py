@@ -54,10 +54,11 @@ class PlanarWorld:
         port = self._port
         self._way[:] = *start, *start_velocity, *end, *end_velocity
         port[13:17] = 0.0
+        left_out = self._counts[4]
         self._advance(*self._records, self.sub_step, count)
         self._read()
         supplied, touched, force, depth = port[13:17].tolist()
-        return Travel(supplied, touched > 0.0, force, depth)
+        return Travel(supplied, touched > 0.0, force, depth, int(self._counts[4] - left_out))
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last sub-step, sorted by bodies and place."""
