@@ -47,13 +47,17 @@ class ToolSample(NamedTuple):
 
 
 class Counters(NamedTuple):
-    """What happened since the last reset; the contact force [N] is the largest of one pair of shapes."""
+    """What happened since the last reset; the contact force [N] is the largest of one pair of shapes.
+
+    `left_out` counts contacts beyond what the method can solve for at once: above 0 the motion is not to be trusted.
+    """
 
     exchanges: int = 0
     sub_steps: int = 0
     rejoined: int = 0
     max_contact_force: float = 0.0
     max_penetration: float = 0.0
+    left_out: int = 0
 
 
 class Simulation:
@@ -122,9 +126,11 @@ class Simulation:
         travelled = self._travel(*start, handle.position, handle.velocity, count)
         self.ledger.supplied += travelled.supplied
         counters = self.counters
-        if travelled.force > counters.max_contact_force or travelled.depth > counters.max_penetration:
+        if (travelled.force > counters.max_contact_force or travelled.depth > counters.max_penetration
+                or travelled.left_out):
             self.counters = counters._replace(max_contact_force=max(travelled.force, counters.max_contact_force),
-                                              max_penetration=max(travelled.depth, counters.max_penetration))
+                                              max_penetration=max(travelled.depth, counters.max_penetration),
+                                              left_out=counters.left_out + travelled.left_out)
         return travelled.touched
 
     def _sample(self, touched):

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who is how much faster at equal error: the smallest error that both reach, the least time in which each does."""
+"""Who is how much faster at equal error: the smallest error that both reach, the least time in which each does.
+
+On our side stands whichever method is the fastest at that error.
+"""
 
 from typing import NamedTuple
 
 from haptic_sim.bench.case import FREE, JOINTED, RICH, SINGLE
 from haptic_sim.bench.measure import Run
-from haptic_sim.bench.world import PEERS
+from haptic_sim.bench.world import OURS, PEERS
 
 WANTED = {JOINTED: 15.0, SINGLE: 5.0, RICH: 1.0, FREE: 1.0}
 
@@ -47,14 +50,15 @@ def pareto(runs: list[Run]) -> list[Run]:
     return front[::-1]
 
 
-def ratios(runs: list[Run], method: str) -> list[Ratio]:
-    """`method` of one scene against each peer that could do it."""
-    own = [item for item in runs if item.method == method and item.counts]
+def ratios(runs: list[Run]) -> list[Ratio]:
+    """Our fastest method on one scene against each peer that could do it."""
+    own = [item for item in runs if item.method in OURS and item.counts]
     found = []
     for peer in PEERS:
         others = [item for item in runs if item.method == peer and item.counts]
         if own and others:
             error = max(min(item.error for item in own), min(item.error for item in others))
-            wall, peer_wall = (min(item.wall for item in side if item.error <= error) for side in (own, others))
-            found.append(Ratio(own[0].scene, own[0].kind, method, peer, error, wall, peer_wall))
+            mine, its = (min((item for item in side if item.error <= error), key=lambda item: item.wall)
+                         for side in (own, others))
+            found.append(Ratio(mine.scene, mine.kind, mine.method, peer, error, mine.wall, its.wall))
     return found

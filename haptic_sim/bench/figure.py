@@ -2,9 +2,10 @@
 """Pictures of the runs: wall time over error, error over step."""
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from haptic_sim.bench.measure import Run
-from haptic_sim.bench.table import TITLES, default_of, fronts, scenes_of
+from haptic_sim.bench.table import TITLES, default_of, fronts, nearest, scenes_of
 
 LOOKS = {
     "impulse": ("tab:blue", "o"), "penalty_explicit": ("tab:red", "v"), "penalty_implicit": ("tab:orange", "^"),
@@ -40,10 +41,11 @@ def _panel(axes, runs, scene):
             points = [(max(item.error, LEAST), 1e3 * item.wall) for item in front]
             drawn[name], = axes.plot(*zip(*points, strict=True), marker=marker, color=color, linewidth=1.0,
                                      markersize=5)
-    for item in runs:
-        if (item.method, item.step_us) == (method, step) and item.counts:
-            axes.plot(max(item.error, LEAST), 1e3 * item.wall, "o", color="black", markersize=11, fillstyle="none")
+    shown = nearest(runs, method, step)
+    if shown and shown.counts:
+        axes.plot(max(shown.error, LEAST), 1e3 * shown.wall, "o", color="black", markersize=11, fillstyle="none")
     axes.set(xscale="log", yscale="log", xlabel="error, relative", ylabel="wall time [ms per s]")
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_title(f"{scene} ({runs[0].kind})", fontsize=9)
     axes.grid(alpha=0.3)
     return drawn

@@ -58,15 +58,20 @@ def markdown(runs: list[Run]) -> str:
     for scene in scenes_of(runs):
         of_scene = [item for item in runs if item.scene == scene]
         method, step = default_of(scene)
-        shown = min((item for item in of_scene if item.method == method),
-                    key=lambda item: abs(math.log(item.step_us / step)), default=None)
+        shown = nearest(of_scene, method, step)
         if shown:
-            faster = {ratio.peer: ratio for ratio in ratios(of_scene, method)}
+            faster = {ratio.peer: ratio for ratio in ratios(of_scene)}
             rows.append([scene, shown.kind, method, f"{shown.step_us * 1e-3:g} ms", f"{shown.error:.1e}",
                          f"{shown.wall * 1e3:.3g} ms/s", f"{shown.created_j:.0e} J",
                          f"{shown.penetration_m * 1e6:.2g} µm",
                          *(_cell(faster.get(peer), of_scene, peer) for peer in PEERS)])
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def nearest(runs: list[Run], method: str, step: int) -> Run | None:
+    """Run of a method whose step is nearest to this one [µs]."""
+    return min((item for item in runs if item.method == method), key=lambda item: abs(math.log(item.step_us / step)),
+               default=None)
 
 
 def _cell(ratio, runs, peer):
@@ -84,7 +89,7 @@ def summary(runs: list[Run]) -> list[tuple[str, str, float, float, int, int]]:
     found = {}
     for scene in scenes_of(runs):
         of_scene = [item for item in runs if item.scene == scene]
-        for ratio in ratios(of_scene, default_of(scene)[0]):
+        for ratio in ratios(of_scene):
             found.setdefault((ratio.kind, ratio.peer), []).append(ratio)
     return [(kind, peer, min(item.ratio for item in items), WANTED[kind], sum(item.reached for item in items),
              len(items)) for (kind, peer), items in found.items()]

@@ -157,14 +157,14 @@ def _content(runs):
     import math
 
     from haptic_sim.bench.compare import ratios
-    from haptic_sim.bench.table import default_of, scenes_of
+    from haptic_sim.bench.table import scenes_of
     from haptic_sim.bench.world import PEERS, version
 
     def plain(value):
         return None if isinstance(value, float) and not math.isfinite(value) else value
 
     equal = [ratio._asdict() | {"ratio": ratio.ratio} for scene in scenes_of(runs)
-             for ratio in ratios([item for item in runs if item.scene == scene], default_of(scene)[0])]
+             for ratio in ratios([item for item in runs if item.scene == scene])]
     used = {item.method for item in runs}
     return {"runs": [{key: plain(value) for key, value in item._asdict().items()} for item in runs],
             "equal_error": equal, "versions": {name: version(name) for name in PEERS if name in used}}

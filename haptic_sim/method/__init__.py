@@ -34,13 +34,14 @@ class Travel(NamedTuple):
     """What happened over several sub-steps.
 
     Energy supplied to the tool by the coupling [J], whether a contact pushed the tool, the largest mean force of one
-    pair of shapes over a sub-step [N], the deepest overlap [m].
+    pair of shapes over a sub-step [N], the deepest overlap [m], and how many contacts were too many to be solved for.
     """
 
     supplied: float
     touched: bool
     force: float
     depth: float
+    left_out: int = 0
 
 
 class Method(Protocol):

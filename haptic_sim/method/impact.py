@@ -11,7 +11,7 @@ from haptic_sim.method.linkage import reduce_linkage
 from haptic_sim.method.rows import add_contact, add_joints, keep_rows, moves, rate_of, refresh
 from haptic_sim.method.touch import far_apart, gap_of, place_shapes, touch
 
-TOUCHING = 1e-10
+TOUCHING = 1e-12
 """Gap [m] below which two shapes touch."""
 RESTING = 1e-9
 """Speed [m/s | rad/s] below which a contact neither parts nor slips nor rebounds."""

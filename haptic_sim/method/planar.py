@@ -58,11 +58,11 @@ class PlanarWorld:
 
     def follow(self, path: np.ndarray, count: int) -> Travel:
         """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
-        self._port[13:17] = 0.0
+        self._port[13:17], left_out = 0.0, self._counts[4]
         self._advance(*self._records, self.sub_step, count, path)
         self._read()
         supplied, touched, force, depth = self._port[13:17].tolist()
-        return Travel(supplied, touched > 0.0, force, depth)
+        return Travel(supplied, touched > 0.0, force, depth, int(self._counts[4] - left_out))
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last sub-step, sorted by bodies and place."""

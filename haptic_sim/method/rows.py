@@ -47,6 +47,7 @@ def add_row(work, r, a, b, kind, partner, mu, bound, source, index, key):
 def add_contact(model, layout, work, r, pair, feature):
     """The rows of one contact: normal and, with friction, tangent."""
     if r + 2 > MOST_ROWS:
+        work.counts[4] += 1
         return r
     a, b = layout.pair_bodies[pair, 0], layout.pair_bodies[pair, 1]
     corners = model.corners
@@ -66,7 +67,10 @@ def add_joints(model, layout, work, r, q, v, slack, friction_scale):
     """Rows of joints: limits nearer than `slack`, dry friction and motors with their bounds times `friction_scale`."""
     for j in range(model.joints):
         a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
-        if model.joint_kind[j] == SPRING or not moves(layout, work, a, b) or r + 3 > MOST_ROWS:
+        if model.joint_kind[j] == SPRING or not moves(layout, work, a, b):
+            continue
+        if r + 3 > MOST_ROWS:
+            work.counts[4] += 1
             continue
         if model.joint_limit[j, 0] > -math.inf or model.joint_limit[j, 1] < math.inf:
             at = coordinate_row(model, q, v, j, work.row)[0]

@@ -65,6 +65,9 @@ class SimulationNode(ManagedNode):
             return
         values = {"scene": self.simulation.scene.name, "method": self.simulation.method_name, **_values(self.exchange)}
         level, message = ("ok", "answering") if self.exchange.answered else ("warn", "no handle sample has come yet")
+        if left_out := self.exchange.report.counters.left_out:
+            level, message = "error", (f"{left_out} contacts were left out: there are more at once than the method can "
+                                       "solve for; take fewer bodies, or the method impulse")
         if self.exchange.paused:
             level, message = "warn", "paused"
         now_ns = self.get_clock().now().nanoseconds
@@ -131,6 +134,7 @@ def _values(exchange):
         "compute_us_max": times[-1] / 1e3,
         "max_contact_force": report.counters.max_contact_force,
         "max_penetration": report.counters.max_penetration,
+        "contacts_left_out": report.counters.left_out,
         "tool_port_energy": report.energy,
         **{f"result.{name}": value for name, value in report.result.items()},
     }
