@@ -59,10 +59,10 @@ WORK = np.dtype(_fields(
 ))
 """`note`: contacts of the last step, each place (2), normal (2), impulse on b (2), overlap, force
 on b while it rests (2). `counts`: refusals of
-flight, rows remembered, events, contacts noted, contacts left out since there were too many at once. `port`: handle position (3) and velocity (3), gains (4), force on the
-tool (3), energy supplied [J], whether a contact pushed the tool, largest contact force [N], deepest overlap [m],
-contact stiffness [N/m] (0: rigid) and damping [N s/m]. `way`: handle position (3) and
-velocity (3) at the start and at the end of the sub-steps."""
+flight, rows remembered, events, contacts noted, contacts left out since there were too many at once. `port`: handle
+position (3) and velocity (3), gains (4), force on the tool (3), energy supplied [J], whether a contact pushed the tool,
+largest contact force [N], deepest overlap [m], contact stiffness [N/m] (0: rigid) and damping [N s/m]. `way`: handle
+position (3) and velocity (3) at the start and at the end of the sub-steps."""
 
 
 def records(model: Model):
