@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A scene in pymunk (Chipmunk) as it comes: its own joints, 10 iterations, the coupling as a force before each step.
 
-Only what SI asks for is set: the overlap that is left alone, 0.1 of whatever unit, is taken for 10 um. Chipmunk has no
-dry friction along a groove.
+Only what SI asks for is set: the overlap that is left alone, 0.1 of whatever unit, is taken for 10 um.
 """
 
 import math
@@ -124,10 +123,14 @@ def _about_pin(joint, a, b):
 
 
 def _along_slider(joint, a, b, place):
-    if joint.friction or joint.stiffness or joint.damping:
-        raise Impossible("no dry friction or spring along a groove")
+    if joint.stiffness or joint.damping:
+        raise Impossible("no spring along a groove")
     low, high = joint.limits or (-FAR, FAR)
     length = math.hypot(*joint.axis)
     ends = [a.world_to_local((place[0] + way * joint.axis[0] / length, place[1] + way * joint.axis[1] / length))
             for way in (low, high)]
-    return [pymunk.GrooveJoint(a, b, *ends, b.world_to_local(place)), pymunk.GearJoint(a, b, b.angle - a.angle, 1.0)]
+    parts = [pymunk.GrooveJoint(a, b, *ends, b.world_to_local(place)), pymunk.GearJoint(a, b, b.angle - a.angle, 1.0)]
+    if joint.friction:  # a pivot that only brakes and never pulls back
+        parts.append(pymunk.PivotJoint(a, b, a.world_to_local(place), b.world_to_local(place)))
+        parts[-1].max_force, parts[-1].max_bias = joint.friction, 0.0
+    return parts
