@@ -8,7 +8,7 @@ from pathlib import Path
 from haptic_sim.bench.case import case
 from haptic_sim.bench.compare import WANTED, pareto, ratios
 from haptic_sim.bench.measure import Run
-from haptic_sim.bench.world import PEERS
+from haptic_sim.bench.world import OURS, PEERS
 from haptic_sim.compile import compile_scene
 from haptic_sim.scene import load
 
@@ -65,6 +65,18 @@ def markdown(runs: list[Run]) -> str:
                          f"{shown.wall * 1e3:.3g} ms/s", f"{shown.created_j:.0e} J",
                          f"{shown.penetration_m * 1e6:.2g} µm",
                          *(_cell(faster.get(peer), of_scene, peer) for peer in PEERS)])
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def costs(runs: list[Run]) -> str:
+    """Wall time of one step [µs], a row a scene: the least over the steps tried."""
+    methods = [name for name in (*OURS, *PEERS) if any(item.method == name for item in runs)]
+    rows = [["scene", *(TITLES.get(name, name) for name in methods)], ["---"] * (1 + len(methods))]
+    for scene in scenes_of(runs):
+        spent = {name: min((item.wall * item.step_us for item in runs
+                            if (item.scene, item.method) == (scene, name) and item.counts), default=None)
+                 for name in methods}
+        rows.append([scene, *("" if value is None else f"{value:.3g}" for value in spent.values())])
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
