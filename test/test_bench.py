@@ -27,13 +27,12 @@ def made(method="partitioned", error=1e-3, wall=1.0, scene="wall", kind="single 
 
 
 @pytest.mark.parametrize("peer", world.PEERS)
-@pytest.mark.parametrize(("name", "step", "bound"), [("free_space", 100, 1e-3), ("pendulum", 100, 1e-3),
-                                                     ("four_bar", 100, 1e-3), ("wall", 100, 2e-3)])
-def test_every_peer_comes_to_the_closed_form(peer, name, step, bound):
+@pytest.mark.parametrize("name", ["free_space", "pendulum", "four_bar", "slider", "wall"])
+def test_every_peer_comes_to_the_closed_form(peer, name):
     """So that what is compared is the same problem: signs, anchors, masses, coupling, hand."""
-    found = run(case(name), reference(name), peer, step)
+    found = run(case(name), reference(name), peer, 250)
     assert found.status == STABLE
-    assert found.error < bound
+    assert found.error < 2e-3
 
 
 @pytest.mark.parametrize("method", ["partitioned", "closed_form", "penalty_implicit", "pymunk", "mujoco_implicit"])
@@ -128,16 +127,16 @@ def test_speed_error_writes_runs_table_and_plots_and_prints_one_json_object(tmp_
 
 
 def test_interrupted_it_keeps_what_it_has(tmp_path):
-    child = subprocess.Popen([*BENCH, "speed-error", "--scenes", "stack", "--methods", "partitioned,box2d", "--out",
-                              str(tmp_path)], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    child = subprocess.Popen([*BENCH, "speed-error", "--scenes", "stack,ratchet", "--out", str(tmp_path)], cwd=ROOT,
+                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     for line in child.stderr:
-        if re.match(r"[1-9]\d*/12 ", line):
+        if re.match(r"[1-9]\d*/", line):
             break
     child.send_signal(signal.SIGINT)
     assert child.wait(60) == 130
     with (tmp_path / "speed_error.csv").open() as file:
         kept = list(csv.DictReader(file))
-    assert 0 < len(kept) < 12
+    assert 0 < len(kept) < 108
     assert (tmp_path / "pareto_stack.png").exists()
 
 

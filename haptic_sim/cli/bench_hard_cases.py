@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from haptic_sim.cli.bench_speed_error import INTERRUPTED, listed, progress, usable
+from haptic_sim.cli.bench_jobs import INTERRUPTED, listed, progress, usable
 
 LEGEND = ("✓ survives · N not finite · T through a wall · P overlap beyond 0.1 mm · E creates more than 1 % of the "
           "energy about · (e) creates more than rounding · – cannot model it")

@@ -2,13 +2,13 @@
 """`haptic bench speed-error`: scene × method × step, time against error; `haptic bench reference` makes references."""
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-INTERRUPTED = 130
+from haptic_sim.cli.bench_jobs import INTERRUPTED, listed, progress, usable
+
 SHORT = ("pendulum", "four_bar", "wall", "zeno_ball", "push_block", "peg_in_hole")
 SHORT_STEPS = (10000, 1000, 250)
 _OUT = "Folder for speed_error.csv, speed_error.md and the plots; without it the table is printed and nothing kept."
@@ -57,25 +57,6 @@ def reference(
         typer.echo(f"{write(name, made)}  may be off by {made.doubt:.1e} m")
 
 
-def listed(given: str | None, known) -> tuple[str, ...]:
-    """Names of a comma-separated option, else all that are known."""
-    return tuple(part.strip() for part in given.split(",")) if given else tuple(known)
-
-
-def usable(given: str | None) -> list[str]:
-    """Methods and peers of the option that are installed; a sentence on standard error for those that are not."""
-    from haptic_sim.bench.world import NAMES, missing
-
-    names = listed(given, NAMES)
-    for name in names:
-        if name not in NAMES:
-            raise ValueError(f"method is {name!r}; it must be one of {', '.join(NAMES)}")
-    reasons = {name: missing(name) for name in names}
-    for reason in filter(None, reasons.values()):
-        typer.echo(f"haptic bench: {reason}", err=True)
-    return [name for name in names if not reasons[name]]
-
-
 def _jobs(scenes, methods, steps):
     from haptic_sim.bench.case import case
     from haptic_sim.bench.reference import reference
@@ -102,35 +83,6 @@ def _measure(jobs, runs):
             if runs[-1].status.startswith("cannot"):
                 impossible.add((found.name, method))
         show(len(jobs), "done")
-
-
-def progress(total: int):
-    """Context of a function (runs done, what is next) on standard error: a bar on a terminal, else some lines."""
-    import contextlib
-    import time
-
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    @contextlib.contextmanager
-    def lines():
-        last = [0.0]
-
-        def show(done, what):
-            if time.monotonic() - last[0] > 5.0 or done == total:
-                last[0] = time.monotonic()
-                print(f"{done}/{total} {what}", file=sys.stderr, flush=True)
-
-        yield show
-
-    @contextlib.contextmanager
-    def bar():
-        columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-        with Progress(*columns, console=Console(file=sys.stderr)) as shown:
-            task = shown.add_task("", total=total)
-            yield lambda done, what: shown.update(task, completed=done, description=what)
-
-    return bar() if sys.stderr.isatty() else lines()
 
 
 def _report(runs, out, as_json):
@@ -160,8 +112,8 @@ def _page(runs):
     used = [version(name) for name in PEERS if any(item.method == name for item in runs)]
     return (f"# Speed against error\n\nWritten by `haptic bench speed-error`. Peers: {', '.join(dict.fromkeys(used))}. "
             "Step and error are those of the scene's default method; behind it, how many times faster our fastest "
-            "method reaches the smallest error that both reach; ✗: below 15 for linkages against RK4, 5 for single "
-            f"contacts, 1 else.\n\n{markdown(runs)}\n\n## Wall time of a step [µs]\n\nThe least over the steps tried.\n\n"
+            "method reaches the smallest error that both reach; ✗: below 15 for linkages against RK4, 5 for "
+            f"single contacts, 1 else.\n\n{markdown(runs)}\n\n## Wall time of a step [µs]\n\nThe least over the steps tried.\n\n"
             f"{costs(runs)}\n")
 
 
