@@ -52,8 +52,7 @@ def default_method(name: str) -> str:
 
 def markdown(runs: list[Run]) -> str:
     """A row a scene: its default method at the step nearest to its own, and how many times faster than each peer."""
-    heads = ["scene", "class", "method", "step", "error", "wall time", "energy created", "overlap",
-             *(f"{title}" for title in TITLES.values())]
+    heads = ["scene", "method", "step", "error", "wall time", "energy created", *TITLES.values()]
     rows = [heads, ["---"] * len(heads)]
     for scene in scenes_of(runs):
         of_scene = [item for item in runs if item.scene == scene]
@@ -61,9 +60,9 @@ def markdown(runs: list[Run]) -> str:
         shown = nearest(of_scene, method, step)
         if shown:
             faster = {ratio.peer: ratio for ratio in ratios(of_scene)}
-            rows.append([scene, shown.kind, method, f"{shown.step_us * 1e-3:g} ms", f"{shown.error:.1e}",
-                         f"{shown.wall * 1e3:.3g} ms/s", f"{shown.created_j:.0e} J",
-                         f"{shown.penetration_m * 1e6:.2g} µm",
+            created = f"{shown.created_j:.0e} J" if shown.created_j else "0"
+            rows.append([scene, method, f"{shown.step_us * 1e-3:g} ms", f"{shown.error:.1e}",
+                         f"{_short(1e3 * shown.wall)} ms/s", created,
                          *(_cell(faster.get(peer), of_scene, peer) for peer in PEERS)])
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
@@ -89,11 +88,15 @@ def nearest(runs: list[Run], method: str, step: int) -> Run | None:
 def _cell(ratio, runs, peer):
     if ratio:
         mark = "" if ratio.reached or not ratio.asked else " ✗"
-        return f"{ratio.ratio:.3g}× at {ratio.error:.0e}{mark}"
+        return f"{_short(ratio.ratio)}× at {ratio.error:.0e}{mark}"
     of_peer = [item for item in runs if item.method == peer]
     if not of_peer:
         return "not run"
     return "cannot" if any(item.status.startswith("cannot") for item in of_peer) else "unstable"
+
+
+def _short(value):
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
 
 
 def summary(runs: list[Run]) -> list[tuple[str, str, float, float, int, int]]:
