@@ -101,7 +101,8 @@ def test_a_start_velocity_is_there_in_the_first_sub_step_and_kept_without_forces
 
 def test_a_slider_goes_along_its_axis_only_and_stops_at_its_limit():
     sled = {"name": "sled", "mass": 1.0, "velocity": [0.8, 0.6, 0.0], "shapes": BALL}
-    joint = {"type": "slider", "bodies": ["world", "sled"], "at": [0.0, 0.0], "axis": [0.8, 0.6], "limits": [-1.0, 0.05]}
+    joint = {"type": "slider", "bodies": ["world", "sled"], "at": [0.0, 0.0], "axis": [0.8, 0.6],
+             "limits": [-1.0, 0.05]}
     method = run(world([sled], joints=[joint], gravity=[3.0, -4.0]), 100)
     x, y, angle = method.pose("sled")
     assert (0.8 * y - 0.6 * x, angle) == pytest.approx((0.0, 0.0), abs=1e-6)

@@ -51,6 +51,9 @@ class Method(Protocol):
     `count` sub-steps in one call, the handle going on a straight line from start (exclusive) to end.
     """
 
+    passive: bool
+    """Whether it is discrete-time passive at the tool's port: Σ force_on_tool · Δx is never less than the world has
+    gained, whatever the handle does, beyond rounding: contact force times the 1e-12 m that count as touching."""
     position: Planar
     """Tool's grip at the end of the sub-step [m, m, rad]."""
     velocity: Planar
