@@ -33,7 +33,11 @@ def respond_rows(model, layout, work, n):
             respond(layout, work, lb, f, work.answer)
             keep_answer(layout, work, lb, r)
         for s in range(r + 1):
-            work.A[r, s] = work.A[s, r] = rate_of_response(work, s, r)
+            value = 0.0
+            lc, ld = layout.linkage[work.row_a[s]], layout.linkage[work.row_b[s]]
+            if lc >= 0 and (lc == la or lc == lb) or ld >= 0 and (ld == la or ld == lb):
+                value = rate_of_response(work, s, r)
+            work.A[r, s] = work.A[s, r] = value
 
 
 @part
