@@ -67,11 +67,12 @@ def test_a_bar_that_spins_fast_does_not_cut_through_a_thin_plate():
 def test_moves_meet_where_the_shapes_overlap_by_as_much_as_asked():
     square = Outline(((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)))
     disc = Outline(((0.0, 0.0),), 0.25)
-    share = meeting(square, (STILL, STILL), disc, ((-2.0, 0.0, 0.0), (2.0, 0.0, 0.0)), 0.05, 1e-3)
+    share = meeting(square, (STILL, STILL), disc, ((-2.0, 0.0, 0.0), (2.0, 0.0, 0.0)), 0.05, 1e-3, 0.01)
     assert -2.0 + 4.0 * share == pytest.approx(-0.75, abs=1e-3)
     assert -2.0 + 4.0 * share > -0.75
-    assert meeting(square, (STILL, STILL), disc, ((-2.0, 0.8, 0.0), (2.0, 0.8, 0.0)), 0.05, 1e-3) == 1.0
-    assert meeting(square, (STILL, STILL), disc, ((-0.7, 0.0, 0.0), (2.0, 0.0, 0.0)), 0.05, 1e-3) == 0.0
+    assert meeting(square, (STILL, STILL), disc, ((-2.0, 0.8, 0.0), (2.0, 0.8, 0.0)), 0.05, 1e-3, 0.01) == 1.0
+    share = meeting(square, (STILL, STILL), disc, ((-0.75, 0.0, 0.0), (-0.25, 0.0, 0.0)), 0.5, 1e-3, 0.01)
+    assert 0.5 * share == pytest.approx(0.01, abs=1e-3)
 
 
 def pendulum(h, angle):

@@ -2,7 +2,7 @@
 """How much of a move is free: no pair of shapes goes through another, however thin, at any speed.
 
 For methods that look for contacts only where they have arrived. A pair that is apart may move until it overlaps by
-`NEAR`; one that touches already is held by the solver, and may only not leave its thickness behind between two looks.
+`NEAR`; one that touches already is held by the solver, and may sink in by `LEAST_WAY` more between two looks.
 """
 
 import math
@@ -56,4 +56,5 @@ class Guard:
         if math.dist(turned(middle_a, starts[a]), turned(middle_b, starts[b])) - reach > way:
             return 1.0
         look = min(1.0, 0.25 * thickness / way)
-        return meeting(outline_a, (starts[a], ends[a]), outline_b, (starts[b], ends[b]), look, self._near) or look
+        moves = outline_a, (starts[a], ends[a]), outline_b, (starts[b], ends[b])
+        return meeting(*moves, look, self._near, least)
