@@ -41,11 +41,12 @@ MOST_LOOKS = 4000
 BISECTIONS = 12
 
 
-def meeting(a: Outline, move_a, b: Outline, move_b, look: float, near: float) -> float:
+def meeting(a: Outline, move_a, b: Outline, move_b, look: float, near: float, more: float) -> float:
     """Share of two straight moves (start, end) after which a and b overlap by `near` [m]; 1 if they do not meet.
 
-    0 if they touch at the start. Looked at after every `look` of the moves (a share), within which no point may come
-    farther than a quarter of the thicknesses: then no overlap begins and ends between two looks.
+    If they touch at the start, after which they overlap by `more` [m] than there. Looked at after every `look` of the
+    moves (a share), within which no point may come farther than a quarter of the thicknesses: then no overlap begins
+    and ends between two looks.
     """
 
     def gap(share):
@@ -56,11 +57,14 @@ def meeting(a: Outline, move_a, b: Outline, move_b, look: float, near: float) ->
     if high is None:
         return 1.0
     low = high - 1.0 / looks
-    if low <= 0.0 and gap(0.0) <= 0.0:
-        return 0.0
+    level = -0.5 * near
+    if low <= 0.0 and (start := gap(0.0)) <= 0.0:
+        level = start - more
+        if gap(high) > level:
+            return high
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if gap(middle) > -0.5 * near else (low, middle)
+        low, high = (middle, high) if gap(middle) > level else (low, middle)
     return high
 
 

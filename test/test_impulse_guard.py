@@ -67,11 +67,12 @@ def test_a_bar_that_spins_fast_does_not_cut_through_a_thin_plate():
 def test_moves_meet_where_the_shapes_overlap_by_as_much_as_asked():
     square = Outline(((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)))
     disc = Outline(((0.0, 0.0),), 0.25)
-    share = meeting(square, (STILL, STILL), disc, ((-2.0, 0.0, 0.0), (2.0, 0.0, 0.0)), 0.05, 1e-3)
+    share = meeting(square, (STILL, STILL), disc, ((-2.0, 0.0, 0.0), (2.0, 0.0, 0.0)), 0.05, 1e-3, 0.01)
     assert -2.0 + 4.0 * share == pytest.approx(-0.75, abs=1e-3)
     assert -2.0 + 4.0 * share > -0.75
-    assert meeting(square, (STILL, STILL), disc, ((-2.0, 0.8, 0.0), (2.0, 0.8, 0.0)), 0.05, 1e-3) == 1.0
-    assert meeting(square, (STILL, STILL), disc, ((-0.7, 0.0, 0.0), (2.0, 0.0, 0.0)), 0.05, 1e-3) == 0.0
+    assert meeting(square, (STILL, STILL), disc, ((-2.0, 0.8, 0.0), (2.0, 0.8, 0.0)), 0.05, 1e-3, 0.01) == 1.0
+    share = meeting(square, (STILL, STILL), disc, ((-0.75, 0.0, 0.0), (-0.25, 0.0, 0.0)), 0.5, 1e-3, 0.01)
+    assert 0.5 * share == pytest.approx(0.01, abs=1e-3)
 
 
 def pendulum(h, angle):
@@ -101,7 +102,8 @@ def test_a_start_velocity_is_there_in_the_first_sub_step_and_kept_without_forces
 
 def test_a_slider_goes_along_its_axis_only_and_stops_at_its_limit():
     sled = {"name": "sled", "mass": 1.0, "velocity": [0.8, 0.6, 0.0], "shapes": BALL}
-    joint = {"type": "slider", "bodies": ["world", "sled"], "at": [0.0, 0.0], "axis": [0.8, 0.6], "limits": [-1.0, 0.05]}
+    joint = {"type": "slider", "bodies": ["world", "sled"], "at": [0.0, 0.0], "axis": [0.8, 0.6],
+             "limits": [-1.0, 0.05]}
     method = run(world([sled], joints=[joint], gravity=[3.0, -4.0]), 100)
     x, y, angle = method.pose("sled")
     assert (0.8 * y - 0.6 * x, angle) == pytest.approx((0.0, 0.0), abs=1e-6)

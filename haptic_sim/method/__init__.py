@@ -52,6 +52,9 @@ class Method(Protocol):
     count) -> Travel`, the same from each row of a path (n, 6: position, velocity) to the next.
     """
 
+    passive: bool
+    """Whether it is discrete-time passive at the tool's port: Σ force_on_tool · Δx is never less than the world has
+    gained, whatever the handle does, beyond rounding: contact force times the 1e-12 m that count as touching."""
     position: Planar
     """Tool's grip at the end of the sub-step [m, m, rad]."""
     velocity: Planar

@@ -29,6 +29,8 @@ _STILL = (0.0, 0.0, 0.0)
 class ClosedForm:
     """A round tool among half-planes, stepped by `sub_step` [s]. Implements `Method`; ValueError for other scenes."""
 
+    passive = True
+
     def __init__(self, scene: Scene, sub_step: float):
         axes = compile_scene(scene).needs.axes
         if axes is None:

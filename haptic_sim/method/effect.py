@@ -33,7 +33,9 @@ def respond_rows(model, layout, work, n):
             respond(layout, work, lb, f, work.answer)
             keep_answer(layout, work, lb, r)
         for s in range(r + 1):
-            work.A[r, s] = work.A[s, r] = rate_of_response(work, s, r)
+            lc, ld = layout.linkage[work.row_a[s]], layout.linkage[work.row_b[s]]
+            apart = (lc < 0 or (lc - la) * (lc - lb) != 0) and (ld < 0 or (ld - la) * (ld - lb) != 0)
+            work.A[r, s] = work.A[s, r] = 0.0 if apart else rate_of_response(work, s, r)
 
 
 @part

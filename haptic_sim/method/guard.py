@@ -2,7 +2,7 @@
 """How much of a move is free: no pair of shapes goes through another, however thin, at any speed.
 
 For methods that look for contacts only where they have arrived. A pair that is apart may move until it overlaps by
-`NEAR`; one that touches already is held by the solver, and may only not leave its thickness behind between two looks.
+`NEAR`; one that touches already is held by the solver, and may sink in by `LEAST_WAY` more between two looks.
 """
 
 import math
@@ -12,8 +12,8 @@ from haptic_sim.method.layout import lay_out
 from haptic_sim.outline import Outline
 from haptic_sim.shape import turned
 
-LEAST_WAY = 5e-3
-"""In finest features: shorter moves need no guard, this is all that they can overlap."""
+LEAST_WAY = 2.5e-3
+"""In widths of the thinner shape of a pair: shorter moves need no guard, this is all that they can overlap."""
 NEAR = 2.5e-4
 """Overlap at which a move ends, in finest features: half of what the solver leaves alone."""
 STILL = (0.0, 0.0, 0.0)
@@ -24,15 +24,17 @@ class Guard:
 
     def __init__(self, scene, compiled):
         model, layout = compiled.model, lay_out(compiled.model)
-        self._near, self._least = NEAR * scene.feature, LEAST_WAY * scene.feature
+        self._near = NEAR * scene.feature
         self._extents = layout.extent.tolist()[:-1]
         self._world = len(model.mass) - 1
         outlines = [Outline(tuple(map(tuple, model.vertices[start:end].tolist())), float(radius)) for start, end, radius
                     in zip(model.shape_start[:-1], model.shape_start[1:], model.radius, strict=True)]
         self._pairs = [(int(model.shape_body[s]), int(model.shape_body[u]), outlines[s], outlines[u],
                         tuple(layout.middle[s].tolist()), tuple(layout.middle[u].tolist()),
-                        float(layout.reach[s] + layout.reach[u]), float(layout.thickness[s] + layout.thickness[u]))
+                        float(layout.reach[s] + layout.reach[u]), float(layout.thickness[s] + layout.thickness[u]),
+                        LEAST_WAY * float(min(layout.thickness[s], layout.thickness[u])))
                        for s, u in model.pairs.tolist()]
+        self._least = 0.5 * min((pair[-1] for pair in self._pairs), default=math.inf)
 
     def share(self, bodies, time: float) -> float:
         """Share of the move over `time` [s], at the velocities that the bodies have, that is free: 1, or less."""
@@ -47,11 +49,12 @@ class Guard:
         return min((self._free(pair, ways, starts, ends) for pair in self._pairs), default=1.0)
 
     def _free(self, pair, ways, starts, ends):
-        a, b, outline_a, outline_b, middle_a, middle_b, reach, thickness = pair
+        a, b, outline_a, outline_b, middle_a, middle_b, reach, thickness, least = pair
         way = ways[a] + ways[b]
-        if way <= self._least:
+        if way <= least:
             return 1.0
         if math.dist(turned(middle_a, starts[a]), turned(middle_b, starts[b])) - reach > way:
             return 1.0
         look = min(1.0, 0.25 * thickness / way)
-        return meeting(outline_a, (starts[a], ends[a]), outline_b, (starts[b], ends[b]), look, self._near) or look
+        moves = outline_a, (starts[a], ends[a]), outline_b, (starts[b], ends[b])
+        return meeting(*moves, look, self._near, least)

@@ -52,6 +52,8 @@ _FIELDS = _PAIR.BODY_A_ID | _PAIR.BODY_B_ID | _PAIR.CONTACT_COUNT | _PAIR.TOTAL_
 class Impulse:
     """The scene as a pymunk Space, stepped by `sub_step` [s]. It belongs to one thread. Implements `Method`."""
 
+    passive = False
+
     def __init__(self, scene: Scene, sub_step: float):
         self.scene, self.sub_step = scene, sub_step
         self._compiled = compile_scene(scene)

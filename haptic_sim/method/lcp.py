@@ -110,8 +110,11 @@ def solve_linear(work, n, share):
             m += 1
     for i in range(m):
         r = free[i]
+        work.last[i] = i
         for k in range(m):
             S[i, k] = A[r, free[k]]
+            if S[i, k] != 0.0:
+                work.last[i] = max(work.last[i], k)
         S[i, i] += SOFT * A[r, r]
         S[i, m] = -work.b[r]
     for r in range(n):
@@ -138,12 +141,16 @@ def carry(work, r, m, share, sense):
         S[i, m] -= A[free[i], r] * sense * share * work.bound[r]
         if seen:
             S[i, work.column[normal]] += A[free[i], r] * sense * share * work.mu[r]
+            work.last[i] = max(work.last[i], work.column[normal])
 
 
 @part
 def gauss(work, m):
-    """Solves S[:m, :m] x = S[:m, m] in place; x ends in the last column. False if a pivot is zero."""
-    S = work.system
+    """Solves S[:m, :m] x = S[:m, m] in place; x ends in the last column. False if a pivot is zero.
+
+    Row i is zero beyond column work.last[i]: contacts that share no body do not know each other, so S is a band.
+    """
+    S, last = work.system, work.last
     for k in range(m):
         at = k
         for i in range(k + 1, m):
@@ -152,19 +159,31 @@ def gauss(work, m):
         if S[at, k] == 0.0:
             return False
         if at != k:
-            for c in range(k, m + 1):
-                kept = S[k, c]
-                S[k, c] = S[at, c]
-                S[at, c] = kept
+            swap_rows(work, k, at, m)
         scale = 1.0 / S[k, k]
         for i in range(k + 1, m):
-            part = S[i, k] * scale
-            if part != 0.0:
-                for c in range(k + 1, m + 1):
-                    S[i, c] -= part * S[k, c]
+            part_ = S[i, k] * scale
+            if part_ != 0.0:
+                for c in range(k + 1, last[k] + 1):
+                    S[i, c] -= part_ * S[k, c]
+                S[i, m] -= part_ * S[k, m]
+                last[i] = max(last[i], last[k])
     for k in range(m - 1, -1, -1):
         total = S[k, m]
-        for c in range(k + 1, m):
+        for c in range(k + 1, last[k] + 1):
             total -= S[k, c] * S[c, m]
         S[k, m] = total / S[k, k]
     return True
+
+
+@part
+def swap_rows(work, k, at, m):
+    """Rows k and `at` change places."""
+    S, last = work.system, work.last
+    for c in range(k, m + 1):
+        kept = S[k, c]
+        S[k, c] = S[at, c]
+        S[at, c] = kept
+    kept_last = last[k]
+    last[k] = last[at]
+    last[at] = kept_last

@@ -7,10 +7,22 @@ from haptic_device.whole import part
 from haptic_sim.method.event import is_held
 from haptic_sim.method.impact import TOUCHING
 from haptic_sim.method.rows import add_contact, moves
-from haptic_sim.method.touch import gap_of, place_shape, touch
+from haptic_sim.method.touch import gap_of, place_shape, place_shapes, touch
 
 BISECTIONS = 40
 MOST_PIECES = 4000
+APART, MET, TOUCHES = 0, 1, 2
+"""A pair in this step: no contact yet; one on the way; in contact from the start, of which nothing new can be said."""
+
+
+@part
+def look_around(model, layout, work):
+    """Discs around all shapes at work.q, and no pair has met yet: what `add_met` starts from."""
+    place_shapes(model, layout, work, work.q)
+    for s in range(model.shapes):
+        work.around[s, 0], work.around[s, 1] = work.middles[s, 0], work.middles[s, 1]
+    for p in range(model.pair_count):
+        work.met[p] = APART
 
 
 @part
@@ -18,19 +30,21 @@ def add_met(model, layout, work, n):
     """Adds rows for pairs that touch now, or meet on the straight way from work.q to work.trial_q; returns how many."""
     for p in range(model.pair_count):
         a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
-        if not moves(layout, work, a, b):
+        if work.met[p] == TOUCHES or not moves(layout, work, a, b):
             continue
         s, u = model.pairs[p, 0], model.pairs[p, 1]
         way = way_between(layout, work, a, b)
-        if discs_apart(layout, work, model, s, u) > way + TOUCHING:
+        if discs_apart(layout, work, s, u) > way + TOUCHING:
             continue
         time = meeting(model, layout, work, s, u, way)
         if time < 0.0:
             continue
-        place_pair(model, layout, work, s, u, time)
+        if time > 0.0:
+            place_pair(model, layout, work, s, u, time)
         for k in range(touch(model, work, s, u)):
-            if not is_held(work, n, p, work.features[k]):
+            if work.met[p] == APART or not is_held(work, n, p, work.features[k]):
                 n = add_contact(model, layout, work, n, p, work.features[k])
+        work.met[p] = MET if time > 0.0 else TOUCHES
     return n
 
 
@@ -43,21 +57,10 @@ def way_between(layout, work, a, b):
 
 
 @part
-def discs_apart(layout, work, model, s, u):
+def discs_apart(layout, work, s, u):
     """Distance of the discs around two shapes at the start [m]."""
-    place_pair_middle(model, layout, work, s)
-    place_pair_middle(model, layout, work, u)
-    m = work.middles
+    m = work.around
     return math.hypot(m[u, 0] - m[s, 0], m[u, 1] - m[s, 1]) - layout.reach[s] - layout.reach[u]
-
-
-@part
-def place_pair_middle(model, layout, work, s):
-    """Centre of the disc around a shape at the start."""
-    b = model.shape_body[s]
-    c, sn = math.cos(work.q[b, 2]), math.sin(work.q[b, 2])
-    mx, my = layout.middle[s, 0], layout.middle[s, 1]
-    work.middles[s, 0], work.middles[s, 1] = work.q[b, 0] + c * mx - sn * my, work.q[b, 1] + sn * mx + c * my
 
 
 @part

@@ -15,5 +15,7 @@ from haptic_sim.scene import Scene
 class Partitioned(PlanarWorld):
     """A scene stepped by `sub_step` [s] in generalized coordinates."""
 
+    passive = True
+
     def __init__(self, scene: Scene, sub_step: float):
         super().__init__(scene, sub_step, sub_steps)

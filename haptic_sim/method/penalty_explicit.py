@@ -14,5 +14,7 @@ from haptic_sim.scene import Scene
 class PenaltyExplicit(PlanarWorld):
     """A scene stepped by `sub_step` [s]; `stiffness` [N/m] and `damping` [N s/m] of a contact."""
 
+    passive = False
+
     def __init__(self, scene: Scene, sub_step: float, stiffness: float = 1e4, damping: float = 5.0):
         super().__init__(scene, sub_step, penalty_steps, stiffness, damping)

@@ -35,7 +35,7 @@ from haptic_sim.method.joints import applied_forces
 from haptic_sim.method.lcp import FREE, FRICTION, NORMAL, solve_modes
 from haptic_sim.method.lemke import lemke
 from haptic_sim.method.linkage import reduce_linkage, respond
-from haptic_sim.method.meet import add_met
+from haptic_sim.method.meet import add_met, look_around
 from haptic_sim.method.rows import add_joints, rate_of, recall, refresh, remember, wished
 from haptic_sim.method.smooth import close_joints
 from haptic_sim.method.touch import place_shapes
@@ -53,6 +53,7 @@ def press(model, layout, work, h):
     free_velocity(model, layout, work, h)
     n = add_joints(model, layout, work, 0, q, v, 1e9, h)
     copy(free, work.trial_v, model.bodies)
+    look_around(model, layout, work)
     for _ in range(PASSES):
         move(model, layout, work, h)
         found = add_met(model, layout, work, n)

@@ -89,11 +89,11 @@ def hold_to_tool(model, layout, work, h):
     place_shapes(model, layout, work, q)
     pull = math.hypot(port[0] - q[0, 0], port[1] - q[0, 1]) + h * math.hypot(port[3], port[4])
     pull += layout.extent[0] * (abs(port[2] - q[0, 2]) + h * abs(port[5])) if port[8] + port[9] > 0.0 else 0.0
-    held, before = 1, 0
-    while held > before:
+    held, before, last = 1, 0, model.pair_count - 1
+    while held > before:  # to and fro: a stack is followed in one sweep, whichever way its pairs are numbered
         before = held
-        for p in range(model.pair_count):
-            held += spread(model, layout, work, p, h, pull)
+        for k in range(2 * model.pair_count):
+            held += spread(model, layout, work, k if k <= last else 2 * last + 1 - k, h, pull)
     return held
 
 
