@@ -35,12 +35,12 @@ def test_a_stored_reference_starts_where_the_scene_does_and_says_how_far_it_may_
     assert "partitioned" in stored.source
 
 
-def test_a_stored_reference_is_made_again_by_its_command():
-    of, stored = case("peg_in_hole"), reference("peg_in_hole")
-    again = make(of._replace(seconds=0.2))
+def test_a_stored_reference_is_made_again_as_near_as_it_says():
+    of, stored = case("corner"), reference("corner")
+    again = make(of._replace(seconds=0.5))
     for body, radius in of.bodies().items():
         short = stored.poses[body][:len(again.poses[body])]
-        assert apart(again.poses[body], short, radius).max() < 1e-9
+        assert apart(again.poses[body], short, radius).max() < stored.doubt
 
 
 @pytest.mark.parametrize(("name", "other", "bound"), [("push_block", "impulse", 2e-2), ("stack", "mujoco_rk4", 2e-3),
