@@ -51,7 +51,7 @@ def test_a_peg_in_a_rigid_hole_has_its_free_play_and_then_nothing_gives(inserted
     clearance = 1e-4
     play = 2.0 * clearance * (0.5 + ABOVE / inserted)
     gains = Coupling(2000.0, 50.0)
-    (x0, f0), (x1, f1) = (pushed(Partitioned(peg(inserted, clearance), H), way, gains) for way in (play + 5e-4, play + 1e-3))
+    (x0, f0), (x1, f1) = (pushed(Partitioned(peg(inserted, clearance), H), play + more, gains) for more in (5e-4, 1e-3))
     assert (x0, x1) == pytest.approx((play, play), rel=0.01)
     assert f1 - f0 == pytest.approx(2000.0 * 5e-4, rel=0.01)
 

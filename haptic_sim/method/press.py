@@ -30,8 +30,8 @@ import math
 
 from haptic_device.whole import part
 from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows
-from haptic_sim.method.impact import RESTING, TOUCHING
-from haptic_sim.method.joints import applied_forces
+from haptic_sim.method.impact import RESTING, TOUCHING, kinetic
+from haptic_sim.method.joints import applied_forces, spring_energy
 from haptic_sim.method.lcp import FREE, FRICTION, NORMAL, solve_modes
 from haptic_sim.method.lemke import lemke
 from haptic_sim.method.linkage import reduce_linkage, respond
@@ -50,6 +50,8 @@ PASSES = 6
 def press(model, layout, work, h):
     """Advances the active linkages by one backward difference of h [s]; sets the force on the tool if it is one."""
     q, v, free = work.q, work.v, work.free_v
+    before = energy_held(model, layout, work)
+    x, y, angle = work.q[0, 0], work.q[0, 1], work.q[0, 2]
     free_velocity(model, layout, work, h)
     n = add_joints(model, layout, work, 0, q, v, 1e9, h)
     copy(free, work.trial_v, model.bodies)
@@ -63,6 +65,12 @@ def press(model, layout, work, h):
         solve(model, layout, work, n, h)
     move(model, layout, work, h)
     finish(model, layout, work, n, h)
+    if work.port[17] == 0.0:
+        port, q = work.port, work.q
+        supplied = port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
+        if work.active[layout.linkage[0]] == 0:
+            supplied = 0.0
+        brake(model, layout, work, before + supplied)
 
 
 @part
@@ -149,6 +157,37 @@ def finish(model, layout, work, n, h):
             settle(model, layout, work, i)
     if n > 0 and port[17] == 0.0:
         push_out(model, layout, work, n)
+
+
+@part
+def energy_held(model, layout, work):
+    """Kinetic energy of the active linkages, their potential energy and that of all springs [J]."""
+    energy = kinetic(model, layout, work, work.v) + spring_energy(model, work.q, work.v, work.row)
+    for b in range(model.bodies - 1):
+        if work.active[layout.linkage[b]] > 0:
+            energy -= model.mass[b] * (model.gravity[0] * work.q[b, 0] + model.gravity[1] * work.q[b, 1])
+    return energy
+
+
+@part
+def brake(model, layout, work, most):
+    """Slows the active linkages down, all alike, if they have gained more energy than `most` [J].
+
+    What puts joints and contacts right after the step moves them against their forces, by an amount of second order;
+    most steps dissipate more than that, and where one does not this takes the difference from the motion. Velocities
+    in one proportion still obey joints and contacts. Motors are there to give energy, and are not stopped so.
+    """
+    for j in range(model.joints):
+        if model.joint_motor[j, 1] > 0.0:
+            return
+    excess, moving = energy_held(model, layout, work) - most, kinetic(model, layout, work, work.v)
+    if excess <= 0.0 or moving <= 0.0:
+        return
+    share = math.sqrt(max(moving - excess, 0.0) / moving)
+    for b in range(model.bodies - 1):
+        if work.active[layout.linkage[b]] > 0:
+            for k in range(3):
+                work.v[b, k] *= share
 
 
 @part
