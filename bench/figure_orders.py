@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from haptic_sim.bench.figure import LOOKS
 from haptic_sim.bench.orders import PROBLEMS, errors, order
@@ -24,6 +25,8 @@ def main(path):
                       label=f"{method}: order {slope:.2f}")
             axes.plot(1e3 * steps, found[-1] * (steps / steps[-1]) ** expected, "-", color=color, linewidth=0.8)
         axes.set(xscale="log", yscale="log", xlabel="step [ms]", ylabel="error [m]", title=problem.what)
+        axes.set_xticks(1e3 * steps, [f"{1e3 * step:.3g}" for step in steps])
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8)
     path.parent.mkdir(parents=True, exist_ok=True)

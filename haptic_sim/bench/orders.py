@@ -39,7 +39,7 @@ PROBLEMS = {
     "rigid_contact": Problem("a rigid wall, met and left", {"partitioned": 1, "closed_form": 1}, FINE),
     "elastic_contact": Problem("a tool pressed on an elastic wall", {"penalty_explicit": 1, "penalty_implicit": 1},
                                FINE),
-    "linkage": Problem("a four-bar linkage let go", {"penalty_explicit": 1, "penalty_implicit": 1}, FINE),
+    "linkage": Problem("a four-bar linkage let go", {"impulse": 1, "penalty_explicit": 1, "penalty_implicit": 1}, FINE),
     "linkage_flight": Problem("a four-bar linkage let go", {"partitioned": 8}, COARSE),
     "sliding_rod": Problem("a rod whose end slides on a floor", {"partitioned": 4}, COARSE),
 }
