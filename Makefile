@@ -37,7 +37,7 @@ $(READY): setup.py setup.cfg constraints.txt
 	  "$$python" -m venv --clear $(VENV); \
 	fi
 	@echo "setup: installing packages into $(VENV) (about a minute the first time)"
-	@if ! $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[ros,test]' 2>&1 \
+	@if ! $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[ros,test,bench]' 2>&1 \
 	  | tee $(VENV)/setup.log | awk '/^ *Collecting / {n++; if (n % 20 == 0) {print "setup: " n " packages found"; fflush()}} \
 	    /^Installing collected/ {print "setup: unpacking"; fflush()}'; then \
 	  grep -E '^ *(ERROR|error):' $(VENV)/setup.log >&2 || tail -n 5 $(VENV)/setup.log >&2; \

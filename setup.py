@@ -14,6 +14,10 @@ ROS = [
     "ros-jazzy-lifecycle-msgs>=2.0",
 ]
 DATAFRAME = ["pandas>=2.2", "polars>=1.0"]
+BENCH = [
+    "Box2D>=2.3.10",
+    "mujoco>=4",
+]
 TEST = [
     "colcon-common-extensions>=0.3",
     "hypothesis>=6.100",
@@ -49,6 +53,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=["haptic_device", "haptic_device.*", "haptic_sim", "haptic_sim.*"]),
+    package_data={"haptic_sim.bench": ["converged/*.csv"]},
     data_files=installed_files(),
     zip_safe=False,
     install_requires=[
@@ -68,7 +73,7 @@ setup(
         "typer>=0.12",
         "zstandard>=0.22",
     ],
-    extras_require={"dataframe": DATAFRAME, "ros": ROS, "test": TEST},
+    extras_require={"bench": BENCH, "dataframe": DATAFRAME, "ros": ROS, "test": TEST},
     entry_points={
         "console_scripts": [
             "haptic = haptic_sim.cli.main:main",

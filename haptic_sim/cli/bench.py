@@ -5,7 +5,12 @@ import importlib
 
 import typer
 
-COMMANDS = {"exchange": "haptic_sim.cli.bench_exchange:exchange"}
+COMMANDS = {
+    "exchange": "haptic_sim.cli.bench_exchange:exchange",
+    "hard-cases": "haptic_sim.cli.bench_hard_cases:hard_cases",
+    "reference": "haptic_sim.cli.bench_speed_error:reference",
+    "speed-error": "haptic_sim.cli.bench_speed_error:speed_error",
+}
 
 
 def group() -> typer.Typer:

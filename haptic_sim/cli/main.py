@@ -19,6 +19,7 @@ COMMANDS = {
     "recover": "haptic_sim.cli.recover:recover",
     "replay": "haptic_sim.cli.replay:replay",
     "report": "haptic_sim.cli.report:report",
+    "scenes": "haptic_sim.cli.scenes:scenes",
     "zwidth": "haptic_sim.cli.zwidth:zwidth",
 }
 GROUPS = ("bench",)  # of subcommands

@@ -4,11 +4,17 @@
 from haptic_device.law.exchange import PARAMETERS as EXCHANGE
 from haptic_device.parameter import Parameter
 from haptic_sim.tool_port import BUDGET
+from haptic_sim.scene import METHODS
+
+AUTO = "auto"
 
 PARAMETERS = (
     Parameter("autostart", True, "", "configure and activate by itself at start"),
-    Parameter("scene", "peg_in_hole", "", "name of a scene in config/scenes, or path of a scene file"),
-    Parameter("sub_step", 0.25e-3, "s", "step of the simulated world", 20e-6, 2e-3),
+    Parameter("scene", "peg_in_hole", "", "a scene in config/scenes, or path of a scene file; ~/load_scene loads it",
+              live=True),
+    Parameter("method", AUTO, "", "simulation method; auto: as the scene asks, or as fits it",
+              choices=(AUTO, *METHODS)),
+    Parameter("sub_step", 0.0, "s", "step of the simulated world; 0: as the scene asks, or as fits it", 0.0, 2e-3),
     Parameter("max_catch_up", 0.02, "s", "gap between handle samples beyond which the world waits", 2e-3, 1.0),
     next(parameter for parameter in EXCHANGE if parameter.name == "exchange.method"),
     Parameter("port_budget", BUDGET, "J", "energy the tool port may supply before any was shipped", 0.0, 10.0),

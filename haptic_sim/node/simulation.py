@@ -5,13 +5,14 @@ import gc
 import statistics
 import sys
 
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from haptic_device.node import wire
 from haptic_device.node.lifecycle import ManagedNode, run
+from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
 from haptic_device.runtime.clock import go_realtime, lift_threads
-from haptic_sim.node.declared import PARAMETERS
+from haptic_sim.node.declared import AUTO, PARAMETERS
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.port import Port
 from haptic_sim.scene import load
@@ -34,13 +35,14 @@ class SimulationNode(ManagedNode):
         self._tool = self.create_publisher(wire.JointState, "tool", wire.LATEST)
         self.create_timer(DIAGNOSTICS_PERIOD, self.diagnose)
         self.create_service(Trigger, "~/reset_scene", self._on_reset_scene)
+        self.create_service(Trigger, "~/load_scene", self._on_load_scene)
+        self.create_service(SetBool, "~/pause", self._on_pause)
+        on_change(self, PARAMETERS, self._accept)
 
     def configure(self) -> None:
         """Loads the scene."""
-        given = self.values
-        lift_threads(given["realtime"], MIDDLEWARE_PRIORITY)
-        port = port_of(given["exchange.method"], given["port_budget"])
-        self.simulation = Simulation(load(given["scene"]), given["sub_step"], given["max_catch_up"], port)
+        lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)
+        self.simulation = self._world()
 
     def activate(self) -> None:
         """Starts answering."""
@@ -64,14 +66,20 @@ class SimulationNode(ManagedNode):
         """Publishes counts, times and results of the active node."""
         if self.exchange is None:
             return
-        values = {"scene": self.simulation.scene.name, **_values(self.exchange)}
+        values = {"scene": self.simulation.scene.name, "method": self.simulation.method_name, **_values(self.exchange)}
         level, message = self._verdict()
         now_ns = self.get_clock().now().nanoseconds
         self._diagnostics.publish(wire.diagnostics(now_ns, self.get_name(), "", level, message, values))
 
     def _verdict(self):
-        known, self._rejoined = self._rejoined, self.exchange.report.counters.rejoined
+        counters = self.exchange.report.counters
+        known, self._rejoined = self._rejoined, counters.rejoined
         rejoined = self._rejoined - known
+        if self.exchange.paused:
+            return "warn", "paused"
+        if left_out := counters.left_out:
+            return "error", (f"{left_out} contacts were left out: there are more at once than the method can solve for; "
+                             "take fewer bodies, or the method impulse")
         if refused := self._refused.sentence(self.exchange.port.refused):
             return "warn", refused
         if not self.exchange.answered:
@@ -80,6 +88,18 @@ class SimulationNode(ManagedNode):
             late = self.values["max_catch_up"] * 1e3
             return "warn", f"the world waited {rejoined} times: handle samples over {late:g} ms apart, or going back"
         return "ok", "answering"
+
+    def _world(self):
+        """A simulation as the parameters now say, at the tool port that there is."""
+        given = self.values
+        port = self.simulation.port if self.simulation else port_of(given["exchange.method"], given["port_budget"])
+        method = None if given["method"] == AUTO else given["method"]
+        return Simulation(load(given["scene"]), given["sub_step"] or None, given["max_catch_up"], method, port)
+
+    def _accept(self, values):
+        """The parameter `scene` names what load_scene loads next; one that cannot be read is refused here."""
+        load(values["scene"])
+        self.values = values
 
     def _prepare(self):
         sys.setswitchinterval(GIL_SWITCH)
@@ -94,6 +114,26 @@ class SimulationNode(ManagedNode):
             self.simulation.reset()
             response.success = True
         response.message = "scene is at its start" if response.success else "there is no scene that answers"
+        return response
+
+    def _on_load_scene(self, request, response):
+        try:
+            world = self._world()
+        except (ValueError, OSError) as refusal:
+            response.success, response.message = False, str(refusal)
+            return response
+        response.success = self.exchange is None or self.exchange.load(world)
+        if response.success:
+            self.simulation = world
+        response.message = f"scene is {world.scene.name}" if response.success else "the exchange does not answer"
+        return response
+
+    def _on_pause(self, request, response):
+        response.success = self.exchange is not None
+        if response.success:
+            self.exchange.pause(request.data)
+        state = "paused" if request.data else "goes on"
+        response.message = state if response.success else "there is no scene that answers"
         return response
 
 
@@ -111,6 +151,7 @@ def _values(exchange):
         "compute_us_max": times[-1] / 1e3,
         "max_contact_force": report.counters.max_contact_force,
         "max_penetration": report.counters.max_penetration,
+        "contacts_left_out": report.counters.left_out,
         "tool_port_energy": report.energy,
         **{f"result.{name}": value for name, value in report.result.items()},
     }
