@@ -3,8 +3,8 @@
 
 from haptic_device.law.exchange import PARAMETERS as EXCHANGE
 from haptic_device.parameter import Parameter
-from haptic_sim.tool_port import BUDGET
 from haptic_sim.scene import METHODS
+from haptic_sim.tool_port import BUDGET
 
 AUTO = "auto"
 

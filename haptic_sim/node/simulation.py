@@ -78,7 +78,7 @@ class SimulationNode(ManagedNode):
         if self.exchange.paused:
             return "warn", "paused"
         if left_out := counters.left_out:
-            return "error", (f"{left_out} contacts were left out: there are more at once than the method can solve for; "
+            return "error", (f"{left_out} contacts were left out: more at once than the method can solve for; "
                              "take fewer bodies, or the method impulse")
         if refused := self._refused.sentence(self.exchange.port.refused):
             return "warn", refused
