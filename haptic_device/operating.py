@@ -115,9 +115,12 @@ def _set_exchange(settings, values):
 
 def surplus(settings, lateness):
     """Damping [N s/m | N m s/rad] of each axis that no gain needs, whatever the direction: by Gershgorin's bound."""
-    left = np.diag(settings["physical_damping"]) - _needs(settings, lateness)
-    crossed = np.sum(np.abs(left), axis=1) - np.abs(np.diag(left))
-    return np.maximum(0.0, np.diag(left) - crossed)
+    worst = np.array(settings["physical_damping"], float)
+    for need in _needs(settings, lateness):
+        left = np.diag(settings["physical_damping"]) - need
+        crossed = np.sum(np.abs(left), axis=1) - np.abs(np.diag(left))
+        worst = np.minimum(worst, np.diag(left) - crossed)
+    return np.maximum(0.0, worst)
 
 
 def margins(settings, lateness):
