@@ -17,7 +17,7 @@ TOUCHING = 1e-12  # m; gap up to which the direct solver takes two shapes for to
 TURNS = [(0.0, 0.0), (0.7, 0.37), (2.9, 0.81)]  # angle of the whole plane [rad], phase of the contact in sub-steps
 SECONDS = {"collinear_1e3": 0.06, "collinear_1e6": 0.06, "falling_rod": 0.05, "handle_jump": 0.15, "slider_stop": 0.2,
            "thin_plate": 0.02, "painleve_rod": 0.3, "zeno_ball": 1.5, "peg_tight": 3.6, "peg_jammed": 2.4,
-           "peg_wedged": 2.4, "spinning_wrench": 3.0, "four_bar_singular": 3.4}
+           "peg_wedged": 2.4, "peg_in_hole": 3.6, "spinning_wrench": 3.0, "four_bar_singular": 3.4}
 STIFF = (100.0 * 0.1 / 0.25e-3**2, 0.0, 100.0 * 6.7e-6 / 0.25e-3**2, 0.0)  # 100 m/h², undamped
 HARD = ["collinear_1e3", "collinear_1e6", "corner_overlap", "falling_rod", "four_bar_singular", "handle_jump",
         "heavy_on_light_1e3", "heavy_on_light_1e6", "light_tool", "painleve_rod", "peg_jammed", "peg_tight",
@@ -127,3 +127,13 @@ def test_more_contacts_than_can_be_solved_for_are_counted_not_passed_over():
     scene = Scene.model_validate({"name": "crowd", "gravity": [0.0, -9.81], "materials": {"m": {"friction": 0.3}},
                                   "method": "partitioned", "bodies": [floor, *crowd], "tool": tool})
     assert attempt(scene, 0.002).simulation.counters.left_out > 0
+
+
+@pytest.mark.parametrize(("angle", "phase"), TURNS)
+@pytest.mark.parametrize("name", ["corner", "peg_in_hole"])
+def test_the_impulse_method_overlaps_by_micrometres_and_gains_no_more_than_pushing_that_out_takes(name, angle, phase):
+    outcome = tried(name, angle, phase)
+    counters = outcome.simulation.counters
+    assert outcome.finite and outcome.simulation.method_name == "impulse"
+    assert outcome.overlap <= OVERLAP
+    assert outcome.created <= counters.max_contact_force * counters.max_penetration
