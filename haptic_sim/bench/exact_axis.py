@@ -8,6 +8,7 @@ solved by the matrix exponential; events (stop met or left, sliding begun or end
 method to rounding.
 """
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -117,14 +118,19 @@ def _push(axis, state, hand):
 
 
 def _moved(axis, state, mode, hand, time):
-    """State after `time` [s]: exponential of the system with place and rate of the hand as four more states."""
+    """State after `time` [s]; place and rate of the hand, their slopes and the force are five more states."""
     if mode[0] == "hold":
         return state
-    force = axis.force - mode[1] * axis.friction
-    k, b = axis.stiffness / axis.mass, axis.damping / axis.mass
+    force = (axis.force - mode[1] * axis.friction) / axis.mass
+    return _transition(axis.stiffness / axis.mass, axis.damping / axis.mass, float(time)) @ [
+        *state, *hand[0], *hand[1], force]
+
+
+@functools.lru_cache(maxsize=256)
+def _transition(k, b, time):
+    """The two rows that matter of the exponential; the same few times come back in every piece."""
     system = np.zeros((7, 7))
     system[0, 1] = 1.0
     system[1] = -k, -b, k, b, 0.0, 0.0, 1.0
     system[2, 4] = system[3, 5] = 1.0
-    whole = expm(time * system) @ [*state, *hand[0], *hand[1], force / axis.mass]
-    return whole[:2]
+    return expm(time * system)[:2]

@@ -109,12 +109,14 @@ def solve_linear(work, n, share):
             free[m] = r
             m += 1
     for i in range(m):
+        work.bottom[i] = i
+    for i in range(m):
         r = free[i]
         work.last[i] = i
         for k in range(m):
             S[i, k] = A[r, free[k]]
             if S[i, k] != 0.0:
-                work.last[i] = max(work.last[i], k)
+                work.last[i], work.bottom[k] = max(work.last[i], k), max(work.bottom[k], i)
         S[i, i] += SOFT * A[r, r]
         S[i, m] = -work.b[r]
     for r in range(n):
@@ -141,19 +143,21 @@ def carry(work, r, m, share, sense):
         S[i, m] -= A[free[i], r] * sense * share * work.bound[r]
         if seen:
             S[i, work.column[normal]] += A[free[i], r] * sense * share * work.mu[r]
-            work.last[i] = max(work.last[i], work.column[normal])
+            c = work.column[normal]
+            work.last[i], work.bottom[c] = max(work.last[i], c), max(work.bottom[c], i)
 
 
 @part
 def gauss(work, m):
     """Solves S[:m, :m] x = S[:m, m] in place; x ends in the last column. False if a pivot is zero.
 
-    Row i is zero beyond column work.last[i]: contacts that share no body do not know each other, so S is a band.
+    Row i is zero beyond column work.last[i], column k below row work.bottom[k]: contacts that share no body do not know
+    each other, so S is a band.
     """
-    S, last = work.system, work.last
+    S, last, low = work.system, work.last, 0
     for k in range(m):
-        at = k
-        for i in range(k + 1, m):
+        at, low = k, max(low, work.bottom[k])
+        for i in range(k + 1, low + 1):
             if abs(S[i, k]) > abs(S[at, k]):
                 at = i
         if S[at, k] == 0.0:
@@ -161,7 +165,7 @@ def gauss(work, m):
         if at != k:
             swap_rows(work, k, at, m)
         scale = 1.0 / S[k, k]
-        for i in range(k + 1, m):
+        for i in range(k + 1, low + 1):
             part_ = S[i, k] * scale
             if part_ != 0.0:
                 for c in range(k + 1, last[k] + 1):

@@ -31,7 +31,7 @@ _WHOLE = {
     "joint_kind", "joint_bodies", "pair_bodies", "linkage", "place_in", "body_start", "order", "joint_start",
     "joint_order", "active", "freedoms", "dependent", "pivot", "features", "row_a", "row_b", "kind", "partner",
     "source", "index", "key", "old_key", "mode", "old_mode", "feature", "free", "column", "basis", "note_key",
-    "note_pair", "counts", "flying", "moving", "last", "met",
+    "note_pair", "counts", "flying", "moving", "last", "bottom", "met",
 }
 
 MODEL = np.dtype(_fields(
@@ -54,7 +54,7 @@ WORK = np.dtype(_fields(
     row_a=_r, row_b=_r, kind=_r, partner=_r, mu=_r, bound=_r, source=_r, index=_r, key=_r, old_key=_r, mode=_r,
     old_mode=_r, feature=(_r, 4), G=(_r, 6), gamma=_r, gap=_r, place=(_r, 2), b=_r, lam=_r, forces=_r,
     response=(_r, _n, 3), A=(_r, _r), system=(_r, _r + 1), free=_r, column=_r, free_v=(_n, 3), answer=(_n, 3),
-    tableau=2 * _z * (_z + 1), basis=_z, z=_z, last=_r, around=(_s, 2), met=_p,
+    tableau=2 * _z * (_z + 1), basis=_z, z=_z, last=_r, bottom=_r, around=(_s, 2), met=_p,
     note=(_r, 9), note_key=_r, note_pair=_r, counts=5, port=19,
 ))
 """`note`: contacts of the last step, each place (2), normal (2), impulse on b (2), overlap, force
