@@ -183,7 +183,11 @@ def _take_waves(settings, memory, row):
 
 @kernel
 def _receive_waves(settings, memory, row):
-    """Adds what has come since the last sample that counted to what is still to be played."""
+    """Adds what has come since the last sample that counted to what is still to be played.
+
+    It is played at the pace of the stamps, as late as the oldest sample of late: so an even stream stays even however
+    unevenly it comes, and a ripple, which takes energy that was never sent, does not arise.
+    """
     if row.tool_session != memory.tool_session:
         memory.tool_session, memory.tool_energy = row.tool_session, row.tool_energy
         for i in range(int(settings.axes)):
