@@ -183,7 +183,11 @@ def _take_waves(settings, memory, row):
 
 @kernel
 def _receive_waves(settings, memory, row):
-    """Adds what has come since the last sample that counted to what is still to be played."""
+    """Adds what has come since the last sample that counted to what is still to be played.
+
+    It is played at the pace of the stamps, as late as the oldest sample of late: so an even stream stays even however
+    unevenly it comes, and a ripple, which takes energy that was never sent, does not arise.
+    """
     if row.tool_session != memory.tool_session:
         memory.tool_session, memory.tool_energy = row.tool_session, row.tool_energy
         for i in range(int(settings.axes)):
@@ -192,12 +196,12 @@ def _receive_waves(settings, memory, row):
     memory.wave_store += back
     memory.returned += back
     memory.tool_energy = max(memory.tool_energy, row.tool_energy)
+    memory.oldest = max(memory.oldest, row.tool_age)
     if row.tool_answered == memory.tool_answered:
         return
-    gap = (row.latched - memory.answered_at) * 1e-9 if memory.answered_at > 0.0 else 0.0
-    memory.gap = max(wave.FORGET * memory.gap, gap)
-    memory.tool_answered, memory.answered_at = row.tool_answered, row.latched
-    time = max(settings.exchange_play, wave.TURNS * memory.gap)
+    memory.oldest = max(row.tool_age, wave.FORGET * memory.oldest) if memory.tool_answered > 0.0 else row.tool_age
+    memory.tool_answered = row.tool_answered
+    time = max(settings.exchange_play, memory.oldest - row.tool_age)
     for i in range(int(settings.axes)):
         memory.pending[i] += row.tool_effort[i] - memory.come[i]
         memory.come[i] = row.tool_effort[i]
