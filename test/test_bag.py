@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 
 from haptic_device.analysis.recording import load
 from haptic_device.mcapfile import Records
-from haptic_device.node import bag as bag_module
+from haptic_device.node import bag_file
 from haptic_device.node.bag import RESERVE, RESERVE_BYTES, Bag
 from haptic_device.node.bag_index import complete
 from haptic_device.node.recovery import recovered
@@ -94,7 +94,7 @@ def fills_at(capacity, folder, monkeypatch):
         written += count
         return count
 
-    monkeypatch.setattr(bag_module.os, "write", write)
+    monkeypatch.setattr(bag_file.os, "write", write)
 
 
 @settings(deadline=None, max_examples=15)

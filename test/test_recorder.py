@@ -49,7 +49,7 @@ def recorder(bag, **parameters) -> Program:
     return Program("haptic_recorder", "haptic_device.node.recorder", {"bag": str(bag), **parameters})
 
 
-def wait_for(condition, seconds: float = 20.0) -> None:
+def wait_for(condition, seconds: float = 60.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "what was waited for did not come"
@@ -247,7 +247,7 @@ def test_a_field_without_a_value_is_refused_in_a_sentence(domain, tmp_path):
     assert ended.returncode == 1 and "'left'; write name=value" in ended.stderr and "Traceback" not in ended.stderr
 
 
-def flood(node, seconds=60.0):
+def flood(node, seconds=90.0):
     """Publishes what does not compress until told."""
     publisher = node.create_publisher(JointState, "encoder", BEST_EFFORT)
     wait_for(lambda: publisher.get_subscription_count() > 0)

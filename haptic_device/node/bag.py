@@ -9,17 +9,14 @@ Each file holds all schemas, channels and attachments, so that it can be read al
 import os
 from pathlib import Path
 
-from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from haptic_device.node.bag_file import BagFile
 from haptic_device.node.bag_index import complete
 from haptic_device.node.bag_information import FileSpan, dump, information, write_metadata
 
-CHUNK_BYTES = 512 * 1024
 RESERVE_BYTES = 4 * 2**20  # given back when the disk is full, so that there is room to end the bag
 RESERVE = ".reserve"
-_UINT32 = 0xFFFFFFFF
-_FUTURE = 2**63
 
 
 class Bag:
@@ -45,7 +42,7 @@ class Bag:
     def attach(self, name: str, media_type: str, data: bytes, now: int) -> None:
         """Adds a file to the bag, or its newer state; now in ns of the system clock."""
         self._attachments[name] = media_type, data, now
-        self._writer.add_attachment(now, now, name, media_type, data)
+        self._file.attach(name, media_type, data, now)
 
     def add_topic(self, name: str, type_name: str, offered_qos: list[dict]) -> int:
         """Registers a topic, returns its channel. Raises ValueError for a type that Jazzy's common messages lack."""
@@ -63,37 +60,34 @@ class Bag:
     def write(self, channel: int, data: bytes, received: int, published: int, sequence: int) -> None:
         """Adds one serialized message; times in ns of the system clock. Raises OSError as flush does."""
         self._counts[channel - 1] += 1
-        self._first, self._last = min(self._first, received), max(self._last, received)
-        self._count += 1
-        self._writer.add_message(channel, received, data, published, sequence & _UINT32)
+        self._file.add_message(channel, data, received, published, sequence)
 
     def flush(self) -> None:
         """Hands everything written so far to the operating system, as a whole chunk; splits if it is time to.
 
         Raises OSError if the disk does not take it; `abandon` then ends the bag.
         """
-        self._writer.flush()
-        self._note_span()
+        self._file.flush()
         self._keep()
-        span = self._files[-1]
-        large = 0 < self._split_bytes <= self._stream.tell()
+        span = self._file.span
+        large = 0 < self._split_bytes <= self._file.size
         if span.messages and (large or 0 < self._split_ns <= span.last - span.first):
-            self._end_file()
+            self._file.finish({})
             self._begin_file()
 
     def close(self, custom_data: dict[str, str]) -> None:
         """Ends the file, then writes metadata.yaml, complete or not at all."""
         (self.folder / RESERVE).unlink(missing_ok=True)
-        self._note_span()
+        self._file.flush()
+        self._keep()
         content = information(self._files, self._topics, self._counts, custom_data)
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": dump(content)})
-        self._end_file()
+        self._file.finish({"rosbag2": {"serialized_metadata": dump(content)}})
         write_metadata(self.folder, content)
 
     def abandon(self, custom_data: dict[str, str]) -> None:
         """Ends a bag that the disk no longer takes: with the chunks that are on it, in the room held in reserve."""
         (self.folder / RESERVE).unlink(missing_ok=True)
-        self._stream.close()
+        self._file.close()
         size, counts, files = self._kept
         for file in self._files[len(files) :]:  # one that the disk had no room to begin
             (self.folder / file.name).unlink(missing_ok=True)
@@ -102,38 +96,27 @@ class Bag:
         complete(self.folder / files[-1].name)
         write_metadata(self.folder, information(self._files, self._topics, self._counts, custom_data))
 
-    def _note_span(self) -> None:
-        """The present file's span as it is by now."""
-        if self._count:
-            self._files[-1] = FileSpan(self._files[-1].name, self._first, self._last, self._count)
-
     def _begin_file(self) -> None:
-        self._first, self._last, self._count = _FUTURE, 0, 0
         self._files.append(FileSpan(f"{self.folder.name}_{len(self._files)}.mcap"))
         self._schemas: dict[str, int] = {}
-        self._stream = _Stream(self.folder / self._files[-1].name)
-        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._writer.start(profile="ros2", library="haptic_display")
+        self._file = BagFile(self.folder / self._files[-1].name)
         self._keep()
         for name, (media_type, data, now) in self._attachments.items():
-            self._writer.add_attachment(now, now, name, media_type, data)
+            self._file.attach(name, media_type, data, now)
         for topic in self._topics:
             self._register(topic)
 
     def _keep(self) -> None:
         """What is on the disk now stays, whatever happens next."""
-        self._kept = self._stream.tell(), list(self._counts), list(self._files)
-
-    def _end_file(self) -> None:
-        self._writer.finish()
-        self._stream.close()
+        self._files[-1] = self._file.span
+        self._kept = self._file.size, list(self._counts), list(self._files)
 
     def _register(self, topic: dict) -> int:
         metadata = {
             "offered_qos_profiles": dump(topic["offered_qos_profiles"]),
             "topic_type_hash": topic["type_description_hash"],
         }
-        return self._writer.register_channel(topic["name"], "cdr", self._schema(topic["type"]), metadata)
+        return self._file.add_channel(topic["name"], self._schema(topic["type"]), metadata)
 
     def _type_hash(self, topic: str, type_name: str) -> str:
         try:
@@ -144,34 +127,8 @@ class Bag:
     def _schema(self, type_name: str) -> int:
         if type_name not in self._schemas:
             definition, _ = self._types.generate_msgdef(type_name, ros_version=2)
-            self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", definition.encode())
+            self._schemas[type_name] = self._file.add_schema(type_name, definition.encode())
         return self._schemas[type_name]
-
-
-class _Stream:
-    """A new file that buffers nothing: what write has returned from is the operating system's."""
-
-    def __init__(self, path: Path):
-        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        self._size = 0
-
-    def write(self, data: bytes) -> int:
-        left = memoryview(data)
-        while left:
-            count = os.write(self._descriptor, left)
-            self._size, left = self._size + count, left[count:]
-        return len(data)
-
-    def tell(self) -> int:
-        return self._size
-
-    def flush(self) -> None:
-        """Nothing is held back."""
-
-    def close(self) -> None:
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-        self._descriptor = -1
 
 
 def _prepare(folder: Path) -> None:

@@ -134,11 +134,11 @@ class Recorder(Node):
         try:
             for track in self.tracks.values():
                 self._take(track)
+            self._close(self.bag, Bag.close)
         except OSError as error:
             self._end(f"the bag could not be written: {error.strerror}", Bag.abandon)
             return
         bag, self.bag = self.bag, None
-        self._close(bag, Bag.close)
         self.get_logger().info(f"{bag.messages} messages in {bag.folder}")
 
     def _open(self) -> Bag:
