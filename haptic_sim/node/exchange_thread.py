@@ -16,7 +16,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from haptic_device.node.tap import Untouched
 from haptic_device.node.wire import LATEST, JointState
 from haptic_sim.node.port import Port
-from haptic_sim.simulation import Counters, HandleSample, Simulation
+from haptic_sim.simulation import Counters, Simulation
 
 LOOK_UP_NS = 50_000_000  # longest time it does not look at what others ask of it
 SILENCE_NS = 250_000_000  # hides a change of the world: by default the driver's coupling has let go after 0.2 s
@@ -150,7 +150,9 @@ class ExchangeThread:
     def _faded(self, handle, now_ns):
         """The handle sample with gains that return linearly after a silence."""
         missing = (self._returned_ns - now_ns) / RETURN_NS
-        return handle if missing <= 0.0 else HandleSample(*handle[:3], *((1.0 - missing) * gain for gain in handle[3:]))
+        if missing <= 0.0:
+            return handle
+        return handle._replace(**{name: (1.0 - missing) * gain for name, gain in handle.gains._asdict().items()})
 
     def _grant(self):
         wish, self._wish = self._wish, None
