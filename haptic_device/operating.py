@@ -18,7 +18,6 @@ from haptic_device.law import (
     plant,
     servo,
     wall,
-    wave,
 )
 from haptic_device.runtime.exchange import GAINS
 
@@ -104,7 +103,7 @@ def settings_from(device, values, version=0):
 def _set_exchange(settings, values):
     """Settings of the exchange that follow from others."""
     settings["exchange_method"] = exchange.METHODS.index(values["exchange.method"])
-    settings["exchange_play"] = max(2.0 / values["servo.rate"], wave.TURNS / values["exchange.rate"])
+    settings["exchange_play"] = max(2.0 / values["servo.rate"], 1.0 / values["exchange.rate"])
     held = settings["device_limit"] - np.abs(settings["gravity"])
     settings["coupling_limit"] = np.maximum(0.0, np.minimum(settings["force_limit"], held / settings["scale"]))
     ratio = values["force.limit_rotational"] / values["force.limit"] if values["force.limit"] > 0.0 else 1.0

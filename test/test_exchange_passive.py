@@ -158,15 +158,17 @@ def test_a_late_tool_follows_the_handle_as_closely_as_the_reference(late, limit)
 @pytest.mark.parametrize("method", PASSIVE)
 def test_a_wall_behind_a_bad_network_is_steady_and_passive_and_direct_exchange_is_not(method):
     network = Network(0.02, 0.01, 0.1, 3)
-    motion = {"start": [0.03, 0.0, 0.0], "target": [0.004, 0.0, 0.0], "duration": 3.0}
+    motion = {"start": [0.03, 0.0, 0.0], "target": [0.004, 0.0, 0.0], "duration": 6.0}
     system, direct = (demo_system(name, "wall", network, motion) for name in (method, "direct"))
-    rows = system.run(1.9)
+    rows = system.run(4.3)
     assert system.plant_memory["energy_given"][0] <= BOUND
-    end = rows[-400:]
-    force, stretch = end.force_coupling[:, 0], end.tool_position[:, 0] - end.position[:, 0]
-    assert np.ptp(force) < 0.5
-    if method == "pspm":  # waves whose delay varies lose what they hold (docs/exchange.md)
-        assert np.mean(force) == pytest.approx(2000.0 * np.mean(stretch), rel=0.05)
+    before, end = rows[-6000:-4000].force_coupling[:, 0], rows[-2000:].force_coupling[:, 0]
+    assert np.ptp(end) < np.ptp(before) + 0.2  # [N] nothing that grows
+    assert np.mean(end) == pytest.approx(np.mean(before), rel=0.05)  # nothing that drifts
+    assert np.mean(end) > 1.0
+    if method == "pspm":
+        stretch = rows[-2000:].tool_position[:, 0] - rows[-2000:].position[:, 0]
+        assert np.ptp(end) < 0.1 and np.mean(end) == pytest.approx(2000.0 * np.mean(stretch), rel=0.05)
     direct.run(1.9)
     assert direct.plant_memory["energy_given"][0] > 0.1
 

@@ -194,12 +194,12 @@ def _receive_waves(settings, memory, row):
     memory.wave_store += back
     memory.returned += back
     memory.tool_energy = max(memory.tool_energy, row.tool_energy)
+    memory.oldest = max(memory.oldest, row.tool_age)
     if row.tool_answered == memory.tool_answered:
         return
-    gap = (row.latched - memory.answered_at) * 1e-9 if memory.answered_at > 0.0 else 0.0
-    memory.gap = max(wave.FORGET * memory.gap, gap)
-    memory.tool_answered, memory.answered_at = row.tool_answered, row.latched
-    time = max(settings.exchange_play, wave.TURNS * memory.gap)
+    memory.oldest = max(row.tool_age, wave.FORGET * memory.oldest) if memory.tool_answered > 0.0 else row.tool_age
+    memory.tool_answered = row.tool_answered
+    time = max(settings.exchange_play, memory.oldest - row.tool_age)
     for i in range(int(settings.axes)):
         memory.pending[i] += row.tool_effort[i] - memory.come[i]
         memory.come[i] = row.tool_effort[i]

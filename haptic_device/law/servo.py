@@ -111,7 +111,7 @@ MEMORY = _columns(
     *("filled", "version", "tank", "shipped", "returned", "tool_session", "tool_energy", "shortened"),
     *("set*", "set_velocity*", "own_velocity*", "goal*", "stretch*", "stretched*"),
     *("midpoint*", "window_from*", "window_start", "window_holds", "counted*", "latched_before", "hold_before"),
-    *("tool_answered", "answered_at", "gap", "rate*", "wave*", "wave_store", "pending*", "come*", "sent*"),
+    *("tool_answered", "oldest", "rate*", "wave*", "wave_store", "pending*", "come*", "sent*"),
 )
 
 FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor

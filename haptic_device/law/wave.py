@@ -22,8 +22,7 @@ import math
 from haptic_device.kernel import kernel
 
 IMPEDANCE_TIME = 0.004  # [s] z = K · this: the line is as stiff as the coupling at a delay of this length
-TURNS = 1.5  # what has come is played over this many of the longest gaps of late
-FORGET = 0.98  # from sample to sample, of the longest gap
+FORGET = 0.99995  # from sample to sample, of the oldest that one of late became before the next came
 LEAST = 1e-3  # [N s/m] impedance where there is no stiffness
 
 
