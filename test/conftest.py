@@ -7,10 +7,6 @@ import subprocess
 import domain_coordinator
 import hypothesis
 import pytest
-from hypothesis import settings
-
-settings.register_profile("any machine", deadline=None)  # the first example compiles a kernel, on a busy machine slowly
-settings.load_profile("any machine")
 
 hypothesis.settings.register_profile("project", deadline=None)  # the first call of a kernel may compile it
 hypothesis.settings.load_profile("project")

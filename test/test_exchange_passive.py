@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_device.analysis import exchange_search as adversary
-from haptic_device.law import servo
+from haptic_device.law import engage, servo
 from haptic_sim.lockstep import Network
 from haptic_sim.scene import load
 from haptic_sim.simulation import HandleSample, Simulation
@@ -62,6 +62,32 @@ def test_what_an_encoder_step_hides_is_paid_for(method):
     against = adversary.Adversary(coulomb=2000.0 * step / 2.0, reach=0.1, books=1)
     at_its_ends = given["coupling_limit"][0, 0] * step / 2.0
     assert adversary.search(given, against, evaluations=2000, seed=4).overcredit <= at_its_ends
+
+
+def held_still(given, ages):
+    """Tank [J] before and after ticks at rest 4 mm from a tool of these ages, and the force [N] before."""
+    (memory, row), step = adversary.engaged(), given["position_per_count"][0, 0]
+    for k, age in enumerate([0.0, *ages]):
+        row["latched"] = row["deadline"] = (k + 1) * given["period"][0] * 1e9
+        row["command"], row["device_status"], row["counts"][0] = engage.ENABLE, servo.FRESH, round(-0.004 / step)
+        row["tool_session"], row["tool_answered"], row["tool_contact"], row["tool_age"] = 1.0, k + 1.0, 1.0, age
+        servo.tick(given[0], memory[0], row[0])
+        if k == 0:
+            memory["set"][0, 0] = 0.0  # as after a press that the tank has paid
+            memory["tank"] = 0.5 * given["exchange_tank"][0]
+            memory["stretched"][0, 0] = 0.004
+        if k == 1:
+            before, force = memory["tank"][0], row["force_on_handle"][0, 0]
+    return before, memory["tank"][0], force
+
+
+def test_fading_and_returning_costs_what_an_encoder_step_hides_of_its_change_of_force():
+    given, step = one_axis("pspm", 2000.0, 2.0, 0.25e-3), 5e-6
+    given["position_per_count"][:, 0] = step
+    half = 0.06 + 0.07  # [s] age at which half of the force is left
+    before, after, force = held_still(given, [0.0, *[half] * 10, *[0.0] * 400])
+    assert force == pytest.approx(8.0, rel=0.01)
+    assert before - after == pytest.approx(2.0 * 0.5 * force * step / 2.0, rel=0.02)
 
 
 @pytest.mark.parametrize("late", [adversary.FREE, 1, 20])

@@ -58,7 +58,9 @@ def settle(settings, memory, row):
             memory.tank += coupling.spring_store(memory.spring[i], memory.clamp[i], stretch)
             memory.tank -= coupling.spring_store(stiffness, limit, stretch)
             own = abs(stretch - memory.stretched[i]) - settings.scale[i] * abs(memory.moved[i])
+            full = coupling.spring_force(settings.stiffness[i], settings.coupling_limit[i], stretch)
             change = stiffness * max(0.0, own) + abs(push - memory.push[i])
+            change += abs((factor - memory.factor_held) * full)
             memory.tank -= tank.hidden_energy(settings, i, change)
             memory.push[i], memory.stretched[i] = push, stretch
         memory.spring[i], memory.clamp[i] = stiffness, limit

@@ -108,7 +108,7 @@ MEMORY = _columns(
         "injections",
     ),
     *("factor", "factor_held", "spring*", "clamp*", "push*", "mixed*", "let_go"),  # of the coupling
-    *("filled", "tank", "shipped", "returned", "tool_session", "tool_energy", "shortened"),
+    *("filled", "version", "tank", "shipped", "returned", "tool_session", "tool_energy", "shortened"),
     *("set*", "set_velocity*", "own_velocity*", "goal*", "stretch*", "stretched*"),
     *("midpoint*", "window_from*", "window_start", "window_holds", "counted*", "latched_before", "hold_before"),
     *("tool_answered", "oldest", "rate*", "wave*", "wave_store", "pending*", "come*", "sent*"),

@@ -24,12 +24,13 @@ def fill(settings, memory, row):
     for i in range(int(settings.axes)):
         drawn = memory.push[i] * settings.scale[i] * memory.moved[i]
         memory.tank -= max(0.0, drawn) if memory.limited[i] else drawn  # a force at its limit took less than it says
-    if max(hold, memory.hold_before) > LONG * settings.period:
+    regained = settings.version != memory.version  # damper and surplus of the hold that ends are not these
+    if regained or max(hold, memory.hold_before) > LONG * settings.period:
         _charge_long_hold(settings, memory, hold)
         _open_window(settings, memory, row)
     else:
         _count_dissipated(settings, memory, row)
-    memory.latched_before, memory.hold_before = row.latched, hold
+    memory.latched_before, memory.hold_before, memory.version = row.latched, hold, settings.version
 
 
 @kernel
@@ -43,7 +44,11 @@ def _open_window(settings, memory, row):
 
 @kernel
 def _charge_long_hold(settings, memory, hold):
-    """What the handle may have gained over the hold of a missed tick, beyond what the damper took for certain."""
+    """What the handle may have gained over the hold of a missed tick, beyond what the damper took for certain.
+
+    Over one between old and new gains too: it needs κT/2 of the old and half of either damper, and no old gains need
+    more than b.
+    """
     if hold <= 0.0:
         return
     for i in range(int(settings.axes)):
@@ -103,9 +108,10 @@ def pay(settings, memory, row):
 @kernel
 def reserve(settings, memory):
     """Energy [J] that half an encoder step may hide of a tick's fastest changes of force, and of dropping the push."""
-    hidden = 0.0
+    hidden, risen = 0.0, abs(memory.factor - memory.factor_held)
     for i in range(int(settings.axes)):
         change = (1.0 + DAMPER_SLEW) * settings.exchange_slew[i] * settings.period + abs(memory.push[i])
+        change += risen * settings.coupling_limit[i]
         hidden += hidden_energy(settings, i, change)
     return hidden
 

@@ -24,6 +24,7 @@ PATIENT = {"exchange.hold": 0.5, "exchange.fade": 0.5}  # a study of long delays
 PRESS = {"motion.name": "press_wall", "motion.start": (0.03, 0.0, 0.0), "motion.target": (0.005, 0.0, 0.0)}
 CIRCLE = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.radius": 0.03, "motion.turns": 3.0}
 SECONDS = 3.0
+_DELAYS, _RATES = "Round trip (ms) [0 1 2 5 10 20 50 100].", "Handle samples a second [1000]."
 TURNING = 2.0 * np.pi * 3.0 / (0.9 * SECONDS)  # [rad/s] between easing in and out
 
 
@@ -57,10 +58,10 @@ class Figures(NamedTuple):
 
 def exchange(
     method: Annotated[list[str] | None, typer.Option(help="Exchange method; may be repeated [all].")] = None,
-    delay: Annotated[list[float] | None, typer.Option(help="Round trip (ms) [0 1 2 5 10 20 50 100].")] = None,
+    delay: Annotated[list[float] | None, typer.Option(help=_DELAYS, min=0.0, max=2000.0)] = None,
     jitter: Annotated[float, typer.Option(help="Uniform jitter, ± share of the delay.", min=0.0, max=1.0)] = 0.0,
-    loss: Annotated[list[float] | None, typer.Option(help="Share of turns lost [0].")] = None,
-    rate: Annotated[list[float] | None, typer.Option(help="Handle samples a second [1000].")] = None,
+    loss: Annotated[list[float] | None, typer.Option(help="Share of turns lost [0].", min=0.0, max=1.0)] = None,
+    rate: Annotated[list[float] | None, typer.Option(help=_RATES, min=100.0, max=2000.0)] = None,
     params: Annotated[str, typer.Option(help="Operating point: a name in config or a YAML file.")] = "demo",
     plot: Annotated[Path | None, typer.Option(help="Write the figure to this PNG file.")] = None,
     table: Annotated[Path | None, typer.Option("--csv", help="Write the figures to this CSV file.")] = None,
