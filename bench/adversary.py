@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Searches handle paths for energy on both sides of each bound: python bench/adversary.py [STARTS]."""
+"""Searches handle paths for energy on both sides of each bound.
+
+usage: OPENBLAS_NUM_THREADS=1 python bench/adversary.py [STARTS]   (threads only wait for one another here)
+"""
 
 import sys
 
