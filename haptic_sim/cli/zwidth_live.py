@@ -79,8 +79,8 @@ class Live:
 
 def measure(device, path, rate, damping, stiffness_max, domain, namespace):
     """Figures of the display, live and in lock-step. Raises ValueError, NodeDiedError."""
-    nodes = pair(path, rate)
-    with running(domain, namespace, *nodes) as (number, room, check), contextlib.closing(Tuning(number, room)) as tuning:
+    told = pair(path, rate)
+    with running(domain, namespace, *told) as (number, room, check), contextlib.closing(Tuning(number, room)) as tuning:
         tuning.wait_engaged(check)
         with tuning.as_found(TOUCHED):
             rate = float(tuning.get(["servo.rate"])["servo.rate"])
