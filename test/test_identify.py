@@ -17,7 +17,7 @@ from haptic_device.law import engage, operator, plant, servo
 from haptic_device.runtime import loop
 from haptic_sim.cli.identify import identify as command
 from haptic_sim.cli.identify import write
-from haptic_sim.cli.shaking import _shake, _unbroken
+from haptic_sim.cli.shaking import shake_handle, unbroken
 
 
 def axis(mass, damping, coulomb, step, sign=1):
@@ -176,9 +176,9 @@ def ticks(first, last):
 
 def test_of_a_broken_trace_the_longest_run_after_the_settling_is_taken():
     for lost in (0, 1):
-        rows = _unbroken([ticks(0, 900), ticks(900, 1500), ticks(1500 + lost, 4000)])
+        rows = unbroken([ticks(0, 900), ticks(900, 1500), ticks(1500 + lost, 4000)])
         assert rows["tick"][[0, -1]].tolist() == [1501 if lost else 1000, 3999]
-    assert len(_unbroken([ticks(0, 900)])) == 0
+    assert len(unbroken([ticks(0, 900)])) == 0
 
 
 class Listener:
@@ -200,9 +200,9 @@ def test_shaking_goes_on_until_a_run_of_the_trace_is_long_enough(monkeypatch, br
     listener = Listener(broken)
     monkeypatch.setattr("haptic_sim.cli.shaking.time.monotonic", lambda: listener.now * 1e-3)
     plan = ((shake, None) for shake in shakes((0.0,), 1.0, 1.0, 1e-3))
-    _shake(listener, plan, 2.0, lambda: None)
+    shake_handle(listener, plan, 2.0, lambda: None)
     assert least <= listener.now <= most
-    assert len(_unbroken(listener.rows)) > 1600
+    assert len(unbroken(listener.rows)) > 1600
 
 
 def test_the_description_that_is_written_can_be_loaded_and_keeps_what_was_not_found(tmp_path):

@@ -31,12 +31,12 @@ def test_observer_finds_nothing_at_any_wall_within_the_margin(share, damping, an
 
 
 @pytest.mark.parametrize("motion", ["tap", "press_wall"])
-@pytest.mark.parametrize("ratio, source", [(0.5, "model"), (0.9, "model"), (0.9, "measured")])
+@pytest.mark.parametrize("source", ["model", "measured"])
 @pytest.mark.parametrize("estimator, most", [("backward_difference", ROUNDING), ("lowpass", 5e-6)])
 def test_observer_stays_silent_at_a_wall_within_the_margin_before_which_cancellation_fades(
-    motion, ratio, source, estimator, most
+    motion, source, estimator, most
 ):
-    cancelled = {"cancellation__ratio": ratio, "cancellation__source": source, "coupling__rotational_damping": 0.0}
+    cancelled = {"cancellation__ratio": 0.9, "cancellation__source": source, "coupling__rotational_damping": 0.0}
     for share, damping in ((0.98, 0.0), (0.95, 0.3)):
         stiffness = share * 2.0 * (1.0 - damping) / TICK
         system = wall_system(stiffness, damping, 35.0, motion, velocity__estimator=estimator, **cancelled)

@@ -33,8 +33,8 @@ def record(domain, namespace, check, device, seconds, force, torque):
             if turned:
                 tuning.tool.refuse_company()
                 tuning.set(engage__torque=_engaging(torque / device.scale[1]))
-            _shake(tuning, plan, seconds, check)
-        return _unbroken(tuning.rows)
+            shake_handle(tuning, plan, seconds, check)
+        return unbroken(tuning.rows)
 
 
 def _engaging(torque):
@@ -56,7 +56,7 @@ def _plan(device, centres, force, torque, period):
     return zip(along, twists(centres[2] * scale, *figures, period), strict=False)
 
 
-def _shake(tuning, plan, seconds, check):
+def shake_handle(tuning, plan, seconds, check):
     """Shakes so long; longer on a machine so busy that no run of the trace is long enough to be identified from."""
     end = time.monotonic() + seconds + SETTLING
     while time.monotonic() < end or (time.monotonic() < end + PATIENCE and _too_short(tuning.rows)):
@@ -87,7 +87,7 @@ def _too_short(blocks):
     return len(deadline[run]) < 2 or np.ptp(deadline[run]) < 1.01e9 * FEWEST * SEGMENT
 
 
-def _unbroken(blocks):
+def unbroken(blocks):
     """The longest run of ticks without a gap, after the settling."""
     if not blocks:
         raise ValueError("no trace came from haptic_driver; is publish.trace off?")
