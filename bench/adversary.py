@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Searches handle paths for energy on both sides of each bound: python bench/adversary.py [STARTS]."""
+"""Searches handle paths for energy on both sides of each bound.
+
+usage: OPENBLAS_NUM_THREADS=1 python bench/adversary.py [STARTS]   (threads only wait for one another here)
+"""
 
 import sys
 
@@ -23,7 +26,11 @@ def cases():
     for damping in (0.0, 0.1, 0.3):
         bound = switched_cancellation_damping(1.0, damping, 1.0, 0.9)
         yield "cancelled up to the wall", bound, 24, {"damping": damping, "cancelled": 0.9}
-    yield "cancelled up to a band", wall_damping(1.0, 0.0, 1.0), 60, {"cancelled": 0.9, "band": 1.0}
+    for damping in (0.0, 0.3):
+        banded = {"damping": damping, "cancelled": 0.9, "band": 1.0}
+        yield "cancelled up to a band", wall_damping(1.0, damping, 1.0), 60, banded
+    late = {"delay": 1, "cancelled": 0.7, "band": 2.0}  # a tick and the delay: the way until a force answers
+    yield "cancelled up to a band, one sample late", delayed_wall_damping(1.0, 0.0, 1.0, 1), 100, late
 
 
 def main(starts):

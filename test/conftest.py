@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every test may rely on: an own ROS domain on this machine only, and processes that end with the test."""
 
+import os
 import signal
 import subprocess
 
@@ -8,6 +9,8 @@ import domain_coordinator
 import hypothesis
 import pytest
 
+# Read when numpy is first imported: its matrices here are small, and on a busy machine threads wait for one another.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 hypothesis.settings.register_profile("project", deadline=None)  # the first call of a kernel may compile it
 hypothesis.settings.load_profile("project")
 

@@ -15,18 +15,20 @@ from haptic_device.law.cancellation import cancellation_fade, cancellation_force
 @pytest.mark.parametrize(
     "bound, ticks, display",
     [
-        (wall_damping(1.0, 0.0, 1.0), 60, {}),
-        (wall_damping(1.0, 0.3, 1.0), 60, {"damping": 0.3}),
-        (lagged_wall_damping(1.0, 0.4, 1.0, 0.5), 100, {"damping": 0.4, "lag": 0.5}),
-        (delayed_wall_damping(1.0, 0.0, 1.0, 1), 100, {"delay": 1}),
-        (delayed_wall_damping(1.0, 0.25, 1.0, 1), 100, {"damping": 0.25, "delay": 1}),
-        (switched_cancellation_damping(1.0, 0.0, 1.0, 0.9), 40, {"cancelled": 0.9}),
-        (wall_damping(1.0, 0.0, 1.0), 60, {"cancelled": 0.9, "band": 1.0}),
+        (wall_damping(1.0, 0.0, 1.0), 40, {}),
+        (wall_damping(1.0, 0.3, 1.0), 40, {"damping": 0.3}),
+        (lagged_wall_damping(1.0, 0.4, 1.0, 0.5), 60, {"damping": 0.4, "lag": 0.5}),
+        (delayed_wall_damping(1.0, 0.0, 1.0, 1), 60, {"delay": 1}),
+        (delayed_wall_damping(1.0, 0.25, 1.0, 1), 60, {"damping": 0.25, "delay": 1}),
+        (switched_cancellation_damping(1.0, 0.0, 1.0, 0.9), 30, {"cancelled": 0.9}),
+        (wall_damping(1.0, 0.0, 1.0), 40, {"cancelled": 0.9, "band": 1.0}),
+        (wall_damping(1.0, 0.3, 1.0), 40, {"damping": 0.3, "cancelled": 0.9, "band": 1.0}),
+        (delayed_wall_damping(1.0, 0.0, 1.0, 1), 60, {"delay": 1, "cancelled": 0.7, "band": 2.0}),
     ],
 )
 def test_an_optimizer_over_handle_paths_finds_energy_just_below_the_bound_and_none_just_above(bound, ticks, display):
-    starts = 40  # of which a fifth, at worst, leads to energy
-    assert search(Display(0.98 * float(bound), **display), ticks, starts).energy > 1e-3
+    starts = 16  # below the bound the first that leads to energy is among eight
+    assert search(Display(0.98 * float(bound), **display), ticks, starts, enough=1e-3).energy > 1e-3
     assert search(Display(1.02 * float(bound), **display), ticks, starts).energy == 0.0
 
 

@@ -77,3 +77,21 @@ def test_an_unreadable_resume_file_ends_in_one_sentence_and_stays(tmp_path):
     assert "resume file" in result.stderr
     assert "cannot be read" in result.stderr
     assert file.read_text() == "not a map"
+
+
+@pytest.mark.parametrize(
+    "options, sentence",
+    [
+        ({"period": 1}, "servo.rate is 1.0 Hz; at least 500.0 Hz is needed"),
+        ({"period": 0.00005}, "servo.rate is 20000.0 Hz; at most 10000.0 Hz is allowed"),
+        ({"damping": -1}, "wall.damping[0] is -1.0 N s/m; at least 0.0 N s/m is needed"),
+        ({"damping": "nan"}, "damping is nan N s/m"),
+        ({"stiffness_max": 0}, "stiffness_max is 0 N/m"),
+    ],
+)
+def test_live_refuses_what_the_driver_cannot_take_before_any_node_is_started(tmp_path, monkeypatch, options, sentence):
+    monkeypatch.setattr("haptic_sim.cli.zwidth_live.running", None)
+    result = haptic(tmp_path, "--live", **options)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert sentence in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1

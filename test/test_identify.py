@@ -17,6 +17,7 @@ from haptic_device.law import engage, operator, plant, servo
 from haptic_device.runtime import loop
 from haptic_sim.cli.identify import identify as command
 from haptic_sim.cli.identify import write
+from haptic_sim.cli.shaking import shake_handle, unbroken
 
 
 def axis(mass, damping, coulomb, step, sign=1):
@@ -163,6 +164,45 @@ def test_a_trace_with_gaps_is_refused():
     rows = shaken()
     with pytest.raises(ValueError, match="has gaps; every tick is needed"):
         trace_of(np.concatenate([rows[:100], rows[101:]]), 0, 5e-6)
+
+
+def ticks(first, last):
+    """A block of the trace at 1 kHz, from tick to tick."""
+    rows = np.zeros(last - first, servo.TICK)
+    rows["tick"] = np.arange(first, last)
+    rows["deadline"] = rows["tick"] * 1e6
+    return rows
+
+
+def test_of_a_broken_trace_the_longest_run_after_the_settling_is_taken():
+    for lost in (0, 1):
+        rows = unbroken([ticks(0, 900), ticks(900, 1500), ticks(1500 + lost, 4000)])
+        assert rows["tick"][[0, -1]].tolist() == [1501 if lost else 1000, 3999]
+    assert len(unbroken([ticks(0, 900)])) == 0
+
+
+class Listener:
+    """Of a driver whose trace is broken twice a second until this tick."""
+
+    def __init__(self, broken):
+        self.rows, self.now, self.broken = [], 0, broken
+
+    def set(self, **gains):
+        pass
+
+    def watch(self, seconds):
+        self.rows.append(ticks(self.now, self.now + 500))
+        self.now += 501 if self.now < self.broken else 500
+
+
+@pytest.mark.parametrize("broken, least, most", [(0, 2700, 3600), (6000, 7500, 8600)])
+def test_shaking_goes_on_until_a_run_of_the_trace_is_long_enough(monkeypatch, broken, least, most):
+    listener = Listener(broken)
+    monkeypatch.setattr("haptic_sim.cli.shaking.time.monotonic", lambda: listener.now * 1e-3)
+    plan = ((shake, None) for shake in shakes((0.0,), 1.0, 1.0, 1e-3))
+    shake_handle(listener, plan, 2.0, lambda: None)
+    assert least <= listener.now <= most
+    assert len(unbroken(listener.rows)) > 1600
 
 
 def test_the_description_that_is_written_can_be_loaded_and_keeps_what_was_not_found(tmp_path):

@@ -30,6 +30,23 @@ def test_observer_finds_nothing_at_any_wall_within_the_margin(share, damping, an
     assert rows.injections[-1] == 0
 
 
+@pytest.mark.parametrize("motion", ["tap", "press_wall"])
+@pytest.mark.parametrize("source", ["model", "measured"])
+@pytest.mark.parametrize("estimator, most", [("backward_difference", ROUNDING), ("lowpass", 5e-6)])
+def test_observer_stays_silent_at_a_wall_within_the_margin_before_which_cancellation_fades(
+    motion, source, estimator, most
+):
+    cancelled = {"cancellation__ratio": 0.9, "cancellation__source": source, "coupling__rotational_damping": 0.0}
+    for share, damping in ((0.98, 0.0), (0.95, 0.3)):
+        stiffness = share * 2.0 * (1.0 - damping) / TICK
+        system = wall_system(stiffness, damping, 35.0, motion, velocity__estimator=estimator, **cancelled)
+        assert operating.margins(system.settings[0], 0.0)[1] > 0.0
+        rows = system.run(1.2)
+        assert np.any((rows.cancellation_fade > 0.0) & (rows.cancellation_fade < 1.0))
+        assert rows.generated.max() < most
+        assert rows.injections[-1] == 0
+
+
 def test_observer_finds_the_leak_of_a_wall_far_beyond_the_margin_and_the_controller_takes_it_back():
     wild = {"passivity__policy": "off", "physical_damping": 0.3, "counts": 2e4}
     loose = wall_system(30000.0, 0.0, passivity__control=False, **wild)

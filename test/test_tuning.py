@@ -19,6 +19,8 @@ from haptic_sim.cli.identify import identify
 from haptic_sim.cli.tuning import Tuning
 
 GAINS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "passivity.policy", "coupling.stiffness")
+FREE = ("coupling.stiffness", "coupling.damping", "coupling.rotational_stiffness", "coupling.rotational_damping")
+FREE += ("cancellation.ratio",)
 WALL = {
     "wall__normals": (1.0, 0.0), "wall__offsets": (-0.05,), "wall__stiffness": (300.0,), "wall__damping": (0.1,),
 }  # fmt: skip
@@ -141,6 +143,36 @@ def test_a_refusal_of_the_driver_is_its_sentence_and_changes_nothing(pair):
     tuning = pair[0]
     with tuning.as_found(GAINS), pytest.raises(ValueError, match="haptic_driver refused: .*wall.stiffness"):
         tuning.set(**{**WALL, "wall__stiffness": (90000.0,)})
+
+
+def most_taken(tuning):
+    """Largest stiffness that the driver names when it refuses, at the lateness of its writes."""
+    with pytest.raises(ValueError) as refused:
+        tuning.set(**WALL | {"wall__stiffness": (90000.0,)})
+    sentence = r"wall.stiffness 90000 N/m .* needs b > .* the device has 3: at most (\d+) N/m"
+    return float(re.search(sentence, str(refused.value))[1])
+
+
+def test_under_enforce_a_wall_keeps_its_bound_with_cancellation_before_it_and_nothing_beyond_it_is_taken(pair):
+    tuning, end = pair[0], time.monotonic() + 60.0
+    bound = 2.0 * (3.0 - 0.1) * 1000.0
+    with tuning.as_found((*GAINS, *FREE, "cancellation.band")):
+        tuning.set(**{name.replace(".", "__"): 0.0 for name in FREE}, passivity__policy="enforce")
+        tuning.set(cancellation__ratio=0.7, cancellation__band=0.02)
+        with pytest.raises(ValueError, match=f"wall.stiffness {1.01 * bound:g} N/m .* needs b > .* the device has 3: "):
+            tuning.set(**WALL | {"wall__stiffness": (1.01 * bound,)})
+        while not (taken := accepted(tuning, 0.95 * most_taken(tuning))) and time.monotonic() < end:
+            pass  # writes came later meanwhile
+        assert taken and tuning.get(["cancellation.ratio"]) == {"cancellation.ratio": 0.7}
+
+
+def accepted(tuning, stiffness):
+    """Whether the driver takes a wall of this stiffness."""
+    try:
+        tuning.set(**WALL | {"wall__stiffness": (stiffness,)})
+    except ValueError:
+        return False
+    return True
 
 
 def test_a_driver_in_fault_is_refused(pair):

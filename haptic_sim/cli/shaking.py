@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 from haptic_device.analysis.excitation import shakes, twists
+from haptic_device.analysis.identify import FEWEST, SEGMENT
 from haptic_device.law import engage
 from haptic_sim.cli.tuning import Tuning
 
@@ -14,6 +15,7 @@ WALLS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping")
 QUIET = ("coupling.stiffness", "coupling.damping", "cancellation.ratio")
 TURNING = ("coupling.rotational_stiffness", "coupling.rotational_damping", "engage.torque")
 SETTLING = 1.0  # [s] of the trace that is left out: the handle comes to the first centre
+PATIENCE = 60.0  # [s] that the shaking goes on for while every run of the trace is broken too early
 EDGE = 0.2  # of the workspace, at either end, that no centre lies in
 
 
@@ -31,8 +33,8 @@ def record(domain, namespace, check, device, seconds, force, torque):
             if turned:
                 tuning.tool.refuse_company()
                 tuning.set(engage__torque=_engaging(torque / device.scale[1]))
-            _shake(tuning, plan, seconds, check)
-        return _unbroken(tuning.rows)
+            shake_handle(tuning, plan, seconds, check)
+        return unbroken(tuning.rows)
 
 
 def _engaging(torque):
@@ -54,9 +56,10 @@ def _plan(device, centres, force, torque, period):
     return zip(along, twists(centres[2] * scale, *figures, period), strict=False)
 
 
-def _shake(tuning, plan, seconds, check):
+def shake_handle(tuning, plan, seconds, check):
+    """Shakes so long; longer on a machine so busy that no run of the trace is long enough to be identified from."""
     end = time.monotonic() + seconds + SETTLING
-    while time.monotonic() < end:
+    while time.monotonic() < end or (time.monotonic() < end + PATIENCE and _too_short(tuning.rows)):
         shake, twist = next(plan)
         gains = {f"wall__{name}": getattr(shake, name) for name in ("normals", "offsets", "stiffness", "damping")}
         if twist is not None:
@@ -77,13 +80,25 @@ def _centres(tuning, device):
     return centres
 
 
-def _unbroken(blocks):
-    """The longest run of ticks without a gap, less its beginning."""
-    rows = np.concatenate(blocks) if blocks else np.zeros(0, [("tick", "f8")])
-    if not len(rows):
+def _too_short(blocks):
+    if not blocks:
+        return False
+    deadline, run = _longest_run(blocks)
+    return len(deadline[run]) < 2 or np.ptp(deadline[run]) < 1.01e9 * FEWEST * SEGMENT
+
+
+def unbroken(blocks):
+    """The longest run of ticks without a gap, after the settling."""
+    if not blocks:
         raise ValueError("no trace came from haptic_driver; is publish.trace off?")
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(rows["tick"]) != 1.0) + 1, [len(rows)]])
+    return np.concatenate(blocks)[_longest_run(blocks)[1]]
+
+
+def _longest_run(blocks):
+    """Deadlines [ns] of all ticks, and the slice of them that the longest unbroken run is."""
+    deadline, tick = (np.concatenate([block[name] for block in blocks]) for name in ("deadline", "tick"))
+    settled = np.searchsorted(deadline, deadline[0] + SETTLING * 1e9)
+    breaks = np.flatnonzero(np.diff(tick) != 1.0) + 1
+    edges = np.concatenate([[settled], breaks[breaks > settled], [len(tick)]])
     longest = np.argmax(np.diff(edges))
-    run = rows[edges[longest] : edges[longest + 1]]
-    late = run["deadline"] >= run["deadline"][0] + SETTLING * 1e9
-    return run[late]
+    return deadline, slice(edges[longest], edges[longest + 1])

@@ -58,10 +58,10 @@ class Live:
         self._tuning.set(cancellation__ratio=0.0)
         return probe.apparent_damping(_truth(self._tuning.truths), began)
 
-    def free(self):
-        """No wall, no coupling, and nothing that would calm what is to be seen."""
+    def free(self, policy="off"):
+        """No wall, no coupling, and nothing that would calm what is to be seen; gains are judged by this policy."""
         self._tuning.set(
-            passivity__policy="off", passivity__control=False, cancellation__ratio=0.0, coupling__stiffness=0.0,
+            passivity__policy=policy, passivity__control=False, cancellation__ratio=0.0, coupling__stiffness=0.0,
             coupling__damping=0.0,
         )  # fmt: skip
 
@@ -79,8 +79,8 @@ class Live:
 
 def measure(device, path, rate, damping, stiffness_max, domain, namespace):
     """Figures of the display, live and in lock-step. Raises ValueError, NodeDiedError."""
-    pair = _pair(path, rate)
-    with running(domain, namespace, *pair) as (number, room, check), contextlib.closing(Tuning(number, room)) as tuning:
+    told = pair(path, rate)
+    with running(domain, namespace, *told) as (number, room, check), contextlib.closing(Tuning(number, room)) as tuning:
         tuning.wait_engaged(check)
         with tuning.as_found(TOUCHED):
             rate = float(tuning.get(["servo.rate"])["servo.rate"])
@@ -94,7 +94,7 @@ def measure(device, path, rate, damping, stiffness_max, domain, namespace):
             )
 
 
-def _pair(path, rate):
+def pair(path, rate):
     """Parameters of driver and loopback: no coupling, which some devices could not bear; a light hand that follows."""
     hand = {f"hand.{name}": value for name, value in HAND.items()}
     start = {"motion.name": "follow", "motion.lag": LAG, "motion.start": (0.0, 0.0, 0.0)}
