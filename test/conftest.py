@@ -9,6 +9,8 @@ import domain_coordinator
 import hypothesis
 import pytest
 
+from haptic_device.runtime.process import die_with_parent
+
 # Read when numpy is first imported: its matrices here are small, and on a busy machine threads wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 hypothesis.settings.register_profile("project", deadline=None)  # the first call of a kernel may compile it
@@ -27,11 +29,15 @@ def ros_domain(tmp_path_factory):
 
 @pytest.fixture
 def start():
-    """start(command, **Popen options) runs a process; after the test it is interrupted and, if need be, killed."""
-    started = []
+    """start(command, **Popen options) runs a process; after the test it is interrupted and, if need be, killed.
+
+    It ends with this process too, however that ends: one left over would speak in the next run's domain.
+    """
+    started, own = [], os.getpid()
 
     def run(command, **options):
-        process = subprocess.Popen([str(word) for word in command], **{"text": True, **options})
+        options = {"text": True, "preexec_fn": lambda: die_with_parent(own), **options}
+        process = subprocess.Popen([str(word) for word in command], **options)
         started.append(process)
         return process
 

@@ -93,7 +93,7 @@ def test_every_message_is_kept_in_order_with_its_times_and_none_counted_lost(nod
 def test_messages_that_the_queue_could_not_hold_are_counted_lost(node, tmp_path):
     with Nodes(tmp_path / "log") as nodes:
         nodes.start(recorder(tmp_path / "bag", queue=2, look_period=0.5))
-        publish(node, "encoder", 300)
+        publish(node, "encoder", 1500)  # over several looks: only between two of them can a gap be seen
         time.sleep(0.6)
     kept = load(tmp_path / "bag").joint("encoder").sequence
     lost = int(losses(tmp_path / "bag"))
