@@ -233,8 +233,10 @@ def _blame_cancellation(settings, axis, lateness):
     if need < b:
         return ""
     unit = "N m s/rad" if axis == 2 else "N s/m"
+    twice = " (twice, for adaptive_window)" if counted > ratio * b else ""
+    late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
     return (
-        f"cancellation.ratio {ratio:g} needs b > {need:.4g} {unit}, {lateness * 1e3:.3g} ms late; "
+        f"cancellation.ratio {ratio:g}{twice} needs b > {need:.4g} {unit}{late}; "
         f"the device has {b:.4g}: at most {math.floor(1e3 * ratio * b / need) / 1e3:g}"
     )
 
