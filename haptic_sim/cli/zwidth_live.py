@@ -10,6 +10,7 @@ import contextlib
 import numpy as np
 
 from haptic_device.analysis import probe
+from haptic_device.law import fault
 from haptic_sim.cli.bench_nodes import running
 from haptic_sim.cli.tuning import Tuning
 from haptic_sim.cli.zwidth_twin import DEPTH, HAND, LAG, OUT, PHASES, RADIUS, WALL, Twin
@@ -19,6 +20,8 @@ TOUCHED = (
     *("passivity.policy", "passivity.control", "cancellation.ratio"),
 )
 REST = 0.4  # [s] in free space between two gestures
+STALLED = {fault.name_of(code) for code in (fault.DEVICE_SILENT, fault.DEVICE_WATCHDOG)}
+TRIES = 5  # of one touch
 CANCELLED = 0.95  # share of the damping, for the free end
 
 
@@ -39,24 +42,36 @@ class Live:
         return any(self._touch(stiffness, share * DEPTH) for share in PHASES)
 
     def _touch(self, stiffness, depth):
-        tuning, fault = self._tuning, False
+        for _ in range(TRIES):
+            shook = self._try(stiffness, depth)
+            if shook is not None:
+                return shook
+        raise ValueError(
+            f"{TRIES} touches of a wall of {stiffness:g} N/m ended as the machine stalled; is it too busy?"
+        )
+
+    def _try(self, stiffness, depth):
+        """Whether this wall shakes; None if driver or loopback stalled meanwhile, which says nothing of the wall."""
+        tuning, latched = self._tuning, ""
         tuning.watch(REST, lambda t: (WALL + OUT, 0.0, 0.0))
         self._wall(stiffness)
         began = self._begin()
         try:
             tuning.watch(probe.GESTURE, lambda t: (WALL + probe.tap_and_press(t, OUT, depth), 0.0, 0.0))
         except ValueError:
-            if not tuning.said("fault"):
+            latched = tuning.said("fault")
+            if not latched:
                 raise
-            fault = True
         self._wall(0.0)
-        if fault:
+        if latched:
             tuning.recover()
         truth = _truth(tuning.truths)
         tuning.watch(REST, lambda t: (WALL + OUT, 0.0, 0.0))
+        if latched in STALLED:
+            return None
         given = float(_truth(tuning.truths).energy_given[-1] - truth.energy_given[0])
         self.energy_given = max(self.energy_given, given)
-        return fault or probe.shakes(truth, began, self._resolution)
+        return bool(latched) or probe.shakes(truth, began, self._resolution)
 
     def turn(self, ratio):
         """Apparent damping on a circle with this share of damping cancelled [N s/m]."""
