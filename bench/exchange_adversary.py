@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much energy an optimizer draws from each exchange method: at the handle of the servo, and at the tool port.
 
-    python bench/exchange_adversary.py [evaluations]
+    python bench/exchange_adversary.py [evaluations [method ...]]
 
 One axis, K = 1000 N/m, B = 0.25 N s/m, T = 1 ms, b = 1.05 (KT/2 + B), budget 5 mJ; then the same at a force limit of
 2 N, with encoder steps, with the passivity controller on, and with missed ticks. A row is one search; `free` samples
@@ -48,10 +48,11 @@ def show(method, what, adversary, given, evaluations, seed):
 
 def main():
     evaluations = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
+    methods = sys.argv[2:] or METHODS
     budget = float(settings("pspm")["exchange_budget"][0])
     print(f"{evaluations} evaluations a row; budget {budget * 1e3:g} mJ")
     print("method  what            late  loss     given mJ  credited mJ  force N    N/ms")
-    for method in METHODS:
+    for method in methods:
         for seed, adversary in enumerate(CASES):
             show(method, "", adversary, settings(method), evaluations, seed)
         limited = settings(method, limit=2.0)
@@ -64,7 +65,7 @@ def main():
         show(method, "controller on", Adversary(20, 0.3), guarded, evaluations, 25)
         show(method, "missed ticks", Adversary(rough=1, books=1), settings(method), evaluations, 23)
     print(f"\ntool port: supplied beyond what was shipped, {evaluations // 10} evaluations; budget {BUDGET * 1e3:g} mJ")
-    for method in METHODS:
+    for method in methods:
         found = port_search.search(lambda method=method: port_of(method), sample, evaluations=evaluations // 10)
         pull, slew = port_search.fastest(lambda method=method: port_of(method), sample, evaluations // 10)
         print(f"{method:7} {found.energy * 1e3:12.4f} mJ, pull {pull:.3f} N, its change {slew:.3f} N/ms", flush=True)
