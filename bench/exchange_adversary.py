@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much energy an optimizer draws from each exchange method: at the handle of the servo, and at the tool port.
 
-    python bench/exchange_adversary.py [evaluations]
+    python bench/exchange_adversary.py [evaluations [method ...]]
 
 One axis, K = 1000 N/m, B = 0.25 N s/m, T = 1 ms, b = 1.05 (KT/2 + B), budget 5 mJ; then the same at a force limit of
-2 N, with encoder steps, and with missed ticks. A row is one search; `free` samples say what they like, `N` is a tool N
-ticks late that a wall holds now and then. `credited`: the most by which the tank's books were ever above the truth. The
-tool port is searched with a tenth of the evaluations: its world is python.
+2 N, with encoder steps, with the passivity controller on, and with missed ticks. A row is one search; `free` samples
+say what they like, `N` is a tool N ticks late that a wall holds now and then. `credited`: the most by which the tank's
+books were ever above the truth. The tool port is searched with a tenth of the evaluations: its world is python.
 """
 
 import sys
@@ -25,14 +25,14 @@ LEAST = STIFFNESS * PERIOD / 2.0 + DAMPING
 CASES = [Adversary(late, loss) for late in (FREE, 0, 1, 5, 20, 100) for loss in (0.0, 0.3)]
 
 
-def settings(method, counts=1e9, limit=20.0):
+def settings(method, counts=1e9, limit=20.0, control=False):
     """SETTINGS of one axis with 1.05 times the damping that its gains need, free to move without end."""
     device = load_device("desktop")
     axis = {"damping": 1.05 * LEAST, "counts_per_unit": counts, "velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
     device = device.model_copy(update={"axes": (device.axes[0].model_copy(update=axis),)})
     values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]}
     values |= {"exchange.method": method, "servo.rate": 1.0 / PERIOD, "coupling.stiffness": STIFFNESS,
-               "coupling.damping": DAMPING, "passivity.control": False, "force.limit": limit}  # fmt: skip
+               "coupling.damping": DAMPING, "passivity.control": control, "force.limit": limit}  # fmt: skip
     return operating.settings_from(device, values)
 
 
@@ -48,10 +48,11 @@ def show(method, what, adversary, given, evaluations, seed):
 
 def main():
     evaluations = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
+    methods = sys.argv[2:] or METHODS
     budget = float(settings("pspm")["exchange_budget"][0])
     print(f"{evaluations} evaluations a row; budget {budget * 1e3:g} mJ")
     print("method  what            late  loss     given mJ  credited mJ  force N    N/ms")
-    for method in METHODS:
+    for method in methods:
         for seed, adversary in enumerate(CASES):
             show(method, "", adversary, settings(method), evaluations, seed)
         limited = settings(method, limit=2.0)
@@ -59,11 +60,15 @@ def main():
         show(method, "limit 2 N", Adversary(loss=0.3), limited, evaluations, 21)
         coarse = settings(method, 1.0 / STEP)
         show(method, "step 5 µm", Adversary(coulomb=0.5 * STIFFNESS * STEP, reach=0.1), coarse, evaluations, 22)
+        guarded = settings(method, control=True)
+        show(method, "controller on", Adversary(loss=0.3), guarded, evaluations, 24)
+        show(method, "controller on", Adversary(20, 0.3), guarded, evaluations, 25)
         show(method, "missed ticks", Adversary(rough=1, books=1), settings(method), evaluations, 23)
     print(f"\ntool port: supplied beyond what was shipped, {evaluations // 10} evaluations; budget {BUDGET * 1e3:g} mJ")
-    for method in METHODS:
+    for method in methods:
         found = port_search.search(lambda method=method: port_of(method), sample, evaluations=evaluations // 10)
-        print(f"{method:7} {found.energy * 1e3:12.4f} mJ", flush=True)
+        pull, slew = port_search.fastest(lambda method=method: port_of(method), sample, evaluations // 10)
+        print(f"{method:7} {found.energy * 1e3:12.4f} mJ, pull {pull:.3f} N, its change {slew:.3f} N/ms", flush=True)
 
 
 def sample(number, position, velocity, effort, energy):

@@ -15,7 +15,7 @@ from haptic_sim.method import Coupling
 from haptic_sim.method.registry import make
 from haptic_sim.method.stepwise import step_by_step, through_port
 from haptic_sim.scene import Scene
-from haptic_sim.tool_port import Direct, Port, port_of
+from haptic_sim.tool_port import Direct, Limits, Modulated, Port, port_of
 
 Planar = tuple[float, float, float]
 AUTO = "auto"  # of the parameter method: as the scene asks, or as fits it
@@ -91,14 +91,15 @@ class Simulation:
         if not 0 < self.sub_step_ns <= self.max_catch_up_ns:
             raise ValueError(f"sub_step is {sub_step} s; it must be above 0 and at most max_catch_up, {max_catch_up} s")
         self.method = make(self.method_name, scene, self.sub_step_ns / SECOND)
-        self._travel = self._way()
+        self._travel, self._coupled = self._way(), None
         self.reset()
 
     @classmethod
     def by_parameters(cls, scene: Scene, values: dict, port: Port | None = None) -> "Simulation":
         """As the parameters of haptic_simulation say; at the port that there is, or a new one."""
         method = None if values["method"] == AUTO else values["method"]
-        port = port or port_of(values["exchange.method"], values["port_budget"])
+        limits = Limits(*(values[f"port_{name}"] for name in Limits._fields))
+        port = port or port_of(values["exchange.method"], values["port_budget"], limits)
         return cls(scene, values["sub_step"] or None, values["max_catch_up"], method, port)
 
     def reset(self) -> None:
@@ -116,13 +117,16 @@ class Simulation:
 
     def exchange(self, handle: HandleSample) -> ToolSample:
         """Advance to the handle's time and answer. ValueError if a gain is negative or not finite."""
-        self.method.couple(self.port.receive(handle, self.sub_step_ns / SECOND))
+        gains = self.port.receive(handle, self.sub_step_ns / SECOND)
+        if gains != self._coupled:
+            self.method.couple(gains)
+            self._coupled = gains
         count = self._sub_steps_until(handle.time_ns)
         touched = self._advance(handle, count)
         self._last = handle
         self.ledger.close(*self.method.energy())
-        self.counters = self.counters._replace(exchanges=self.counters.exchanges + 1,
-                                               sub_steps=self.counters.sub_steps + count)
+        exchanges, sub_steps, *others = self.counters
+        self.counters = Counters(exchanges + 1, sub_steps + count, *others)
         return self._sample(touched)
 
     def measure(self) -> dict[str, float]:
@@ -131,6 +135,8 @@ class Simulation:
 
     def _way(self):
         """How the method takes several sub-steps: in one call, unless the port has to see each of them."""
+        if isinstance(self.port, Modulated) and hasattr(self.method, "travel_drawn"):
+            return partial(self.method.travel_drawn, self.port.rules, self.port.memory)
         if not isinstance(self.port, Direct):
             return partial(through_port, self.method, self.port)
         return getattr(self.method, "travel", None) or partial(step_by_step, self.method)

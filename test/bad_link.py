@@ -28,11 +28,12 @@ ETH_ALL, ARP, OUTGOING = 0x0003, b"\x08\x06", 4
 SIOCETHTOOL, SET_TX_CHECKSUM = 0x8946, 0x17
 
 
-class Link:
-    """The link, as a context: ends with everything that was started in its namespaces.
+class NoNamespacesError(OSError):
+    """No network namespaces, or no veth pairs, can be made here; says why in one sentence."""
 
-    Raises OSError, one sentence, where no namespaces or no veth pairs can be made.
-    """
+
+class Link:
+    """The link, as a context: ends with everything that was started in its namespaces. Raises NoNamespacesError."""
 
     def __init__(self, **network):
         """network: delay and jitter of one way [s], loss, duplicates (shares), cut (bool)."""
@@ -50,7 +51,7 @@ class Link:
                 self.set(**self._network)
                 return self
             reasons.append(f"{' '.join(way)}: {(self._process.communicate()[1].strip().splitlines() or ['?'])[-1]}")
-        raise OSError("no network namespaces can be made here; " + "; ".join(reasons))
+        raise NoNamespacesError("no network namespaces can be made here; " + "; ".join(reasons))
 
     def __exit__(self, *exception):
         self._process.stdin.close()

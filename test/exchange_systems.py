@@ -42,9 +42,8 @@ def one_axis(method, stiffness=1000.0, damping=0.25, period=1e-3, over=1.05, **d
     free = {"velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
     shipped = shipped.model_copy(update={"axes": (shipped.axes[0].model_copy(update=free),)})
     given = {"coupling__stiffness": stiffness, "coupling__damping": damping, "servo__rate": 1.0 / period}
-    return operating.settings_from(
-        shipped, values("haptic_driver", exchange__method=method, passivity__control=False, **given | driver)
-    )
+    given |= {"exchange__method": method, "passivity__control": False}
+    return operating.settings_from(shipped, values("haptic_driver", **given | driver))
 
 
 def reference(method, late, seconds=6.0):
@@ -83,7 +82,7 @@ def reference(method, late, seconds=6.0):
     return float(np.mean(errors[2000:])), taken
 
 
-def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, ticks=250):
+def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, ticks=160):
     """Most [J] that budget and books of three axes lie above the truth, for a hand that half of the time follows the
     force, and wild tool samples. scale: the device's; wall: stiffness of one at x = 0 beside the coupling.
     """

@@ -12,6 +12,7 @@ from haptic_device.node import wire
 WARN = 1
 DRIVER = {"engage__time": 0.05, "exchange__fade": 0.05, "auto_enable": True}
 QUIET = 0.5  # [N] on the handle
+BUDGET = 0.005  # [J]
 
 
 @pytest.fixture(scope="module")
@@ -82,12 +83,13 @@ def test_a_second_simulation_is_refused_counted_and_not_felt(nodes, ear):
 
     begin = len(ear.truths)
     key = "refused.second publisher"
-    send(ear, ear.tool, forged, lambda: int(ear.last()["haptic_driver"][2].get(key, "0")) > 20)
-    ear.hear_handles(False)
-    level, message, values = next(
-        said for said in reversed(ear.said["haptic_driver"]) if "second publisher" in said[1]
+    known = len(ear.said["haptic_driver"])
+    said = "tool messages refused: second publisher; end one of the two"
+    level, _, values = send(
+        ear, ear.tool, forged, lambda: next((one for one in ear.said["haptic_driver"][known:] if said in one[1]), None)
     )
-    assert level == WARN and "tool messages refused: second publisher; end one of the two" in message
+    ear.hear_handles(False)
+    assert level == WARN and int(values[key]) > 0
     assert values["fault"] == "" and pushed(ear, begin) < QUIET
 
 
@@ -110,9 +112,72 @@ def test_a_second_driver_is_refused_and_counted_by_the_simulation_and_moves_no_t
         return layout.pack(stamp, [wild, wild, 0.0, *(tail | {"sequence": float(next(number))}).values()], still, still)
 
     begin = len(ear.truths)
-    send(ear, publisher, forged, lambda: int(ear.last()["haptic_simulation"][2].get(f"refused.{key}", "0")) > 20)
+    heard, known = ear.said["haptic_simulation"], len(ear.said["haptic_simulation"])
+    said = f"handle messages refused: {key}"
+    level, _, values = send(
+        ear, publisher, forged, lambda: next((one for one in heard[known:] if said in one[1]), None)
+    )
     ear.node.destroy_publisher(publisher)
-    level, message, _ = next(said for said in reversed(ear.said["haptic_simulation"]) if key in said[1])
-    assert level == WARN and f"handle messages refused: {key}" in message
+    assert level == WARN and int(values[f"refused.{key}"]) > 0
     assert pushed(ear, begin) < QUIET
     assert ear.last()["haptic_driver"][2]["fault"] == ""
+
+
+def test_wrong_stamps_and_jumps_of_the_simulation_that_is_accepted_give_no_energy_and_no_fault(nodes, ear):
+    nodes.end("haptic_simulation")
+    ear.hear_handles()
+    begin, heard, layout = len(ear.truths), len(ear.handles), wire.JointLayout(wire.exchange_names(3))
+    ear.until(lambda: len(ear.handles) > heard)
+    names, number = wire.exchange_names(3), iter(range(1, 1 << 30))
+
+    def forged():
+        count, still = next(number), [0.0] * len(names)
+        tail = dict(zip(names[3:], ear.handles[-1].position[3:], strict=True))
+        ear.handles[:-1] = []
+        answered = tail["sequence"] + (0.0, 0.0, 1e6, -50.0)[count % 4]  # and of the future, and of the past
+        tail |= {"answered_session": tail["session"], "answered": answered, "session": 4711.0}
+        jump = 0.1 * (-1.0) ** count
+        place = [jump, -jump, 5.0 * jump, *(tail | {"sequence": float(count)}).values()]
+        return layout.pack(10**18 * (count % 2), place, still, still)
+
+    told = "refused.answers another session", "refused.late or repeated"
+
+    def counted():
+        values = ear.last()["haptic_driver"][2]
+        return values["exchange_answered"] != known and all(int(values.get(key, "0")) > 20 for key in told)
+
+    known = ear.last()["haptic_driver"][2]["exchange_answered"]
+    send(ear, ear.tool, forged, counted)
+    ear.hear_handles(False)
+    assert ear.last()["haptic_driver"][2]["fault"] == ""
+    assert max(truth.position[2 * ear.axes] for truth in ear.truths[begin:]) <= BUDGET
+
+
+def test_stamps_of_the_past_and_future_from_the_driver_that_is_accepted_make_the_world_wait(nodes, ear):
+    nodes.end("haptic_driver")
+    nodes.start("haptic_simulation", scene="free_space")
+    publisher = ear.node.create_publisher(wire.JointState, "handle", wire.LATEST)
+    names, gains, number = wire.exchange_names(3), (1000.0, 1.0, 1.0, 0.001), iter(range(1, 1 << 30))
+    tail = dict.fromkeys(exchange.TAIL, 0.0) | {"layout_version": 1.0, "session": 99.0}
+    tail |= {"exchange_method": float(exchange.PSPM), "gains_hash": exchange.gains_hash(*gains)}
+    tail |= dict(zip(exchange.TAIL[exchange.GAIN_0 :], gains, strict=False))
+    layout, still, tools = wire.JointLayout(names), [0.0] * len(names), []
+    tool = wire.JointLayout(names)
+    ear.node.create_subscription(
+        wire.JointState, "tool", lambda data: tools.append(tool.unpack(data)), wire.LATEST, raw=True
+    )
+
+    def forged():
+        count = next(number)
+        place = [0.1, 0.1, 0.0, *(tail | {"sequence": float(count)}).values()]
+        return layout.pack(10**18 * (1 + count % 2), place, still, still)
+
+    heard, begin = ear.said["haptic_simulation"], len(ear.said["haptic_simulation"])
+    said = "handle samples over 20 ms apart, or going back"
+    level, _, values = send(
+        ear, publisher, forged, lambda: next((one for one in heard[begin:] if said in one[1]), None)
+    )
+    assert level == WARN and int(values["rejoined"]) > 0 and int(values["sub_steps"]) == 0
+    ear.until(lambda: tools)
+    assert max(abs(one.position[0]) for one in tools) < 1e-9  # at its home, not where it was called to
+    ear.node.destroy_publisher(publisher)

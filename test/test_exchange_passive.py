@@ -8,11 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_device.analysis import exchange_search as adversary
-from haptic_device.law import engage, servo
+from haptic_device.analysis import port_search
+from haptic_device.law import coupling, engage, fault, port, servo
 from haptic_sim.lockstep import Network
 from haptic_sim.scene import load
 from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.tool_port import BUDGET, port_of
+from haptic_sim.tool_port import BUDGET, Limits, port_of
 
 PASSIVE = ("wave", "pspm")
 BOUND = 0.005 + 1e-7  # [J] exchange.budget, and what rounding of a path of newtons makes of it
@@ -27,8 +28,20 @@ def test_no_path_that_is_found_gives_more_than_the_budget(method, late, stiffnes
     assert found.energy <= BOUND
     assert found.overcredit <= 1e-9
     assert found.force <= given["coupling_limit"][0, 0] + 1e-9
-    if method == "pspm":
-        assert found.change <= given["exchange_slew"][0, 0] * period * (1.0 + 1e-9)
+    assert found.change <= given["exchange_slew"][0, 0] * period * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("method", PASSIVE)
+def test_nor_with_the_passivity_controller_on(method):
+    given = one_axis(method, passivity__control=True)
+    found = adversary.search(given, adversary.Adversary(loss=0.3), evaluations=1500, seed=5)
+    assert found.energy <= BOUND and found.overcredit <= 1e-9
+
+
+def test_samples_change_the_force_of_direct_exchange_faster_than_the_slew_that_the_others_keep():
+    given = one_axis("direct")
+    found = adversary.search(given, adversary.Adversary(loss=0.3), evaluations=200, seed=5)
+    assert found.change > 5.0 * given["exchange_slew"][0, 0] * given["period"][0]
 
 
 @pytest.mark.parametrize("reach", [0.3, 1.0, 5.0])
@@ -42,7 +55,7 @@ def test_no_path_is_found_that_the_tank_is_credited_too_much_for(method, limit, 
         assert adversary.search(given, against, evaluations=1000, seed=3).overcredit <= 1e-9
 
 
-@settings(max_examples=60)
+@settings(max_examples=20)
 @given(
     method=st.sampled_from(PASSIVE),
     seed=st.integers(0, 2**32),
@@ -146,6 +159,93 @@ def test_the_direct_tool_port_supplies_more_than_the_budget_in_one_sample():
         port = ((0.2 * (number % 2), 0.0, 0.0), (0.0, 0.0, 0.0))
         simulation.exchange(HandleSample(number * 1_000_000, *port, *GAINS.values()))
     assert simulation.ledger.supplied > BUDGET
+
+
+SMOOTH = 1.0 + port.DAMPER_SLEW
+
+
+@pytest.mark.parametrize("method", PASSIVE)
+@pytest.mark.parametrize("limits", [Limits(5.0, 1.0, 400.0), Limits(20.0, 1.0, 2000.0)])
+def test_no_samples_pull_a_held_tool_harder_than_the_limit_or_change_the_pull_faster_than_the_slew(method, limits):
+    pull, change = port_search.fastest(lambda: port_of(method, BUDGET, limits), handle, 300)
+    assert pull <= limits.force * (1.0 + 1e-9)
+    assert change <= SMOOTH * limits.slew * 1e-3 * (1.0 + 1e-9)
+    assert change > 0.9 * limits.slew * 1e-3  # they come up to it
+
+
+def test_with_direct_exchange_they_do_both():
+    pull, change = port_search.fastest(lambda: port_of("direct"), handle, 300)
+    assert pull > Limits().force and change > 10.0 * Limits().slew * 1e-3
+
+
+def handle(number, position, velocity, effort, energy):
+    """A handle sample of one axis."""
+    moving = (position, 0.0, 0.0), (velocity, 0.0, 0.0)
+    return HandleSample(number * 1_000_000, *moving, *GAINS.values(), (effort, 0.0, 0.0), energy)
+
+
+@given(energy=st.floats(0.0, 0.2), pull=st.floats(-200.0, 200.0), stiffness=st.sampled_from([0.0, 500.0, 5000.0]))
+def test_a_pull_that_is_allowed_can_be_let_go_slowly_whatever_the_tool_takes(energy, pull, stiffness):
+    """The tool takes the most from the tank that a sub-step can, and the samples want the pull gone."""
+    damping, h, slew, still, before = 2.0, 0.25e-3, 500.0, (0.0, 0.0, 0.0), 0.0
+    rules, memory = np.zeros(port.RULES), np.zeros(port.MEMORY)
+    rules[:3], rules[3:6], rules[6:8] = stiffness, damping, port.worst(stiffness, damping, h)
+    rules[8:10], rules[10:12], memory[port.TANK] = 40.0, slew * h, energy
+    aim, speed = (pull / stiffness, 0.0) if stiffness else (0.0, pull / damping)
+    for k in range(800):
+        wanted = k < 400
+        port.drive(rules, memory, (wanted * aim, 0.0, 0.0), (wanted * speed, 0.0, 0.0), still)
+        made = stiffness * memory[port.AIM] + damping * memory[port.SPEED]
+        assert abs(made - before) <= SMOOTH * slew * h * (1.0 + 1e-9)
+        memory[port.TANK] -= 0.0 if wanted else rules[port.WORST] * made * made
+        assert memory[port.TANK] >= -1e-12
+        before = made
+    assert abs(made) <= 1e-9
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_counts_that_are_old_pay_nothing_back_and_let_nothing_rise(enabled):
+    given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
+    memory, row, before = pressed(given)
+    row["deadline"] += given["period"][0] * 1e9
+    row["command"], memory["engage"] = (engage.ENABLE, 0.5) if enabled else (0, 1.0)
+    servo.tick(given[0], memory[0], row[0])
+    assert row["engage"][0] == (0.5 if enabled else 0.0)
+    assert memory["tank"][0] <= (before if enabled else 0.0)
+    row["deadline"] += given["period"][0] * 1e9
+    row["latched"] = row["deadline"]
+    servo.tick(given[0], memory[0], row[0])
+    assert row["engage"][0] == pytest.approx(0.5 + given["period"][0] / given["engage_time"][0] if enabled else 0.0)
+
+
+def pressed(given):
+    """Memory and row of a servo whose spring has been paid for, and its tank [J]."""
+    (memory, row), step = adversary.engaged(), given["position_per_count"][0, 0]
+    for k in range(3):
+        row["latched"] = row["deadline"] = (k + 1) * given["period"][0] * 1e9
+        row["command"], row["device_status"], row["counts"][0] = engage.ENABLE, servo.FRESH, round(-0.004 / step)
+        row["tool_session"], row["tool_answered"], row["tool_contact"] = 1.0, k + 1.0, 1.0
+        if k == 1:
+            memory["set"][0, 0], memory["tank"], memory["stretched"][0, 0] = 0.0, 0.02, 0.004
+        servo.tick(given[0], memory[0], row[0])
+    assert row["force_on_handle"][0, 0] > 1.0
+    return memory, row, float(memory["tank"][0])
+
+
+@pytest.mark.parametrize("field", ["tool_effort", "tool_velocity", "drag"])
+def test_the_fault_of_what_is_not_a_number_books_no_force(field):
+    given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
+    memory, row, before = pressed(given)
+    stored = coupling.spring_store(memory["spring"][0, 0], memory["clamp"][0, 0], 0.004)
+    row[field] = np.nan
+    if field != "drag":
+        row["tool_position"][0, 0] = 1e3
+    row["latched"] += given["period"][0] * 1e9
+    row["deadline"] = row["latched"]
+    servo.tick(given[0], memory[0], row[0])
+    assert row["fault"][0] == fault.NOT_A_NUMBER and not row["motor"].any()
+    assert row["engage"][0] == 0.0 and memory["factor"][0] == 0.0 and memory["spring"][0, 0] == 0.0
+    assert memory["tank"][0] <= before + stored + 1e-9
 
 
 @pytest.mark.parametrize(("late", "limit"), [(1, 0.156), (5, 0.283), (20, 0.749), (100, 3.145)])

@@ -40,6 +40,29 @@ def oversupply(port, sample, path, sub_step):
     return most
 
 
+def fastest(port_of, sample, evaluations, sub_step=0.25e-3, exchanges=12, seed=0):
+    """Largest pull on a held tool [N], and the fastest change of it [N/ms], that any of so many random paths made."""
+    random, pull, change = np.random.default_rng(seed), 0.0, 0.0
+    for _ in range(evaluations):
+        path = random.normal(size=(exchanges, len(SCALE))) * 10.0 ** random.uniform(-1.0, 1.0)
+        pulls = np.array([0.0, *_pulls(port_of(), sample, path, sub_step)])
+        pull, change = max(pull, np.abs(pulls).max()), max(change, np.abs(np.diff(pulls)).max())
+    return float(pull), float(change) / (sub_step * 1e3)
+
+
+def _pulls(port, sample, path, sub_step):
+    """Force on a tool that is held at 0 [N], sub-step by sub-step."""
+    still, shipped, effort = (0.0, 0.0, 0.0), 0.0, 0.0
+    for number, (place, rate, energy, wave, *moves) in enumerate((path * SCALE).tolist()):
+        shipped, effort = shipped + abs(energy), effort + wave
+        gains = port.receive(sample(number, place, rate, effort, shipped), sub_step)
+        for _ in moves:
+            (aim, _, _), (speed, _, _) = port.drive((place, 0.0, 0.0), (rate, 0.0, 0.0), still)
+            force = gains.stiffness * aim + gains.damping * speed
+            port.book((force, 0.0, 0.0), still, still)
+            yield force
+
+
 def search(port_of, sample, sub_step=0.25e-3, exchanges=12, evaluations=500, seed=0):
     """Evolution strategy with one parent and one child against ports made by port_of(). Returns Supplied."""
     random = np.random.default_rng(seed)

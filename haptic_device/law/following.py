@@ -29,7 +29,7 @@ def follow(settings, memory, row):
     row.exchange_let_go = memory.let_go
     row.exchange_fade = memory.exchange_fade
     if settings.exchange_method == exchange.DIRECT or not _is_number(row):
-        _as_it_is(row)
+        _as_it_is(settings, row)
         return
     memory.factor = _risen(settings, memory) * row.exchange_fade
     tank.fill(settings, memory, row)
@@ -44,16 +44,19 @@ def follow(settings, memory, row):
 def settle(settings, memory, row):
     """At the end of the tick: what the coupling's spring really holds, and what the encoder's step may hide.
 
-    A factor that was paid for and did not rise is paid back. The handle may be half an encoder step from where it is
-    booked: a change of force that is not the handle's own costs that much way (the rest is the friction's, as with any
-    sampled spring: Abbott & Okamura 2005).
+    A factor that was paid for and did not rise is paid back. One that falls between two samples of the counts is not,
+    and the tank is empty then: what the handle did until the spring was let go, nobody knows. The handle may be half an
+    encoder step from where it is booked: a change of force that is not the handle's own costs that much way (the rest
+    is the friction's, as with any sampled spring: Abbott & Okamura 2005).
     """
     factor = row.engage * row.exchange_fade
-    modulated = 1.0 if settings.exchange_method == exchange.PSPM else 0.0  # waves pay for their own velocity
+    if memory.unseen > 0.0 and settings.exchange_method != exchange.DIRECT:
+        _let_go_unseen(settings, memory, factor)
+        return
     for i in range(int(settings.axes)):
         stretch = row.coupling_position[i] - row.position[i]
         stiffness, limit = factor * settings.stiffness[i], factor * settings.coupling_limit[i]
-        push = modulated * factor * settings.damping[i] * row.coupling_velocity[i]
+        push = factor * settings.damping[i] * _unpaid(settings, memory, row, i)
         if abs(stretch) < math.inf and abs(push) < math.inf:
             memory.tank += coupling.spring_store(memory.spring[i], memory.clamp[i], stretch)
             memory.tank -= coupling.spring_store(stiffness, limit, stretch)
@@ -65,6 +68,22 @@ def settle(settings, memory, row):
             memory.push[i], memory.stretched[i] = push, stretch
         memory.spring[i], memory.clamp[i] = stiffness, limit
     memory.factor = memory.factor_held = factor
+
+
+@kernel
+def _unpaid(settings, memory, row, i):
+    """Velocity [m/s | rad/s] at which the damper pulls and that only the tank pays for: waves pay for their port's."""
+    paid = memory.own_velocity[i] if settings.exchange_method == exchange.WAVE else 0.0
+    return row.coupling_velocity[i] - paid
+
+
+@kernel
+def _let_go_unseen(settings, memory, factor):
+    """A tick whose counts are old: nothing rises in it (law/servo), and what falls is not paid back."""
+    if factor < memory.factor:
+        memory.tank, memory.factor = min(0.0, memory.tank), factor
+        for i in range(int(settings.axes)):
+            memory.spring[i], memory.clamp[i] = factor * settings.stiffness[i], factor * settings.coupling_limit[i]
 
 
 @kernel
@@ -108,9 +127,12 @@ def _is_number(row):
 
 
 @kernel
-def _as_it_is(row):
+def _as_it_is(settings, row):
+    """The tool as it is said to be; where a method would have to book it, what is not a number becomes no place."""
     for i in range(AXES):
         row.coupling_position[i], row.coupling_velocity[i] = row.tool_position[i], row.tool_velocity[i]
+        if settings.exchange_method != exchange.DIRECT:
+            row.coupling_position[i] = math.nan
 
 
 @kernel
@@ -124,12 +146,9 @@ def _modulate(settings, memory, row):
     for i in range(int(settings.axes)):
         own = memory.own_velocity[i]
         most, least = max(0.0, row.tool_velocity[i]), min(0.0, row.tool_velocity[i])
-        wanted = min(most, max(least, own))
-        damping = memory.factor * settings.damping[i]
-        reach = tank.DAMPER_SLEW * settings.exchange_slew[i] * settings.period / damping if damping > 0.0 else math.inf
-        velocity = min(memory.set_velocity[i] + reach, max(memory.set_velocity[i] - reach, wanted))
+        velocity = _damper_slewed(settings, memory, i, min(most, max(least, own)))
         memory.set_velocity[i] = velocity
-        force = settings.scale[i] * damping * velocity
+        force = settings.scale[i] * memory.factor * settings.damping[i] * velocity
         if force != 0.0:
             force_square += force * force / max(0.0, settings.surplus[i])
     share = pspm.damper_share(memory.tank - tank.reserve(settings, memory), force_square, settings.period)
@@ -168,19 +187,57 @@ def _take_waves(settings, memory, row):
     for i in range(int(settings.axes)):
         incoming = share * memory.wave[i]
         memory.pending[i] -= memory.wave[i] * settings.period  # what energy does not cover is dropped, or it grows
-        stiffness, limit = memory.spring[i], memory.clamp[i]
-        damping, z = memory.factor * settings.damping[i], wave.impedance(settings.stiffness[i])
-        spring = stiffness * (row.position[i] - memory.set[i])
-        velocity = wave.port_velocity(
-            incoming, spring, damping, row.velocity[i], stiffness, limit, z, settings.period
-        )
-        memory.set[i] += velocity * settings.period
-        outgoing = incoming + 2.0 * z * velocity
-        memory.sent[i] += outgoing * settings.period
-        memory.shipped += wave.power(outgoing, z) * settings.period
-        row.coupling_position[i], row.coupling_velocity[i] = memory.set[i], velocity
+        _move_port(settings, memory, row, i, incoming)
+    share = _felt_share(settings, memory)
+    for i in range(int(settings.axes)):
+        port = memory.own_velocity[i]
+        memory.set_velocity[i] = port + share * (memory.set_velocity[i] - port)
+        row.coupling_position[i], row.coupling_velocity[i] = memory.set[i], memory.set_velocity[i]
         row.exchange_effort[i] = memory.sent[i]
     row.exchange_energy = memory.shipped
+
+
+@kernel
+def _move_port(settings, memory, row, i, incoming):
+    """Port of axis i for an incoming wave, as fast as the slew lets the spring change; and the wave that goes back.
+
+    The damper's force on the handle changes by its own slew; the tank pays for what lies between.
+    """
+    stiffness, limit, moved = memory.spring[i], memory.clamp[i], settings.scale[i] * memory.moved[i]
+    damping, z, period = memory.factor * settings.damping[i], wave.impedance(settings.stiffness[i]), settings.period
+    spring = stiffness * (row.position[i] - memory.set[i])
+    wanted = wave.port_velocity(incoming, spring, damping, row.velocity[i], stiffness, limit, z, period)
+    before = memory.set[i] - memory.own_velocity[i] * period
+    reach = settings.exchange_slew[i] * period / stiffness if stiffness > 0.0 else math.inf
+    low, high = before + min(0.0, moved) - reach - memory.set[i], before + max(0.0, moved) + reach - memory.set[i]
+    velocity = min(max(0.0, high) / period, max(min(0.0, low) / period, wanted))
+    force = min(limit, max(-limit, spring - stiffness * period * velocity)) + damping * (row.velocity[i] - velocity)
+    outgoing = wave.returned(incoming, force, velocity, z)
+    memory.set[i] += velocity * period
+    memory.sent[i] += outgoing * period
+    memory.shipped += wave.power(outgoing, z) * period
+    memory.own_velocity[i] = velocity
+    memory.set_velocity[i] = _damper_slewed(settings, memory, i, velocity)
+
+
+@kernel
+def _felt_share(settings, memory):
+    """Share 0…1 that the tank covers of the dampers' forces beyond those that the waves pay for."""
+    force_square = 0.0
+    for i in range(int(settings.axes)):
+        beyond = memory.set_velocity[i] - memory.own_velocity[i]
+        force = settings.scale[i] * memory.factor * settings.damping[i] * beyond
+        if force != 0.0:
+            force_square += force * force / max(0.0, settings.surplus[i])
+    return pspm.damper_share(memory.tank - tank.reserve(settings, memory), force_square, settings.period)
+
+
+@kernel
+def _damper_slewed(settings, memory, i, wanted):
+    """Next velocity at which the damper pulls: the wanted one, as far as the damper's share of the slew lets it."""
+    damping = memory.factor * settings.damping[i]
+    reach = tank.DAMPER_SLEW * settings.exchange_slew[i] * settings.period / damping if damping > 0.0 else math.inf
+    return min(memory.set_velocity[i] + reach, max(memory.set_velocity[i] - reach, wanted))
 
 
 @kernel

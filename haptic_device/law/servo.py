@@ -348,7 +348,8 @@ def _engage(settings, memory, row):
     small = wanted < settings.engage_force and abs(row.force_coupling[2]) < settings.engage_torque
     faulted = memory.fault != fault.NONE
     memory.state = engage.engage_state(int(memory.state), enabled, faulted, small, memory.engage)
-    memory.engage = engage.engage_factor(int(memory.state), memory.engage, settings.period, settings.engage_time)
+    factor = engage.engage_factor(int(memory.state), memory.engage, settings.period, settings.engage_time)
+    memory.engage = min(factor, memory.engage) if memory.unseen > 0.0 else factor  # nothing rises on old counts
     row.state, row.engage = memory.state, memory.engage
 
 
@@ -369,6 +370,8 @@ def _command_motor(settings, memory, row):
         memory.mixed[i] = memory.limited[i] and total != row.force_coupling[i]
         force = min(settings.device_limit[i], max(-settings.device_limit[i], force))
         row.force_on_handle[i] = force
+    if memory.fault != fault.NONE:
+        row.engage = memory.engage = 0.0
     for i in range(AXES):
         if memory.fault != fault.NONE or i >= settings.axes:
             row.force_on_handle[i] = 0.0

@@ -53,7 +53,8 @@ def _charge_long_hold(settings, memory, hold):
         return
     for i in range(int(settings.axes)):
         squared = settings.scale[i] ** 2
-        gained = squared * (0.5 * memory.spring[i] + memory.factor_held * settings.damping[i] / settings.period)
+        stiffness = max(memory.spring[i], memory.factor_held * settings.stiffness[i])  # one let go unseen held too
+        gained = squared * (0.5 * stiffness + memory.factor_held * settings.damping[i] / settings.period)
         cancelled = settings.cancellation_ratio * settings.physical_damping[i] / settings.period
         lost = settings.physical_damping[i] / hold
         memory.tank -= max(0.0, gained + cancelled - lost) * memory.moved[i] ** 2

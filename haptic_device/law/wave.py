@@ -67,3 +67,15 @@ def port_velocity(incoming, spring, damping, rate, stiffness, limit, impedance, 
     if abs(force) > limit:
         velocity = (math.copysign(limit, force) + damping * rate - incoming) / (impedance + damping)
     return velocity
+
+
+@kernel
+def returned(incoming, force, velocity, impedance):
+    """Wave [N] that goes back from a port with this force and velocity: u + z v, with no more energy than came in.
+
+    Where u − z v is the incoming wave that is u v + q²/4z exactly. A port that is held back to a part of that velocity
+    (between 0 and it) has not less: u falls as v grows, so u v ≥ 0 or u v is nearer 0 than it was.
+    """
+    natural = force + impedance * velocity
+    most = math.sqrt(max(0.0, 4.0 * impedance * force * velocity + incoming * incoming))
+    return math.copysign(min(abs(natural), most), natural)

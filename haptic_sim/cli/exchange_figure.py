@@ -7,7 +7,7 @@ from haptic_device.law.exchange import PARAMETERS
 
 PANELS = (  # and up to where the axis is straight, logarithmic beyond
     ("stiffness felt at a rigid wall [N/m]", lambda one: one.stiffness, None),
-    ("tool error in free motion [mm]", lambda one: one.tool_error * 1e3, 0.1),
+    ("tool error in free motion [mm]", lambda one: one.tool_error * 1e3, 0.01),
     ("apparent damping in free motion [N s/m]", lambda one: one.damping, 0.2),
     ("apparent mass in free motion [kg]", lambda one: one.mass, 0.2),
     ("energy given to the operator, largest [mJ]", lambda one: one.given * 1e3, 1.0),
@@ -28,6 +28,7 @@ def save(found: dict, path) -> None:
         axes.set_xscale("symlog", linthresh=1.0)
         axes.set_xlim(left=0.0)
         axes.grid(alpha=0.3)
+    figure.axes[0].set_ylim(bottom=0.0)  # an unstable wall has no stiffness
     figure.axes[0].legend()
     line = figure.axes[4].axhline(BUDGET, color="black", linestyle=":")
     figure.axes[4].legend([line], ["exchange.budget, the default"], loc="upper left")

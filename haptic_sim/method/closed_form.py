@@ -17,6 +17,7 @@ import math
 import numpy as np
 
 from haptic_device.kernel import kernel
+from haptic_device.law import port
 from haptic_sim.compile import compile_scene
 from haptic_sim.method import Contact, Coupling, Planar, Travel
 from haptic_sim.scene import Scene
@@ -45,6 +46,8 @@ class ClosedForm:
         self.couple(Coupling())
         self.reset()
         self.travel(self.position, _STILL, self.position, _STILL, 0)  # compiled here, not in the first exchange
+        drawn = np.zeros(port.RULES), np.zeros(port.MEMORY)
+        self.travel_drawn(*drawn, self.position, _STILL, self.position, _STILL, 0)
 
     def reset(self) -> None:
         """Everything back to the scene's start, with the same gains."""
@@ -73,6 +76,12 @@ class ClosedForm:
         place, rate, force, push = self._state
         return self._take(_advance(place, rate, *ways, *self._gains, *self._settings, count))
 
+    def travel_drawn(self, rules: np.ndarray, memory: np.ndarray, start: Planar, start_velocity: Planar, end: Planar,
+                     end_velocity: Planar, count: int) -> Travel:
+        """As `travel`, the handle drawn nearer as a tank of energy asks for (law/port, whose arrays these are)."""
+        ways = [self._turned(vector) for vector in (start, start_velocity, end, end_velocity)]
+        return self._take(_advance_drawn(rules, memory, *self._state[:2], *ways, *self._gains, *self._settings, count))
+
     def follow(self, path: np.ndarray, count: int) -> Travel:
         """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
         axes = self._x, self._y
@@ -95,10 +104,10 @@ class ClosedForm:
 
     def energy(self) -> tuple[float, float]:
         """Kinetic and potential energy of the tool [J]; potential is 0 at the origin."""
-        place, rate, *_ = self._state
-        mass, gravity, *_ = self._settings
-        kinetic = sum(0.5 * m * v * v for m, v in zip(mass, rate, strict=True))
-        return kinetic, -mass[0] * sum(g * x for g, x in zip(gravity, place, strict=True))
+        (x, y, angle), (vx, vy, turn), *_ = self._state
+        (mass, _, inertia), (gx, gy, twist), *_ = self._settings
+        kinetic = 0.5 * (mass * (vx * vx + vy * vy) + inertia * turn * turn)
+        return kinetic, -mass * (gx * x + gy * y + twist * angle)
 
     def _turned(self, vector):
         """From the plane's axes to those of the walls."""
@@ -136,6 +145,27 @@ def _advance(place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low
         supplied += x[2] * (x[0] - past_x) + y[2] * (y[0] - past_y) + t[2] * (t[0] - past_t)
         most = max(most, max(abs(x[3]), abs(y[3])))
     return (x[0], y[0], t[0]), (x[1], y[1], t[1]), (x[2], y[2], t[2]), (x[3], y[3], t[3]), supplied, most
+
+
+@kernel
+def _advance_drawn(rules, memory, place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low, high, h, count):
+    """`_advance` with the handle of each sub-step as law/port drives it; what is supplied leaves the tank."""
+    force = push = (0.0, 0.0, 0.0)
+    supplied = most = 0.0
+    for k in range(1, count + 1):
+        s = k / count
+        r = 1.0 - s
+        handle = r * p0[0] + s * p1[0], r * p0[1] + s * p1[1], r * p0[2] + s * p1[2]
+        velocity = r * v0[0] + s * v1[0], r * v0[1] + s * v1[1], r * v0[2] + s * v1[2]
+        port.drive(rules, memory, handle, velocity, place)
+        aim = memory[port.AIM], memory[port.AIM + 1], memory[port.AIM + 2]
+        speed = memory[port.SPEED], memory[port.SPEED + 1], memory[port.SPEED + 2]
+        ways = aim, speed, aim, speed
+        made = _advance(place, rate, *ways, stiffness, damping, mass, gravity, low, high, h, 1)
+        place, rate, force, push, given, pressed = made
+        memory[port.TANK] -= given
+        supplied, most = supplied + given, max(most, pressed)
+    return place, rate, force, push, supplied, most
 
 
 @kernel

@@ -5,7 +5,7 @@ from haptic_device.law.exchange import PARAMETERS as EXCHANGE
 from haptic_device.parameter import Parameter
 from haptic_sim.scene import METHODS
 from haptic_sim.simulation import AUTO
-from haptic_sim.tool_port import BUDGET
+from haptic_sim.tool_port import BUDGET, LIMITS
 
 PARAMETERS = (
     Parameter("autostart", True, "", "configure and activate by itself at start"),
@@ -17,6 +17,9 @@ PARAMETERS = (
     Parameter("max_catch_up", 0.02, "s", "gap between handle samples beyond which the world waits", 2e-3, 1.0),
     next(parameter for parameter in EXCHANGE if parameter.name == "exchange.method"),
     Parameter("port_budget", BUDGET, "J", "energy the tool port may supply before any was shipped", 0.0, 10.0),
+    Parameter("port_force", LIMITS.force, "N", "largest pull on the tool", 0.1, 1000.0),
+    Parameter("port_torque", LIMITS.torque, "N m", "largest twist on the tool", 0.001, 100.0),
+    Parameter("port_slew", LIMITS.slew, "N/s", "fastest change of the pull by the device's samples", 1.0, 1e6),
     Parameter(
         "realtime",
         "prefer",
