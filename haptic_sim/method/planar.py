@@ -19,10 +19,13 @@ class PlanarWorld:
     `stiffness` [N/m] and `damping` [N s/m] of a contact; stiffness 0 is rigid.
     """
 
+    by_events = False
+    """Whether the tool too goes from event to event, with the coupling as a force along its way."""
+
     def __init__(self, scene: Scene, sub_step: float, advance, stiffness: float = 0.0, damping: float = 0.0):
         self.scene, self.sub_step = scene, sub_step
         self._compiled = compile_scene(scene)
-        self._advance, self._contact = advance, (stiffness, damping)
+        self._advance, self._contact = advance, (stiffness, damping, float(self.by_events))
         self._gains = Coupling()
         self.reset()
 

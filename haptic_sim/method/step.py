@@ -6,6 +6,7 @@ import math
 from haptic_device.whole import part, whole
 from haptic_sim.method.flight import fly
 from haptic_sim.method.press import press
+from haptic_sim.method.smooth import pull_tool
 from haptic_sim.method.touch import far_apart, gap_of, place_shapes
 
 FALL = 100.0
@@ -21,7 +22,11 @@ def sub_steps(models, layouts, works, h, count, path):
     model, layout, work = models[0], layouts[0], works[0]
     for k in range(count * (len(path) - 1)):
         lead_handle(work, path, k // count, (k % count + 1) / count)
-        sub_step(model, layout, work, h)
+        if work.port[19] > 0.0:
+            follow_hand(work, path, k // count, count, h)
+            event_step(model, layout, work, h)
+        else:
+            sub_step(model, layout, work, h)
         watch_contacts(layout, work, h)
 
 
@@ -30,6 +35,14 @@ def lead_handle(work, path, row, share):
     """Handle's position and velocity at this share of the way from a row of its path to the next into work.port."""
     for m in range(6):
         work.port[m] = (1.0 - share) * path[row, m] + share * path[row + 1, m]
+
+
+@part
+def follow_hand(work, path, row, count, h):
+    """Handle a sub-step ago, `count` of which go from this row of its path to the next, and how fast it changes."""
+    for m in range(6):
+        rate = (path[row + 1, m] - path[row, m]) / (count * h)
+        work.hand[0, m], work.hand[1, m] = work.port[m] - h * rate, rate
 
 
 @part
@@ -65,6 +78,23 @@ def sub_step(model, layout, work, h):
         press(model, layout, work, h)
     q, port = work.q, work.port
     port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
+
+
+@part
+def event_step(model, layout, work, h):
+    """Advances all bodies by h [s] from event to event, the coupling a force along the handle's straight way."""
+    q, port = work.q, work.port
+    work.counts[3] = 0
+    hold_all(layout, work)
+    left = fly(model, layout, work, h)
+    if left > 0.0:
+        work.counts[0] += 1
+        x, y, angle = q[0, 0], q[0, 1], q[0, 2]
+        press(model, layout, work, left)
+        port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
+    pull_tool(work, q, work.v, h)
+    for k in range(3):
+        port[10 + k] = work.pull[k]
 
 
 @part
