@@ -65,6 +65,7 @@ def fly(model, layout, work, h):
         work.clock[0] += tau
         work.clock[1] = work.clock[0]
         work.port[13] += work.supply
+        work.port[20] += work.lost
         if event >= 0:
             work.counts[2] += 1
             impact(model, layout, work)

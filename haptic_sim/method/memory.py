@@ -55,16 +55,18 @@ WORK = np.dtype(_fields(
     old_mode=_r, feature=(_r, 4), G=(_r, 6), gamma=_r, gap=_r, place=(_r, 2), b=_r, lam=_r, forces=_r,
     response=(_r, _n, 3), A=(_r, _r), system=(_r, _r + 1), free=_r, column=_r, free_v=(_n, 3), answer=(_n, 3),
     tableau=2 * _z * (_z + 1), basis=_z, z=_z, last=_r, bottom=_r, around=(_s, 2), met=_p,
-    note=(_r, 9), note_key=_r, note_pair=_r, counts=5, port=20, clock=2, hand=(2, 6), pull=3, slopes_work=STAGES, supply=(),
+    note=(_r, 9), note_key=_r, note_pair=_r, counts=5, port=22, clock=2, hand=(2, 6), pull=3,
+    slopes_work=STAGES, slopes_lost=STAGES, supply=(), lost=(),
 ))
 """`note`: contacts of the last step, each place (2), normal (2), impulse on b (2), overlap, force
 on b while it rests (2). `counts`: refusals of
 flight, rows remembered, events, contacts noted, contacts left out since there were too many at once. `port`: handle
 position (3) and velocity (3), gains (4), force on the tool (3), energy supplied [J], whether a contact pushed the tool,
 largest contact force [N], deepest overlap [m], contact stiffness [N/m] (0: rigid) and damping [N s/m],
-whether the coupling is a force along the flight. `clock`: time [s] since the sub-step began of the state and of a stage;
+whether the coupling is a force along the flight; energy that contacts, joint friction and motors have taken, and that
+putting constraints right has put in [J]. `clock`: time [s] since the sub-step began of the state and of a stage;
 `hand`: handle (position, velocity) when it began, and how fast both change; `pull`: force of the coupling on the tool at
-a stage; `supply`: energy [J] it supplies on the way to the trial state."""
+a stage; `supply`, `lost`: energy [J] it supplies and rows take on the way to the trial state."""
 
 
 def records(model: Model):

@@ -75,7 +75,7 @@ def accelerate(model, layout, work, q, v, n):
 def advance(model, layout, work, tau, n):
     """Trial state after `tau` [s] from work.q, work.v, brought back to the constraints.
 
-    The work of the coupling is one more quantity that is integrated.
+    The work of the coupling, and that of the rows, are integrated as well.
     """
     slopes, weights = (SLOPES_8, WEIGHTS_8) if n == 0 else (SLOPES_4, WEIGHTS_4)
     q, v, at_q, at_v = work.q, work.v, work.stage_q, work.stage_v
@@ -89,17 +89,28 @@ def advance(model, layout, work, tau, n):
                 add(model, layout, work, at_q, at_v, tau * slopes[s, k], k)
                 work.clock[1] += tau * slopes[s, k]
         accelerate(model, layout, work, at_q, at_v, n)
+        work.slopes_lost[s] = -power(work, at_v, n)
         work.slopes_work[s] = work.pull[0] * at_v[0, 0] + work.pull[1] * at_v[0, 1] + work.pull[2] * at_v[0, 2]
         for b in range(model.bodies):
             for k in range(3):
                 work.slopes_q[s, b, k], work.slopes_v[s, b, k] = at_v[b, k], work.free_v[b, k]
     copy(q, work.trial_q, model.bodies)
     copy(v, work.trial_v, model.bodies)
-    work.supply, work.clock[1] = 0.0, work.clock[0] + tau
+    work.supply, work.lost, work.clock[1] = 0.0, 0.0, work.clock[0] + tau
     for s in range(stages):
         add(model, layout, work, work.trial_q, work.trial_v, tau * weights[s], s)
         work.supply += tau * weights[s] * work.slopes_work[s]
+        work.lost += tau * weights[s] * work.slopes_lost[s]
     bring_back(model, layout, work, work.trial_q, work.trial_v, n)
+
+
+@part
+def power(work, v, n):
+    """What n rows give to bodies at velocities v [W]."""
+    given = 0.0
+    for r in range(n):
+        given += work.lam[r] * rate_of(work, v, r)
+    return given
 
 
 @part
