@@ -47,13 +47,18 @@ def follow_hand(work, path, row, count, h):
 
 @part
 def watch_contacts(layout, work, h):
-    """Books in work.port[14:] whether a contact pushed the tool, the largest force [N], the deepest overlap [m]."""
+    """Books in work.port[14:] whether a contact pushed the tool, the largest force of a pair [N], the deepest overlap [m].
+    """
     port = work.port
     for k in range(work.counts[3]):
         note, pair = work.note[k], work.note_pair[k]
+        x = y = 0.0
+        for other in range(work.counts[3]):
+            if work.note_pair[other] == pair:
+                x, y = x + work.note[other, 4], y + work.note[other, 5]
         if layout.pair_bodies[pair, 0] == 0 or layout.pair_bodies[pair, 1] == 0:
             port[14] = 1.0
-        port[15] = max(port[15], math.hypot(note[4], note[5]) / h)
+        port[15] = max(port[15], math.hypot(x, y) / h)
         port[16] = max(port[16], note[6])
 
 
@@ -120,7 +125,7 @@ def hold_to_tool(model, layout, work, h):
     pull = math.hypot(port[0] - q[0, 0], port[1] - q[0, 1]) + h * math.hypot(port[3], port[4])
     pull += layout.extent[0] * (abs(port[2] - q[0, 2]) + h * abs(port[5])) if port[8] + port[9] > 0.0 else 0.0
     held, before, last = 1, 0, model.pair_count - 1
-    while held > before:  # to and fro: a stack is followed in one sweep, whichever way its pairs are numbered
+    while before < held < layout.linkages:  # to and fro: a stack is followed in one sweep, whichever way its pairs are numbered
         before = held
         for k in range(2 * model.pair_count):
             held += spread(model, layout, work, k if k <= last else 2 * last + 1 - k, h, pull)
