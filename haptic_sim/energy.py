@@ -7,12 +7,10 @@ dissipated: by contacts and stops, friction of joints with them; by the sub-step
 difference) and dampers of springs; less what putting constraints right has put in. A negative `dissipated` is energy
 the method has created.
 
-    supplied = Δkinetic + Δpotential + contacts + numerical − correction,      dissipated = contacts + numerical − correction
+    supplied = Δkinetic + Δpotential + dissipated,      dissipated = contacts + numerical − correction
 """
 
 from typing import NamedTuple
-
-from haptic_sim.method import Travel
 
 
 class Energy(NamedTuple):
@@ -43,11 +41,11 @@ class Ledger:
         self.supplied = self.contacts = self.correction = 0.0
         self.balance = Energy(kinetic, potential, 0.0, 0.0, 0.0, 0.0)
 
-    def book(self, travelled: Travel) -> None:
-        """What some sub-steps say of themselves."""
-        self.supplied += travelled.supplied
-        self.contacts += travelled.contacts
-        self.correction += travelled.correction
+    def book(self, supplied: float, contacts: float, correction: float) -> None:
+        """What some sub-steps say of themselves [J]."""
+        self.supplied += supplied
+        self.contacts += contacts
+        self.correction += correction
 
     def close(self, kinetic: float, potential: float) -> Energy:
         """Balance with the energies now stored [J]."""

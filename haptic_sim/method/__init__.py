@@ -34,9 +34,9 @@ class Travel(NamedTuple):
     """What happened over several sub-steps.
 
     Energy supplied to the tool by the coupling [J], whether a contact pushed the tool, the largest mean force of one
-    pair of shapes over a sub-step [N], the deepest overlap [m], how many contacts were too many to be solved for; energy
-    that impacts, friction, stops (and motors, which give it) have taken, and that putting constraints right has put in
-    [J], both 0 where a method cannot tell them from the rest.
+    pair of shapes over a sub-step [N], the deepest overlap [m], how many contacts were too many to be solved for;
+    energy that impacts, friction, stops (and motors, which give it) have taken, and that putting constraints right has
+    put in [J], both 0 where a method cannot tell them from the rest.
     """
 
     supplied: float

@@ -122,7 +122,7 @@ class ClosedForm:
 
 @kernel
 def _advance(place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low, high, h, count):
-    """Places, rates, forces of the coupling, mean forces of the walls; energy supplied; the walls' largest force, and what they took."""
+    """Places, rates, forces of coupling and walls; energy supplied; the walls' largest force; energy they took."""
     x, y, t = (place[0], rate[0], 0.0, 0.0), (place[1], rate[1], 0.0, 0.0), (place[2], rate[2], 0.0, 0.0)
     supplied = most = taken = 0.0
     for k in range(1, count + 1):

@@ -35,7 +35,7 @@ def respond_rows(model, layout, work, n):
         work.row_linkages[r, 0], work.row_linkages[r, 1] = la, lb
         for s in range(r + 1):
             lc, ld = work.row_linkages[s, 0], work.row_linkages[s, 1]
-            meet = lc >= 0 and (lc == la or lc == lb) or ld >= 0 and (ld == la or ld == lb)
+            meet = lc >= 0 and lc in (la, lb) or ld >= 0 and ld in (la, lb)
             work.A[r, s] = work.A[s, r] = rate_of_response(work, s, r) if meet else 0.0
 
 

@@ -47,8 +47,7 @@ def follow_hand(work, path, row, count, h):
 
 @part
 def watch_contacts(layout, work, h):
-    """Books in work.port[14:] whether a contact pushed the tool, the largest force of a pair [N], the deepest overlap [m].
-    """
+    """Books in work.port[14:] whether a contact pushed the tool, a pair's largest force [N], the deepest overlap."""
     port = work.port
     for k in range(work.counts[3]):
         note, pair = work.note[k], work.note_pair[k]
@@ -125,7 +124,7 @@ def hold_to_tool(model, layout, work, h):
     pull = math.hypot(port[0] - q[0, 0], port[1] - q[0, 1]) + h * math.hypot(port[3], port[4])
     pull += layout.extent[0] * (abs(port[2] - q[0, 2]) + h * abs(port[5])) if port[8] + port[9] > 0.0 else 0.0
     held, before, last = 1, 0, model.pair_count - 1
-    while before < held < layout.linkages:  # to and fro: a stack is followed in one sweep, whichever way its pairs are numbered
+    while before < held < layout.linkages:  # to and fro: a stack is followed in one sweep, whichever way it is numbered
         before = held
         for k in range(2 * model.pair_count):
             held += spread(model, layout, work, k if k <= last else 2 * last + 1 - k, h, pull)
