@@ -53,8 +53,8 @@ WORK = np.dtype(_fields(
     reduced=(_c, _c), seen=_c, points=(_v, 2), normals=(_v, 2), middles=(_s, 2), contact=11, features=(2, 4),
     row_a=_r, row_b=_r, row_linkages=(_r, 2), kind=_r, partner=_r, mu=_r, bound=_r, source=_r, index=_r, key=_r,
     old_key=_r, mode=_r, old_mode=_r, feature=(_r, 4), G=(_r, 6), gamma=_r, gap=_r, place=(_r, 2), b=_r, lam=_r,
-    forces=_r, response=(_r, _n, 3), A=(_r, _r), system=(_r, _r + 1), free=_r, column=_r, free_v=(_n, 3), answer=(_n, 3),
-    tableau=2 * _z * (_z + 1), basis=_z, z=_z, last=_r, bottom=_r, around=(_s, 2), met=_p,
+    forces=_r, response=(_r, _n, 3), A=(_r, _r), system=(_r, _r + 1), free=_r, column=_r, free_v=(_n, 3),
+    answer=(_n, 3), tableau=2 * _z * (_z + 1), basis=_z, z=_z, last=_r, bottom=_r, around=(_s, 2), met=_p,
     note=(_r, 9), note_key=_r, note_pair=_r, counts=5, port=22, clock=2, hand=(2, 6), pull=3,
     slopes_work=STAGES, slopes_lost=STAGES, supply=(), lost=(),
 ))
