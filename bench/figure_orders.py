@@ -13,8 +13,9 @@ from haptic_sim.bench.orders import PROBLEMS, errors, order
 
 
 def main(path):
-    figure = Figure(figsize=(14.0, 7.6), layout="constrained")
-    for axes, (name, problem) in zip(figure.subplots(2, 3).flat, PROBLEMS.items(), strict=True):
+    figure = Figure(figsize=(18.0, 7.6), layout="constrained")
+    panels = figure.subplots(2, -(-len(PROBLEMS) // 2)).flat
+    for (name, problem), axes in zip(PROBLEMS.items(), panels, strict=False):
         steps = np.array(problem.steps)
         for method, expected in problem.orders.items():
             found = errors(name, method)
@@ -29,6 +30,8 @@ def main(path):
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8)
+    for axes in panels:
+        axes.set_visible(False)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=90)
     print(path)

@@ -2,8 +2,9 @@
 """`@whole` and `@part`: a kernel of many functions, optimised and made machine code once, as one.
 
 numba does both for every function together with all that it calls, so at each level of a call tree what is below is
-optimised and emitted anew: 140 small functions took 62 s. A part is only translated to LLVM's language; the whole that
-calls it, or calls what calls it, takes it in. What a part may not do: be called from Python, or make an array.
+optimised and emitted anew, a tree of small functions many times over. A part is only translated to LLVM's language;
+the whole that calls it, or calls what calls it, takes it in. What a part may not do: be called from Python, or make an
+array.
 """
 
 import numba

@@ -16,8 +16,10 @@ OVERLAP = 1e-4
 TOUCHING = 1e-12  # m; gap up to which the direct solver takes two shapes for touching
 TURNS = [(0.0, 0.0), (0.7, 0.37), (2.9, 0.81)]  # angle of the whole plane [rad], phase of the contact in sub-steps
 SECONDS = {"collinear_1e3": 0.06, "collinear_1e6": 0.06, "falling_rod": 0.05, "handle_jump": 0.15, "slider_stop": 0.2,
-           "thin_plate": 0.02, "painleve_rod": 0.3, "zeno_ball": 1.5, "peg_tight": 3.6, "peg_jammed": 2.4,
-           "peg_wedged": 2.4, "peg_in_hole": 3.6, "spinning_wrench": 3.0, "four_bar_singular": 3.4}
+           "thin_plate": 0.02, "painleve_rod": 0.3, "zeno_ball": 1.5, "peg_tight": 3.6, "peg_jammed": 3.6,
+           "peg_wedged": 3.6, "peg_in_hole": 3.6, "spinning_wrench": 7.0, "four_bar_singular": 3.4}
+PUSHED = {"peg_jammed": 5.0, "peg_wedged": 10.0}
+"""N; what the hand has come to push with at the end."""
 STIFF = (100.0 * 0.1 / 0.25e-3**2, 0.0, 100.0 * 6.7e-6 / 0.25e-3**2, 0.0)  # 100 m/h², undamped
 HARD = ["collinear_1e3", "collinear_1e6", "corner_overlap", "falling_rod", "four_bar_singular", "handle_jump",
         "heavy_on_light_1e3", "heavy_on_light_1e6", "light_tool", "painleve_rod", "peg_jammed", "peg_tight",
@@ -37,14 +39,21 @@ def tried(name, angle, phase, **more):
 @pytest.mark.parametrize(("angle", "phase"), TURNS)
 @pytest.mark.parametrize("name", HARD)
 def test_a_hard_case_stays_finite_apart_and_creates_no_energy(name, angle, phase):
-    """Beyond rounding: to put an overlap of rounding right takes the contacts' force times it, at each contact."""
-    outcome = tried(name, angle, phase)
+    """Beyond rounding: to put an overlap of rounding right takes the contacts' force times it, at each contact.
+
+    One that is pressed all the time sinks in that deep once in some seconds (`lcp.SOFT`).
+    """
+    outcome, seconds = tried(name, angle, phase), SECONDS.get(name, 1.2)
     assert outcome.finite
     assert outcome.overlap <= 10.0 * TOUCHING
     force = outcome.simulation.counters.max_contact_force
     contacts = max(4, len(outcome.simulation.method.contacts()))
-    assert outcome.created <= contacts * force * TOUCHING + 1e-13 * max(outcome.scale, 1e-6)
+    assert outcome.created <= contacts * force * TOUCHING * (1.0 + seconds) + 1e-13 * max(outcome.scale, 1e-6)
     assert outcome.simulation.counters.left_out == 0
+    if name in PUSHED:
+        assert math.hypot(*outcome.simulation.method.force_on_tool[:2]) > PUSHED[name]
+    if name == "spinning_wrench":
+        assert outcome.simulation.method.position[2] - angle > 18.0 * math.pi
 
 
 def place(outcome, body, angle):
@@ -132,8 +141,8 @@ def test_more_contacts_than_can_be_solved_for_are_counted_not_passed_over():
 @pytest.mark.parametrize(("angle", "phase"), TURNS)
 @pytest.mark.parametrize("name", ["corner", "peg_in_hole"])
 def test_the_impulse_method_overlaps_by_micrometres_and_gains_no_more_than_pushing_that_out_takes(name, angle, phase):
-    outcome = tried(name, angle, phase)
+    outcome = tried(name, angle, phase, method="impulse")
     counters = outcome.simulation.counters
-    assert outcome.finite and outcome.simulation.method_name == "impulse"
+    assert outcome.finite
     assert outcome.overlap <= OVERLAP
     assert outcome.created <= counters.max_contact_force * counters.max_penetration

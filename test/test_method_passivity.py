@@ -88,4 +88,4 @@ def test_the_adversary_finds_energy_in_contacts_that_are_stepped_explicitly():
 def test_every_method_says_whether_it_is_passive():
     assert {name: made(name, GAINS[0]).passive for name in METHODS} == {
         "impulse": False, "penalty_explicit": False, "penalty_implicit": False, "partitioned": True,
-        "closed_form": True}
+        "event_driven": False, "closed_form": True}

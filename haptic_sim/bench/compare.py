@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who is how much faster at equal error: the smallest error that both reach, the least time in which each does.
 
-On our side stands the closed form where the scene has one, else the partitioned method.
+On our side stands whichever of these methods is the fastest at that error.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from haptic_sim.bench.case import FREE, JOINTED, RICH, SINGLE
 from haptic_sim.bench.measure import Run
 from haptic_sim.bench.world import PEERS
 
-OURS = "closed_form", "partitioned"
+OURS = "closed_form", "partitioned", "event_driven"
 WANTED = {JOINTED: 15.0, SINGLE: 5.0, RICH: 1.0, FREE: 1.0}
 
 
@@ -53,8 +53,7 @@ def pareto(runs: list[Run]) -> list[Run]:
 
 def ratios(runs: list[Run]) -> list[Ratio]:
     """One of ours on one scene against each peer that could do it."""
-    sides = ([item for item in runs if item.method == name and item.counts] for name in OURS)
-    own = next((side for side in sides if side), [])
+    own = [item for item in runs if item.method in OURS and item.counts]
     found = []
     for peer in PEERS:
         others = [item for item in runs if item.method == peer and item.counts]

@@ -9,7 +9,8 @@ from haptic_sim.bench.table import TITLES, default_of, fronts, nearest, scenes_o
 
 LOOKS = {
     "impulse": ("tab:blue", "o"), "penalty_explicit": ("tab:red", "v"), "penalty_implicit": ("tab:orange", "^"),
-    "partitioned": ("tab:green", "s"), "closed_form": ("tab:olive", "D"), "pymunk": ("0.6", "1"), "box2d": ("0.3", "2"),
+    "partitioned": ("tab:green", "s"), "event_driven": ("tab:cyan", "p"), "closed_form": ("tab:olive", "D"),
+    "pymunk": ("0.6", "1"), "box2d": ("0.3", "2"),
     "mujoco_rk4": ("tab:purple", "+"), "mujoco_implicit": ("tab:pink", "x"),
 }
 LEAST = 1e-14
@@ -23,7 +24,7 @@ def pareto_figure(runs: list[Run], columns: int = 3) -> Figure:
     figure = Figure(figsize=(4.6 * columns, 3.6 * rows + 0.5), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False).flat
     drawn = {}
-    for axes, scene in zip(panels, scenes, strict=False):
+    for scene, axes in zip(scenes, panels, strict=False):
         drawn |= _panel(axes, [item for item in runs if item.scene == scene], scene)
     for axes in list(panels):
         axes.set_visible(False)

@@ -2,7 +2,8 @@
 """How fast errors fall with the step: small problems with a known answer, one for each thing a method integrates.
 
 Order 1 is that of backward difference, which the coupling's passivity asks for, and of what Euler and Cromer do.
-Between events, without a coupling, `partitioned` is of order 8 in free flight and of order 4 in contact.
+Between events, without a coupling, `partitioned` is of order 8 in free flight and of order 4 in contact, and
+`event_driven` so with one.
 """
 
 import math
@@ -21,6 +22,7 @@ from haptic_sim.method.penalty_implicit import PenaltyImplicit
 from haptic_sim.scene import Scene, load
 
 FINE, COARSE = (0.5e-3, 0.25e-3, 0.125e-3, 0.0625e-3), (50e-3, 25e-3, 12.5e-3)
+LED = 10e-3, 5e-3, 2.5e-3
 CONTACT = 1e4, 5.0
 """Stiffness [N/m] and damping [N s/m] of the elastic contact."""
 
@@ -40,14 +42,15 @@ PROBLEMS = {
     "elastic_contact": Problem("a tool pressed on an elastic wall", {"penalty_explicit": 1, "penalty_implicit": 1},
                                FINE),
     "linkage": Problem("a four-bar linkage let go", {"impulse": 1, "penalty_explicit": 1, "penalty_implicit": 1}, FINE),
-    "linkage_flight": Problem("a four-bar linkage let go", {"partitioned": 8}, COARSE),
-    "sliding_rod": Problem("a rod whose end slides on a floor", {"partitioned": 4}, COARSE),
+    "linkage_flight": Problem("a four-bar linkage let go", {"partitioned": 8, "event_driven": 8}, COARSE),
+    "sliding_rod": Problem("a rod whose end slides on a floor", {"partitioned": 4, "event_driven": 4}, COARSE),
+    "spring": Problem("a tool drawn to a handle at rest", {"event_driven": 8}, LED),
 }
 
 
 def errors(problem: str, method: str) -> list[float]:
     """Largest distance of the moving bodies from the answer at the end of the problem [m], a step each."""
-    solve = {"elastic_contact": _elastic, "sliding_rod": _sliding}.get(problem)
+    solve = {"elastic_contact": _elastic, "sliding_rod": _sliding, "spring": _drawn}.get(problem)
     steps = PROBLEMS[problem].steps
     if solve:
         return [solve(method, step) for step in steps]
@@ -87,6 +90,17 @@ def _elastic(method, step):
     axis = Axis(scene.tool.mass, whole, gains.damping + CONTACT[1])
     rest = np.full(2, -press * gains.stiffness / whole)
     return abs(world.position[0] - radius - axis_motion(axis, rest, np.zeros(2), time, 0.0)[1])
+
+
+def _drawn(method, step):
+    """A tool 10 mm beside a handle that does not move."""
+    scene, gains, time, beside = load("free_space"), Coupling(2000.0, 2.0, 0.0, 0.0), 0.1, 0.01
+    scene = scene.model_copy(update={"tool": scene.tool.model_copy(update={"pose": (beside, 0.0, 0.0)})})
+    world = make(method, scene, step)
+    world.couple(gains)
+    world.follow(np.zeros((2, 6)), round(time / step))
+    exact = axis_motion(Axis(scene.tool.mass, *gains[:2]), np.zeros(2), np.zeros(2), time, beside)[1]
+    return abs(world.pose("tool")[0] - exact)
 
 
 def _sliding(method, step):

@@ -111,9 +111,9 @@ def _page(runs):
 
     used = [version(name) for name in PEERS if any(item.method == name for item in runs)]
     return (f"# Speed against error\n\nWritten by `haptic bench speed-error`. Peers: {', '.join(dict.fromkeys(used))}. "
-            "Step and error are those of the scene's default method; behind it, how many times faster closed_form, "
-            "or else partitioned, reaches the smallest error that it and the peer both reach; ✗: below 15 for linkages "
-            "against RK4, 5 for "
+            "Step and error are those of the scene's default method; behind it, how many times faster the best of "
+            "closed_form, partitioned and event_driven reaches the smallest error that it and the peer both reach; "
+            "✗: below 15 for linkages against RK4, 5 for "
             f"single contacts, 1 else.\n\n{markdown(runs)}\n\n## Wall time of a step [µs]\n\n"
             f"The least over the steps tried.\n\n{costs(runs)}\n")
 

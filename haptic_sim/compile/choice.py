@@ -31,7 +31,7 @@ def choose_method(scene, needs) -> tuple[str, str]:
         return "partitioned", "joints: coordinates that keep them exactly"
     if len(needs.moving) > 1:
         return "partitioned", "bodies push on each other: one direct solve for any mass ratio, impacts in their instant"
-    return "impulse", "one free body among fixed ones"
+    return "partitioned", "one direct solve of coupling and contacts, none of which overlap"
 
 
 def choose_sub_step(scene, model: Model, method: str) -> tuple[float, str]:

@@ -34,7 +34,9 @@ class Travel(NamedTuple):
     """What happened over several sub-steps.
 
     Energy supplied to the tool by the coupling [J], whether a contact pushed the tool, the largest mean force of one
-    pair of shapes over a sub-step [N], the deepest overlap [m], and how many contacts were too many to be solved for.
+    pair of shapes over a sub-step [N], the deepest overlap [m], how many contacts were too many to be solved for;
+    energy that impacts, friction, stops (and motors, which give it) have taken, and that putting constraints right has
+    put in [J], both 0 where a method cannot tell them from the rest.
     """
 
     supplied: float
@@ -42,6 +44,8 @@ class Travel(NamedTuple):
     force: float
     depth: float
     left_out: int = 0
+    contacts: float = 0.0
+    correction: float = 0.0
 
 
 class Method(Protocol):

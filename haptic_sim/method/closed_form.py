@@ -88,11 +88,11 @@ class ClosedForm:
         return self._take(_advance_along(*self._state[:2], axes, path, self._gains, self._settings, count))
 
     def _take(self, found):
-        place, rate, force, push, supplied, most = found
+        place, rate, force, push, supplied, most, taken = found
         self._state = place, rate, force, push
         self.position, self.velocity, self.force_on_tool = self._plane(place), self._plane(rate), self._plane(force)
         self.touching = push[0] != 0.0 or push[1] != 0.0
-        return Travel(supplied, most > 0.0, most, 0.0)
+        return Travel(supplied, most > 0.0, most, 0.0, contacts=taken)
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last sub-step, sorted by bodies and place."""
@@ -131,9 +131,9 @@ class ClosedForm:
 
 @kernel
 def _advance(place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low, high, h, count):
-    """Places, rates, forces of the coupling, mean forces of the walls; energy supplied; the walls' largest force."""
+    """Places, rates, forces of coupling and walls; energy supplied; the walls' largest force; energy they took."""
     x, y, t = (place[0], rate[0], 0.0, 0.0), (place[1], rate[1], 0.0, 0.0), (place[2], rate[2], 0.0, 0.0)
-    supplied = most = 0.0
+    supplied = most = taken = 0.0
     for k in range(1, count + 1):
         s = k / count
         r = 1.0 - s
@@ -141,10 +141,12 @@ def _advance(place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low
         velocity = r * v0[0] + s * v1[0], r * v0[1] + s * v1[1], r * v0[2] + s * v1[2]
         given = handle, velocity, stiffness, damping, mass, gravity, low, high, h
         past_x, past_y, past_t = x[0], y[0], t[0]
+        rate_x, rate_y = x[1], y[1]
         x, y, t = _axis(0, x, *given), _axis(1, y, *given), _axis(2, t, *given)
         supplied += x[2] * (x[0] - past_x) + y[2] * (y[0] - past_y) + t[2] * (t[0] - past_t)
         most = max(most, max(abs(x[3]), abs(y[3])))
-    return (x[0], y[0], t[0]), (x[1], y[1], t[1]), (x[2], y[2], t[2]), (x[3], y[3], t[3]), supplied, most
+        taken -= 0.5 * h * (x[3] * (rate_x + x[1]) + y[3] * (rate_y + y[1]))
+    return (x[0], y[0], t[0]), (x[1], y[1], t[1]), (x[2], y[2], t[2]), (x[3], y[3], t[3]), supplied, most, taken
 
 
 @kernel
@@ -172,12 +174,12 @@ def _advance_drawn(rules, memory, place, rate, p0, v0, p1, v1, stiffness, dampin
 def _advance_along(place, rate, axes, path, gains, settings, count):
     """`_advance` from each row of a path in the plane to the next."""
     force = push = (0.0, 0.0, 0.0)
-    supplied = most = 0.0
+    supplied = most = taken = 0.0
     for k in range(len(path) - 1):
         ends = (_on(axes, path[k], 0), _on(axes, path[k], 3), _on(axes, path[k + 1], 0), _on(axes, path[k + 1], 3))
-        place, rate, force, push, given, pressed = _advance(place, rate, *ends, *gains, *settings, count)
-        supplied, most = supplied + given, max(most, pressed)
-    return place, rate, force, push, supplied, most
+        place, rate, force, push, given, pressed, lost = _advance(place, rate, *ends, *gains, *settings, count)
+        supplied, most, taken = supplied + given, max(most, pressed), taken + lost
+    return place, rate, force, push, supplied, most, taken
 
 
 @kernel

@@ -32,10 +32,11 @@ def respond_rows(model, layout, work, n):
         if lb >= 0 and lb != la and work.active[lb] > 0:
             respond(layout, work, lb, f, work.answer)
             keep_answer(layout, work, lb, r)
+        work.row_linkages[r, 0], work.row_linkages[r, 1] = la, lb
         for s in range(r + 1):
-            lc, ld = layout.linkage[work.row_a[s]], layout.linkage[work.row_b[s]]
-            apart = (lc < 0 or (lc - la) * (lc - lb) != 0) and (ld < 0 or (ld - la) * (ld - lb) != 0)
-            work.A[r, s] = work.A[s, r] = 0.0 if apart else rate_of_response(work, s, r)
+            lc, ld = work.row_linkages[s, 0], work.row_linkages[s, 1]
+            meet = lc >= 0 and lc in (la, lb) or ld >= 0 and ld in (la, lb)
+            work.A[r, s] = work.A[s, r] = rate_of_response(work, s, r) if meet else 0.0
 
 
 @part

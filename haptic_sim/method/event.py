@@ -12,12 +12,14 @@ from haptic_sim.compile.model import SPRING
 from haptic_sim.method.effect import copy
 from haptic_sim.method.impact import TOUCHING
 from haptic_sim.method.joints import coordinate_row
-from haptic_sim.method.lcp import LOW, NORMAL, SLIDING
-from haptic_sim.method.rows import LIMIT, moves, rate_of, refresh, wished
-from haptic_sim.method.smooth import advance
+from haptic_sim.method.lcp import FREE, LOW, NORMAL, SLIDING, limit_of
+from haptic_sim.method.rows import LIMIT, moves, rate_of, wished
+from haptic_sim.method.smooth import accelerate, advance
 from haptic_sim.method.touch import GAP, evaluate, far_apart, gap_of, place_shapes, touch
 
 PASSES = 60
+SPARE, SHARE = 1e-9, 1e-7
+"""Force [N], and share of its bound, by which a contact pulls or a friction exceeds it when its mode ends."""
 HALVINGS = 40
 EXACT = 1e-15
 """Value [m | m/s] that is zero."""
@@ -30,6 +32,7 @@ def first_event(model, layout, work, n):
     Events 0…p−1 are gaps of pairs, then follow the slips of the n rows, then the limits of joints.
     """
     place_shapes(model, layout, work, work.trial_q)
+    forces_at(model, layout, work, work.trial_q, work.trial_v, n)
     worst, event = -TOUCHING, -1
     for e in range(model.pair_count + n + model.joints):
         value = event_value(model, layout, work, n, e)
@@ -48,9 +51,26 @@ def event_value(model, layout, work, n, e):
         return limit_gap(model, layout, work, n, e - pairs - n)
     r = e - pairs
     if work.kind[r] != SLIDING:
-        return 0.0
+        return spare_force(work, r)
     slip = rate_of(work, work.trial_v, r) - wished(model, work, r)
     return slip if work.mode[r] == LOW else -slip
+
+
+@part
+def forces_at(model, layout, work, q, v, n):
+    """Contact forces at q, v at the time of work.clock[1] into work.lam."""
+    if n > 0:
+        accelerate(model, layout, work, q, v, n)
+
+
+@part
+def spare_force(work, r):
+    """How much more a held row may be pulled [N], before it parts or slips."""
+    if work.mode[r] != FREE:
+        return 0.0
+    if work.kind[r] == NORMAL:
+        return work.lam[r] + SPARE
+    return limit_of(work, r, 1.0) * (1.0 + SHARE) + SPARE - abs(work.lam[r])
 
 
 @part
@@ -128,9 +148,9 @@ def value_after(model, layout, work, n, time, event):
     else:
         copy(work.q, work.trial_q, model.bodies)
         copy(work.v, work.trial_v, model.bodies)
+        work.clock[1] = work.clock[0]
     place_shapes(model, layout, work, work.trial_q)
-    if time <= 0.0 and n > 0:
-        refresh(model, layout, work, work.q, work.v, n)
+    forces_at(model, layout, work, work.trial_q, work.trial_v, n)
     return event_value(model, layout, work, n, event)
 
 

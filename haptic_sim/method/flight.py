@@ -39,6 +39,7 @@ def fly(model, layout, work, h):
     """Advances the active linkages by h [s]; returns the time left over when it had to give up, else 0."""
     for i in range(layout.linkages):
         work.flying[i] = work.active[i]
+    work.clock[0] = work.clock[1] = 0.0
     left = h
     for _ in range(MOST_EVENTS):
         n = present_rows(model, layout, work, True)
@@ -61,6 +62,10 @@ def fly(model, layout, work, h):
         note_impulses(work, n, tau)
         if resting:
             note_resting(work, tau)
+        work.clock[0] += tau
+        work.clock[1] = work.clock[0]
+        work.port[13] += work.supply
+        work.port[20] += work.lost
         if event >= 0:
             work.counts[2] += 1
             impact(model, layout, work)
@@ -122,7 +127,7 @@ def lay_to_rest(model, layout, work, n, left):
     """Linkages that do not move, nor would within the time left, by more than RESTING get velocity zero and sleep.
 
     The contact forces have been solved for and hold them: to integrate them would only move rounding about. Who
-    touches one that moves stays awake. Returns how many sleep.
+    touches one that moves, or that the hand pulls, stays awake. Returns how many sleep.
     """
     a = work.free_v
     apply_rows(model, work, n, a)
@@ -133,6 +138,8 @@ def lay_to_rest(model, layout, work, n, left):
             for k in range(3):
                 if abs(work.v[b, k]) > RESTING or abs(a[b, k]) * left > RESTING:
                     work.moving[i] = 1
+    if work.port[19] > 0.0:
+        work.moving[layout.linkage[0]] = 1
     spread_motion(layout, work, n)
     asleep = 0
     for i in range(layout.linkages):

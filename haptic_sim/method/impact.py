@@ -30,6 +30,7 @@ def impact(model, layout, work):
         copy(work.trial_v, work.v, model.bodies)
         strike(model, layout, work, n, 0.0)
     note_impulses(work, n, 1.0)
+    work.port[20] += before - kinetic(model, layout, work, work.v)
 
 
 @part

@@ -71,7 +71,7 @@ def place_pair(model, layout, work, s, u, share):
         x = work.q[b, 0] + share * (work.trial_q[b, 0] - work.q[b, 0])
         y = work.q[b, 1] + share * (work.trial_q[b, 1] - work.q[b, 1])
         angle = work.q[b, 2] + share * (work.trial_q[b, 2] - work.q[b, 2])
-        place_shape(model, layout, work, shape, x, y, angle)
+        place_shape(model, layout, work, shape, x, y, math.cos(angle), math.sin(angle))
 
 
 @part

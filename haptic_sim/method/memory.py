@@ -29,9 +29,9 @@ def _fields(**shapes):
 _WHOLE = {
     "bodies", "shapes", "corners", "pair_count", "joints", "linkages", "shape_body", "shape_start", "pairs",
     "joint_kind", "joint_bodies", "pair_bodies", "linkage", "place_in", "body_start", "order", "joint_start",
-    "joint_order", "active", "freedoms", "dependent", "pivot", "features", "row_a", "row_b", "kind", "partner",
-    "source", "index", "key", "old_key", "mode", "old_mode", "feature", "free", "column", "basis", "note_key",
-    "note_pair", "counts", "flying", "moving", "last", "bottom", "met",
+    "joint_order", "active", "freedoms", "dependent", "pivot", "features", "row_a", "row_b", "row_linkages", "kind",
+    "partner", "source", "index", "key", "old_key", "mode", "old_mode", "feature", "free", "column", "basis",
+    "note_key", "note_pair", "counts", "flying", "moving", "last", "bottom", "met",
 }
 
 MODEL = np.dtype(_fields(
@@ -51,17 +51,22 @@ WORK = np.dtype(_fields(
     slopes_q=(STAGES, _n, 3), slopes_v=(STAGES, _n, 3), force=(_n, 3), bias=(_n, 3), active=_n, flying=_n, moving=_n,
     Y=(3 * _n, _c), freedoms=_n, jacobian=(_k, _c + 2), row=6, dependent=_c, pivot=_k, N=(_c, _c), diagonal=_c,
     reduced=(_c, _c), seen=_c, points=(_v, 2), normals=(_v, 2), middles=(_s, 2), contact=11, features=(2, 4),
-    row_a=_r, row_b=_r, kind=_r, partner=_r, mu=_r, bound=_r, source=_r, index=_r, key=_r, old_key=_r, mode=_r,
-    old_mode=_r, feature=(_r, 4), G=(_r, 6), gamma=_r, gap=_r, place=(_r, 2), b=_r, lam=_r, forces=_r,
-    response=(_r, _n, 3), A=(_r, _r), system=(_r, _r + 1), free=_r, column=_r, free_v=(_n, 3), answer=(_n, 3),
-    tableau=2 * _z * (_z + 1), basis=_z, z=_z, last=_r, bottom=_r, around=(_s, 2), met=_p,
-    note=(_r, 9), note_key=_r, note_pair=_r, counts=5, port=19,
+    row_a=_r, row_b=_r, row_linkages=(_r, 2), kind=_r, partner=_r, mu=_r, bound=_r, source=_r, index=_r, key=_r,
+    old_key=_r, mode=_r, old_mode=_r, feature=(_r, 4), G=(_r, 6), gamma=_r, gap=_r, place=(_r, 2), b=_r, lam=_r,
+    forces=_r, response=(_r, _n, 3), A=(_r, _r), system=(_r, _r + 1), free=_r, column=_r, free_v=(_n, 3),
+    answer=(_n, 3), tableau=2 * _z * (_z + 1), basis=_z, z=_z, last=_r, bottom=_r, around=(_s, 2), met=_p,
+    note=(_r, 9), note_key=_r, note_pair=_r, counts=5, port=22, clock=2, hand=(2, 6), pull=3,
+    slopes_work=STAGES, slopes_lost=STAGES, supply=(), lost=(),
 ))
 """`note`: contacts of the last step, each place (2), normal (2), impulse on b (2), overlap, force
 on b while it rests (2). `counts`: refusals of
 flight, rows remembered, events, contacts noted, contacts left out since there were too many at once. `port`: handle
 position (3) and velocity (3), gains (4), force on the tool (3), energy supplied [J], whether a contact pushed the tool,
-largest contact force [N], deepest overlap [m], contact stiffness [N/m] (0: rigid) and damping [N s/m]."""
+largest contact force [N], deepest overlap [m], contact stiffness [N/m] (0: rigid) and damping [N s/m],
+whether the coupling is a force along the flight; energy that contacts, joint friction and motors have taken, and that
+putting constraints right has put in [J]. `clock`: time [s] since the sub-step began of the state and of a stage;
+`hand`: handle (position, velocity) when it began, and how fast both change; `pull`: force of the coupling on the tool
+at a stage; `supply`, `lost`: energy [J] it supplies and rows take on the way to the trial state."""
 
 
 def records(model: Model):

@@ -19,7 +19,7 @@ from haptic_sim.method.lcp import NORMAL
 from haptic_sim.method.linkage import reduce_linkage, respond
 from haptic_sim.method.press import settle
 from haptic_sim.method.rows import add_contact, add_joints, rate_of, refresh, wished
-from haptic_sim.method.smooth import close_joints
+from haptic_sim.method.smooth import close_joints, power
 from haptic_sim.method.step import lead_handle, watch_contacts
 from haptic_sim.method.touch import GAP, evaluate, far_apart, gap_of, place_shapes, touch
 
@@ -44,7 +44,8 @@ def penalty_step(model, layout, work, h):
     work.counts[3] = 0
     applied_forces(model, q, v, True, work.row, f)
     couple_tool(work, f)
-    push_contacts(model, layout, work, f, h)
+    n = push_contacts(model, layout, work, f, h)
+    port[20] -= 0.5 * h * power(work, v, n)
     for b in range(model.bodies - 1):
         mass = model.mass[b]
         f[b, 0], f[b, 1] = mass * v[b, 0] + h * f[b, 0], mass * v[b, 1] + h * f[b, 1]
@@ -52,6 +53,7 @@ def penalty_step(model, layout, work, h):
     for i in range(layout.linkages):
         reduce_linkage(model, layout, work, i, q, v, 0.0)
         respond(layout, work, i, f, v)
+    port[20] -= 0.5 * h * power(work, v, n)
     for b in range(model.bodies - 1):
         for k in range(3):
             q[b, k] += h * v[b, k]
@@ -74,7 +76,7 @@ def couple_tool(work, f):
 
 @part
 def push_contacts(model, layout, work, f, h):
-    """Adds what overlapping shapes, limits and dry friction in joints push to the forces f."""
+    """Adds what overlapping shapes, limits and dry friction in joints push to the forces f; returns how many rows."""
     place_shapes(model, layout, work, work.q)
     n = 0
     for p in range(model.pair_count):
@@ -98,6 +100,7 @@ def push_contacts(model, layout, work, f, h):
             f[a, k] += work.G[r, k] * work.lam[r]
             f[b, k] += work.G[r, 3 + k] * work.lam[r]
     note_impulses(work, n, h)
+    return n
 
 
 @whole

@@ -19,10 +19,13 @@ class PlanarWorld:
     `stiffness` [N/m] and `damping` [N s/m] of a contact; stiffness 0 is rigid.
     """
 
+    by_events = False
+    """Whether the tool too goes from event to event, with the coupling as a force along its way."""
+
     def __init__(self, scene: Scene, sub_step: float, advance, stiffness: float = 0.0, damping: float = 0.0):
         self.scene, self.sub_step = scene, sub_step
         self._compiled = compile_scene(scene)
-        self._advance, self._contact = advance, (stiffness, damping)
+        self._advance, self._contact = advance, (stiffness, damping, float(self.by_events))
         self._gains = Coupling()
         self.reset()
 
@@ -36,7 +39,8 @@ class PlanarWorld:
         self._q, self._v, self._port, self._counts = (work[name][0] for name in ("q", "v", "port", "counts"))
         self._way = np.zeros((2, 6))
         self._note, self._note_pair = work["note"][0], work["note_pair"][0]
-        self._port[6:10], self._port[17:] = self._gains, self._contact
+        self._port[6:10], self._port[17:20] = self._gains, self._contact
+        self._elastic = self._stored_in_contacts()
         self._read()
 
     def couple(self, coupling: Coupling) -> None:
@@ -58,11 +62,13 @@ class PlanarWorld:
 
     def follow(self, path: np.ndarray, count: int) -> Travel:
         """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
-        self._port[13:17], left_out = 0.0, self._counts[4]
+        self._port[13:17], self._port[20:], left_out = 0.0, 0.0, self._counts[4]
         self._advance(*self._records, self.sub_step, count, path)
         self._read()
-        supplied, touched, force, depth = self._port[13:17].tolist()
-        return Travel(supplied, touched > 0.0, force, depth, int(self._counts[4] - left_out))
+        supplied, touched, force, depth, *_, taken, correction = self._port[13:].tolist()
+        before, self._elastic = self._elastic, self._stored_in_contacts()
+        return Travel(supplied, touched > 0.0, force, depth, int(self._counts[4] - left_out),
+                      taken - (self._elastic - before), correction)
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last sub-step, sorted by bodies and place."""
@@ -81,14 +87,15 @@ class PlanarWorld:
         q, v, mass, inertia = self._q[:n], self._v[:n], model.mass[:n], model.inertia[:n]
         kinetic = 0.5 * float(mass @ (v[:, 0] ** 2 + v[:, 1] ** 2) + inertia @ v[:, 2] ** 2)
         springs = spring_energies(*self._records[::2]) if len(model.joint_kind) else 0.0
-        if self._contact[0] > 0.0:
-            springs += contact_energy(*self._records)
-        return kinetic, springs - float(mass @ (q[:, :2] @ model.gravity))
+        return kinetic, springs + self._elastic - float(mass @ (q[:, :2] @ model.gravity))
 
     @property
     def refusals(self) -> int:
         """Sub-steps since the start in which event-driven flight gave up and a backward difference took over."""
         return int(self._counts[0])
+
+    def _stored_in_contacts(self):
+        return contact_energy(*self._records) if self._contact[0] > 0.0 else 0.0
 
     def _read(self):
         self.position: Planar = tuple(self._q[0].tolist())

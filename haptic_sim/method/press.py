@@ -37,7 +37,7 @@ from haptic_sim.method.lemke import lemke
 from haptic_sim.method.linkage import reduce_linkage, respond
 from haptic_sim.method.meet import add_met, look_around
 from haptic_sim.method.rows import add_joints, rate_of, recall, refresh, remember, wished
-from haptic_sim.method.smooth import close_joints
+from haptic_sim.method.smooth import close_joints, power
 from haptic_sim.method.touch import place_shapes
 
 FAR = 1e6
@@ -64,13 +64,16 @@ def press(model, layout, work, h):
         n = found
         solve(model, layout, work, n, h)
     move(model, layout, work, h)
-    finish(model, layout, work, n, h)
+    take(model, layout, work, n)
+    reached = energy_held(model, layout, work)
+    put_right(model, layout, work, n)
     if work.port[17] == 0.0:
         port, q = work.port, work.q
         supplied = port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
         if work.active[layout.linkage[0]] == 0:
             supplied = 0.0
         brake(model, layout, work, before + supplied)
+    work.port[21] += energy_held(model, layout, work) - reached
 
 
 @part
@@ -141,16 +144,26 @@ def rebound(model, work, r):
 
 
 @part
-def finish(model, layout, work, n, h):
-    """Takes the trial state, books the contacts and the port, and puts the constraints right."""
+def take(model, layout, work, n):
+    """Takes the trial state; books the contacts, what the rows take, and the force at the port.
+
+    An impulse λ on a velocity that goes from v to v⁺ does the work λ · G (v + v⁺)/2.
+    """
     q, v, port = work.q, work.v, work.port
     note_impulses(work, n, 1.0)
+    port[20] -= 0.5 * (power(work, v, n) + power(work, work.trial_v, n))
     if work.active[layout.linkage[0]] > 0:
         for k in range(3):
             stiffness, damping = (port[6], port[7]) if k < 2 else (port[8], port[9])
             port[10 + k] = stiffness * (port[k] - work.trial_q[0, k]) + damping * (port[3 + k] - work.trial_v[0, k])
     copy(work.trial_v, v, model.bodies)
     copy(work.trial_q, q, model.bodies)
+
+
+@part
+def put_right(model, layout, work, n):
+    """Joints and overlaps that the turning of the rows has left, out of the positions; joints out of the velocities."""
+    q, v, port = work.q, work.v, work.port
     for i in range(layout.linkages):
         if work.active[i] > 0 and layout.joint_start[i + 1] > layout.joint_start[i]:
             close_joints(model, layout, work, i, q, v)

@@ -11,6 +11,7 @@ METHODS = {
     "penalty_explicit": "haptic_sim.method.penalty_explicit:PenaltyExplicit",
     "penalty_implicit": "haptic_sim.method.penalty_implicit:PenaltyImplicit",
     "partitioned": "haptic_sim.method.partitioned:Partitioned",
+    "event_driven": "haptic_sim.method.event_driven:EventDriven",
     "closed_form": "haptic_sim.method.closed_form:ClosedForm",
 }
 

@@ -26,6 +26,10 @@ def free_acceleration(model, layout, work, q, v):
     """Accelerations [m/s², rad/s²] without contacts, into work.free_v; bodies of inactive linkages get none."""
     applied_forces(model, q, v, True, work.row, work.smooth)
     f, a = work.smooth, work.free_v
+    if work.port[19] > 0.0:
+        pull_tool(work, q, v, work.clock[1])
+        for k in range(3):
+            f[0, k] += work.pull[k]
     zero(a, model.bodies)
     for i in range(layout.linkages):
         if work.active[i] == 0:
@@ -40,6 +44,16 @@ def free_acceleration(model, layout, work, q, v):
         for m in range(layout.body_start[i], layout.body_start[i + 1]):
             for k in range(3):
                 a[layout.order[m], k] += work.bias[layout.order[m], k]
+
+
+@part
+def pull_tool(work, q, v, time):
+    """Force of the coupling on the tool [N, N, N m] with the handle where it is `time` [s] into the sub-step."""
+    port, hand = work.port, work.hand
+    for k in range(3):
+        stiffness, damping = (port[6], port[7]) if k < 2 else (port[8], port[9])
+        place, rate = hand[0, k] + time * hand[1, k], hand[0, 3 + k] + time * hand[1, 3 + k]
+        work.pull[k] = stiffness * (place - q[0, k]) + damping * (rate - v[0, k])
 
 
 @part
@@ -59,25 +73,44 @@ def accelerate(model, layout, work, q, v, n):
 
 @part
 def advance(model, layout, work, tau, n):
-    """Trial state after `tau` [s] from work.q, work.v, brought back to the constraints."""
+    """Trial state after `tau` [s] from work.q, work.v, brought back to the constraints.
+
+    The work of the coupling, and that of the rows, are integrated as well.
+    """
     slopes, weights = (SLOPES_8, WEIGHTS_8) if n == 0 else (SLOPES_4, WEIGHTS_4)
     q, v, at_q, at_v = work.q, work.v, work.stage_q, work.stage_v
     stages = len(weights)
     for s in range(stages):
         copy(q, at_q, model.bodies)
         copy(v, at_v, model.bodies)
+        work.clock[1] = work.clock[0]
         for k in range(s):
             if slopes[s, k] != 0.0:
                 add(model, layout, work, at_q, at_v, tau * slopes[s, k], k)
+                work.clock[1] += tau * slopes[s, k]
         accelerate(model, layout, work, at_q, at_v, n)
+        work.slopes_lost[s] = -power(work, at_v, n)
+        work.slopes_work[s] = work.pull[0] * at_v[0, 0] + work.pull[1] * at_v[0, 1] + work.pull[2] * at_v[0, 2]
         for b in range(model.bodies):
             for k in range(3):
                 work.slopes_q[s, b, k], work.slopes_v[s, b, k] = at_v[b, k], work.free_v[b, k]
     copy(q, work.trial_q, model.bodies)
     copy(v, work.trial_v, model.bodies)
+    work.supply, work.lost, work.clock[1] = 0.0, 0.0, work.clock[0] + tau
     for s in range(stages):
         add(model, layout, work, work.trial_q, work.trial_v, tau * weights[s], s)
+        work.supply += tau * weights[s] * work.slopes_work[s]
+        work.lost += tau * weights[s] * work.slopes_lost[s]
     bring_back(model, layout, work, work.trial_q, work.trial_v, n)
+
+
+@part
+def power(work, v, n):
+    """What n rows give to bodies at velocities v [W]."""
+    given = 0.0
+    for r in range(n):
+        given += work.lam[r] * rate_of(work, v, r)
+    return given
 
 
 @part

@@ -6,6 +6,7 @@ import math
 from haptic_device.whole import part, whole
 from haptic_sim.method.flight import fly
 from haptic_sim.method.press import press
+from haptic_sim.method.smooth import pull_tool
 from haptic_sim.method.touch import far_apart, gap_of, place_shapes
 
 FALL = 100.0
@@ -21,7 +22,11 @@ def sub_steps(models, layouts, works, h, count, path):
     model, layout, work = models[0], layouts[0], works[0]
     for k in range(count * (len(path) - 1)):
         lead_handle(work, path, k // count, (k % count + 1) / count)
-        sub_step(model, layout, work, h)
+        if work.port[19] > 0.0:
+            follow_hand(work, path, k // count, count, h)
+            event_step(model, layout, work, h)
+        else:
+            sub_step(model, layout, work, h)
         watch_contacts(layout, work, h)
 
 
@@ -33,14 +38,26 @@ def lead_handle(work, path, row, share):
 
 
 @part
+def follow_hand(work, path, row, count, h):
+    """Handle a sub-step ago, `count` of which go from this row of its path to the next, and how fast it changes."""
+    for m in range(6):
+        rate = (path[row + 1, m] - path[row, m]) / (count * h)
+        work.hand[0, m], work.hand[1, m] = work.port[m] - h * rate, rate
+
+
+@part
 def watch_contacts(layout, work, h):
-    """Books in work.port[14:] whether a contact pushed the tool, the largest force [N], the deepest overlap [m]."""
+    """Books in work.port[14:] whether a contact pushed the tool, a pair's largest force [N], the deepest overlap."""
     port = work.port
     for k in range(work.counts[3]):
         note, pair = work.note[k], work.note_pair[k]
+        x = y = 0.0
+        for other in range(work.counts[3]):
+            if work.note_pair[other] == pair:
+                x, y = x + work.note[other, 4], y + work.note[other, 5]
         if layout.pair_bodies[pair, 0] == 0 or layout.pair_bodies[pair, 1] == 0:
             port[14] = 1.0
-        port[15] = max(port[15], math.hypot(note[4], note[5]) / h)
+        port[15] = max(port[15], math.hypot(x, y) / h)
         port[16] = max(port[16], note[6])
 
 
@@ -68,6 +85,23 @@ def sub_step(model, layout, work, h):
 
 
 @part
+def event_step(model, layout, work, h):
+    """Advances all bodies by h [s] from event to event, the coupling a force along the handle's straight way."""
+    q, port = work.q, work.port
+    work.counts[3] = 0
+    hold_all(layout, work)
+    left = fly(model, layout, work, h)
+    if left > 0.0:
+        work.counts[0] += 1
+        x, y, angle = q[0, 0], q[0, 1], q[0, 2]
+        press(model, layout, work, left)
+        port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
+    pull_tool(work, q, work.v, h)
+    for k in range(3):
+        port[10 + k] = work.pull[k]
+
+
+@part
 def hold_all(layout, work):
     """Marks every linkage as active; returns how many."""
     for i in range(layout.linkages):
@@ -90,7 +124,7 @@ def hold_to_tool(model, layout, work, h):
     pull = math.hypot(port[0] - q[0, 0], port[1] - q[0, 1]) + h * math.hypot(port[3], port[4])
     pull += layout.extent[0] * (abs(port[2] - q[0, 2]) + h * abs(port[5])) if port[8] + port[9] > 0.0 else 0.0
     held, before, last = 1, 0, model.pair_count - 1
-    while held > before:  # to and fro: a stack is followed in one sweep, whichever way its pairs are numbered
+    while before < held < layout.linkages:  # to and fro: a stack is followed in one sweep, whichever way it is numbered
         before = held
         for k in range(2 * model.pair_count):
             held += spread(model, layout, work, k if k <= last else 2 * last + 1 - k, h, pull)

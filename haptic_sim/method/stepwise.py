@@ -26,7 +26,7 @@ def through_port(method: Method, port, start: Planar, start_velocity: Planar, en
                  count: int) -> Travel:
     """The same behind an exchange method's port (tool_port), which says for each sub-step where the handle is."""
     travel = getattr(method, "travel", None) or partial(step_by_step, method)
-    supplied, touched, force, depth, left_out = 0.0, False, 0.0, 0.0, 0
+    supplied, touched, force, depth, left_out, taken, correction = 0.0, False, 0.0, 0.0, 0, 0.0, 0.0
     for k in range(1, count + 1):
         before = method.position
         handle = _between(start, end, k / count), _between(start_velocity, end_velocity, k / count)
@@ -35,7 +35,8 @@ def through_port(method: Method, port, start: Planar, start_velocity: Planar, en
         port.book(method.force_on_tool, before, method.position)
         supplied, touched, left_out = supplied + made.supplied, touched or made.touched, left_out + made.left_out
         force, depth = max(force, made.force), max(depth, made.depth)
-    return Travel(supplied, touched, force, depth, left_out)
+        taken, correction = taken + made.contacts, correction + made.correction
+    return Travel(supplied, touched, force, depth, left_out, taken, correction)
 
 
 def _between(start, end, share):

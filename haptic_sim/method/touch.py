@@ -33,16 +33,18 @@ FLUSH = 0.9
 @part
 def place_shapes(model, layout, work, q):
     """Vertices, edge normals and disc centres of all shapes in the plane, bodies at poses `q`."""
+    body, c, sn = -1, 1.0, 0.0
     for s in range(model.shapes):
         b = model.shape_body[s]
-        place_shape(model, layout, work, s, q[b, 0], q[b, 1], q[b, 2])
+        if b != body:
+            body, c, sn = b, math.cos(q[b, 2]), math.sin(q[b, 2])
+        place_shape(model, layout, work, s, q[b, 0], q[b, 1], c, sn)
 
 
 @part
-def place_shape(model, layout, work, s, x, y, angle):
-    """The same of one shape, with its body's mass centre and angle given."""
+def place_shape(model, layout, work, s, x, y, c, sn):
+    """The same of one shape, with its body's mass centre and the cosine and sine of its angle given."""
     points, normals, middles = work.points, work.normals, work.middles
-    c, sn = math.cos(angle), math.sin(angle)
     mx, my = layout.middle[s, 0], layout.middle[s, 1]
     middles[s, 0], middles[s, 1] = x + c * mx - sn * my, y + sn * mx + c * my
     for v in range(model.shape_start[s], model.shape_start[s + 1]):
