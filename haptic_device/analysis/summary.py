@@ -113,8 +113,14 @@ def conditions(recording: Recording) -> dict[str, str]:
     labels = {symbol: f"{gain[name]:g} {unit}" for name, (symbol, unit) in units.items()}
     labels["T"] = f"{period(recording.trace) * 1e6:.0f} µs"
     if damping := recording.last_values("haptic_driver").get("physical_damping"):
-        labels["b"] = damping
+        labels["b"] = _with_units(damping.split(", "))
     return labels | {"exchange": METHODS[int(recording.joint("handle").entry("exchange_method")[-1])]}
+
+
+def _with_units(damping: list[str]) -> str:
+    """Physical damping of the axes x, y, θ, as far as the device has them."""
+    angle = f", {damping[2]} N m s/rad" if len(damping) > 2 else ""
+    return ", ".join(damping[:2]) + " N s/m" + angle
 
 
 def _answers(recording: Recording, rows: np.ndarray) -> np.ndarray:
