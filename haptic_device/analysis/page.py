@@ -49,13 +49,14 @@ FIGURES = (
     Figure("path", "The same in the plane, to scale.", panel.path, 4.0),
     Figure("forces", "Force on the handle; the coupling's part of it dashed. Grey: in contact.", panel.forces),
     Figure("contacts", "Contact events: from when to when, and how high the force rose.", panel.contact_events, 1.8),
-    Figure("energies", "Energy through each port. Above zero the operator would have been given energy; the tool takes what is positive.", panel.energies),
+    Figure("energies", "Energy through each port; what operator or tool is given is positive.", panel.energies),
     Figure("margin", "Passivity margin over time.", panel.margins, 2.2),
     Figure("lateness", "How late the servo woke, and how long it worked.", panel.lateness, 2.5),
     Figure("age", "Age of the tool sample in use.", panel.ages, 2.2),
     Figure("spectrum", "Spectrum of the force on the handle; an oscillation is named.", panel.spectrum),
-    Figure("impedance", "Stiffness and damping that the display added, with 95 % confidence; dotted: the coupling's, as set.", panel.impedance,
-        2.2, 2),
+    Figure(
+        "impedance", "Stiffness and damping that the display added, 95 % sure; dotted: set.", panel.impedance, 2.2, 2
+    ),
 )
 
 

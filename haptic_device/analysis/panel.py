@@ -203,5 +203,3 @@ def _finish(axes, horizontal: str, vertical: str) -> None:
     axes.grid(color="0.9")
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="best", fontsize=7, ncols=2)
-
-

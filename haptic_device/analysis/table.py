@@ -13,9 +13,9 @@ from haptic_device.analysis.run import Run
 MISSING = "—"
 VERSIONS = ("haptic_display", "numba", "numpy", "ros-rclpy")  # of what was attached, those that a reader looks for
 READ = (
-    "± is 95 % of this law's own fit, by the recording alone. In contact K and B are the coupling's or the wall's as the "
-    "hand meets them: delay takes about K times the tool's age from B. In free space they are what is left, zero at "
-    "best. Mass is the least certain: the display's own noise, where it shakes the handle, makes it too small."
+    "± is 95 % of this law's own fit, by the recording alone. In contact K and B are the coupling's or the wall's as "
+    "the hand meets them: delay takes about K times the tool's age from B. In free space they are what is left, zero "
+    "at best. Mass is the least certain: the display's own noise, where it shakes the handle, makes it too small."
 )
 MACHINE = ("processor", "cores", "system")
 
