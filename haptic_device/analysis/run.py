@@ -85,7 +85,7 @@ class Run:
         for axis in range(len(AXES)):
             force, place = self.rows["tool_effort"][:, axis], self.rows["tool_position"][:, axis]
             work += np.nan_to_num((force[1:] + force[:-1]) * 0.5 * np.diff(place)) * known
-        return np.append(0.0, np.cumsum(work))
+        return np.append(0.0, np.cumsum(work)).astype(np.float32)
 
     @property
     def distance(self) -> np.ndarray:
@@ -93,7 +93,8 @@ class Run:
         there = self.rows["tool_age"] >= 0
         if not there.any():
             raise ValueError("no tool sample was ever used")
-        return np.hypot(*(self.rows["tool_position"] - self.rows["position"])[there, :2].astype(float).T)
+        x, y = (self.rows["tool_position"][there, i] - self.rows["position"][there, i] for i in (0, 1))
+        return np.hypot(x, y)
 
     @cached_property
     def conditions(self) -> dict[str, str]:

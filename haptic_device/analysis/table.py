@@ -79,7 +79,7 @@ def _exchange(run: Run):
 def _apart(run: Run) -> tuple[float, float]:
     """RMS and largest distance from handle to tool [mm]."""
     distance = run.distance
-    return float(np.sqrt(np.nanmean(distance**2))) * 1e3, float(np.nanmax(distance)) * 1e3
+    return float(np.sqrt(np.nanmean(distance**2, dtype=float))) * 1e3, float(np.nanmax(distance)) * 1e3
 
 
 def _energy(run: Run):

@@ -65,7 +65,7 @@ def _stiffness(run: Run) -> str:
 
 def _error(run: Run) -> str:
     """RMS of the distance from handle to tool."""
-    return f"{np.sqrt(np.mean(run.distance**2)) * 1e3:.4f}"
+    return f"{np.sqrt(np.mean(run.distance**2, dtype=float)) * 1e3:.4f}"
 
 
 def _energy(run: Run) -> str:
