@@ -36,7 +36,7 @@ def kill_busy(pid):
 
 
 def heard(bag):
-    """Topics at the head of a bag being written, by their number of messages; reading all would outlast the patience."""
+    """Topics at the head of a bag being written, by their number of messages; all would take too long."""
     try:
         head = bag.with_suffix(".mcap")
         with open(next(bag.glob("*.mcap")), "rb") as written:
