@@ -127,7 +127,9 @@ def _answers(recording: Recording, rows: np.ndarray) -> np.ndarray:
     """Sequences answered: by the recorded tool messages, and by those the servo used and the recorder may have lost."""
     tool = recording.joints.get("tool")
     recorded = tool.entry("answered") if tool else np.empty(0)
-    return np.union1d(recorded, rows["tool_answered"])
+    used = rows["tool_answered"]
+    fresh = np.append(True, used[1:] != used[:-1])  # each is used for some ticks, and a long bag has millions
+    return np.union1d(recorded, used[fresh])
 
 
 def _with_answered(rows: np.ndarray, handle: Joints) -> tuple[np.ndarray, np.ndarray]:
