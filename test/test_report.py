@@ -8,6 +8,7 @@ import pytest
 from bag_of_a_run import CLOUD, DIAGNOSTICS, JOINTS, PERIOD_NS, cloud, diagnostics, joints, swing, write_run
 from matplotlib.image import imread
 
+from haptic_device.analysis import panel
 from haptic_device.analysis.page import FIGURES, write_report
 from haptic_device.analysis.run import read_run
 from haptic_device.analysis.table import sections
@@ -63,6 +64,25 @@ def test_the_contact_and_the_coupling_it_was_felt_through_are_found(bags):
     found = run.impedances["contact", "x"]
     assert found.stiffness.value == pytest.approx(1000.0, rel=0.01)
     assert found.damping.value == pytest.approx(2.0, rel=0.01)
+
+
+def test_the_energy_at_the_tools_port_is_the_work_of_the_coupling_on_it(tmp_path):
+    rows = swing(4000)
+    rows["tool_position"][:, 0] = np.linspace(0.1, 0.11, 4000)
+    rows["tool_effort"], rows["tool_age"][:100] = 0.0, -1.0
+    rows["tool_effort"][:, 0], rows["tool_energy"] = 2.0, 7.0  # 7: what an exchange ships, another thing
+    run = read_run(write_run(tmp_path / "pushed", rows))
+    assert run.tool_energy[99] == 0.0
+    assert run.tool_energy[-1] == pytest.approx(2.0 * 0.01 * 3900 / 4000, rel=1e-3)
+
+
+@pytest.mark.parametrize("count", [10, 4001, 5999, 100_000])
+def test_a_long_line_keeps_its_peaks_and_its_end(count):
+    values = np.zeros(count)
+    values[[count // 3, -1]] = 5.0, -3.0
+    time, thin = panel._thin(np.arange(count), values)
+    assert (thin.max(), thin.min()) == (5.0, -3.0)
+    assert len(thin) <= 2 * panel.POINTS and time[-1] >= 0.998 * (count - 1)
 
 
 def sections_of(folder):

@@ -2,8 +2,15 @@
 """The impedance that a display shows, fitted to a recording: mass, damping, stiffness, each with its confidence.
 
 f = m a + b v + k x + c, by least squares; f: force that has to push against it, c: one constant for each contact.
-Forces of a servo are no independent draws, neighbours err alike. So the confidence is computed from the sums of
-stretches of time (a cluster-robust covariance; Liang & Zeger 1986) and Student's t with as many degrees of freedom.
+
+The display's force also has noise of its own, which moves the handle: fitted sample by sample, the device's mass comes
+out of it with the wrong sign (closed-loop identification; Ljung 1999, ch. 13). It is faster than a hand, so all four
+columns are first averaged over 40 ms, which any such law passes unchanged. Noise slower than that still makes the mass
+too small.
+
+What is left errs alike for longer than a sample, and nobody says for how long. So the confidence is that of a jackknife
+over whole stretches of time (Efron 1982), the widest of several lengths, with Student's t. It says how well this law is
+known from this recording, not whether the law is the right one.
 """
 
 from typing import NamedTuple
@@ -11,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-CLUSTERS = 24  # stretches of time
+STRETCHES = (24, 12, 6)  # into which the time is cut
+HAND = 0.04  # [s] of the moving mean; a hand's motion passes it
 LEAST = 100  # samples below which nothing is fitted
 CONFIDENCE = 0.95
 
@@ -38,18 +46,29 @@ def fit(time, position, velocity, force, groups=None) -> Impedance | None:
 
     None where there are too few samples, or the axis hardly moved. Samples that are not finite are left out.
     """
-    acceleration = _derivative(time, velocity, groups)
-    finite = np.isfinite(acceleration) & np.isfinite(position) & np.isfinite(velocity) & np.isfinite(force)
-    if finite.sum() < LEAST:
+    columns = np.stack([_derivative(time, velocity, groups), velocity, position, force], axis=1)
+    width = max(1, round(HAND / float(np.median(np.diff(time))))) if len(time) > 1 else 1
+    columns, begins = _means(columns.astype(float), width)
+    if len(begins) < LEAST:
         return None
-    groups = np.zeros(len(time), int) if groups is None else groups
-    columns = np.stack([acceleration, velocity, position], axis=1)[finite]
-    columns = _centred(columns, groups[finite])
-    target = _centred(np.asarray(force, float)[finite, None], groups[finite])[:, 0]
+    columns = _centred(columns, np.zeros(len(begins), int) if groups is None else groups[begins])
+    columns, target = columns[:, :3], columns[:, 3]
     scale = columns.std(axis=0)
     if (scale <= 0.0).any() or target.std() <= 0.0:
         return None
     return _estimates(columns / scale, target, scale)
+
+
+def _means(columns, width):
+    """Means of so many neighbours, and the index of each one's first; only where every value is a number.
+
+    The derivative is none at the ends of a group, so no mean reaches from one group into another.
+    """
+    finite = np.isfinite(columns).all(axis=1)
+    sums = np.cumsum(np.pad(np.where(finite[:, None], columns, 0.0), ((1, 0), (0, 0))), axis=0)
+    counts = np.cumsum(np.pad(finite.astype(int), (1, 0)))
+    begins = np.flatnonzero(counts[width:] - counts[:-width] == width)
+    return (sums[begins + width] - sums[begins]) / width, begins
 
 
 def _derivative(time, values, groups):
@@ -75,12 +94,17 @@ def _centred(columns, groups):
 
 
 def _estimates(columns, target, scale):
-    inverse = np.linalg.pinv(columns.T @ columns)
-    solution = inverse @ (columns.T @ target)
+    solution = np.linalg.pinv(columns.T @ columns) @ (columns.T @ target)
+    width = np.max([_half_width(columns, target, solution, count) for count in STRETCHES], axis=0)
     rest = target - columns @ solution
-    scores = np.array_split(columns * rest[:, None], CLUSTERS)
-    sums = np.array([part.sum(axis=0) for part in scores])
-    covariance = inverse @ (sums.T @ sums) @ inverse * CLUSTERS / (CLUSTERS - 1)
-    width = stats.t.ppf(0.5 + CONFIDENCE / 2, CLUSTERS - 1) * np.sqrt(np.diag(covariance))
     estimates = (Estimate(float(v), float(e)) for v, e in zip(solution / scale, width / scale, strict=True))
     return Impedance(*estimates, float(1.0 - rest.var() / target.var()), len(target))
+
+
+def _half_width(columns, target, solution, count):
+    """Half width of each interval, from how much the solution moves when one of `count` stretches is left out."""
+    parts = list(zip(np.array_split(columns, count), np.array_split(target, count), strict=True))
+    squares, products = np.array([x.T @ x for x, _ in parts]), np.array([x.T @ y for x, y in parts])
+    without = np.linalg.pinv(squares.sum(axis=0) - squares) @ (products.sum(axis=0) - products)[..., None]
+    variance = ((without[..., 0] - solution) ** 2).sum(axis=0) * (count - 1) / count
+    return stats.t.ppf(0.5 + CONFIDENCE / 2, count - 1) * np.sqrt(variance)

@@ -18,6 +18,7 @@ matplotlib.use("Agg")
 from matplotlib import pyplot  # noqa: E402  (the backend is chosen first)
 
 MOST = 6  # runs side by side
+DPI = 130
 _STYLE = """
 body { font: 15px/1.4 sans-serif; color: #111; background: #fff; max-width: 1200px; margin: 1.5em auto;
 padding: 0 1em }
@@ -43,16 +44,19 @@ class Figure(NamedTuple):
 
 FIGURES = (
     Figure("positions", "Where handle and tool went.", panel.positions),
+    Figure("distances", "How far the tool was from the handle: what the coupling was stretched.", panel.distances, 2.2),
     Figure("angles", "Angle of handle and tool.", panel.angles, 2.2),
     Figure("path", "The same in the plane, to scale.", panel.path, 4.0),
-    Figure("forces", "Force on the handle; the coupling's part of it dashed.", panel.forces),
-    Figure("contacts", "Contact events.", panel.contact_events, 1.8),
-    Figure("energies", "Energy through each port; given to the operator is positive.", panel.energies),
+    Figure("forces", "Force on the handle; the coupling's part of it dashed. Grey: in contact.", panel.forces),
+    Figure("contacts", "Contact events: from when to when, and how high the force rose.", panel.contact_events, 1.8),
+    Figure("energies", "Energy through each port; what operator or tool is given is positive.", panel.energies),
     Figure("margin", "Passivity margin over time.", panel.margins, 2.2),
     Figure("lateness", "How late the servo woke, and how long it worked.", panel.lateness, 2.5),
     Figure("age", "Age of the tool sample in use.", panel.ages, 2.2),
     Figure("spectrum", "Spectrum of the force on the handle; an oscillation is named.", panel.spectrum),
-    Figure("impedance", "Stiffness and damping that the display added, with 95 % confidence.", panel.impedance, 2.2, 2),
+    Figure(
+        "impedance", "Stiffness and damping that the display added, 95 % sure; dotted: set.", panel.impedance, 2.2, 2
+    ),
 )
 
 
@@ -61,7 +65,7 @@ def write_report(runs: list[Run], folder: Path) -> Path:
     if len(runs) > MOST:
         raise ValueError(f"{len(runs)} bags are given; at most {MOST} stand side by side")
     folder.mkdir(parents=True, exist_ok=True)
-    parts = [_head(runs), _table(runs)]
+    parts = [_head(runs), _table(runs), "<h2>Figures</h2>"]
     for figure in FIGURES:
         picture = folder / f"{figure.name}.png"
         _draw(figure, runs, picture)
@@ -81,9 +85,9 @@ def _draw(figure: Figure, runs: list[Run], picture: Path) -> None:
             part = grid[0, number * figure.wide : (number + 1) * figure.wide]
             labels = ", ".join(f"{name} = {value}".replace(" ", "\u00a0") for name, value in run.conditions.items())
             lines = [run.name, *textwrap.wrap(labels, 72)]
-            part[0].set_title("\n".join(lines), fontsize=7, loc="left")
+            part[0].set_title("\n".join(lines), fontsize=8, loc="left")
             _try(figure, part, run)
-        shown.savefig(picture, dpi=100)
+        shown.savefig(picture, dpi=DPI)
     finally:
         pyplot.close(shown)
 

@@ -8,7 +8,7 @@ line is drawn as the envelope of its ticks: no peak is lost.
 import numpy as np
 
 from haptic_device.analysis.run import Run
-from haptic_device.analysis.summary import period
+from haptic_device.analysis.summary import gains, period
 
 BLUE, ORANGE, GREEN, VERMILION, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7"
 COLOURS, NAMES = (BLUE, VERMILION, GREEN), ("x", "y", "θ")
@@ -26,11 +26,17 @@ def positions(axes, run: Run) -> None:
     _finish(axes, _TIME, "position [mm]")
 
 
+def distances(axes, run: Run) -> None:
+    """Handle to tool in the plane, over time."""
+    _line(axes, run.seconds[run.rows["tool_age"] >= 0], run.distance * 1e3, BLUE, "handle to tool")
+    _finish(axes, _TIME, "distance [mm]")
+
+
 def angles(axes, run: Run) -> None:
     """Handle and tool, angle over time."""
     _line(axes, run.seconds, np.degrees(run.rows["position"][:, 2]), GREEN, "handle θ")
     _line(axes, *_tool(run, 2, 180 / np.pi), PURPLE, "tool θ", dashes=_BACK)
-    _finish(axes, _TIME, "angle [°], counter-clockwise")
+    _finish(axes, _TIME, "angle [°],\ncounter-clockwise")
 
 
 def path(axes, run: Run) -> None:
@@ -75,7 +81,7 @@ def energies(axes, run: Run) -> None:
         _line(axes, run.truth_seconds, run.truth.entry("energy_given") * 1e3, BLUE, "to the operator, truth")
     except ValueError:
         axes.set_title("operator/state was not recorded: no truth", fontsize=8)
-    _line(axes, run.seconds, run.rows["tool_energy"] * 1e3, GREEN, "to the tool at its port", dashes=(1, 1))
+    _line(axes, run.seconds, run.tool_energy * 1e3, GREEN, "to the tool at its port", dashes=(1, 1))
     axes.axhline(0, color="0.6", linewidth=0.8)
     _finish(axes, _TIME, "energy [mJ]")
 
@@ -129,7 +135,7 @@ def spectrum(axes, run: Run) -> None:
 
 
 def impedance(axes, run: Run) -> None:
-    """Fitted stiffness in contact and damping in free space, with confidence."""
+    """Fitted stiffness and damping of each axis, with confidence."""
     rows = [(kind, axis, fitted) for (kind, axis), fitted in run.impedances.items() if axis != "theta"]
     if not rows:
         raise ValueError("no motion of the handle that told an impedance")
@@ -137,11 +143,21 @@ def impedance(axes, run: Run) -> None:
         look = {"color": VERMILION, "fmt": "o"} if kind == "contact" else {"color": BLUE, "fmt": "s"}
         for column, estimate in enumerate((fitted.stiffness, fitted.damping)):
             axes[column].errorbar(estimate.value, place, xerr=estimate.error, capsize=4, **look)
+    for column, value in enumerate(_set_gains(run)):
+        axes[column].axvline(value, color="black", linestyle=":", linewidth=1.2)
     for column, label in enumerate(("stiffness [N/m]", "damping added [N s/m]")):
         axes[column].set(xlabel=label, yticks=range(len(rows)), ylim=(-0.6, len(rows) - 0.4))
         axes[column].set_yticklabels([f"{kind}, {axis}" for kind, axis, _ in rows] if column == 0 else [])
         axes[column].axvline(0, color="0.6", linewidth=0.8)
         axes[column].grid(color="0.9")
+
+
+def _set_gains(run: Run) -> list[float]:
+    """Stiffness and damping of the coupling, if the bag has them."""
+    try:
+        return list(gains(run.recording).values())[:2]
+    except (ValueError, IndexError):
+        return []
 
 
 def _tool(run: Run, axis: int, scale: float):
@@ -161,10 +177,9 @@ def _thin(time, values):
     """At most 2 POINTS of a line: the least and the largest value of each stretch."""
     if len(values) <= 2 * POINTS:
         return time, values
-    count = len(values) // POINTS
-    blocks = values[: POINTS * count].reshape(POINTS, count)
-    thin = np.stack([np.fmin.reduce(blocks, axis=1), np.fmax.reduce(blocks, axis=1)], axis=1).ravel()
-    return np.repeat(time[: POINTS * count : count], 2), thin
+    begins = np.linspace(0, len(values), POINTS, endpoint=False).astype(int)
+    thin = np.stack([np.fmin.reduceat(values, begins), np.fmax.reduceat(values, begins)], axis=1).ravel()
+    return np.repeat(time[begins], 2), thin
 
 
 def _stride(count: int) -> slice:
@@ -188,5 +203,3 @@ def _finish(axes, horizontal: str, vertical: str) -> None:
     axes.grid(color="0.9")
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="best", fontsize=7, ncols=2)
-
-

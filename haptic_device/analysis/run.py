@@ -17,10 +17,11 @@ from haptic_device.analysis.recording import Joints, Recording, load
 
 AXES = ("x", "y", "theta")
 TRACE = np.dtype(  # a tick in a third of its full size: ten minutes at 4 kHz then fit into half a gigabyte
-    [(name, "f8") for name in ("tick", "deadline", "tool_answered", "handle_sequence")]
-    + [(name, "f4", (3,)) for name in ("position", "tool_position")]
-    + [(name, "f4") for name in ("lateness", "compute", "missed", "tool_age", "tool_contact", "tool_energy")]
-    + [(name, "f4") for name in ("engage", "state", "fault", "injections")]
+    [(name, "f8") for name in ("tick", "deadline")]
+    + [(name, "f4") for name in ("tool_answered", "handle_sequence")]  # exact for four hours at 1 kHz
+    + [(name, "f4", (3,)) for name in ("position", "tool_position", "tool_effort")]
+    + [(name, "f4") for name in ("lateness", "compute", "missed", "tool_age", "tool_contact")]
+    + [(name, "f4") for name in ("engage", "fault", "injections")]
     + [(name, "f4", (3,)) for name in ("force_coupling", "force_on_handle", "force_walls", "energy_given", "margin")]
 )
 HANDLE = ("exchange_method", "stiffness", "damping", "rotational_stiffness", "rotational_damping")
@@ -30,7 +31,7 @@ ONLY = {
     "tool": Entries(("answered",), ("position",)),
     "operator/state": Entries((*AXES, *(f"motor_{name}" for name in AXES), "energy_given", "time")),
 }
-TELLING = 0.9  # share of the force that a fit has to explain
+TELLING = 0.9  # share of the force that a fit in contact has to explain
 HELD_WINDOW = 0.05  # [s]
 HELD_SHARE = 0.1  # of the handle's way, up to which the tool counts as standing still
 HELD_WAY = 20e-6  # [m | rad] that the handle has to move in a window to tell something
@@ -76,6 +77,27 @@ class Run:
         return self.truth.entry("time") - self.rows["deadline"][0] * 1e-9
 
     @cached_property
+    def tool_energy(self) -> np.ndarray:
+        """Work [J] of the coupling on the tool up to each tick, by the tool samples as the servo got them (trapezoids).
+
+        The energy that the trace itself has of a tool sample is what the exchange ships, another thing.
+        """
+        work, known = np.zeros(len(self.rows) - 1, np.float32), self.rows["tool_age"][:-1] >= 0
+        for axis in range(len(AXES)):
+            force, place = self.rows["tool_effort"][:, axis], self.rows["tool_position"][:, axis]
+            work += np.nan_to_num((force[1:] + force[:-1]) * 0.5 * np.diff(place)) * known
+        return np.append(np.float32(0.0), np.cumsum(work, dtype=float).astype(np.float32))
+
+    @property
+    def distance(self) -> np.ndarray:
+        """From handle to tool in the plane [m] at each tick with a tool. Raises ValueError if there is none."""
+        there = self.rows["tool_age"] >= 0
+        if not there.any():
+            raise ValueError("no tool sample was ever used")
+        x, y = (self.rows["tool_position"][there, i] - self.rows["position"][there, i] for i in (0, 1))
+        return np.hypot(x, y, out=x)
+
+    @cached_property
     def conditions(self) -> dict[str, str]:
         """Gains, T, b and method, as far as they were recorded."""
         try:
@@ -109,8 +131,8 @@ class Run:
 
     @cached_property
     def impedances(self) -> dict[tuple[str, str], Impedance]:
-        """Of all fits those that explain enough of the force to tell something."""
-        return {which: fitted for which, fitted in self.fits.items() if fitted.explained >= TELLING}
+        """Of all fits those that tell something: in contact what explains the force; in free space there is little."""
+        return {(kind, axis): found for (kind, axis), found in self.fits.items() if _telling(kind, found)}
 
     @cached_property
     def fits(self) -> dict[tuple[str, str], Impedance]:
@@ -203,6 +225,10 @@ def read_run(bag: Path | str, namespace: str | None = None) -> Run:
         run.notes.append(f"{missing} ticks are missing from the trace")
     run.notes += _not_numbers(run.rows)
     return run
+
+
+def _telling(kind: str, found: Impedance) -> bool:
+    return kind == "free" or found.explained >= TELLING
 
 
 def _name(bag: Path) -> str:

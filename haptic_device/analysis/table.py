@@ -12,6 +12,11 @@ from haptic_device.analysis.run import Run
 
 MISSING = "—"
 VERSIONS = ("haptic_display", "numba", "numpy", "ros-rclpy")  # of what was attached, those that a reader looks for
+READ = (
+    "± is 95 % of this law's own fit, by the recording alone. In contact K and B are the coupling's or the wall's as "
+    "the hand meets them: delay takes about K times the tool's age from B. In free space they are what is left, zero "
+    "at best. Mass is the least certain: the display's own noise, where it shakes the handle, makes it too small."
+)
 MACHINE = ("processor", "cores", "system")
 
 
@@ -68,13 +73,20 @@ def _exchange(run: Run):
     yield "handle samples", f"{found['sent']} at {found['rate_hz']:.0f} Hz"
     yield "answered", f"{found['answered']} ({100 * found['answered'] / max(1, found['sent']):.2f} %)"
     yield "age p50, p99, max", _three(found["age_ms"], "ms")
+    yield "handle to tool, RMS, largest", "{:.3g}, {:.3g} mm".format(*_apart(run))
+
+
+def _apart(run: Run) -> tuple[float, float]:
+    """RMS and largest distance from handle to tool [mm]."""
+    distance = run.distance
+    return float(np.sqrt(np.nanmean(distance**2, dtype=float))) * 1e3, float(np.nanmax(distance)) * 1e3
 
 
 def _energy(run: Run):
     yield "given to the operator, servo's books, end", f"{run.rows['energy_given'][-1].sum() * 1e3:.3g} mJ"
-    yield "to the tool at its port, end", f"{run.rows['tool_energy'][-1] * 1e3:.3g} mJ"
+    yield "to the tool at its port, end", f"{run.tool_energy[-1] * 1e3:.3g} mJ"
     margin = np.fmin.reduce(run.rows["margin"], axis=0)
-    yield "least margin x, y, θ", ", ".join(f"{value:.4g}" for value in margin)
+    yield "least margin x, y, θ", "{:.4g} N s/m, {:.4g} N s/m, {:.4g} N m s/rad".format(*margin)
     yield "ticks in which the controller acted", f"{run.rows['injections'][-1] - run.rows['injections'][0]:.0f}"
     given = run.truth.entry("energy_given") * 1e3
     yield "given to the operator, truth, largest", f"{np.nanmax(given):.3g} mJ"
@@ -98,15 +110,14 @@ def _impedance(run: Run):
     for (kind, axis), found in run.fits.items():
         if (kind, axis) not in run.impedances:
             yield f"{kind}, {axis}", f"not told: mass, damper and spring explain only {100 * found.explained:.0f} %"
-    for (kind, axis), found in run.impedances.items():
+            continue
         torque = axis == "theta"
-        stiffness = _plus(found.stiffness, "N m/rad" if torque else "N/m")
-        damping = _plus(found.damping, "N m s/rad" if torque else "N s/m")
-        mass = _plus(found.mass, "kg m²" if torque else "kg")
-        yield f"{kind}, {axis}: K", stiffness
-        yield f"{kind}, {axis}: B", damping
+        yield f"{kind}, {axis}: K", _plus(found.stiffness, "N m/rad" if torque else "N/m")
+        yield f"{kind}, {axis}: B", _plus(found.damping, "N m s/rad" if torque else "N s/m")
         yield f"{kind}, {axis}: apparent damping b + B", _apparent(run, axis, found.damping)
+        mass = _plus(found.mass, "kg m²" if torque else "kg")
         yield f"{kind}, {axis}: mass, r²", f"{mass}, r² = {found.explained:.4f}"
+    yield "how to read it", READ
 
 
 def _apparent(run: Run, axis: str, damping: Estimate) -> str:

@@ -20,6 +20,7 @@ from haptic_device.node.bag_information import dump
 from haptic_device.node.inquiry import Inquiry
 from haptic_device.node.lifecycle import begin_ros
 from haptic_device.node.making import YAML, files_of, parameter_file, trial_of
+from haptic_device.node.own_port import own_port
 from haptic_device.node.params import declare, on_change
 from haptic_device.node.recorder_parameters import PARAMETERS
 from haptic_device.node.tap import Sample, Tap
@@ -289,8 +290,9 @@ def main(args: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, frame: told.append(received))
     try:
-        begin_ros(args)
-        node = Recorder()
+        with own_port():
+            begin_ros(args)
+            node = Recorder()
         _record_until_told(node, told)
         node.finish()
     except (ValueError, OSError) as error:

@@ -97,11 +97,15 @@ class Nodes:
         lines = self._log(name).read_text(errors="replace").split("\n")
         return next((line.strip() for line in reversed(lines) if line.strip()), "it printed nothing")
 
+    def end(self, name: str) -> bool:
+        """Ends one node; False if it had to be killed, or was."""
+        return _end(self._running.pop(name))
+
     def stop(self) -> None:
         """Ends all nodes one by one, the last started first; a Ctrl-C meanwhile waits until all have ended."""
         with _later():
             for name in reversed(list(self._running)):
-                if not _end(self._running.pop(name)):
+                if not self.end(name):
                     print(f"{name} had to be killed; it heard neither SIGINT nor SIGTERM", file=sys.stderr)
 
     def _log(self, name: str) -> Path:
