@@ -229,6 +229,17 @@ def _not_a_number(runner):
     return [runner.tick() for _ in range(2)][-1]
 
 
+def _duty(runner):
+    force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["device_limit"][0, 0]
+    runner.settings["duty"] = 0.5 * force / limit
+    runner.settings["duty_kept"] = math.exp(-PERIOD / 0.05)
+    return runner.run(0.05)
+
+
+def _unattended(runner):
+    return runner.tick(command=engage.ENABLE | engage.UNATTENDED)
+
+
 PROVOKE = {name.removeprefix("_"): function for name, function in list(globals().items())
            if name.removeprefix("_") in {entry.name for entry in fault.TABLE}}  # fmt: skip
 
@@ -281,6 +292,18 @@ def test_silence_and_saturation_just_within_their_times_are_no_faults():
     runner.settings["device_limit"] = 1.9
     assert runner.run(1.0 - 3 * PERIOD).fault == fault.NONE
     assert runner.rows[-1]["force_on_handle"][0, 0] == 1.9
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_motor_may_hold_its_duty_for_ever_and_a_little_more_until_it_is_warm(share):
+    runner, time = pressing(), 0.1
+    force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["device_limit"][0, 0]
+    runner.settings["duty"], runner.settings["duty_kept"] = force / limit / share, math.exp(-PERIOD / time)
+    began, row = len(runner.rows), runner.run(10 * time)
+    assert fault.name_of(row.fault) == ("" if share < 1.0 else "duty")
+    if share > 1.0:
+        held = next(k for k, row in enumerate(runner.rows[began:]) if row["fault"][0]) * PERIOD
+        assert held == pytest.approx(-time * math.log(1.0 - 1.0 / share**2), rel=0.01)
 
 
 def test_a_cut_motor_is_no_fault_before_the_servo_has_engaged():
