@@ -101,8 +101,21 @@ def begin_ros(args):
             raise ValueError(f"{left[0]} is no argument of a node; ROS arguments begin with --ros-args")
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl's own kinds are nowhere public; their text ends with places in its source
-        sentence = re.sub(r",? at \S+:\d+|^(failed to initialize rcl|Failed to parse ROS arguments): ", "", str(error))
-        raise ValueError(f"ROS does not take these arguments: {' '.join(sentence.split())}") from None
+        raise ValueError(f"ROS does not take these arguments: {_plain(error)}") from None
+
+
+def _plain(error):
+    """The text of one of rcl's errors without the places in its source."""
+    heads = "failed to initialize rcl|Failed to parse ROS arguments|error creating node"
+    return " ".join(re.sub(rf",? at \S+:\d+|^({heads}): ", "", str(error)).split())
+
+
+def _made(make_node):
+    """The node; ValueError, one sentence, where ROS makes none (a middleware without security is asked for it)."""
+    try:
+        return make_node()
+    except RuntimeError as error:
+        raise ValueError(f"ROS makes no node: {_plain(error)}") from None
 
 
 def _serve(executor, node):
@@ -120,7 +133,7 @@ def run(make_node, name, args=None):
         signal.signal(number, lambda received, frame: told.append(received))
     try:
         begin_ros(args)
-        node = make_node()
+        node = _made(make_node)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         _autostart(node)

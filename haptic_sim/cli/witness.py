@@ -19,6 +19,7 @@ from haptic_sim.cli.commands import Commands
 from haptic_sim.cli.processes import NAMESPACE
 
 LOOK_PERIOD = 0.004  # s
+HAND_SPEED = 0.1  # [m/s] with which the hand's target moves
 COLUMNS = (
     "tick", "deadline", "latched", "missed", "command", "tool_age", "exchange_fade", "engage", "state", "fault",
     "force_on_handle", "motor", "margin", "lateness",
@@ -48,7 +49,8 @@ class Witness:
         self._trace = Tap(self._node, "trace", "sensor_msgs/msg/PointCloud2", TRACE)
         self._said = Tap(self._node, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", STREAM, raw=True)
         self._target = self._node.create_publisher(JointState, "operator/target", LATEST)
-        self._truths, self._rows, self._sessions, self._goal = [], [], [], None
+        self._truths, self._rows, self._sessions = [], [], []
+        self._goal = self._hand = None
         self.statuses, self.levels, self._lock = {}, {}, threading.Lock()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._listen, name="witness")
@@ -78,9 +80,9 @@ class Witness:
             rows = np.concatenate(self._rows) if self._rows else np.zeros(0, ROW)
             return Heard(np.array(self._truths, TRUTH), rows, tuple(self._sessions))
 
-    def aim(self, x: float, y: float = 0.0) -> None:
-        """Where the loopback's hand shall go from now on."""
-        self._goal = JointState(name=list(AXES), position=[x, y, 0.0])
+    def aim(self, x: float) -> None:
+        """Where the loopback's hand shall go from now on, along x at HAND_SPEED."""
+        self._goal = x
 
     @property
     def truth(self):
@@ -97,7 +99,7 @@ class Witness:
         return self.statuses[node].values.get(entry, "") if node in self.statuses else ""
 
     def _listen(self):
-        aimed = 0.0
+        looked = time.monotonic()
         while not self._stop.wait(LOOK_PERIOD):
             with self._lock:
                 self._truths += [_truth(each.message) for each in self._truth.take() if _STATE.matches(each.message)]
@@ -106,9 +108,14 @@ class Witness:
                 found = statuses_of(sample.message, sample.received)
                 self.statuses |= found
                 self.levels |= {name: max(said.level, self.levels.get(name, 0)) for name, said in found.items()}
-            if self._goal is not None and time.monotonic() - aimed > 0.02:
-                aimed = time.monotonic()
-                self._target.publish(self._goal)
+            elapsed, looked = time.monotonic() - looked, time.monotonic()
+            if self._goal is not None:
+                self._move_hand(min(elapsed, 5 * LOOK_PERIOD) * HAND_SPEED)
+
+    def _move_hand(self, way):
+        self._hand = self._goal if self._hand is None else self._hand
+        self._hand += max(-way, min(way, self._goal - self._hand))
+        self._target.publish(JointState(name=list(AXES), position=[self._hand, 0.0, 0.0]))
 
 
 def _truth(data):
