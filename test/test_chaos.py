@@ -28,6 +28,7 @@ PERIOD = 250_000  # ns
 def rows(forces, engage=1.0):
     """Ticks with these forces along x."""
     found = np.zeros(len(forces), ROW)
+    found["exchange_fade"] = 1.0
     found["deadline"], found["engage"] = 1e12 + PERIOD * np.arange(len(forces)), engage
     found["force_on_handle"][:, 0] = forces
     return found
@@ -43,7 +44,16 @@ def test_a_cut_off_to_zero_is_no_change_but_a_jump_of_an_engaged_motor_is():
     forces = np.where(np.arange(100) < 50, 5.0, 0.0)
     cut = rows(forces, engage=np.where(np.arange(100) < 50, 1.0, 0.0))
     assert chaos_figures.fastest_change(cut) == 0.0
+    assert chaos_figures.fastest_change(rows(forces, engage=0.0)) is None
     assert chaos_figures.fastest_change(rows(forces)) == pytest.approx(5.0)
+
+
+def test_only_what_changes_while_a_force_fades_or_returns_is_a_step():
+    ramp = rows(np.interp(np.arange(4000), [100, 108, 3000, 3016], [0.0, 1.0, 1.0, 0.0]))
+    assert chaos_figures.fastest_change(ramp, chaos_figures.fading(ramp)) is None
+    ramp["exchange_fade"] = np.where(np.arange(4000) < 2990, 1.0, 0.5)
+    assert chaos_figures.fastest_change(ramp, chaos_figures.fading(ramp)) == pytest.approx(0.25)
+    assert chaos_figures.fastest_change(ramp) == pytest.approx(0.5)
 
 
 def test_energy_counts_from_the_beginning_of_each_session():

@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from lockstep_systems import device, values
 
 from haptic_device import operating
@@ -324,6 +326,22 @@ def test_no_input_that_is_not_a_number_becomes_a_force(field, value):
     runner.command |= engage.ENABLE
     row = runner.run(1.0)
     assert row.state == engage.ENGAGED and np.isfinite(runner.memory["drag"]).all()
+
+
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+WORD = st.integers(-(2**63), 2**63 - 1)
+
+
+@settings(max_examples=50)
+@given(st.lists(st.tuples(st.tuples(WORD, WORD, WORD), st.tuples(ANY, ANY, ANY), WORD, WORD), min_size=1, max_size=8))
+def test_whatever_stands_in_the_page_the_motor_stays_finite_within_its_limit_and_zero_in_a_fault(samples):
+    runner = Servo(settled=False, **WALL, cancellation__ratio=0.5, cancellation__source="measured")
+    runner.memory["engage"], runner.memory["state"] = 1.0, engage.ENGAGED
+    for counts, drag, status, latched in samples:
+        row = runner.tick(counts=counts, drag=drag, device_status=status, latched=latched)
+        assert np.isfinite(row.motor).all()
+        assert (abs(row.force_on_handle) <= runner.settings["device_limit"][0]).all()
+        assert row.fault == fault.NONE or not row.motor.any()
 
 
 class Press:

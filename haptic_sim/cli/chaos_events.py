@@ -2,6 +2,7 @@
 """The events of `haptic chaos`: each takes the running demo, does something to it, and says what came of it."""
 
 import itertools
+import math
 import os
 import random
 import statistics
@@ -18,6 +19,7 @@ from haptic_sim.cli.conductor import NODES, PATIENCE, Conductor
 from haptic_sim.cli.flood import SENT
 
 FROZEN = 0.4  # s
+HEARD = 0.2  # [s] until everything that happened has been heard of
 ESTOPS = 7
 HOGGED, FLOODED = 4.0, 4.0  # s
 HOGS = 2  # a core
@@ -40,7 +42,7 @@ def kill_driver(conductor: Conductor) -> figures.Figures:
     conductor.press()
     conductor.kill("haptic_driver")
     last = conductor.heartbeat()
-    conductor.wait(0.1)
+    conductor.wait(HEARD)
     safe = figures.motor_off(conductor.witness.heard().truths, last)
     conductor.release()
     return _restarted(conductor, "haptic_driver", safe)
@@ -83,7 +85,7 @@ def kill_loopback(conductor: Conductor) -> figures.Figures:
     """kill -9 of the device."""
     conductor.press()
     conductor.kill("haptic_loopback")
-    conductor.wait(0.1)
+    conductor.wait(HEARD)
     safe = figures.found_silent(conductor.witness.heard().rows)
     conductor.release()
     return _restarted(conductor, "haptic_loopback", safe)
@@ -119,9 +121,10 @@ def estop(conductor: Conductor) -> figures.Figures:
         conductor.press()
         called = time.monotonic()
         conductor.witness.commands.call("estop")
-        conductor.wait(0.05)
+        conductor.wait(HEARD)
         heards.append(conductor.witness.heard())
-        times.append(figures.motor_off(heards[-1].truths, called))
+        told = figures.told_to_zero(heards[-1].rows, called, engage.ESTOP)
+        times.append(max(told or math.inf, figures.motor_off(heards[-1].truths, called)))
         ticks = max(ticks, figures.ticks_to_zero(heards[-1].rows, engage.ESTOP))
         conductor.release()
     note = f"{ticks} tick after the driver has it; worst {max(times):.1f} ms"

@@ -9,14 +9,17 @@ from haptic_device.law.fault import name_of
 
 MILLISECOND = 1e-3
 NANO = 1e-9
+AFTER = 0.3  # [s] that a force which has come back still counts as coming back
 
 
 class Figures(NamedTuple):
-    """force [N]: largest of the motor; step [N/ms]: fastest change but for cut-offs; energy [J]: most given since a
-    session began; safe [ms]: event to safety; recovered [s]: restart to engaged. None: there is no such figure."""
+    """force [N]: largest of the motor; change [N/ms]: its fastest, contacts included; step [N/ms]: its fastest while
+    forces fade, return or rise; energy [J]: most given since a session began; safe [ms]: event to safety; recovered
+    [s]: restart to engaged. None: there is no such figure."""
 
     force: float
-    step: float
+    change: float
+    step: float | None
     energy: float
     safe: float | None = None
     recovered: float | None = None
@@ -30,7 +33,8 @@ def figures(heard, safe=None, recovered=None, note="") -> Figures:
     force = np.hypot(heard.truths["motor"][:, 0], heard.truths["motor"][:, 1])
     return Figures(
         force=float(force.max(initial=0.0)),
-        step=fastest_change(heard.rows),
+        change=fastest_change(heard.rows) or 0.0,
+        step=fastest_change(heard.rows, fading(heard.rows)),
         energy=energy_given(heard.truths, heard.sessions),
         safe=safe,
         recovered=recovered,
@@ -39,22 +43,31 @@ def figures(heard, safe=None, recovered=None, note="") -> Figures:
     )
 
 
-def fastest_change(rows: np.ndarray) -> float:
+def fading(rows: np.ndarray) -> np.ndarray:
+    """Ticks in which the coupling lets go or returns, or forces rise after enabling, and AFTER seconds behind them."""
+    time = rows["deadline"] * NANO
+    changing = (rows["exchange_fade"] < 1.0) | ((rows["engage"] > 0.0) & (rows["engage"] < 1.0))
+    return time - np.maximum.accumulate(np.where(changing, time, -np.inf)) < AFTER
+
+
+def fastest_change(rows: np.ndarray, counts=None) -> float | None:
     """Largest change of the motor's force (x, y) within 1 ms [N/ms], over ticks that are engaged and follow each other.
 
-    A cut-off to zero is none: ticks with the motor off do not count.
+    A cut-off to zero is none: ticks with the motor off do not count, nor do those for which `counts` is False. None if
+    no two ticks are left.
     """
     time, force, on = rows["deadline"] * NANO, rows["force_on_handle"][:, :2], rows["engage"] > 0.0
+    on = on if counts is None else on & counts
     if len(rows) < 2:
-        return 0.0
+        return None
     span = max(1, round(MILLISECOND / max(1e-6, float(np.median(np.diff(time))))))
     if len(rows) <= span:
-        return 0.0
+        return None
     elapsed = time[span:] - time[:-span]
     off = np.concatenate([[0], np.cumsum(~on)])
     held = (off[span + 1 :] == off[: -span - 1]) & (elapsed > 0.0) & (elapsed < 1.5 * MILLISECOND)
     change = np.linalg.norm(force[span:] - force[:-span], axis=1)
-    return float((change[held] * MILLISECOND / elapsed[held]).max(initial=0.0))
+    return float((change[held] * MILLISECOND / elapsed[held]).max()) if held.any() else None
 
 
 def energy_given(truths: np.ndarray, sessions=()) -> float:
@@ -88,6 +101,13 @@ def found_silent(rows: np.ndarray) -> float | None:
     return float((row["deadline"] - row["latched"]) * NANO / MILLISECOND)
 
 
+def told_to_zero(rows: np.ndarray, called: float, flag: int) -> float | None:
+    """Milliseconds from `called` [s] to the deadline of the first tick that has this flag and the motor at zero."""
+    after = rows[(rows["deadline"] * NANO > called) & ((rows["command"].astype(int) & flag) != 0)]
+    zero = after[~np.any(after["motor"] != 0.0, axis=1)]
+    return float((zero["deadline"][0] * NANO - called) / MILLISECOND) if len(zero) else None
+
+
 def ticks_to_zero(rows: np.ndarray, flag: int) -> int:
     """Ticks from the one that first has this flag in its command, it included, to the one with the motor at zero."""
     with_flag = rows[(rows["command"].astype(int) & flag) != 0]
@@ -101,6 +121,6 @@ def worst(several: list[Figures]) -> Figures:
         values = [value for each in several if (value := getattr(each, name)) is not None]
         return max(values) if values else None
 
-    numbers = {name: most(name) for name in ("force", "step", "energy", "safe", "recovered")}
+    numbers = {name: most(name) for name in ("force", "change", "step", "energy", "safe", "recovered")}
     faults = tuple(sorted({name for each in several for name in each.faults}))
     return Figures(**numbers, faults=faults, note=several[-1].note)

@@ -19,6 +19,8 @@ FREE, PRESSED = 0.03, -0.003  # [m] where the hand is in free space; and where i
 FORCE = 4.5  # [N] from which the wall is pressed
 START = 60.0  # [s] for the first start, which may compile the kernels
 PATIENCE = 20.0  # [s] for anything later
+SETTLED = 0.15  # [s] until a handle that has arrived stands still
+HELD = 0.4  # [s] that the wall is pressed before anything happens
 AGAIN = 0.2  # [s] between two attempts to enable
 LOOK = 0.002  # s
 
@@ -46,12 +48,14 @@ class Conductor:
         self.witness.aim(FREE)
         self.enable(limit)
         self.until(self.still, limit, "the handle at rest")
+        self.wait(SETTLED)
         self.witness.begin()
 
     def press(self) -> None:
-        """Has the hand press the wall."""
+        """Has the hand press the wall, and hold on until that was heard of."""
         self.witness.aim(PRESSED)
         self.until(lambda: self.force > FORCE, PATIENCE, f"{FORCE} N at the wall")
+        self.wait(HELD)
 
     def release(self) -> None:
         """Has the hand go back to free space."""

@@ -25,11 +25,15 @@ def keys() -> Iterator[Callable[[], str]]:
     try:
         yield lambda: _pressed(descriptor)
     finally:
-        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+        with contextlib.suppress(termios.error):  # the terminal may have been closed
+            termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
 
 
 def _pressed(descriptor: int) -> str:
     if not select.select([descriptor], [], [], 0.0)[0]:
         return ""
-    typed = os.read(descriptor, 64).decode(errors="replace")
+    try:
+        typed = os.read(descriptor, 64).decode(errors="replace")
+    except OSError:
+        return ""
     return ESTOP if ESTOP in typed else typed[-1:]  # of several keys at once the one that stops counts
