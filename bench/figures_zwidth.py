@@ -21,7 +21,7 @@ from haptic_sim.cli.zwidth_twin import HAND, Twin
 
 RATES = (1000.0, 4000.0, 10000.0)
 DEVICES = (("desktop", "with damper", "tab:green"), ("undamped", "without", "tab:red"))
-LATE = 2e-5  # [s] of the servo's writes
+LATE = 4e-6  # [s] of the servo's writes, as `zwidth --live` says
 
 
 def main(folder, live):

@@ -203,6 +203,9 @@ def _blames(settings, lateness):
         yield _blame("wall.stiffness", *gains, there, settings, lateness, price)
     for i in range(int(settings["axes"])):
         there = settings["physical_damping"][i] / settings["scale"][i] ** 2
+        if settings["stiffness"][i] <= 0.0 and settings["damping"][i] <= 0.0:
+            yield _blame_cancellation(settings, i, lateness)
+            continue
         name = "coupling.rotational_stiffness" if i == 2 else "coupling.stiffness"
         yield _blame(name, settings["stiffness"][i], _coupling_damping(settings, i), there, settings, lateness)
 
@@ -222,6 +225,22 @@ def _blame(name, stiffness, damping, there, settings, lateness, price=1.0):
         f"{name} {stiffness:.6g} {unit} with damping {damping:.4g} {damping_unit}{twice} "
         f"needs b > {need:.4g} {damping_unit} at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: "
         f"at most {math.floor(most):g} {unit}"
+    )
+
+
+def _blame_cancellation(settings, axis, lateness):
+    """The sentence where nothing but the damping cancelled in free space needs more than there is."""
+    ratio, b = float(settings["cancellation_ratio"]), float(settings["physical_damping"][axis])
+    counted = ratio * b * _switched(settings)
+    need = passivity.least_damping(0.0, counted, float(settings["period"]), lateness)
+    if need < b:
+        return ""
+    unit = "N m s/rad" if axis == 2 else "N s/m"
+    twice = " (twice, for adaptive_window)" if counted > ratio * b else ""
+    late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
+    return (
+        f"cancellation.ratio {ratio:g}{twice} needs b > {need:.4g} {unit}{late}; "
+        f"the device has {b:.4g}: at most {math.floor(1e3 * ratio * b / need) / 1e3:g}"
     )
 
 

@@ -99,8 +99,7 @@ def recorded_point(recording: Recording, declared: dict[str, tuple[Parameter, ..
 
 def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
     """Runs the hand at the operating point into a new bag; returns the processor's time for a second of it [s]."""
-    simulated = point.simulation
-    simulation = Simulation(point.scene, simulated["sub_step"], simulated["max_catch_up"]) if point.scene else None
+    simulation = Simulation.by_parameters(point.scene, point.simulation) if point.scene else None
     system = Lockstep(point.device, point.driver, point.loopback, simulation, network, hand=hand.played)
     hand.played.begin(system)
     written, used = LockstepBag(bag, system, point), 0.0

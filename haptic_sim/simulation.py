@@ -15,9 +15,10 @@ from haptic_sim.method import Coupling
 from haptic_sim.method.registry import make
 from haptic_sim.method.stepwise import step_by_step, through_port
 from haptic_sim.scene import Scene
-from haptic_sim.tool_port import Direct, Port
+from haptic_sim.tool_port import Direct, Port, port_of
 
 Planar = tuple[float, float, float]
+AUTO = "auto"  # of the parameter method: as the scene asks, or as fits it
 SECOND = 1_000_000_000
 
 
@@ -92,6 +93,13 @@ class Simulation:
         self.method = make(self.method_name, scene, self.sub_step_ns / SECOND)
         self._travel = self._way()
         self.reset()
+
+    @classmethod
+    def by_parameters(cls, scene: Scene, values: dict, port: Port | None = None) -> "Simulation":
+        """As the parameters of haptic_simulation say; at the port that there is, or a new one."""
+        method = None if values["method"] == AUTO else values["method"]
+        port = port or port_of(values["exchange.method"], values["port_budget"])
+        return cls(scene, values["sub_step"] or None, values["max_catch_up"], method, port)
 
     def reset(self) -> None:
         """The scene's start again: bodies, energy and counters; the next handle sample starts a new time base."""

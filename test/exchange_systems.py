@@ -57,7 +57,7 @@ def reference(method, late, seconds=6.0):
     memory, row = np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK)
     memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, engage.ENGAGED
     settings["exchange_hold"] = 10.0
-    simulation, record = Simulation(scene, 1e-3, 0.2, port_of(method)), row[0]
+    simulation, record = Simulation(scene, 1e-3, 0.2, port=port_of(method)), row[0]
     going, coming, errors, taken, before, force = deque(), deque(), [], 0.0, 0.0, 0.0
     for k in range(int(seconds * 1000)):
         position = 0.02 * math.sin(math.pi * k * 1e-3)

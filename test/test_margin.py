@@ -72,6 +72,16 @@ def test_cancellation_of_a_held_coupling_counts_where_it_outweighs_the_couplings
     assert cancelled == pytest.approx(0.8 - 0.25 - abs(0.2 - 0.9 * 0.8))
 
 
+def test_late_cancellation_alone_is_refused_by_its_own_name_and_taken_at_what_the_sentence_allows():
+    late = 0.1e-3  # of T = .25 ms: 0.9 b √1.4 > b
+    refused = operating.refusal(settings(cancellation__ratio=0.9, **NO_COUPLING), late)
+    assert refused == (
+        "cancellation.ratio 0.9 needs b > 0.8519 N s/m, 0.1 ms late; the device has 0.8: at most 0.845"
+    )
+    assert operating.refusal(settings(cancellation__ratio=0.845, **NO_COUPLING), late) == ""
+    assert operating.refusal(settings(cancellation__ratio=0.847, **NO_COUPLING), late) != ""
+
+
 @pytest.mark.parametrize("ratio", [0.5, 0.9])
 def test_walls_keep_their_whole_bound_where_cancellation_fades_out_over_a_ticks_travel(ratio):
     cancelled = {"cancellation__ratio": ratio, "cancellation__band": 0.005, "coupling__rotational_damping": 0.0}

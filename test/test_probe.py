@@ -6,7 +6,8 @@ import pytest
 
 from haptic_device.analysis import probe
 from haptic_device.device import load_device
-from haptic_sim.cli.zwidth_twin import Twin
+from haptic_sim.cli.zwidth_live import TRIES, Live
+from haptic_sim.cli.zwidth_twin import PHASES, Twin
 
 
 def circling(damping=3.0, coulomb=0.02, mass=0.1, every=0.002, radius=0.02):
@@ -75,3 +76,27 @@ def test_a_wall_at_95_per_cent_of_the_passive_stiffness_is_quiet_and_one_beyond_
     twin = Twin(load_device("undamped"), 1000.0, 0.0)
     assert not twin.show(0.95 * 300.0)
     assert twin.show(2.0 * (0.15 + 0.5) * 1000.0)
+
+
+@pytest.mark.parametrize("shaking", [None, *range(len(PHASES))])
+def test_a_live_wall_shakes_if_any_touch_of_it_does_however_deep(monkeypatch, shaking):
+    """Friction calms small oscillations: one touch that stays still shows only its own phase."""
+    depths = []
+
+    def touch(self, stiffness, depth):
+        depths.append(depth)
+        return len(depths) - 1 == shaking
+
+    monkeypatch.setattr(Live, "_touch", touch)
+    assert Live(None, 0.0, 1e-5).show(1000.0) is (shaking is not None)
+    assert len(set(depths)) == len(depths) == (len(PHASES) if shaking is None else shaking + 1)
+
+
+@pytest.mark.parametrize("stalls", [0, 1, TRIES - 1])
+def test_a_touch_during_which_the_machine_stalled_says_nothing_and_is_tried_again(monkeypatch, stalls):
+    answers = iter([None] * stalls + [True])
+    monkeypatch.setattr(Live, "_try", lambda self, stiffness, depth: next(answers))
+    assert Live(None, 0.0, 1e-5).show(1000.0)
+    monkeypatch.setattr(Live, "_try", lambda self, stiffness, depth: None)
+    with pytest.raises(ValueError, match=f"{TRIES} touches of a wall of 1000 N/m ended as the machine stalled"):
+        Live(None, 0.0, 1e-5).show(1000.0)

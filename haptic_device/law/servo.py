@@ -62,7 +62,8 @@ OUTPUTS = (
     *("force_on_handle*", "motor*"),  # total as the motor holds it, at the device; and in motor units
     *("engage", "exchange_fade", "cancellation_fade", "exchange_energy", "energy_given*"),
     *("exchange_effort*", "exchange_tank", "exchange_shortened", "exchange_let_go"),  # next handle sample's; [J]; ticks
-    *("generated*", "injected*", "injections", "margin*"),  # observer [J], controller [N s/m], ticks it acted; [N s/m]
+    *("generated*", "injected*", "injections"),  # observer [J], controller [N s/m], ticks it acted
+    *("margin*", "surplus*"),  # of the physical damping [N s/m]
     *("state", "fault", "warmth*"),
 )
 TICK = _columns(*INPUTS, *OUTPUTS)
@@ -152,7 +153,7 @@ def _sense(settings, memory, row):
     _book(settings, memory, row, elapsed)
     for i in range(AXES):
         row.energy_given[i], row.generated[i] = memory.energy_given[i], memory.generated[i]
-        row.margin[i], memory.world[i] = settings.margin[i], row.position[i]
+        row.margin[i], row.surplus[i], memory.world[i] = settings.margin[i], settings.surplus[i], row.position[i]
     memory.started, memory.latched = 1.0, row.latched
 
 

@@ -37,11 +37,12 @@ def capture(row_mail, row, memory, copy, period, scratch):
 def recompute(settings, memory, rows):
     """Computes the outputs of consecutive rows again, in place, from their inputs.
 
-    The margin is no output of the tick: the driver follows the measured lateness with it, so it is taken as recorded.
+    Margin and surplus are no outputs of the tick: with them the driver follows the measured lateness, so they are taken
+    as recorded.
     """
     for k in range(rows.size):
         for i in range(servo.AXES):
-            settings[0].margin[i] = rows[k].margin[i]
+            settings[0].margin[i], settings[0].surplus[i] = rows[k].margin[i], rows[k].surplus[i]
         servo.tick(settings[0], memory[0], rows[k])
 
 

@@ -18,7 +18,6 @@ from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
-from haptic_sim.tool_port import port_of
 
 PATIENT = {"exchange.hold": 0.5, "exchange.fade": 0.5}  # a study of long delays does not let the tool go
 PRESS = {"motion.name": "press_wall", "motion.start": (0.03, 0.0, 0.0), "motion.target": (0.005, 0.0, 0.0)}
@@ -118,7 +117,8 @@ def _run(case, params, scene, motion):
     values = {node: {one.name: one.default for one in NODES[node]} | given.get(node, {}) for node in NODES}
     driver = values["haptic_driver"] | PATIENT | {"exchange.method": case.method, "exchange.rate": case.rate}
     loopback = values["haptic_loopback"] | motion | {"motion.duration": SECONDS}
-    simulation = Simulation(load(scene), values["haptic_simulation"]["sub_step"], 0.5, port_of(case.method))
+    simulated = values["haptic_simulation"] | {"max_catch_up": 0.5, "exchange.method": case.method}
+    simulation = Simulation.by_parameters(load(scene), simulated)
     network = Network(case.delay, case.jitter, case.loss, 1)
     system = Lockstep(load_device(driver["device"]), driver, loopback, simulation, network)
     rows, errors, given, supplied = [], [], 0.0, 0.0

@@ -87,12 +87,14 @@ def _live(name, period, damping, stiffness_max, domain, namespace, as_json):
     stiffness_max = 1e6 if stiffness_max is None else stiffness_max
     positive("stiffness_max", stiffness_max, "N/m")
     device = load_device(name)
+    from rich.console import Console
+
     from haptic_sim.cli.zwidth_live import measure
 
     try:
-        with interruptible():
+        with interruptible(), Console(stderr=True).status("starting") as status:
             path = str(Path(find("devices", name)).absolute())
-            found = measure(device, path, 1.0 / period, damping, stiffness_max, domain, namespace)
+            found = measure(device, path, 1.0 / period, damping, stiffness_max, domain, namespace, status.update)
     except NodeDiedError as error:
         raise ValueError(str(error)) from None
     typer.echo(json.dumps(found)) if as_json else _show_live(found)

@@ -10,47 +10,72 @@ import contextlib
 import numpy as np
 
 from haptic_device.analysis import probe
+from haptic_device.law import fault
 from haptic_sim.cli.bench_nodes import running
 from haptic_sim.cli.tuning import Tuning
-from haptic_sim.cli.zwidth_twin import DEPTH, HAND, LAG, OUT, RADIUS, WALL, Twin
+from haptic_sim.cli.zwidth_twin import DEPTH, HAND, LAG, OUT, PHASES, RADIUS, WALL, Twin
 
 TOUCHED = (
     *("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "coupling.stiffness", "coupling.damping"),
     *("passivity.policy", "passivity.control", "cancellation.ratio"),
 )
 REST = 0.4  # [s] in free space between two gestures
+STALLED = {fault.name_of(code) for code in (fault.DEVICE_SILENT, fault.DEVICE_WATCHDOG)}
+TRIES = 5  # of one touch
 CANCELLED = 0.95  # share of the damping, for the free end
 
 
 class Live:
     """The running display; `show` and `turn` as of the twin in lock-step."""
 
-    def __init__(self, tuning, damping, resolution):
-        self._tuning, self._damping, self._resolution = tuning, damping, resolution
+    def __init__(self, tuning, damping, resolution, say=lambda what: None):
+        self._tuning, self._damping, self._resolution, self._say = tuning, damping, resolution, say
         self.energy_given = 0.0
 
     def show(self, stiffness):
-        """Whether this wall shakes, or latches a fault of the driver; it is gone before this returns."""
-        tuning, fault = self._tuning, False
+        """Whether this wall shakes at one touch of some, or latches a fault of the driver; then it is gone again.
+
+        `energy_given` is the most that one of them gave [J].
+        """
+        self._say(f"touching a wall of {stiffness:.0f} N/m")
+        self.energy_given = -np.inf
+        return any(self._touch(stiffness, share * DEPTH) for share in PHASES)
+
+    def _touch(self, stiffness, depth):
+        for _ in range(TRIES):
+            shook = self._try(stiffness, depth)
+            if shook is not None:
+                return shook
+        raise ValueError(
+            f"{TRIES} touches of a wall of {stiffness:g} N/m ended as the machine stalled; is it too busy?"
+        )
+
+    def _try(self, stiffness, depth):
+        """Whether this wall shakes; None if driver or loopback stalled meanwhile, which says nothing of the wall."""
+        tuning, latched = self._tuning, ""
         tuning.watch(REST, lambda t: (WALL + OUT, 0.0, 0.0))
         self._wall(stiffness)
         began = self._begin()
         try:
-            tuning.watch(probe.GESTURE, lambda t: (WALL + probe.tap_and_press(t, OUT, DEPTH), 0.0, 0.0))
+            tuning.watch(probe.GESTURE, lambda t: (WALL + probe.tap_and_press(t, OUT, depth), 0.0, 0.0))
         except ValueError:
-            if not tuning.said("fault"):
+            latched = tuning.said("fault")
+            if not latched:
                 raise
-            fault = True
         self._wall(0.0)
-        if fault:
+        if latched:
             tuning.recover()
         truth = _truth(tuning.truths)
         tuning.watch(REST, lambda t: (WALL + OUT, 0.0, 0.0))
-        self.energy_given = float(_truth(tuning.truths).energy_given[-1] - truth.energy_given[0])
-        return fault or probe.shakes(truth, began, self._resolution)
+        if latched in STALLED:
+            return None
+        given = float(_truth(tuning.truths).energy_given[-1] - truth.energy_given[0])
+        self.energy_given = max(self.energy_given, given)
+        return bool(latched) or probe.shakes(truth, began, self._resolution)
 
     def turn(self, ratio):
         """Apparent damping on a circle with this share of damping cancelled [N s/m]."""
+        self._say(f"in free space, {ratio:.0%} of the damping cancelled")
         self._tuning.watch(REST, lambda t: (0.0, 0.0, 0.0))
         self._tuning.set(cancellation__ratio=ratio)
         began = self._begin()
@@ -77,21 +102,15 @@ class Live:
         return self._tuning.truths[-1]["time"][0]
 
 
-def measure(device, path, rate, damping, stiffness_max, domain, namespace):
-    """Figures of the display, live and in lock-step. Raises ValueError, NodeDiedError."""
+def measure(device, path, rate, damping, stiffness_max, domain, namespace, say):
+    """Figures of the display, live and in lock-step; say(what) hears of it. Raises ValueError, NodeDiedError."""
     told = pair(path, rate)
     with running(domain, namespace, *told) as (number, room, check), contextlib.closing(Tuning(number, room)) as tuning:
         tuning.wait_engaged(check)
         with tuning.as_found(TOUCHED):
             rate = float(tuning.get(["servo.rate"])["servo.rate"])
-            return _figures(
-                Live(tuning, damping, 1.0 / device.axes[0].counts_per_unit),
-                tuning,
-                device,
-                rate,
-                damping,
-                stiffness_max,
-            )
+            live = Live(tuning, damping, 1.0 / device.axes[0].counts_per_unit, say)
+            return _figures(live, tuning, device, rate, damping, stiffness_max, say)
 
 
 def pair(path, rate):
@@ -102,7 +121,7 @@ def pair(path, rate):
     return driver, {"device": path, **hand, **start}
 
 
-def _figures(live, tuning, device, rate, damping, stiffness_max):
+def _figures(live, tuning, device, rate, damping, stiffness_max, say):
     b = device.axes[0].damping
     passive = 2.0 * (b - abs(damping)) * rate
     live.free()
@@ -111,6 +130,7 @@ def _figures(live, tuning, device, rate, damping, stiffness_max):
     boundary = probe.find_boundary(live.show, 0.95 * bound, min(stiffness_max, 20.0 * bound))
     shaking = live.show(0.95 * passive) if passive > 0.0 else None
     given, delay = live.energy_given, _write_delay(tuning)
+    say("the same in lock-step")
     twin = Twin(device, rate, damping, delay)
     same = probe.find_boundary(twin.show, 0.95 * bound, min(stiffness_max, 20.0 * bound))
     return {

@@ -12,7 +12,7 @@ from haptic_device.runtime import loop
 HAND = {"mass": 0.05, "damping": 0.5, "stiffness": 100.0}  # light: it calms little
 OUT, DEPTH, RADIUS = 0.005, 0.02, 0.02  # [m] of the gestures; pressed in by 2 N
 WALL = -0.02  # [m] offset of the wall on x; the hand comes from above
-PHASES = (1.0, 0.97, 1.03, 0.9, 1.1)  # of the depth
+PHASES = (1.0, 0.97, 1.03, 0.9, 1.1)  # of the depth: one touch each, live too
 EVERY = 0.002  # [s] between two targets of the hand
 LAG = 0.01  # [s] motion.lag
 

@@ -5,9 +5,8 @@ from haptic_device.law.exchange import PARAMETERS as EXCHANGE
 from haptic_device.node import health
 from haptic_device.parameter import Parameter
 from haptic_sim.scene import METHODS
+from haptic_sim.simulation import AUTO
 from haptic_sim.tool_port import BUDGET
-
-AUTO = "auto"
 
 PARAMETERS = (
     Parameter("autostart", True, "", "configure and activate by itself at start"),

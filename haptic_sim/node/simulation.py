@@ -12,12 +12,11 @@ from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
 from haptic_device.runtime.clock import go_realtime, lift_threads
-from haptic_sim.node.declared import AUTO, PARAMETERS
+from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.port import Port
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
-from haptic_sim.tool_port import port_of
 
 DIAGNOSTICS_PERIOD = 0.5  # s
 MIDDLEWARE_PRIORITY = 65  # above the exchange, which must never wait for the middleware's own threads
@@ -95,10 +94,8 @@ class SimulationNode(ManagedNode):
 
     def _world(self):
         """A simulation as the parameters now say, at the tool port that there is."""
-        given = self.values
-        port = self.simulation.port if self.simulation else port_of(given["exchange.method"], given["port_budget"])
-        method = None if given["method"] == AUTO else given["method"]
-        return Simulation(load(given["scene"]), given["sub_step"] or None, given["max_catch_up"], method, port)
+        port = self.simulation.port if self.simulation else None
+        return Simulation.by_parameters(load(self.values["scene"]), self.values, port)
 
     def _accept(self, values):
         """The parameter `scene` names what load_scene loads next; one that cannot be read is refused here."""
