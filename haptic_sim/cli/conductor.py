@@ -17,8 +17,8 @@ from haptic_sim.cli.witness import Witness
 NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation")
 FREE, PRESSED = 0.03, -0.003  # [m] where the hand is in free space; and where it wants to be in the wall
 FORCE = 4.5  # [N] from which the wall is pressed
-START = 60.0  # [s] for the first start, which may compile the kernels
-PATIENCE = 20.0  # [s] for anything later
+START = 240.0  # [s] for the first start, which may compile the kernels on a busy machine
+PATIENCE = 40.0  # [s] for anything later
 SETTLED = 0.15  # [s] until a handle that has arrived stands still
 HELD = 0.4  # [s] that the wall is pressed before anything happens
 AGAIN = 0.2  # [s] between two attempts to enable
