@@ -3,29 +3,20 @@
 
 import itertools
 import math
-import os
 import random
 import statistics
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from typing import NamedTuple
 
 from haptic_device.law import engage
-from haptic_device.runtime.process import die_with_parent
 from haptic_sim.cli import chaos_figures as figures
+from haptic_sim.cli import chaos_loads as loads
 from haptic_sim.cli.conductor import NODES, PATIENCE, Conductor
-from haptic_sim.cli.flood import SENT
 
 FROZEN = 0.4  # s
 HEARD = 0.2  # [s] until everything that happened has been heard of
 ESTOPS = 7
-HOGGED, FLOODED = 4.0, 4.0  # s
-HOGS = 2  # a core
-FLOOD_RATE = 10_000.0  # Hz
-CLOCK_STEP = 2.0  # s
-BURN = "while True: pass"
 
 
 class Event(NamedTuple):
@@ -132,54 +123,6 @@ def estop(conductor: Conductor) -> figures.Figures:
     return found._replace(safe=statistics.median(times), recovered=conductor.enable(), note=note)
 
 
-def hogs(conductor: Conductor) -> figures.Figures:
-    """Busy processes on every core, while the wall is pressed."""
-    before = _number(conductor, "missed")
-    burning = [_process([sys.executable, "-c", BURN]) for _ in range(HOGS * (os.cpu_count() or 1))]
-    try:
-        conductor.press()
-        conductor.wait(HOGGED)
-    finally:
-        _end(burning)
-    conductor.release()
-    recovered = conductor.enable()
-    rows = conductor.witness.heard().rows
-    missed = _number(conductor, "missed") - before
-    level = ("OK", "WARN", "ERROR")[conductor.witness.levels.get("haptic_driver: margin", 0)]
-    note = f"{missed:.0f} ticks missed; margin down to {rows['margin'][:, 0].min():.3g} N s/m, which it calls {level}"
-    return figures.figures(conductor.witness.heard(), recovered=recovered, note=note)
-
-
-def flood(conductor: Conductor) -> figures.Figures:
-    """10 kHz of foreign, mutated and meaningless messages on every topic that is listened to; the hand holds still."""
-    before = _refusals(conductor)
-    flooding = _process([sys.executable, "-m", "haptic_sim.cli.flood", str(FLOOD_RATE), str(FLOODED)])
-    flooding.wait(FLOODED + PATIENCE)
-    sent = int((flooding.stdout.read().split(SENT) + ["0"])[1] or 0)
-    conductor.wait(0.6)
-    refused = _refusals(conductor) - before
-    recovered = conductor.enable()
-    heard = conductor.witness.heard()
-    moved = 1e3 * float(abs(heard.truths["x"] - heard.truths["x"][0]).max())
-    rate = sent / FLOODED
-    note = f"{rate:.0f} messages/s; {refused} refused and counted; handle moved {moved:.3f} mm"
-    return figures.figures(heard, recovered=recovered, note=note)
-
-
-def step_clock(conductor: Conductor) -> figures.Figures:
-    """The wall clock steps ahead and back, where that is allowed."""
-    conductor.press()
-    try:
-        for step in (CLOCK_STEP, -CLOCK_STEP):
-            time.clock_settime(time.CLOCK_REALTIME, time.clock_gettime(time.CLOCK_REALTIME) + step)
-            conductor.wait(FROZEN)
-        note = f"stepped {CLOCK_STEP:g} s ahead and back"
-    except PermissionError:
-        note = "not allowed here"
-    conductor.release()
-    return figures.figures(conductor.witness.heard(), recovered=conductor.enable(), note=note)
-
-
 def in_order(order: tuple[str, ...]) -> Callable[[Conductor], figures.Figures]:
     """All three nodes killed, and started again in this order; recovered counts from the last start."""
 
@@ -218,32 +161,6 @@ def _coupled(conductor, recovered):
     return figures.figures(heard, figures.coupling_off(heard.rows), recovered)
 
 
-def _number(conductor, entry):
-    return float(conductor.witness.said("haptic_driver", entry) or 0.0)
-
-
-def _refusals(conductor):
-    """Everything that the nodes say they have refused."""
-    return sum(
-        int(float(value))
-        for said in conductor.witness.statuses.values()
-        for name, value in said.values.items()
-        if name.startswith("refused") and name != "refused"
-    )
-
-
-def _process(command):
-    own = os.getpid()
-    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=lambda: die_with_parent(own))
-
-
-def _end(processes):
-    for process in processes:
-        process.kill()
-        process.wait()
-        process.stdout.close()
-
-
 _DRIVER, _DEVICE = ("device_watchdog",), ("device_silent",)
 EVENTS = (
     Event("kill -9 driver", kill_driver, 20.0, _DRIVER),
@@ -254,11 +171,11 @@ EVENTS = (
     Event("SIGSTOP loopback", stop_loopback, 22.0, (*_DEVICE, *_DRIVER)),
     Event("kill -9 recorder", kill_recorder),
     Event("e-stop", estop, 20.0, ("estop",)),
-    Event("CPU hogs", hogs),
-    Event("DDS flood", flood),
+    Event("CPU hogs", loads.hogs),
+    Event("DDS flood", loads.flood),
     *(
         Event("start " + ", ".join(name.removeprefix("haptic_") for name in order), in_order(order), None, _DEVICE)
         for order in itertools.permutations(NODES)
     ),
 )
-CLOCK = Event("wall clock stepped", step_clock)
+CLOCK = Event("wall clock stepped", loads.step_clock)
