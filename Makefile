@@ -17,7 +17,7 @@ help:
 	@echo "make setup   create .venv with everything (no root needed)"
 	@echo "make demo    peg into hole through three live nodes; options: make demo ARGS='--seconds 20'"
 	@echo "make test    lint, import contracts, tests, and a short live demo"
-	@echo "make docs    write docs/parameters.md from the declarations"
+	@echo "make docs    write docs/parameters.md and docs/faults.md from the code"
 	@echo "make clean   remove .venv and everything built"
 
 setup: $(READY)
@@ -59,6 +59,7 @@ test: setup
 
 docs: setup
 	$(BIN)/haptic docs --out docs/parameters.md
+	$(BIN)/haptic docs --faults --out docs/faults.md
 
 clean:
 	rm -rf $(VENV) build install log dist *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -56,6 +56,8 @@ DIRECT = {  # parameter → field of SETTINGS with the same number
     "engage.torque": "engage_torque",
     "fault.silence": "silence",
     "fault.saturation": "saturation",
+    "fault.duty": "duty",
+    "fault.unattended": "unattended",
 }
 
 
@@ -93,6 +95,7 @@ def settings_from(device, values, version=0):
     for name, field in (("stiffness", "stiffness"), ("damping", "damping")):
         settings[field][0, :2] = values[f"coupling.{name}"]
         settings[field][0, 2] = values[f"coupling.rotational_{name}"]
+    settings["duty_kept"] = math.exp(-1.0 / (values["servo.rate"] * values["fault.duty_time"]))
     settings["force_limit"][0] = (values["force.limit"], values["force.limit"], values["force.limit_rotational"])
     _set_walls(settings, values)
     _set_exchange(settings, values)

@@ -64,7 +64,7 @@ OUTPUTS = (
     *("exchange_effort*", "exchange_tank", "exchange_shortened", "exchange_let_go"),  # next handle sample's; [J]; ticks
     *("generated*", "injected*", "injections"),  # observer [J], controller [N s/m], ticks it acted
     *("margin*", "surplus*"),  # of the physical damping [N s/m]
-    *("state", "fault"),
+    *("state", "fault", "warmth*"),
 )
 TICK = _columns(*INPUTS, *OUTPUTS)
 
@@ -87,12 +87,13 @@ SETTINGS = _columns(
     *("exchange_method", "exchange_budget", "exchange_tank", "exchange_horizon", "exchange_play", "exchange_slew*"),
     *("exchange_agility*", "surplus*", "exchange_hold", "exchange_fade"),
     *("engage_time", "engage_force", "engage_torque", "silence", "saturation"),
+    *("duty", "duty_kept", "unattended"),
 )
 
 MEMORY = _columns(
     *("started", "latched", "unseen", "device_position*", "device_velocity*", "offset*"),
     *("history", "times^", "positions_x^", "positions_y^", "positions_theta^"),
-    *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated"),
+    *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated", "warmth*"),
     *(
         "drag*",
         "moved*",
@@ -336,6 +337,10 @@ def _faults(settings, memory, row):
             memory.fault = fault.DEVICE_WATCHDOG
         elif memory.saturated > settings.saturation:
             memory.fault = fault.SATURATION
+        elif command & engage.UNATTENDED:
+            memory.fault = fault.UNATTENDED
+        elif max(memory.warmth[0], memory.warmth[1], memory.warmth[2]) > settings.duty * settings.duty:
+            memory.fault = fault.DUTY
     row.fault = memory.fault
 
 
@@ -379,6 +384,16 @@ def _command_motor(settings, memory, row):
         memory.held_force[i] = mixed / (memory.unseen + 1.0)  # mean over the ticks since the last fresh sample
         row.motor[i] = row.force_on_handle[i] * settings.motor_per_force[i]
     memory.saturated = memory.saturated + settings.period if saturated else 0.0
+    _warm(settings, memory, row)
+
+
+@kernel
+def _warm(settings, memory, row):
+    """Warmth of each motor after this tick's force."""
+    for i in range(int(settings.axes)):
+        share = row.force_on_handle[i] / settings.device_limit[i]
+        memory.warmth[i] = fault.warmed(memory.warmth[i], share, settings.duty_kept)
+        row.warmth[i] = memory.warmth[i]
 
 
 @kernel

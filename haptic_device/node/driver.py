@@ -13,7 +13,7 @@ from haptic_device import operating
 from haptic_device.device import load_device
 from haptic_device.law import engage, fault
 from haptic_device.law import servo as law
-from haptic_device.node import wire
+from haptic_device.node import health, wire
 from haptic_device.node.declared import DRIVER
 from haptic_device.node.exchange_thread import ExchangeThread
 from haptic_device.node.lifecycle import ManagedNode, run
@@ -36,6 +36,7 @@ class DriverNode(ManagedNode):
         super().__init__("haptic_driver", DRIVER)
         self.link = self.servo = self.exchange = self.telemetry = None
         self._version, self._enabled_once, self._said, self._margins = 0, False, set(), [math.inf, math.inf]
+        self._watched, self._stall, self._rates = time.monotonic(), 0.0, health.Rates()
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
         for name in ("enable", "disable", "estop", "reset"):
             self.create_service(Trigger, f"~/{name}", getattr(self, f"_on_{name}"))
@@ -133,9 +134,9 @@ class DriverNode(ManagedNode):
 
     def _watch(self):
         """Enables once by itself if asked to, drops the wish to be enabled on a fault, and says what is new."""
-        if self.servo is None:
-            return
-        if not self.servo.running:
+        now = time.monotonic()
+        self._stall, self._watched = max(self._stall, now - self._watched), now
+        if self.servo is None or not self.servo.running:
             return
         self._say("info", f"servo at {self.values['servo.rate']:g} Hz, {self.servo.realtime}")
         row = self.servo.row.get()[0]
@@ -146,6 +147,7 @@ class DriverNode(ManagedNode):
         elif self.values["auto_enable"] and not self._enabled_once:
             self.servo.order(set_flags=engage.ENABLE)
             self._enabled_once = True
+        self.servo.attend()
 
     def _say(self, level, sentence):
         """Logs a sentence once; rclpy allows each place in the code one severity only."""
@@ -195,7 +197,7 @@ class DriverNode(ManagedNode):
 
     def _taken(self):
         until = time.monotonic() + PATIENCE
-        while int(self.servo.row.get()[0].command) != self.servo.command:
+        while int(self.servo.row.get()[0].command) & ~engage.UNATTENDED != self.servo.command:
             if time.monotonic() > until:
                 return False
             time.sleep(0.0002)
@@ -209,7 +211,20 @@ class DriverNode(ManagedNode):
         level, message = self._verdict(row)
         now = self.get_clock().now().nanoseconds
         values = {**self._figures(row), **{f"refused.{k}": v for k, v in self.exchange.refusals().items()}}
-        self._diagnostics.publish(wire.diagnostics(now, "haptic_driver", self.device.name, level, message, values))
+        said = "haptic_driver", self.device.name, level, message, values
+        self._diagnostics.publish(wire.diagnostics(now, *said, self._health(row)))
+
+    def _health(self, row):
+        """Statuses of the figures that are watched; what has grown is counted since the last look."""
+        lateness, compute, age, _ = self.telemetry.percentiles()[:, 1]
+        counts = {"missed": row.missed, "sent": self.exchange.sent, "answered": self.exchange.answered}
+        rates = self._rates.of(**counts)
+        lost = max(0.0, 1.0 - rates["answered"] / rates["sent"]) if rates["sent"] > 0.0 <= row.tool_age else math.nan
+        figures = {"margin": self._margins[0], "lateness": lateness, "compute": compute, "missed": rates["missed"]}
+        figures |= {"age": age, "loss": lost, "energy": float(sum(row.energy_given))}
+        figures |= {"warmth": float(max(row.warmth)), "stall": self._stall}
+        self._stall = 0.0
+        return health.statuses("haptic_driver", health.DRIVER, figures, self.values)
 
     def _verdict(self, row):
         if row.fault:
@@ -263,6 +278,7 @@ class DriverNode(ManagedNode):
             "passivity_margin_theta": f"{self._margins[1]:.6f}",
             "lateness_counted_us": f"{self._lateness() * 1e6:.1f}",
             "injections": int(row.injections),
+            "survived": self.survived,
             "generated": f"{max(row.generated):.6f}",
             "energy_given": f"{sum(row.energy_given):.6f}",
         }

@@ -222,10 +222,17 @@ def pose_numbers(position):
     return position[0], position[1], 0.0, 0.0, 0.0, math.sin(half), math.cos(half)
 
 
-def diagnostics(stamp_ns, name, hardware_id, level, message, values):
-    """DiagnosticArray with one status; level `ok`, `warn` or `error`; values {name: anything}."""
-    entries = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-    status = DiagnosticStatus(level=LEVELS[level], name=name, message=message, hardware_id=hardware_id, values=entries)
-    array_message = DiagnosticArray(status=[status])
+def diagnostics(stamp_ns, name, hardware_id, level, message, values, figures=()):
+    """DiagnosticArray with a node's status and those of its figures, (name, level, message, values) each.
+
+    level: `ok`, `warn` or `error`; values {name: anything}.
+    """
+    statuses = [_status(hardware_id, *status) for status in ((name, level, message, values), *figures)]
+    array_message = DiagnosticArray(status=statuses)
     array_message.header.stamp = to_time(stamp_ns)
     return array_message
+
+
+def _status(hardware_id, name, level, message, values):
+    entries = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+    return DiagnosticStatus(level=LEVELS[level], name=name, message=message, hardware_id=hardware_id, values=entries)

@@ -2,6 +2,7 @@
 """The servo in its thread, and the memory through which everybody else meets it."""
 
 import threading
+import time
 
 import numpy as np
 
@@ -65,6 +66,10 @@ class ServoThread:
         """Changes flags of the command word (law/engage); returns the word."""
         self.control[loop.COMMAND] = (self.command | set_flags) & ~clear_flags
         return self.command
+
+    def attend(self):
+        """Says that somebody is there who hears an e-stop: the servo goes on alone for fault.unattended only."""
+        self.control[loop.ATTENDED] = time.monotonic_ns()
 
     def reset(self):
         """Clears the latched fault, and what commands the handle: a new enable is needed."""

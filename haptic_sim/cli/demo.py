@@ -68,7 +68,7 @@ def demo(
 
 def run(order: Order, started: float, as_json: bool) -> bool:
     """Runs the order, reports, and says whether the job was done."""
-    programs, ended, found, wrong = _programs(order), False, {}, []
+    programs, ended, found, wrong = programs_of(order), False, {}, []
     try:
         ended = _play(order, programs)
         found = _evaluate(order, started)
@@ -87,7 +87,7 @@ def _order(scene, seconds, out, exchange, rate, params) -> Order:
     return Order(scene, seconds, out.absolute(), exchange, rate, find("", params).absolute())
 
 
-def _programs(order: Order) -> list[Program]:
+def programs_of(order: Order) -> list[Program]:
     """The four nodes in the order of their start; they are stopped in the reverse order, the recorder last."""
     from haptic_device.parameter import read_operating_point
     from haptic_device.share import find
@@ -138,13 +138,14 @@ def _program(name: str, values: dict, declared: tuple, operating_point: Path) ->
 
 def play(order: Order) -> bool:
     """Starts the nodes of the order, follows them to the end of the run, stops them. True if the run ended as asked."""
-    return _play(order, _programs(order))
+    return _play(order, programs_of(order))
 
 
 def _play(order: Order, programs: list[Program]) -> bool:
     with isolated_domain(order.out / "log") as domain, Nodes(order.out / "log") as nodes:
         for program in programs:
             nodes.start(program)
+        print(f"haptic demo: haptic status --domain {domain} shows more; space is the e-stop", file=sys.stderr)
         from haptic_sim.cli.follow import follow  # ROS is imported while the nodes start
 
         return follow(order.seconds, domain, nodes.check)

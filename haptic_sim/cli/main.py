@@ -9,6 +9,7 @@ import typer
 COMMANDS = {
     "bench": "haptic_sim.cli.bench:group",
     "check": "haptic_sim.cli.check:check",
+    "chaos": "haptic_sim.cli.chaos:chaos",
     "compare": "haptic_sim.cli.compare:compare",
     "demo": "haptic_sim.cli.demo:demo",
     "docs": "haptic_sim.cli.params_doc:docs",
@@ -20,6 +21,7 @@ COMMANDS = {
     "replay": "haptic_sim.cli.replay:replay",
     "report": "haptic_sim.cli.report:report",
     "scenes": "haptic_sim.cli.scenes:scenes",
+    "status": "haptic_sim.cli.status:status",
     "zwidth": "haptic_sim.cli.zwidth:zwidth",
 }
 GROUPS = ("bench",)  # of subcommands

@@ -71,7 +71,7 @@ class Nodes:
     def start(self, program: Program) -> None:
         """Starts one node; it gets a session of its own, so that a terminal's Ctrl-C comes from us, in order."""
         parent = os.getpid()
-        with open(self._log(program.name), "wb") as log:
+        with open(self._log(program.name), "ab") as log:
             self._running[program.name] = subprocess.Popen(
                 program.command(),
                 stdin=subprocess.DEVNULL,
@@ -91,6 +91,20 @@ class Nodes:
     def pid(self, name: str) -> int:
         """Process id of a running node."""
         return self._running[name].pid
+
+    def signal(self, name: str, number: int) -> None:
+        """Sends a running node a signal."""
+        self._running[name].send_signal(number)
+
+    def kill(self, name: str) -> None:
+        """Ends a node by SIGKILL, and waits for its end."""
+        process = self._running.pop(name)
+        process.kill()
+        process.wait()
+
+    def tracebacks(self) -> int:
+        """How many tracebacks the nodes have printed so far."""
+        return sum(log.read_text(errors="replace").count("Traceback (most") for log in self._logs.glob("haptic_*.log"))
 
     def last_line(self, name: str) -> str:
         """The last line that the node printed."""

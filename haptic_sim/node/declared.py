@@ -2,6 +2,7 @@
 """Parameters of haptic_simulation and haptic_relay."""
 
 from haptic_device.law.exchange import PARAMETERS as EXCHANGE
+from haptic_device.node import health
 from haptic_device.parameter import Parameter
 from haptic_sim.scene import METHODS
 from haptic_sim.simulation import AUTO
@@ -28,6 +29,7 @@ PARAMETERS = (
         choices=("require", "prefer", "off"),
     ),
     Parameter("realtime_priority", 60, "", "SCHED_FIFO priority of the exchange thread", 1, 98),
+    *health.parameters(health.SIMULATION),
 )
 
 RELAY = (

@@ -7,7 +7,7 @@ import sys
 
 from std_srvs.srv import SetBool, Trigger
 
-from haptic_device.node import wire
+from haptic_device.node import health, wire
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
@@ -31,6 +31,7 @@ class SimulationNode(ManagedNode):
         self.exchange: ExchangeThread | None = None
         self.simulation: Simulation | None = None
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
+        self._rates = health.Rates()
         self._tool = self.create_publisher(wire.JointState, "tool", wire.LATEST)
         self.create_timer(DIAGNOSTICS_PERIOD, self.diagnose)
         self.create_service(Trigger, "~/reset_scene", self._on_reset_scene)
@@ -66,9 +67,12 @@ class SimulationNode(ManagedNode):
         if self.exchange is None:
             return
         values = {"scene": self.simulation.scene.name, "method": self.simulation.method_name, **_values(self.exchange)}
+        values["survived"] = self.survived
         level, message = self._verdict()
         now_ns = self.get_clock().now().nanoseconds
-        self._diagnostics.publish(wire.diagnostics(now_ns, self.get_name(), "", level, message, values))
+        figures = {"compute": values["compute_us_p99"] * 1e-6, **self._rates.of(refused=values["refused"])}
+        watched = health.statuses(self.get_name(), health.SIMULATION, figures, self.values)
+        self._diagnostics.publish(wire.diagnostics(now_ns, self.get_name(), "", level, message, values, watched))
 
     def _verdict(self):
         counters = self.exchange.report.counters
