@@ -19,7 +19,8 @@ UNCONFIGURED, INACTIVE, ACTIVE = (
 def nodes(ros_domain, tmp_path_factory):
     with Nodes(tmp_path_factory.mktemp("nodes")) as nodes:
         for name in NODES:
-            nodes.start(name, namespace=SPACE, autostart=False)
+            scene = {"scene": "free_space"} if name == "haptic_simulation" else {}  # its tool is where the handle is
+            nodes.start(name, namespace=SPACE, autostart=False, **scene)
         yield nodes
 
 
