@@ -17,7 +17,7 @@ help:
 	@echo "make setup   create .venv with everything (no root needed)"
 	@echo "make demo    peg into hole through three live nodes; options: make demo ARGS='--seconds 20'"
 	@echo "make test    lint, import contracts, tests, and a short live demo"
-	@echo "make docs    write docs/parameters.md from the declarations"
+	@echo "make docs    write docs/parameters.md and docs/faults.md from the code"
 	@echo "make clean   remove .venv and everything built"
 
 setup: $(READY)
@@ -37,7 +37,7 @@ $(READY): setup.py setup.cfg constraints.txt
 	  "$$python" -m venv --clear $(VENV); \
 	fi
 	@echo "setup: installing packages into $(VENV) (about a minute the first time)"
-	@if ! $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[ros,test]' 2>&1 \
+	@if ! $(BIN)/python -m pip install --disable-pip-version-check -c constraints.txt -e '.[ros,test,bench]' 2>&1 \
 	  | tee $(VENV)/setup.log | awk '/^ *Collecting / {n++; if (n % 20 == 0) {print "setup: " n " packages found"; fflush()}} \
 	    /^Installing collected/ {print "setup: unpacking"; fflush()}'; then \
 	  grep -E '^ *(ERROR|error):' $(VENV)/setup.log >&2 || tail -n 5 $(VENV)/setup.log >&2; \
@@ -59,6 +59,7 @@ test: setup
 
 docs: setup
 	$(BIN)/haptic docs --out docs/parameters.md
+	$(BIN)/haptic docs --faults --out docs/faults.md
 
 clean:
 	rm -rf $(VENV) build install log dist *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache

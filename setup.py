@@ -13,10 +13,16 @@ ROS = [
     "ros-jazzy-common-interfaces>=5.3",
     "ros-jazzy-lifecycle-msgs>=2.0",
 ]
+DATAFRAME = ["pandas>=2.2", "polars>=1.0"]
+BENCH = [
+    "Box2D>=2.3.10",
+    "mujoco>=4",
+]
 TEST = [
     "colcon-common-extensions>=0.3",
     "hypothesis>=6.100",
     "import-linter>=2.3",
+    *DATAFRAME,
     "pytest>=8",
     "pytest-timeout>=2.3",
     "ros-jazzy-domain-coordinator>=0.12",
@@ -27,8 +33,10 @@ TEST = [
 
 def installed_files():
     """(target folder, files) pairs: everything that is not a Python module, in the places where ROS 2 looks."""
-    folders = sorted({path.parent for path in Path("config").rglob("*.yaml")})
-    config = [(f"{SHARE}/{folder}", [str(path) for path in sorted(folder.glob("*.yaml"))]) for folder in folders]
+    kinds = (".yaml", ".xml", ".json")
+    files = sorted(path for path in Path("config").rglob("*") if path.suffix in kinds)
+    folders = sorted({path.parent for path in files})
+    config = [(f"{SHARE}/{folder}", [str(path) for path in files if path.parent == folder]) for folder in folders]
     launch = [(f"{SHARE}/launch", [str(path) for path in sorted(Path("launch").glob("*.launch.py"))])]
     # Launchers under lib/ let `ros2 run` find the executables after a plain pip install too.
     scripts = [(f"lib/{NAME}", [str(path) for path in sorted(Path("scripts").iterdir()) if path.is_file()])]
@@ -45,6 +53,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=["haptic_device", "haptic_device.*", "haptic_sim", "haptic_sim.*"]),
+    package_data={"haptic_sim.bench": ["converged/*.csv"]},
     data_files=installed_files(),
     zip_safe=False,
     install_requires=[
@@ -64,7 +73,7 @@ setup(
         "typer>=0.12",
         "zstandard>=0.22",
     ],
-    extras_require={"ros": ROS, "test": TEST},
+    extras_require={"bench": BENCH, "dataframe": DATAFRAME, "ros": ROS, "test": TEST},
     entry_points={
         "console_scripts": [
             "haptic = haptic_sim.cli.main:main",

@@ -30,8 +30,7 @@ def system(scene_name, params, delay, write_delay):
     scene, given = load(scene_name), read_operating_point(find("", params), NODES)
     motion = {f"motion.{key}": value for key, value in scene.motion.items()}
     driver, loopback = values_of("haptic_driver", given), values_of("haptic_loopback", given, **motion)
-    simulated = values_of("haptic_simulation", given)
-    simulation = Simulation(scene, simulated["sub_step"], simulated["max_catch_up"])
+    simulation = Simulation.by_parameters(scene, values_of("haptic_simulation", given))
     return Lockstep(load_device(driver["device"]), driver, loopback, simulation, Network(delay), write_delay)
 
 

@@ -18,6 +18,7 @@ import numba
 
 ROOMS = ("haptic_device/law", "haptic_device/runtime", "haptic_sim/method")
 KEPT = 4  # folders; older ones are removed
+ERROR_MODEL = "numpy"  # division by zero follows IEEE 754, nothing raises
 
 
 def sources_digest():
@@ -26,7 +27,8 @@ def sources_digest():
     digest = hashlib.sha256()
     for part in (numba.__version__, sys.version, llvmlite.binding.get_host_cpu_name()):
         digest.update(part.encode())
-    for source in [Path(__file__), *(file for room in ROOMS for file in sorted((root / room).glob("*.py")))]:
+    rooms = (file for room in ROOMS for file in sorted((root / room).glob("*.py")))
+    for source in (Path(__file__), root / "haptic_device/whole.py", *rooms):
         digest.update(source.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -59,4 +61,4 @@ def kernel(*signature):
     """As `numba.njit(nogil=True, cache=True)`; division by zero follows IEEE 754, nothing raises."""
     if signature and callable(signature[0]):
         return kernel()(signature[0])
-    return numba.njit(*signature, nogil=True, cache=True, error_model="numpy")
+    return numba.njit(*signature, nogil=True, cache=True, error_model=ERROR_MODEL)

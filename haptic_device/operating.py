@@ -32,6 +32,7 @@ PARAMETERS = (
     *passivity.PARAMETERS,
     *fault.PARAMETERS,
 )
+ARM = 0.05  # [m] between grip and tip, which turns accelerations into angular ones
 SWITCHED = 2.0
 """Times |B| that a damper may need whose velocity comes from windows of any lengths: |v̂| is at most the largest mean of
 the last steps, and the l² norm of that maximum is at most twice that of the steps (Hardy and Littlewood 1930)."""
@@ -47,11 +48,16 @@ DIRECT = {  # parameter → field of SETTINGS with the same number
     "passivity.budget": "passivity_budget",
     "exchange.hold": "exchange_hold",
     "exchange.fade": "exchange_fade",
+    "exchange.budget": "exchange_budget",
+    "exchange.tank": "exchange_tank",
+    "exchange.horizon": "exchange_horizon",
     "engage.time": "engage_time",
     "engage.force": "engage_force",
     "engage.torque": "engage_torque",
     "fault.silence": "silence",
     "fault.saturation": "saturation",
+    "fault.duty": "duty",
+    "fault.unattended": "unattended",
 }
 
 
@@ -89,10 +95,34 @@ def settings_from(device, values, version=0):
     for name, field in (("stiffness", "stiffness"), ("damping", "damping")):
         settings[field][0, :2] = values[f"coupling.{name}"]
         settings[field][0, 2] = values[f"coupling.rotational_{name}"]
+    settings["duty_kept"] = math.exp(-1.0 / (values["servo.rate"] * values["fault.duty_time"]))
     settings["force_limit"][0] = (values["force.limit"], values["force.limit"], values["force.limit_rotational"])
     _set_walls(settings, values)
+    _set_exchange(settings, values)
     settings["margin"][0], settings["cross"] = margins(settings[0], 0.0)[0], _cross(settings[0])
     return settings
+
+
+def _set_exchange(settings, values):
+    """Settings of the exchange that follow from others."""
+    settings["exchange_method"] = exchange.METHODS.index(values["exchange.method"])
+    settings["exchange_play"] = max(2.0 / values["servo.rate"], 1.0 / values["exchange.rate"])
+    held = settings["device_limit"] - np.abs(settings["gravity"])
+    settings["coupling_limit"] = np.maximum(0.0, np.minimum(settings["force_limit"], held / settings["scale"]))
+    ratio = values["force.limit_rotational"] / values["force.limit"] if values["force.limit"] > 0.0 else 1.0
+    settings["exchange_slew"][0] = values["exchange.slew"] * np.array([1.0, 1.0, ratio])
+    settings["exchange_agility"][0] = values["exchange.agility"] * np.array([1.0, 1.0, 1.0 / ARM])
+    settings["surplus"][0] = surplus(settings[0], 0.0)
+
+
+def surplus(settings, lateness):
+    """Damping [N s/m | N m s/rad] of each axis that no gain needs, whatever the direction: by Gershgorin's bound."""
+    worst = np.array(settings["physical_damping"], float)
+    for need in _needs(settings, lateness):
+        left = np.diag(settings["physical_damping"]) - need
+        crossed = np.sum(np.abs(left), axis=1) - np.abs(np.diag(left))
+        worst = np.minimum(worst, np.diag(left) - crossed)
+    return np.maximum(0.0, worst)
 
 
 def margins(settings, lateness):

@@ -1,39 +1,54 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Energy ledger of the simulated world [J], kept exchange by exchange.
+"""Energy ledger of the simulated world [J], booked sub-step by sub-step, closed exchange by exchange.
 
 Work supplied at the tool port is Σ force_on_tool · Δx, with the force really applied over a sub-step and the
 displacement over that same sub-step; positive goes into the world. What is neither kinetic nor potential has been
-dissipated: friction, impacts, the sub-step's own damping (½ m |Δv|² by backward difference), less what pushing
-overlaps apart has put in. A negative `dissipated` is energy the method has created.
+dissipated: by contacts and stops, friction of joints with them; by the sub-step's own damping (½ Δvᵀ M Δv by backward
+difference) and dampers of springs; less what putting constraints right has put in. A negative `dissipated` is energy
+the method has created.
+
+    supplied = Δkinetic + Δpotential + dissipated,      dissipated = contacts + numerical − correction
 """
 
 from typing import NamedTuple
 
 
 class Energy(NamedTuple):
-    """Balance at the end of an exchange [J]; `supplied` and `dissipated` since the start."""
+    """Balance at the end of an exchange [J]; all but `kinetic` and `potential` since the start."""
 
     kinetic: float
     potential: float
     supplied: float
+    """By the coupling, at the tool's port."""
+    contacts: float
+    """Taken by impacts, friction, stops and dry friction of joints; a motor gives. `impulse` has it under numerical."""
+    correction: float
+    """Put in by putting joints and overlaps right; negative where the motion was slowed down to make up for it."""
     dissipated: float
+    """All that is neither supplied and still there nor was there at the start."""
+
+    @property
+    def numerical(self) -> float:
+        """Lost to the sub-step's own damping and to dampers of springs."""
+        return self.dissipated - self.contacts + self.correction
 
 
 class Ledger:
-    """Books work at the tool port and closes the balance once per exchange."""
+    """Adds up what the sub-steps booked, and closes the balance once per exchange."""
 
     def __init__(self, kinetic: float, potential: float):
         self._stored_at_start = kinetic + potential
-        self.supplied = 0.0
-        self.balance = Energy(kinetic, potential, 0.0, 0.0)
+        self.supplied = self.contacts = self.correction = 0.0
+        self.balance = Energy(kinetic, potential, 0.0, 0.0, 0.0, 0.0)
 
-    def supply(self, force_on_tool, before, after) -> None:
-        """Book `force_on_tool` [N, N, N m] over the way from `before` to `after` [m, m, rad]."""
-        (fx, fy, torque), (x0, y0, theta0), (x1, y1, theta1) = force_on_tool, before, after
-        self.supplied += fx * (x1 - x0) + fy * (y1 - y0) + torque * (theta1 - theta0)
+    def book(self, supplied: float, contacts: float, correction: float) -> None:
+        """What some sub-steps say of themselves [J]."""
+        self.supplied += supplied
+        self.contacts += contacts
+        self.correction += correction
 
     def close(self, kinetic: float, potential: float) -> Energy:
         """Balance with the energies now stored [J]."""
         dissipated = self.supplied - (kinetic + potential - self._stored_at_start)
-        self.balance = Energy(kinetic, potential, self.supplied, dissipated)
+        self.balance = Energy(kinetic, potential, self.supplied, self.contacts, self.correction, dissipated)
         return self.balance

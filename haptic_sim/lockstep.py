@@ -18,7 +18,10 @@ SECOND = 1_000_000_000
 
 
 class Network(NamedTuple):
-    """delay: of handle sample and answer together [s]; jitter: uniform ± [s]; loss: share of turns lost; seed."""
+    """delay: of handle sample and answer together [s]; jitter: uniform ± [s]; loss: share of turns lost; seed.
+
+    Either way has half of the delay and of the jitter, and its own losses.
+    """
 
     delay: float = 0.0
     jitter: float = 0.0
@@ -33,11 +36,14 @@ class Lockstep:
     """The system of one operating point; `run` goes on where it stopped.
 
     driver, loopback: values of those nodes' parameters, all of them; device: as the driver has it; write_delay: time
-    [s] from each deadline to the motor's write. Without a simulation the handle is in free space.
+    [s] from each deadline to the motor's write. Without a simulation the handle is in free space. hand: plays a
+    recorded motion in place of the operator's script (played.py).
     """
 
-    def __init__(self, device, driver, loopback, simulation: Simulation | None, network=PERFECT, write_delay=0.0):
-        self.device, self.simulation, self.network = device, simulation, network
+    def __init__(
+        self, device, driver, loopback, simulation: Simulation | None, network=PERFECT, write_delay=0.0, hand=None
+    ):
+        self.device, self.simulation, self.network, self._hand = device, simulation, network, hand
         self.settings = operating.settings_from(device, driver)
         self.gains = operating.gains_from(driver)[0]
         self.memory, self.tool = np.zeros(1, servo.MEMORY), np.zeros(1, loop.TOOL)
@@ -46,7 +52,8 @@ class Lockstep:
         self.exchange_period = SECOND / driver["exchange.rate"]
         self.write_delay, self.command = round(write_delay * SECOND), engage.ENABLE
         self._random = np.random.default_rng(network.seed)
-        self._sent, self._flying = 0, []  # answers on their way: (arrival [ns], sequence, sent [ns], ToolSample)
+        self._sent, self._asked = 0, 0  # handle samples sent; the newest that the simulation has taken
+        self._going, self._coming = [], []  # on their way: (arrival [ns], sequence, sent [ns], sample)
 
     def run(self, seconds) -> np.recarray:
         """Rows of the ticks of this time."""
@@ -62,27 +69,46 @@ class Lockstep:
     def _tick(self, rows):
         self._arrive()
         start = (self.ticks + 1) * self.period
+        if self._hand is None:
+            self.script_ticks(rows, start)
+        else:
+            self._hand.run(self, rows, start)
+        self.ticks += len(rows)
+
+    def script_ticks(self, rows, start):
+        """Ticks from this time [ns] on, against the plant with the hand's script on it."""
         loop.run_lockstep(
             self.settings, self.memory, rows, self.tool, self.plant, self.plant_memory, self.motion, start, self.ticks,
             self.write_delay, self.command,
         )  # fmt: skip
-        self.ticks += len(rows)
 
     def _ticks_to_event(self):
-        """Ticks until a handle sample is due or an answer arrives, at least one."""
+        """Ticks until a handle sample is due, or until the next tick finds a sample that has arrived; at least one."""
         if self.simulation is None:
             return 1 << 40
-        times = [(self._sent + 1) * self.exchange_period, *(answer[0] for answer in self._flying)]
-        return max(1, int(-(-min(times) // self.period)) - self.ticks)
+        due = -(-(self._sent + 1) * self.exchange_period // self.period)
+        found = (-(-one[0] // self.period) - 1 for one in self._going + self._coming)
+        return max(1, int(min((due, *found))) - self.ticks)
 
     def _arrive(self):
-        """The newest answer that has arrived by the next deadline counts; older ones are thrown away."""
+        """What has arrived by the next deadline counts, newest first come; older ones are thrown away."""
         deadline = (self.ticks + 1) * self.period
-        landed = [answer for answer in self._flying if answer[0] <= deadline]
-        self._flying = [answer for answer in self._flying if answer[0] > deadline]
+        landed, self._going = _split(self._going, deadline)
+        for arrival, sequence, sent, handle in landed:
+            if sequence > self._asked:
+                self._asked = sequence
+                self._fly(self._coming, arrival, sequence, sent, self.simulation.exchange(handle))
+        landed, self._coming = _split(self._coming, deadline)
         for _, sequence, sent, sample in landed:
             if sequence > self.tool["answered"][0]:
                 self._take(sequence, sent, sample)
+
+    def _fly(self, flying, now, sequence, sent, sample):
+        """Puts a sample on its way, unless it is lost."""
+        if self._random.random() < 1.0 - (1.0 - self.network.loss) ** 0.5:
+            return
+        flight = 0.5 * (self.network.delay + self.network.jitter * (2.0 * self._random.random() - 1.0))
+        flying.append((now + max(0, round(flight * SECOND)), sequence, sent, sample))
 
     def _take(self, sequence, sent, sample):
         tool = self.tool[0]
@@ -96,20 +122,18 @@ class Lockstep:
             tool[name][: len(self.device.axes)] = numbers[: len(self.device.axes)]
 
     def _exchange(self, row):
-        if self.simulation is None or row.deadline < (self._sent + 1) * self.exchange_period - self.period:
+        if self.simulation is None or row.deadline < (self._sent + 1) * self.exchange_period:
             return
         self._sent += 1
-        if self._random.random() < self.network.loss:
-            return
         names = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
         gains = (float(self.gains[name]) for name in names)
-        handle = HandleSample(int(row.deadline), tuple(row.position.tolist()), tuple(row.velocity.tolist()), *gains)
-        flight = self.network.delay + self.network.jitter * (2.0 * self._random.random() - 1.0)
-        self._flying.append(
-            (
-                int(row.deadline) + round(flight * SECOND),
-                self._sent,
-                int(row.deadline),
-                self.simulation.exchange(handle),
-            )
-        )
+        port = (tuple(row.position.tolist()), tuple(row.velocity.tolist()))
+        shipped = (tuple(row.exchange_effort.tolist()), float(row.exchange_energy))
+        now = int(row.deadline)
+        self._fly(self._going, now, self._sent, now, HandleSample(now, *port, *gains, *shipped))
+
+
+def _split(flying, deadline):
+    """Samples that have arrived, in order of arrival, and those still on their way."""
+    landed = sorted((one for one in flying if one[0] <= deadline), key=lambda one: one[:2])
+    return landed, [one for one in flying if one[0] > deadline]

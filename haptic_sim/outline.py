@@ -5,6 +5,7 @@ import math
 from typing import NamedTuple
 
 Point = tuple[float, float]
+HALF_PLANE = 20.0  # m, length of the piece of a half-plane that is modelled; half as deep
 STRAIGHT = 1e-9  # turn [rad] below which three vertices lie on one line
 
 
@@ -46,6 +47,16 @@ def rectangle(size: Point, center: Point, angle: float) -> tuple[Point, ...]:
     c, s = math.cos(angle), math.sin(angle)
     corners = [(sx * size[0] / 2.0, sy * size[1] / 2.0) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     return tuple((center[0] + c * x - s * y, center[1] + s * x + c * y) for x, y in corners)
+
+
+def half_plane(point: Point, normal: Point) -> Outline:
+    """A rectangle far larger than any device's workspace, one side centred on `point` with outward `normal`."""
+    length = math.hypot(*normal)
+    nx, ny = normal[0] / length, normal[1] / length
+    depth, reach = HALF_PLANE / 2.0, HALF_PLANE / 2.0
+    corners = ((-ny, nx, 0.0), (-ny, nx, depth), (ny, -nx, depth), (ny, -nx, 0.0))
+    return Outline(tuple((point[0] + reach * tx - back * nx, point[1] + reach * ty - back * ny)
+                         for tx, ty, back in corners))
 
 
 def finest_feature(outline: Outline) -> float:

@@ -10,14 +10,19 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import yaml
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from haptic_device.share import find
-from haptic_sim.clearance import body_distance
+from haptic_sim import assembly
+from haptic_sim.joint import Joint
 from haptic_sim.outline import finest_feature
-from haptic_sim.solid import TOOL, Body, Material, Number, Part, Point, Solid, Tool
+from haptic_sim.shape import Number, Part, Point, above_zero
+from haptic_sim.solid import TOOL, Body, Material, Solid, Tool
 
-TOUCHING = 1e-9  # overlap [m] up to which two bodies count as touching: rounding of poses, far below any feature
+METHODS = ("impulse", "penalty_explicit", "penalty_implicit", "partitioned", "closed_form")
+"""Simulation methods, by their file in haptic_sim/method."""
+Time = Annotated[Number, above_zero("s")]
+Share = Annotated[Number, above_zero("")]
 
 
 class SceneError(ValueError):
@@ -48,21 +53,34 @@ class Measure(Part):
 
 
 class Scene(Part):
-    """A named environment with a tool in it. `motion` is handed to the operator's model as it stands."""
+    """A named environment with a tool in it. `motion` is handed to the operator's model as it stands.
+
+    `method`, `sub_step` [s] and `error` (relative, of the fastest motion) are wishes; what is left out is worked out.
+    """
 
     name: str
     description: str = ""
     gravity: Point = (0.0, 0.0)
+    method: str | None = None
+    sub_step: Time | None = None
+    error: Share = 0.02
     materials: dict[str, Material] = {}
     bodies: tuple[Body, ...] = ()
+    joints: tuple[Joint, ...] = ()
     tool: Tool
     measure: dict[str, Measure] = {}
     motion: dict[str, Any] = {}
 
+    @field_validator("method")
+    @classmethod
+    def _known_method(cls, value):
+        if value not in (None, *METHODS):
+            raise ValueError(f"there is no such method; take one of {', '.join(METHODS)}")
+        return value
+
     @model_validator(mode="after")
     def _holds_together(self):
-        _check_names(self)
-        _check_overlaps(self)
+        assembly.check(self)
         return self
 
     def material(self, solid: Solid) -> Material:
@@ -95,41 +113,6 @@ def parse(content, source: str) -> Scene:
         return Scene.model_validate(content)
     except ValidationError as error:
         raise SceneError(f"{source}: {_sentence(error.errors()[0])}") from None
-
-
-def _check_names(scene):
-    names = [body.name for body in scene.bodies]
-    for i, name in enumerate(names):
-        if name == TOOL or name in names[:i]:
-            raise ValueError(f"bodies[{i}].name is {name!r}, which is taken; give each body its own")
-    for path, solid in _solids(scene):
-        if solid.material is not None and solid.material not in scene.materials:
-            raise ValueError(f"{path}.material is {solid.material!r}; materials has {_listed(scene.materials)}")
-    for key, measure in scene.measure.items():
-        if measure.body not in (TOOL, *names):
-            raise ValueError(f"measure.{key}.body is {measure.body!r}; it must be one of {_listed((TOOL, *names))}")
-
-
-def _check_overlaps(scene):
-    solids = _solids(scene)
-    for i, (path, a) in enumerate(solids):
-        for other, b in solids[i + 1:]:
-            if getattr(a, "fixed", False) and b.fixed:
-                continue
-            gap = body_distance(a.outlines, a.pose, b.outlines, b.pose)
-            if gap < -TOUCHING:
-                raise ValueError(
-                    f"{other} ({b.name!r}) overlaps {path} ({a.name!r}) by {-gap * 1e3:.4g} mm at the start; "
-                    "move one of them away by at least that"
-                )
-
-
-def _listed(names):
-    return ", ".join(names) or "none"
-
-
-def _solids(scene):
-    return [("tool", scene.tool), *((f"bodies[{i}]", body) for i, body in enumerate(scene.bodies))]
 
 
 def _sentence(error):

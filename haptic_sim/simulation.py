@@ -6,19 +6,27 @@ sub-steps, and carries the remainder in integer nanoseconds. Within it the handl
 the newest sample.
 """
 
+from functools import partial
 from typing import NamedTuple
 
+from haptic_sim.compile import compile_scene
 from haptic_sim.energy import Ledger
 from haptic_sim.method import Coupling
-from haptic_sim.method.impulse import Impulse
+from haptic_sim.method.registry import make
+from haptic_sim.method.stepwise import step_by_step, through_port
 from haptic_sim.scene import Scene
+from haptic_sim.tool_port import Direct, Limits, Modulated, Port, port_of
 
 Planar = tuple[float, float, float]
+AUTO = "auto"  # of the parameter method: as the scene asks, or as fits it
 SECOND = 1_000_000_000
 
 
 class HandleSample(NamedTuple):
-    """What the device side says: time [ns], position [m, m, rad], velocity, and the gains it couples with."""
+    """What the device side says: time [ns], position [m, m, rad], velocity, and the gains it couples with.
+
+    effort and energy: what the exchange method ships (docs/exchange.md).
+    """
 
     time_ns: int
     position: Planar
@@ -27,13 +35,21 @@ class HandleSample(NamedTuple):
     damping: float
     rotational_stiffness: float
     rotational_damping: float
+    effort: Planar = (0.0, 0.0, 0.0)
+    energy: float = 0.0
+
+    @property
+    def gains(self) -> Coupling:
+        """The gains alone."""
+        return Coupling(*self[3:7])
 
 
 class ToolSample(NamedTuple):
     """The answer to one handle sample.
 
-    Tool position [m, m, rad], velocity, the force on the tool over the last sub-step [N, N, N m], whether the
-    tool was in contact during the exchange, and the energy supplied at the tool port so far [J].
+    Tool position [m, m, rad], velocity, the force on the tool over the last sub-step [N, N, N m] (or what the exchange
+    method carries in its place), whether the tool was in contact during the exchange, and the energy [J] supplied at
+    the tool port so far (or what the exchange method ships).
     """
 
     position: Planar
@@ -44,30 +60,47 @@ class ToolSample(NamedTuple):
 
 
 class Counters(NamedTuple):
-    """What happened since the last reset; the contact force [N] is the largest of one pair of shapes."""
+    """What happened since the last reset; the contact force [N] is the largest of one pair of shapes.
+
+    `left_out` counts contacts beyond what the method can solve for at once: above 0 the motion is not to be trusted.
+    """
 
     exchanges: int = 0
     sub_steps: int = 0
     rejoined: int = 0
     max_contact_force: float = 0.0
     max_penetration: float = 0.0
+    left_out: int = 0
 
 
 class Simulation:
     """A scene with a tool port. Same samples in, same bits out.
 
-    `sub_step` and `max_catch_up` in seconds. A handle sample that comes more than `max_catch_up` after the one before,
-    or before it, starts a new time base: the world waits where it is, and nothing is made up for the time in between.
+    `sub_step` [s] and `method` are as compiled from the scene unless given. A handle sample that comes more than
+    `max_catch_up` [s] after the one before, or before it, starts a new time base: the world waits where it is, and
+    nothing is made up for the time in between.
     """
 
-    def __init__(self, scene: Scene, sub_step: float = 0.25e-3, max_catch_up: float = 0.02):
-        self.scene = scene
+    def __init__(self, scene: Scene, sub_step: float | None = None, max_catch_up: float = 0.02,
+                 method: str | None = None, port: Port | None = None):
+        compiled = compile_scene(scene)
+        sub_step = compiled.sub_step if sub_step is None else sub_step
+        self.scene, self.method_name, self.port = scene, method or compiled.method, port or Direct()
         self.sub_step_ns = round(sub_step * SECOND)
         self.max_catch_up_ns = round(max_catch_up * SECOND)
         if not 0 < self.sub_step_ns <= self.max_catch_up_ns:
             raise ValueError(f"sub_step is {sub_step} s; it must be above 0 and at most max_catch_up, {max_catch_up} s")
-        self.method = Impulse(scene, self.sub_step_ns / SECOND)
+        self.method = make(self.method_name, scene, self.sub_step_ns / SECOND)
+        self._travel, self._coupled = self._way(), None
         self.reset()
+
+    @classmethod
+    def by_parameters(cls, scene: Scene, values: dict, port: Port | None = None) -> "Simulation":
+        """As the parameters of haptic_simulation say; at the port that there is, or a new one."""
+        method = None if values["method"] == AUTO else values["method"]
+        limits = Limits(*(values[f"port_{name}"] for name in Limits._fields))
+        port = port or port_of(values["exchange.method"], values["port_budget"], limits)
+        return cls(scene, values["sub_step"] or None, values["max_catch_up"], method, port)
 
     def reset(self) -> None:
         """The scene's start again: bodies, energy and counters; the next handle sample starts a new time base."""
@@ -80,21 +113,33 @@ class Simulation:
         """The next handle sample starts a new time base (a new session of the device); the tool stays where it is."""
         self._last = None
         self._remainder_ns = 0
+        self.port.rejoin()
 
     def exchange(self, handle: HandleSample) -> ToolSample:
         """Advance to the handle's time and answer. ValueError if a gain is negative or not finite."""
-        self.method.couple(Coupling(*handle[3:]))
+        gains = self.port.receive(handle, self.sub_step_ns / SECOND)
+        if gains != self._coupled:
+            self.method.couple(gains)
+            self._coupled = gains
         count = self._sub_steps_until(handle.time_ns)
         touched = self._advance(handle, count)
         self._last = handle
         self.ledger.close(*self.method.energy())
-        self.counters = self.counters._replace(exchanges=self.counters.exchanges + 1,
-                                               sub_steps=self.counters.sub_steps + count)
+        exchanges, sub_steps, *others = self.counters
+        self.counters = Counters(exchanges + 1, sub_steps + count, *others)
         return self._sample(touched)
 
     def measure(self) -> dict[str, float]:
         """What the scene reports: name → fraction."""
         return {name: measure.fraction(self.method.pose(measure.body)) for name, measure in self.scene.measure.items()}
+
+    def _way(self):
+        """How the method takes several sub-steps: in one call, unless the port has to see each of them."""
+        if isinstance(self.port, Modulated) and hasattr(self.method, "travel_drawn"):
+            return partial(self.method.travel_drawn, self.port.rules, self.port.memory)
+        if not isinstance(self.port, Direct):
+            return partial(through_port, self.method, self.port)
+        return getattr(self.method, "travel", None) or partial(step_by_step, self.method)
 
     def _sub_steps_until(self, time_ns):
         if self._last is None:
@@ -108,33 +153,20 @@ class Simulation:
         return count
 
     def _advance(self, handle, count):
-        method, supply = self.method, self.ledger.supply
-        touched = method.touching if count == 0 else False
-        for k in range(1, count + 1):
-            before = method.position
-            method.step(_between(self._last.position, handle.position, k / count),
-                        _between(self._last.velocity, handle.velocity, k / count))
-            supply(method.force_on_tool, before, method.position)
-            if method.touching:
-                touched = True
-                self._watch_contacts()
-        return touched
-
-    def _watch_contacts(self):
-        contacts = self.method.contacts()
-        force = max((x * x + y * y for *_, (x, y), _ in contacts), default=0.0) ** 0.5
-        depth = max((contact.depth for contact in contacts), default=0.0)
+        if count == 0:
+            return self.method.touching
+        start = self._last.position, self._last.velocity
+        travelled = self._travel(*start, handle.position, handle.velocity, count)
+        self.ledger.book(travelled.supplied, travelled.contacts, travelled.correction)
         counters = self.counters
-        if force > counters.max_contact_force or depth > counters.max_penetration:
-            self.counters = counters._replace(max_contact_force=max(force, counters.max_contact_force),
-                                              max_penetration=max(depth, counters.max_penetration))
+        if (travelled.force > counters.max_contact_force or travelled.depth > counters.max_penetration
+                or travelled.left_out):
+            self.counters = counters._replace(max_contact_force=max(travelled.force, counters.max_contact_force),
+                                              max_penetration=max(travelled.depth, counters.max_penetration),
+                                              left_out=counters.left_out + travelled.left_out)
+        return travelled.touched
 
     def _sample(self, touched):
         method = self.method
-        return ToolSample(method.position, method.velocity, method.force_on_tool, touched, self.ledger.supplied)
-
-
-def _between(start, end, share):
-    """Point at `share` of the way; exactly `end` at 1."""
-    rest = 1.0 - share
-    return (rest * start[0] + share * end[0], rest * start[1] + share * end[1], rest * start[2] + share * end[2])
+        effort, energy = self.port.send(method.force_on_tool, self.ledger.supplied)
+        return ToolSample(method.position, method.velocity, effort, touched, energy)

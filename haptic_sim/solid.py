@@ -1,55 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words of the scene language for what is solid: materials, shapes, bodies, the tool. Immutable, SI."""
+"""Words of the scene language for what is solid: materials, bodies, the tool. Immutable, SI."""
 
-import difflib
 import math
 from typing import Annotated, NamedTuple
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
-from haptic_sim.outline import Outline, combined, convex, rectangle
+from haptic_sim.outline import Outline, combined
+from haptic_sim.shape import Number, Part, Pose, Shape, above_zero
 
 TOOL = "tool"
 
-
-def _number(value):
-    if isinstance(value, bool):
-        raise ValueError("must be a number")
-    return value
-
-
-def _above_zero(unit):
-    def check(value):
-        if value <= 0.0:
-            raise ValueError(f"must be greater than 0 {unit}")
-        return value
-
-    return AfterValidator(check)
-
-
-Number = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False)]
-Mass = Annotated[Number, _above_zero("kg")]
-Inertia = Annotated[Number, _above_zero("kg m²")]
-Length = Annotated[Number, _above_zero("m")]
-Point = tuple[Number, Number]
-Pose = tuple[Number, Number, Number]
-
-
-class Part(BaseModel):
-    """A mapping of the language: no key but its own."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _knows_every_key(cls, value):
-        known = [field.alias or name for name, field in cls.model_fields.items()]
-        for key in value if isinstance(value, dict) else ():
-            if key not in known:
-                near = difflib.get_close_matches(str(key), known, 1)
-                advice = f"did you mean {near[0]!r}?" if near else f'known here are {", ".join(known)}'
-                raise ValueError(f"has no key {key!r}; {advice}")
-        return value
+Mass = Annotated[Number, above_zero("kg")]
+Inertia = Annotated[Number, above_zero("kg m²")]
 
 
 class Material(Part):
@@ -57,47 +20,6 @@ class Material(Part):
 
     friction: Annotated[Number, Field(ge=0.0)] = 0.0
     restitution: Annotated[Number, Field(ge=0.0, le=1.0)] = 0.0
-
-
-class Circle(Part):
-    """A disc of `radius` [m] about `center` [m]."""
-
-    radius: Length
-    center: Point = (0.0, 0.0)
-
-
-class Box(Part):
-    """A rectangle of `size` width, height [m] about `center` [m], turned by `angle` [rad]."""
-
-    size: tuple[Length, Length]
-    center: Point = (0.0, 0.0)
-    angle: Number = 0.0
-
-
-class Shape(Part):
-    """One of: `vertices` of a convex polygon [m] (either sense), `circle`, `box`."""
-
-    vertices: tuple[Point, ...] | None = None
-    circle: Circle | None = None
-    box: Box | None = None
-
-    @field_validator("vertices")
-    @classmethod
-    def _convex(cls, value):
-        return None if value is None else convex(value)
-
-    @model_validator(mode="after")
-    def _one_kind(self):
-        if sum(kind is not None for kind in (self.vertices, self.circle, self.box)) != 1:
-            raise ValueError("must have exactly one of vertices, circle, box")
-        return self
-
-    @property
-    def outline(self) -> Outline:
-        """The shape in its body's frame."""
-        if self.circle:
-            return Outline((self.circle.center,), self.circle.radius)
-        return Outline(self.vertices or rectangle(self.box.size, self.box.center, self.box.angle))
 
 
 class MassProperties(NamedTuple):
@@ -109,9 +31,14 @@ class MassProperties(NamedTuple):
 
 
 class Solid(Part):
-    """What tool and bodies share: a pose at the start [m, m, rad], a material, one or more shapes."""
+    """What tool and bodies share: pose [m, m, rad] and its rate at the start, a material, one or more shapes.
+
+    Bodies touch if they have a layer in common; one without any layer touches nothing.
+    """
 
     pose: Pose = (0.0, 0.0, 0.0)
+    velocity: Pose = (0.0, 0.0, 0.0)
+    layers: frozenset[int] = frozenset({0})
     material: str | None = None
     shapes: Annotated[tuple[Shape, ...], Field(min_length=1)]
 
@@ -136,6 +63,10 @@ class Body(Solid):
     def _mass_if_dynamic(self):
         if not self.fixed and self.mass is None:
             raise ValueError("needs a mass in kg, or fixed: true")
+        if self.fixed and self.velocity != (0.0, 0.0, 0.0):
+            raise ValueError(f"is fixed, so its velocity cannot be {list(self.velocity)}; leave one of the two out")
+        if not self.fixed and any(shape.half_plane for shape in self.shapes):
+            raise ValueError("has a half_plane, which only a fixed body can have; write fixed: true or take a box")
         return self
 
     @property
@@ -154,6 +85,12 @@ class Tool(Solid):
 
     mass: Mass
     inertia: Inertia | None = None
+
+    @model_validator(mode="after")
+    def _ends_somewhere(self):
+        if any(shape.half_plane for shape in self.shapes):
+            raise ValueError("has a half_plane, which only a fixed body can have; take a box")
+        return self
 
     @property
     def name(self) -> str:

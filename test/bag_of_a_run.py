@@ -66,7 +66,8 @@ def joints(names, position, stamp_ns: int, velocity=None, effort=None) -> bytes:
 def cloud(rows: np.ndarray) -> bytes:
     """A serialized block of trace rows."""
     kinds = TYPES.types
-    header = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](0, 0), "haptic")
+    stamp = int(rows["deadline"][0]) + BOOT_TO_EPOCH
+    header = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9), "haptic")
     fields = [
         kinds["sensor_msgs/msg/PointField"](name, rows.dtype.fields[name][1], 8, count) for name, count in COLUMNS
     ]

@@ -2,11 +2,15 @@
 """`haptic demo` alive: the job is done, and no way of ending it leaves anything behind."""
 
 import contextlib
+import fcntl
 import json
+import os
+import pty
 import re
 import signal
 import subprocess
 import sys
+import termios
 import time
 from pathlib import Path
 
@@ -14,6 +18,7 @@ import psutil
 import pytest
 
 from haptic_device.analysis.recording import load
+from haptic_sim.recompute import verdict_on
 
 ROOT = Path(__file__).resolve().parent.parent
 HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
@@ -60,6 +65,11 @@ def test_the_peg_goes_into_the_hole_and_every_figure_is_reported(tmp_path):
     assert found["contact"]["max_penetration_m"] <= 1e-4
     recording = load(Path(found["bag"]))
     assert recording.notes == () and recording.trace_rows_missing == 0
+    again = verdict_on(recording.trace, recording.clouds["snapshot"])
+    assert again.same == len(recording.trace) and again.different == 0
+    later = verdict_on(recording.trace[100:], recording.clouds["snapshot"])
+    assert later.same > 0 and later.different == 0  # from memory that was copied while the servo ran
+    assert {"trial.yaml", "made.yaml", "device/desktop.yaml", "scene/peg_in_hole.yaml"} <= set(recording.attachments)
     assert Path(found["report"]).read_bytes().startswith(b"\x89PNG")
 
 
@@ -84,6 +94,23 @@ def test_an_interrupt_leaves_no_process_no_page_and_no_half_written_bag(tmp_path
     assert not running(children) and pages() <= before
     bag = tmp_path / "run" / "bag"
     assert not bag.exists() or (bag / "metadata.yaml").exists()
+
+
+@pytest.mark.parametrize("end", ["terminal closed", "command killed"])
+def test_a_closed_terminal_and_a_killed_command_leave_no_process_and_no_page(tmp_path, end):
+    before, (control, terminal) = pages(), pty.openpty()
+    options = {"stdin": terminal, "stdout": terminal, "stderr": terminal, "start_new_session": True}
+    own = [*HAPTIC, "demo", "--scene", "free_space", "--out", str(tmp_path / "run")]
+    demo = subprocess.Popen(own, cwd=ROOT, preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0), **options)
+    os.close(terminal)
+    wait_for((tmp_path / "run" / "bag").exists)
+    children = psutil.Process(demo.pid).children()  # a node may ask git for a moment what it was made of
+    if end == "command killed":
+        demo.kill()
+    os.close(control)
+    demo.wait(30)
+    wait_for(lambda: not running(children) and pages() <= before)
+    assert len(children) == len(NODES)
 
 
 def test_a_dead_node_ends_the_demo_and_is_named(tmp_path):

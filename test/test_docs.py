@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from haptic_device.law import engage, exchange, fault, servo
+from haptic_device.law import engage, exchange, servo
 from haptic_device.node import driver, exchange_thread, loopback, recorder
 from haptic_device.ros_yaml import load as load_yaml
 from haptic_device.runtime import servo_thread
 from haptic_sim.cli.check import problems
 from haptic_sim.cli.main import COMMANDS, _application
+from haptic_sim.cli.params_doc import fault_table
 from haptic_sim.node import simulation
 
 ROOT = Path(__file__).parents[1]
@@ -38,8 +39,7 @@ def test_the_tail_table_lists_each_entry_in_order():
 
 
 def test_the_fault_table_is_that_of_the_law():
-    table = [(str(entry.code), entry.name, entry.cause, entry.clear) for entry in fault.TABLE]
-    assert [tuple(row) for row in rows(MODEL, "Faults")] == table
+    assert (ROOT / "docs/faults.md").read_text(encoding="utf-8") == fault_table()
 
 
 def test_the_method_table_lists_each_exchange_method_in_order():
@@ -72,6 +72,7 @@ def test_priorities_on_the_platform_page_are_those_of_the_threads():
         "servo": servo_thread.PRIORITY,
         "middleware": driver.MIDDLEWARE_PRIORITY,
         "exchange": exchange_thread.PRIORITY,
+        "recorder": recorder.PRIORITY,
     }
     assert driver.MIDDLEWARE_PRIORITY == simulation.MIDDLEWARE_PRIORITY
     assert {row.default for row in simulation.PARAMETERS if row.name == "realtime_priority"} == {listed["exchange"]}

@@ -123,7 +123,8 @@ def test_foreign_tool_messages_move_nothing_are_refused_and_counted_by_reason(di
     engage(display)
     layout, count = wire.JointLayout(wire.exchange_names(3)), len(wire.exchange_names(3))
     still, wild = [0.0] * count, [math.nan] * count
-    tail = dict.fromkeys(exchange.TAIL, 1.0) | {"layout_version": exchange.LAYOUT_VERSION, "exchange_method": 0.0}
+    tail = dict.fromkeys(exchange.TAIL, 1.0) | {"layout_version": exchange.LAYOUT_VERSION}
+    tail["exchange_method"] = float(exchange.PSPM)
     messages = [
         layout.pack(0, wild, still, still),
         layout.pack(0, [0.05, 0.05, 0.5, *tail.values()], still, still),
@@ -238,9 +239,17 @@ def test_a_motor_too_long_at_its_limit_is_a_fault(display):
     latched(display, "saturation")
 
 
-def test_the_faults_above_are_all_but_those_that_no_true_device_makes():
-    live = {"estop", "device_watchdog", "device_silent", "velocity", "position", "saturation"}
-    assert {entry.name for entry in fault.TABLE} - live == {"not_a_number", "encoder_jump"}
+def test_a_motor_that_grows_too_warm_is_a_fault(display):
+    assert display.set("fault.duty_time", 0.1) == display.set("fault.duty", 0.1) == (True, "")
+    engage(display)
+    display.go_to(-0.025)
+    latched(display, "duty")
+    assert display.set("fault.duty", 1.0) == (True, "")
+
+
+def test_the_faults_above_are_all_but_those_that_test_fault_live_provokes():
+    live = {"estop", "device_watchdog", "device_silent", "velocity", "position", "saturation", "duty"}
+    assert {entry.name for entry in fault.TABLE} - live == {"not_a_number", "encoder_jump", "unattended"}
 
 
 def exchanging(ear):

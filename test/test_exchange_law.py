@@ -208,7 +208,7 @@ def test_a_handle_sample_carries_port_session_gains_and_the_time_it_was_latched(
     side.gains["stiffness"], side.gains["damping"] = 2000.0, 2.0
     latched = int(clock.now_ns(scratch)) - 3_000_000
     row["deadline"], row["position"], row["velocity"] = latched, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)
-    row["force_coupling"], row["tool_sequence"] = (7.0, 8.0, 9.0), 41.0
+    row["exchange_effort"], row["tool_sequence"] = (7.0, 8.0, 9.0), 41.0
     exchange.compose_handle(side.frame, side.state[0], row[0], side.gains[0], scratch)
     sample = side.layout.unpack(side.frame.outgoing.tobytes())
     assert side.layout.matches(side.frame.outgoing.tobytes())

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from haptic_device.law import servo
+from haptic_device.whole import part, whole
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -103,3 +104,32 @@ def test_without_the_compiler_the_same_servo_and_plant_compute_the_same(tmp_path
     assert np.abs(compiled["force_walls"]).max() > 0.1 and compiled["engage"][-1] == 1.0
     for name in servo.TICK.names:
         assert np.allclose(compiled[name], plain[name], rtol=1e-9, atol=1e-12), name
+
+
+@part
+def scaled(x, factor):
+    return factor * x
+
+
+@part
+def sum_of(x, count):
+    total = 0.0
+    for k in range(count):
+        total += scaled(x, k)
+    return total + scaled(x, 0) + scaled(x, 1)
+
+
+@whole
+def twice(x):
+    return sum_of(x, 3) + sum_of(x, 3)
+
+
+def test_a_whole_computes_with_its_parts_and_compiles_each_once_for_all_integers():
+    assert twice(1.5) == 2.0 * (1.5 * 3.0 + 1.5)
+    assert len(scaled.signatures) == len(sum_of.signatures) == 1
+
+
+def test_a_part_has_no_machine_code_and_says_so():
+    assert twice(0.0) == 0.0
+    with pytest.raises(TypeError, match="not callable"):
+        scaled(1.0, 2)

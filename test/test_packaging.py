@@ -14,6 +14,7 @@ from importlib.metadata import distribution, packages_distributions
 from pathlib import Path
 
 import pytest
+from lifecycle_msgs.msg import Transition
 
 ROOT = Path(__file__).resolve().parent.parent
 SHARE = Path("share/haptic_display")
@@ -128,7 +129,9 @@ class _Recorded:
 def launched(monkeypatch):
     """launched(argument=value, ...) gives {executable: options} of the nodes that the launch file would start."""
     names = ["LaunchDescription", "DeclareLaunchArgument", "OpaqueFunction", "LaunchConfiguration", "LifecycleNode"]
-    for module in ("launch", "launch.actions", "launch.substitutions", "launch_ros", "launch_ros.actions"):
+    names += ["EmitEvent", "RegisterEventHandler", "matches_action", "OnStateTransition", "ChangeState"]
+    modules = ["launch", "launch.actions", "launch.events", "launch.substitutions", "launch_ros", "launch_ros.actions"]
+    for module in (*modules, "launch_ros.event_handlers", "launch_ros.events", "launch_ros.events.lifecycle"):
         stand_in = types.ModuleType(module)
         vars(stand_in).update({name: _Recorded for name in names})
         monkeypatch.setitem(sys.modules, module, stand_in)
@@ -137,7 +140,9 @@ def launched(monkeypatch):
     def launch(**given):
         *declared, opaque = file["generate_launch_description"]().arguments[0]
         _Recorded.values = {a.arguments[0]: a.options["default_value"] for a in declared} | given
-        return {node.options["executable"]: node.options for node in opaque.options["function"](None)}
+        actions = opaque.options["function"](None)
+        driven = [action for action in actions if "executable" not in action.options]
+        return {a.options["executable"]: a.options | {"driven": driven} for a in actions if a not in driven}
 
     return launch
 
@@ -154,6 +159,17 @@ def test_the_launch_file_takes_namespace_parameter_file_hardware_and_recorder(la
     assert set(nodes) == {"haptic_driver", "haptic_simulation", "haptic_recorder"} <= set(EXECUTABLES)
     assert all(options["namespace"] == "left" for options in nodes.values())
     assert all(options["parameters"] == ["point.yaml"] for options in nodes.values())
+
+
+def test_the_launch_file_leaves_the_transitions_to_the_nodes_to_itself_or_to_the_user(launched):
+    for who, parameters in (("true", []), ("launch", [{"autostart": False}]), ("false", [{"autostart": False}])):
+        nodes = launched(autostart=who)
+        assert all(options["parameters"] == parameters for options in nodes.values())
+        driven = nodes["haptic_driver"]["driven"]
+        assert len(driven) == (2 * len(nodes) if who == "launch" else 0)
+    events = [action.options["event"].options["transition_id"] for action in launched(autostart="launch")[
+        "haptic_driver"]["driven"] if "event" in action.options]  # fmt: skip
+    assert events == [Transition.TRANSITION_CONFIGURE] * len(nodes)
 
 
 @pytest.fixture

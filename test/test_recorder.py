@@ -3,6 +3,7 @@
 
 import os
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -15,9 +16,11 @@ import rclpy
 import yaml
 from bag_of_a_run import joints
 from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 from haptic_device.analysis.recording import load
 from haptic_sim.cli.domain import isolated_domain
@@ -46,7 +49,7 @@ def recorder(bag, **parameters) -> Program:
     return Program("haptic_recorder", "haptic_device.node.recorder", {"bag": str(bag), **parameters})
 
 
-def wait_for(condition, seconds: float = 20.0) -> None:
+def wait_for(condition, seconds: float = 60.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "what was waited for did not come"
@@ -180,3 +183,123 @@ def test_the_record_command_ends_on_ctrl_c_with_a_line_for_each_topic(node, tmp_
     said, _ = recording.communicate(timeout=15)
     assert recording.returncode == 0
     assert re.search(r"/haptic/motor +50 messages, lost: 0", said)
+
+
+def run_main(*words, **given):
+    command = [sys.executable, "-m", "haptic_sim.cli.main", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=90, **given)
+
+
+def test_a_mark_stands_in_the_bag_when_it_was_set_with_text_or_by_the_button(node, tmp_path):
+    with Nodes(tmp_path / "log") as nodes:
+        nodes.start(recorder(tmp_path / "bag"))
+        publish(node, "encoder", 20)
+        before = time.time_ns()
+        assert run_main("mark", "über den Rand").returncode == 0
+        after = time.time_ns()
+        client = node.create_client(Trigger, "haptic_recorder/mark")
+        wait_for(client.service_is_ready)
+        answer = client.call_async(Trigger.Request())
+        executor = SingleThreadedExecutor(context=node.context)
+        executor.add_node(node)
+        wait_for(lambda: executor.spin_once(timeout_sec=0.05) or answer.done())
+        time.sleep(0.3)
+        nodes.check()
+    text, button = load(tmp_path / "bag").marks
+    assert text.text == "über den Rand" and before < text.time < after
+    assert (answer.result().success, button.text) == (True, "mark 1")
+
+
+def test_a_mark_that_nobody_records_is_refused_in_a_sentence(domain, monkeypatch):
+    from haptic_sim.cli import mark
+
+    monkeypatch.setattr(mark, "PATIENCE", 0.5)
+    with pytest.raises(ValueError, match="no haptic_recorder listens on /haptic/mark"):
+        mark.mark("lost")
+
+
+def test_a_bag_says_how_it_was_made(node, tmp_path):
+    trial = {"trial.participant": "P07", "trial.condition": "soft", "trial.fields": ["hand=left", "age=31"]}
+    node.declare_parameter("coupling.stiffness", 750.0)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    with Nodes(tmp_path / "log") as nodes:
+        nodes.start(recorder(tmp_path / "bag", **trial))
+        wait_for(lambda: executor.spin_once(timeout_sec=0.05) or list(tmp_path.glob("bag/*.mcap")))
+        end = time.monotonic() + 60.0
+        while b"coupling.stiffness" not in next(tmp_path.glob("bag/*.mcap")).read_bytes() and time.monotonic() < end:
+            executor.spin_once(timeout_sec=0.05)
+        publish(node, "encoder", 20)
+        nodes.check()
+    attached = {name: yaml.safe_load(data) for name, data in load(tmp_path / "bag").attachments.items()}
+    assert attached["trial.yaml"] == {"participant": "P07", "condition": "soft", "hand": "left", "age": "31"}
+    assert attached["made.yaml"]["machine"]["cores"] == os.cpu_count()
+    assert attached["made.yaml"]["packages"]["numpy"] == np.__version__
+    given = attached["parameters/publisher.yaml"]["/haptic/publisher"]["ros__parameters"]
+    assert given["coupling.stiffness"] == 750.0
+    information = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert information["custom_data"]["participant"] == "P07"
+
+
+def test_a_field_without_a_value_is_refused_in_a_sentence(domain, tmp_path):
+    command = recorder(tmp_path / "bag", **{"trial.fields": ["left"]}).command()
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 1 and "'left'; write name=value" in ended.stderr and "Traceback" not in ended.stderr
+
+
+def flood(node, seconds=90.0):
+    """Publishes what does not compress until told."""
+    publisher = node.create_publisher(JointState, "encoder", BEST_EFFORT)
+    wait_for(lambda: publisher.get_subscription_count() > 0)
+    random = np.random.default_rng(1)
+    message = JointState(name=[f"n{i}" for i in range(200)])
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        message.position, message.velocity = random.normal(size=(2, 200)).tolist()
+        publisher.publish(message)
+        time.sleep(0.002)
+        yield
+
+
+def test_a_disk_that_takes_no_more_ends_the_bag_which_keeps_what_it_has(node, tmp_path):
+    limit = 6 * 2**20  # bytes of one file that the operating system allows the recorder
+    process = subprocess.Popen(
+        recorder(tmp_path / "bag").command(),
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )
+    for _ in flood(node):
+        if process.poll() is not None:
+            break
+    _, said = process.communicate(timeout=20)
+    assert process.returncode == 1 and "Traceback" not in said
+    assert "recording stopped: the bag could not be written: File too large" in said
+    kept = load(tmp_path / "bag").joint("encoder").sequence
+    assert len(kept) > 500 and np.all(np.diff(kept) >= 1)
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert sum(1 for _ in reader.messages()) == sum(found.msgcount for found in reader.connections)
+
+
+_NEARLY_FULL = """
+import shutil, sys
+from collections import namedtuple
+from haptic_device.node import recorder
+usage, looks = namedtuple("usage", "total used free"), []
+def disk_usage(path):
+    looks.append(path)
+    return usage(0, 0, 10**12 if len(looks) < 4 else 150_000_000)
+shutil.disk_usage = disk_usage
+sys.exit(recorder.main())
+"""
+
+
+def test_a_disk_nearly_full_ends_the_bag_and_one_that_is_so_already_is_refused(domain, tmp_path):
+    options = recorder(tmp_path / "bag").command()[3:]
+    ended = subprocess.run([sys.executable, "-c", _NEARLY_FULL, *options], capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 1 and "Traceback" not in ended.stderr
+    assert "the disk has 150 MB left, disk_reserve is 200 MB" in ended.stderr and "are kept in" in ended.stderr
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
+    command = recorder(tmp_path / "other", disk_reserve=1e6).command()
+    refused = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert refused.returncode == 1 and "MB free; disk_reserve needs 1000004 MB" in refused.stderr

@@ -13,7 +13,7 @@ def test_every_kernel_lies_in_a_room_whose_sources_name_the_cache():
         path.relative_to(ROOT)
         for package in ("haptic_device", "haptic_sim")
         for path in (ROOT / package).rglob("*.py")
-        if "\n@kernel" in path.read_text(encoding="utf-8")
+        if any(f"\n@{word}\n" in path.read_text(encoding="utf-8") for word in ("kernel", "part", "whole"))
     ]
     assert len(decorated) > 10
     assert [path for path in decorated if path.parent.as_posix() not in ROOMS] == []

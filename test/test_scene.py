@@ -6,11 +6,8 @@ import math
 
 import pytest
 import yaml
-from hypothesis import given
-from hypothesis import strategies as st
 
 from haptic_device.share import names
-from haptic_sim.outline import Outline, combined, convex, rectangle
 from haptic_sim.scene import SceneError, load, parse
 
 SQUARE = [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]
@@ -25,6 +22,7 @@ GOOD = {
         {"name": "block", "mass": 1, "pose": [0.1, 0.0, 0], "shapes": [{"vertices": SQUARE}]},
     ],
     "tool": {"mass": 0.1, "pose": [0, 0.05, 0], "shapes": [{"circle": {"radius": 0.01}}]},
+    "joints": [{"name": "hinge", "type": "pin", "bodies": ["world", "block"], "at": [0.11, 0.01]}],
     "measure": {"pushed": {"body": "block", "point": [0, 0], "axis": [2, 0], "from": 0.1, "to": 0.3}},
 }
 
@@ -75,11 +73,39 @@ SENTENCES = [
     (("materials", "steel", "friction"), -0.1, ["materials.steel.friction is -0.1", "greater than or equal to 0"]),
     (("materials", "steel", "restitution"), 1.01, ["materials.steel.restitution is 1.01", "less than or equal to 1"]),
     (("tool", "shapes"), [], ["tool.shapes", "at least 1"]),
-    (("tool", "shapes", 0), {}, ["tool.shapes[0]", "exactly one of vertices, circle, box"]),
+    (("tool", "shapes", 0), {}, ["tool.shapes[0]", "exactly one of vertices, circle, box, half_plane"]),
+    (("tool", "shapes", 0), {"half_plane": {"normal": [0, 1]}}, ["tool: has a half_plane", "fixed body", "take a box"]),
+    (("bodies", 1, "shapes", 0), {"half_plane": {"normal": [0, 1]}}, ["bodies[1]: has a half_plane", "fixed: true"]),
+    (("bodies", 0, "shapes", 0), {"half_plane": {"normal": [0, 0]}}, ["half_plane.normal", "some length"]),
+    (("bodies", 0, "velocity"), [1, 0, 0], ["bodies[0]: is fixed", "velocity cannot be [1.0, 0.0, 0.0]"]),
+    (("bodies", 1, "name"), "world", ["bodies[1].name is 'world'", "taken"]),
+    (("method",), "euler", ["method is 'euler'", "impulse, penalty_explicit, penalty_implicit, partitioned"]),
+    (("sub_step",), 0, ["sub_step is 0", "greater than 0 s"]),
+    (("error",), math.nan, ["error is nan", "finite"]),
     (("tool", "shapes", 0), {"circle": {"radius": 0}}, ["tool.shapes[0].circle.radius is 0", "greater than 0 m"]),
     (("measure", "pushed", "body"), "blok", ["measure.pushed.body is 'blok'", "block"]),
     (("measure", "pushed", "to"), 0.1, ["measure.pushed", "from and to that differ"]),
     (("tool", "pose"), [0, 0.005, 0], ["bodies[0] ('table') overlaps tool ('tool') by 5 mm", "move one of them"]),
+    (("joints", 0, "type"), "hinge", ["joints[0].type is 'hinge'", "'pin', 'slider', 'weld' or 'spring'"]),
+    (("joints", 0, "bodies"), ["world", "blok"], ["joints[0] ('hinge').bodies[1] is 'blok'", "block, world"]),
+    (("joints", 0, "bodies"), ["table", "world"], ["joints[0] ('hinge') joins two bodies that cannot move"]),
+    (("joints", 0, "bodies"), ["block", "block"], ["joints[0]: joins 'block' to itself"]),
+    (("joints", 0, "at"), None, ["joints[0]: needs exactly one of at", "anchors"]),
+    (("joints", 0, "at"), [math.nan, 0], ["joints[0].at[0] is nan", "finite"]),
+    (("joints", 0, "axis"), [1, 0], ["joints[0]: a pin has no axis", "belongs to a slider"]),
+    (("joints", 0, "limits"), [0.5, 1], ["joints[0]: limits are [0.5, 1.0]", "must enclose 0"]),
+    (("joints", 0, "friction_torque"), -1, ["joints[0].friction_torque is -1", "greater than or equal to 0"]),
+    (("joints", 0, "motor"), {"speed": 1, "max_torque": 0}, ["joints[0].motor.max_torque is 0", "0 N m"]),
+    (("joints", 0), {"type": "slider", "bodies": ["world", "block"], "at": [0, 0]}, ["a slider needs an axis"]),
+    (("joints", 0), {"type": "spring", "bodies": ["world", "block"], "at": [0, 0]}, ["a spring needs a stiffness"]),
+    (("joints", 0), {"type": "weld", "bodies": ["tool", "block"], "at": [0, 0]}, ["joints[0] welds 'tool'", "shapes"]),
+    (("joints", 0), {"type": "pin", "bodies": ["world", "block"], "anchors": [[0.1, 0.02], [0.003, 0.024]]},
+     ["joints[0] cannot be met", "'world' and 'block' are 5 mm apart", "[0.003, 0.004] m", "move a body or an anchor"]),
+    (("joints", 0), {"type": "slider", "axis": [0, 1], "bodies": ["world", "block"], "anchors": [[0.1, 0], [0.003, 1]]},
+     ["joints[0] cannot be met", "3 mm apart", "move a body"]),
+    (("joints", 0), {"type": "spring", "stiffness": 1, "bodies": ["world", "block"], "at": [0, 0]},
+     ["joints[0] has no length", "write rest: 0 or move an anchor"]),
+    (("bodies", 1, "velocity"), [0, 2, 0], ["joints[0] ('hinge') is pulled apart at 2 m/s", "'world' and 'block'"]),
     (("bodies", 1, "pose"), [0.1, -0.001, 0], ["bodies[1] ('block') overlaps bodies[0] ('table') by 1 mm"]),
 ]
 
@@ -117,6 +143,38 @@ def test_touching_at_the_start_is_allowed_and_overlap_is_not(height, accepted):
     else:
         with pytest.raises(SceneError, match="overlaps"):
             parse(scene, "here")
+
+
+@pytest.mark.parametrize(("gap", "accepted"), [(0.9e-6, True), (1.1e-6, False)])
+def test_anchors_may_miss_each_other_by_the_rounding_of_a_file_and_no_more(gap, accepted):
+    joint = {"type": "pin", "bodies": ["world", "block"], "anchors": [[0.1 + gap, 0.0], [0.0, 0.0]]}
+    if accepted:
+        assert parse(changed(("joints", 0), joint), "here").joints[0].bodies == ("world", "block")
+    else:
+        with pytest.raises(SceneError, match="cannot be met"):
+            parse(changed(("joints", 0), joint), "here")
+
+
+def test_a_velocity_about_the_pin_is_allowed():
+    spinning = changed(("bodies", 1, "velocity"), [0.01 * 3.0, -0.01 * 3.0, 3.0])
+    assert parse(spinning, "here").bodies[1].velocity[2] == 3.0
+
+
+def test_bodies_of_other_layers_or_on_one_pin_may_overlap():
+    inside = {"name": "inside", "mass": 1, "pose": [0.1, 0.0, 0.0], "shapes": [{"vertices": SQUARE}]}
+    pin = {"type": "pin", "bodies": ["block", "inside"], "at": [0.11, 0.01]}
+    with pytest.raises(SceneError, match="overlaps"):
+        parse({**GOOD, "bodies": [*GOOD["bodies"], inside]}, "here")
+    assert parse({**GOOD, "bodies": [*GOOD["bodies"], {**inside, "layers": [1]}]}, "here")
+    assert parse({**GOOD, "bodies": [*GOOD["bodies"], inside], "joints": [*GOOD["joints"], pin]}, "here")
+
+
+def test_a_half_plane_lies_behind_its_line_however_long_the_normal():
+    for normal in ([0, 1], [0, 7.5]):
+        scene = parse(changed(("bodies", 0, "shapes", 0), {"half_plane": {"normal": normal}}), "here")
+        heights = [y for _, y in scene.bodies[0].outlines[0].vertices]
+        assert max(heights) == pytest.approx(0.0, abs=1e-12)
+        assert min(heights) < -5.0
 
 
 def test_fixed_bodies_may_overlap_each_other():
@@ -158,31 +216,3 @@ def test_a_measure_is_zero_at_from_and_one_at_to_along_its_unit_axis():
 def test_a_measured_point_turns_with_its_body():
     measure = parse(changed(("measure", "pushed", "point"), [0, -0.1]), "here").measure["pushed"]
     assert measure.fraction((0.0, 0.0, math.pi / 2)) == pytest.approx(0.0, abs=1e-12)
-
-
-@given(st.floats(1e-3, 10), st.floats(1e-3, 10), st.floats(-5, 5), st.floats(-5, 5), st.floats(-4, 4))
-def test_lamina_of_a_rectangle_is_that_of_the_textbook_wherever_it_lies(width, height, x, y, angle):
-    lamina = combined([Outline(rectangle((width, height), (x, y), angle))])
-    area = width * height
-    assert lamina.area == pytest.approx(area, rel=1e-9)
-    assert lamina.centroid == pytest.approx((x, y), abs=1e-9)
-    assert lamina.second_moment == pytest.approx(area * (width**2 + height**2) / 12, rel=1e-8)
-
-
-def test_two_halves_have_the_inertia_of_the_whole():
-    halves = combined([Outline(rectangle((1.0, 2.0), (x, 0.0), 0.0)) for x in (-0.5, 0.5)])
-    assert halves.second_moment == pytest.approx(4.0 * (2.0**2 + 2.0**2) / 12, rel=1e-12)
-
-
-def test_tool_s_inertia_is_taken_about_the_grip():
-    tool = parse(changed(("tool", "shapes", 0), {"circle": {"radius": 0.01, "center": [0, 0.02]}}), "here").tool
-    assert tool.mass_properties.inertia == pytest.approx(0.1 * (0.01**2 / 2 + 0.02**2), rel=1e-12)
-    assert tool.mass_properties.center == (0.0, 0.0)
-
-
-@given(st.integers(3, 12), st.booleans(), st.floats(0, 7))
-def test_vertices_may_be_listed_in_either_sense_and_come_out_counter_clockwise(count, clockwise, angle):
-    turns = [angle + 2 * math.pi * i / count for i in range(count)]
-    ring = [(math.cos(turn), math.sin(turn)) for turn in turns]
-    expected = 0.5 * count * math.sin(2 * math.pi / count)
-    assert combined([Outline(convex(ring[::-1] if clockwise else ring))]).area == pytest.approx(expected, rel=1e-12)

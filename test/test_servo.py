@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from lockstep_systems import device, values
 
 from haptic_device import operating
@@ -23,6 +25,7 @@ class Servo:
 
     def __init__(self, axes=3, scale=(1.0, 1.0), gravity=(0.0, 0.0), settled=True, **given):
         self.device = device(damping=3.0, counts=COUNTS, axes=axes, scale=scale, gravity=gravity)
+        given = {"exchange__method": "direct"} | given  # the tool as it is; the other methods have tests of their own
         self.settings = operating.settings_from(self.device, values("haptic_driver", **given))
         self.memory, self.now, self.command = np.zeros(1, servo.MEMORY), 10**12, engage.ENABLE
         self.inputs = {"tool_age": -1.0, "device_status": servo.FRESH}
@@ -228,6 +231,17 @@ def _not_a_number(runner):
     return [runner.tick() for _ in range(2)][-1]
 
 
+def _duty(runner):
+    force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["device_limit"][0, 0]
+    runner.settings["duty"] = 0.5 * force / limit
+    runner.settings["duty_kept"] = math.exp(-PERIOD / 0.05)
+    return runner.run(0.05)
+
+
+def _unattended(runner):
+    return runner.tick(command=engage.ENABLE | engage.UNATTENDED)
+
+
 PROVOKE = {name.removeprefix("_"): function for name, function in list(globals().items())
            if name.removeprefix("_") in {entry.name for entry in fault.TABLE}}  # fmt: skip
 
@@ -282,6 +296,18 @@ def test_silence_and_saturation_just_within_their_times_are_no_faults():
     assert runner.rows[-1]["force_on_handle"][0, 0] == 1.9
 
 
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_motor_may_hold_its_duty_for_ever_and_a_little_more_until_it_is_warm(share):
+    runner, time = pressing(), 0.1
+    force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["device_limit"][0, 0]
+    runner.settings["duty"], runner.settings["duty_kept"] = force / limit / share, math.exp(-PERIOD / time)
+    began, row = len(runner.rows), runner.run(10 * time)
+    assert fault.name_of(row.fault) == ("" if share < 1.0 else "duty")
+    if share > 1.0:
+        held = next(k for k, row in enumerate(runner.rows[began:]) if row["fault"][0]) * PERIOD
+        assert held == pytest.approx(-time * math.log(1.0 - 1.0 / share**2), rel=0.01)
+
+
 def test_a_cut_motor_is_no_fault_before_the_servo_has_engaged():
     runner = Servo(settled=False, **FREE)
     assert runner.tick(device_status=servo.WATCHDOG).fault == fault.NONE
@@ -300,6 +326,22 @@ def test_no_input_that_is_not_a_number_becomes_a_force(field, value):
     runner.command |= engage.ENABLE
     row = runner.run(1.0)
     assert row.state == engage.ENGAGED and np.isfinite(runner.memory["drag"]).all()
+
+
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+WORD = st.integers(-(2**63), 2**63 - 1)
+
+
+@settings(max_examples=50)
+@given(st.lists(st.tuples(st.tuples(WORD, WORD, WORD), st.tuples(ANY, ANY, ANY), WORD, WORD), min_size=1, max_size=8))
+def test_whatever_stands_in_the_page_the_motor_stays_finite_within_its_limit_and_zero_in_a_fault(samples):
+    runner = Servo(settled=False, **WALL, cancellation__ratio=0.5, cancellation__source="measured")
+    runner.memory["engage"], runner.memory["state"] = 1.0, engage.ENGAGED
+    for counts, drag, status, latched in samples:
+        row = runner.tick(counts=counts, drag=drag, device_status=status, latched=latched)
+        assert np.isfinite(row.motor).all()
+        assert (abs(row.force_on_handle) <= runner.settings["device_limit"][0]).all()
+        assert row.fault == fault.NONE or not row.motor.any()
 
 
 class Press:

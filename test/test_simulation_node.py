@@ -9,9 +9,11 @@ import time
 
 import pytest
 import rclpy
+from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from std_srvs.srv import Trigger
+from rclpy.parameter import Parameter as RosParameter
+from std_srvs.srv import SetBool, Trigger
 
 from haptic_device.law import exchange
 from haptic_device.node import wire
@@ -26,7 +28,9 @@ TOOL = ToolSample((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), (7.0, 8.0, 9.0), True, 0.25)
 def handle(sequence=1.0, session=77.0, axes=3, position=HOME, stamp_ns=5_000_000_007, **tail):
     """Bytes of a handle message."""
     entries = dict.fromkeys(exchange.TAIL, 0.0)
-    entries.update(layout_version=exchange.LAYOUT_VERSION, session=session, sequence=sequence, gains_hash=3.25)
+    entries.update(layout_version=exchange.LAYOUT_VERSION, session=session, sequence=sequence)
+    entries["gains_hash"] = exchange.gains_hash(*GAINS)
+    entries["exchange_method"] = float(exchange.PSPM)
     entries.update(zip(exchange.TAIL[exchange.GAIN_0:], GAINS, strict=False))
     entries.update(tail)
     zeros = [0.0] * (axes + len(entries))
@@ -39,7 +43,7 @@ def test_a_handle_of_any_number_of_axes_is_taken_and_the_rest_stays_at_home(axes
     question = Port(HOME).take(handle(axes=axes, position=(0.4, 0.5, 0.6)), 0)
     assert question.handle.position == (0.4, 0.5, 0.6)[:axes] + HOME[axes:]
     assert question.handle.velocity == (0.5,) * axes + (0.0,) * (3 - axes)
-    assert question.handle[3:] == tuple(GAINS)
+    assert question.handle.gains == tuple(GAINS)
     assert question.handle.time_ns == 5_000_000_007
 
 
@@ -51,6 +55,8 @@ REFUSED = [
     ({"session": math.nan}, "NaN or out of range"),
     ({"layout_version": exchange.LAYOUT_VERSION + 1.0}, "other layout version"),
     ({"exchange_method": 99.0}, "other exchange method"),
+    ({"exchange_method": 1.0}, "other exchange method"),
+    ({"gains_hash": 1.0}, "other coupling gains"),
 ]
 
 
@@ -98,7 +104,7 @@ def test_the_answer_names_the_sample_it_answers_and_carries_its_stamp_and_gains(
     assert answers[0].effort[:axes].tolist() == list(TOOL.force_on_tool[:axes])
     tail = dict(zip(exchange.TAIL, answers[1].position[axes:], strict=True))
     assert (tail["answered_session"], tail["answered"], tail["sequence"]) == (77.0, 43.0, 2.0)
-    assert (tail["session"], tail["gains_hash"], tail["damping"]) == (port.session, 3.25, 2.0)
+    assert (tail["session"], tail["gains_hash"], tail["damping"]) == (port.session, exchange.gains_hash(*GAINS), 2.0)
     assert (tail["contact"], tail["energy"], tail["layout_version"]) == (1.0, 0.25, exchange.LAYOUT_VERSION)
 
 
@@ -113,7 +119,10 @@ class Peer:
         self.layout = wire.JointLayout(wire.exchange_names(3))
         node.create_subscription(wire.JointState, "tool", self._take, wire.LATEST, raw=True)
         node.create_subscription(wire.DiagnosticArray, "/diagnostics", self._hear, 10)
-        self.reset = node.create_client(Trigger, "haptic_simulation/reset_scene")
+        self.reset, self.load = (node.create_client(Trigger, f"haptic_simulation/{name}_scene")
+                                 for name in ("reset", "load"))
+        self.pause = node.create_client(SetBool, "haptic_simulation/pause")
+        self.set = node.create_client(SetParameters, "haptic_simulation/set_parameters")
 
     def _take(self, data):
         self.tools.append(self.layout.unpack(data))
@@ -127,6 +136,15 @@ class Peer:
         while not condition():
             assert time.monotonic() < end, "what was waited for did not come"
             self.executor.spin_once(timeout_sec=0.02)
+
+    def call(self, client, request):
+        done = client.call_async(request)
+        self.until(done.done)
+        return done.result()
+
+    def want_scene(self, name):
+        wish = RosParameter("scene", value=name).to_parameter_msg()
+        return self.call(self.set, SetParameters.Request(parameters=[wish])).results[0]
 
     def ask(self, sequence, position=HOME):
         """Send handle samples under the next numbers until one is answered; the last number."""
@@ -178,6 +196,43 @@ def test_the_node_answers_resets_reports_and_ends_at_once_when_told(start, peer,
     process.send_signal(number)
     assert process.wait(5.0) == 0
     assert "Traceback" not in process.stderr.read()
+
+
+def test_another_scene_is_loaded_behind_a_silence_and_starts_from_its_own_home(start, peer):
+    simulation(start, scene="wall")
+    peer.until(lambda: peer.handle.get_subscription_count() == 1)
+    sequence = peer.ask(0, (0.0, 0.0, 0.0))
+    refused = peer.want_scene("nowhere")
+    assert not refused.successful
+    assert "nowhere is neither a file nor a name" in refused.reason
+    assert peer.want_scene("corner").successful
+    answered = peer.call(peer.load, Trigger.Request())
+    assert (answered.success, answered.message) == (True, "scene is corner")
+    changed = time.monotonic()
+    sequence = peer.ask(sequence, (0.03, 0.04, 0.0))
+    assert time.monotonic() - changed > 0.15
+    assert peer.tools[-1].position[:3].tolist() == [0.03, 0.04, 0.0]
+    for _ in range(5):
+        sequence = peer.ask(sequence, (0.02, 0.04, 0.0))
+    assert 0.02 < peer.tools[-1].position[0] < 0.03
+
+
+def test_paused_the_world_says_nothing_and_then_goes_on_from_where_it_was(start, peer):
+    simulation(start, scene="wall")
+    peer.until(lambda: peer.handle.get_subscription_count() == 1)
+    sequence = 0
+    for _ in range(5):
+        sequence = peer.ask(sequence, (0.02, 0.0, 0.0))
+    assert peer.call(peer.pause, SetBool.Request(data=True)).message == "paused"
+    answers, place = len(peer.tools), peer.tools[-1].position[0]
+    for _ in range(10):
+        sequence += 1
+        peer.handle.publish(handle(float(sequence), position=(0.0, 0.0, 0.0), stamp_ns=int(sequence * 1e6)))
+        peer.executor.spin_once(timeout_sec=0.02)
+    assert len(peer.tools) == answers
+    assert peer.call(peer.pause, SetBool.Request(data=False)).success
+    peer.ask(sequence, (0.02, 0.0, 0.0))
+    assert peer.tools[-1].position[0] == pytest.approx(place, abs=1e-3)
 
 
 def test_the_last_word_at_the_end_is_how_things_then_stand(start, peer):

@@ -87,7 +87,10 @@ def test_tail_and_truth_have_their_published_names_in_their_order():
 def test_a_trace_describes_itself_and_holds_every_column_of_every_tick():
     rows = np.zeros(5, servo.TICK)
     rows["tick"], rows["position"] = np.arange(5), np.arange(15).reshape(5, 3)
-    cloud = deserialize_message(serialize_message(wire.trace_cloud(STAMP, "haptic_base", rows)), wire.PointCloud2)
+    packed = wire.CloudLayout(servo.TICK, "haptic_base").pack(STAMP, rows)
+    cloud = deserialize_message(packed, wire.PointCloud2)
+    assert wire.to_time(STAMP) == cloud.header.stamp and cloud.header.frame_id == "haptic_base"
+    assert (cloud.row_step, cloud.is_dense, cloud.is_bigendian) == (rows.nbytes, True, False)
     assert (cloud.width, cloud.height, cloud.point_step) == (5, 1, servo.TICK.itemsize)
     assert {field.datatype for field in cloud.fields} == {8}
     kind = np.dtype([(field.name, "f8", (field.count,)) if field.count > 1 else (field.name, "f8")
@@ -97,12 +100,19 @@ def test_a_trace_describes_itself_and_holds_every_column_of_every_tick():
 
 
 def test_wrench_and_pose_are_planar_and_a_full_turn_is_the_identity():
-    force = wire.wrench(STAMP, "haptic_base", (1.0, 2.0, 3.0)).wrench
-    assert (force.force.x, force.force.y, force.force.z, force.torque.z) == (1.0, 2.0, 0.0, 3.0)
-    quarter = wire.pose(STAMP, "haptic_base", (0.1, 0.2, math.pi / 2)).pose
+    for frame in ("haptic_base", "", "abcd"):
+        packed = wire.StampedLayout(6, frame).pack(STAMP, wire.wrench_numbers((1.0, 2.0, 3.0)))
+        read = deserialize_message(packed, wire.WrenchStamped)
+        force = read.wrench
+        assert (force.force.x, force.force.y, force.force.z, force.torque.z) == (1.0, 2.0, 0.0, 3.0)
+        assert (read.header.stamp, read.header.frame_id) == (wire.to_time(STAMP), frame)
+    poses = wire.StampedLayout(7, "haptic_base")
+    packed = poses.pack(STAMP, wire.pose_numbers((0.1, 0.2, math.pi / 2)))
+    quarter = deserialize_message(packed, wire.PoseStamped).pose
     assert (quarter.position.x, quarter.position.y) == (0.1, 0.2)
     assert quarter.orientation.z == pytest.approx(math.sqrt(0.5)) == quarter.orientation.w
-    turned = wire.pose(STAMP, "haptic_base", (0.0, 0.0, 4 * math.pi)).pose.orientation
+    packed = poses.pack(STAMP, wire.pose_numbers((0.0, 0.0, 4 * math.pi)))
+    turned = deserialize_message(packed, wire.PoseStamped).pose.orientation
     assert (abs(turned.w), turned.z) == (pytest.approx(1.0), pytest.approx(0.0, abs=1e-12))
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 _ENCAPSULATION = 4
+_FORMATS = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}  # sensor_msgs/PointField
 
 
 class JointLayout(NamedTuple):
@@ -42,6 +43,14 @@ class _Cursor:
         self.at += length
         return self.data[self.at - length : self.at - 1].decode()
 
+    def field(self) -> tuple[str, tuple, int]:
+        """Name, format and offset of a sensor_msgs/PointField."""
+        name, offset = self.text(), self.count()
+        kind = _FORMATS[self.data[self.at]]
+        self.at += 1
+        count = self.count()
+        return name, (kind, (count,) if count > 1 else ()), offset
+
     def doubles(self) -> tuple[int, int]:
         count = self.count()
         if count:
@@ -65,6 +74,55 @@ def joint_layout(data: bytes) -> JointLayout:
     if any(count not in (0, len(names)) for _, count in arrays) or cursor.at > len(data):
         raise ValueError(f"a JointState of {len(names)} names has arrays of other lengths")
     return JointLayout(names, head, arrays, len(data))
+
+
+class CloudLayout(NamedTuple):
+    """Where a PointCloud2 keeps its records [bytes]: type of one, places of width and size, and what never varies."""
+
+    record: np.dtype
+    width: int
+    size: int
+    fixed: tuple[tuple[int, bytes], ...]
+
+
+def cloud_layout(data: bytes) -> CloudLayout:
+    """Layout of one serialized sensor_msgs/PointCloud2. Raises ValueError if the bytes are none."""
+    try:
+        cursor = _Cursor(data)
+        cursor.at += 8  # stamp
+        cursor.text()
+        cursor.count()  # height
+        width = cursor.at
+        cursor.count()
+        begin = cursor.at
+        fields = [cursor.field() for _ in range(cursor.count())]
+        cursor.at += 1  # is_bigendian
+        step = cursor.count()
+        fixed = (_ENCAPSULATION + 8, data[_ENCAPSULATION + 8 : width]), (begin, data[begin : cursor.at])
+        cursor.count()  # row_step
+        names, formats, offsets = zip(*fields, strict=True)
+        record = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": step})
+        size = cursor.at
+        cursor.count()
+    except (struct.error, UnicodeDecodeError, KeyError, TypeError) as error:
+        raise ValueError(f"a message of {len(data)} bytes is no PointCloud2 of named fields ({error})") from error
+    return CloudLayout(record, width, size, fixed)
+
+
+def cloud_records(layout: CloudLayout, data: bytes) -> bytes | None:
+    """The bytes of one message's records; None if it is of another layout or cut off."""
+    if any(data[at : at + len(same)] != same for at, same in layout.fixed) or len(data) < layout.size + 4:
+        return None
+    (count,), (size,) = struct.unpack_from("<I", data, layout.width), struct.unpack_from("<I", data, layout.size)
+    begin = layout.size + 4
+    whole = size == count * layout.record.itemsize and len(data) >= begin + size
+    return data[begin : begin + size] if whole else None
+
+
+def stamp_of(data: bytes) -> int:
+    """Stamp [ns] of a serialized message that begins with a std_msgs/Header."""
+    seconds, nanoseconds = struct.unpack_from("<iI", data, _ENCAPSULATION)
+    return seconds * 1_000_000_000 + nanoseconds
 
 
 def same_layout(layout: JointLayout, data: bytes) -> bool:

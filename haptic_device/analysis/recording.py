@@ -6,15 +6,17 @@ Clocks: `deadline` in the trace is CLOCK_MONOTONIC [ns]; stamps, received and pu
 """
 
 import functools
+import importlib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
-from haptic_device.analysis.bagfile import Raw, read
-from haptic_device.analysis.cdr import joint_arrays, joint_layout, same_layout
+from haptic_device.analysis.bagfile import Keep, Topic, read
+from haptic_device.analysis.columns import CloudColumns, JointColumns
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
 PORT_UNITS = {"position": "m | rad", "velocity": "m/s | rad/s", "effort": "N | N·m"}
@@ -23,12 +25,18 @@ TRACE_UNITS = {
     "latched": "ns, CLOCK_MONOTONIC",
     "lateness": "s",
     "compute": "s",
+    "write_delay": "s",
+    "generated": "J",
+    "injected": "N s/m | N m s/rad",
     "drag": "N | N·m",
     "tool_age": "s, -1 = none yet",
     "tool_energy": "J",
     "exchange_energy": "J",
     "energy_given": "J",
     "margin": "N s/m | N m s/rad",
+    "surplus": "N s/m | N m s/rad",
+    "exchange_tank": "J",
+    "exchange_effort": "N | N·m, of waves N s | N·m·s",
     "motor": "N | N·m",
     **{name: PORT_UNITS["position"] for name in ("tool_position", "position", "coupling_position")},
     **{name: PORT_UNITS["velocity"] for name in ("tool_velocity", "velocity", "coupling_velocity")},
@@ -36,7 +44,10 @@ TRACE_UNITS = {
     **{f"force_{what}": PORT_UNITS["effort"] for what in ("walls", "coupling", "cancellation", "gravity")},
     **{f"force_{what}": PORT_UNITS["effort"] for what in ("passivity", "on_handle")},
 }
-_FORMATS = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}  # sensor_msgs/PointField
+MARK = "mark"
+_JOINT_STATE, _CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
+_STRING = "std_msgs/msg/String"
+_SECOND = 1_000_000_000
 
 
 class Joints(NamedTuple):
@@ -67,15 +78,31 @@ class Status(NamedTuple):
     values: dict[str, str]
 
 
+class Mark(NamedTuple):
+    """A marker that somebody set: time in ns of the system clock, and its text."""
+
+    time: int
+    text: str
+
+
 @dataclass(frozen=True)
 class Recording:
-    """The topics of one namespace by their short names, the diagnostics by name, and what was wrong with the bag."""
+    """The topics of one namespace by their short names, the diagnostics by name, and what was wrong with the bag.
+
+    pairs: times [ns] at once on the system clock and on CLOCK_MONOTONIC, for `monotonic`. counts, lost: of each topic
+    the messages, and the publisher's numbers that were skipped (several publishers' cannot be told apart).
+    """
 
     bag: Path
     namespace: str
     joints: dict[str, Joints]
     clouds: dict[str, np.ndarray]
     diagnostics: dict[str, tuple[Status, ...]]
+    marks: tuple[Mark, ...]
+    attachments: dict[str, bytes]
+    counts: dict[str, int]
+    lost: dict[str, int]
+    pairs: tuple[np.ndarray, np.ndarray]
     notes: tuple[str, ...]
 
     def joint(self, topic: str) -> Joints:
@@ -95,7 +122,7 @@ class Recording:
 
     def statuses(self, node: str) -> tuple[Status, ...]:
         """What the named node said on /diagnostics, oldest first; empty if it never spoke."""
-        found = (name for name in self.diagnostics if node in name.replace(":", "/").split("/"))
+        found = (name for name in self.diagnostics if name.rsplit("/", 1)[-1] == node)  # not those of its figures
         return tuple(sorted((status for name in found for status in self.diagnostics[name]), key=lambda s: s.time))
 
     def last_values(self, node: str) -> dict[str, str]:
@@ -104,13 +131,34 @@ class Recording:
         return statuses[-1].values if statuses else {}
 
     def monotonic(self, time: np.ndarray) -> np.ndarray:
-        """System-clock times [ns] as CLOCK_MONOTONIC [ns], by the offset that `operator/state` shows.
+        """System-clock times [ns] as CLOCK_MONOTONIC [ns], the one clock that deadlines and all nodes' data share.
 
-        Its entry `time` is read before the message is published, so the least difference is nearest the truth.
+        The system clock may be slewed or set meanwhile: the offset is the median of each second's pairs. Raises
+        ValueError if the bag has neither a trace nor `operator/state`.
         """
-        state = self.joint("operator/state")
-        measured = np.round(state.entry("time") * 1e9).astype(np.int64)
-        return np.asarray(time, np.int64) - int(np.min(state.published - measured))
+        system, monotonic = self.pairs
+        if len(system) == 0:
+            raise ValueError(f"bag {self.bag} has neither trace nor operator/state, which join the nodes' clocks")
+        time = np.asarray(time, np.int64)
+        second = (system - system[0]) // _SECOND
+        begins = np.flatnonzero(np.diff(second, prepend=-1))
+        offsets = [np.median(part) for part in np.split(system - monotonic, begins[1:])]
+        return time - np.interp(time, system[begins], offsets).round().astype(np.int64)
+
+    def columns(self, topic: str) -> dict[str, np.ndarray]:
+        """A topic as flat named columns over `time` [s of CLOCK_MONOTONIC]; vectors as name.x, name.y, name.theta."""
+        return flat_cloud(self._named(self.clouds, topic)) if topic in self.clouds else self._flat_joints(topic)
+
+    def to_dataframe(self, topic: str, library: str = "pandas"):
+        """`columns` as a DataFrame of pandas or polars, whichever is named; ImportError if it is not installed."""
+        return importlib.import_module(library).DataFrame(self.columns(topic))
+
+    def _flat_joints(self, topic: str) -> dict[str, np.ndarray]:
+        joints = self.joint(topic)
+        flat = {"time": self.monotonic(joints.stamp) * 1e-9}
+        for index, name in enumerate(joints.names):
+            flat |= {f"{name}.{part}": getattr(joints, part)[:, index] for part in PORT_UNITS}
+        return flat
 
     def _named(self, found: dict, topic: str):
         if topic not in found:
@@ -119,22 +167,49 @@ class Recording:
         return found[topic]
 
 
-def load(bag: Path | str, namespace: str | None = None) -> Recording:
+def flat_cloud(rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns of a structured array, one for each axis, after the time [s] of their deadline."""
+    flat = {"time": rows["deadline"] * 1e-9} if "deadline" in rows.dtype.names else {}
+    for name in rows.dtype.names:
+        if rows[name].ndim == 1:
+            flat[name] = np.ascontiguousarray(rows[name])
+        else:
+            flat |= {f"{name}.{axis}": rows[name][:, i].copy() for i, axis in enumerate(_axes(rows[name].shape[1]))}
+    return flat
+
+
+def _axes(count: int) -> Iterable[str]:
+    return ("x", "y", "theta") if count == 3 else map(str, range(count))
+
+
+def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] | None = None) -> Recording:
     """Reads a bag folder or one .mcap file; `namespace` is needed only where the bag holds several devices.
 
-    Raises FileNotFoundError or ValueError with a sentence; a bag cut off in the middle is read as far as it goes and
+    only: the topics to read and what of them, {short name: Entries of a JointState | structured type of a trace | None
+    for all}, for bags that would not fit into memory; diagnostics and marks are read in any case. Raises
+    FileNotFoundError or ValueError with a sentence; a bag that is cut off or damaged is read as far as it goes and
     `notes` says so.
     """
-    bag = Path(bag)
-    raw, notes = read(bag)
-    namespace = _only_namespace(raw, bag) if namespace is None else namespace.rstrip("/")
-    ours = {topic[len(namespace) + 1 :]: found for topic, found in raw.items() if topic.startswith(namespace + "/")}
+    bag, failed = Path(bag), {}
+    contents = read(bag, lambda topic, type_name: _collector(topic, type_name, only, failed))
+    notes = contents.notes + [f"topic {topic} is left out: {reason}" for topic, reason in failed.items()]
+    topics = contents.topics
+    namespace = _only_namespace(topics, bag) if namespace is None else namespace.rstrip("/")
+    ours = {name[len(namespace) + 1 :]: topic for name, topic in topics.items() if name.startswith(namespace + "/")}
+    found = {name: topic for name, topic in ours.items() if f"{namespace}/{name}" not in failed}
+    joints = {name: _joints(name, topic, notes) for name, topic in found.items() if _is(topic, JointColumns)}
+    clouds = {name: _cloud(name, topic, notes) for name, topic in found.items() if _is(topic, CloudColumns)}
     return Recording(
         bag,
         namespace,
-        _each(ours, "sensor_msgs/msg/JointState", _joints, notes),
-        _each(ours, "sensor_msgs/msg/PointCloud2", _cloud, notes),
-        diagnostics_of(raw.get("/diagnostics")),
+        joints,
+        clouds,
+        _diagnostics(topics.get("/diagnostics"), notes),
+        _marks(found.get(MARK), notes),
+        contents.attachments,
+        {name: len(topic) for name, topic in topics.items()},
+        {name: _lost(topic.times.sequence) for name, topic in topics.items()},
+        _pairs(found.get("trace"), clouds.get("trace"), joints.get("operator/state")),
         tuple(notes),
     )
 
@@ -144,62 +219,113 @@ def _types():
     return get_typestore(Stores.ROS2_JAZZY)
 
 
-def _only_namespace(raw: dict[str, Raw], bag: Path) -> str:
-    found = {topic[: -len(name) - 1] for topic in raw for name in TOPICS if topic.endswith("/" + name)}
+class _Guard:
+    """Hands on to a collector until it refuses; then says why, and takes the rest for nothing."""
+
+    def __init__(self, topic: str, collector, failed: dict[str, str]):
+        self.inner, self._topic, self._failed = collector, topic, failed
+
+    def add(self, data: list[bytes]) -> None:
+        if self._topic not in self._failed:
+            try:
+                self.inner.add(data)
+            except ValueError as error:
+                self._failed[self._topic] = str(error)
+
+
+def _collector(topic: str, type_name: str, only, failed):
+    short = next((name for name in only or () if topic.endswith(f"/{name}")), None)
+    kinds = {_JOINT_STATE: JointColumns, _CLOUD: CloudColumns}
+    if topic == "/diagnostics" or type_name == _STRING:
+        return Keep()
+    if type_name not in kinds or (only is not None and short is None):
+        return None
+    return _Guard(topic, kinds[type_name](only[short] if only else None), failed)
+
+
+def _is(topic: Topic, kind: type) -> bool:
+    return isinstance(topic.collector, _Guard) and isinstance(topic.collector.inner, kind)
+
+
+def _only_namespace(topics: Iterable[str], bag: Path) -> str:
+    found = {topic[: -len(name) - 1] for topic in topics for name in TOPICS if topic.endswith("/" + name)}
     if not found:
-        raise ValueError(f"bag {bag} is of no haptic display: it has {', '.join(sorted(raw))}, no {', '.join(TOPICS)}")
+        there = ", ".join(sorted(topics))
+        raise ValueError(f"bag {bag} is of no haptic display: it has {there}, no {', '.join(TOPICS)}")
     if len(found) > 1:
         raise ValueError(f"bag {bag} holds several devices, name one namespace: {', '.join(sorted(found))}")
     return found.pop()
 
 
-def _each(raw: dict[str, Raw], type_name: str, decode, notes: list[str]) -> dict:
-    decoded = {}
-    for topic, found in raw.items():
-        if found.type_name != type_name:
-            continue
-        try:
-            decoded[topic], others = decode(found)
-        except ValueError as error:
-            notes.append(f"topic {topic} is left out: {error}")
-            continue
-        if others:
-            notes.append(f"topic {topic}: {others} messages of another layout than the first are left out")
-    return decoded
+def _joints(name: str, topic: Topic, notes: list[str]) -> Joints:
+    columns, times = topic.collector.inner, topic.times
+    kept = columns.kept
+    if others := int(np.sum(~kept)):
+        notes.append(f"topic {name}: {others} messages of another layout than the first are left out")
+    stamp, *parts = columns.arrays()
+    return Joints(columns.names, stamp, *(column[kept] for column in times), *parts)
 
 
-def _joints(raw: Raw) -> tuple[Joints, int]:
-    layout = joint_layout(raw.data[0])
-    keep = [index for index, data in enumerate(raw.data) if same_layout(layout, data)]
-    stamp, parts = joint_arrays(layout, [raw.data[index] for index in keep])
-    times = (np.array(column, np.int64)[keep] for column in (raw.received, raw.published, raw.sequence))
-    return Joints(layout.names, stamp, *times, *parts), len(raw.data) - len(keep)
+def _cloud(name: str, topic: Topic, notes: list[str]) -> np.ndarray:
+    columns = topic.collector.inner
+    if columns.others:
+        notes.append(f"topic {name}: {columns.others} messages of another layout than the first are left out")
+    if columns.missing:
+        notes.append(f"topic {name} has no {', '.join(columns.missing)}")
+    return columns.records()
 
 
-def _cloud(raw: Raw) -> tuple[np.ndarray, int]:
-    blocks = [_block(_types().deserialize_cdr(data, raw.type_name)) for data in raw.data]
-    same = [block for block in blocks if block.dtype == blocks[0].dtype]
-    return np.concatenate(same), len(blocks) - len(same)
+def _lost(sequence: np.ndarray) -> int:
+    steps = np.diff(sequence)
+    return int(np.sum(steps[steps > 1] - 1))
 
 
-def _block(message) -> np.ndarray:
-    fields = message.fields
-    kind = np.dtype(
-        {
-            "names": [field.name for field in fields],
-            "formats": [(_FORMATS[field.datatype], (field.count,) if field.count > 1 else ()) for field in fields],
-            "offsets": [field.offset for field in fields],
-            "itemsize": message.point_step,
-        }
-    )
-    return np.frombuffer(message.data.tobytes(), kind, count=message.width * message.height)
+def _pairs(trace: Topic | None, rows: np.ndarray | None, state: Joints | None) -> tuple[np.ndarray, np.ndarray]:
+    """Times on the system clock and on CLOCK_MONOTONIC: of the trace's blocks, else of `operator/state`."""
+    if rows is not None and "deadline" in rows.dtype.names:
+        columns = trace.collector.inner
+        some = columns.begins < len(rows)
+        return columns.stamps[some], rows["deadline"][columns.begins[some]].round().astype(np.int64)
+    if state is not None and "time" in state.names:
+        return state.published, np.round(state.entry("time") * 1e9).astype(np.int64)
+    return np.empty(0, np.int64), np.empty(0, np.int64)
 
 
-def diagnostics_of(raw: Raw | None) -> dict[str, tuple[Status, ...]]:
-    """Statuses by name, oldest first, out of serialized DiagnosticArrays."""
+def _diagnostics(topic: Topic | None, notes: list[str]) -> dict[str, tuple[Status, ...]]:
+    """Statuses by name, oldest first."""
     statuses: dict[str, list[Status]] = {}
-    for data, time in zip(raw.data, raw.received, strict=True) if raw else ():
-        for status in _types().deserialize_cdr(data, raw.type_name).status:
-            values = {pair.key: pair.value for pair in status.values}
-            statuses.setdefault(status.name, []).append(Status(time, int(status.level), status.message, values))
+    for time, message in _messages(topic, notes, "diagnostics"):
+        for name, status in _named_statuses(message, time):
+            statuses.setdefault(name, []).append(status)
     return {name: tuple(found) for name, found in statuses.items()}
+
+
+def statuses_of(data: bytes, time: int) -> dict[str, Status]:
+    """Statuses by name, out of one serialized DiagnosticArray received at this time [ns of the system clock]."""
+    return dict(_named_statuses(_types().deserialize_cdr(data, "diagnostic_msgs/msg/DiagnosticArray"), time))
+
+
+def _named_statuses(message, time: int) -> list[tuple[str, Status]]:
+    return [
+        (said.name, Status(time, int(said.level), said.message, {pair.key: pair.value for pair in said.values}))
+        for said in message.status
+    ]
+
+
+def _marks(topic: Topic | None, notes: list[str]) -> tuple[Mark, ...]:
+    return tuple(Mark(time, message.data) for time, message in _messages(topic, notes, MARK))
+
+
+def _messages(topic: Topic | None, notes: list[str], name: str) -> list[tuple[int, Any]]:
+    """(received, message) of a topic whose messages were kept; those that cannot be read are noted and left out."""
+    if topic is None or not isinstance(topic.collector, Keep):
+        return []
+    found, broken = [], 0
+    for data, time in zip(topic.collector.data, topic.times.received.tolist(), strict=True):
+        try:
+            found.append((time, _types().deserialize_cdr(data, topic.type_name)))
+        except Exception:  # whatever a message of another version makes the decoder say
+            broken += 1
+    if broken:
+        notes.append(f"topic {name}: {broken} messages cannot be read")
+    return found

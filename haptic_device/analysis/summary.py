@@ -113,15 +113,23 @@ def conditions(recording: Recording) -> dict[str, str]:
     labels = {symbol: f"{gain[name]:g} {unit}" for name, (symbol, unit) in units.items()}
     labels["T"] = f"{period(recording.trace) * 1e6:.0f} µs"
     if damping := recording.last_values("haptic_driver").get("physical_damping"):
-        labels["b"] = damping
+        labels["b"] = _with_units(damping.split(", "))
     return labels | {"exchange": METHODS[int(recording.joint("handle").entry("exchange_method")[-1])]}
+
+
+def _with_units(damping: list[str]) -> str:
+    """Physical damping of the axes x, y, θ, as far as the device has them."""
+    angle = f", {damping[2]} N m s/rad" if len(damping) > 2 else ""
+    return ", ".join(damping[:2]) + " N s/m" + angle
 
 
 def _answers(recording: Recording, rows: np.ndarray) -> np.ndarray:
     """Sequences answered: by the recorded tool messages, and by those the servo used and the recorder may have lost."""
     tool = recording.joints.get("tool")
     recorded = tool.entry("answered") if tool else np.empty(0)
-    return np.union1d(recorded, rows["tool_answered"])
+    used = rows["tool_answered"]
+    fresh = np.append(True, used[1:] != used[:-1])  # each is used for some ticks, and a long bag has millions
+    return np.union1d(recorded, used[fresh])
 
 
 def _with_answered(rows: np.ndarray, handle: Joints) -> tuple[np.ndarray, np.ndarray]:

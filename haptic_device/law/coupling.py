@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Virtual coupling between handle and tool (Colgate, Stanley & Brown 1995, Figs 6 and 7)."""
 
+import math
+
 from haptic_device.kernel import kernel
 from haptic_device.parameter import Parameter
 
@@ -25,3 +27,24 @@ def coupling_force(stiffness, damping, stretch, rate):
 def coupling_store(stiffness, stretch):
     """Energy in the coupling's spring along one axis [J]."""
     return 0.5 * stiffness * stretch * stretch
+
+
+@kernel
+def spring_force(stiffness, limit, stretch):
+    """Force of the coupling's spring on the handle [N], never beyond what the motor can hold: a clamped spring.
+
+    A stretch that is not finite is no force but not a number.
+    """
+    force = stiffness * stretch
+    if abs(force) <= limit:
+        return force
+    return math.copysign(limit, force) if abs(force) < math.inf else math.nan
+
+
+@kernel
+def spring_store(stiffness, limit, stretch):
+    """Energy in the clamped spring [J], the integral of spring_force: quadratic up to the limit, straight beyond."""
+    force = stiffness * abs(stretch)
+    if force <= limit:
+        return 0.5 * force * abs(stretch)
+    return limit * (abs(stretch) - 0.5 * limit / stiffness)

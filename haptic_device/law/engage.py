@@ -6,7 +6,7 @@ from haptic_device.parameter import Parameter
 
 IDLE, WAITING, ENGAGING, ENGAGED, FAULT = range(5)
 STATES = ("idle", "waiting for a small force", "engaging", "engaged", "fault")
-ENABLE, ESTOP, CLUTCH, RESET = 1, 2, 4, 8  # the command word: three flags, then a count of resets in steps of RESET
+ENABLE, ESTOP, CLUTCH, UNATTENDED, RESET = 1, 2, 4, 8, 16  # the command word: flags, then resets in steps of RESET
 
 PARAMETERS = (
     Parameter("engage.time", 0.5, "s", "time over which forces rise after enabling", 0.01, 10.0, True),

@@ -29,7 +29,8 @@ TAIL = (
 )
 LAYOUT, SESSION, SEQUENCE, ANSWERED_SESSION, ANSWERED, METHOD, GAINS, GAIN_0 = range(8)
 CONTACT, ENERGY = TAIL.index("contact"), TAIL.index("energy")
-METHODS = ("direct",)
+METHODS = ("direct", "wave", "pspm")
+DIRECT, WAVE, PSPM = range(3)
 LIMIT = 1e6  # [m, rad, m/s, N …] nothing real exceeds it; a sample beyond it is noise
 
 ACCEPTED, NOT_FINITE, OTHER_LAYOUT, NOT_MINE, OLD, OTHER_METHOD, OTHER_GAINS, SECOND_SENDER, OTHER_NAMES = range(9)
@@ -47,8 +48,13 @@ REFUSALS = (
 
 PARAMETERS = (
     Parameter("exchange.rate", 1000.0, "Hz", "handle samples sent to the simulation per second", 100.0, 2000.0),
-    Parameter("exchange.method", "direct", "", "what both sides do with each other's samples", choices=METHODS),
+    Parameter("exchange.method", "pspm", "", "what both sides do with each other's samples", choices=METHODS),
     Parameter("exchange.hold", 0.06, "s", "age up to which a tool sample is held at full force", 0.001, 2.0, True),
+    Parameter("exchange.budget", 0.005, "J", "energy the coupling may give before the hand has paid any", 0.0, 1.0),
+    Parameter("exchange.tank", 0.05, "J", "energy kept to pay for set positions; the rest is shipped", 0.0, 10.0),
+    Parameter("exchange.horizon", 0.06, "s", "time over which the tool's motion is foretold, at most", 0.0, 0.5, True),
+    Parameter("exchange.slew", 400.0, "N/s", "fastest change of force by the tool's samples alone", 1.0, 1e6, True),
+    Parameter("exchange.agility", 20.0, "m/s^2", "acceleration that a free tool is given credit for", 0.0, 1e4, True),
     Parameter("exchange.fade", 0.14, "s", "time over which the coupling then lets go, and returns", 0.001, 5.0, True),
 )
 
@@ -111,3 +117,9 @@ def fade_factor(factor, age, period, hold, fade):
     """
     allowed = 0.0 if age < 0.0 else min(1.0, max(0.0, 1.0 - (age - hold) / fade))
     return min(allowed, factor + period / fade)
+
+
+@kernel
+def believed(claimed, known, sent, returned):
+    """Energy [J] that a sample brings: what it claims above what is known, at most what was sent and is still away."""
+    return max(0.0, min(claimed - known, sent - returned))

@@ -7,44 +7,99 @@ from haptic_device.kernel import kernel
 from haptic_device.parameter import Parameter
 
 NONE, ESTOP, DEVICE_SILENT, NOT_A_NUMBER, ENCODER_JUMP, POSITION, VELOCITY, SATURATION, DEVICE_WATCHDOG = range(9)
+DUTY, UNATTENDED = 9, 10
+THIS_TICK = "zero in the tick that finds it"
 
 
 class Fault(NamedTuple):
-    """code: as in the trace; cause: what latched it; clear: how a person clears it."""
+    """code: as in the trace; cause: what latched it; motor: what it does; clear: how a person clears it."""
 
     code: int
     name: str
     cause: str
+    motor: str
     clear: str
 
 
 TABLE = (
-    Fault(ESTOP, "estop", "the e-stop service was called", "~/reset, then ~/enable"),
-    Fault(DEVICE_SILENT, "device_silent", "the device answered no tick for fault.silence", "start the device, ~/reset"),
-    Fault(NOT_A_NUMBER, "not_a_number", "a force or an input was not finite", "~/reset; report it"),
+    Fault(ESTOP, "estop", "~/estop was called", "zero in the tick that takes the command", "~/reset, then ~/enable"),
+    Fault(
+        DEVICE_SILENT,
+        "device_silent",
+        "the device answered no tick for fault.silence",
+        "zero in the tick that finds it; a device without writes cuts it by itself",
+        "start the device, ~/reset",
+    ),
+    Fault(NOT_A_NUMBER, "not_a_number", "a force or an input was not finite", THIS_TICK, "~/reset; report it"),
     Fault(
         ENCODER_JUMP,
         "encoder_jump",
         "the position changed faster than twice the velocity limit",
+        THIS_TICK,
         "check the encoder, ~/reset",
     ),
-    Fault(POSITION, "position", "the handle left the workspace of the device description", "move it back, ~/reset"),
-    Fault(VELOCITY, "velocity", "the handle was faster than the device's velocity limit", "~/reset"),
-    Fault(SATURATION, "saturation", "a motor was at its limit for longer than fault.saturation", "~/reset"),
-    Fault(DEVICE_WATCHDOG, "device_watchdog", "the device had cut the motor: the servo was silent too long", "~/reset"),
-)
+    Fault(
+        POSITION, "position", "the handle left the workspace of the device description", THIS_TICK,
+        "move it back, ~/reset",
+    ),
+    Fault(VELOCITY, "velocity", "the handle was faster than the device's velocity limit", THIS_TICK, "~/reset"),
+    Fault(
+        SATURATION, "saturation", "a motor was at its limit for longer than fault.saturation",
+        "zero in the next tick", "~/reset",
+    ),
+    Fault(
+        DEVICE_WATCHDOG,
+        "device_watchdog",
+        "the device had cut the motor: the servo was silent too long",
+        "zero: cut by the device 15 ms after the last write, and kept so",
+        "~/reset",
+    ),
+    Fault(
+        DUTY, "duty", "a motor's warmth rose above fault.duty", "zero in the next tick",
+        "let it cool, ~/reset",
+    ),
+    Fault(
+        UNATTENDED,
+        "unattended",
+        "nobody could have stopped it: the driver's python side stood still for fault.unattended",
+        THIS_TICK,
+        "~/reset",
+    ),
+)  # fmt: skip
 
 PARAMETERS = (
     Parameter(
         "fault.silence", 0.02, "s", "time without an answer of the device that latches device_silent", 0.001, 1.0
     ),
     Parameter("fault.saturation", 1.0, "s", "time at the motor limit that latches saturation", 0.01, 60.0, True),
+    Parameter(
+        "fault.duty", 1.0, "", "share of the motor limit that may be held for ever; more latches duty", 0.01, 1.0, True
+    ),
+    Parameter("fault.duty_time", 20.0, "s", "time constant of a motor's warmth", 0.01, 3600.0, True),
+    Parameter(
+        "fault.unattended",
+        5.0,
+        "s",
+        "time without python, which hears services, that latches unattended; 0: never",
+        0.0,
+        3600.0,
+    ),
 )
 
 
 def name_of(code):
     """Name of a fault code; "" for none."""
     return next((fault.name for fault in TABLE if fault.code == code), "")
+
+
+@kernel
+def warmed(warmth, share, kept):
+    """Warmth of a motor after a tick's force, as a share of what it reaches at its limit.
+
+    Heat goes with the square of the current and leaves by one time constant τ: dw/dt = (share² − w)/τ, exact for a
+    share of the limit held over T with kept = exp(−T/τ). A force of fault.duty times the limit warms to fault.duty².
+    """
+    return share * share + (warmth - share * share) * kept
 
 
 @kernel

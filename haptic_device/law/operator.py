@@ -12,7 +12,7 @@ from haptic_device.kernel import kernel
 from haptic_device.parameter import Parameter
 
 MOST = 32  # waypoints
-WAYPOINTS, CIRCLE, FOLLOW = range(3)
+WAYPOINTS, CIRCLE, FOLLOW, PATH = range(4)  # a path is waypoints joined by straight lines
 MOTION = np.dtype(
     [
         ("kind", "i8"),
@@ -98,7 +98,8 @@ def target_at(motion, time, target):
         last += 1
     following = min(last + 1, motion.count - 1)
     span = motion.times[following] - motion.times[last]
-    fraction = minimum_jerk((time - motion.times[last]) / span) if span > 0.0 else 0.0
+    share = min(1.0, (time - motion.times[last]) / span) if span > 0.0 else 0.0
+    fraction = share if motion.kind == PATH else minimum_jerk(share)
     for i in range(3):
         start, end = motion.points[last, i], motion.points[following, i]
         target[i] = start + fraction * (end - start)

@@ -10,7 +10,18 @@ import math
 import numpy as np
 
 from haptic_device.kernel import kernel
-from haptic_device.law import cancellation, coupling, encoder, engage, exchange, fault, kinematics, passivity, wall
+from haptic_device.law import (
+    cancellation,
+    coupling,
+    encoder,
+    engage,
+    exchange,
+    fault,
+    following,
+    kinematics,
+    passivity,
+    wall,
+)
 from haptic_device.parameter import Parameter
 
 AXES = 3  # x, y, theta; a device with fewer leaves the rest at zero
@@ -50,8 +61,10 @@ OUTPUTS = (
     *("force_walls*", "force_coupling*", "force_cancellation*", "force_passivity*", "force_gravity*"),
     *("force_on_handle*", "motor*"),  # total as the motor holds it, at the device; and in motor units
     *("engage", "exchange_fade", "cancellation_fade", "exchange_energy", "energy_given*"),
-    *("generated*", "injected*", "injections", "margin*"),  # observer [J], controller [N s/m], ticks it acted; [N s/m]
-    *("state", "fault"),
+    *("exchange_effort*", "exchange_tank", "exchange_shortened", "exchange_let_go"),  # next handle sample's; [J]; ticks
+    *("generated*", "injected*", "injections"),  # observer [J], controller [N s/m], ticks it acted
+    *("margin*", "surplus*"),  # of the physical damping [N s/m]
+    *("state", "fault", "warmth*"),
 )
 TICK = _columns(*INPUTS, *OUTPUTS)
 
@@ -59,7 +72,7 @@ SETTINGS = _columns(
     *("version", "period", "axes"),
     *("position_per_count*", "zero*", "scale*", "motor_per_force*", "device_limit*", "gravity*", "physical_damping*"),
     *("position_low*", "position_high*", "velocity_limit*", "force_limit*"),
-    *("stiffness*", "damping*"),  # of the coupling
+    *("stiffness*", "damping*", "coupling_limit*"),  # of the coupling; largest force of its spring
     *("walls", "wall_x#", "wall_y#", "wall_offset#", "wall_stiffness#", "wall_damping#"),
     *(
         "cancellation_ratio",
@@ -71,13 +84,16 @@ SETTINGS = _columns(
     ),
     *("velocity_estimator", "velocity_lag", "velocity_window"),
     *("passivity_control", "passivity_budget", "margin*", "cross"),
-    *("exchange_hold", "exchange_fade", "engage_time", "engage_force", "engage_torque", "silence", "saturation"),
+    *("exchange_method", "exchange_budget", "exchange_tank", "exchange_horizon", "exchange_play", "exchange_slew*"),
+    *("exchange_agility*", "surplus*", "exchange_hold", "exchange_fade"),
+    *("engage_time", "engage_force", "engage_torque", "silence", "saturation"),
+    *("duty", "duty_kept", "unattended"),
 )
 
 MEMORY = _columns(
     *("started", "latched", "unseen", "device_position*", "device_velocity*", "offset*"),
     *("history", "times^", "positions_x^", "positions_y^", "positions_theta^"),
-    *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated"),
+    *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated", "warmth*"),
     *(
         "drag*",
         "moved*",
@@ -93,6 +109,11 @@ MEMORY = _columns(
         "generated*",
         "injections",
     ),
+    *("factor", "factor_held", "spring*", "clamp*", "push*", "mixed*", "let_go"),  # of the coupling
+    *("filled", "version", "tank", "shipped", "returned", "tool_session", "tool_energy", "shortened"),
+    *("set*", "set_velocity*", "own_velocity*", "goal*", "stretch*", "stretched*"),
+    *("midpoint*", "window_from*", "window_start", "window_holds", "counted*", "latched_before", "hold_before"),
+    *("tool_answered", "oldest", "rate*", "wave*", "wave_store", "pending*", "come*", "sent*"),
 )
 
 FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor
@@ -102,7 +123,7 @@ FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline;
 def tick(settings, memory, row):
     """One tick of the servo: records of SETTINGS, MEMORY, TICK; reads the inputs in row and writes its outputs."""
     _sense(settings, memory, row)
-    _take_tool(settings, memory, row)
+    following.follow(settings, memory, row)
     _walls(settings, row)
     _coupling(settings, row)
     _cancellation(settings, memory, row)
@@ -111,6 +132,7 @@ def tick(settings, memory, row):
     _engage(settings, memory, row)
     _command_motor(settings, memory, row)
     _remember_gains(settings, memory, row)
+    following.settle(settings, memory, row)
 
 
 @kernel
@@ -131,7 +153,7 @@ def _sense(settings, memory, row):
     _book(settings, memory, row, elapsed)
     for i in range(AXES):
         row.energy_given[i], row.generated[i] = memory.energy_given[i], memory.generated[i]
-        row.margin[i], memory.world[i] = settings.margin[i], row.position[i]
+        row.margin[i], row.surplus[i], memory.world[i] = settings.margin[i], settings.surplus[i], row.position[i]
     memory.started, memory.latched = 1.0, row.latched
 
 
@@ -187,9 +209,9 @@ def _spring_growth(settings, memory, row):
     """
     before, now = memory.world, row.position
     for i in range(int(settings.axes)):
-        stiffness, pulled = memory.coupled * settings.stiffness[i], memory.pulled[i]
-        memory.growth[i] = coupling.coupling_store(stiffness, pulled - now[i])
-        memory.growth[i] -= coupling.coupling_store(stiffness, pulled - before[i])
+        stiffness, limit, pulled = memory.spring[i], memory.clamp[i], memory.pulled[i]
+        memory.growth[i] = coupling.spring_store(stiffness, limit, pulled - now[i])
+        memory.growth[i] -= coupling.spring_store(stiffness, limit, pulled - before[i])
         memory.growth[i] += memory.engage * settings.gravity[i] * -memory.moved[i]
     for j in range(int(settings.walls)):
         nx, ny, offset = settings.wall_x[j], settings.wall_y[j], settings.wall_offset[j]
@@ -233,31 +255,6 @@ def _to_world(settings, memory, row, i, before, position, velocity):
 
 
 @kernel
-def _take_tool(settings, memory, row):
-    """What the coupling pulls to: the tool sample as it is, faded by its age."""
-    hold, fade = settings.exchange_hold, settings.exchange_fade
-    joining = memory.engage > 0.0 and memory.exchange_fade == 0.0
-    far = joining and not _tool_is_near(settings, row)
-    age = -1.0 if far else row.tool_age
-    memory.exchange_fade = exchange.fade_factor(memory.exchange_fade, age, settings.period, hold, fade)
-    row.exchange_fade = memory.exchange_fade
-    for i in range(AXES):
-        row.coupling_position[i] = row.tool_position[i]
-        row.coupling_velocity[i] = row.tool_velocity[i]
-
-
-@kernel
-def _tool_is_near(settings, row):
-    """Whether the coupling to a tool that (re)joins would begin with a small force, as engaging does."""
-    pull = math.hypot(
-        settings.stiffness[0] * (row.tool_position[0] - row.position[0]),
-        settings.stiffness[1] * (row.tool_position[1] - row.position[1]) if settings.axes > 1.0 else 0.0,
-    )
-    twist = settings.stiffness[2] * (row.tool_position[2] - row.position[2]) if settings.axes > 2.0 else 0.0
-    return pull < settings.engage_force and abs(twist) < settings.engage_torque
-
-
-@kernel
 def _walls(settings, row):
     """Sum of all walls' forces, x and y."""
     row.force_walls[:] = 0.0
@@ -272,12 +269,15 @@ def _walls(settings, row):
 
 @kernel
 def _coupling(settings, row):
-    """Force of the virtual coupling on the handle, faded."""
+    """Force of the virtual coupling on the handle, faded; its spring gives no more than the motor can hold."""
     for i in range(AXES):
         stretch = row.coupling_position[i] - row.position[i]
         rate = row.coupling_velocity[i] - row.velocity[i]
-        force = coupling.coupling_force(settings.stiffness[i], settings.damping[i], stretch, rate)
+        force = coupling.spring_force(settings.stiffness[i], settings.coupling_limit[i], stretch)
+        force += settings.damping[i] * rate
         row.force_coupling[i] = row.exchange_fade * force if i < settings.axes and row.exchange_fade > 0.0 else 0.0
+        if settings.exchange_method != exchange.WAVE:
+            row.exchange_effort[i] = row.force_coupling[i]
 
 
 @kernel
@@ -337,6 +337,10 @@ def _faults(settings, memory, row):
             memory.fault = fault.DEVICE_WATCHDOG
         elif memory.saturated > settings.saturation:
             memory.fault = fault.SATURATION
+        elif command & engage.UNATTENDED:
+            memory.fault = fault.UNATTENDED
+        elif max(memory.warmth[0], memory.warmth[1], memory.warmth[2]) > settings.duty * settings.duty:
+            memory.fault = fault.DUTY
     row.fault = memory.fault
 
 
@@ -349,7 +353,8 @@ def _engage(settings, memory, row):
     small = wanted < settings.engage_force and abs(row.force_coupling[2]) < settings.engage_torque
     faulted = memory.fault != fault.NONE
     memory.state = engage.engage_state(int(memory.state), enabled, faulted, small, memory.engage)
-    memory.engage = engage.engage_factor(int(memory.state), memory.engage, settings.period, settings.engage_time)
+    factor = engage.engage_factor(int(memory.state), memory.engage, settings.period, settings.engage_time)
+    memory.engage = min(factor, memory.engage) if memory.unseen > 0.0 else factor  # nothing rises on old counts
     row.state, row.engage = memory.state, memory.engage
 
 
@@ -367,8 +372,11 @@ def _command_motor(settings, memory, row):
         force += row.engage * row.force_gravity[i]
         saturated |= abs(force) > settings.device_limit[i]
         memory.limited[i] = abs(total) > limit or abs(force) > settings.device_limit[i]
+        memory.mixed[i] = memory.limited[i] and total != row.force_coupling[i]
         force = min(settings.device_limit[i], max(-settings.device_limit[i], force))
         row.force_on_handle[i] = force
+    if memory.fault != fault.NONE:
+        row.engage = memory.engage = 0.0
     for i in range(AXES):
         if memory.fault != fault.NONE or i >= settings.axes:
             row.force_on_handle[i] = 0.0
@@ -376,6 +384,16 @@ def _command_motor(settings, memory, row):
         memory.held_force[i] = mixed / (memory.unseen + 1.0)  # mean over the ticks since the last fresh sample
         row.motor[i] = row.force_on_handle[i] * settings.motor_per_force[i]
     memory.saturated = memory.saturated + settings.period if saturated else 0.0
+    _warm(settings, memory, row)
+
+
+@kernel
+def _warm(settings, memory, row):
+    """Warmth of each motor after this tick's force."""
+    for i in range(int(settings.axes)):
+        share = row.force_on_handle[i] / settings.device_limit[i]
+        memory.warmth[i] = fault.warmed(memory.warmth[i], share, settings.duty_kept)
+        row.warmth[i] = memory.warmth[i]
 
 
 @kernel

@@ -3,7 +3,7 @@
 
 from haptic_device import operating
 from haptic_device.law import operator
-from haptic_device.node import recorder_parameters
+from haptic_device.node import health, recorder_parameters
 from haptic_device.parameter import Parameter
 
 COMMON = (
@@ -21,10 +21,12 @@ DRIVER = (
     Parameter("publish.rate", 500.0, "Hz", "encoder and motor", 1.0, 1000.0),
     Parameter("publish.pose_rate", 100.0, "Hz", "wrench and pose", 1.0, 1000.0),
     Parameter("publish.trace", True, "", "publish every tick in blocks on trace"),
+    *health.parameters(health.DRIVER),
 )
 LOOPBACK = (
     *COMMON,
     *operator.PARAMETERS,
     Parameter("publish.rate", 500.0, "Hz", "operator/state", 1.0, 1000.0),
+    *health.parameters(health.LOOPBACK),
 )
 NODES = {"haptic_driver": DRIVER, "haptic_loopback": LOOPBACK, "haptic_recorder": recorder_parameters.PARAMETERS}

@@ -13,11 +13,12 @@ from haptic_device import operating
 from haptic_device.device import load_device
 from haptic_device.law import engage, fault
 from haptic_device.law import servo as law
-from haptic_device.node import wire
+from haptic_device.node import health, wire
 from haptic_device.node.declared import DRIVER
 from haptic_device.node.exchange_thread import ExchangeThread
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
+from haptic_device.node.refusals import Refusals
 from haptic_device.node.telemetry import Telemetry
 from haptic_device.runtime import clock, loop
 from haptic_device.runtime.link import PageLink
@@ -35,6 +36,7 @@ class DriverNode(ManagedNode):
         super().__init__("haptic_driver", DRIVER)
         self.link = self.servo = self.exchange = self.telemetry = None
         self._version, self._enabled_once, self._said, self._margins = 0, False, set(), [math.inf, math.inf]
+        self._watched, self._stall, self._rates = time.monotonic(), 0.0, health.Rates()
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
         for name in ("enable", "disable", "estop", "reset"):
             self.create_service(Trigger, f"~/{name}", getattr(self, f"_on_{name}"))
@@ -60,6 +62,7 @@ class DriverNode(ManagedNode):
         self.servo.gains.put(operating.gains_from(self.values))
         self._set_flag(engage.CLUTCH, self.values["clutch.open"])
         self.exchange = ExchangeThread(self, self.servo, len(self.device.axes), self.values)
+        self._refused = Refusals("tool")
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values)
         self._enabled_once = False
@@ -89,6 +92,7 @@ class DriverNode(ManagedNode):
         if self.servo is not None:
             self._version += 1
             settings["margin"] = operating.margins(settings[0], self._lateness())[0]
+            settings["surplus"] = operating.surplus(settings[0], self._lateness())
             self.servo.set(settings)
             self.servo.gains.put(operating.gains_from(values))
             self._set_flag(engage.CLUTCH, values["clutch.open"])
@@ -122,7 +126,7 @@ class DriverNode(ManagedNode):
         """The margin of the gains in force, with the lateness as measured now."""
         settings = self.servo.settings.get().view(np.ndarray).view(law.SETTINGS)
         by_axis, *self._margins = operating.margins(settings[0], self._lateness())
-        settings["margin"] = by_axis
+        settings["margin"], settings["surplus"] = by_axis, operating.surplus(settings[0], self._lateness())
         self.servo.set(settings)
 
     def _set_flag(self, flag, wanted):
@@ -130,9 +134,9 @@ class DriverNode(ManagedNode):
 
     def _watch(self):
         """Enables once by itself if asked to, drops the wish to be enabled on a fault, and says what is new."""
-        if self.servo is None:
-            return
-        if not self.servo.running:
+        now = time.monotonic()
+        self._stall, self._watched = max(self._stall, now - self._watched), now
+        if self.servo is None or not self.servo.running:
             return
         self._say("info", f"servo at {self.values['servo.rate']:g} Hz, {self.servo.realtime}")
         row = self.servo.row.get()[0]
@@ -143,6 +147,7 @@ class DriverNode(ManagedNode):
         elif self.values["auto_enable"] and not self._enabled_once:
             self.servo.order(set_flags=engage.ENABLE)
             self._enabled_once = True
+        self.servo.attend()
 
     def _say(self, level, sentence):
         """Logs a sentence once; rclpy allows each place in the code one severity only."""
@@ -192,7 +197,7 @@ class DriverNode(ManagedNode):
 
     def _taken(self):
         until = time.monotonic() + PATIENCE
-        while int(self.servo.row.get()[0].command) != self.servo.command:
+        while int(self.servo.row.get()[0].command) & ~engage.UNATTENDED != self.servo.command:
             if time.monotonic() > until:
                 return False
             time.sleep(0.0002)
@@ -206,13 +211,28 @@ class DriverNode(ManagedNode):
         level, message = self._verdict(row)
         now = self.get_clock().now().nanoseconds
         values = {**self._figures(row), **{f"refused.{k}": v for k, v in self.exchange.refusals().items()}}
-        self._diagnostics.publish(wire.diagnostics(now, "haptic_driver", self.device.name, level, message, values))
+        said = "haptic_driver", self.device.name, level, message, values
+        self._diagnostics.publish(wire.diagnostics(now, *said, self._health(row)))
+
+    def _health(self, row):
+        """Statuses of the figures that are watched; what has grown is counted since the last look."""
+        lateness, compute, age, _ = self.telemetry.percentiles()[:, 1]
+        counts = {"missed": row.missed, "sent": self.exchange.sent, "answered": self.exchange.answered}
+        rates = self._rates.of(**counts)
+        lost = max(0.0, 1.0 - rates["answered"] / rates["sent"]) if rates["sent"] > 0.0 <= row.tool_age else math.nan
+        figures = {"margin": self._margins[0], "lateness": lateness, "compute": compute, "missed": rates["missed"]}
+        figures |= {"age": age, "loss": lost, "energy": float(sum(row.energy_given))}
+        figures |= {"warmth": float(max(row.warmth)), "stall": self._stall}
+        self._stall = 0.0
+        return health.statuses("haptic_driver", health.DRIVER, figures, self.values)
 
     def _verdict(self, row):
         if row.fault:
             return "error", f"fault {fault.name_of(row.fault)}"
         if not self.servo.running:
             return "warn", "no device: waiting for its page"
+        if refused := self._refused.sentence(self.exchange.refusals()):
+            return "warn", refused
         if row.tool_age < 0.0:
             return "warn", "no simulation: the handle is in free space"
         if min(self._margins) <= 0.0 and self.values["passivity.policy"] != "off":
@@ -226,6 +246,7 @@ class DriverNode(ManagedNode):
 
     def _figures(self, row):
         lateness, compute, age, _ = self.telemetry.percentiles() * 1e6
+        trips = self.exchange.round_trips() * 1e-3
         return {
             "state": engage.STATES[int(row.state)],
             "fault": fault.name_of(row.fault),
@@ -236,6 +257,7 @@ class DriverNode(ManagedNode):
             "late_device": int(self.servo.control[loop.LATE_DEVICE]),
             "torn_records": int(self.servo.control[loop.TORN]),
             "trace_dropped": self.servo.ring.dropped,
+            "telemetry_cpu_s": f"{self.telemetry.cpu:.3f}",
             **{
                 f"lateness_us_{name}": f"{v:.1f}"
                 for name, v in zip(("p50", "p99", "p999", "max"), lateness, strict=True)
@@ -244,14 +266,19 @@ class DriverNode(ManagedNode):
                 f"compute_us_{name}": f"{v:.2f}" for name, v in zip(("p50", "p99", "p999", "max"), compute, strict=True)
             },
             **{f"age_ms_{name}": f"{v / 1e3:.3f}" for name, v in zip(("p50", "p99", "p999", "max"), age, strict=True)},
+            **{f"round_trip_us_{name}": f"{v:.1f}" for name, v in zip(("p50", "p99"), trips, strict=True)},
             "exchange_sent": self.exchange.sent,
             "exchange_answered": self.exchange.answered,
             "exchange_method": self.values["exchange.method"],
+            "exchange_tank": f"{row.exchange_tank:.6f}",
+            "exchange_shortened": int(row.exchange_shortened),
+            "exchange_let_go": int(row.exchange_let_go),
             "physical_damping": ", ".join(f"{axis.damping:g}" for axis in self.device.axes),
             "passivity_margin": f"{self._margins[0]:.4f}",
             "passivity_margin_theta": f"{self._margins[1]:.6f}",
             "lateness_counted_us": f"{self._lateness() * 1e6:.1f}",
             "injections": int(row.injections),
+            "survived": self.survived,
             "generated": f"{max(row.generated):.6f}",
             "energy_given": f"{sum(row.energy_given):.6f}",
         }

@@ -16,6 +16,7 @@ from haptic_device.node.params import declare
 from haptic_device.parameter import Parameter
 
 LOOK_UP = 0.05  # [s] longest time a signal waits
+MOST_SAID = 20  # different exceptions that are logged; all are counted
 
 
 class ManagedNode(Node):
@@ -24,7 +25,7 @@ class ManagedNode(Node):
     def __init__(self, name, parameters: tuple[Parameter, ...]):
         super().__init__(name, namespace="/haptic")
         self.values = declare(self, parameters)
-        self.refusal = ""
+        self.refusal, self.survived, self._said_of = "", 0, set()
 
     def page_name(self, page_name):
         """The device page of this node's ROS domain and namespace."""
@@ -51,6 +52,19 @@ class ManagedNode(Node):
         self.finish()
         return TransitionCallbackReturn.SUCCESS
 
+    def on_error(self, state):
+        """After a transition that failed as nobody foresaw: stops and lets everything go, unconfigured again."""
+        self.finish()
+        return TransitionCallbackReturn.SUCCESS
+
+    def survive(self, error):
+        """Counts an exception out of a callback, and logs it; a node that a message could end would be no safe one."""
+        self.survived += 1
+        sentence = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        if sentence not in self._said_of and len(self._said_of) < MOST_SAID:
+            self._said_of.add(sentence)
+            self.get_logger().error(f"an input could not be served: {sentence}")
+
     def finish(self):
         """Ends in the right order whatever has begun."""
         self.deactivate()
@@ -64,6 +78,10 @@ class ManagedNode(Node):
             self.get_logger().error(self.refusal)
             undo()
             return TransitionCallbackReturn.FAILURE
+        except Exception as error:
+            self.survive(error)
+            self.refusal = f"{type(error).__name__}: {error}"
+            return TransitionCallbackReturn.ERROR
         return after(state)
 
 
@@ -83,8 +101,29 @@ def begin_ros(args):
             raise ValueError(f"{left[0]} is no argument of a node; ROS arguments begin with --ros-args")
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl's own kinds are nowhere public; their text ends with places in its source
-        sentence = re.sub(r",? at \S+:\d+|^(failed to initialize rcl|Failed to parse ROS arguments): ", "", str(error))
-        raise ValueError(f"ROS does not take these arguments: {' '.join(sentence.split())}") from None
+        raise ValueError(f"ROS does not take these arguments: {_plain(error)}") from None
+
+
+def _plain(error):
+    """The text of one of rcl's errors without the places in its source."""
+    heads = "failed to initialize rcl|Failed to parse ROS arguments|error creating node"
+    return " ".join(re.sub(rf",? at \S+:\d+|^({heads}): ", "", str(error)).split())
+
+
+def _made(make_node):
+    """The node; ValueError, one sentence, where ROS makes none (a middleware without security is asked for it)."""
+    try:
+        return make_node()
+    except RuntimeError as error:
+        raise ValueError(f"ROS makes no node: {_plain(error)}") from None
+
+
+def _serve(executor, node):
+    """Serves what has come; whatever a message makes rclpy or a callback raise ends there."""
+    try:
+        executor.spin_once(timeout_sec=LOOK_UP)
+    except Exception as error:
+        node.survive(error)
 
 
 def run(make_node, name, args=None):
@@ -94,12 +133,12 @@ def run(make_node, name, args=None):
         signal.signal(number, lambda received, frame: told.append(received))
     try:
         begin_ros(args)
-        node = make_node()
+        node = _made(make_node)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         _autostart(node)
-        while not told:
-            executor.spin_once(timeout_sec=LOOK_UP)
+        while not told and rclpy.ok():
+            _serve(executor, node)
     except (ValueError, OSError) as refusal:
         print(f"{name}: {' '.join(str(refusal).split())}", file=sys.stderr)
         return 1

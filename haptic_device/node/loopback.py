@@ -10,9 +10,10 @@ import numpy as np
 from haptic_device import operating
 from haptic_device.device import load_device
 from haptic_device.law import operator
-from haptic_device.node import wire
+from haptic_device.node import health, wire
 from haptic_device.node.declared import LOOPBACK
 from haptic_device.node.lifecycle import ManagedNode, run
+from haptic_device.node.params import on_change
 from haptic_device.runtime import clock, loopback
 from haptic_device.runtime.mailbox import Mailbox
 from haptic_device.runtime.page import DEVICE, Page, page_name
@@ -31,6 +32,8 @@ class LoopbackNode(ManagedNode):
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(wire.JointState, "operator/target", self._on_target, wire.LATEST)
         self.refused_targets, self.realtime, self._publisher = 0, "", None
+        self._rates = health.Rates()
+        on_change(self, LOOPBACK, self._on_parameters)
         self.create_timer(0.5, self._diagnose)
 
     def configure(self):
@@ -111,6 +114,15 @@ class LoopbackNode(ManagedNode):
             low, high = axis.workspace
             self.motion["points"][0, 0, i] = min(high, max(low, target[i] / self.device.scale[i // 2]))
 
+    def _on_parameters(self, values):
+        self.values = values
+
+    def _health(self):
+        """Statuses of the figures that are watched."""
+        rates = self._rates.of(run_on=self._control[loopback.RUN_ON], late_writes=self._control[loopback.LATE_WRITES])
+        figures = {"energy": float(self._truth.get()[0].energy_given), **rates}
+        return health.statuses("haptic_loopback", health.LOOPBACK, figures, self.values)
+
     def _diagnose(self):
         if self._thread is None:
             return
@@ -124,10 +136,12 @@ class LoopbackNode(ManagedNode):
             "watchdog_trips": int(self._control[loopback.TRIPS]),
             "refused_writes": int(self._control[loopback.REFUSED]),
             "refused_targets": self.refused_targets,
+            "survived": self.survived,
             "energy_given": float(self._truth.get()[0].energy_given),
         }
         now = self.get_clock().now().nanoseconds
-        self._diagnostics.publish(wire.diagnostics(now, "haptic_loopback", self.device.name, level, message, values))
+        said = "haptic_loopback", self.device.name, level, message, values
+        self._diagnostics.publish(wire.diagnostics(now, *said, self._health()))
 
 
 def main(args=None):

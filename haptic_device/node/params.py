@@ -34,6 +34,9 @@ def on_change(node: Node, parameters: Iterable[Parameter], accept: Callable[[dic
     def decide(changes):
         wished = {change.name: change.value for change in changes if change.name in declared}
         try:
+            for change in changes:  # rclpy itself lets the empty name pass
+                if change.name not in declared and not ROS_OWN.fullmatch(change.name):
+                    raise ValueError(unknown(repr(change.name), f"a parameter of {node.get_name()}", declared))
             if wished:
                 accept(_merged(node, declared, wished))
         except ValueError as error:

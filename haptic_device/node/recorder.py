@@ -1,25 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_recorder: every topic of the system, as it came, into a rosbag2 folder."""
 
+import shutil
 import signal
 import sys
 import time
+from itertools import islice
 from pathlib import Path
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import Node, State, TransitionCallbackReturn
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_srvs.srv import Trigger
 
-from haptic_device.node.bag import Bag
+from haptic_device import provenance
+from haptic_device.node.bag import RESERVE_BYTES, Bag
+from haptic_device.node.bag_information import dump
+from haptic_device.node.inquiry import Inquiry
 from haptic_device.node.lifecycle import begin_ros
-from haptic_device.node.params import declare
+from haptic_device.node.making import YAML, files_of, parameter_file, trial_of
+from haptic_device.node.own_port import own_port
+from haptic_device.node.params import declare, on_change
 from haptic_device.node.recorder_parameters import PARAMETERS
 from haptic_device.node.tap import Sample, Tap
 from haptic_device.node.track import Track, joining_qos, offered_qos
-from haptic_device.node.wire import TRACE, DiagnosticArray, diagnostics
+from haptic_device.node.wire import STATE, TRACE, DiagnosticArray, String, diagnostics
+from haptic_device.runtime import clock
 
-_JOINTS = "sensor_msgs/msg/JointState"
+_JOINTS, _CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 KNOWN = {  # joined before their publishers exist, so that no first message is missed
     "encoder": _JOINTS,
     "motor": _JOINTS,
@@ -27,14 +36,22 @@ KNOWN = {  # joined before their publishers exist, so that no first message is m
     "tool": _JOINTS,
     "operator/state": _JOINTS,
     "operator/target": _JOINTS,
-    "trace": "sensor_msgs/msg/PointCloud2",
+    "trace": _CLOUD,
+    "snapshot": _CLOUD,
+    "mark": "std_msgs/msg/String",
     "wrench": "geometry_msgs/msg/WrenchStamped",
     "pose": "geometry_msgs/msg/PoseStamped",
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+    "/parameter_events": "rcl_interfaces/msg/ParameterEvent",
 }
+_QOS = {"trace": TRACE, "snapshot": STATE, "mark": TRACE, "/parameter_events": TRACE}  # the others: best effort
 _DISCOVERY_PERIOD = 0.5  # s
 _DIAGNOSTICS_PERIOD = 0.5  # s
+_SPIN_PERIOD = 0.1  # s
 _SECOND = 1_000_000_000
+_MEGA = 1_000_000
+_MOST = 500  # messages of one topic at a look: one that has fallen behind must not keep the others waiting
+PRIORITY = 10  # below everything that moves the handle, above everything that only computes
 
 
 class Recorder(Node):
@@ -43,27 +60,41 @@ class Recorder(Node):
     def __init__(self):
         super().__init__("haptic_recorder", namespace="/haptic")
         self.parameters = declare(self, PARAMETERS)
+        trial_of(self.parameters)
+        on_change(self, PARAMETERS, self._on_parameters)
         self.tracks: dict[str, Track] = {}
         self.bag: Bag | None = None
+        self.stopped = ""  # why recording ended by itself
+        self._made: dict[str, bytes] = {}  # attachments of every bag
+        self._fresh: dict[str, bytes] = {}  # of these, what the present bag does not hold yet
         self._unknown: set[str] = set()
-        self._next_discovery = self._next_flush = 0
+        self._next_discovery = self._next_flush = self._marks = 0
+        self._inquiry = Inquiry(self, self._on_answer)
+        self._mark = self.create_publisher(String, "mark", TRACE)
+        self.create_service(Trigger, "~/mark", self._on_mark)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._realtime = clock.go_realtime(self.parameters["realtime"], PRIORITY)
+        clock.lift_threads(self.parameters["realtime"], PRIORITY)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._report)
 
     def on_configure(self, state: State) -> TransitionCallbackReturn:
         """Joins the known topics."""
         for topic, type_name in KNOWN.items():
-            reliability = TRACE.reliability if topic == "trace" else ReliabilityPolicy.BEST_EFFORT
-            self._join(topic, type_name, QoSProfile(depth=self.parameters["queue"], reliability=reliability))
+            offered = _QOS.get(topic)
+            reliability = offered.reliability if offered else ReliabilityPolicy.BEST_EFFORT
+            durability = offered.durability if offered else DurabilityPolicy.VOLATILE
+            depth = self.parameters["queue"]
+            self._join(topic, type_name, QoSProfile(depth=depth, reliability=reliability, durability=durability))
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: State) -> TransitionCallbackReturn:
-        """Opens a new bag; refuses a folder that holds something."""
+        """Opens a new bag; refuses a folder that holds something, and a disk that is nearly full."""
         try:
-            self.bag = Bag(self._folder())
+            self.bag = self._open()
         except (ValueError, OSError) as error:
             self.get_logger().error(f"cannot record: {error}")
             return TransitionCallbackReturn.FAILURE
+        self.stopped = ""
         self.get_logger().info(f"recording to {self.bag.folder}")
         return super().on_activate(state)
 
@@ -81,34 +112,110 @@ class Recorder(Node):
 
     def look(self) -> None:
         """Takes what has come since the last look; to be called every `look_period`."""
-        if self.tracks and time.monotonic_ns() >= self._next_discovery:
-            self._next_discovery = time.monotonic_ns() + int(_DISCOVERY_PERIOD * _SECOND)
+        now = time.monotonic_ns()
+        if self.tracks and now >= self._next_discovery:
+            self._next_discovery = now + int(_DISCOVERY_PERIOD * _SECOND)
             self._discover()
-        for track in self.tracks.values():
-            self._take(track)
-        if self.bag and time.monotonic_ns() >= self._next_flush:
-            self._next_flush = time.monotonic_ns() + int(self.parameters["flush_period"] * _SECOND)
-            self.bag.flush()
+            self._inquiry.look()
+        try:
+            for track in self.tracks.values():
+                self._take(track, _MOST)
+            self._attach_fresh()
+            if self.bag and now >= self._next_flush:
+                self._next_flush = now + int(self.parameters["flush_period"] * _SECOND)
+                self.bag.flush()
+                self._watch_disk()
+        except OSError as error:
+            self._end(f"the bag could not be written: {error.strerror}", Bag.abandon)
 
     def finish(self) -> None:
         """Closes the bag, if one is open, with everything that has arrived."""
         if self.bag is None:
             return
-        for track in self.tracks.values():
-            self._take(track)
+        try:
+            for track in self.tracks.values():
+                self._take(track)
+            self._close(self.bag, Bag.close)
+        except OSError as error:
+            self._end(f"the bag could not be written: {error.strerror}", Bag.abandon)
+            return
         bag, self.bag = self.bag, None
-        bag.close({"namespace": self.get_namespace(), **self._losses()})
+        self.get_logger().info(f"{bag.messages} messages in {bag.folder}")
+
+    def _open(self) -> Bag:
+        folder, given = self._folder(), self.parameters
+        folder.mkdir(parents=True, exist_ok=True)
+        needed, free = int(given["disk_reserve"] * _MEGA) + RESERVE_BYTES, shutil.disk_usage(folder).free
+        if free < needed:
+            raise ValueError(f"{folder} has {free / _MEGA:.0f} MB free; disk_reserve needs {needed / _MEGA:.0f} MB")
+        bag = Bag(folder, int(given["split.size"] * _MEGA), given["split.duration"])
+        now = time.time_ns()
+        made = {"trial.yaml": dump(trial_of(given)).encode(), "made.yaml": dump(provenance.facts()).encode()}
+        for name, content in {**made, **self._made}.items():
+            bag.attach(name, YAML, content, now)
+        self._fresh = {}
+        return bag
+
+    def _watch_disk(self) -> None:
+        free = shutil.disk_usage(self.bag.folder).free
+        if free < self.parameters["disk_reserve"] * _MEGA:
+            reserve = self.parameters["disk_reserve"]
+            self._end(f"the disk has {free / _MEGA:.0f} MB left, disk_reserve is {reserve:g} MB", Bag.close)
+
+    def _end(self, reason: str, way) -> None:
+        """Ends the bag by itself; Bag.close or Bag.abandon is the way."""
+        bag, self.bag = self.bag, None
+        try:
+            self._close(bag, way)
+            kept = f"{bag.messages} messages are kept in {bag.folder}"
+        except OSError as error:
+            kept = f"{bag.folder} could not be ended ({error.strerror}): haptic recover {bag.folder}"
+        self.stopped = f"recording stopped: {reason}; {kept}"
+        self.get_logger().error(self.stopped)
+
+    def _close(self, bag: Bag, way) -> None:
+        way(bag, {"namespace": self.get_namespace(), **trial_of(self.parameters), **self._losses()})
         for track in self.tracks.values():
             track.restart()
-        self.get_logger().info(f"{bag.messages} messages in {bag.folder}")
 
     def _losses(self) -> dict[str, str]:
         return {f"lost {topic}": track.losses for topic, track in self.tracks.items() if track.channel}
 
+    def _on_parameters(self, values: dict) -> None:
+        trial_of(values)
+        self.parameters = values
+
+    def _on_answer(self, node: str, values: dict) -> None:
+        """Attaches a node's parameters, and the files that they name."""
+        made = {f"parameters/{node}.yaml": parameter_file(self.get_namespace(), node, values), **files_of(values)}
+        self._made |= made
+        self._fresh |= made
+
+    def _attach_fresh(self) -> None:
+        fresh, self._fresh = self._fresh, {}
+        for name, content in fresh.items() if self.bag else ():
+            self.bag.attach(name, YAML, content, time.time_ns())
+
+    def _on_mark(self, request, response):
+        """A numbered marker, for buttons; texts come by the topic."""
+        self._marks += 1
+        response.success, response.message = self.bag is not None, f"mark {self._marks}"
+        if self.bag is None:
+            response.message = self.stopped or "not recording"
+        else:
+            self._mark.publish(String(data=f"mark {self._marks}"))
+        return response
+
     def _report(self) -> None:
-        level = "warn" if any(track.lost and track.publishers <= 1 for track in self.tracks.values()) else "ok"
-        state = f"recording to {self.bag.folder}" if self.bag else "not recording"
-        values = {"messages": self.bag.messages if self.bag else 0, **self._losses()}
+        lossy = any(track.lost and track.publishers <= 1 for track in self.tracks.values())
+        level = "error" if self.stopped else "warn" if lossy else "ok"
+        state = f"recording to {self.bag.folder}" if self.bag else self.stopped or "not recording"
+        values = {
+            "messages": self.bag.messages if self.bag else 0,
+            "cpu_s": f"{time.process_time():.3f}",
+            "realtime": self._realtime,
+            **self._losses(),
+        }
         now = self.get_clock().now().nanoseconds
         self._diagnostics.publish(diagnostics(now, self.get_name(), "", level, state, values))
 
@@ -124,10 +231,10 @@ class Recorder(Node):
         for topic, type_names in self.get_topic_names_and_types():
             if not topic.startswith(prefix) and topic not in self.tracks:
                 continue
-            publishers = self.get_publishers_info_by_topic(topic)
             if topic in self.tracks:
-                self.tracks[topic].publishers = max(self.tracks[topic].publishers, len(publishers))
-            elif publishers and topic not in self._unknown:
+                track = self.tracks[topic]
+                track.publishers = max(track.publishers, self.count_publishers(topic))
+            elif topic not in self._unknown and (publishers := self.get_publishers_info_by_topic(topic)):
                 self._join_discovered(topic, type_names[0], publishers)
 
     def _join_discovered(self, topic: str, type_name: str, publishers: list) -> None:
@@ -137,8 +244,8 @@ class Recorder(Node):
             self._unknown.add(topic)
             self.get_logger().warning(f"topic {topic} is not recorded: its type {type_name} is not installed ({error})")
 
-    def _take(self, track: Track) -> None:
-        for sample in track.tap.take():
+    def _take(self, track: Track, most: int | None = None) -> None:
+        for sample in islice(track.tap.take(), most):
             if self.bag is None or track.tap.topic in self._unknown:
                 continue
             track.channel = track.channel or self._channel(track)
@@ -166,9 +273,15 @@ def _record_until_told(node: Recorder, told: list) -> None:
         node.trigger_configure()
         if node.trigger_activate() != TransitionCallbackReturn.SUCCESS:
             raise ValueError("haptic_recorder could not start recording; the reason stands above")
+    next_spin = 0.0
     while not told:
         node.look()
-        executor.spin_once(timeout_sec=node.parameters["look_period"])
+        if node.stopped and node.parameters["autostart"]:
+            raise ValueError(node.stopped)
+        time.sleep(node.parameters["look_period"])
+        if time.monotonic() > next_spin:  # services and timers; each look at them costs as much as fifty messages
+            next_spin = time.monotonic() + _SPIN_PERIOD
+            executor.spin_once(timeout_sec=0.0)
 
 
 def main(args: list[str] | None = None) -> int:
@@ -177,8 +290,9 @@ def main(args: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, frame: told.append(received))
     try:
-        begin_ros(args)
-        node = Recorder()
+        with own_port():
+            begin_ros(args)
+            node = Recorder()
         _record_until_told(node, told)
         node.finish()
     except (ValueError, OSError) as error:

@@ -2,14 +2,18 @@
 """What the driver tells the world, by a thread of its own: encoder, motor, wrench, pose and the trace."""
 
 import threading
+import time
 
 import numpy as np
 from rclpy.duration import Duration
 
+from haptic_device.law.servo import SETTINGS, TICK
 from haptic_device.node import wire
 from haptic_device.runtime import clock
+from haptic_device.runtime.recompute import SNAPSHOT
 
 TRACE_PERIOD = 10_000_000  # [ns] between trace blocks
+SNAPSHOT_PERIOD = 1_000_000_000  # [ns] between snapshots of settings and memory, where nothing has changed
 ACKNOWLEDGED = 1.0  # [s] that readers of the trace get for its last rows
 MOST_ROWS = 256  # a block's size limit; more wait for the next
 FRESH_ENOUGH = 400  # ticks after which the statistics are computed anew
@@ -29,10 +33,15 @@ class Telemetry:
         self._wrench = node.create_publisher(wire.WrenchStamped, "wrench", wire.STREAM)
         self._pose = node.create_publisher(wire.PoseStamped, "pose", wire.STREAM)
         self._trace = node.create_publisher(wire.PointCloud2, "trace", wire.TRACE)
+        self._snapshot = node.create_publisher(wire.PointCloud2, "snapshot", wire.STATE)
+        self._trace_layout, self._snapshot_layout = wire.CloudLayout(TICK, FRAME), wire.CloudLayout(SNAPSHOT, FRAME)
+        self._version, self._snapshot_due, self.cpu = -1, 0, 0.0
         self._node, self._stopped, self._scratch = node, False, clock.scratch()
         self._recent = np.zeros((WINDOW, 4))  # lateness, compute, age, write delay [s] of the last ticks
         self._judged, self._judged_at = np.full((4, 4), np.nan), -FRESH_ENOUGH
         self._ticks, self._latched, self._position = 0, 0.0, np.zeros(3)
+        self._row, self._settings = np.zeros(1, TICK), np.zeros(1, SETTINGS)
+        self._wrench_layout, self._pose_layout = wire.StampedLayout(6, FRAME), wire.StampedLayout(7, FRAME)
         self._thread = threading.Thread(target=self._run, name="telemetry")
         self._thread.start()
 
@@ -41,7 +50,7 @@ class Telemetry:
         self._stopped = True
         self._thread.join()
         self._trace.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED))  # else the last rows go with the publisher
-        for publisher in (self._encoder, self._motor, self._wrench, self._pose, self._trace):
+        for publisher in (self._encoder, self._motor, self._wrench, self._pose, self._trace, self._snapshot):
             self._node.destroy_publisher(publisher)
 
     def percentiles(self):
@@ -61,39 +70,50 @@ class Telemetry:
             for i, act in enumerate(acts):
                 if now >= due[i]:
                     due[i] = max(due[i] + periods[i], now - periods[i])
-                    act(self._servo.row.get()[0], now)
+                    act(now)
+            self.cpu = time.thread_time()
             clock.sleep_until(min(due), self._scratch)
-        self._publish_trace(None, int(clock.now_ns(self._scratch)))
+        self._publish_trace(int(clock.now_ns(self._scratch)))
 
-    def _stamp(self, row, now):
-        """ROS time [ns] at which the row's sample was latched."""
-        return int(clock.read_clock(clock.REALTIME, self._scratch)) - now + int(row.deadline)
+    def _stamp(self, deadline):
+        """ROS time [ns] of a deadline [ns of CLOCK_MONOTONIC]; both clocks are read at once."""
+        now = int(clock.read_clock(clock.REALTIME, self._scratch))
+        return now - int(clock.now_ns(self._scratch)) + int(deadline)
 
-    def _publish_axes(self, row, now):
+    def _look(self):
+        """The newest row and settings; False before the first tick."""
+        self._servo.row.read(self._row)
+        self._servo.settings.read(self._settings)
+        return self._row["deadline"][0] > 0.0
+
+    def _publish_axes(self, now):
         """Encoder and motor in the device's own units."""
-        if not row.deadline:
+        if not self._look():
             return
-        n, position = len(self._device.axes), self._device_position(row)
-        elapsed = (row.latched - self._latched) * 1e-9
+        n, position, latched = len(self._device.axes), self._device_position(), self._row["latched"][0]
+        elapsed = (latched - self._latched) * 1e-9
         velocity = (position - self._position) / elapsed if elapsed > 0.0 else np.zeros(3)
-        self._latched, self._position = row.latched, position
-        stamp, none = self._stamp(row, now), np.zeros(n)
+        self._latched, self._position = latched, position
+        stamp, none = self._stamp(self._row["deadline"][0]), np.zeros(n)
+        motor, force = self._row["motor"][0], self._row["force_on_handle"][0]
         self._encoder.publish(self._layout.pack(stamp, position[:n], velocity[:n], none))
-        self._motor.publish(self._layout.pack(stamp, row.motor[:n], none, row.force_on_handle[:n]))
+        self._motor.publish(self._layout.pack(stamp, motor[:n], none, force[:n]))
 
-    def _device_position(self, row):
-        settings = self._servo.settings.get()[0]
-        return row.counts * settings.position_per_count - settings.zero
+    def _device_position(self):
+        settings = self._settings
+        return self._row["counts"][0] * settings["position_per_count"][0] - settings["zero"][0]
 
-    def _publish_pose(self, row, now):
+    def _publish_pose(self, now):
         """The operator's side: handle on the device, and the force the motor holds there."""
-        if row.deadline:
-            stamp = self._stamp(row, now)
-            self._wrench.publish(wire.wrench(stamp, FRAME, row.force_on_handle))
-            self._pose.publish(wire.pose(stamp, FRAME, self._device_position(row)))
+        if self._look():
+            stamp = self._stamp(self._row["deadline"][0])
+            force = wire.wrench_numbers(self._row["force_on_handle"][0])
+            self._wrench.publish(self._wrench_layout.pack(stamp, force))
+            self._pose.publish(self._pose_layout.pack(stamp, wire.pose_numbers(self._device_position())))
 
-    def _publish_trace(self, row, now):
+    def _publish_trace(self, now):
         """Everything that waits in the ring, in blocks; stops at one that is not full, for rows never stop coming."""
+        self._publish_snapshot(now)
         count = MOST_ROWS
         while count == MOST_ROWS:
             rows = self._servo.ring.take(MOST_ROWS)
@@ -101,7 +121,19 @@ class Telemetry:
             if count:
                 self._remember(rows)
             if count and self._values["publish.trace"]:
-                self._trace.publish(wire.trace_cloud(self._stamp(rows[0].view(np.recarray), now), FRAME, rows))
+                self._trace.publish(self._trace_layout.pack(self._stamp(rows["deadline"][0]), rows))
+
+    def _publish_snapshot(self, now):
+        """Settings and memory, each second and whenever the settings are new."""
+        self._servo.settings.read(self._settings)
+        version = int(self._settings["version"][0])
+        if not self._values["publish.trace"] or (version == self._version and now < self._snapshot_due):
+            return
+        snapshot = self._servo.snapshot()
+        if snapshot is not None:
+            self._version, self._snapshot_due = version, now + SNAPSHOT_PERIOD
+            stamp = int(clock.read_clock(clock.REALTIME, self._scratch))
+            self._snapshot.publish(self._snapshot_layout.pack(stamp, snapshot))
 
     def _remember(self, rows):
         index = np.arange(self._ticks, self._ticks + len(rows)) % WINDOW

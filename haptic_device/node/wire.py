@@ -5,6 +5,7 @@ A JointState whose names and frame never change has bytes of one size in which o
 keeps that template, so that a sample is written and read by offsets, and foreign bytes are told at once.
 """
 
+import math
 import struct
 from typing import NamedTuple
 
@@ -14,10 +15,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState, PointCloud2, PointField
+from std_msgs.msg import String
 
 from haptic_device.law import exchange
 
-__all__ = ["DiagnosticArray", "JointLayout", "JointState", "PointCloud2", "PoseStamped", "WrenchStamped"]
+__all__ = [
+    "CloudLayout", "DiagnosticArray", "JointLayout", "JointState", "PointCloud2", "PoseStamped", "StampedLayout",
+    "String", "WrenchStamped",
+]  # fmt: skip
 
 AXES = ("x", "y", "theta")
 LATEST = QoSProfile(
@@ -37,6 +42,12 @@ TRACE = QoSProfile(
     durability=DurabilityPolicy.VOLATILE,
     history=HistoryPolicy.KEEP_LAST,
     depth=100,
+)
+STATE = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
 )
 LEVELS = {"ok": DiagnosticStatus.OK, "warn": DiagnosticStatus.WARN, "error": DiagnosticStatus.ERROR}
 
@@ -76,19 +87,27 @@ class JointLayout:
         self.template = bytes(head.data)
         self.size = len(head.data)
         self.fixed = np.frombuffer(bytes(head.mask), np.uint8)  # 1 where a byte never varies, padding is the sender's
-        self._fixed_bytes = np.frombuffer(self.template, np.uint8) * self.fixed
+        self._mask = int.from_bytes(bytes(0xFF * self.fixed), "little")
+        self._known = int.from_bytes(self.template, "little") & self._mask
+        self._reals = struct.Struct(f"<{self.count}d")
 
     def matches(self, data):
         """Whether these bytes have exactly this layout."""
-        return len(data) == self.size and np.array_equal(np.frombuffer(data, np.uint8) * self.fixed, self._fixed_bytes)
+        return len(data) == self.size and int.from_bytes(data, "little") & self._mask == self._known
 
     def pack(self, stamp_ns, position, velocity, effort):
         """Bytes of one message; each array of length count."""
         data = bytearray(self.template)
         struct.pack_into("<iI", data, 4, stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000)
         for offset, numbers in zip(self.offsets, (position, velocity, effort), strict=True):
-            data[offset : offset + 8 * self.count] = np.asarray(numbers, "<f8").tobytes()
+            self._reals.pack_into(data, offset, *numbers)
         return bytes(data)
+
+    def numbers(self, data):
+        """Stamp [ns], positions, velocities and efforts of bytes that match, as tuples: quicker than unpack if few."""
+        seconds, nanoseconds = struct.unpack_from("<iI", data, 4)
+        blocks = (self._reals.unpack_from(data, offset) for offset in self.offsets)
+        return seconds * 1_000_000_000 + nanoseconds, *blocks
 
     def unpack(self, data):
         """JointSample of bytes that match."""
@@ -117,6 +136,7 @@ class _Template:
     def word(self, value):
         self.align(4)
         self.fixed(struct.pack("<I", value))
+        return len(self.data) - 4
 
     def text(self, value):
         encoded = value.encode() + b"\0"
@@ -143,49 +163,76 @@ def to_time(stamp_ns):
     return Time(sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000)
 
 
-def trace_cloud(stamp_ns, frame_id, rows):
-    """PointCloud2 of servo ticks: one point a row, one FLOAT64 field a column."""
-    fields = []
-    for name in rows.dtype.names:
-        kind, offset = rows.dtype.fields[name][:2]
-        fields.append(PointField(name=name, offset=offset, datatype=PointField.FLOAT64, count=kind.itemsize // 8))
-    cloud = PointCloud2(height=1, width=len(rows), fields=fields, point_step=rows.dtype.itemsize, is_dense=True)
-    cloud.header.stamp, cloud.header.frame_id = to_time(stamp_ns), frame_id
-    cloud.row_step = rows.nbytes
-    cloud._data = _bytes_array(rows)
-    return cloud
+class CloudLayout:
+    """Bytes (CDR, little endian) of a PointCloud2 of records: one point a record, one FLOAT64 field a column."""
+
+    def __init__(self, dtype, frame_id=""):
+        head, self._step = _Template(), dtype.itemsize
+        head.varying(8)
+        head.text(frame_id)
+        head.word(1)  # height
+        self._width = head.word(0)
+        head.word(len(dtype.names))
+        for name in dtype.names:
+            kind, offset = dtype.fields[name][:2]
+            head.text(name)
+            head.word(offset)
+            head.fixed(bytes([PointField.FLOAT64]))
+            head.word(kind.itemsize // 8)
+        head.fixed(b"\0")  # is_bigendian
+        head.word(dtype.itemsize)
+        self._row_step = head.word(0)
+        self._size = head.word(0)
+        self._head = bytes(head.data)
+
+    def pack(self, stamp_ns, records):
+        """Bytes of one message."""
+        data = bytearray(self._head)
+        struct.pack_into("<iI", data, 4, stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000)
+        struct.pack_into("<I", data, self._width, len(records))
+        for place in (self._row_step, self._size):
+            struct.pack_into("<I", data, place, records.nbytes)
+        return b"".join((data, records.tobytes(), b"\1"))  # is_dense
 
 
-def _bytes_array(rows):
-    import array
+class StampedLayout:
+    """Bytes (CDR, little endian) of a message that is a header and then so many float64: WrenchStamped, PoseStamped."""
 
-    data = array.array("B")
-    data.frombytes(rows.tobytes())
-    return data
+    def __init__(self, count, frame_id=""):
+        head = _Template()
+        head.varying(8)
+        head.text(frame_id)
+        head.align(8)
+        self._head, self._numbers = bytes(head.data), struct.Struct(f"<{count}d")
+
+    def pack(self, stamp_ns, numbers):
+        """Bytes of one message."""
+        stamp = struct.pack("<iI", stamp_ns // 1_000_000_000, stamp_ns % 1_000_000_000)
+        return b"".join((self._head[:4], stamp, self._head[12:], self._numbers.pack(*numbers)))
 
 
-def wrench(stamp_ns, frame_id, force):
-    """WrenchStamped of a planar (f_x, f_y, torque)."""
-    message = WrenchStamped()
-    message.header.stamp, message.header.frame_id = to_time(stamp_ns), frame_id
-    message.wrench.force.x, message.wrench.force.y, message.wrench.torque.z = (float(value) for value in force)
-    return message
+def wrench_numbers(force):
+    """The numbers of a WrenchStamped of a planar (f_x, f_y, torque)."""
+    return force[0], force[1], 0.0, 0.0, 0.0, force[2]
 
 
-def pose(stamp_ns, frame_id, position):
-    """PoseStamped of a planar (x, y, theta)."""
-    message = PoseStamped()
-    message.header.stamp, message.header.frame_id = to_time(stamp_ns), frame_id
-    message.pose.position.x, message.pose.position.y = float(position[0]), float(position[1])
+def pose_numbers(position):
+    """The numbers of a PoseStamped of a planar (x, y, theta)."""
     half = float(position[2]) / 2
-    message.pose.orientation.z, message.pose.orientation.w = float(np.sin(half)), float(np.cos(half))
-    return message
+    return position[0], position[1], 0.0, 0.0, 0.0, math.sin(half), math.cos(half)
 
 
-def diagnostics(stamp_ns, name, hardware_id, level, message, values):
-    """DiagnosticArray with one status; level `ok`, `warn` or `error`; values {name: anything}."""
-    entries = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
-    status = DiagnosticStatus(level=LEVELS[level], name=name, message=message, hardware_id=hardware_id, values=entries)
-    array_message = DiagnosticArray(status=[status])
+def diagnostics(stamp_ns, name, hardware_id, level, message, values, figures=()):
+    """DiagnosticArray with a node's status and those of its figures, (name, level, message, values) each.
+
+    level: `ok`, `warn` or `error`; values {name: anything}.
+    """
+    statuses = [_status(hardware_id, *status) for status in ((name, level, message, values), *figures)]
+    array_message = DiagnosticArray(status=statuses)
     array_message.header.stamp = to_time(stamp_ns)
     return array_message
+
+
+def _status(hardware_id, name, level, message, values):
+    entries = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+    return DiagnosticStatus(level=LEVELS[level], name=name, message=message, hardware_id=hardware_id, values=entries)

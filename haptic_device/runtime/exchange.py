@@ -22,6 +22,7 @@ GAINS = np.dtype([(name, "f8") for name in exchange.TAIL[exchange.GAIN_0 : excha
 STATE = np.dtype(
     [(name, "f8") for name in ("session", "sequence", "method", "axes", "peer_session", "peer_answered")]
     + [("peer_accepted", "i8"), ("clock_offset", "i8"), ("sent", "i8", (REMEMBERED,))]
+    + [("composed", "i8", (REMEMBERED,)), ("turns", "i8"), ("round_trip", "i8", (REMEMBERED,))]
 )
 
 
@@ -76,10 +77,11 @@ def compose_handle(frame, state, row, gains, scratch):
     axes, position, velocity, effort = int(state.axes), frame.first[0], frame.first[1], frame.first[2]
     state.sequence += 1.0
     state.sent[int(state.sequence) % REMEMBERED] = np.int64(row.deadline)
+    state.composed[int(state.sequence) % REMEMBERED] = clock.now_ns(scratch)
     for i in range(axes):
         frame.reals[position + i] = row.position[i]
         frame.reals[velocity + i] = row.velocity[i]
-        frame.reals[effort + i] = row.force_coupling[i]
+        frame.reals[effort + i] = row.exchange_effort[i]
     tail = frame.reals[position + axes : position + frame.count]
     tail[exchange.LAYOUT], tail[exchange.SESSION], tail[exchange.SEQUENCE] = (
         exchange.LAYOUT_VERSION, state.session, state.sequence
@@ -126,6 +128,8 @@ def take_in(frame, size, state, watch, gains, tool, tool_mail, now):
         record.velocity[i] = frame.received[velocity + i]
         record.effort[i] = frame.received[effort + i]
     state.peer_session, state.peer_answered, state.peer_accepted = record.session, record.answered, now
+    state.round_trip[state.turns % REMEMBERED] = now - state.composed[int(record.answered) % REMEMBERED]
+    state.turns += 1
     atomic.publish(tool_mail, 0, mailbox.FIRST, tool.view(np.int64))
     return verdict
 

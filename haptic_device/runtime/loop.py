@@ -11,7 +11,7 @@ from haptic_device.kernel import kernel
 from haptic_device.law import engage, servo
 from haptic_device.runtime import atomic, clock, link, loopback, mailbox
 
-STOP, COMMAND, RUNNING, LATE_DEVICE, TORN, CONTROLS = 0, 1, 2, 3, 4, 8  # words of control
+STOP, COMMAND, RUNNING, LATE_DEVICE, TORN, ATTENDED, CONTROLS = 0, 1, 2, 3, 4, 5, 8  # words of control
 
 # what the servo takes of the tool sample that counts now; the exchange writes it
 TOOL = np.dtype(
@@ -55,6 +55,7 @@ def run_realtime(
     deadline = clock.now_ns(scratch) + period
     write(memory_of_link, deadline - period, deadline, period, 0, zero)
     fresh = np.int64(1)
+    atomic.store(control, ATTENDED, deadline)
     atomic.store(control, RUNNING, 1)
     while atomic.load(control, STOP) == 0:
         clock.sleep_until(deadline, scratch)
@@ -71,7 +72,7 @@ def run_realtime(
         row.tick, row.deadline, row.missed, row.compute = number, deadline, missed, compute
         row.write_delay = delay
         row.lateness = (woke - deadline + late * period) * 1e-9
-        row.command = atomic.load(control, COMMAND)
+        row.command = _command(control, settings[0].unattended, deadline)
         fill_inputs(row, settings[0], tool[0], sample, fresh)
         servo.tick(settings[0], memory[0], row)
         motor[:] = row.motor
@@ -93,6 +94,14 @@ def run_realtime(
 def realtime():
     """run_realtime compiled for links given as function pointers: any link runs the same cached machine code."""
     return kernel(_REALTIME)(run_realtime)
+
+
+@kernel
+def _command(control, unattended, now):
+    """The command word; UNATTENDED is added where nobody has said for `unattended` [s] that he is there (0: never)."""
+    word = atomic.load(control, COMMAND)
+    alone = unattended > 0.0 and now - atomic.load(control, ATTENDED) > unattended * 1e9
+    return word | engage.UNATTENDED if alone else word
 
 
 @kernel

@@ -28,9 +28,15 @@ class Mailbox:
         While its writer does not leave it alone, the one of the last call.
         """
         record = np.zeros(1, self.dtype)
+        self.read(record)
+        return record.view(np.recarray)
+
+    def read(self, record):
+        """As get, into an array of one; for who reads a thousand times a second."""
         if atomic.collect(self.words, 0, FIRST, record.view(np.int64)) >= 0:
-            self._whole = record
-        return self._whole.copy().view(np.recarray)
+            self._whole[:] = record
+        else:
+            record[:] = self._whole
 
 
 class Ring:
@@ -48,8 +54,9 @@ class Ring:
         """Up to `most` of the oldest rows, copied."""
         tail = int(self.words[TAIL])
         count = min(int(atomic_head(self.words)) - tail, most)
-        index = np.arange(tail, tail + count) % self.size
-        rows = self.rows[index]
+        begin = tail % self.size
+        to_end = min(count, self.size - begin)
+        rows = np.concatenate([self.rows[begin : begin + to_end], self.rows[: count - to_end]])
         release_tail(self.words, tail + count)
         return rows
 

@@ -2,11 +2,12 @@
 """The servo in its thread, and the memory through which everybody else meets it."""
 
 import threading
+import time
 
 import numpy as np
 
 from haptic_device.law import engage, servo
-from haptic_device.runtime import clock, link, loop
+from haptic_device.runtime import clock, link, loop, recompute
 from haptic_device.runtime.exchange import GAINS
 from haptic_device.runtime.mailbox import Mailbox, Ring
 
@@ -14,6 +15,7 @@ PRIORITY = 80
 RING_ROWS = 16384  # 1.6 s at 10 kHz
 LOOK_UP = 0.01  # [s] between looks for the device
 SECOND = 1_000_000_000
+SNAPSHOT_ATTEMPTS = 10
 
 
 class ServoThread:
@@ -28,9 +30,11 @@ class ServoThread:
         self.settings, self.gains = Mailbox(servo.SETTINGS), Mailbox(GAINS)
         self.tool, self.row, self.ring = Mailbox(loop.TOOL), Mailbox(servo.TICK), Ring(servo.TICK, RING_ROWS)
         self.control = np.zeros(loop.CONTROLS, np.int64)
+        self._memory = np.zeros(1, servo.MEMORY)
         self.realtime, self._refused, self._ready = "", None, threading.Event()
         self._resets, self._zero = 0, settings["zero"].copy()
         self.set(settings)
+        self.snapshot()  # compiled now: compiling holds the interpreter, which would disturb a running exchange
         self._thread = threading.Thread(target=self._run, name="servo")
 
     def start(self):
@@ -63,10 +67,26 @@ class ServoThread:
         self.control[loop.COMMAND] = (self.command | set_flags) & ~clear_flags
         return self.command
 
+    def attend(self):
+        """Says that somebody is there who hears an e-stop: the servo goes on alone for fault.unattended only."""
+        self.control[loop.ATTENDED] = time.monotonic_ns()
+
     def reset(self):
         """Clears the latched fault, and what commands the handle: a new enable is needed."""
         self._resets += 1
         self.control[loop.COMMAND] = self._resets * engage.RESET + (self.command & engage.CLUTCH)
+
+    def snapshot(self):
+        """SNAPSHOT record of a tick just done, while the servo runs on; None if none could be had between two."""
+        row, memory, scratch = np.zeros(1, servo.TICK), np.zeros(1, servo.MEMORY), clock.scratch()
+        for _ in range(SNAPSHOT_ATTEMPTS):
+            settings = self.settings.get()[0]
+            period = round(settings.period * SECOND)
+            if not recompute.capture(self.row.words, row, self._memory, memory, period, scratch):
+                continue
+            if row["parameter_version"][0] == settings.version:
+                return recompute.snapshot_of(row["tick"][0], settings, memory[0])
+        return None
 
     def _run(self):
         try:
@@ -83,10 +103,10 @@ class ServoThread:
             threading.Event().wait(LOOK_UP)
         self._take_home()
         settings = self.settings.get().view(np.ndarray).view(servo.SETTINGS)
-        memory, tool = np.zeros(1, servo.MEMORY), np.zeros(1, loop.TOOL)
+        tool = np.zeros(1, loop.TOOL)
         run(
             self.link.read, self.link.write, self.link.memory, self.control, self.settings.words, self.tool.words,
-            self.row.words, self.ring.words, settings, memory, self.ring.rows, tool,
+            self.row.words, self.ring.words, settings, self._memory, self.ring.rows, tool,
         )  # fmt: skip
 
     def _take_home(self):

@@ -15,11 +15,21 @@ from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import NodeDiedError, Nodes, Program, interruptible
 
 INTERRUPTED = 130
+FAR = {"handle": "far_handle", "tool": "far_tool"}  # what a simulation behind a relay hears and says
+_DELAY = "Round trip added between driver and simulation by a relay [ms]."
 _SECONDS = "Length from the first motor command on; without it the run ends with the operator's motion."
 
 
+class Relay(NamedTuple):
+    """A bad network between driver and simulation: delay and jitter of the round trip [s], share lost either way."""
+
+    delay: float = 0.0
+    jitter: float = 0.0
+    loss: float = 0.0
+
+
 class Order(NamedTuple):
-    """What is to be run."""
+    """What is to be run; `given` goes before what scene and operating point say: {node: {parameter: value}}."""
 
     scene: str
     seconds: float | None
@@ -27,6 +37,8 @@ class Order(NamedTuple):
     exchange: str | None
     rate: float | None
     params: Path
+    relay: Relay | None = None
+    given: dict[str, dict] = {}
 
 
 def demo(
@@ -37,12 +49,17 @@ def demo(
     exchange: Annotated[str | None, typer.Option(help="Exchange method between driver and simulation.")] = None,
     rate: Annotated[float | None, typer.Option(help="Servo rate [Hz].")] = None,
     params: Annotated[str, typer.Option(help="Operating point: a name in config or a YAML file.")] = "demo",
+    delay: Annotated[float, typer.Option(min=0.0, max=2000.0, help=_DELAY)] = 0.0,
+    jitter: Annotated[float, typer.Option(min=0.0, max=2000.0, help="Uniform ± of that round trip [ms].")] = 0.0,
+    loss: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of the messages lost, either way.")] = 0.0,
 ) -> None:
     """Run loopback device, driver, simulation and recorder on a scene. Exit code 0 only if the job was done."""
     started = time.monotonic() - (time.time() - psutil.Process().create_time())
     try:
         with interruptible():
-            done = run(_order(scene, seconds, out, exchange, rate, params), started, json)
+            order = _order(scene, seconds, out, exchange, rate, params)
+            relay = Relay(delay * 1e-3, jitter * 1e-3, loss)
+            done = run(order._replace(relay=relay if any(relay) else None), started, json)
     except KeyboardInterrupt:
         print("haptic demo: interrupted; all nodes have ended", file=sys.stderr, flush=True)
         os._exit(INTERRUPTED)  # an interrupt that struck inside exec() would otherwise end python by SIGINT
@@ -51,7 +68,7 @@ def demo(
 
 def run(order: Order, started: float, as_json: bool) -> bool:
     """Runs the order, reports, and says whether the job was done."""
-    programs, ended, found, wrong = _programs(order), False, {}, []
+    programs, ended, found, wrong = programs_of(order), False, {}, []
     try:
         ended = _play(order, programs)
         found = _evaluate(order, started)
@@ -70,7 +87,7 @@ def _order(scene, seconds, out, exchange, rate, params) -> Order:
     return Order(scene, seconds, out.absolute(), exchange, rate, find("", params).absolute())
 
 
-def _programs(order: Order) -> list[Program]:
+def programs_of(order: Order) -> list[Program]:
     """The four nodes in the order of their start; they are stopped in the reverse order, the recorder last."""
     from haptic_device.parameter import read_operating_point
     from haptic_device.share import find
@@ -84,10 +101,18 @@ def _programs(order: Order) -> list[Program]:
     given = {
         "haptic_recorder": {"bag": str(order.out / "bag")},
         "haptic_loopback": motion,
-        "haptic_simulation": {"scene": str(scene)},
-        "haptic_driver": {name: value for name, value in driver.items() if value is not None},
+        "haptic_simulation": {"scene": str(scene), "exchange.method": order.exchange},
+        **({"haptic_relay": order.relay._asdict()} if order.relay else {}),
+        "haptic_driver": driver,
     }
-    return [_program(name, values, NODES[name], order.params) for name, values in given.items()]
+    given = {name: _stated(values) | order.given.get(name, {}) for name, values in given.items()}
+    programs = [_program(name, values, NODES[name], order.params) for name, values in given.items()]
+    far = FAR if order.relay else {}
+    return [program._replace(renamed=far if program.name == "haptic_simulation" else {}) for program in programs]
+
+
+def _stated(values: dict) -> dict:
+    return {name: value for name, value in values.items() if value is not None}
 
 
 _MODULES = {
@@ -95,6 +120,7 @@ _MODULES = {
     "haptic_loopback": "haptic_device.node.loopback",
     "haptic_simulation": "haptic_sim.node.simulation",
     "haptic_driver": "haptic_device.node.driver",
+    "haptic_relay": "haptic_sim.node.relay",
 }
 
 
@@ -110,11 +136,16 @@ def _program(name: str, values: dict, declared: tuple, operating_point: Path) ->
     return Program(name, _MODULES[name], values, (operating_point,))
 
 
+def play(order: Order) -> bool:
+    """Starts the nodes of the order, follows them to the end of the run, stops them. True if the run ended as asked."""
+    return _play(order, programs_of(order))
+
+
 def _play(order: Order, programs: list[Program]) -> bool:
-    """Starts the nodes, follows them to the end of the run, stops them. True if the run ended as asked."""
     with isolated_domain(order.out / "log") as domain, Nodes(order.out / "log") as nodes:
         for program in programs:
             nodes.start(program)
+        print(f"haptic demo: haptic status --domain {domain} shows more; space is the e-stop", file=sys.stderr)
         from haptic_sim.cli.follow import follow  # ROS is imported while the nodes start
 
         return follow(order.seconds, domain, nodes.check)
@@ -136,11 +167,12 @@ def _evaluate(order: Order, started: float) -> dict:
 
 
 def _conclude(order: Order, found: dict, ended: bool, wrong: list[str], as_json: bool) -> bool:
-    from haptic_sim.cli.outcome import job_done, nothing, print_table
+    from haptic_sim.cli.outcome import ANSWERED, job_done, nothing, print_table
 
     bag = order.out / "bag"
     found = nothing() | found
     found["faults"] = found["faults"] + wrong
-    found = {"scene": order.scene, "done": job_done(found, ended), **found, "bag": str(bag) if bag.exists() else None}
+    done = job_done(found, ended, 0.0 if order.relay else ANSWERED)
+    found = {"scene": order.scene, "done": done, **found, "bag": str(bag) if bag.exists() else None}
     print(json_text.dumps(found)) if as_json else print_table(found)
     return found["done"]

@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
+from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.live import Live
 
 START_LIMIT = 60.0  # s until the first motor command; the very first start compiles the kernels
@@ -20,7 +21,8 @@ def follow(seconds: float | None, domain: int, check: Callable[[], None]) -> boo
 
     True if that came within its limits. `check` is called at each look and may raise.
     """
-    with contextlib.closing(Live(domain)) as live, _display() as show:
+    with contextlib.closing(Live(domain)) as live, keys() as pressed, _display() as show:
+        check = _stopping(live, pressed, check)
         began = _wait(lambda: live.motor_commanded, START_LIMIT, live, check, show)
         if began is None:
             raise ValueError(f"no motor command came within {START_LIMIT:.0f} s; {_reason(live)}")
@@ -30,6 +32,17 @@ def follow(seconds: float | None, domain: int, check: Callable[[], None]) -> boo
         ended = _wait(lambda: live.motion_done, MOTION_LIMIT, live, check, show)
         _wait(lambda: False, AFTER_MOTION, live, check, show)
         return ended is not None
+
+
+def _stopping(live: Live, pressed: Callable[[], str], check: Callable[[], None]) -> Callable[[], None]:
+    """The check of each look, which now hears the space key too: it is the e-stop."""
+
+    def look_at_keys() -> None:
+        check()
+        if pressed() == ESTOP:
+            print(f"e-stop: {live.commands.call('estop')[1]}", file=sys.stderr, flush=True)
+
+    return look_at_keys
 
 
 def _wait(condition: Callable[[], bool], limit: float, live: Live, check, show) -> float | None:

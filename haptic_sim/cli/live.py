@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the running nodes say, looked at a few times a second: the loopback's truth and everyone's diagnostics."""
 
+import time
+
 import rclpy
 from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 
-from haptic_device.analysis.bagfile import Raw
-from haptic_device.analysis.recording import Status, diagnostics_of
-from haptic_device.node.tap import Sample, Tap
+from haptic_device.analysis.recording import Status, statuses_of
+from haptic_device.node.tap import Tap
 from haptic_device.node.wire import AXES, LATEST, STREAM, JointLayout, JointSample, truth_names
+from haptic_sim.cli.commands import Commands
 from haptic_sim.cli.processes import NAMESPACE
 
 _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
@@ -17,25 +19,30 @@ _DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 class Live:
     """A small node without an executor: `look` takes what waits, nothing wakes it in between."""
 
-    def __init__(self, domain: int):
+    def __init__(self, domain: int, name: str = "haptic_demo"):
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node("haptic_demo", namespace=NAMESPACE, context=self._context)
+        self._node = rclpy.create_node(name, namespace=NAMESPACE, context=self._context)
         self._truth = Tap(self._node, "operator/state", "sensor_msgs/msg/JointState", LATEST, raw=True)
         self._said = Tap(self._node, "/diagnostics", _DIAGNOSTICS, STREAM, raw=True)
         self._layouts = [JointLayout(truth_names(axes)) for axes in (1, 2, 3)]
         self.truth: dict[str, tuple[float, float, float]] = {}
         self.statuses: dict[str, Status] = {}
+        self.heard: dict[str, float] = {}
+        self.commands = Commands(self._node, self._context)
 
     def look(self) -> None:
-        """Brings `truth` (name: position, velocity, effort) and `statuses` (node: last status) up to date."""
+        """Brings `truth` (name: position, velocity, effort), `statuses` (name: last one) and `heard` [s] up to date."""
         if (sample := self._truth.latest()) is not None:
             self._read_truth(sample.message)
         for sample in self._said.take():
-            self.statuses |= {name: found[-1] for name, found in _statuses(sample).items()}
+            found = statuses_of(sample.message, sample.received)
+            self.statuses |= found
+            self.heard |= dict.fromkeys(found, time.monotonic())
 
     def close(self) -> None:
         """Leaves the network."""
+        self.commands.close()
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
 
@@ -66,7 +73,3 @@ class Live:
 
 def _by_name(layout: JointLayout, sample: JointSample) -> dict[str, tuple[float, float, float]]:
     return dict(zip(layout.names, zip(sample.position, sample.velocity, sample.effort, strict=True), strict=True))
-
-
-def _statuses(sample: Sample) -> dict[str, tuple[Status, ...]]:
-    return diagnostics_of(Raw(_DIAGNOSTICS, [sample.message], [sample.received], [sample.published], [sample.sequence]))

@@ -7,14 +7,24 @@ import sys
 import typer
 
 COMMANDS = {
+    "bench": "haptic_sim.cli.bench:group",
     "check": "haptic_sim.cli.check:check",
+    "chaos": "haptic_sim.cli.chaos:chaos",
+    "compare": "haptic_sim.cli.compare:compare",
     "demo": "haptic_sim.cli.demo:demo",
     "docs": "haptic_sim.cli.params_doc:docs",
     "identify": "haptic_sim.cli.identify:identify",
+    "mark": "haptic_sim.cli.mark:mark",
     "passivity": "haptic_sim.cli.passivity:passivity",
     "record": "haptic_sim.cli.record:record",
+    "recover": "haptic_sim.cli.recover:recover",
+    "replay": "haptic_sim.cli.replay:replay",
+    "report": "haptic_sim.cli.report:report",
+    "scenes": "haptic_sim.cli.scenes:scenes",
+    "status": "haptic_sim.cli.status:status",
     "zwidth": "haptic_sim.cli.zwidth:zwidth",
 }
+GROUPS = ("bench",)  # of subcommands
 ROS_MISSING = "ROS 2 Jazzy is missing: pip install '.[ros]' in the clone, or source an installed ROS 2 first"
 
 
@@ -38,7 +48,11 @@ def _application(wanted):
     app.callback(help="Haptic display of tool use: run it, check its files, compute its bounds.")(lambda: None)
     for name in set(wanted) & set(COMMANDS) or COMMANDS:
         module, function = COMMANDS[name].split(":")
-        app.command(name)(getattr(importlib.import_module(module), function))
+        found = getattr(importlib.import_module(module), function)
+        if name in GROUPS:
+            app.add_typer(found(), name=name)
+        else:
+            app.command(name)(found)
     return app
 
 

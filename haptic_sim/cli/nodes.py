@@ -4,4 +4,4 @@
 from haptic_device.node import declared as device
 from haptic_sim.node import declared as simulation
 
-NODES = {**device.NODES, "haptic_simulation": simulation.PARAMETERS}
+NODES = {**device.NODES, "haptic_simulation": simulation.PARAMETERS, "haptic_relay": simulation.RELAY}

@@ -45,13 +45,14 @@ def nothing() -> dict:
     return {"seconds": 0.0, **dict.fromkeys(_NOTHING), "residual": None, "result": {}, "faults": []}
 
 
-def job_done(found: dict, ended: bool) -> bool:
-    """Whether the job was done: no fault, and the peg in its hole, or else a run that `ended` as asked, answered."""
+def job_done(found: dict, ended: bool, share: float = ANSWERED) -> bool:
+    """Whether the job was done: no fault, and the peg in its hole, or else a run that `ended` as asked, with this share
+    of the handle samples answered."""
     if found["faults"] or not found["exchange"]:
         return False
     if "insertion_fraction" in found["result"]:
         return found["result"]["insertion_fraction"] >= INSERTED
-    return ended and found["exchange"]["answered"] >= ANSWERED * found["exchange"]["sent"] > 0
+    return ended and found["exchange"]["answered"] >= max(1, share * found["exchange"]["sent"])
 
 
 def print_table(found: dict) -> None:

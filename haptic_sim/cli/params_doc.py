@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic docs`: writes docs/parameters.md from the declarations, so that the table cannot disagree with the nodes."""
+"""`haptic docs`: writes docs/parameters.md and docs/faults.md from the code, so that they cannot disagree with it."""
 
 import math
 from pathlib import Path
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from haptic_device.law.fault import TABLE
 from haptic_device.parameter import Parameter
 from haptic_sim.cli.nodes import NODES
 
@@ -20,12 +21,35 @@ written as their type: `300.0`, not `300`, for a decimal number. `haptic check F
 COLUMNS = "| name | default | unit | allowed | live | meaning |\n|---|---|---|---|---|---|"
 
 
-def docs(out: Annotated[Path | None, typer.Option(help="File to write; standard output if not given.")] = None):
-    """Print the table of all parameters of all nodes as Markdown."""
+FAULTS = """# Faults
+
+Generated from `law/fault.py: TABLE` by `haptic docs --faults --out docs/faults.md`; do not edit.
+
+A fault is a latched reason why the motor is off. It stays until `~/reset`, whatever follows; then `~/enable` is needed.
+`test/test_driver.py` and `test/test_fault_live.py` provoke each on running nodes, `test/test_servo.py` tick by tick.
+
+| code | name | what latched it | what the motor does | how to clear it |
+|---|---|---|---|---|
+"""
+
+
+def docs(
+    out: Annotated[Path | None, typer.Option(help="File to write; standard output if not given.")] = None,
+    faults: Annotated[bool, typer.Option("--faults", help="The table of faults instead.")] = False,
+):
+    """Print the table of all parameters of all nodes, or of all faults, as Markdown."""
+    text = fault_table() if faults else markdown(NODES)
     if out is None:
-        typer.echo(markdown(NODES), nl=False)
+        typer.echo(text, nl=False)
     else:
-        out.write_text(markdown(NODES), encoding="utf-8")
+        out.write_text(text, encoding="utf-8")
+
+
+def fault_table() -> str:
+    """The document of the faults."""
+    return FAULTS + "".join(
+        f"| {fault.code} | `{fault.name}` | {fault.cause} | {fault.motor} | {fault.clear} |\n" for fault in TABLE
+    )
 
 
 def markdown(nodes: dict[str, tuple[Parameter, ...]]) -> str:

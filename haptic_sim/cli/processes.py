@@ -23,18 +23,21 @@ class NodeDiedError(RuntimeError):
 
 
 class Program(NamedTuple):
-    """A node to start: its executable's name, Python module, ROS parameters, files of more of them, namespace."""
+    """A node to start: its executable's name, Python module, ROS parameters, files of more of them, namespace, and
+    topics that it finds under other names."""
 
     name: str
     module: str
     parameters: dict = {}
     files: tuple[Path, ...] = ()
     namespace: str = NAMESPACE
+    renamed: dict[str, str] = {}
 
     def command(self) -> list[str]:
         """The command line that starts it."""
         given = [word for file in self.files for word in ("--params-file", str(file))]
         given += [word for key, value in self.parameters.items() for word in ("-p", f"{key}:={parameter_text(value)}")]
+        given += [word for old, new in self.renamed.items() for word in ("-r", f"{old}:={new}")]
         return [sys.executable, "-m", self.module, "--ros-args", *_QUIET, "-r", f"__ns:={self.namespace}", *given]
 
 
@@ -68,7 +71,7 @@ class Nodes:
     def start(self, program: Program) -> None:
         """Starts one node; it gets a session of its own, so that a terminal's Ctrl-C comes from us, in order."""
         parent = os.getpid()
-        with open(self._log(program.name), "wb") as log:
+        with open(self._log(program.name), "ab") as log:
             self._running[program.name] = subprocess.Popen(
                 program.command(),
                 stdin=subprocess.DEVNULL,
@@ -89,16 +92,34 @@ class Nodes:
         """Process id of a running node."""
         return self._running[name].pid
 
+    def signal(self, name: str, number: int) -> None:
+        """Sends a running node a signal."""
+        self._running[name].send_signal(number)
+
+    def kill(self, name: str) -> None:
+        """Ends a node by SIGKILL, and waits for its end."""
+        process = self._running.pop(name)
+        process.kill()
+        process.wait()
+
+    def tracebacks(self) -> int:
+        """How many tracebacks the nodes have printed so far."""
+        return sum(log.read_text(errors="replace").count("Traceback (most") for log in self._logs.glob("haptic_*.log"))
+
     def last_line(self, name: str) -> str:
         """The last line that the node printed."""
         lines = self._log(name).read_text(errors="replace").split("\n")
         return next((line.strip() for line in reversed(lines) if line.strip()), "it printed nothing")
 
+    def end(self, name: str) -> bool:
+        """Ends one node; False if it had to be killed, or was."""
+        return _end(self._running.pop(name))
+
     def stop(self) -> None:
         """Ends all nodes one by one, the last started first; a Ctrl-C meanwhile waits until all have ended."""
         with _later():
             for name in reversed(list(self._running)):
-                if not _end(self._running.pop(name)):
+                if not self.end(name):
                     print(f"{name} had to be killed; it heard neither SIGINT nor SIGTERM", file=sys.stderr)
 
     def _log(self, name: str) -> Path:

@@ -16,11 +16,25 @@ def record(
     out: Annotated[Path | None, typer.Option(help="New folder for the bag and its log [haptic_bags/TIME].")] = None,
     seconds: Annotated[float | None, typer.Option(min=0.1, help="Length; else until Ctrl-C.")] = None,
     namespace: Annotated[str, typer.Option(help="Namespace of the system to record.")] = NAMESPACE,
+    participant: Annotated[str, typer.Option(help="Code of the participant.")] = "",
+    condition: Annotated[str, typer.Option(help="Experimental condition.")] = "",
+    field: Annotated[list[str] | None, typer.Option(help="Further fact of the trial, name=value; repeatable.")] = None,
+    split_size: Annotated[float | None, typer.Option(min=0.0, help="New file from this size on [MB]; 0 never.")] = None,
+    split_duration: Annotated[float | None, typer.Option(min=0.0, help="New file after this time [s].")] = None,
 ) -> None:
     """Record all topics of a running system to a rosbag2 folder (MCAP). Ctrl-C is the normal end."""
     out = (out or Path("haptic_bags") / time.strftime("%Y%m%d-%H%M%S")).absolute()
     bag = out / "bag"
-    program = Program("haptic_recorder", "haptic_device.node.recorder", {"bag": str(bag)}, namespace=namespace)
+    given = {
+        "bag": str(bag),
+        "trial.participant": participant,
+        "trial.condition": condition,
+        "trial.fields": field,
+        "split.size": split_size,
+        "split.duration": split_duration,
+    }
+    parameters = {name: value for name, value in given.items() if value not in (None, "")}
+    program = Program("haptic_recorder", "haptic_device.node.recorder", parameters, namespace=namespace)
     with Nodes(out / "log") as nodes:
         try:
             with interruptible():

@@ -18,8 +18,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
-from haptic_device.analysis.bagfile import Raw
-from haptic_device.analysis.recording import diagnostics_of
+from haptic_device.analysis.recording import statuses_of
 from haptic_device.law.servo import TICK
 from haptic_device.node.tap import Tap
 from haptic_device.node.wire import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, truth_names
@@ -70,7 +69,7 @@ class Tuning:
                 _by_name(layout, sample.message) for layout in self._layouts if layout.matches(sample.message)
             ]
         for sample in self._said.take():
-            self.statuses |= {name: found[-1] for name, found in diagnostics_of(_raw(_DIAGNOSTICS, sample)).items()}
+            self.statuses |= statuses_of(sample.message, sample.received)
         if self._trace is not None:
             self.rows += [_rows(sample.message) for sample in self._trace.take()]
         if self.tool is not None:
@@ -224,10 +223,6 @@ def _plain(value):
 def _parameter(name, value):
     kind = Parameter.Type.DOUBLE_ARRAY if isinstance(value, tuple) else None
     return Parameter(name, kind, list(value)) if kind else Parameter(name, value=value)
-
-
-def _raw(kind, sample) -> Raw:
-    return Raw(kind, [sample.message], [sample.received], [sample.published], [sample.sequence])
 
 
 def _by_name(layout, data) -> dict:

@@ -30,9 +30,35 @@ class Contact(NamedTuple):
     depth: float
 
 
-class Method(Protocol):
-    """A world with a tool in it that is advanced sub-step by sub-step, the coupling solved within."""
+class Travel(NamedTuple):
+    """What happened over several sub-steps.
 
+    Energy supplied to the tool by the coupling [J], whether a contact pushed the tool, the largest mean force of one
+    pair of shapes over a sub-step [N], the deepest overlap [m], how many contacts were too many to be solved for;
+    energy that impacts, friction, stops (and motors, which give it) have taken, and that putting constraints right has
+    put in [J], both 0 where a method cannot tell them from the rest.
+    """
+
+    supplied: float
+    touched: bool
+    force: float
+    depth: float
+    left_out: int = 0
+    contacts: float = 0.0
+    correction: float = 0.0
+
+
+class Method(Protocol):
+    """A world with a tool in it that is advanced sub-step by sub-step, the coupling solved within.
+
+    One that is compiled as a whole also offers `travel(start, start_velocity, end, end_velocity, count) -> Travel`:
+    `count` sub-steps in one call, the handle going on a straight line from start (exclusive) to end; and `follow(path,
+    count) -> Travel`, the same from each row of a path (n, 6: position, velocity) to the next.
+    """
+
+    passive: bool
+    """Whether it is discrete-time passive at the tool's port: Σ force_on_tool · Δx is never less than the world has
+    gained, whatever the handle does, beyond rounding: contact force times the 1e-12 m that count as touching."""
     position: Planar
     """Tool's grip at the end of the sub-step [m, m, rad]."""
     velocity: Planar

@@ -21,26 +21,28 @@ then finds contacts there, then updates velocities, then solves. Our sub-step th
 steps: x⁺ = x + h v⁺ is what the next step will move to, apart from push-out of overlaps, which enters as x of the next
 sub-step.
 
-Units are SI as they stand: Chipmunk's collision code has no absolute length in it (a scene scaled by 1024 moves bit
-for bit the same), only the three settings made here.
+Time of impact. Chipmunk sees a contact only where shapes overlap, so a fast body could pass a thin one between two
+looks. The way that the next move would take is looked at before it is made (`guard`); if it leads into something, all
+move only up to there, the contact is solved, and the time left out is moved after it, at the velocities it left.
+
+Restitution. An impact at speed v₀ under a push f gives back energy at the port that it did not have unless
+v₀ ≥ 2 |f| h e/(m (1 − e²)), the push taken over a sub-step h; a slower one gets e = 0.
+
+Neither Chipmunk's sweeps nor its push-out are exact, so this method is passive at the port only up to what the push-out
+of overlaps puts in: contact force times `Contact.depth`.
 """
 
 import math
 
-import pymunk
 from pymunk import batch
 
+from haptic_sim.compile import compile_scene
 from haptic_sim.method import Contact, Coupling, Planar
+from haptic_sim.method.chipmunk import make_space, stored
+from haptic_sim.method.guard import Guard
 from haptic_sim.scene import Scene
+from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
-
-SLOP = 5e-4
-"""Overlap that is left alone, in finest features: enough to keep a resting contact alive, too little to be felt."""
-PUSH_OUT = 0.15
-"""Share of an overlap beyond the slop that one sub-step takes back, at most; more rings at wedged contacts."""
-LEAST_BIAS = 1e-300
-"""Chipmunk asks for the share left after a second; at short sub-steps that underflows to 0, a push-out of it all."""
-SWEEPS_PER_BODY = 20
 
 _PAIR = batch.ArbiterFields
 _TOUCH = _PAIR.POINT_A_1 | _PAIR.POINT_B_1 | _PAIR.DISTANCE_1 | _PAIR.POINT_A_2 | _PAIR.POINT_B_2 | _PAIR.DISTANCE_2
@@ -50,26 +52,32 @@ _FIELDS = _PAIR.BODY_A_ID | _PAIR.BODY_B_ID | _PAIR.CONTACT_COUNT | _PAIR.TOTAL_
 class Impulse:
     """The scene as a pymunk Space, stepped by `sub_step` [s]. It belongs to one thread. Implements `Method`."""
 
+    passive = False
+
     def __init__(self, scene: Scene, sub_step: float):
-        self.scene = scene
-        self.sub_step = sub_step
+        self.scene, self.sub_step = scene, sub_step
+        self._compiled = compile_scene(scene)
         self._gravity = scene.gravity
         self._mass, self._inertia, _ = scene.tool.mass_properties
         self._gains = Coupling()
         self._pairs = batch.Buffer()
+        self._guard = Guard(scene, self._compiled)
         self.reset()
 
     def reset(self) -> None:
         """Everything back to the scene's start, with the same gains."""
-        self._space = _space(self.scene, self.sub_step)
-        solids = (*self.scene.bodies, self.scene.tool)
-        self._bodies = {solid.name: _add(self._space, self.scene, solid) for solid in solids}
-        self._order = {body.id: (name != TOOL, rank, name) for rank, (name, body) in enumerate(self._bodies.items())}
-        self._tool = self._bodies[TOOL]
-        self._others = [self._bodies[body.name] for body in self.scene.bodies if not body.fixed]
+        self._space, self._bodies, names = make_space(self.scene, self._compiled, self.sub_step)
+        order = {name: rank for rank, name in enumerate(body.name for body in self.scene.bodies)}
+        self._order = {body: (name != TOOL, order.get(name, 0), name) for body, name in names.items()}
+        self._tool = self._bodies[0]
         self._tool.velocity_func = self._couple_tool
+        self._elastic = any(shape.elasticity for shape in self._space.shapes)
+        if self._elastic:
+            self._space.on_collision(pre_solve=self._limit_rebound)
+        self._move = 0.0  # s; how far along their velocities the bodies are from where Chipmunk has them
+        self._debt = 0.0  # s; moves still owed
         self.position: Planar = self.scene.tool.pose
-        self.velocity: Planar = (0.0, 0.0, 0.0)
+        self.velocity: Planar = self.scene.tool.velocity
         self.force_on_tool: Planar = (0.0, 0.0, 0.0)
         self.touching = False
         self._set_effective_mass()
@@ -87,7 +95,10 @@ class Impulse:
     def step(self, handle_position: Planar, handle_velocity: Planar) -> None:
         """Advance one sub-step; the arguments are the handle's at its end."""
         self._handle = handle_position, handle_velocity
-        self._space.step(self.sub_step)
+        self._solve()
+        wish = self.sub_step + self._debt
+        self._move = wish * self._guard.share(self._bodies, wish)
+        self._debt = min(wish - self._move, self.sub_step)
         self._read_tool()
 
     def contacts(self) -> list[Contact]:
@@ -101,24 +112,39 @@ class Impulse:
 
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame at the end of the sub-step."""
-        if body == TOOL:
-            return self.position
-        item, h = self._bodies[body], self.sub_step
-        turn = h * item.angular_velocity
-        center = item.center_of_gravity
-        moved = item.position + center.rotated(item.angle) + h * item.velocity - center.rotated(item.angle + turn)
-        return moved.x, moved.y, item.angle + turn
+        index, pose = self._compiled.places[body]
+        if index == len(self._bodies):
+            return pose
+        (x, y), angle = self._center(self._bodies[index])
+        return *turned(pose[:2], (x, y, angle)), angle + pose[2]
 
     def energy(self) -> tuple[float, float]:
         """Kinetic and potential energy of all bodies [J], with the tool's true mass; potential is 0 at the origin."""
         (x, y, _), (vx, vy, w), (gx, gy) = self.position, self.velocity, self._gravity
         kinetic = 0.5 * (self._mass * (vx * vx + vy * vy) + self._inertia * w * w)
         potential = -self._mass * (gx * x + gy * y)
-        for body in self._others:
-            center = body.local_to_world(body.center_of_gravity) + self.sub_step * body.velocity
-            kinetic += body.kinetic_energy
-            potential -= body.mass * (gx * center.x + gy * center.y)
+        for body in self._bodies[1:]:
+            (x, y), _ = self._center(body)
+            # Chipmunk's own kinetic_energy lacks the half.
+            kinetic += 0.5 * (body.mass * body.velocity.length_squared + body.moment * body.angular_velocity**2)
+            potential -= body.mass * (gx * x + gy * y)
+        if len(self._compiled.model.joint_kind):
+            places = map(self._center, self._bodies)
+            potential += stored(self._compiled.model, [(*center, angle) for center, angle in places])
         return kinetic, potential
+
+    def _center(self, body):
+        """Mass centre and angle at the end of the sub-step."""
+        return body.position + self._move * body.velocity, body.angle + self._move * body.angular_velocity
+
+    def _solve(self):
+        """Chipmunk's step: to where the bodies are, contacts there, velocities over a sub-step."""
+        ahead = self._move - self.sub_step
+        if ahead:
+            for body in self._bodies:
+                body.position += ahead * body.velocity
+                body.angle += ahead * body.angular_velocity
+        self._space.step(self.sub_step)
 
     def _set_effective_mass(self):
         stiffness, damping, rotational_stiffness, rotational_damping = self._gains
@@ -127,8 +153,8 @@ class Impulse:
         self._tool.moment = self._inertia + h * rotational_damping + h * h * rotational_stiffness
         self._effective = self._tool.mass, self._tool.moment
 
-    def _couple_tool(self, tool, _gravity, _damping, h):
-        """Velocity update of the tool, called by Chipmunk between finding contacts and solving them: v_free of (2)."""
+    def _free_velocity(self, tool, h):
+        """v_free of (2)."""
         stiffness, damping, rotational_stiffness, rotational_damping = self._gains
         (hx, hy, ht), (hvx, hvy, hw) = self._handle
         mass, inertia, (gx, gy) = self._mass, self._inertia, self._gravity
@@ -140,10 +166,36 @@ class Impulse:
         free_y = (mass * (vy + h * gy) + h * (stiffness * (hy - y) + damping * hvy)) / effective_mass
         torque = rotational_stiffness * (ht - angle) + rotational_damping * hw
         free_w = (inertia * tool.angular_velocity + h * torque) / effective_inertia
+        self._start = x, y, angle
+        return free_x, free_y, free_w
+
+    def _couple_tool(self, tool, _gravity, _damping, h):
+        """Velocity update of the tool, called by Chipmunk between finding contacts and solving them."""
+        self._free = free_x, free_y, free_w = self._free_velocity(tool, h)
         tool.velocity = free_x, free_y
         tool.angular_velocity = free_w
-        self._start = x, y, angle
-        self._free = free_x, free_y, free_w
+
+    def _limit_rebound(self, arbiter, _space, _data):
+        """Restitution 0 where the push over this time would make the port active; called by Chipmunk for each pair."""
+        e = arbiter.restitution
+        if e == 0.0:
+            return
+        normal, point = arbiter.normal, arbiter.contact_point_set.points[0].point_a
+        approach = change = 0.0
+        for body, sign in zip(arbiter.bodies, (1.0, -1.0), strict=True):
+            approach += sign * body.velocity_at_world_point(point).dot(normal)
+            change += sign * self._change(body, point).dot(normal)
+        if approach * (1.0 - e * e) < 2.0 * abs(change) * e:
+            arbiter.restitution = 0.0
+
+    def _change(self, body, point):
+        """What forces without contacts add to the velocity of a body's point."""
+        if body is self._tool:
+            x, y, w = self._free_velocity(body, self.sub_step)
+            (vx, vy), turn = body.velocity, w - body.angular_velocity
+            arm = point - body.position
+            return type(point)(x - vx - turn * arm.y, y - vy + turn * arm.x)
+        return self.sub_step * self._space.gravity if body.mass < math.inf else type(point)(0.0, 0.0)
 
     def _read_tool(self):
         stiffness, damping, rotational_stiffness, rotational_damping = self._gains
@@ -152,7 +204,8 @@ class Impulse:
         vx, vy = self._tool.velocity
         w = self._tool.angular_velocity
         self.velocity = vx, vy, w
-        self.position = x, y, angle = x + h * vx, y + h * vy, angle + h * w
+        self.position = x + self._move * vx, y + self._move * vy, angle + self._move * w
+        x, y, angle = x + h * vx, y + h * vy, angle + h * w
         self.force_on_tool = (stiffness * (hx - x) + damping * (hvx - vx), stiffness * (hy - y) + damping * (hvy - vy),
                               rotational_stiffness * (ht - angle) + rotational_damping * (hw - w))
         self.touching = self.velocity != self._free
@@ -165,36 +218,7 @@ class Impulse:
         depth = -min((real[8], real[13])[:count])
         a, b = self._order[body_a], self._order[body_b]
         sign = 1.0 if a < b else -1.0
+        push = sign / self.sub_step
         normal = sign * real[2], sign * real[3]
-        force_on_a = sign * real[0] / self.sub_step, sign * real[1] / self.sub_step
+        force_on_a = push * real[0], push * real[1]
         return Contact(min(a, b)[2], max(a, b)[2], (x, y), normal, force_on_a, depth)
-
-
-def _space(scene, sub_step):
-    space = pymunk.Space()
-    space.gravity = scene.gravity
-    space.collision_slop = SLOP * scene.feature
-    space.collision_bias = max((1.0 - PUSH_OUT) ** (1.0 / sub_step), LEAST_BIAS)
-    # A contact that returns within the persistence would keep an impulse it no longer applies, and could pull with it.
-    space.collision_persistence = 1
-    space.iterations = SWEEPS_PER_BODY * (1 + sum(not body.fixed for body in scene.bodies))
-    return space
-
-
-def _add(space, scene, solid):
-    fixed = solid.name != TOOL and solid.fixed
-    if fixed:
-        body = pymunk.Body(body_type=pymunk.Body.STATIC)
-    else:
-        mass, inertia, center = solid.mass_properties
-        body = pymunk.Body(mass, inertia)
-        body.center_of_gravity = center
-    body.position, body.angle = solid.pose[:2], solid.pose[2]
-    space.add(body)
-    material = scene.material(solid)
-    for vertices, radius in solid.outlines:
-        shape = pymunk.Circle(body, radius, vertices[0]) if radius > 0.0 else pymunk.Poly(body, vertices)
-        # Chipmunk multiplies the two coefficients of a pair: the roots make it their geometric mean.
-        shape.friction, shape.elasticity = math.sqrt(material.friction), math.sqrt(material.restitution)
-        space.add(shape)
-    return body

@@ -19,6 +19,8 @@ from haptic_sim.node.port import Port
 from haptic_sim.simulation import Counters, Simulation
 
 LOOK_UP_NS = 50_000_000  # longest time it does not look at what others ask of it
+SILENCE_NS = 250_000_000  # hides a change of the world: by default the driver's coupling has let go after 0.2 s
+RETURN_NS = 140_000_000  # time over which the coupling's gains then return, as the driver's own fade does
 TIMES_KEPT = 4096
 END = (InvalidHandle, ExternalShutdownException, rclpy_implementation.RCLError)
 
@@ -34,6 +36,9 @@ class Report(NamedTuple):
 class ExchangeThread:
     """Owns the simulation while it runs: what others want of the world, they ask for.
 
+    While the world changes or is paused it says nothing: the driver's coupling fades out by age, and in again once it
+    answers; meanwhile the world stands still, and its own coupling returns from zero gains.
+
     `prepare` is called first in the thread and says what scheduling it has (kept as `scheduling`); a PermissionError of
     its own comes out of the constructor.
     """
@@ -45,7 +50,9 @@ class ExchangeThread:
             JointState, "handle", lambda data: None, LATEST, raw=True, callback_group=Untouched()
         )
         self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
-        self._stop, self._reset, self._reset_done = threading.Event(), threading.Event(), threading.Event()
+        self._stop, self._wish, self._granted = threading.Event(), None, threading.Event()
+        self._silent_until_ns, self._returned_ns = 0, 0
+        self.paused = False
         self._ready, self._refusal = threading.Event(), None
         self.scheduling = ""
         self.answered = 0
@@ -66,9 +73,28 @@ class ExchangeThread:
 
     def reset(self, patience: float = 1.0) -> bool:
         """Put the world back to the scene's start; whether that was done within `patience` [s]."""
-        self._reset_done.clear()
-        self._reset.set()
-        return self._reset_done.wait(patience)
+        return self._ask(lambda: self.simulation.reset(), patience)
+
+    def load(self, simulation: Simulation, patience: float = 1.0) -> bool:
+        """Go on with another world; whether that was done within `patience` [s]."""
+        return self._ask(lambda: self._exchange_world(simulation), patience)
+
+    def pause(self, paused: bool) -> None:
+        """Let the world stand still, or go on."""
+        if self.paused and not paused:
+            self._fall_silent()
+        self.paused = paused
+
+    def _ask(self, wish, patience):
+        self._granted.clear()
+        self._wish = wish
+        return self._granted.wait(patience)
+
+    def _exchange_world(self, simulation):
+        self.simulation, self.port.home = simulation, simulation.scene.tool.pose
+
+    def _fall_silent(self):
+        self._silent_until_ns = time.monotonic_ns() + SILENCE_NS
 
     def _run(self):
         try:
@@ -85,8 +111,8 @@ class ExchangeThread:
                 break
             if data is not None:
                 self._answer(data)
-            if self._reset.is_set():
-                self._start_again()
+            if self._wish is not None:
+                self._grant()
             if time.monotonic_ns() >= self._next_report_ns:
                 self._say()
         self._say()
@@ -105,18 +131,35 @@ class ExchangeThread:
         question = self.port.take(data, time.monotonic_ns())
         if question is None:
             return
-        if question.new_session:
+        now_ns = time.monotonic_ns()
+        if question.new_session or self._silent(now_ns):
             self.simulation.rejoin()
-        answer = self.port.answer(question, self.simulation.exchange(question.handle))
+        if self._silent(now_ns):
+            return
+        answer = self.port.answer(question, self.simulation.exchange(self._faded(question.handle, now_ns)))
         self.compute_ns.append(time.perf_counter_ns() - began)
         self._publisher.publish(answer)
         self.answered += 1
 
-    def _start_again(self):
-        self._reset.clear()
-        self.simulation.reset()
+    def _silent(self, now_ns):
+        if self.paused or now_ns < self._silent_until_ns:
+            self._returned_ns = now_ns + RETURN_NS
+            return True
+        return False
+
+    def _faded(self, handle, now_ns):
+        """The handle sample with gains that return linearly after a silence."""
+        missing = (self._returned_ns - now_ns) / RETURN_NS
+        if missing <= 0.0:
+            return handle
+        return handle._replace(**{name: (1.0 - missing) * gain for name, gain in handle.gains._asdict().items()})
+
+    def _grant(self):
+        wish, self._wish = self._wish, None
+        wish()
+        self._fall_silent()
         self._say()
-        self._reset_done.set()
+        self._granted.set()
 
     def _say(self):
         self._next_report_ns = time.monotonic_ns() + 2 * LOOK_UP_NS

@@ -14,6 +14,7 @@ from haptic_sim.simulation import HandleSample, Planar, ToolSample
 
 SILENCE_NS = 500_000_000
 """A second device is listened to only after the first has been silent this long."""
+LARGEST_WHOLE = 2.0**53 - 1.0
 GAINS = slice(exchange.GAIN_0, exchange.GAIN_0 + 4)
 
 
@@ -22,15 +23,18 @@ class Question(NamedTuple):
 
     handle: HandleSample
     axes: int
-    tail: list[float]
+    tail: tuple[float, ...]
     new_session: bool
 
 
 class Port:
-    """Judges handle messages of one device at a time and packs the answers; `home` is the tool's pose at the start."""
+    """Judges handle messages of one device at a time and packs the answers.
 
-    def __init__(self, home: Planar):
-        self.home = home
+    home: the tool's pose at the start; method: the exchange method, which the device must share.
+    """
+
+    def __init__(self, home: Planar, method: str = "pspm"):
+        self.home, self._method = home, float(exchange.METHODS.index(method))
         self.session = float(secrets.randbits(48) | 1)
         self.refused = dict.fromkeys(exchange.REFUSALS[1:], 0)
         self._layouts = {axes: JointLayout(exchange_names(axes)) for axes in (1, 2, 3)}
@@ -44,13 +48,12 @@ class Port:
         axes = self._axes.get(len(data), 1)
         if not self._layouts[axes].matches(data):
             return self._refuse(exchange.OTHER_NAMES)
-        sample = self._layouts[axes].unpack(data)
-        position, velocity = sample.position.tolist(), sample.velocity.tolist()
-        tail = position[axes:]
-        code = self._judge((*position[:axes], *velocity[:axes]), tail, now_ns)
+        stamp_ns, position, velocity, effort = self._layouts[axes].numbers(data)
+        tail, arrays = position[axes:], (position[:axes], velocity[:axes], effort[:axes])
+        code = self._judge(arrays, tail, now_ns)
         if code != exchange.ACCEPTED:
             return self._refuse(code)
-        return self._accept(sample.stamp_ns, position[:axes], velocity[:axes], tail, now_ns)
+        return self._accept(stamp_ns, arrays, tail, now_ns)
 
     def answer(self, question: Question, tool: ToolSample) -> bytes:
         """Bytes of the tool message: stamped with, and naming, the handle sample it answers."""
@@ -64,26 +67,35 @@ class Port:
         arrays = [*tool.position[:axes], *own], [*tool.velocity[:axes], *still], [*tool.force_on_tool[:axes], *still]
         return self._layouts[axes].pack(question.handle.time_ns, *arrays)
 
-    def _judge(self, numbers, tail, now_ns):
-        if not all(abs(value) <= exchange.LIMIT for value in numbers) or not all(abs(value) < 2**53 for value in tail):
+    def _judge(self, arrays, tail, now_ns):
+        if not (all(_within(numbers, exchange.LIMIT) for numbers in arrays) and _within(tail, LARGEST_WHOLE)):
             return exchange.NOT_FINITE
         if tail[exchange.LAYOUT] != exchange.LAYOUT_VERSION:
             return exchange.OTHER_LAYOUT
         if not all(0.0 <= gain <= exchange.LIMIT for gain in tail[GAINS]):
             return exchange.NOT_FINITE
-        if tail[exchange.METHOD] not in range(len(exchange.METHODS)):
+        if tail[exchange.METHOD] != self._method:
             return exchange.OTHER_METHOD
+        if tail[exchange.GAINS] != exchange.gains_hash(*tail[GAINS]):
+            return exchange.OTHER_GAINS
         if tail[exchange.SESSION] != self._peer_session:
             silent = now_ns - self._accepted_ns >= SILENCE_NS
             return exchange.ACCEPTED if silent or self._peer_session == 0.0 else exchange.SECOND_SENDER
         return exchange.ACCEPTED if tail[exchange.SEQUENCE] > self._peer_sequence else exchange.OLD
 
-    def _accept(self, stamp_ns, position, velocity, tail, now_ns):
-        axes, new = len(position), tail[exchange.SESSION] != self._peer_session
+    def _accept(self, stamp_ns, arrays, tail, now_ns):
+        axes, new = len(arrays[0]), tail[exchange.SESSION] != self._peer_session
         self._peer_session, self._peer_sequence = tail[exchange.SESSION], tail[exchange.SEQUENCE]
         self._accepted_ns = now_ns
-        whole = (*position, *self.home[axes:]), (*velocity, *(0.0,) * (3 - axes))
-        return Question(HandleSample(stamp_ns, *whole, *tail[GAINS]), axes, tail, new)
+        rest = self.home[axes:], (0.0,) * (3 - axes), (0.0,) * (3 - axes)
+        position, velocity, effort = ((*known, *missing) for known, missing in zip(arrays, rest, strict=True))
+        handle = HandleSample(stamp_ns, position, velocity, *tail[GAINS], effort, tail[exchange.ENERGY])
+        return Question(handle, axes, tail, new)
 
     def _refuse(self, code):
         self.refused[exchange.REFUSALS[code]] += 1
+
+
+def _within(numbers, limit):
+    """Whether all are finite and at most the limit; a sum with NaN in it is NaN, whatever max makes of it."""
+    return sum(numbers) - sum(numbers) == 0.0 and max(numbers) <= limit and min(numbers) >= -limit

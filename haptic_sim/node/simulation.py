@@ -5,10 +5,12 @@ import gc
 import statistics
 import sys
 
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
-from haptic_device.node import wire
+from haptic_device.node import health, wire
 from haptic_device.node.lifecycle import ManagedNode, run
+from haptic_device.node.params import on_change
+from haptic_device.node.refusals import Refusals
 from haptic_device.runtime.clock import go_realtime, lift_threads
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.node.exchange_thread import ExchangeThread
@@ -29,19 +31,23 @@ class SimulationNode(ManagedNode):
         self.exchange: ExchangeThread | None = None
         self.simulation: Simulation | None = None
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
+        self._rates = health.Rates()
         self._tool = self.create_publisher(wire.JointState, "tool", wire.LATEST)
         self.create_timer(DIAGNOSTICS_PERIOD, self.diagnose)
         self.create_service(Trigger, "~/reset_scene", self._on_reset_scene)
+        self.create_service(Trigger, "~/load_scene", self._on_load_scene)
+        self.create_service(SetBool, "~/pause", self._on_pause)
+        on_change(self, PARAMETERS, self._accept)
 
     def configure(self) -> None:
         """Loads the scene."""
-        given = self.values
-        lift_threads(given["realtime"], MIDDLEWARE_PRIORITY)
-        self.simulation = Simulation(load(given["scene"]), given["sub_step"], given["max_catch_up"])
+        lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)
+        self.simulation = self._world()
 
     def activate(self) -> None:
         """Starts answering."""
-        port = Port(self.simulation.scene.tool.pose)
+        port = Port(self.simulation.scene.tool.pose, self.values["exchange.method"])
+        self._refused, self._rejoined = Refusals("handle"), self.simulation.counters.rejoined
         self.exchange = ExchangeThread(self, self.simulation, port, self._tool, self._prepare)
         self.get_logger().info(f"scene {self.simulation.scene.name}; {self.exchange.scheduling}")
 
@@ -60,10 +66,41 @@ class SimulationNode(ManagedNode):
         """Publishes counts, times and results of the active node."""
         if self.exchange is None:
             return
-        values = {"scene": self.simulation.scene.name, **_values(self.exchange)}
-        level, message = ("ok", "answering") if self.exchange.answered else ("warn", "no handle sample has come yet")
+        values = {"scene": self.simulation.scene.name, "method": self.simulation.method_name, **_values(self.exchange)}
+        values["survived"] = self.survived
+        level, message = self._verdict()
         now_ns = self.get_clock().now().nanoseconds
-        self._diagnostics.publish(wire.diagnostics(now_ns, self.get_name(), "", level, message, values))
+        figures = {"compute": values["compute_us_p99"] * 1e-6, **self._rates.of(refused=values["refused"])}
+        watched = health.statuses(self.get_name(), health.SIMULATION, figures, self.values)
+        self._diagnostics.publish(wire.diagnostics(now_ns, self.get_name(), "", level, message, values, watched))
+
+    def _verdict(self):
+        counters = self.exchange.report.counters
+        known, self._rejoined = self._rejoined, counters.rejoined
+        rejoined = self._rejoined - known
+        if self.exchange.paused:
+            return "warn", "paused"
+        if left_out := counters.left_out:
+            return "error", (f"{left_out} contacts were left out: more at once than the method can solve for; "
+                             "take fewer bodies, or the method impulse")
+        if refused := self._refused.sentence(self.exchange.port.refused):
+            return "warn", refused
+        if not self.exchange.answered:
+            return "warn", "no handle sample has come yet"
+        if rejoined > 0:
+            late = self.values["max_catch_up"] * 1e3
+            return "warn", f"the world waited {rejoined} times: handle samples over {late:g} ms apart, or going back"
+        return "ok", "answering"
+
+    def _world(self):
+        """A simulation as the parameters now say, at the tool port that there is."""
+        port = self.simulation.port if self.simulation else None
+        return Simulation.by_parameters(load(self.values["scene"]), self.values, port)
+
+    def _accept(self, values):
+        """The parameter `scene` names what load_scene loads next; one that cannot be read is refused here."""
+        load(values["scene"])
+        self.values = values
 
     def _prepare(self):
         sys.setswitchinterval(GIL_SWITCH)
@@ -78,6 +115,26 @@ class SimulationNode(ManagedNode):
             self.simulation.reset()
             response.success = True
         response.message = "scene is at its start" if response.success else "there is no scene that answers"
+        return response
+
+    def _on_load_scene(self, request, response):
+        try:
+            world = self._world()
+        except (ValueError, OSError) as refusal:
+            response.success, response.message = False, str(refusal)
+            return response
+        response.success = self.exchange is None or self.exchange.load(world)
+        if response.success:
+            self.simulation = world
+        response.message = f"scene is {world.scene.name}" if response.success else "the exchange does not answer"
+        return response
+
+    def _on_pause(self, request, response):
+        response.success = self.exchange is not None
+        if response.success:
+            self.exchange.pause(request.data)
+        state = "paused" if request.data else "goes on"
+        response.message = state if response.success else "there is no scene that answers"
         return response
 
 
@@ -95,6 +152,7 @@ def _values(exchange):
         "compute_us_max": times[-1] / 1e3,
         "max_contact_force": report.counters.max_contact_force,
         "max_penetration": report.counters.max_penetration,
+        "contacts_left_out": report.counters.left_out,
         "tool_port_energy": report.energy,
         **{f"result.{name}": value for name, value in report.result.items()},
     }

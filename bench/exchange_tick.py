@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the exchange methods add to a servo tick's own work: median of interleaved runs of 20 000 ticks, three axes.
+
+usage: python bench/exchange_tick.py
+"""
+
+import statistics
+import time
+
+import numba
+import numpy as np
+
+from haptic_device import operating
+from haptic_device.device import load_device
+from haptic_device.law import engage, servo
+from haptic_device.law.exchange import METHODS
+from haptic_device.node.declared import NODES
+
+TICKS, TURNS = 20_000, 15
+
+
+@numba.njit
+def run(settings, memory, row, ticks):
+    """A handle that circles, and a new tool sample each fourth tick."""
+    record = row[0]
+    for k in range(ticks):
+        phase = 0.001 * k
+        record.latched = record.deadline = (k + 1) * 250_000.0
+        record.command, record.device_status = engage.ENABLE, servo.FRESH
+        record.counts[0], record.counts[1] = np.round(4000.0 * np.cos(phase)), np.round(4000.0 * np.sin(phase))
+        record.tool_age += 250e-6
+        if k % 4 == 0:
+            record.tool_session, record.tool_answered, record.tool_age = 1.0, k, 1e-3
+            late = phase - 0.004
+            record.tool_position[0], record.tool_position[1] = 0.02 * np.cos(late), 0.02 * np.sin(late)
+            record.tool_velocity[0], record.tool_velocity[1] = -0.08 * np.sin(phase), 0.08 * np.cos(phase)
+        servo.tick(settings[0], memory[0], record)
+
+
+def timed(method):
+    """Work of a tick [us]."""
+    values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]} | {"exchange.method": method}
+    settings = operating.settings_from(load_device("desktop"), values)
+    memory, row = np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK)
+    memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, engage.ENGAGED
+    began = time.perf_counter()
+    run(settings, memory, row, TICKS)
+    return (time.perf_counter() - began) / TICKS * 1e6
+
+
+def main():
+    found = {method: [] for method in METHODS}
+    for turn in range(TURNS + 1):
+        for method in METHODS:
+            work = timed(method)
+            if turn > 0:  # the first compiles
+                found[method].append(work)
+    base = statistics.median(found["direct"])
+    for method, times in found.items():
+        extra = statistics.median(one - other for one, other in zip(times, found["direct"], strict=True))
+        print(f"{method:7} {statistics.median(times):.3f} us a tick, {extra:+.3f} us on direct's {base:.3f}")
+
+
+if __name__ == "__main__":
+    main()

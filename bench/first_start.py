@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Prints what the first step of each compiled method costs [s]: with an empty cache of kernels, and from the cache."""
+
+import os
+import subprocess
+import sys
+import tempfile
+
+METHODS = ("partitioned", "penalty_explicit", "penalty_implicit", "closed_form")
+FIRST_STEP = """
+import sys, time
+from haptic_sim.method.registry import make
+from haptic_sim.scene import load
+began = time.perf_counter()
+still = 0.0, 0.0, 0.0
+make(sys.argv[1], load("wall" if sys.argv[1] == "closed_form" else "stack"), 1e-3).step(still, still)
+print(time.perf_counter() - began)
+"""
+
+
+def seconds(method, cache):
+    """Time of the first step in a process of its own [s]."""
+    done = subprocess.run([sys.executable, "-c", FIRST_STEP, method], env={**os.environ, "XDG_CACHE_HOME": cache},
+                          capture_output=True, text=True, check=True)
+    return float(done.stdout)
+
+
+def main():
+    """One line a method."""
+    print(f"{'method':18} {'empty cache':>12} {'warm':>6}")
+    for method in METHODS:
+        with tempfile.TemporaryDirectory() as cache:
+            print(f"{method:18} {seconds(method, cache):12.1f} {seconds(method, cache):6.2f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes a bag of many minutes by repeating the trace of a recorded run, and prints what its report costs.
+
+usage: python bench/long_bag.py BAG OUT [--minutes 10]
+"""
+
+import argparse
+import os
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from haptic_device.analysis.bagfile import Keep, read
+from haptic_device.analysis.cdr import cloud_layout, cloud_records, joint_layout
+from haptic_device.node.bag import Bag
+
+SECOND = 1_000_000_000
+
+
+def repeat(source: Path, target: Path, seconds: float) -> None:
+    """Writes the messages of the source's longest busy stretch again and again, with times and ticks that go on."""
+    contents = read(source, lambda topic, kind: Keep())
+    bag = Bag(target)
+    channels = {name: bag.add_topic(name, topic.type_name, []) for name, topic in contents.topics.items()}
+    trace = next(name for name in contents.topics if name.endswith("/trace"))
+    first, last = (int(contents.topics[trace].times.received[i]) for i in (0, -1))
+    messages = sorted(
+        (int(received), name, data, int(published))
+        for name, topic in contents.topics.items()
+        for data, received, published in zip(topic.collector.data, *topic.times[:2], strict=True)
+        if first <= received <= last
+    )
+    shift, sequences, flushed = Shift(contents.topics[trace]), dict.fromkeys(channels, 0), 0
+    while shift.seconds < seconds:
+        for received, name, data, published in messages:
+            sequences[name] += 1
+            moved = shift.moved(name, data, trace)
+            bag.write(channels[name], moved, received + shift.ns, published + shift.ns, sequences[name])
+            if received + shift.ns > flushed + SECOND // 4:
+                bag.flush()
+                flushed = received + shift.ns
+        shift.go_on()
+    for name, data in contents.attachments.items():
+        bag.attach(name, "application/yaml", data, first)
+    bag.close({"namespace": trace.rsplit("/", 1)[0]})
+
+
+class Shift:
+    """Time and ticks from one repetition to the next."""
+
+    def __init__(self, topic):
+        first, last = (self._rows(topic.collector.data[i])[0] for i in (0, -1))
+        self._ticks = int(last["tick"][-1] - first["tick"][0]) + 1
+        self._span = int(last["deadline"][-1] - first["deadline"][0]) + 250_000
+        self.ns = self.ticks = 0
+
+    @property
+    def seconds(self):
+        return self.ns / SECOND
+
+    def go_on(self):
+        self.ns, self.ticks = self.ns + self._span, self.ticks + self._ticks
+
+    def moved(self, name, data, trace):
+        """The message with its stamp, tick, deadline and time moved on."""
+        if name == trace:
+            rows, begin = self._rows(data)
+            rows["tick"] += self.ticks
+            rows["deadline"] += self.ns
+            data = data[:begin] + rows.tobytes() + data[begin + rows.nbytes :]
+        if name.endswith("operator/state"):
+            data = self._timed(data)
+        stamp = int.from_bytes(data[4:8], "little") * SECOND + int.from_bytes(data[8:12], "little") + self.ns
+        head = (stamp // SECOND).to_bytes(4, "little") + (stamp % SECOND).to_bytes(4, "little")
+        return data[:4] + head + data[12:]
+
+    def _timed(self, data):
+        layout = joint_layout(data)
+        at = layout.arrays[0][0] + 8 * layout.names.index("time")
+        (time,) = struct.unpack_from("<d", data, at)
+        return data[:at] + struct.pack("<d", time + self.seconds) + data[at + 8 :]
+
+    def _rows(self, data):
+        layout = cloud_layout(data)
+        return np.frombuffer(bytearray(cloud_records(layout, data)), layout.record).copy(), layout.size + 4
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("bag", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--minutes", type=float, default=10.0)
+    given = parser.parse_args()
+    if not given.out.exists():
+        repeat(given.bag, given.out, given.minutes * 60.0)
+    size = sum(file.stat().st_size for file in given.out.glob("*.mcap"))
+    print(f"bag: {size / 1e6:.0f} MB")
+    began = time.monotonic()
+    command = [sys.executable, "-m", "haptic_sim.cli.main", "report", str(given.out), "--out", f"{given.out}_report"]
+    process = subprocess.Popen(command)
+    _, status, usage = os.wait4(process.pid, 0)
+    seconds, cpu = time.monotonic() - began, usage.ru_utime + usage.ru_stime
+    most = usage.ru_maxrss / 1024
+    print(f"report: exit {status}, {seconds:.1f} s ({cpu:.1f} s of processor), {most:.0f} MiB at most")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the demo's system with and without a recorder, in pairs, and prints what was lost and what it cost.
+
+usage: python bench/recording_losses.py [--rates 4000 10000] [--seconds 60] [--pairs 5] [--out FOLDER]
+
+Lateness is that of the driver's last 20000 ticks. CPU is of one core, after the first seconds. At the end, for each
+rate: how lateness with a recorder differs from that without, in the median over the pairs, beside the noise, which is
+how two runs alike differ (median over all twos of runs with a recorder, and of runs without).
+"""
+
+import argparse
+import contextlib
+import itertools
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_device.analysis.recording import load
+from haptic_sim.cli.demo import Order, programs_of
+from haptic_sim.cli.domain import isolated_domain
+from haptic_sim.cli.live import Live
+from haptic_sim.cli.processes import Nodes
+
+SETTLING = 5.0  # s
+
+
+class Seen(NamedTuple):
+    """One run: median and p99 of lateness [us], shares of a core, and what the bag lost."""
+
+    p50: float
+    p99: float
+    publishing: float
+    recorder: float
+    rows: int
+    missing: int
+    dropped: int
+    lost: int
+
+
+def run(rate, seconds, folder, recorded):
+    """The system for so long."""
+    programs = programs_of(Order("peg_in_hole", seconds, folder, None, rate, Path("config/demo.yaml").absolute()))
+    programs = [program for program in programs if recorded or program.name != "haptic_recorder"]
+    with isolated_domain(folder / "log") as domain, Nodes(folder / "log") as nodes:
+        for program in programs:
+            nodes.start(program)
+        with contextlib.closing(Live(domain)) as live:
+            watch(live, nodes, lambda: live.motor_commanded, 120.0)
+            watch(live, nodes, None, SETTLING)
+            begin = said(live, recorded)
+            watch(live, nodes, None, seconds - SETTLING)
+            end = said(live, recorded)
+    span = end["time"] - begin["time"]
+    publishing = (end["publishing"] - begin["publishing"]) / span
+    recorder = (end["recorder"] - begin["recorder"]) / span
+    return Seen(end["p50"], end["p99"], publishing, recorder, *(lost(folder / "bag") if recorded else (0, 0, 0, 0)))
+
+
+def watch(live, nodes, condition, limit):
+    end = time.monotonic() + limit
+    while time.monotonic() < end and not (condition and condition()):
+        live.look()
+        nodes.check()
+        time.sleep(0.05)
+
+
+def said(live, recorded):
+    driver = live.statuses["haptic_driver"].values
+    own = live.statuses["haptic_recorder"].values if recorded else {"cpu_s": "0"}
+    return {
+        "time": time.monotonic(), "p50": float(driver["lateness_us_p50"]), "p99": float(driver["lateness_us_p99"]),
+        "publishing": float(driver["telemetry_cpu_s"]), "recorder": float(own["cpu_s"]),
+    }  # fmt: skip
+
+
+def lost(bag):
+    """Rows, rows missing between them, rows the servo dropped, messages that never came."""
+    recording = load(bag, only={"trace": np.dtype([("tick", "f8")])})
+    ours = [count for topic, count in recording.lost.items() if topic.startswith("/haptic/")]
+    dropped = int(recording.last_values("haptic_driver")["trace_dropped"])
+    return len(recording.trace), recording.trace_rows_missing, dropped, sum(ours)
+
+
+def verdict(rate, name, found):
+    """A row: what the recorder adds to one figure of lateness, and how much two runs alike differ in it [us]."""
+    values = {recorded: [getattr(seen, name) for seen in runs] for recorded, runs in found.items()}
+    added = float(np.median(np.subtract(values[True], values[False])))
+    alike = [abs(a - b) for runs in values.values() for a, b in itertools.combinations(runs, 2)]
+    noise = float(np.median(alike)) if alike else float("nan")
+    within = "yes" if abs(added) <= noise else "NO" if alike else "one pair does not tell"
+    return f"| {rate:.0f} | {name} | {added:+.1f} | {noise:.1f} | {within} |"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rates", type=float, nargs="+", default=[4000.0, 10000.0])
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--pairs", type=int, default=5)
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args()
+    base = given.out or Path(tempfile.mkdtemp(prefix="haptic_losses_"))
+    verdicts = []
+    print("| rate Hz | recorded | rows | missing | dropped | lost messages | recorder % | publishing % | p50, p99 |")
+    for rate in given.rates:
+        found = {True: [], False: []}
+        for pair in range(given.pairs):
+            for recorded in (False, True) if pair % 2 else (True, False):
+                seen = run(rate, given.seconds, base / f"{rate:.0f}_{pair}_{recorded:d}", recorded)
+                found[recorded].append(seen)
+                bag = f"{'yes' if recorded else 'no'} | {seen.rows} | {seen.missing} | {seen.dropped} | {seen.lost}"
+                cpu = f"{100 * seen.recorder:.1f} | {100 * seen.publishing:.1f}"
+                print(f"| {rate:.0f} | {bag} | {cpu} | {seen.p50:.1f}, {seen.p99:.1f} µs |", flush=True)
+        verdicts += [verdict(rate, name, found) for name in ("p50", "p99")]
+    print("\n".join(["| rate Hz | lateness | with less without µs | noise µs | within noise |", *verdicts]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Collectors that turn serialized messages into arrays: JointStates by entry, clouds of records by column."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_device.analysis.cdr import (
+    cloud_layout,
+    cloud_records,
+    joint_arrays,
+    joint_layout,
+    same_layout,
+    stamp_of,
+)
+
+PARTS = ("position", "velocity", "effort")
+
+
+class Entries(NamedTuple):
+    """Entries of a JointState topic to be read, by name, and which of their parts; the others stay empty."""
+
+    names: tuple[str, ...]
+    parts: tuple[str, ...] = PARTS
+
+
+class JointColumns:
+    """Stamps and position, velocity, effort of a JointState topic; of the entries wanted, or of all.
+
+    kept: for each message whether it had the layout of the first; the others are left out.
+    """
+
+    def __init__(self, entries: Entries | None = None):
+        self._wanted = entries
+        self._layout = None
+        self._parts: list[list[np.ndarray]] = [[], [], [], []]
+        self._kept: list[np.ndarray] = []
+
+    def add(self, data: list[bytes]) -> None:
+        """Takes the next messages. Raises ValueError if the first of all is no JointState."""
+        if self._layout is None:
+            self._layout = joint_layout(data[0])
+            everything = self._layout.names
+            wanted = Entries(everything) if self._wanted is None else self._wanted
+            self.names = tuple(name for name in everything if name in wanted.names)
+            index = [everything.index(name) for name in self.names]
+            self._index = [index if part in wanted.parts else [] for part in PARTS]
+        kept = np.array([same_layout(self._layout, item) for item in data])
+        if not kept.all():
+            data = [item for item, keep in zip(data, kept, strict=True) if keep]
+        self._kept.append(kept)
+        if data:
+            stamp, arrays = joint_arrays(self._layout, data)
+            chosen = (array[:, index] for array, index in zip(arrays, self._index, strict=True))
+            for part, piece in zip(self._parts, (stamp, *chosen), strict=True):
+                part.append(piece)
+
+    @property
+    def kept(self) -> np.ndarray:
+        """Which messages are in the arrays."""
+        return np.concatenate(self._kept)
+
+    def arrays(self) -> list[np.ndarray]:
+        """Stamps [ns], then position, velocity, effort as (messages, names)."""
+        return [_joined(part) for part in self._parts]
+
+
+class CloudColumns:
+    """Records of a PointCloud2 topic: with the columns and types of a structured type, or all as they are.
+
+    stamps: of the messages kept; begins: index of the first record of each. A column that the messages lack is NaN and
+    stands in `missing`.
+    """
+
+    def __init__(self, columns: np.dtype | None = None):
+        self._wanted, self._layout, self._rows = columns, None, None
+        self._stamps: list[int] = []
+        self._begins: list[int] = []
+        self._count = self.others = 0
+        self.missing: list[str] = []
+
+    def add(self, data: list[bytes]) -> None:
+        """Takes the next messages. Raises ValueError if the first of all is no cloud of named fields."""
+        if self._layout is None:
+            self._layout = cloud_layout(data[0])
+            self._rows = np.empty(0, self._layout.record if self._wanted is None else self._subset())
+        pieces, before = [], self._count
+        for message in data:
+            piece = cloud_records(self._layout, message)
+            if piece is None:
+                self.others += 1
+                continue
+            pieces.append(piece)
+            self._stamps.append(stamp_of(message))
+            self._begins.append(self._count)
+            self._count += len(piece) // self._layout.record.itemsize
+        self._make_room()
+        self._fill(self._rows[before : self._count], np.frombuffer(b"".join(pieces), self._layout.record))
+
+    @property
+    def stamps(self) -> np.ndarray:
+        """Header stamps [ns] of the messages."""
+        return np.array(self._stamps, np.int64)
+
+    @property
+    def begins(self) -> np.ndarray:
+        """Index of the first record of each message."""
+        return np.array(self._begins, np.int64)
+
+    def records(self) -> np.ndarray:
+        """All records as one structured array."""
+        self._rows.resize(self._count, refcheck=False)
+        return self._rows
+
+    def _make_room(self) -> None:
+        """Grows in place, where the operating system can: the whole is never there twice."""
+        if self._count > len(self._rows):
+            self._rows.resize(self._count + self._count // 8, refcheck=False)
+
+    def _subset(self) -> np.dtype:
+        there, wanted = self._layout.record, self._wanted
+        self.missing = [n for n in wanted.names if n not in there.names or there[n].shape != wanted[n].shape]
+        return wanted
+
+    def _fill(self, target: np.ndarray, rows: np.ndarray) -> None:
+        if self._wanted is None:
+            target[:] = rows
+            return
+        for name in target.dtype.names:
+            target[name] = np.nan if name in self.missing else rows[name]
+
+
+def _joined(pieces: list[np.ndarray]) -> np.ndarray:
+    whole = np.concatenate(pieces)
+    pieces.clear()
+    return whole

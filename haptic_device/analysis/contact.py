@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When the handle or the tool touched something, read from the trace."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+SHORTEST_GAP = 0.02  # [s]; a contact that comes back sooner is the same one
+SHORTEST = 0.005  # [s]
+
+
+class Contact(NamedTuple):
+    """One contact: when it began and ended [s], and the largest force on the handle meanwhile [N]."""
+
+    begin: float
+    end: float
+    force: float
+
+
+def touching(rows: np.ndarray) -> np.ndarray:
+    """Whether each tick was in contact: the tool with the scene, or the handle with a wall."""
+    there = [name for name in ("tool_contact", "force_walls") if name in rows.dtype.names]
+    touch = np.zeros(len(rows), bool)
+    for name in there:
+        column = rows[name]
+        touch |= (column if column.ndim == 1 else np.abs(column).max(axis=1)) > 0.0
+    return touch
+
+
+def contacts(seconds: np.ndarray, touch: np.ndarray, force: np.ndarray) -> list[Contact]:
+    """The contacts in the order of time; force: (ticks, 2) on the handle."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], touch, [False]]).astype(np.int8)))
+    joined: list[list[int]] = []
+    for begin, end in edges.reshape(-1, 2):
+        if joined and seconds[begin] - seconds[joined[-1][1] - 1] < SHORTEST_GAP:
+            joined[-1][1] = end
+        else:
+            joined.append([begin, end])
+    return [
+        Contact(float(seconds[begin]), float(seconds[end - 1]), _largest(force[begin:end]))
+        for begin, end in joined
+        if seconds[end - 1] - seconds[begin] >= SHORTEST
+    ]
+
+
+def _largest(force: np.ndarray) -> float:
+    sizes = np.hypot(force[:, 0], force[:, 1])
+    sizes = sizes[np.isfinite(sizes)]
+    return float(sizes.max()) if len(sizes) else float("nan")

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The impedance that a display shows, fitted to a recording: mass, damping, stiffness, each with its confidence.
+
+f = m a + b v + k x + c, by least squares; f: force that has to push against it, c: one constant for each contact.
+
+The display's force also has noise of its own, which moves the handle: fitted sample by sample, the device's mass comes
+out of it with the wrong sign (closed-loop identification; Ljung 1999, ch. 13). It is faster than a hand, so all four
+columns are first averaged over 40 ms, which any such law passes unchanged. Noise slower than that still makes the mass
+too small.
+
+What is left errs alike for longer than a sample, and nobody says for how long. So the confidence is that of a jackknife
+over whole stretches of time (Efron 1982), the widest of several lengths, with Student's t. It says how well this law is
+known from this recording, not whether the law is the right one.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+STRETCHES = (24, 12, 6)  # into which the time is cut
+HAND = 0.04  # [s] of the moving mean; a hand's motion passes it
+LEAST = 100  # samples below which nothing is fitted
+CONFIDENCE = 0.95
+
+
+class Estimate(NamedTuple):
+    """A value and the half width of its 95 % confidence interval."""
+
+    value: float
+    error: float
+
+
+class Impedance(NamedTuple):
+    """Mass [kg | kg m²], damping [N s/m | N m s/rad], stiffness [N/m | N m/rad]; r² and samples of the fit."""
+
+    mass: Estimate
+    damping: Estimate
+    stiffness: Estimate
+    explained: float
+    samples: int
+
+
+def fit(time, position, velocity, force, groups=None) -> Impedance | None:
+    """Fits one axis; times [s] increasing, groups: number of the contact of each sample (their own constant c).
+
+    None where there are too few samples, or the axis hardly moved. Samples that are not finite are left out.
+    """
+    columns = np.stack([_derivative(time, velocity, groups), velocity, position, force], axis=1)
+    width = max(1, round(HAND / float(np.median(np.diff(time))))) if len(time) > 1 else 1
+    columns, begins = _means(columns.astype(float), width)
+    if len(begins) < LEAST:
+        return None
+    columns = _centred(columns, np.zeros(len(begins), int) if groups is None else groups[begins])
+    columns, target = columns[:, :3], columns[:, 3]
+    scale = columns.std(axis=0)
+    if (scale <= 0.0).any() or target.std() <= 0.0:
+        return None
+    return _estimates(columns / scale, target, scale)
+
+
+def _means(columns, width):
+    """Means of so many neighbours, and the index of each one's first; only where every value is a number.
+
+    The derivative is none at the ends of a group, so no mean reaches from one group into another.
+    """
+    finite = np.isfinite(columns).all(axis=1)
+    sums = np.cumsum(np.pad(np.where(finite[:, None], columns, 0.0), ((1, 0), (0, 0))), axis=0)
+    counts = np.cumsum(np.pad(finite.astype(int), (1, 0)))
+    begins = np.flatnonzero(counts[width:] - counts[:-width] == width)
+    return (sums[begins + width] - sums[begins]) / width, begins
+
+
+def _derivative(time, values, groups):
+    """Central difference; NaN at the ends, and where a neighbour is of another group or samples are missing."""
+    rate = np.full(len(time), np.nan)
+    if len(time) < 3:
+        return rate
+    span = time[2:] - time[:-2]
+    rate[1:-1] = (values[2:] - values[:-2]) / np.where(span > 0.0, span, np.nan)
+    broken = span > 3.0 * np.median(span)
+    if groups is not None:
+        broken |= groups[2:] != groups[:-2]
+    rate[1:-1][broken] = np.nan
+    return rate
+
+
+def _centred(columns, groups):
+    """Columns less their mean in each group: the constants c are fitted by that."""
+    _, index = np.unique(groups, return_inverse=True)
+    counts = np.bincount(index)[:, None]
+    means = np.stack([np.bincount(index, column) for column in columns.T], axis=1) / counts
+    return columns - means[index]
+
+
+def _estimates(columns, target, scale):
+    solution = np.linalg.pinv(columns.T @ columns) @ (columns.T @ target)
+    width = np.max([_half_width(columns, target, solution, count) for count in STRETCHES], axis=0)
+    rest = target - columns @ solution
+    estimates = (Estimate(float(v), float(e)) for v, e in zip(solution / scale, width / scale, strict=True))
+    return Impedance(*estimates, float(1.0 - rest.var() / target.var()), len(target))
+
+
+def _half_width(columns, target, solution, count):
+    """Half width of each interval, from how much the solution moves when one of `count` stretches is left out."""
+    parts = list(zip(np.array_split(columns, count), np.array_split(target, count), strict=True))
+    squares, products = np.array([x.T @ x for x, _ in parts]), np.array([x.T @ y for x, y in parts])
+    without = np.linalg.pinv(squares.sum(axis=0) - squares) @ (products.sum(axis=0) - products)[..., None]
+    variance = ((without[..., 0] - solution) ** 2).sum(axis=0) * (count - 1) / count
+    return stats.t.ppf(0.5 + CONFIDENCE / 2, count - 1) * np.sqrt(variance)

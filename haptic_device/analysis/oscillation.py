@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Finds an oscillation in a force: a narrow line of its spectrum, in whichever half seconds it stands out."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import signal
+
+WINDOW = 0.5  # [s] of one spectrum
+LOWEST = 15.0  # [Hz]; below it is the hand
+STANDS_OUT = 100.0  # times the median of its neighbourhood; noise reaches 25 once in an hour
+LEAST_FORCE = 0.02  # [N] RMS; a hand does not feel less
+_NEIGHBOURS = 2.0 ** np.array([-1.0, 1.0])
+PIECE = 100  # segments computed at a time
+_KNOWN = 0.02  # of a known frequency, to either side
+_LINE = 2  # bins to either side that belong to a line (Hann window)
+
+
+class Oscillation(NamedTuple):
+    """The strongest line: frequency [Hz], RMS of the force [N] where it is strongest, when [s], how long [s]."""
+
+    frequency: float
+    force: float
+    begin: float
+    seconds: float
+
+
+class Spectrum(NamedTuple):
+    """Frequencies [Hz], power density [N²/Hz] over the whole time, and the oscillation, if there is one."""
+
+    frequency: np.ndarray
+    density: np.ndarray
+    oscillation: Oscillation | None
+
+
+def spectrum_of(force: np.ndarray, rate: float, known: float = 0.0) -> Spectrum:
+    """Spectrum of a force (samples, axes) at this rate [Hz], all axes together.
+
+    known: frequency [Hz] whose multiples are no oscillation, such as the exchange's, which makes the force a stair.
+    Samples that are not finite count as 0. Raises ValueError if it is shorter than one window.
+    """
+    length = int(WINDOW * rate)
+    if len(force) < length:
+        raise ValueError(f"a force of {len(force) / rate:.2g} s is too short for a spectrum; {WINDOW} s are needed")
+    step = length // 2 * PIECE  # long forces piece by piece: their spectra alone would need more memory than they
+    starts = range(0, len(force) - length + 1, step)
+    pieces = [_densities(force[at : at + step + length // 2], rate, length) for at in starts]
+    densities = np.concatenate(pieces, axis=1)
+    frequency, begins = np.fft.rfftfreq(length, 1.0 / rate), np.arange(densities.shape[1]) * (length // 2) / rate
+    return Spectrum(frequency, densities.mean(axis=1), _strongest(frequency, densities, begins, known))
+
+
+def _densities(force, rate, length) -> np.ndarray:
+    """Power density (frequency, segment) of all axes together; the segments overlap by half."""
+    density = 0.0
+    for column in force.T:
+        finite = np.nan_to_num(column, nan=0.0, posinf=0.0, neginf=0.0)
+        density = density + signal.spectrogram(finite, rate, "hann", length, length - length // 2, detrend="linear")[2]
+    return density.astype(np.float32)
+
+
+def _strongest(frequency, densities, begins, known) -> Oscillation | None:
+    """The line with the largest force that stands out of its neighbourhood."""
+    lines = _lines(frequency, densities, known)
+    step = frequency[1] - frequency[0]
+    found = {segment: line for segment, line in lines.items() if line[1] >= LEAST_FORCE}
+    if not found:
+        return None
+    best = max(found, key=lambda segment: found[segment][1])
+    line, force = found[best]
+    same = [segment for segment, (other, _) in found.items() if abs(other - line) <= 3 * step]
+    return Oscillation(float(line), float(force), float(begins[min(same)]), len(same) * WINDOW / 2)
+
+
+def _lines(frequency, densities, known) -> dict[int, tuple[float, float]]:
+    """(frequency, RMS) of the line in each segment that has one."""
+    step, found = frequency[1] - frequency[0], {}
+    high = int(0.45 * 2 * len(frequency))
+    first = int(np.ceil(LOWEST / step))
+    weight = frequency[first:high, None] ** 2
+    if known > 0.0:
+        multiple = np.maximum(1.0, np.round(frequency[first:high] / known)) * known
+        weight[np.abs(frequency[first:high] - multiple) < _KNOWN * multiple] = 0.0
+    peaks = first + np.argmax(densities[first:high] * weight, axis=0)
+    for segment, peak in enumerate(peaks):
+        low, up = np.clip((peak * _NEIGHBOURS).astype(int), 1, len(frequency) - 1)
+        around = densities[low : up + 1, segment]
+        if densities[peak, segment] > STANDS_OUT * np.median(around) > 0.0:
+            power = densities[max(0, peak - _LINE) : peak + _LINE + 1, segment].sum() * step
+            centre = np.average(frequency[peak - 1 : peak + 2], weights=densities[peak - 1 : peak + 2, segment])
+            found[segment] = float(centre), float(np.sqrt(power))
+    return found

@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One recorded run as a report needs it: the columns that it shows, whatever of them is there, and what was not."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from haptic_device.analysis import summary
+from haptic_device.analysis.columns import Entries
+from haptic_device.analysis.contact import Contact, contacts, touching
+from haptic_device.analysis.impedance import Impedance, fit
+from haptic_device.analysis.oscillation import Spectrum, spectrum_of
+from haptic_device.analysis.recording import Joints, Recording, load
+
+AXES = ("x", "y", "theta")
+TRACE = np.dtype(  # a tick in a third of its full size: ten minutes at 4 kHz then fit into half a gigabyte
+    [(name, "f8") for name in ("tick", "deadline")]
+    + [(name, "f4") for name in ("tool_answered", "handle_sequence")]  # exact for four hours at 1 kHz
+    + [(name, "f4", (3,)) for name in ("position", "tool_position", "tool_effort")]
+    + [(name, "f4") for name in ("lateness", "compute", "missed", "tool_age", "tool_contact")]
+    + [(name, "f4") for name in ("engage", "fault", "injections")]
+    + [(name, "f4", (3,)) for name in ("force_coupling", "force_on_handle", "force_walls", "energy_given", "margin")]
+)
+HANDLE = ("exchange_method", "stiffness", "damping", "rotational_stiffness", "rotational_damping")
+ONLY = {
+    "trace": TRACE,
+    "handle": Entries(HANDLE, ("position",)),
+    "tool": Entries(("answered",), ("position",)),
+    "operator/state": Entries((*AXES, *(f"motor_{name}" for name in AXES), "energy_given", "time")),
+}
+TELLING = 0.9  # share of the force that a fit in contact has to explain
+HELD_WINDOW = 0.05  # [s]
+HELD_SHARE = 0.1  # of the handle's way, up to which the tool counts as standing still
+HELD_WAY = 20e-6  # [m | rad] that the handle has to move in a window to tell something
+AVERAGED = 8  # ticks, where only the servo's own columns are there
+
+
+@dataclass
+class Run:
+    """A recording and what is computed of it, each thing once; a thing that cannot be had raises ValueError."""
+
+    recording: Recording
+    name: str
+    notes: list[str] = field(default_factory=list)
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """The ticks from the first to the last with the motor engaged, or all if it never was."""
+        trace = self.recording.trace
+        if len(trace) < 2:
+            raise ValueError(f"the trace has {len(trace)} ticks; two are needed")
+        engaged = trace["engage"] > 0
+        if engaged.sum() < 2:
+            self.notes.append("the motor was never engaged: figures are of all ticks")
+            return trace
+        return trace[np.argmax(engaged) : len(trace) - np.argmax(engaged[::-1])]
+
+    @cached_property
+    def seconds(self) -> np.ndarray:
+        """Time of each tick [s] from the first."""
+        return (self.rows["deadline"] - self.rows["deadline"][0]) * 1e-9
+
+    @cached_property
+    def truth(self) -> Joints:
+        """`operator/state` while the ticks ran."""
+        state = self.recording.joint("operator/state")
+        time = state.entry("time") - self.rows["deadline"][0] * 1e-9
+        during = (time >= 0.0) & (time <= self.seconds[-1])
+        return Joints(state.names, *(column[during] for column in state[1:]))
+
+    @cached_property
+    def truth_seconds(self) -> np.ndarray:
+        """Time of each truth [s] from the first tick."""
+        return self.truth.entry("time") - self.rows["deadline"][0] * 1e-9
+
+    @cached_property
+    def tool_energy(self) -> np.ndarray:
+        """Work [J] of the coupling on the tool up to each tick, by the tool samples as the servo got them (trapezoids).
+
+        The energy that the trace itself has of a tool sample is what the exchange ships, another thing.
+        """
+        work, known = np.zeros(len(self.rows) - 1, np.float32), self.rows["tool_age"][:-1] >= 0
+        for axis in range(len(AXES)):
+            force, place = self.rows["tool_effort"][:, axis], self.rows["tool_position"][:, axis]
+            work += np.nan_to_num((force[1:] + force[:-1]) * 0.5 * np.diff(place)) * known
+        return np.append(np.float32(0.0), np.cumsum(work, dtype=float).astype(np.float32))
+
+    @property
+    def distance(self) -> np.ndarray:
+        """From handle to tool in the plane [m] at each tick with a tool. Raises ValueError if there is none."""
+        there = self.rows["tool_age"] >= 0
+        if not there.any():
+            raise ValueError("no tool sample was ever used")
+        x, y = (self.rows["tool_position"][there, i] - self.rows["position"][there, i] for i in (0, 1))
+        return np.hypot(x, y, out=x)
+
+    @cached_property
+    def conditions(self) -> dict[str, str]:
+        """Gains, T, b and method, as far as they were recorded."""
+        try:
+            return summary.conditions(self.recording)
+        except (ValueError, IndexError):
+            return {"T": f"{summary.period(self.rows) * 1e6:.0f} µs"}
+
+    @cached_property
+    def touch(self) -> np.ndarray:
+        """Whether each tick was in contact."""
+        return touching(self.rows)
+
+    @cached_property
+    def contacts(self) -> list[Contact]:
+        """The contacts, in the order of time."""
+        return contacts(self.seconds, self.touch, self.rows["force_on_handle"][:, :2])
+
+    @cached_property
+    def spectrum(self) -> Spectrum:
+        """Spectrum of the force on the handle in x and y."""
+        sent = self.rows["handle_sequence"][-1] - self.rows["handle_sequence"][0]
+        exchange = max(0.0, float(sent / self.seconds[-1])) if np.isfinite(sent) else 0.0
+        return spectrum_of(self.rows["force_on_handle"][:, :2], 1.0 / summary.period(self.rows), exchange)
+
+    @cached_property
+    def physical_damping(self) -> np.ndarray:
+        """b of each axis [N s/m, N m s/rad] as the driver says it; NaN where it does not."""
+        said = self.recording.last_values("haptic_driver").get("physical_damping", "")
+        values = [float(word) for word in said.split(",") if word.strip()]
+        return np.array((values + [np.nan] * 3)[:3])
+
+    @cached_property
+    def impedances(self) -> dict[tuple[str, str], Impedance]:
+        """Of all fits those that tell something: in contact what explains the force; in free space there is little."""
+        return {(kind, axis): found for (kind, axis), found in self.fits.items() if _telling(kind, found)}
+
+    @cached_property
+    def fits(self) -> dict[tuple[str, str], Impedance]:
+        """What the display added to the device: {(contact | free, axis): fit of minus the motor's force}.
+
+        In contact only while the tool stood still and the handle moved, and by the way from the tool: a tool that is
+        moved is an input of its own. Nor would the hand's force do: in the closed loop the fit would find its spring.
+        """
+        time, parts = self._felt()
+        place = np.clip(np.searchsorted(self.seconds, time, side="right") - 1, 0, len(self.seconds) - 1)
+        touch, engaged = self.touch[place], self.rows["engage"][place] >= 1.0
+        found = {}
+        for axis, (position, velocity, force) in parts.items():
+            tool = self._held_to(AXES.index(axis), place)
+            held = self._held(time, tool, position)
+            stretch = position - tool, velocity - np.gradient(tool, time)
+            for kind, chosen, way in (
+                ("contact", touch & held & engaged, stretch),
+                ("free", ~touch & engaged, (position, velocity)),
+            ):
+                episode = np.cumsum(np.diff(chosen, prepend=chosen[:1]) != 0)
+                fitted = fit(time[chosen], *(column[chosen] for column in (*way, force)), episode[chosen])
+                if fitted is not None:
+                    found[kind, axis] = fitted
+        return found
+
+    def _held_to(self, axis: int, place: np.ndarray) -> np.ndarray:
+        """Where the tool is in this axis; 0 where a wall holds the handle."""
+        tool = self.rows["tool_position"][place, axis].astype(float)
+        return np.where(np.abs(self.rows["force_walls"][place]).max(axis=1) > 0.0, 0.0, tool)
+
+    @staticmethod
+    def _held(time: np.ndarray, tool: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """Whether the tool, or a wall, stood still in this axis while the handle moved, looked at in short windows."""
+        begins = np.flatnonzero(np.diff(np.floor(time / HELD_WINDOW), prepend=-1.0))
+        ways = [np.maximum.reduceat(x, begins) - np.minimum.reduceat(x, begins) for x in (tool, position)]
+        held = (ways[0] < HELD_SHARE * ways[1]) & (ways[1] > HELD_WAY)
+        return np.repeat(held, np.diff(np.append(begins, len(time))))
+
+    def _felt(self) -> tuple[np.ndarray, dict[str, tuple]]:
+        """Times [s], and position, velocity, minus motor force of each axis: of the truth, else of the trace."""
+        state = self.recording.joints.get("operator/state")
+        names = [name for name in AXES if state and name in state.names and f"motor_{name}" in state.names]
+        if not names:
+            return self._felt_by_servo()
+        truth = self.truth
+        parts = {
+            name: (truth.entry(name), truth.entry(name, "velocity"), -truth.entry(f"motor_{name}", "effort"))
+            for name in names
+        }
+        return self.truth_seconds, parts
+
+    def _felt_by_servo(self) -> tuple[np.ndarray, dict[str, tuple]]:
+        """The same as the servo saw it: means of some ticks, which an encoder's steps hardly touch."""
+        count = len(self.rows) // AVERAGED * AVERAGED
+
+        def blocks(values):
+            return values[:count].reshape(-1, AVERAGED).mean(axis=1)
+
+        time = blocks(self.seconds)
+        parts = {}
+        for index, name in enumerate(AXES):
+            position = blocks(self.rows["position"][:, index])
+            force = -blocks(self.rows["force_on_handle"][:, index].astype(float))
+            parts[name] = position, np.gradient(position, time), force
+        return time, parts
+
+    @cached_property
+    def marks(self) -> list[tuple[float, str]]:
+        """Markers: time from the first tick [s] and text."""
+        times = self.recording.monotonic(np.array([mark.time for mark in self.recording.marks], np.int64))
+        seconds = (times - self.rows["deadline"][0]) * 1e-9
+        return [(float(time), mark.text) for time, mark in zip(seconds, self.recording.marks, strict=True)]
+
+    def attached(self, name: str) -> dict:
+        """An attachment in YAML; empty if there is none, or it is none."""
+        try:
+            content = yaml.safe_load(self.recording.attachments.get(name, b""))
+        except (yaml.YAMLError, UnicodeDecodeError):
+            return {}
+        return content if isinstance(content, dict) else {}
+
+
+def read_run(bag: Path | str, namespace: str | None = None) -> Run:
+    """The run in a bag. Raises FileNotFoundError or ValueError if there is no trace that could be shown."""
+    recording = load(bag, namespace, ONLY)
+    run = Run(recording, _name(Path(bag)), list(recording.notes))
+    missing = recording.trace_rows_missing
+    if missing:
+        run.notes.append(f"{missing} ticks are missing from the trace")
+    run.notes += _not_numbers(run.rows)
+    return run
+
+
+def _telling(kind: str, found: Impedance) -> bool:
+    return kind == "free" or found.explained >= TELLING
+
+
+def _name(bag: Path) -> str:
+    bag = bag.absolute()
+    return bag.parent.name if bag.name == "bag" else bag.name
+
+
+def _not_numbers(rows: np.ndarray) -> list[str]:
+    """A sentence for each column with values that are no numbers."""
+    counts = {name: int(np.isnan(rows[name]).reshape(len(rows), -1).any(axis=1).sum()) for name in rows.dtype.names}
+    return [f"trace column {name} is no number in {n} of {len(rows)} ticks" for name, n in counts.items() if n]

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bag folder made whole after its recorder died: each file ended, metadata.yaml written anew; needs no ROS."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import yaml
+
+from haptic_device.analysis.bagfile import files
+from haptic_device.node.bag import RESERVE
+from haptic_device.node.bag_index import Index, complete
+from haptic_device.node.bag_information import METADATA, information, write_metadata
+
+
+def recovered(bag: Path) -> Iterator[str]:
+    """Repairs the bag in place, and says of each file what was done. Raises FileNotFoundError, OSError, ValueError.
+
+    A file that is empty or no MCAP file is left alone and out of metadata.yaml.
+    """
+    indices = []
+    for path in files(bag):
+        try:
+            index = complete(path)
+        except ValueError as error:
+            yield f"{path.name} is left out: {error} ({path.stat().st_size} bytes)"
+            continue
+        indices.append(index)
+        yield f"{path.name}: {_what_was_done(index)}; {index.span.messages} messages"
+    if not indices:
+        raise ValueError(f"bag {bag} has no file that could be repaired")
+    if bag.is_dir():
+        (bag / RESERVE).unlink(missing_ok=True)
+        yield _metadata(bag, indices)
+
+
+def _what_was_done(index: Index) -> str:
+    done = []
+    if index.damaged:
+        done.append(f"{len(index.damaged)} damaged chunks are passed over")
+    if index.wrong:
+        done.append(f"{index.wrong}, {index.torn} bytes of a torn record are cut off and the index is written")
+    return " and ".join(done) or "whole"
+
+
+def _metadata(bag: Path, indices: list[Index]) -> str:
+    if (bag / METADATA).exists() and not any(index.wrong or index.damaged for index in indices):
+        return f"{METADATA} is there"
+    topics, counts, lost = _topics(indices)
+    custom = {"recovered": "true", **{f"lost {name}": str(number) for name, number in lost.items()}}
+    spans = [index.span for index in indices]
+    write_metadata(bag, information(spans, list(topics.values()), [counts[name] for name in topics], custom))
+    return f"{METADATA} is written: {sum(counts.values())} messages in {len(indices)} files"
+
+
+def _topics(indices: list[Index]) -> tuple[dict[str, dict], dict[str, int], dict[str, int]]:
+    """Topics as metadata.yaml lists them, their messages, and the publishers' numbers that were skipped; by name."""
+    topics, counts, lost = {}, {}, {}
+    for index in indices:
+        for number, channel in index.channels.items():
+            schema = index.schemas.get(channel.schema_id)
+            topics[channel.topic] = {
+                "name": channel.topic,
+                "type": schema.name if schema else "",
+                "serialization_format": channel.message_encoding,
+                "offered_qos_profiles": yaml.safe_load(channel.metadata.get("offered_qos_profiles", "[]")),
+                "type_description_hash": channel.metadata.get("topic_type_hash", ""),
+            }
+            for sums, numbers in ((counts, index.counts), (lost, index.lost)):
+                sums[channel.topic] = sums.get(channel.topic, 0) + numbers.get(number, 0)
+    return topics, counts, lost

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fig. 5 of Colgate, Stanley & Brown (1995): how stiff a peg in a hole feels at the handle, over its insertion.
+
+A peg, inserted by L, touches at the mouth and at its tip. The handle, h above the mouth, pulls sideways with the force
+F; the peg's line is u(s) = a + φ s at the height s above the mouth. With contacts of stiffness k and a rotation gain
+K_θ the energy ½ k a² + ½ k (a − φ L)² + ½ K_θ φ² gives u(h)/F, which for K_θ = 0 is
+
+    K_app = k/((1 + λ)² + λ²),      λ = h/L;        at the handle, behind the coupling: K_app K/(K_app + K)
+
+Rigid contacts leave a free play of ±c (½ + h/L) in a hole c wider than the peg, and then the coupling alone.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_sim.method import Coupling
+from haptic_sim.method.impulse import Impulse
+from haptic_sim.method.partitioned import Partitioned
+from haptic_sim.method.penalty_explicit import PenaltyExplicit
+from haptic_sim.method.penalty_implicit import PenaltyImplicit
+from haptic_sim.scene import Scene
+
+HEIGHT, WIDTH, DEPTH = 0.1, 0.02, 0.25
+"""Handle above the mouth, width of the peg, depth of the hole [m]."""
+STIFFNESS = 1e4
+"""N/m of a contact."""
+COUPLING = 2000.0
+"""N/m."""
+INSERTIONS = (0.005, 0.01, 0.02, 0.035, 0.05, 0.075, 0.1, 0.15, 0.2)
+"""m."""
+STEP, SETTLING = 1e-4, 0.6
+"""s."""
+PENALTY = {"penalty_explicit": PenaltyExplicit, "penalty_implicit": PenaltyImplicit}
+RIGID = {"impulse": Impulse, "partitioned": Partitioned}
+_STILL = (0.0, 0.0, 0.0)
+
+
+class Felt(NamedTuple):
+    """Beyond the free play: stiffness of the peg at the grip and at the handle behind the coupling [N/m]; play [m]."""
+
+    peg: float
+    handle: float
+    play: float
+
+
+def apparent_stiffness(insertion: float, rotation_gain: float = 0.0, stiffness: float = STIFFNESS,
+                       height: float = HEIGHT) -> float:
+    """K_app [N/m] of contacts of this stiffness [N/m] with a rotation gain [N m/rad]."""
+    energy = np.array([[2.0 * stiffness, -stiffness * insertion],
+                       [-stiffness * insertion, stiffness * insertion**2 + rotation_gain]])
+    lever = np.array([1.0, height])
+    return 1.0 / float(lever @ np.linalg.solve(energy, lever))
+
+
+def behind_coupling(stiffness: float, coupling: float = COUPLING) -> float:
+    """Two springs in series [N/m]."""
+    return stiffness * coupling / (stiffness + coupling)
+
+
+def free_play(insertion: float, clearance: float, height: float = HEIGHT) -> float:
+    """± [m] at the handle, without rotation gain."""
+    return clearance * (0.5 + height / insertion)
+
+
+def pull_over(place: float, insertion: float, clearance: float, rotation_gain: float = 0.0) -> float:
+    """Force [N] of rigid contacts on a handle at `place` [m] ≥ 0: nothing, then the tilt, then the coupling.
+
+    Up to c/2 the peg follows; then it tilts about the mouth, K_θ/h² behind the coupling, until its tip touches.
+    """
+    touch, tilting = 0.5 * clearance, rotation_gain / HEIGHT**2
+    most = tilting * (free_play(insertion, clearance) - touch)
+    tilted = behind_coupling(tilting) * (place - touch) if tilting else 0.0
+    return max(0.0, min(tilted, most), COUPLING * (place - free_play(insertion, clearance)))
+
+
+def peg(insertion: float, clearance: float) -> Scene:
+    """A peg on a tool in a hole `clearance` [m] wider, no friction, the grip `HEIGHT` above the mouth."""
+    half, wall = 0.5 * (WIDTH + clearance), 0.05
+    sides = [{"name": name, "fixed": True,
+              "shapes": [{"box": {"size": [wall, DEPTH], "center": [sign * (half + 0.5 * wall), -0.5 * DEPTH]}}]}
+             for name, sign in (("left", -1.0), ("right", 1.0))]
+    length = HEIGHT + insertion
+    tool = {"mass": 0.1, "inertia": 3e-4, "pose": [0.0, HEIGHT, 0.0],
+            "shapes": [{"box": {"size": [WIDTH, length], "center": [0.0, -0.5 * length]}}]}
+    return Scene.model_validate({"name": "insertion", "bodies": sides, "tool": tool})
+
+
+def felt(method: str, insertion: float, rotation_gain: float = 0.0, clearance: float = 1e-6,
+         pulls: tuple[float, float] | None = None) -> Felt:
+    """What a method shows at this insertion [m]: a straight line through two pulls of the handle [m], each settled.
+
+    The pulls lie beyond the free play unless they are given.
+    """
+    world = _world(method, insertion, clearance)
+    world.couple(Coupling(COUPLING, 20.0, rotation_gain, 0.02))
+    play = free_play(insertion, clearance)
+    found = [_settled(world, pull) for pull in pulls or (play + 1e-4, play + 2e-4)]
+    (x0, u0, f0), (x1, u1, f1) = found
+    handle = (f1 - f0) / (x1 - x0)
+    grip = (f1 - f0) / (u1 - u0) if abs(u1 - u0) > 1e-12 else np.inf
+    return Felt(grip, handle, x1 - f1 / handle)
+
+
+def force_at(method: str, places, insertion: float, clearance: float, rotation_gain: float) -> list[float]:
+    """Force of the coupling [N] with the handle settled at each place [m]."""
+    world = _world(method, insertion, clearance)
+    world.couple(Coupling(COUPLING, 20.0, rotation_gain, 0.02))
+    return [_settled(world, place)[2] for place in places]
+
+
+def _world(method, insertion, clearance):
+    scene = peg(insertion, clearance)
+    if method in PENALTY:
+        return PENALTY[method](scene, STEP, STIFFNESS)
+    return RIGID[method](scene, STEP)
+
+
+def _settled(world, pull):
+    """Handle's place, grip's place, force of the coupling, all along x."""
+    handle = pull, HEIGHT, 0.0
+    for _ in range(round(SETTLING / STEP)):
+        world.step(handle, _STILL)
+    return pull, world.position[0], world.force_on_tool[0]

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic chaos`: the running demo loses nodes, processor time and peace on its network; a table of what was felt."""
+
+import json as json_text
+import os
+import random
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import typer
+
+from haptic_sim.cli.domain import isolated_domain
+from haptic_sim.cli.processes import NodeDiedError, interruptible
+
+STEP, ENERGY, RECOVERED = 0.5, 0.005, 3.0  # [N/ms], [J] of the default exchange.budget, [s]
+SHORT = ("kill -9 driver", "SIGSTOP simulation", "e-stop")
+_EVENT = "Only events with this in their name; may be repeated."
+_CLOCK = "Step the wall clock of this machine by 2 s and back, too; needs CAP_SYS_TIME."
+_SOAK = "Let the demo run undisturbed for the minutes, and watch memory, threads and descriptors of each node."
+
+
+class Row(NamedTuple):
+    """An event, how often it ran, the worst of its figures, and what of them lies beyond its bound."""
+
+    name: str
+    runs: int
+    worst: object
+    wrong: tuple[str, ...]
+
+
+def chaos(
+    minutes: Annotated[float | None, typer.Option(min=0.1, help="Go on at random; without it each event once.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output, no table.")] = False,
+    event: Annotated[list[str] | None, typer.Option(help=_EVENT)] = None,
+    short: Annotated[bool, typer.Option("--short", help=f"Only {', '.join(SHORT)}.")] = False,
+    clock: Annotated[bool, typer.Option("--clock", help=_CLOCK)] = False,
+    soak: Annotated[bool, typer.Option("--soak", help=_SOAK)] = False,
+) -> None:
+    """Take the running demo apart while a wall is pressed. Exit code 0 if every figure kept its bound."""
+    try:
+        with interruptible():
+            found = _soak(minutes or 30.0) if soak else _chaos(minutes, _chosen(event, short, clock))
+    except KeyboardInterrupt:
+        print("haptic chaos: interrupted; all nodes have ended", file=sys.stderr, flush=True)
+        os._exit(130)
+    except NodeDiedError as error:
+        raise ValueError(str(error)) from error
+    print(json_text.dumps(found)) if json else _print(found)
+    raise typer.Exit(0 if found["ok"] else 1)
+
+
+def _chosen(wanted, short, clock):
+    from haptic_sim.cli.chaos_events import CLOCK, EVENTS
+
+    events = (*EVENTS, *([CLOCK] if clock else []))
+    wanted = SHORT if short else wanted
+    chosen = [each for each in events if not wanted or any(name in each.name for name in wanted)]
+    if not chosen:
+        raise ValueError(f"no event has {wanted[0]!r} in its name; there are {', '.join(e.name for e in events)}")
+    return chosen
+
+
+def _programs(folder: Path, rate: float = 1000.0):
+    from haptic_device.share import find
+    from haptic_sim.cli.demo import Order, programs_of
+
+    hand = {"motion.name": "follow", "motion.start": (0.03, 0.0, 0.0), "publish.rate": rate}
+    point = find("", "demo").absolute()
+    return programs_of(Order("wall", None, folder, None, None, point, given={"haptic_loopback": hand}))
+
+
+def _chaos(minutes, events) -> dict:
+    from haptic_sim.cli.conductor import START, Conductor
+
+    with tempfile.TemporaryDirectory(prefix="haptic_chaos_") as name:
+        folder = Path(name)
+        with isolated_domain(folder / "log") as domain:
+            conductor = Conductor(_programs(folder), folder, domain)
+            with conductor:
+                conductor.begin(START)
+                results = _play(conductor, events, minutes)
+                tracebacks = conductor.nodes.tracebacks()
+            left = conductor.left_over()
+    return _found([_row(event, results[event.name]) for event in events if results[event.name]], tracebacks, left)
+
+
+def _play(conductor, events, minutes) -> dict:
+    """Each event once, and then at random until the time is over: {name: figures}."""
+    results = {event.name: [] for event in events}
+    end, waiting = time.monotonic() + 60.0 * (minutes or 0.0), list(events)
+    while waiting or time.monotonic() < end:
+        event = waiting.pop(0) if waiting else random.choice(events)
+        conductor.begin()
+        results[event.name].append(event.run(conductor))
+        print(f"haptic chaos: {event.name}: {_said(results[event.name][-1])}", file=sys.stderr, flush=True)
+    return results
+
+
+def _said(figures):
+    parts = [f"{name} {value:.3g}" for name, value in figures._asdict().items() if isinstance(value, float)]
+    return ", ".join([*parts, *figures.faults, *([figures.note] if figures.note else [])])
+
+
+def _row(event, several) -> Row:
+    from haptic_sim.cli.chaos_figures import worst
+
+    found = worst(several)
+    bounds = {"step": STEP, "energy": ENERGY, "safe": event.safe, "recovered": RECOVERED}
+    wrong = [
+        name for name, most in bounds.items()
+        if most is not None and getattr(found, name) is not None and getattr(found, name) > most
+    ]  # fmt: skip
+    wrong += [name for name in found.faults if name not in event.faults]
+    wrong += ["safe"] if event.safe is not None and found.safe is None else []
+    return Row(event.name, len(several), found, tuple(wrong))
+
+
+def _found(rows, tracebacks, left) -> dict:
+    events = [{"event": row.name, "runs": row.runs, **row.worst._asdict(), "wrong": row.wrong} for row in rows]
+    ok = not (tracebacks or left or any(row.wrong for row in rows))
+    return {"ok": ok, "tracebacks": tracebacks, "left_over": left, "events": events}
+
+
+def _soak(minutes) -> dict:
+    from haptic_sim.cli.soak import soak
+
+    return soak(minutes, _programs)
+
+
+def _print(found) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    rows = found.get("events") or found["nodes"]
+    heads = list(rows[0])
+    table = Table(*heads, title="every bound was kept" if found["ok"] else "NOT every bound was kept")
+    for row in rows:
+        table.add_row(*(_text(row[head]) for head in heads))
+    console = Console()
+    console.print(table)
+    rest = {name: value for name, value in found.items() if name not in ("events", "nodes")}
+    console.print(", ".join(f"{name} {_text(value) or 'none'}" for name, value in rest.items()))
+
+
+def _text(value) -> str:
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(map(str, value))
+    return "" if value is None else str(value)

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Events of `haptic chaos` that take no node away but its peace: processor time, the network, the wall clock."""
+
+import os
+import subprocess
+import sys
+import time
+
+from haptic_device.runtime.process import die_with_parent
+from haptic_sim.cli import chaos_figures as figures
+from haptic_sim.cli.conductor import PATIENCE, Conductor
+from haptic_sim.cli.flood import SENT
+
+HOGGED, FLOODED, STEPPED = 4.0, 4.0, 0.4  # s
+HOGS = 2  # a core
+FLOOD_RATE = 10_000.0  # Hz
+CLOCK_STEP = 2.0  # s
+BURN = "while True: pass"
+
+
+def hogs(conductor: Conductor) -> figures.Figures:
+    """Busy processes on every core, while the wall is pressed."""
+    before = _number(conductor, "missed")
+    burning = [_process([sys.executable, "-c", BURN]) for _ in range(HOGS * (os.cpu_count() or 1))]
+    try:
+        conductor.press()
+        conductor.wait(HOGGED)
+    finally:
+        _end(burning)
+    conductor.release()
+    recovered = conductor.enable()
+    rows = conductor.witness.heard().rows
+    missed = _number(conductor, "missed") - before
+    level = ("OK", "WARN", "ERROR")[conductor.witness.levels.get("haptic_driver: margin", 0)]
+    note = f"{missed:.0f} ticks missed; margin down to {rows['margin'][:, 0].min():.3g} N s/m, which it calls {level}"
+    return figures.figures(conductor.witness.heard(), recovered=recovered, note=note)
+
+
+def flood(conductor: Conductor) -> figures.Figures:
+    """10 kHz of foreign, mutated and meaningless messages on every topic that is listened to; the hand holds still."""
+    before = _refusals(conductor)
+    flooding = _process([sys.executable, "-m", "haptic_sim.cli.flood", str(FLOOD_RATE), str(FLOODED)])
+    flooding.wait(FLOODED + PATIENCE)
+    sent = int((flooding.stdout.read().split(SENT) + ["0"])[1] or 0)
+    conductor.wait(0.6)
+    refused = _refusals(conductor) - before
+    recovered = conductor.enable()
+    heard = conductor.witness.heard()
+    moved = 1e3 * float(abs(heard.truths["x"] - heard.truths["x"][0]).max())
+    rate = sent / FLOODED
+    note = f"{rate:.0f} messages/s; {refused} refused and counted; handle moved {moved:.3f} mm"
+    return figures.figures(heard, recovered=recovered, note=note)
+
+
+def step_clock(conductor: Conductor) -> figures.Figures:
+    """The wall clock steps ahead and back, where that is allowed."""
+    conductor.press()
+    try:
+        for step in (CLOCK_STEP, -CLOCK_STEP):
+            time.clock_settime(time.CLOCK_REALTIME, time.clock_gettime(time.CLOCK_REALTIME) + step)
+            conductor.wait(STEPPED)
+        note = f"stepped {CLOCK_STEP:g} s ahead and back"
+    except PermissionError:
+        note = "not allowed here"
+    conductor.release()
+    return figures.figures(conductor.witness.heard(), recovered=conductor.enable(), note=note)
+
+
+def _number(conductor, entry):
+    return float(conductor.witness.said("haptic_driver", entry) or 0.0)
+
+
+def _refusals(conductor):
+    """Everything that the nodes say they have refused."""
+    return sum(
+        int(float(value))
+        for said in conductor.witness.statuses.values()
+        for name, value in said.values.items()
+        if name.startswith("refused") and name != "refused"
+    )
+
+
+def _process(command):
+    own = os.getpid()
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=lambda: die_with_parent(own))
+
+
+def _end(processes):
+    for process in processes:
+        process.kill()
+        process.wait()
+        process.stdout.close()

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic compare`: one recorded hand at several operating points, in a table."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from haptic_sim.cli.replay import As
+
+
+def compare(
+    bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file with the hand's motion.")],
+    points: Annotated[list[str], typer.Argument(help="Operating points: names in config or YAML files.")],
+    as_: Annotated[As, typer.Option("--as", help="The hand's target, or the device's own position.")] = As.target,
+    delay: Annotated[float, typer.Option(min=0.0, help="Delay of the exchange there and back [s].")] = 0.0,
+    out: Annotated[Path | None, typer.Option(help="New folder for the bags and the report.")] = None,
+    namespace: Annotated[str | None, typer.Option(help="Where the bag holds several devices.")] = None,
+) -> None:
+    """Play the same motion at each operating point, in lock-step; a table, a bag of each, and a report of all."""
+    from haptic_device.analysis.page import write_report
+    from haptic_device.analysis.run import read_run
+    from haptic_sim.cli.compared import figures_of, given_at, print_table, replayed
+
+    out = out or Path("haptic_bags") / time.strftime("compare-%Y%m%d-%H%M%S")
+    given = {f"{number}-{Path(point).stem}": given_at(point) for number, point in enumerate(points, 1)}
+    for name, values in given.items():
+        replayed(bag, namespace, as_ is As.device, values, delay, out / name)
+    runs = [read_run(out / name) for name in given]
+    print_table({run.name: figures_of(run) for run in runs})
+    typer.echo(write_report(runs, out / "report"))

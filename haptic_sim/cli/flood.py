@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A process that floods the topics which the nodes listen to, as fast as it is told, with what is not theirs.
+
+`python -m haptic_sim.cli.flood RATE SECONDS`. Mutations of the right message, other names, other sizes, NaN, noise.
+"""
+
+import math
+import os
+import random
+import sys
+import time
+
+import rclpy
+from rclpy.context import Context
+
+from haptic_device.law import exchange
+from haptic_device.node.wire import AXES, LATEST, JointLayout, JointState, String, exchange_names
+from haptic_sim.cli.processes import NAMESPACE
+
+SENT = "sent "
+TOPICS = ("tool", "handle", "operator/target")
+KINDS = 64  # different messages a topic
+
+
+def mutations(layout: JointLayout, count: int, seed: int = 1) -> list[bytes]:
+    """Messages that begin as right ones of another session: bytes turned, cut, grown, numbers wild, names others."""
+    dice, size = random.Random(seed), layout.count
+    whole = layout.pack(0, *[[dice.choice((0.0, 1.0, 1e3, math.nan, math.inf, -1e300)) for _ in range(size)]] * 3)
+    return [mutated(whole, dice) for _ in range(count)]
+
+
+def mutated(message: bytes, dice: random.Random) -> bytes:
+    """The message with something wrong in it."""
+    data = bytearray(message)
+    kind = dice.randrange(5)
+    if kind == 0:
+        for _ in range(dice.randrange(1, 9)):
+            data[dice.randrange(len(data))] ^= 1 << dice.randrange(8)
+    elif kind == 1:
+        data = data[: dice.randrange(4, len(data))]
+    elif kind == 2:
+        data += dice.randbytes(dice.randrange(1, 512))
+    elif kind == 3:
+        begin = dice.randrange(4, len(data))
+        data[begin : begin + dice.randrange(1, 64)] = dice.randbytes(dice.randrange(1, 64))
+    else:
+        data = data[:4] + bytearray(dice.randbytes(dice.randrange(0, 2048)))
+    return bytes(data)
+
+
+def _messages() -> dict[str, list[bytes]]:
+    exchanged = JointLayout(exchange_names(3))
+    targets = [JointLayout(names) for names in (AXES[:2], ("a", "b", "c"), AXES + ("x",), exchange.TAIL)]
+    foreign = [message for layout in targets for message in mutations(layout, KINDS // 4)]
+    return {"tool": mutations(exchanged, KINDS), "handle": mutations(exchanged, KINDS, 2), "operator/target": foreign}
+
+
+def main() -> int:
+    """Floods, and prints how many messages it sent."""
+    rate, seconds = float(sys.argv[1]), float(sys.argv[2])
+    context = Context()
+    rclpy.init(context=context, domain_id=int(os.environ.get("ROS_DOMAIN_ID", "0") or "0"))
+    node = rclpy.create_node("flood", namespace=NAMESPACE, context=context)
+    messages = _messages()
+    publishers = [(node.create_publisher(JointState, topic, LATEST), messages[topic]) for topic in TOPICS]
+    publishers.append((node.create_publisher(String, "trace_of_nobody", LATEST), [b"\0\1\0\0\1\0\0\0\0"]))
+    time.sleep(1.0)  # until the nodes have met
+    began, sent = time.monotonic(), 0
+    while (elapsed := time.monotonic() - began) < seconds:
+        for _ in range(max(0, int(elapsed * rate) - sent)):
+            publisher, kinds = publishers[sent % len(publishers)]
+            publisher.publish(kinds[sent // len(publishers) % len(kinds)])
+            sent += 1
+        time.sleep(0.0005)
+    print(f"{SENT}{sent}", flush=True)
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

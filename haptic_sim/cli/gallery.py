@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of all scenes: a picture of each, and what its simulation takes."""
+
+from haptic_device.share import names
+from haptic_sim.compile import compile_scene
+from haptic_sim.compile.explain import explain
+from haptic_sim.draw import save
+from haptic_sim.scene import load
+
+HEAD = """# Scenes
+
+Written by `haptic scenes --gallery docs/scenes`. Grey is fixed, blue can move, orange is the tool (cross: the grip);
+circles are pins, squares sliders, the dotted line is the way suggested for the handle.
+"""
+
+
+def write(folder) -> None:
+    """README.md and a PNG of every scene; OSError if they cannot be written."""
+    folder.mkdir(parents=True, exist_ok=True)
+    sections = [HEAD]
+    for name in names("scenes"):
+        scene = load(name)
+        save(scene, folder / f"{name}.png")
+        sections.append(_section(scene))
+    (folder / "README.md").write_text("\n".join(sections), encoding="utf-8")
+
+
+def _section(scene):
+    rows = "\n".join(f"| {question} | {answer} |" for question, answer in explain(scene, compile_scene(scene)))
+    picture = f"![{scene.name}]({scene.name}.png)"
+    return f"## {scene.name}\n\n{scene.description}.\n\n{picture}\n\n| | |\n|---|---|\n{rows}\n"

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic replay`: a recorded hand on other gains, in lock-step; or the recorded servo computed again to the bit."""
+
+import time
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class As(StrEnum):
+    """What the recorded hand is in the replay."""
+
+    target = "target"
+    device = "device"
+
+
+def replay(
+    bag: Annotated[Path, typer.Argument(help="Bag folder or .mcap file.")],
+    as_: Annotated[As, typer.Option("--as", help="The hand's target, or the device's own position.")] = As.target,
+    check: Annotated[bool, typer.Option("--check", help="Compute the recorded ticks again, bit for bit.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Move the hand of a running loopback device instead.")] = False,
+    params: Annotated[str | None, typer.Option(help="Operating point in place of the bag's own values.")] = None,
+    delay: Annotated[float, typer.Option(min=0.0, help="Delay of the exchange there and back [s].")] = 0.0,
+    out: Annotated[Path | None, typer.Option(help="New bag of the replay [haptic_bags/replay-TIME].")] = None,
+    namespace: Annotated[str | None, typer.Option(help="Where the bag holds several devices.")] = None,
+) -> None:
+    """Play a recorded hand motion in lock-step, into a new bag. With --check: exit code 1 if one bit differs."""
+    if check:
+        _check(bag, namespace)
+        return
+    if live:
+        _play(bag, namespace)
+        return
+    from haptic_device.analysis.run import read_run
+    from haptic_sim.cli.compared import figures_of, given_at, print_table, replayed
+
+    out = out or Path("haptic_bags") / time.strftime("replay-%Y%m%d-%H%M%S")
+    replayed(bag, namespace, as_ is As.device, given_at(params), delay, out)
+    print_table({"recorded": figures_of(read_run(bag, namespace)), "replayed": figures_of(read_run(out))})
+    typer.echo(f"bag {out}")
+
+
+def _play(bag: Path, namespace: str | None) -> None:
+    from haptic_sim import replay
+    from haptic_sim.cli.nodes import NODES
+    from haptic_sim.cli.replay_live import play
+
+    recording = replay.recorded(bag, namespace)
+    declared = {node: NODES[node] for node in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
+    device = replay.recorded_point(recording, declared, {}).device
+    target, scale = replay.hand_of(recording, False).played, (device.scale[0], *device.scale)
+    count = play(target, tuple(axis.name for axis in device.axes), scale, recording.namespace)
+    typer.echo(f"{count} targets published on {recording.namespace}/operator/target")
+
+
+def _check(bag: Path, namespace: str | None) -> None:
+    from haptic_device.analysis.recording import load
+    from haptic_sim.recompute import verdict_on
+
+    recording = load(bag, namespace, {"trace": None, "snapshot": None})
+    if "snapshot" not in recording.clouds:
+        raise ValueError(f"bag {bag} has no snapshot of the servo's settings: its ticks cannot be computed again")
+    found = verdict_on(recording.trace, recording.clouds["snapshot"])
+    typer.echo(f"{found.same} ticks computed again are the same to the bit")
+    if found.skipped:
+        typer.echo(f"{found.skipped} ticks had no snapshot before them, without which they cannot be computed")
+    if found.different or not found.same:
+        columns = ", ".join(found.columns)
+        raise ValueError(f"{found.different} ticks differ, the first is {found.first}, in {columns or 'nothing'}")

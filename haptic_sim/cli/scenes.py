@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic scenes`: what scenes there are, their pictures, and what their simulation takes."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from haptic_device.share import names
+from haptic_sim.compile import compile_scene
+from haptic_sim.compile.explain import explain
+from haptic_sim.scene import load
+
+
+def scenes(
+    draw: Annotated[str | None, typer.Option(help="Write a picture of this scene (a name or a YAML file).")] = None,
+    out: Annotated[Path | None, typer.Option(help="The picture's file [NAME.png].")] = None,
+    explained: Annotated[
+        str | None, typer.Option("--explain", help="Say what has to be modelled of this scene, by which method.")
+    ] = None,
+    gallery: Annotated[Path | None, typer.Option(help="Write a page with all scenes into this folder.")] = None,
+):
+    """List the scenes; draw one; say what the simulation of one takes."""
+    if out and not draw:
+        raise ValueError("--out names the picture of --draw; give both")
+    if draw:
+        _draw(draw, out)
+    if explained:
+        _explain(explained)
+    if gallery:
+        from haptic_sim.cli.gallery import write
+
+        write(gallery)
+        typer.echo(gallery / "README.md")
+    if not (draw or explained or gallery):
+        _list()
+
+
+def _list():
+    table = Table(title="scenes; haptic scenes --draw NAME, --explain NAME, haptic demo --scene NAME")
+    for column in ("name", "what", "freedoms", "method", "sub-step"):
+        table.add_column(column, justify="right" if column in ("freedoms", "sub-step") else "left")
+    for name in names("scenes"):
+        scene = load(name)
+        compiled = compile_scene(scene)
+        table.add_row(name, scene.description, str(compiled.needs.freedoms), compiled.method,
+                      f"{compiled.sub_step * 1e3:g} ms")
+    Console(width=None if Console().is_terminal else 120).print(table)
+
+
+def _draw(name, out):
+    from haptic_sim.draw import save
+
+    scene = load(name)
+    path = out or Path(f"{scene.name}.png")
+    save(scene, path)
+    typer.echo(path)
+
+
+def _explain(name):
+    scene = load(name)
+    typer.echo(f"{scene.name}: {scene.description}")
+    for question, answer in explain(scene, compile_scene(scene)):
+        typer.echo(f"  {question:<12} {answer}")

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic status`: how a running system is, live in the terminal, with the keys that stop it."""
+
+import contextlib
+import json as json_text
+import os
+import sys
+import time
+from typing import Annotated
+
+import typer
+
+from haptic_sim.cli.keys import ESTOP, keys
+
+LEVELS = ("OK", "WARN", "ERROR", "STALE")
+STYLES = ("green", "yellow", "bold red", "magenta")
+STALE = 2.0  # [s] without news after which a status counts no more
+LISTENING = 2.0  # [s] that one look without a terminal takes
+KEYS = {ESTOP: "estop", "r": "reset", "e": "enable", "d": "disable"}
+HELP = "space: e-stop   r: reset   e: enable   d: disable   q: quit"
+NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation", "haptic_recorder")
+
+
+def status(
+    domain: Annotated[int | None, typer.Option(min=0, max=232, help="ROS domain [ROS_DOMAIN_ID, or 0].")] = None,
+    json: Annotated[bool, typer.Option("--json", help="Listen for 2 s, print one JSON object, end.")] = False,
+) -> None:
+    """Show all nodes and figures with their levels, live; space is the e-stop. Exit code 1 for ERROR or silence."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    from haptic_sim.cli.live import Live
+
+    domain = int(os.environ.get("ROS_DOMAIN_ID", "0") or "0") if domain is None else domain
+    with contextlib.closing(Live(domain, "haptic_status")) as live:
+        if json or not (sys.stdin.isatty() and sys.stdout.isatty()):
+            found = _listen(live)
+            print(json_text.dumps(found)) if json else _print(found, domain)
+        else:
+            found = _watch(live, domain)
+    raise typer.Exit(0 if found and max(entry["level"] for entry in found.values()) < LEVELS.index("ERROR") else 1)
+
+
+def look(live) -> dict:
+    """{name: {level, message, values}} of every status; a node that was heard of and is silent now is STALE."""
+    now = time.monotonic()
+    found = {}
+    for name, said in sorted(live.statuses.items(), key=_order):
+        stale = now - live.heard[name] > STALE
+        level = LEVELS.index("STALE") if stale else said.level
+        message = f"nothing heard for {now - live.heard[name]:.0f} s" if stale else said.message
+        found[name] = {"level": level, "message": message, "values": said.values}
+    return found
+
+
+def _order(item):
+    node = item[0].split(":")[0]
+    return NODES.index(node) if node in NODES else len(NODES), node, ":" in item[0]
+
+
+def _listen(live) -> dict:
+    end = time.monotonic() + LISTENING
+    while time.monotonic() < end:
+        live.look()
+        time.sleep(0.02)
+    return look(live)
+
+
+def _watch(live, domain) -> dict:
+    """Until q or Ctrl-C; a key's answer is shown below the table."""
+    from rich.console import Group
+    from rich.live import Live as Display
+
+    answer = ""
+    with contextlib.suppress(KeyboardInterrupt), keys() as pressed, Display(auto_refresh=False) as display:
+        while (key := pressed()) != "q":
+            if key in KEYS:
+                success, message = live.commands.call(KEYS[key])
+                answer = f"{KEYS[key]}: {message}" if success else f"{KEYS[key]} refused: {message}"
+            live.look()
+            display.update(Group(table(look(live), domain, live.motor_force), HELP, answer), refresh=True)
+            time.sleep(0.05)
+    return look(live)
+
+
+def _print(found, domain) -> None:
+    from rich.console import Console
+
+    Console().print(table(found, domain))
+
+
+def table(found: dict, domain: int, motor: float | None = None):
+    """A row for each node and each of its figures; motor [N]: force on the handle, where the loopback tells it."""
+    from rich.table import Table
+
+    title = f"ROS domain {domain}" + ("" if motor is None else f", motor {motor:.2f} N")
+    rows = Table("node", "figure", "level", "", title=title, caption="" if found else "nothing heard yet")
+    for name, entry in found.items():
+        node, _, figure = name.partition(": ")
+        level = f"[{STYLES[entry['level']]}]{LEVELS[entry['level']]}[/]"
+        rows.add_row("" if figure else node, figure, level, entry["message"])
+    return rows

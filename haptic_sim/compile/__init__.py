@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The least model that serves a scene: who moves, how freely, who can touch whom, what of contact matters.
+
+Nothing is left out that could be felt: a body is taken for fixed only if no joint, force, velocity or touch can ever
+move it, and a pair of shapes is left out only if their reaches (discs, see reach) are apart.
+"""
+
+import math
+from typing import NamedTuple
+
+from haptic_sim.compile.choice import choose_method, choose_sub_step
+from haptic_sim.compile.freedom import freedoms
+from haptic_sim.compile.mobility import groups_of, moving_bodies, touching_pairs
+from haptic_sim.compile.model import Model, Place, build
+from haptic_sim.scene import Scene
+from haptic_sim.shape import turned
+from haptic_sim.solid import TOOL
+
+SQUARE = 1e-12
+"""Sine of the angle below which two directions count as parallel, and cosine as square."""
+
+
+class Needs(NamedTuple):
+    """What of a scene has to be modelled."""
+
+    moving: tuple[str, ...]
+    """Bodies that can move, the tool first."""
+    at_rest: tuple[str, ...]
+    """Dynamic bodies that nothing can ever move."""
+    freedoms: int
+    """Degrees of freedom left by the joints at the start."""
+    touching: tuple[tuple[str, str], ...]
+    """Pairs of bodies that can ever touch."""
+    apart: int
+    """Pairs of shapes that were left out since they never touch."""
+    friction: bool
+    restitution: bool
+    rotation: bool
+    """Whether turning of the tool has anything to do with its other motion."""
+    axes: tuple[tuple[float, float], ...] | None
+    """Directions in which contact acts, if each can be solved by itself in closed form; else None."""
+
+
+class Compiled(NamedTuple):
+    """A scene ready to be simulated."""
+
+    model: Model
+    places: dict[str, Place]
+    shape_names: tuple[str, ...]
+    """Name of the scene's body of each shape."""
+    needs: Needs
+    method: str
+    sub_step: float
+    """s"""
+    reasons: tuple[str, ...]
+    """Why this method and this sub-step, a sentence each."""
+
+
+def compile_scene(scene: Scene) -> Compiled:
+    """The least model of a scene, and the method and sub-step it is given. ValueError if the wish cannot be granted."""
+    fixed = {body.name for body in scene.bodies if body.fixed}
+    groups = groups_of(scene, fixed)
+    moving = moving_bodies(scene, groups)
+    at_rest = [name for group in groups[:-1] if not moving & set(group) for name in group]
+    groups = [group for group in groups[:-1] if moving & set(group)] + [at_rest + groups[-1]]
+    pairs, touching, apart = touching_pairs(scene, groups)
+    arrays, places, shape_names = build(scene, groups, pairs)
+    friction, restitution = (any(pair[k] > 0.0 for pair in pairs) for k in (2, 3))
+    needs = Needs(
+        moving=tuple(name for group in groups[:-1] for name in group),
+        at_rest=tuple(at_rest),
+        freedoms=freedoms(arrays, arrays.pose),
+        touching=touching,
+        apart=apart,
+        friction=friction,
+        restitution=restitution,
+        rotation=_turning_matters(scene, touching, friction),
+        axes=_axes(scene, groups, pairs, touching),
+    )
+    method, why_method = choose_method(scene, needs)
+    sub_step, why_step = choose_sub_step(scene, arrays, method)
+    return Compiled(arrays, places, shape_names, needs, method, sub_step, (why_method, why_step))
+
+
+def _turning_matters(scene, touching, friction):
+    """A disc about the grip, without friction or joint, is pushed through its mass centre only."""
+    round_tool = all(outline.radius > 0.0 and outline.vertices[0] == (0.0, 0.0) for outline in scene.tool.outlines)
+    touched = any(TOOL in pair for pair in touching)
+    return any(TOOL in joint.bodies for joint in scene.joints) or touched and (friction or not round_tool)
+
+
+def _axes(scene, groups, pairs, touching):
+    """Directions of the walls, if they are half-planes, frictionless, without rebound, and parallel or square."""
+    solids = {body.name: body for body in scene.bodies}
+    alone = len(groups) == 2 and not any(TOOL in joint.bodies for joint in scene.joints)
+    if not alone or _turning_matters(scene, touching, False) or any(pair[2] > 0.0 or pair[3] > 0.0 for pair in pairs):
+        return None
+    normals = []
+    for shape, body in ((shape, solids[name]) for _, name in touching for shape in solids[name].shapes):
+        if shape.half_plane is None:
+            return None
+        x, y = turned(shape.half_plane.normal, (0.0, 0.0, body.pose[2]))
+        normals.append((x / math.hypot(x, y), y / math.hypot(x, y)))
+    axes = [n for i, n in enumerate(normals) if all(abs(n[0] * m[1] - n[1] * m[0]) > SQUARE for m in normals[:i])]
+    square = len(axes) < 2 or len(axes) == 2 and abs(axes[0][0] * axes[1][0] + axes[0][1] * axes[1][1]) < SQUARE
+    return tuple(axes) if square else None

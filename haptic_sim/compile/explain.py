@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the least model of a scene is, and why, in plain lines."""
+
+from haptic_sim.compile import Compiled
+from haptic_sim.scene import Scene
+
+
+def explain(scene: Scene, compiled: Compiled) -> list[tuple[str, str]]:
+    """(question, answer) of everything that was worked out."""
+    needs, model = compiled.needs, compiled.model
+    bodies = 1 + len(scene.bodies)
+    return [
+        ("bodies", f"{len(model.mass) - 1} of {bodies} can move: {_few(needs.moving)}"
+         + (f"; nothing ever moves {_few(needs.at_rest)}" if needs.at_rest else "")),
+        ("freedoms", _freedoms(needs, model)),
+        ("contacts", _contacts(needs, model)),
+        ("friction", "matters" if needs.friction else "no pair that can touch has any"),
+        ("restitution", "matters" if needs.restitution else "no pair that can touch has any"),
+        ("rotation", "of the tool matters" if needs.rotation else "of the tool goes its own way"),
+        ("axes", _axes(needs)),
+        ("method", f"{compiled.method}: {compiled.reasons[0]}"),
+        ("sub-step", f"{compiled.sub_step * 1e3:g} ms: {compiled.reasons[1]}"),
+    ]
+
+
+def _freedoms(needs, model):
+    free = 3 * (len(model.mass) - 1)
+    if needs.freedoms == free:
+        return f"{free}, three each"
+    return f"{needs.freedoms} of {free}; joints take the rest"
+
+
+def _contacts(needs, model):
+    count, names = len(model.pairs), ", ".join(f"{a}-{b}" for a, b in needs.touching[:6])
+    if not count:
+        return "none can happen" + (f"; {needs.apart} pairs of shapes never touch" if needs.apart else "")
+    more = ", ..." if len(needs.touching) > 6 else ""
+    return f"{count} of {count + needs.apart} pairs of shapes can touch: {names}{more}"
+
+
+def _axes(needs):
+    if needs.axes is None:
+        return "have to be solved together"
+    if not needs.axes:
+        return "x, y, theta each by itself in closed form: the coupling and inertia, no contact"
+    listed = " and ".join(f"[{x:.3g}, {y:.3g}]" for x, y in needs.axes)
+    return f"contact acts along {listed} alone, in closed form; the others are coupling and inertia"
+
+
+def _few(names):
+    return ", ".join(names[:8]) + (f", ... ({len(names)})" if len(names) > 8 else "") or "none"

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A lock-step run as a bag like the live nodes' ones, so that one report, one reader and one player serve both."""
+
+from pathlib import Path
+
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+from haptic_device import provenance
+from haptic_device.law import exchange
+from haptic_device.node.bag import Bag
+from haptic_device.node.bag_information import dump
+from haptic_device.node.making import YAML
+from haptic_device.parameter import SECTION
+from haptic_device.runtime import recompute
+
+JOINTS, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+NAMESPACE, FRAME = "/haptic", "haptic_base"
+EPOCH = 1_000_000_000_000_000_000  # [ns] system clock at lock-step's time 0: lock-step knows no date
+BLOCK = 400  # ticks
+FLOAT64 = 8  # sensor_msgs/PointField
+SECOND = 1_000_000_000
+
+
+class LockstepBag:
+    """Takes the rows of a Lockstep system as it runs, with the truth of its plant after each batch."""
+
+    def __init__(self, folder: Path, system, point):
+        self._system, self._bag = system, Bag(folder)
+        self._types = get_typestore(Stores.ROS2_JAZZY).types, get_typestore(Stores.ROS2_JAZZY)
+        topics = {"trace": CLOUD, "snapshot": CLOUD, "handle": JOINTS, "operator/state": JOINTS}
+        self._channels = {name: self._bag.add_topic(f"{NAMESPACE}/{name}", kind, []) for name, kind in topics.items()}
+        self._channels["diagnostics"] = self._bag.add_topic("/diagnostics", DIAGNOSTICS, [])
+        self._axes = tuple(axis.name for axis in point.device.axes)
+        self._point, self._rows, self._waiting, self._sequence = point, [], 0, 0
+        self._attach()
+        start = recompute.snapshot_of(-1, system.settings[0], system.memory[0])
+        self._write("snapshot", self._cloud(start, EPOCH), EPOCH)
+        self._write("handle", self._handle(), EPOCH)
+
+    def add(self, rows: np.ndarray) -> None:
+        """The next rows, and the plant as they have left it."""
+        self._rows.append(rows.view(np.ndarray))
+        self._waiting += len(rows)
+        if self._waiting >= BLOCK:
+            self._write_rows()
+        if self._system.plant_memory["time"][0] > 0:
+            now = int(rows["deadline"][-1]) + EPOCH
+            self._write("operator/state", self._truth(now), now)
+
+    def close(self, facts: dict[str, str]) -> None:
+        """Writes the rest, what the nodes would say at the end, and `facts` of the replay itself."""
+        self._write_rows()
+        now = EPOCH + self._system.ticks * self._system.period
+        said = {"haptic_driver": self._driver(), "haptic_simulation": self._simulation(), "haptic_replay": facts}
+        for name, values in said.items():
+            self._write("diagnostics", self._status(name, values), now)
+        self._bag.close({"namespace": NAMESPACE, "lockstep": "true"})
+
+    def _attach(self) -> None:
+        nodes = {"haptic_driver": self._point.driver, "haptic_loopback": self._point.loopback}
+        nodes["haptic_simulation"] = self._point.simulation
+        for name, values in nodes.items():
+            plain = {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
+            content = dump({f"{NAMESPACE}/{name}": {SECTION: plain}}).encode()
+            self._bag.attach(f"parameters/{name}.yaml", YAML, content, EPOCH)
+        self._bag.attach("made.yaml", YAML, dump(provenance.facts()).encode(), EPOCH)
+        device = dump(self._point.device.model_dump(mode="json")).encode()
+        self._bag.attach(f"device/{Path(self._point.driver['device']).stem}.yaml", YAML, device, EPOCH)
+        if self._point.scene is not None:
+            scene = dump(self._point.scene.model_dump(mode="json", by_alias=True, exclude_defaults=True)).encode()
+            self._bag.attach(f"scene/{Path(self._point.simulation['scene']).stem}.yaml", YAML, scene, EPOCH)
+
+    def _write(self, topic: str, data: bytes, now: int) -> None:
+        self._sequence += 1
+        self._bag.write(self._channels[topic], data, now, now, self._sequence)
+
+    def _write_rows(self) -> None:
+        if self._rows:
+            rows = np.concatenate(self._rows)
+            self._write("trace", self._cloud(rows, EPOCH + int(rows["deadline"][0])), EPOCH + int(rows["deadline"][-1]))
+            self._rows, self._waiting = [], 0
+
+    def _header(self, stamp: int):
+        kinds = self._types[0]
+        return kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](*divmod(stamp, SECOND)), FRAME)
+
+    def _cloud(self, rows: np.ndarray, stamp: int) -> bytes:
+        kinds, types = self._types
+        fields = [
+            kinds["sensor_msgs/msg/PointField"](name, offset, FLOAT64, kind.itemsize // 8)
+            for name, (kind, offset) in ((name, rows.dtype.fields[name][:2]) for name in rows.dtype.names)
+        ]
+        data, step = np.frombuffer(rows.tobytes(), np.uint8), rows.dtype.itemsize
+        header = self._header(stamp)
+        message = kinds[CLOUD](header, 1, len(rows), fields, False, step, len(data), data, True)
+        return bytes(types.serialize_cdr(message, CLOUD))
+
+    def _joints(self, names, position, velocity, effort, stamp: int) -> bytes:
+        kinds, types = self._types
+        parts = (np.asarray(part, float) for part in (position, velocity, effort))
+        return bytes(types.serialize_cdr(kinds[JOINTS](self._header(stamp), list(names), *parts), JOINTS))
+
+    def _truth(self, now: int) -> bytes:
+        memory, n = self._system.plant_memory[0], len(self._axes)
+        names = (*self._axes, *(f"motor_{name}" for name in self._axes), "energy_given", "time", "motion_done")
+        extra = (memory["energy_given"], memory["time"] * 1e-9, 0.0)
+        return self._joints(
+            names,
+            (*memory["position"][:n], *memory["target"][:n], *extra),
+            (*memory["velocity"][:n], *memory["target_velocity"][:n], 0.0, 0.0, 0.0),
+            (*memory["operator_force"][:n], *memory["motor_force"][:n], 0.0, 0.0, 0.0),
+            now,
+        )
+
+    def _handle(self) -> bytes:
+        driver = self._point.driver
+        gains = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
+        known = {name: driver[f"coupling.{name}"] for name in gains} | {"layout_version": exchange.LAYOUT_VERSION}
+        known["exchange_method"] = exchange.METHODS.index(driver["exchange.method"])
+        names = self._axes + exchange.TAIL
+        zeros = np.zeros(len(names))
+        return self._joints(names, [known.get(name, 0.0) for name in names], zeros, zeros, EPOCH)
+
+    def _driver(self) -> dict:
+        damping = ", ".join(f"{axis.damping:g}" for axis in self._point.device.axes)
+        return {"physical_damping": damping, "realtime": "lock-step", "trace_dropped": "0"}
+
+    def _simulation(self) -> dict:
+        simulation = self._system.simulation
+        if simulation is None:
+            return {}
+        counters = simulation.counters
+        figures = {"max_contact_force": counters.max_contact_force, "max_penetration": counters.max_penetration}
+        figures["tool_port_energy"] = simulation.ledger.supplied
+        results = {f"result.{name}": value for name, value in simulation.measure().items()}
+        return {name: str(value) for name, value in {**figures, **results}.items()}
+
+    def _status(self, name: str, values: dict[str, str]) -> bytes:
+        kinds, types = self._types
+        pairs = [kinds["diagnostic_msgs/msg/KeyValue"](key, value) for key, value in values.items()]
+        status = kinds["diagnostic_msgs/msg/DiagnosticStatus"](0, name, "", "", pairs)
+        message = kinds[DIAGNOSTICS](self._header(EPOCH), [status])
+        return bytes(types.serialize_cdr(message, DIAGNOSTICS))

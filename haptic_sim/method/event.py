@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When something happens: a gap closes, a joint reaches its limit, a slip comes to rest.
+
+Each event is a function of time that falls below zero, read off the trial state of the motion itself. Its zero is found
+by the Illinois rule (regula falsi that halves the weight of a bound kept twice), order 1.44, never outside the bracket.
+"""
+
+import math
+
+from haptic_device.whole import part
+from haptic_sim.compile.model import SPRING
+from haptic_sim.method.effect import copy
+from haptic_sim.method.impact import TOUCHING
+from haptic_sim.method.joints import coordinate_row
+from haptic_sim.method.lcp import FREE, LOW, NORMAL, SLIDING, limit_of
+from haptic_sim.method.rows import LIMIT, moves, rate_of, wished
+from haptic_sim.method.smooth import accelerate, advance
+from haptic_sim.method.touch import GAP, evaluate, far_apart, gap_of, place_shapes, touch
+
+PASSES = 60
+SPARE, SHARE = 1e-9, 1e-7
+"""Force [N], and share of its bound, by which a contact pulls or a friction exceeds it when its mode ends."""
+HALVINGS = 40
+EXACT = 1e-15
+"""Value [m | m/s] that is zero."""
+
+
+@part
+def first_event(model, layout, work, n):
+    """(event, value) of the lowest below zero in the trial state, event −1 if none is.
+
+    Events 0…p−1 are gaps of pairs, then follow the slips of the n rows, then the limits of joints.
+    """
+    place_shapes(model, layout, work, work.trial_q)
+    forces_at(model, layout, work, work.trial_q, work.trial_v, n)
+    worst, event = -TOUCHING, -1
+    for e in range(model.pair_count + n + model.joints):
+        value = event_value(model, layout, work, n, e)
+        if value < worst:
+            worst, event = value, e
+    return event, worst
+
+
+@part
+def event_value(model, layout, work, n, e):
+    """What must not fall below zero, in the trial state whose shapes have been placed."""
+    pairs = model.pair_count
+    if e < pairs:
+        return pair_gap(model, layout, work, n, e)
+    if e >= pairs + n:
+        return limit_gap(model, layout, work, n, e - pairs - n)
+    r = e - pairs
+    if work.kind[r] != SLIDING:
+        return spare_force(work, r)
+    slip = rate_of(work, work.trial_v, r) - wished(model, work, r)
+    return slip if work.mode[r] == LOW else -slip
+
+
+@part
+def forces_at(model, layout, work, q, v, n):
+    """Contact forces at q, v at the time of work.clock[1] into work.lam."""
+    if n > 0:
+        accelerate(model, layout, work, q, v, n)
+
+
+@part
+def spare_force(work, r):
+    """How much more a held row may be pulled [N], before it parts or slips."""
+    if work.mode[r] != FREE:
+        return 0.0
+    if work.kind[r] == NORMAL:
+        return work.lam[r] + SPARE
+    return limit_of(work, r, 1.0) * (1.0 + SHARE) + SPARE - abs(work.lam[r])
+
+
+@part
+def pair_gap(model, layout, work, n, p):
+    """Gap of a pair [m]; if it is in contact, of what else of it could touch."""
+    if not moves(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
+        return math.inf
+    s, u = model.pairs[p, 0], model.pairs[p, 1]
+    distance = far_apart(layout, work, s, u)
+    if distance > 0.0:
+        return distance
+    held = False
+    for r in range(n):
+        held |= work.source[r] == 0 and work.index[r] == p
+    if not held:
+        return gap_of(model, work, s, u)
+    least = math.inf
+    for k in range(touch(model, work, s, u)):
+        if not is_held(work, n, p, work.features[k]):
+            evaluate(layout, work, work.features[k])
+            least = min(least, work.contact[GAP])
+    return least
+
+
+@part
+def is_held(work, n, p, feature):
+    """Whether the contact of pair p at this feature is one of the rows."""
+    for r in range(n):
+        if work.source[r] == 0 and work.index[r] == p and work.kind[r] == NORMAL:
+            same = True
+            for k in range(4):
+                same &= work.feature[r, k] == feature[k]
+            if same:
+                return True
+    return False
+
+
+@part
+def limit_gap(model, layout, work, n, j):
+    """Way left to the nearer limit of joint j that is not held."""
+    low, high = model.joint_limit[j, 0], model.joint_limit[j, 1]
+    unlimited = low == -math.inf and high == math.inf
+    if unlimited or model.joint_kind[j] == SPRING or not moves(
+            layout, work, model.joint_bodies[j, 0], model.joint_bodies[j, 1]):
+        return math.inf
+    for r in range(n):
+        if work.source[r] == LIMIT and work.index[r] == j:
+            if work.feature[r, 3] > 0:
+                low = -math.inf
+            else:
+                high = math.inf
+    at = coordinate_row(model, work.trial_q, work.trial_v, j, work.row)[0]
+    return min(at - low, high - at)
+
+
+@part
+def locate(model, layout, work, n, tau, event, value):
+    """Moves the trial state to the first event within tau and returns its time [s]; −1 if it cannot be told."""
+    for _ in range(6):
+        tau = zero_of(model, layout, work, n, tau, event, value)
+        if tau < 0.0:
+            return tau
+        other, value = first_event(model, layout, work, n)
+        if other < 0 or other == event:
+            return tau
+        event = other
+    return -1.0
+
+
+@part
+def value_after(model, layout, work, n, time, event):
+    """An event's value after `time` [s], which becomes the trial state."""
+    if time > 0.0:
+        advance(model, layout, work, time, n)
+    else:
+        copy(work.q, work.trial_q, model.bodies)
+        copy(work.v, work.trial_v, model.bodies)
+        work.clock[1] = work.clock[0]
+    place_shapes(model, layout, work, work.trial_q)
+    forces_at(model, layout, work, work.trial_q, work.trial_v, n)
+    return event_value(model, layout, work, n, event)
+
+
+@part
+def zero_of(model, layout, work, n, high, event, value_high):
+    """Time at which the event's value passes zero downwards, before `high` where it is below."""
+    low, value_low = 0.0, value_after(model, layout, work, n, 0.0, event)
+    if value_low <= TOUCHING:
+        # Just parted, and back within the step: the bracket starts where it is clear of the other shape.
+        low, value_low = high, -1.0
+        for _ in range(HALVINGS):
+            low *= 0.5
+            value_low = value_after(model, layout, work, n, low, event)
+            if value_low > 0.0:
+                break
+            high, value_high = low, value_low
+        if value_low <= 0.0:
+            return -1.0
+    side = 0
+    at, value = high, value_high
+    for _ in range(PASSES):
+        at = (low * value_high - high * value_low) / (value_high - value_low)
+        value = value_after(model, layout, work, n, at, event)
+        if abs(value) <= EXACT or high - low <= 1e-16 * high:
+            break
+        if value > 0.0:
+            low, value_low = at, value
+            value_high *= 0.5 if side == 1 else 1.0
+            side = 1
+        else:
+            high, value_high = at, value
+            value_low *= 0.5 if side == -1 else 1.0
+            side = -1
+    return at

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From event to event: impacts and sticking are found in time, not cured after the fact.
+
+A step is cut where a gap closes or a slip speed passes zero. The instant is found by bracketing (Illinois) on the
+motion itself, which is integrated anew to each guess; then the impact is solved for all contacts touching at that time:
+
+    v⁺ = v⁻ + W Gᵀ λ,   0 ≤ λ_n ⟂ G_n v⁺ + e G_n v⁻ ≥ 0 (Newton),   |λ_t| ≤ μ λ_n against G_t v⁺
+
+Between events the contacts that touch, and do not part, are constraints; which of them push, stick or slide is one
+complementarity problem of the accelerations. If it has no solution (Painlevé), or events crowd, the flight gives up and
+the rest of the step is a backward difference (see `press`), which always has one.
+"""
+
+import math
+
+from haptic_device.whole import part
+from haptic_sim.method.effect import (
+    apply_rows,
+    copy,
+    hold_resting,
+    note_impulses,
+    note_resting,
+    respond_rows,
+    zero_body,
+)
+from haptic_sim.method.event import first_event, locate
+from haptic_sim.method.impact import RESTING, TOUCHING, impact, touching_contacts
+from haptic_sim.method.lcp import FRICTION, HIGH, LOW, NORMAL, SLIDING, solve_modes
+from haptic_sim.method.rows import add_joints, keep_rows, moves, rate_of, recall, refresh, remember, wished
+from haptic_sim.method.smooth import advance, free_acceleration
+from haptic_sim.method.touch import far_apart, gap_of
+
+MOST_EVENTS = 400
+UNSOLVED, STRUCK = -1, -2
+
+
+@part
+def fly(model, layout, work, h):
+    """Advances the active linkages by h [s]; returns the time left over when it had to give up, else 0."""
+    for i in range(layout.linkages):
+        work.flying[i] = work.active[i]
+    work.clock[0] = work.clock[1] = 0.0
+    left = h
+    for _ in range(MOST_EVENTS):
+        n = present_rows(model, layout, work, True)
+        if n == STRUCK:
+            impact(model, layout, work)
+            n = present_rows(model, layout, work, True)
+        if n < 0:
+            return left
+        resting = n > 0 and lay_to_rest(model, layout, work, n, left) > 0
+        if resting and count_awake(layout, work) == 0:
+            note_resting(work, left)
+            wake(layout, work)
+            return 0.0
+        if resting:
+            n = present_rows(model, layout, work, False)
+        tau, event = soar(model, layout, work, n, left) if n >= 0 else (-1.0, -1)
+        wake(layout, work)
+        if tau < 0.0:
+            return left
+        note_impulses(work, n, tau)
+        if resting:
+            note_resting(work, tau)
+        work.clock[0] += tau
+        work.clock[1] = work.clock[0]
+        work.port[13] += work.supply
+        work.port[20] += work.lost
+        if event >= 0:
+            work.counts[2] += 1
+            impact(model, layout, work)
+        left -= tau
+        if left <= 1e-15 * h:
+            return 0.0
+    return left
+
+
+@part
+def soar(model, layout, work, n, left):
+    """Moves on until something happens, or the time is up; (time taken, event), time −1 if it cannot be told."""
+    tau = min(left, longest_flight(model, layout, work))
+    advance(model, layout, work, tau, n)
+    event, value = first_event(model, layout, work, n)
+    if event >= 0:
+        tau = locate(model, layout, work, n, tau, event, value)
+        if tau < 0.0:
+            return tau, event
+    copy(work.trial_q, work.q, model.bodies)
+    copy(work.trial_v, work.v, model.bodies)
+    for r in range(n):
+        work.lam[r] = work.forces[r]
+    return tau, event
+
+
+@part
+def present_rows(model, layout, work, all_awake):
+    """Rows of contacts that touch and do not part, with modes; returns how many, or UNSOLVED, or STRUCK."""
+    q, v = work.q, work.v
+    n = touching_contacts(model, layout, work)
+    n = add_joints(model, layout, work, n, q, v, TOUCHING, 1.0)
+    if n == 0:
+        return 0
+    refresh(model, layout, work, q, v, n)
+    n = keep_rows(work, v, n, TOUCHING, RESTING)
+    for r in range(n):
+        if work.kind[r] == NORMAL and rate_of(work, v, r) < -RESTING:
+            return STRUCK
+    recall(work, n)
+    for r in range(n):
+        set_sense(model, work, v, r)
+    free_acceleration(model, layout, work, q, v)
+    respond_rows(model, layout, work, n)
+    for r in range(n):
+        work.b[r] = rate_of(work, work.free_v, r) + work.gamma[r]
+    if solve_modes(work, n, 1.0, 60) < 0:
+        work.counts[1] = 0
+        return UNSOLVED
+    if all_awake:
+        remember(work, n)
+    for r in range(n):
+        work.forces[r] = work.lam[r]
+    return n
+
+
+@part
+def lay_to_rest(model, layout, work, n, left):
+    """Linkages that do not move, nor would within the time left, by more than RESTING get velocity zero and sleep.
+
+    The contact forces have been solved for and hold them: to integrate them would only move rounding about. Who
+    touches one that moves, or that the hand pulls, stays awake. Returns how many sleep.
+    """
+    a = work.free_v
+    apply_rows(model, work, n, a)
+    for i in range(layout.linkages):
+        work.moving[i] = 0
+        for m in range(layout.body_start[i], layout.body_start[i + 1]):
+            b = layout.order[m]
+            for k in range(3):
+                if abs(work.v[b, k]) > RESTING or abs(a[b, k]) * left > RESTING:
+                    work.moving[i] = 1
+    if work.port[19] > 0.0:
+        work.moving[layout.linkage[0]] = 1
+    spread_motion(layout, work, n)
+    asleep = 0
+    for i in range(layout.linkages):
+        if work.active[i] > 0 and work.moving[i] == 0:
+            work.active[i] = 0
+            asleep += 1
+            for m in range(layout.body_start[i], layout.body_start[i + 1]):
+                zero_body(work.v, layout.order[m])
+    if asleep > 0:
+        hold_resting(layout, work, n)
+    return asleep
+
+
+@part
+def spread_motion(layout, work, n):
+    """Who shares a row with one that moves moves too."""
+    changed = True
+    while changed:
+        changed = False
+        for r in range(n):
+            a, b = layout.linkage[work.row_a[r]], layout.linkage[work.row_b[r]]
+            if a >= 0 and b >= 0 and work.moving[a] != work.moving[b]:
+                work.moving[a] = work.moving[b] = 1
+                changed = True
+
+
+@part
+def count_awake(layout, work):
+    """How many linkages move."""
+    count = 0
+    for i in range(layout.linkages):
+        count += work.active[i]
+    return count
+
+
+@part
+def wake(layout, work):
+    """All linkages of this flight are active again."""
+    for i in range(layout.linkages):
+        work.active[i] = work.flying[i]
+
+
+@part
+def set_sense(model, work, v, r):
+    """A row that slips has its friction against the slip; a resting one may stick. A motor's slip is from its speed."""
+    if work.kind[r] != FRICTION:
+        return
+    slip = rate_of(work, v, r) - wished(model, work, r)
+    if abs(slip) > RESTING:
+        work.kind[r] = SLIDING
+        work.mode[r] = LOW if slip > 0.0 else HIGH
+
+
+@part
+def longest_flight(model, layout, work):
+    """Time [s] within which no two shapes can meet and be through each other again: a quarter of their widths."""
+    longest = math.inf
+    for p in range(model.pair_count):
+        a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
+        if not moves(layout, work, a, b):
+            continue
+        s, u = model.pairs[p, 0], model.pairs[p, 1]
+        v = work.v
+        closing = math.hypot(v[b, 0] - v[a, 0], v[b, 1] - v[a, 1])
+        closing += abs(v[a, 2]) * layout.extent[a] + abs(v[b, 2]) * layout.extent[b]
+        if closing <= 0.0:
+            continue
+        apart = far_apart(layout, work, s, u)
+        if apart <= 0.0:
+            apart = gap_of(model, work, s, u)
+        longest = min(longest, max(0.25 * (layout.thickness[s] + layout.thickness[u]), apart) / closing)
+    return longest

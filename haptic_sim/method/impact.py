@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One impact: all contacts that touch at an instant, solved together."""
+
+import math
+
+from haptic_device.whole import part
+from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows
+from haptic_sim.method.lcp import NORMAL, solve_modes
+from haptic_sim.method.lemke import lemke
+from haptic_sim.method.linkage import reduce_linkage
+from haptic_sim.method.rows import add_contact, add_joints, keep_rows, moves, rate_of, refresh
+from haptic_sim.method.touch import far_apart, gap_of, place_shapes, touch
+
+TOUCHING = 1e-12
+"""Gap [m] below which two shapes touch."""
+RESTING = 1e-9
+"""Speed [m/s | rad/s] below which a contact neither parts nor slips nor rebounds."""
+
+
+@part
+def impact(model, layout, work):
+    """Velocities after the impact at work.q; restitution is given up where, with friction, it would add energy."""
+    before = kinetic(model, layout, work, work.v)
+    n = touching_rows(model, layout, work)
+    if n == 0:
+        return
+    copy(work.v, work.trial_v, model.bodies)
+    strike(model, layout, work, n, 1.0)
+    if kinetic(model, layout, work, work.v) > before * (1.0 + 1e-12):
+        copy(work.trial_v, work.v, model.bodies)
+        strike(model, layout, work, n, 0.0)
+    note_impulses(work, n, 1.0)
+    work.port[20] += before - kinetic(model, layout, work, work.v)
+
+
+@part
+def touching_rows(model, layout, work):
+    """Rows of all contacts that touch, and of joints at a limit; returns how many."""
+    n = touching_contacts(model, layout, work)
+    n = add_joints(model, layout, work, n, work.q, work.v, TOUCHING, 0.0)
+    refresh(model, layout, work, work.q, work.v, n)
+    n = keep_rows(work, work.v, n, TOUCHING, math.inf)
+    for i in range(layout.linkages):
+        if work.active[i] > 0:
+            reduce_linkage(model, layout, work, i, work.q, work.v, 0.0)
+    respond_rows(model, layout, work, n)
+    return n
+
+
+@part
+def touching_contacts(model, layout, work):
+    """Rows of all contacts that touch; returns how many."""
+    n = 0
+    place_shapes(model, layout, work, work.q)
+    for p in range(model.pair_count):
+        s, u = model.pairs[p, 0], model.pairs[p, 1]
+        if not moves(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
+            continue
+        if far_apart(layout, work, s, u) <= TOUCHING and gap_of(model, work, s, u) <= TOUCHING:
+            for k in range(touch(model, work, s, u)):
+                n = add_contact(model, layout, work, n, p, work.features[k])
+    return n
+
+
+@part
+def strike(model, layout, work, n, scale):
+    """v⁺ with the pairs' restitution times `scale`."""
+    for r in range(n):
+        work.b[r] = rate_of(work, work.v, r)
+        if work.kind[r] == NORMAL and work.source[r] == 0 and work.b[r] < -RESTING:
+            work.b[r] *= 1.0 + scale * model.pair_restitution[work.index[r]]
+    if solve_modes(work, n, 1.0, 60) < 0:
+        lemke(work, n)
+    apply_rows(model, work, n, work.v)
+
+
+@part
+def kinetic(model, layout, work, v):
+    """Kinetic energy of the bodies that are being advanced [J]."""
+    energy = 0.0
+    for b in range(model.bodies - 1):
+        if work.active[layout.linkage[b]] > 0:
+            energy += 0.5 * (model.mass[b] * (v[b, 0] ** 2 + v[b, 1] ** 2) + model.inertia[b] * v[b, 2] ** 2)
+    return energy

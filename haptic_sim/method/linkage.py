@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Coordinate partitioning: generalized coordinates of a linkage, chosen at run time.
+
+A linkage of bodies with coordinates q (three a body) obeys J(q) v = 0. Gauss–Jordan elimination of J with full
+pivoting sorts the velocities into dependent and independent ones (Wehage & Haug 1982; Haug & Yen 1992),
+
+    J = [J_d J_i],    v_d = −J_d⁻¹ J_i u,    v = N u,    N = [−J_d⁻¹ J_i; 1],
+
+and finds by itself which rows are redundant (pivots at rounding). Accelerations obey J a + γ = 0, a = a_p + N u̇ with
+a_p = [−J_d⁻¹ γ; 0]. Inserted into M a = f + Jᵀλ and multiplied by Nᵀ, which removes λ:
+
+    a = a_p + W (f − M a_p),        W = N (Nᵀ M N)⁻¹ Nᵀ = Yᵀ Y,    Y = L⁻¹ Nᵀ,  L Lᵀ = Nᵀ M N
+
+W is the inverse mass that the joints leave. It serves impacts (v⁺ = v + W J_c) as well as backward differences over h:
+there M gains (h c + h² k) J_sᵀ J_s for each spring-damper and h B + h² K for the coupling at the tool, which is eq. (2)
+of `impulse` for a whole linkage. Limits: without joints N = 1 and W = M⁻¹; at a singular position the pivoting takes
+other coordinates, and a row that vanishes there is dropped.
+"""
+
+import math
+
+from haptic_device.whole import part
+from haptic_sim.compile.model import SPRING
+from haptic_sim.method.joints import forbidden_row, spring_row, spring_rows
+
+REDUNDANT = 1e-10
+"""Pivot, in the largest entry of J, below which a row says nothing new."""
+
+
+@part
+def reduce_linkage(model, layout, work, i, q, v, h):
+    """Finds N, Y, a_p of linkage i at q, v; with h > 0 for a backward difference over h with the coupling."""
+    first, count = layout.body_start[i], layout.body_start[i + 1] - layout.body_start[i]
+    if layout.joint_start[i + 1] == layout.joint_start[i]:
+        free_body(model, work, i, layout.order[first], 3 * first, h)
+        return
+    columns = 3 * count
+    eliminate(work, fill_rows(model, layout, work, i, q, v), columns)
+    work.freedoms[i] = null_space(layout, work, first, columns)
+    fill_mass(model, layout, work, i, q, v, h)
+    factor(work, 3 * first, work.freedoms[i], columns)
+
+
+@part
+def free_body(model, work, i, b, row, h):
+    """A body without joints: W = M⁻¹."""
+    port, added, added_turn = work.port, 0.0, 0.0
+    if b == 0 and h > 0.0:
+        added, added_turn = port[7] * h + port[6] * h * h, port[9] * h + port[8] * h * h
+    y = 1.0 / math.sqrt(model.mass[b] + added)
+    for k in range(3):
+        for m in range(3):
+            work.Y[row + k, m] = 0.0
+        work.bias[b, k] = 0.0
+    work.Y[row, 0], work.Y[row + 1, 1] = y, y
+    work.Y[row + 2, 2] = 1.0 / math.sqrt(model.inertia[b] + added_turn)
+    work.freedoms[i] = 3
+
+
+@part
+def fill_rows(model, layout, work, i, q, v):
+    """[J | γ | φ] of linkage i; returns the number of rows."""
+    J, columns = work.jacobian, 3 * (layout.body_start[i + 1] - layout.body_start[i])
+    r = 0
+    for m in range(layout.joint_start[i], layout.joint_start[i + 1]):
+        j = layout.joint_order[m]
+        if model.joint_kind[j] == SPRING:
+            continue
+        a, b = layout.place_in[model.joint_bodies[j, 0]], layout.place_in[model.joint_bodies[j, 1]]
+        for k in range(2):
+            phi, gamma = forbidden_row(model, q, v, j, k, work.row)
+            for c in range(columns):
+                J[r, c] = 0.0
+            for c in range(3):
+                if a >= 0:
+                    J[r, 3 * a + c] = work.row[c]
+                if b >= 0:
+                    J[r, 3 * b + c] = work.row[3 + c]
+            J[r, columns], J[r, columns + 1] = gamma, phi
+            r += 1
+    return r
+
+
+@part
+def eliminate(work, rows, columns):
+    """Gauss–Jordan with full pivoting of [J | γ | φ]; work.pivot holds the dependent column of each row kept."""
+    J, rank, largest = work.jacobian, 0, 0.0
+    for c in range(columns):
+        work.dependent[c] = -1
+    while rank < rows:
+        best, at_row, at_column = 0.0, -1, -1
+        for r in range(rank, rows):
+            for c in range(columns):
+                if work.dependent[c] < 0 and abs(J[r, c]) > best:
+                    best, at_row, at_column = abs(J[r, c]), r, c
+        largest = max(largest, best)
+        if best <= REDUNDANT * largest or at_row < 0:
+            break
+        scale = 1.0 / J[at_row, at_column]
+        for c in range(columns + 2):
+            kept = J[at_row, c] * scale
+            J[at_row, c] = J[rank, c]
+            J[rank, c] = kept
+        for r in range(rows):
+            factor_ = J[r, at_column]
+            if r != rank and factor_ != 0.0:
+                for c in range(columns + 2):
+                    J[r, c] -= factor_ * J[rank, c]
+        work.dependent[at_column] = rank
+        work.pivot[rank] = at_column
+        rank += 1
+    return rank
+
+
+@part
+def null_space(layout, work, first, columns):
+    """Rows of Nᵀ into work.N, a_p into work.bias; returns the number of independent coordinates."""
+    J, N, u = work.jacobian, work.N, 0
+    for c in range(columns):
+        if work.dependent[c] >= 0:
+            continue
+        for m in range(columns):
+            N[u, m] = -J[work.dependent[m], c] if work.dependent[m] >= 0 else 0.0
+        N[u, c] = 1.0
+        u += 1
+    for c in range(columns):
+        r = work.dependent[c]
+        work.bias[layout.order[first + c // 3], c % 3] = -J[r, columns] if r >= 0 else 0.0
+    return u
+
+
+@part
+def fill_mass(model, layout, work, i, q, v, h):
+    """Nᵀ M N of linkage i into work.reduced."""
+    first, d, N, R, port = layout.body_start[i], work.freedoms[i], work.N, work.reduced, work.port
+    columns = 3 * (layout.body_start[i + 1] - first)
+    for c in range(columns):
+        b = layout.order[first + c // 3]
+        mass = model.inertia[b] if c % 3 == 2 else model.mass[b]
+        if b == 0 and h > 0.0:
+            mass += h * port[9] + h * h * port[8] if c % 3 == 2 else h * port[7] + h * h * port[6]
+        work.diagonal[c] = mass
+    for u in range(d):
+        for w in range(u + 1):
+            total = 0.0
+            for c in range(columns):
+                total += N[u, c] * work.diagonal[c] * N[w, c]
+            R[u, w] = total
+    if h > 0.0:
+        for m in range(layout.joint_start[i], layout.joint_start[i + 1]):
+            add_spring(model, layout, work, layout.joint_order[m], q, v, h, d)
+
+
+@part
+def add_spring(model, layout, work, j, q, v, h, d):
+    """(h c + h² k) of a spring-damper along its rows, seen from the independent coordinates."""
+    a, b = layout.place_in[model.joint_bodies[j, 0]], layout.place_in[model.joint_bodies[j, 1]]
+    weight = h * model.joint_spring[j, 1] + h * h * model.joint_spring[j, 0]
+    for k in range(spring_rows(model, j)):
+        spring_row(model, q, v, j, k, work.row)
+        for u in range(d):
+            seen = 0.0
+            for c in range(3):
+                if a >= 0:
+                    seen += work.row[c] * work.N[u, 3 * a + c]
+                if b >= 0:
+                    seen += work.row[3 + c] * work.N[u, 3 * b + c]
+            work.seen[u] = seen
+        for u in range(d):
+            for w in range(u + 1):
+                work.reduced[u, w] += weight * work.seen[u] * work.seen[w]
+
+
+@part
+def factor(work, row, d, columns):
+    """Cholesky of work.reduced, and Y = L⁻¹ Nᵀ into work.Y from `row` on."""
+    R, N, Y = work.reduced, work.N, work.Y
+    for u in range(d):
+        for w in range(u + 1):
+            total = R[u, w]
+            for k in range(w):
+                total -= R[u, k] * R[w, k]
+            R[u, w] = math.sqrt(total) if u == w else total / R[w, w]
+        for c in range(columns):
+            total = N[u, c]
+            for k in range(u):
+                total -= R[u, k] * Y[row + k, c]
+            Y[row + u, c] = total / R[u, u]
+
+
+@part
+def respond(layout, work, i, f, out):
+    """out = W f for the bodies of linkage i; f and out (n, 3)."""
+    first, columns = layout.body_start[i], 3 * (layout.body_start[i + 1] - layout.body_start[i])
+    for c in range(columns):
+        out[layout.order[first + c // 3], c % 3] = 0.0
+    for u in range(work.freedoms[i]):
+        total = 0.0
+        for c in range(columns):
+            total += work.Y[3 * first + u, c] * f[layout.order[first + c // 3], c % 3]
+        for c in range(columns):
+            out[layout.order[first + c // 3], c % 3] += work.Y[3 * first + u, c] * total

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which contacts a step runs into: the motion decides, at the time of touching, not the deepest overlap afterwards."""
+
+import math
+
+from haptic_device.whole import part
+from haptic_sim.method.event import is_held
+from haptic_sim.method.impact import TOUCHING
+from haptic_sim.method.rows import add_contact, moves
+from haptic_sim.method.touch import gap_of, place_shape, place_shapes, touch
+
+BISECTIONS = 40
+MOST_PIECES = 4000
+APART, MET, TOUCHES = 0, 1, 2
+"""A pair in this step: no contact yet; one on the way; in contact from the start, of which nothing new can be said."""
+
+
+@part
+def look_around(model, layout, work):
+    """Discs around all shapes at work.q, and no pair has met yet: what `add_met` starts from."""
+    place_shapes(model, layout, work, work.q)
+    for s in range(model.shapes):
+        work.around[s, 0], work.around[s, 1] = work.middles[s, 0], work.middles[s, 1]
+    for p in range(model.pair_count):
+        work.met[p] = APART
+
+
+@part
+def add_met(model, layout, work, n):
+    """Adds rows for pairs that touch now, or meet on the straight way from work.q to work.trial_q; returns how many."""
+    for p in range(model.pair_count):
+        a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
+        if work.met[p] == TOUCHES or not moves(layout, work, a, b):
+            continue
+        s, u = model.pairs[p, 0], model.pairs[p, 1]
+        way = way_between(layout, work, a, b)
+        if discs_apart(layout, work, s, u) > way + TOUCHING:
+            continue
+        time = meeting(model, layout, work, s, u, way)
+        if time < 0.0:
+            continue
+        if time > 0.0:
+            place_pair(model, layout, work, s, u, time)
+        for k in range(touch(model, work, s, u)):
+            if work.met[p] == APART or not is_held(work, n, p, work.features[k]):
+                n = add_contact(model, layout, work, n, p, work.features[k])
+        work.met[p] = MET if time > 0.0 else TOUCHES
+    return n
+
+
+@part
+def way_between(layout, work, a, b):
+    """How far points of two bodies move against each other at most [m]."""
+    q, to = work.q, work.trial_q
+    way = math.hypot(to[b, 0] - q[b, 0] - to[a, 0] + q[a, 0], to[b, 1] - q[b, 1] - to[a, 1] + q[a, 1])
+    return way + abs(to[a, 2] - q[a, 2]) * layout.extent[a] + abs(to[b, 2] - q[b, 2]) * layout.extent[b]
+
+
+@part
+def discs_apart(layout, work, s, u):
+    """Distance of the discs around two shapes at the start [m]."""
+    m = work.around
+    return math.hypot(m[u, 0] - m[s, 0], m[u, 1] - m[s, 1]) - layout.reach[s] - layout.reach[u]
+
+
+@part
+def place_pair(model, layout, work, s, u, share):
+    """Two shapes at a share of the way."""
+    for shape in (s, u):
+        b = model.shape_body[shape]
+        x = work.q[b, 0] + share * (work.trial_q[b, 0] - work.q[b, 0])
+        y = work.q[b, 1] + share * (work.trial_q[b, 1] - work.q[b, 1])
+        angle = work.q[b, 2] + share * (work.trial_q[b, 2] - work.q[b, 2])
+        place_shape(model, layout, work, shape, x, y, math.cos(angle), math.sin(angle))
+
+
+@part
+def gap_at(model, layout, work, s, u, share):
+    """Gap of two shapes at a share of the way [m]."""
+    place_pair(model, layout, work, s, u, share)
+    return gap_of(model, work, s, u)
+
+
+@part
+def meeting(model, layout, work, s, u, way):
+    """Share of the way at which two shapes meet; 0 if they touch already, −1 if they do not meet."""
+    if gap_at(model, layout, work, s, u, 0.0) <= TOUCHING:
+        return 0.0
+    pieces = min(int(4.0 * way / (layout.thickness[s] + layout.thickness[u])) + 1, MOST_PIECES)
+    low = 0.0
+    for k in range(1, pieces + 1):
+        high = k / pieces
+        if gap_at(model, layout, work, s, u, high) < 0.0:
+            return first_touch(model, layout, work, s, u, low, high)
+        low = high
+    return -1.0
+
+
+@part
+def first_touch(model, layout, work, s, u, low, high):
+    """Share of the way, between `low` (apart) and `high` (overlapping), at which the gap is zero."""
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if gap_at(model, layout, work, s, u, middle) > 0.0:
+            low = middle
+        else:
+            high = middle
+    return low

@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Coordinate partitioning: generalized coordinates chosen at run time, contacts made and broken as constraints change.
+
+Bodies that the coupling cannot reach fly from event to event with exact impacts (`flight`); those that it holds are
+advanced by one backward difference with coupling, joints, contacts and friction solved together (`press`), which is
+discrete-time passive at the tool's port. Both stand on the same generalized coordinates (`linkage`) and the same direct
+solver of the contact problem (`lcp`). Planar bodies, any linkage, open or closed; nothing is written for one scene.
+"""
+
+from haptic_sim.method.planar import PlanarWorld
+from haptic_sim.method.step import sub_steps
+from haptic_sim.scene import Scene
+
+
+class Partitioned(PlanarWorld):
+    """A scene stepped by `sub_step` [s] in generalized coordinates."""
+
+    passive = True
+
+    def __init__(self, scene: Scene, sub_step: float):
+        super().__init__(scene, sub_step, sub_steps)

@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contacts as springs and dampers, stepped explicitly: the paper's first class of simulations (section 5).
+
+Here to be compared with: "using penalty methods and explicit integration, it is essentially impossible to guarantee
+stability". It creates energy, lets thin walls through and picks its constraint from the deepest overlap; `kernel` says
+where it is stable. Not discrete-time passive.
+"""
+
+from haptic_sim.method.penalty_kernel import penalty_steps
+from haptic_sim.method.planar import PlanarWorld
+from haptic_sim.scene import Scene
+
+
+class PenaltyExplicit(PlanarWorld):
+    """A scene stepped by `sub_step` [s]; `stiffness` [N/m] and `damping` [N s/m] of a contact."""
+
+    passive = False
+
+    def __init__(self, scene: Scene, sub_step: float, stiffness: float = 1e4, damping: float = 5.0):
+        super().__init__(scene, sub_step, penalty_steps, stiffness, damping)

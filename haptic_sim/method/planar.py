@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene in the memory of a compiled method, and what the outside asks of it; the kernel given is the method."""
+
+import math
+
+import numpy as np
+
+from haptic_sim.compile import compile_scene
+from haptic_sim.method import Contact, Coupling, Planar, Travel
+from haptic_sim.method.joints import spring_energies
+from haptic_sim.method.memory import records
+from haptic_sim.method.penalty_kernel import contact_energy
+from haptic_sim.scene import Scene
+
+
+class PlanarWorld:
+    """A scene stepped by `sub_step` [s] with the kernel `advance`. Implements `Method`.
+
+    `stiffness` [N/m] and `damping` [N s/m] of a contact; stiffness 0 is rigid.
+    """
+
+    by_events = False
+    """Whether the tool too goes from event to event, with the coupling as a force along its way."""
+
+    def __init__(self, scene: Scene, sub_step: float, advance, stiffness: float = 0.0, damping: float = 0.0):
+        self.scene, self.sub_step = scene, sub_step
+        self._compiled = compile_scene(scene)
+        self._advance, self._contact = advance, (stiffness, damping, float(self.by_events))
+        self._gains = Coupling()
+        self.reset()
+
+    def reset(self) -> None:
+        """Everything back to the scene's start, with the same gains."""
+        self._records = records(self._compiled.model)
+        model, layout, work = self._records
+        self._count = int(model["bodies"][0]) - 1
+        self._pairs = model["pairs"][0]
+        self._tool_pairs = {p for p, pair in enumerate(layout["pair_bodies"][0].tolist()) if 0 in pair}
+        self._q, self._v, self._port, self._counts = (work[name][0] for name in ("q", "v", "port", "counts"))
+        self._way = np.zeros((2, 6))
+        self._note, self._note_pair = work["note"][0], work["note_pair"][0]
+        self._port[6:10], self._port[17:20] = self._gains, self._contact
+        self._elastic = self._stored_in_contacts()
+        self._read()
+
+    def couple(self, coupling: Coupling) -> None:
+        """Take these gains from the next sub-step on; ValueError if one is negative or not finite."""
+        for name, gain in zip(Coupling._fields, coupling, strict=True):
+            if not 0.0 <= gain < math.inf:
+                raise ValueError(f"coupling {name} is {gain}; it must be finite and at least 0")
+        self._gains = coupling
+        self._port[6:10] = coupling
+
+    def step(self, handle_position: Planar, handle_velocity: Planar) -> None:
+        """Advance one sub-step; the arguments are the handle's at its end."""
+        self.travel(handle_position, handle_velocity, handle_position, handle_velocity, 1)
+
+    def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
+        """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
+        self._way[0], self._way[1] = (*start, *start_velocity), (*end, *end_velocity)
+        return self.follow(self._way, count)
+
+    def follow(self, path: np.ndarray, count: int) -> Travel:
+        """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
+        self._port[13:17], self._port[20:], left_out = 0.0, 0.0, self._counts[4]
+        self._advance(*self._records, self.sub_step, count, path)
+        self._read()
+        supplied, touched, force, depth, *_, taken, correction = self._port[13:].tolist()
+        before, self._elastic = self._elastic, self._stored_in_contacts()
+        return Travel(supplied, touched > 0.0, force, depth, int(self._counts[4] - left_out),
+                      taken - (self._elastic - before), correction)
+
+    def contacts(self) -> list[Contact]:
+        """Contacts of the last sub-step, sorted by bodies and place."""
+        return sorted(self._contact_at(k) for k in range(self._counts[3]))
+
+    def pose(self, body: str) -> Planar:
+        """Pose of a body's frame at the end of the sub-step."""
+        index, (x, y, turn) = self._compiled.places[body]
+        px, py, angle = self._q[index].tolist()
+        c, s = math.cos(angle), math.sin(angle)
+        return px + c * x - s * y, py + s * x + c * y, angle + turn
+
+    def energy(self) -> tuple[float, float]:
+        """Kinetic and potential energy [J] of bodies, springs and elastic contacts; gravity's is 0 at the origin."""
+        model, n = self._compiled.model, self._count
+        q, v, mass, inertia = self._q[:n], self._v[:n], model.mass[:n], model.inertia[:n]
+        kinetic = 0.5 * float(mass @ (v[:, 0] ** 2 + v[:, 1] ** 2) + inertia @ v[:, 2] ** 2)
+        springs = spring_energies(*self._records[::2]) if len(model.joint_kind) else 0.0
+        return kinetic, springs + self._elastic - float(mass @ (q[:, :2] @ model.gravity))
+
+    @property
+    def refusals(self) -> int:
+        """Sub-steps since the start in which event-driven flight gave up and a backward difference took over."""
+        return int(self._counts[0])
+
+    def _stored_in_contacts(self):
+        return contact_energy(*self._records) if self._contact[0] > 0.0 else 0.0
+
+    def _read(self):
+        self.position: Planar = tuple(self._q[0].tolist())
+        self.velocity: Planar = tuple(self._v[0].tolist())
+        self.force_on_tool: Planar = tuple(self._port[10:13].tolist())
+        self.touching = any(pair in self._tool_pairs for pair in self._note_pair[:self._counts[3]].tolist())
+
+    def _contact_at(self, k):
+        x, y, nx, ny, px, py, depth = self._note[k, :7].tolist()
+        a, b = (self._compiled.shape_names[shape] for shape in self._pairs[self._note_pair[k]])
+        return Contact(a, b, (x, y), (nx, ny), (-px / self.sub_step, -py / self.sub_step), max(depth, 0.0))

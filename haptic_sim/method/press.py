@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One backward difference of what the coupling holds, with joints, contacts and friction solved in the same step.
+
+In the generalized coordinates of each linkage (see `linkage`; W holds h B + h² K of the coupling and h c + h² k of
+springs) with all forces taken over h, and contact rows at the poses of the start (Stewart & Trinkle 1996, Anitescu &
+Potra 1997):
+
+    v⁺ = W [M v + h f + h (K (x_h⁺ − x) + B v_h⁺)] + W Gᵀ λ,     q⁺ = q + h v⁺
+    0 ≤ λ_n ⟂ G_n v⁺ + gap/h ≥ 0,     |λ_t| ≤ μ λ_n against G_t v⁺                                        (1)
+
+This always has a solution, and gives at the port, with F = K (x_h⁺ − x⁺) + B (v_h⁺ − v⁺) over Δx = h v⁺,
+
+    F · Δx = ΔE + ½ Δvᵀ M Δv + gap · λ_n/h + friction's work,
+
+so that it absorbs: discrete-time passive, as section 4 of Colgate, Stanley & Brown (1995) asks. What (1) leaves out is
+the turning of the rows within h, of second order; it is put right in the positions afterwards.
+
+Which contact: the motion decides. The way of the step is searched for the time at which the shapes meet, in pieces of
+a quarter of their widths, and the contact is read off there: no shape is passed, no wrong side is taken. Contacts
+the first solution runs into are added, and it is solved again.
+
+Contacts of a stiffness k and a damping c (`penalty_implicit`) push with λ/h = −k (gap + h w) − c w at the end of the
+step: the row's diagonal gains 1/(h (c + h k)) and its b is gap k/(c + h k), which tends to (1) as k grows.
+
+Restitution asks G_n v⁺ ≥ −e G_n v⁻ instead. An impact at speed v₀ under a push f stays passive at the port iff
+v₀ ≥ 2 |f| h e/(m (1 − e²)); the push shows as |f| h/m = |G_n (v_free − v)|. A slower one gets e = 0.
+"""
+
+import math
+
+from haptic_device.whole import part
+from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows
+from haptic_sim.method.impact import RESTING, TOUCHING, kinetic
+from haptic_sim.method.joints import applied_forces, spring_energy
+from haptic_sim.method.lcp import FREE, FRICTION, NORMAL, solve_modes
+from haptic_sim.method.lemke import lemke
+from haptic_sim.method.linkage import reduce_linkage, respond
+from haptic_sim.method.meet import add_met, look_around
+from haptic_sim.method.rows import add_joints, rate_of, recall, refresh, remember, wished
+from haptic_sim.method.smooth import close_joints, power
+from haptic_sim.method.touch import place_shapes
+
+FAR = 1e6
+"""Speed [m/s] that stands for one that closes an endless way, of a limit that is not there, within the step."""
+PASSES = 6
+"""Solutions of one step, each with the contacts that the one before has run into."""
+
+
+@part
+def press(model, layout, work, h):
+    """Advances the active linkages by one backward difference of h [s]; sets the force on the tool if it is one."""
+    q, v, free = work.q, work.v, work.free_v
+    before = energy_held(model, layout, work)
+    x, y, angle = work.q[0, 0], work.q[0, 1], work.q[0, 2]
+    free_velocity(model, layout, work, h)
+    n = add_joints(model, layout, work, 0, q, v, 1e9, h)
+    copy(free, work.trial_v, model.bodies)
+    look_around(model, layout, work)
+    for _ in range(PASSES):
+        move(model, layout, work, h)
+        found = add_met(model, layout, work, n)
+        if found == n and (n == 0 or _ > 0):
+            break
+        n = found
+        solve(model, layout, work, n, h)
+    move(model, layout, work, h)
+    take(model, layout, work, n)
+    reached = energy_held(model, layout, work)
+    put_right(model, layout, work, n)
+    if work.port[17] == 0.0:
+        port, q = work.port, work.q
+        supplied = port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
+        if work.active[layout.linkage[0]] == 0:
+            supplied = 0.0
+        brake(model, layout, work, before + supplied)
+    work.port[21] += energy_held(model, layout, work) - reached
+
+
+@part
+def free_velocity(model, layout, work, h):
+    """v⁺ without contacts, of the active linkages, into work.free_v."""
+    q, v, f, port, free = work.q, work.v, work.smooth, work.port, work.free_v
+    applied_forces(model, q, v, False, work.row, f)
+    for b in range(model.bodies - 1):
+        mass, inertia = model.mass[b], model.inertia[b]
+        f[b, 0], f[b, 1], f[b, 2] = mass * v[b, 0] + h * f[b, 0], mass * v[b, 1] + h * f[b, 1], (
+            inertia * v[b, 2] + h * f[b, 2])
+    for k in range(3):
+        stiffness, damping = (port[6], port[7]) if k < 2 else (port[8], port[9])
+        f[0, k] += h * (stiffness * (port[k] - q[0, k]) + damping * port[3 + k])
+    copy(v, free, model.bodies)
+    for i in range(layout.linkages):
+        if work.active[i] > 0:
+            reduce_linkage(model, layout, work, i, q, v, h)
+            respond(layout, work, i, f, free)
+
+
+@part
+def move(model, layout, work, h):
+    """Trial poses: the way of the step along the trial velocities; who is not held stays."""
+    copy(work.q, work.trial_q, model.bodies)
+    for b in range(model.bodies - 1):
+        if work.active[layout.linkage[b]] > 0:
+            for k in range(3):
+                work.trial_q[b, k] += h * work.trial_v[b, k]
+
+
+@part
+def solve(model, layout, work, n, h):
+    """Trial velocities with n rows."""
+    free = work.free_v
+    place_shapes(model, layout, work, work.q)
+    refresh(model, layout, work, work.q, work.v, n)
+    respond_rows(model, layout, work, n)
+    stiffness, damping = work.port[17], work.port[18]
+    for r in range(n):
+        work.b[r] = rate_of(work, free, r)
+        if work.kind[r] == NORMAL and work.source[r] == 0 and stiffness > 0.0:
+            work.b[r] += work.gap[r] * stiffness / (damping + h * stiffness)
+            work.A[r, r] += 1.0 / (h * (damping + h * stiffness))
+        elif work.kind[r] == NORMAL:
+            work.b[r] += max(rebound(model, work, r), min(max(work.gap[r], 0.0) / h, FAR))
+        else:
+            work.b[r] -= wished(model, work, r)
+        work.mode[r] = FREE
+    recall(work, n)
+    if solve_modes(work, n, 1.0, 60) < 0:
+        lemke(work, n)
+    remember(work, n)
+    copy(free, work.trial_v, model.bodies)
+    apply_rows(model, work, n, work.trial_v)
+
+
+@part
+def rebound(model, work, r):
+    """What restitution adds to w = G v⁺ of a normal row: e G v⁻ < 0 would hold it back, so its rebound is −e G v⁻."""
+    if work.source[r] != 0:
+        return -math.inf
+    e, approach = model.pair_restitution[work.index[r]], -rate_of(work, work.v, r)
+    change = abs(rate_of(work, work.free_v, r) + approach)
+    if e == 0.0 or approach <= RESTING or approach * (1.0 - e * e) < 2.0 * change * e:
+        return -math.inf
+    return -e * approach
+
+
+@part
+def take(model, layout, work, n):
+    """Takes the trial state; books the contacts, what the rows take, and the force at the port.
+
+    An impulse λ on a velocity that goes from v to v⁺ does the work λ · G (v + v⁺)/2.
+    """
+    q, v, port = work.q, work.v, work.port
+    note_impulses(work, n, 1.0)
+    port[20] -= 0.5 * (power(work, v, n) + power(work, work.trial_v, n))
+    if work.active[layout.linkage[0]] > 0:
+        for k in range(3):
+            stiffness, damping = (port[6], port[7]) if k < 2 else (port[8], port[9])
+            port[10 + k] = stiffness * (port[k] - work.trial_q[0, k]) + damping * (port[3 + k] - work.trial_v[0, k])
+    copy(work.trial_v, v, model.bodies)
+    copy(work.trial_q, q, model.bodies)
+
+
+@part
+def put_right(model, layout, work, n):
+    """Joints and overlaps that the turning of the rows has left, out of the positions; joints out of the velocities."""
+    q, v, port = work.q, work.v, work.port
+    for i in range(layout.linkages):
+        if work.active[i] > 0 and layout.joint_start[i + 1] > layout.joint_start[i]:
+            close_joints(model, layout, work, i, q, v)
+            settle(model, layout, work, i)
+    if n > 0 and port[17] == 0.0:
+        push_out(model, layout, work, n)
+
+
+@part
+def energy_held(model, layout, work):
+    """Kinetic energy of the active linkages, their potential energy and that of all springs [J]."""
+    energy = kinetic(model, layout, work, work.v) + spring_energy(model, work.q, work.v, work.row)
+    for b in range(model.bodies - 1):
+        if work.active[layout.linkage[b]] > 0:
+            energy -= model.mass[b] * (model.gravity[0] * work.q[b, 0] + model.gravity[1] * work.q[b, 1])
+    return energy
+
+
+@part
+def brake(model, layout, work, most):
+    """Slows the active linkages down, all alike, if they have gained more energy than `most` [J].
+
+    What puts joints and contacts right after the step moves them against their forces, by an amount of second order;
+    most steps dissipate more than that, and where one does not this takes the difference from the motion. Velocities
+    in one proportion still obey joints and contacts. Motors are there to give energy, and are not stopped so.
+    """
+    for j in range(model.joints):
+        if model.joint_motor[j, 1] > 0.0:
+            return
+    excess, moving = energy_held(model, layout, work) - most, kinetic(model, layout, work, work.v)
+    if excess <= 0.0 or moving <= 0.0:
+        return
+    share = math.sqrt(max(moving - excess, 0.0) / moving)
+    for b in range(model.bodies - 1):
+        if work.active[layout.linkage[b]] > 0:
+            for k in range(3):
+                work.v[b, k] *= share
+
+
+@part
+def settle(model, layout, work, i):
+    """Velocities of a linkage onto what its joints allow at the new place, orthogonally in the sense of the masses.
+
+    Of all ways to do it this one never adds energy.
+    """
+    q, v, f = work.q, work.v, work.smooth
+    reduce_linkage(model, layout, work, i, q, v, 0.0)
+    for m in range(layout.body_start[i], layout.body_start[i + 1]):
+        b = layout.order[m]
+        f[b, 0], f[b, 1], f[b, 2] = model.mass[b] * v[b, 0], model.mass[b] * v[b, 1], model.inertia[b] * v[b, 2]
+    respond(layout, work, i, f, v)
+
+
+@part
+def push_out(model, layout, work, n):
+    """Takes overlaps that the turning of the rows has left out of the positions; velocities stay."""
+    place_shapes(model, layout, work, work.q)
+    refresh(model, layout, work, work.q, work.v, n)
+    deepest = 0.0
+    for r in range(n):
+        if work.kind[r] == NORMAL:
+            deepest = min(deepest, work.gap[r])
+    if deepest > -TOUCHING:
+        return
+    respond_rows(model, layout, work, n)
+    for r in range(n):
+        work.b[r] = work.gap[r]
+        work.mode[r] = FREE if work.kind[r] == FRICTION or work.gap[r] < 0.0 else 0
+    solve_modes(work, n, 0.0, 60)
+    apply_rows(model, work, n, work.q)

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where two convex shapes touch: signed gap, normal and points, for polygons and discs, as compiled kernels.
+
+Two polygons are apart exactly if some edge of either has the whole other polygon on its outer side (separating axes);
+the largest such separation is their signed gap here. It is continuous in the poses, is zero exactly when they touch,
+and below zero is the least way out. The edge that reached zero last is the one that was passed when they met: methods
+that stop at the time of touching read the right constraint off it, however many vertices overlap a moment later.
+
+A contact is a vertex (or a disc) on an edge: then the gap's own acceleration is known in closed form, with w the
+velocity of the point relative to the edge's body, w_t its part along t = z × n, ω the edge's angular velocity:
+
+    gap'' = n · (a_b − a_a)(at the point) + 2 ω w_t    (the same for an edge of a and of b, w = v_b − v_a, t = z × n)
+    gap'' = n · (a_b − a_a) + w_t²/ρ                   two points (disc centres or a vertex) at a distance ρ
+"""
+
+import math
+
+from haptic_device.whole import part
+
+GAP, NX, NY, AX, AY, BX, BY, PX, PY, ROUND, OWNER = range(11)
+"""Fields of a contact: gap [m], unit normal from a to b, the points of a and of b whose distance is the gap (relative
+to nothing, in the plane), the point of contact, 1/ρ [1/m], and +1 if the edge is a's, -1 if b's, 0 if there is none."""
+FIELDS = 11
+ON_EDGE, TWO_POINTS = 0, 1
+"""Kinds of feature (kind, first, second, sign): vertex `first` on edge `second`, which is a's if the sign is 1, b's if
+it is -1; or vertex `first` of a near vertex `second` of b. A disc is a vertex with a radius."""
+ROUNDING = 1e-9
+"""Of an edge's length: two equal edges face each other whole."""
+FLUSH = 0.9
+"""Cosine between two facing edges above which both ends are contacts."""
+
+
+@part
+def place_shapes(model, layout, work, q):
+    """Vertices, edge normals and disc centres of all shapes in the plane, bodies at poses `q`."""
+    body, c, sn = -1, 1.0, 0.0
+    for s in range(model.shapes):
+        b = model.shape_body[s]
+        if b != body:
+            body, c, sn = b, math.cos(q[b, 2]), math.sin(q[b, 2])
+        place_shape(model, layout, work, s, q[b, 0], q[b, 1], c, sn)
+
+
+@part
+def place_shape(model, layout, work, s, x, y, c, sn):
+    """The same of one shape, with its body's mass centre and the cosine and sine of its angle given."""
+    points, normals, middles = work.points, work.normals, work.middles
+    mx, my = layout.middle[s, 0], layout.middle[s, 1]
+    middles[s, 0], middles[s, 1] = x + c * mx - sn * my, y + sn * mx + c * my
+    for v in range(model.shape_start[s], model.shape_start[s + 1]):
+        vx, vy = model.vertices[v, 0], model.vertices[v, 1]
+        points[v, 0], points[v, 1] = x + c * vx - sn * vy, y + sn * vx + c * vy
+        nx, ny = layout.normals[v, 0], layout.normals[v, 1]
+        normals[v, 0], normals[v, 1] = c * nx - sn * ny, sn * nx + c * ny
+
+
+@part
+def far_apart(layout, work, s, u):
+    """Distance of the discs around two shapes [m]: a lower bound of their gap."""
+    middles = work.middles
+    return math.hypot(middles[u, 0] - middles[s, 0], middles[u, 1] - middles[s, 1]) - layout.reach[s] - layout.reach[u]
+
+
+@part
+def best_edge(work, a0, a1, b0, b1):
+    """(separation, edge, deepest vertex): the edge of a with the largest least distance of b's vertices from it."""
+    points, normals = work.points, work.normals
+    best, edge, deep = -math.inf, a0, b0
+    for e in range(a0, a1):
+        nx, ny, ox, oy = normals[e, 0], normals[e, 1], points[e, 0], points[e, 1]
+        least, at = math.inf, b0
+        for v in range(b0, b1):
+            d = (points[v, 0] - ox) * nx + (points[v, 1] - oy) * ny
+            if d < least:
+                least, at = d, v
+        if least > best:
+            best, edge, deep = least, e, at
+    return best, edge, deep
+
+
+@part
+def disc_on(work, c, radius, a0, a1):
+    """(gap, vertex or -1, edge): of a disc about vertex `c` from a polygon, and the corner it is nearest to, if any."""
+    points, normals = work.points, work.normals
+    best, edge, _ = best_edge(work, a0, a1, c, c + 1)
+    nx, ny = normals[edge, 0], normals[edge, 1]
+    after = edge + 1 if edge + 1 < a1 else a0
+    if best > 0.0:
+        from_start = (points[c, 1] - points[edge, 1]) * nx - (points[c, 0] - points[edge, 0]) * ny
+        from_end = (points[c, 1] - points[after, 1]) * nx - (points[c, 0] - points[after, 0]) * ny
+        corner = edge if from_start < 0.0 else after if from_end > 0.0 else -1
+        if corner >= 0:
+            away = math.hypot(points[c, 0] - points[corner, 0], points[c, 1] - points[corner, 1])
+            return away - radius, corner, edge
+    return best - radius, -1, edge
+
+
+@part
+def gap_of(model, work, s, u):
+    """Signed gap of two shapes [m]."""
+    points = work.points
+    a0, a1, b0, b1 = model.shape_start[s], model.shape_start[s + 1], model.shape_start[u], model.shape_start[u + 1]
+    ra, rb = model.radius[s], model.radius[u]
+    if ra > 0.0 and rb > 0.0:
+        return math.hypot(points[b0, 0] - points[a0, 0], points[b0, 1] - points[a0, 1]) - ra - rb
+    if ra > 0.0:
+        return disc_on(work, a0, ra, b0, b1)[0]
+    if rb > 0.0:
+        return disc_on(work, b0, rb, a0, a1)[0]
+    return max(best_edge(work, a0, a1, b0, b1)[0], best_edge(work, b0, b1, a0, a1)[0])
+
+
+@part
+def touch(model, work, s, u):
+    """Writes into work.features those by which two shapes touch or come nearest, and returns how many, 1 or 2."""
+    a0, a1, b0, b1 = model.shape_start[s], model.shape_start[s + 1], model.shape_start[u], model.shape_start[u + 1]
+    ra, rb = model.radius[s], model.radius[u]
+    if ra > 0.0 and rb > 0.0:
+        return note(work, 0, TWO_POINTS, a0, b0, 0)
+    if rb > 0.0:
+        _, corner, edge = disc_on(work, b0, rb, a0, a1)
+        return note(work, 0, ON_EDGE, b0, edge, 1) if corner < 0 else note(work, 0, TWO_POINTS, corner, b0, 0)
+    if ra > 0.0:
+        _, corner, edge = disc_on(work, a0, ra, b0, b1)
+        return note(work, 0, ON_EDGE, a0, edge, -1) if corner < 0 else note(work, 0, TWO_POINTS, a0, corner, 0)
+    sep_a, edge_a, deep_b = best_edge(work, a0, a1, b0, b1)
+    sep_b, edge_b, deep_a = best_edge(work, b0, b1, a0, a1)
+    if sep_a >= sep_b - 1e-9 * abs(sep_b):
+        return facing(work, edge_a, a0, a1, deep_b, b0, b1, 1)
+    return facing(work, edge_b, b0, b1, deep_a, a0, a1, -1)
+
+
+@part
+def note(work, k, kind, first, second, sign):
+    """Writes feature k and returns k + 1."""
+    features = work.features
+    features[k, 0], features[k, 1], features[k, 2], features[k, 3] = kind, first, second, sign
+    return k + 1
+
+
+@part
+def facing(work, e, a0, a1, deep, b0, b1, sign):
+    """Features of edge `e` of one polygon with the other, whose deepest vertex is `deep`; sign -1 if e is body b's."""
+    normals = work.normals
+    nx, ny = normals[e, 0], normals[e, 1]
+    after = e + 1 if e + 1 < a1 else a0
+    before = deep - 1 if deep > b0 else b1 - 1
+    facing_deep = normals[deep, 0] * nx + normals[deep, 1] * ny
+    facing_before = normals[before, 0] * nx + normals[before, 1] * ny
+    f = deep if facing_deep < facing_before else before
+    g = f + 1 if f + 1 < b1 else b0
+    if min(facing_deep, facing_before) > -FLUSH:
+        return note(work, 0, ON_EDGE, deep, e, sign)
+    count = 0
+    for v in (f, g):
+        if within(work, v, e, after):
+            count = note(work, count, ON_EDGE, v, e, sign)
+    for v in (e, after):
+        if count < 2 and within(work, v, f, g):
+            count = note(work, count, ON_EDGE, v, f, -sign)
+    return count if count > 0 else note(work, 0, ON_EDGE, deep, e, sign)
+
+
+@part
+def within(work, v, e, after):
+    """Whether vertex v projects into the edge from e to after."""
+    points = work.points
+    ex, ey = points[after, 0] - points[e, 0], points[after, 1] - points[e, 1]
+    along = (points[v, 0] - points[e, 0]) * ex + (points[v, 1] - points[e, 1]) * ey
+    length = ex * ex + ey * ey
+    return -ROUNDING * length <= along <= (1.0 + ROUNDING) * length
+
+
+@part
+def evaluate(layout, work, feature):
+    """Fields of the contact at one feature into work.contact, for the poses that the shapes were placed at."""
+    points, normals, out = work.points, work.normals, work.contact
+    first, second = feature[1], feature[2]
+    if feature[0] == TWO_POINTS:
+        dx, dy = points[second, 0] - points[first, 0], points[second, 1] - points[first, 1]
+        d = math.hypot(dx, dy)
+        nx, ny, ra = dx / d, dy / d, layout.disc[first]
+        out[GAP], out[NX], out[NY], out[ROUND], out[OWNER] = d - ra - layout.disc[second], nx, ny, 1.0 / d, 0.0
+        out[AX], out[AY], out[BX], out[BY] = points[first, 0], points[first, 1], points[second, 0], points[second, 1]
+        out[PX], out[PY] = points[first, 0] + ra * nx, points[first, 1] + ra * ny
+        return
+    nx, ny, r, x, y = normals[second, 0], normals[second, 1], layout.disc[first], points[first, 0], points[first, 1]
+    sign = float(feature[3])
+    out[GAP] = (x - points[second, 0]) * nx + (y - points[second, 1]) * ny - r
+    out[NX], out[NY], out[ROUND], out[OWNER] = sign * nx, sign * ny, 0.0, sign
+    out[AX], out[AY], out[BX], out[BY] = x, y, x, y
+    out[PX], out[PY] = x - r * nx, y - r * ny

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""haptic_relay: a bad network between driver and simulation, to see what an exchange method makes of it.
+
+`handle` goes out on `far_handle`, `far_tool` comes in on `tool`, each message on its own way: delayed, lost, doubled
+and overtaken by others. The simulation is started with its two topics renamed so.
+"""
+
+import heapq
+import itertools
+import random
+import sys
+import threading
+import time
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+
+from haptic_device.node.lifecycle import ManagedNode, run
+from haptic_device.node.tap import Tap
+from haptic_device.node.wire import LATEST, STREAM, JointState
+from haptic_device.runtime.clock import go_realtime
+from haptic_sim.node.declared import RELAY
+
+LONGEST_WAIT_NS = 20_000_000
+PRIORITY = 62
+
+
+class Way:
+    """One direction: what comes on one topic leaves on another when its time has come."""
+
+    def __init__(self, node, source, target, values, seed):
+        self.tap = Tap(node, source, "sensor_msgs/msg/JointState", STREAM, raw=True)
+        self._publisher = node.create_publisher(JointState, target, LATEST)
+        self._values, self._random, self._number, self._flying = values, random.Random(seed), itertools.count(), []
+
+    @property
+    def next_ns(self):
+        """When the next message leaves [ns of CLOCK_MONOTONIC]."""
+        return self._flying[0][0] if self._flying else 1 << 62
+
+    def carry(self, now_ns):
+        """Takes what has come, sends what is due."""
+        for sample in self.tap.take():
+            if self._random.random() >= self._values["loss"]:
+                for _ in range(1 + (self._random.random() < self._values["duplicates"])):
+                    heapq.heappush(self._flying, (now_ns + self._flight_ns(), next(self._number), sample.message))
+        while self.next_ns <= now_ns:
+            self._publisher.publish(heapq.heappop(self._flying)[2])
+
+    def _flight_ns(self):
+        spread = self._values["jitter"] * (2.0 * self._random.random() - 1.0)
+        return max(0, round(0.5e9 * (self._values["delay"] + spread)))
+
+
+class RelayNode(ManagedNode):
+    """Active it carries messages, in a thread of its own."""
+
+    def __init__(self):
+        super().__init__("haptic_relay", RELAY)
+        self._stop, self._thread = threading.Event(), None
+
+    def configure(self):
+        """Both ways."""
+        pairs = ("handle", "far_handle"), ("far_tool", "tool")
+        self._ways = [Way(self, *pair, self.values, self.values["seed"] + i) for i, pair in enumerate(pairs)]
+
+    def activate(self):
+        """Begins to carry."""
+        self._thread = threading.Thread(target=self._run, name="relay")
+        self._thread.start()
+
+    def deactivate(self):
+        """Carries no more; what is on its way is lost."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+        self._stop.clear()
+        self._thread = None
+
+    def cleanup(self):
+        """Nothing is kept."""
+
+    def _run(self):
+        go_realtime("prefer", PRIORITY)
+        wait_set = rclpy_implementation.WaitSet(2, 0, 0, 0, 0, 0, self.context.handle)
+        while not self._stop.is_set():
+            now = time.monotonic_ns()
+            for way in self._ways:
+                way.carry(now)
+            wait_set.clear_entities()
+            for way in self._ways:
+                wait_set.add_subscription(way.tap.handle)
+            due = min(way.next_ns for way in self._ways)
+            wait_set.wait(min(LONGEST_WAIT_NS, max(0, due - time.monotonic_ns())))
+
+
+def main(args: list[str] | None = None) -> int:
+    """Runs haptic_relay until SIGINT, SIGTERM or SIGHUP. Exit code 1 on a refusal."""
+    return run(RelayNode, "haptic_relay", args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded servo computed again from its trace, and compared to the bit."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_device.law import servo
+from haptic_device.runtime import recompute
+
+BLOCK = 100_000  # ticks computed at a time
+SECOND = 1_000_000_000
+
+
+class Verdict(NamedTuple):
+    """Ticks computed again, ticks that could not be (no snapshot before them), ticks that differ, and in what."""
+
+    same: int
+    skipped: int
+    different: int
+    first: int | None
+    columns: tuple[str, ...]
+
+
+def verdict_on(trace: np.ndarray, snapshots: np.ndarray) -> Verdict:
+    """Computes every tick of the trace again that follows a snapshot without a gap, or begins at tick 0.
+
+    Raises ValueError if trace or snapshots are of another version of the servo, or there is no snapshot at all.
+    """
+    _check(trace, snapshots)
+    same, done, first, columns, different = 0, 0, None, set(), 0
+    for begin, end, settings, memory in _stretches(trace, snapshots):
+        for at in range(begin, end, BLOCK):
+            recorded = trace[at : min(end, at + BLOCK)]
+            again = recorded.copy()
+            recompute.recompute(settings, memory, again)
+            wrong = _differences(recorded, again)
+            done += len(recorded)
+            same += len(recorded) - int(wrong.sum())
+            different += int(wrong.sum())
+            if wrong.any():
+                first = int(recorded["tick"][np.argmax(wrong)]) if first is None else first
+                columns |= _names(recorded[wrong], again[wrong])
+    return Verdict(same, len(trace) - done, different, first, tuple(sorted(columns)))
+
+
+def _check(trace, snapshots):
+    if trace.dtype.names != servo.TICK.names or trace.dtype.itemsize != servo.TICK.itemsize:
+        strange = sorted(set(trace.dtype.names) ^ set(servo.TICK.names)) or ["another order"]
+        raise ValueError(f"the trace is of another version of the servo; it differs in {', '.join(strange)}")
+    if len(snapshots) == 0:
+        raise ValueError("the bag has no snapshot of the servo's settings, without which no tick can be computed again")
+    recompute.parts_of(snapshots[:1])
+
+
+def _stretches(trace, snapshots) -> Iterator[tuple]:
+    """(begin, end, settings, memory) of rows that can be computed one after the other."""
+    breaks = np.flatnonzero(np.diff(trace["tick"]) != 1) + 1
+    for begin, end in zip([0, *breaks], [*breaks, len(trace)], strict=True):
+        yield from _stretch(trace, int(begin), int(end), snapshots)
+
+
+def _stretch(trace, begin, end, snapshots):
+    """The same of rows without a gap; memory goes on from one set of settings to the next."""
+    memory, at = None, begin
+    while at < end:
+        memory = _memory_before(trace, at, snapshots) if memory is None else memory
+        settings = _settings_of(trace[at], snapshots)
+        if memory is None or settings is None:
+            memory, at = None, _next_start(trace, at, end, snapshots)
+            continue
+        changes = np.flatnonzero(trace["parameter_version"][at:end] != trace["parameter_version"][at])
+        until = at + int(changes[0]) if len(changes) else end
+        yield at, until, settings, memory
+        at = until
+
+
+def _memory_before(trace, at, snapshots):
+    """What the servo remembered before row `at`; None if no snapshot says it."""
+    if trace["tick"][at] == 0:
+        return np.zeros(1, servo.MEMORY)
+    elapsed = trace["latched"][at] - snapshots["memory.latched"]  # a restarted servo counts its ticks anew
+    found = np.flatnonzero((snapshots["tick"] == trace["tick"][at] - 1) & (elapsed >= 0) & (elapsed < SECOND))
+    return recompute.parts_of(snapshots[found[:1]])[1] if len(found) else None
+
+
+def _settings_of(row, snapshots):
+    """Settings of the row's version, as the next snapshot has them, or else the last one; None if there is none."""
+    same = snapshots[snapshots["settings.version"] == row["parameter_version"]]
+    if len(same) == 0:
+        return None
+    later = np.flatnonzero(same["memory.latched"] >= row["latched"])
+    place = later[0] if len(later) else len(same) - 1
+    return recompute.parts_of(same[place : place + 1])[0]
+
+
+def _next_start(trace, at, end, snapshots):
+    """Index of the next row that follows a snapshot."""
+    rest = np.isin(trace["tick"][at + 1 : end] - 1, snapshots["tick"])
+    return at + 1 + int(np.argmax(rest)) if rest.any() else end
+
+
+def _differences(recorded, again):
+    return (_bits(recorded) != _bits(again)).any(axis=1)
+
+
+def _bits(rows):
+    return np.ascontiguousarray(rows).view(np.int64).reshape(len(rows), -1)
+
+
+def _names(recorded, again):
+    return {name for name in recorded.dtype.names if not np.array_equal(recorded[name], again[name], equal_nan=True)}

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded hand on other gains: what a bag says of its run, made into a lock-step system, and run into a new bag."""
+
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+
+from haptic_device.analysis.columns import Entries
+from haptic_device.analysis.recording import Recording, load
+from haptic_device.device import Device, load_device
+from haptic_device.parameter import SECTION, Parameter, check_value
+from haptic_sim.lockstep import Lockstep, Network
+from haptic_sim.lockstep_bag import LockstepBag
+from haptic_sim.played import PlayedDevice, PlayedTarget
+from haptic_sim.scene import Scene, parse
+from haptic_sim.scene import load as load_scene
+from haptic_sim.simulation import Simulation
+
+AXES = ("x", "y", "theta")
+STEP = 0.002  # [s] between truths written
+SECOND = 1_000_000_000
+PLAYED = np.dtype([("tick", "f8"), ("deadline", "f8"), ("position", "f8", (3,)), ("engage", "f8"), ("tool_age", "f8")])
+ONLY = {
+    "trace": PLAYED,
+    "operator/state": Entries((*(f"motor_{name}" for name in AXES), "time"), ("position",)),
+}
+
+
+class Hand(NamedTuple):
+    """A recorded motion: played into a system, and its length [s]."""
+
+    played: PlayedTarget | PlayedDevice
+    seconds: float
+
+
+class Point(NamedTuple):
+    """An operating point with its device and scene: all parameter values of the three nodes."""
+
+    device: Device
+    scene: Scene | None
+    driver: dict
+    loopback: dict
+    simulation: dict
+
+
+def recorded(bag: Path, namespace: str | None = None) -> Recording:
+    """The bag, with what a replay needs of it."""
+    return load(bag, namespace, ONLY)
+
+
+def hand_of(recording: Recording, as_device: bool) -> Hand:
+    """The motion from the first engaged tick on. Raises ValueError if the bag has none."""
+    trace = recording.trace
+    engaged = np.flatnonzero(trace["engage"] > 0)
+    if len(engaged) < 2:
+        raise ValueError(f"bag {recording.bag} has no tick with the motor engaged: there is no motion to replay")
+    begin, end = trace["deadline"][engaged[0]], trace["deadline"][engaged[-1]]
+    seconds = (end - begin) / SECOND
+    if as_device:
+        rows = trace[engaged[0] : engaged[-1] + 1]
+        return Hand(PlayedDevice(rows["deadline"] - begin, rows["position"]), seconds)
+    return Hand(_target(recording, begin, end), seconds)
+
+
+def _target(recording, begin, end) -> PlayedTarget:
+    """The hand's target between these times [ns], from the loopback's truth, from time 0 on."""
+    state = recording.joints.get("operator/state")
+    if state is None or "motor_x" not in state.names:
+        raise ValueError(f"bag {recording.bag} does not say the hand's target; replay it --as device")
+    times = state.entry("time") * SECOND - begin
+    during = (times >= -SECOND / 10) & (times <= end - begin)
+    if during.sum() < 2:
+        raise ValueError(f"bag {recording.bag} has no operator/state while engaged; replay it --as device")
+    points = np.zeros((int(during.sum()), 3))
+    for index, name in enumerate(AXES):
+        if f"motor_{name}" in state.names:
+            points[:, index] = state.entry(f"motor_{name}")[during]
+    return PlayedTarget(np.round(times[during]).astype(np.int64), points)
+
+
+def recorded_point(recording: Recording, declared: dict[str, tuple[Parameter, ...]], given: dict[str, dict]) -> Point:
+    """The operating point that the bag was recorded with, with given values in place of its own.
+
+    declared: parameters of each node; given: {node: {name: value}}. Raises ValueError, one sentence.
+    """
+    values = {node: _values(recording, node, parameters) for node, parameters in declared.items()}
+    for node, changes in given.items():
+        values[node] |= changes
+    driver, simulation = values["haptic_driver"], values["haptic_simulation"]
+    given_device = "device" in given.get("haptic_driver", {})
+    device = load_device(driver["device"]) if given_device else _device(recording, driver["device"])
+    given_scene = "scene" in given.get("haptic_simulation", {})
+    scene = load_scene(simulation["scene"]) if given_scene else _scene(recording, simulation["scene"])
+    return Point(device, scene, driver, values["haptic_loopback"], simulation)
+
+
+def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
+    """Runs the hand at the operating point into a new bag; returns the processor's time for a second of it [s]."""
+    simulation = Simulation.by_parameters(point.scene, point.simulation) if point.scene else None
+    system = Lockstep(point.device, point.driver, point.loopback, simulation, network, hand=hand.played)
+    hand.played.begin(system)
+    written, used = LockstepBag(bag, system, point), 0.0
+    for _ in range(round(hand.seconds / STEP)):
+        began = time.process_time()
+        rows = system.run(STEP)
+        used += time.process_time() - began
+        written.add(rows)
+    share = used / hand.seconds
+    written.close({"cpu_share": f"{share:.4f}"})
+    return share
+
+
+def _values(recording, node, parameters) -> dict:
+    """A node's values as the bag has them; the defaults for what it does not say."""
+    attached = recording.attachments.get(f"parameters/{node}.yaml", b"")
+    content = yaml.safe_load(attached) or {}
+    found = next((section.get(SECTION, {}) for section in content.values()), {})
+    known = {parameter.name: parameter for parameter in parameters}
+    taken = {name: check_value(known[name], value) for name, value in found.items() if name in known}
+    return {name: parameter.default for name, parameter in known.items()} | taken
+
+
+def _device(recording, name) -> Device:
+    attached = recording.attachments.get(f"device/{Path(name).stem}.yaml")
+    return load_device(name) if attached is None else Device.model_validate(yaml.safe_load(attached))
+
+
+def _scene(recording, name) -> Scene | None:
+    attached = recording.attachments.get(f"scene/{Path(name).stem}.yaml")
+    if attached is not None:
+        return parse(yaml.safe_load(attached), f"scene of {recording.bag}")
+    there = "tool_age" in recording.trace.dtype.names and (recording.trace["tool_age"] >= 0).any()
+    return load_scene(name) if there else None

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tool's end of the exchange methods: which handle the coupling pulls to, and what the port's energy may be.
+
+Each sub-step `drive` gives the handle that the method couples the tool with, and `book` takes what came of it.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from haptic_device.law import exchange, port, wave
+from haptic_sim.method import Coupling, Planar
+
+BUDGET = 0.05
+"""Energy [J] the tool port may supply before any has been shipped, and keep; what is over goes back to the device."""
+
+
+class Limits(NamedTuple):
+    """Of what the device's samples make of the force on the tool: force [N], torque [N m], change of force [N/s]."""
+
+    force: float = 20.0
+    torque: float = 1.0
+    slew: float = 2000.0
+
+
+LIMITS = Limits()
+
+
+class Port(Protocol):
+    """One exchange method at the tool."""
+
+    def rejoin(self) -> None:
+        """A new session of the device, or a world put back to its start: the next sample's sums are the new zero."""
+
+    def receive(self, handle, sub_step: float) -> Coupling:
+        """Take what a handle sample ships; the gains to couple with over the next sub-steps [s]."""
+
+    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
+        """Handle position and velocity for the sub-step that starts with the tool there."""
+
+    def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """Take the sub-step's force on the tool [N, N, N m] and the tool's way."""
+
+    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
+        """The effort and energy of the tool sample."""
+
+
+class Direct:
+    """The handle as it is said to be, whatever that does to the energy."""
+
+    def rejoin(self) -> None:
+        """Nothing is kept."""
+
+    def receive(self, handle, sub_step: float) -> Coupling:
+        """The device's gains."""
+        return handle.gains
+
+    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
+        """The handle as it is."""
+        return position, velocity
+
+    def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """Nothing is booked."""
+
+    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
+        """The force on the tool, and the energy supplied."""
+        return force_on_tool, supplied
+
+
+class Drawn:
+    """What the two passive ports share: the rules and the memory of law/port, and the limits in them.
+
+    limits: force [N], torque [N m] and fastest change of the force [N/s] on the tool by the device's samples.
+    """
+
+    def __init__(self, limits: Limits):
+        self.limits, self.rules, self.memory = limits, np.zeros(port.RULES), np.zeros(port.MEMORY)
+        port.drive(self.rules, self.memory, *[(0.0, 0.0, 0.0)] * 3)  # compiled here, not in the first exchange
+        self.memory[:] = 0.0
+
+    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
+        """The handle, as near to the tool as limits and tank ask for."""
+        port.drive(self.rules, self.memory, position, velocity, tool)
+        found = self.memory[port.AIM : port.AIM + 6].tolist()
+        return tuple(found[:3]), tuple(found[3:])
+
+    def _rule(self, gains, sub_step):
+        """Rules for these gains and this sub-step [s]; a torque may change as fast as a force does for its limit."""
+        stiff, damping, turning, turning_damping = gains
+        force, torque, slew = self.limits
+        self.rules[:] = (
+            *(stiff, stiff, turning, damping, damping, turning_damping),
+            *(port.worst(stiff, damping, sub_step), port.worst(turning, turning_damping, sub_step), force, torque),
+            *(slew * sub_step, slew * sub_step * torque / force),
+        )
+
+
+class Modulated(Drawn):
+    """The handle drawn nearer where its pull could supply more energy than the device has shipped (law/port).
+
+    What is really supplied is taken from the tank, and what the tool gives back comes into it.
+    """
+
+    def __init__(self, budget: float = BUDGET, limits: Limits = LIMITS):
+        super().__init__(limits)
+        self.budget = self.memory[port.TANK] = budget
+        self.returned = 0.0
+        self._known, self._gains = None, None
+
+    @property
+    def tank(self) -> float:
+        """Energy that the coupling may still supply [J]."""
+        return float(self.memory[port.TANK])
+
+    def rejoin(self) -> None:
+        """The next sample's sum of energy is the new zero, and the pull begins at none; the tank keeps what it has."""
+        self._known = None
+        self.memory[port.JOINED] = self.memory[port.PULL] = self.memory[port.PULL + 1] = 0.0
+
+    def receive(self, handle, sub_step: float) -> Coupling:
+        """Energy shipped since the last sample goes into the tank."""
+        known = handle.energy if self._known is None else self._known
+        self.memory[port.TANK] += max(0.0, handle.energy - known)
+        self._known = max(known, handle.energy)
+        gains = handle.gains
+        if gains != self._gains:
+            self._gains = gains
+            self._rule(gains, sub_step)
+        return gains
+
+    def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """What the coupling supplied leaves the tank."""
+        (fx, fy, torque), (x0, y0, angle0), (x1, y1, angle1) = force_on_tool, before, after
+        self.memory[port.TANK] -= fx * (x1 - x0) + fy * (y1 - y0) + torque * (angle1 - angle0)
+
+    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
+        """The force on the tool, and all that was sent back so far: what the tank holds above the budget."""
+        over = max(0.0, self.tank - self.budget)
+        self.memory[port.TANK] -= over
+        self.returned += over
+        return force_on_tool, self.returned
+
+
+class Waves(Drawn):
+    """The tool pulled by the waves that have come: a force p − z v, which is a damper z to a handle at velocity p/z."""
+
+    def __init__(self, limits: Limits = LIMITS):
+        super().__init__(limits)
+        self._last_ns, self._sent_energy, self._energy_come = 0, 0.0, 0.0
+        self._sent, self._pending, self._come, self._rate = [0.0] * 3, [0.0] * 3, None, [0.0] * 3
+        self._impedance, self._sub_step = (1.0,) * 3, 1.0
+
+    def rejoin(self) -> None:
+        """The next sample's sums are the new zero, and nothing of the old ones is still to come."""
+        self._come, self._pending = None, [0.0] * 3
+        self.memory[:] = 0.0
+
+    def receive(self, handle, sub_step: float) -> Coupling:
+        """What has come since the last sample is played over the time that the world now makes up."""
+        if self._come is None:
+            self._come, self._energy_come = handle.effort, handle.energy
+        passed, self._last_ns = (handle.time_ns - self._last_ns) * 1e-9, handle.time_ns
+        for i in range(3):
+            self._pending[i] += handle.effort[i] - self._come[i]
+            self._rate[i] = self._pending[i] / max(passed, sub_step)
+        self.memory[port.TANK] += max(0.0, handle.energy - self._energy_come)
+        self._come, self._energy_come = handle.effort, max(handle.energy, self._energy_come)
+        line, turning = wave.impedance(handle.stiffness), wave.impedance(handle.rotational_stiffness)
+        self._impedance, self._sub_step = (line, line, turning), sub_step
+        self._rule((0.0, line, 0.0, turning), sub_step)
+        return Coupling(0.0, line, 0.0, turning)
+
+    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
+        """The waves of this sub-step as velocities; their energy leaves the tank."""
+        waves = [wave.played(*both, self._sub_step) for both in zip(self._pending, self._rate, strict=True)]
+        wanted = tuple(value / z for value, z in zip(waves, self._impedance, strict=True))
+        _, made = super().drive(tool, wanted, tool)
+        covered = self.memory[port.SHARE] == 1.0
+        for i, z in enumerate(self._impedance):
+            taken = made[i] * z if covered else waves[i]  # what energy does not cover is dropped, or it grows
+            self._pending[i] -= taken * self._sub_step
+            self.memory[port.TANK] -= wave.power(made[i] * z, z) * self._sub_step
+        return tool, made
+
+    def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """The waves that go back: q = u − z v."""
+        for i in range(3):
+            z = self._impedance[i]
+            back = force_on_tool[i] - z * (after[i] - before[i]) / self._sub_step
+            self._sent[i] += back * self._sub_step
+            self._sent_energy += wave.power(back, z) * self._sub_step
+
+    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
+        """The sums of the waves sent and of their energy."""
+        return tuple(self._sent), self._sent_energy
+
+
+def port_of(method: str, budget: float = BUDGET, limits: Limits = LIMITS) -> Port:
+    """The port of an exchange method; ValueError if there is none of this name."""
+    if method not in exchange.METHODS:
+        raise ValueError(f"exchange.method is {method}; there are {', '.join(exchange.METHODS)}")
+    return {"direct": Direct, "wave": lambda: Waves(limits), "pspm": lambda: Modulated(budget, limits)}[method]()

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Systems with an exchange in them that several tests start from."""
+
+import math
+from collections import deque
+
+import numpy as np
+from lockstep_systems import device, values
+
+from haptic_device import operating
+from haptic_device.analysis import exchange_search as adversary
+from haptic_device.device import load_device
+from haptic_device.law import coupling, engage, servo
+from haptic_sim.lockstep import PERFECT, Lockstep
+from haptic_sim.scene import load
+from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.tool_port import port_of
+
+GAINS = {
+    "coupling__stiffness": 2000.0, "coupling__damping": 2.0, "coupling__rotational_stiffness": 2.0,
+    "coupling__rotational_damping": 0.002,
+}  # fmt: skip
+
+
+def demo_system(method, scene="wall", network=PERFECT, motion=None, **driver):
+    """The demo's operating point on a scene, with its motion changed; a world that waits for nothing up to 0.2 s."""
+    described = load(scene)
+    moved = {f"motion__{key}": value for key, value in {**described.motion, **(motion or {})}.items()}
+    return Lockstep(
+        load_device("desktop"),
+        values("haptic_driver", exchange__method=method, **GAINS | driver),
+        values("haptic_loopback", **moved),
+        Simulation(described, max_catch_up=0.2, port=port_of(method)),
+        network,
+    )
+
+
+def one_axis(method, stiffness=1000.0, damping=0.25, period=1e-3, over=1.05, **driver):
+    """SETTINGS of one axis without limits of motion, whose physical damping is `over` times K T/2 + B."""
+    least = stiffness * period / 2.0 + damping
+    shipped = device(over * least, 1e9, axes=1)
+    free = {"velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
+    shipped = shipped.model_copy(update={"axes": (shipped.axes[0].model_copy(update=free),)})
+    given = {"coupling__stiffness": stiffness, "coupling__damping": damping, "servo__rate": 1.0 / period}
+    given |= {"exchange__method": method, "passivity__control": False}
+    return operating.settings_from(shipped, values("haptic_driver", **given | driver))
+
+
+def reference(method, late, seconds=6.0):
+    """The reference of a late tool: K = 1000 N/m, T = 1 ms, b = 2; tool of 0.05 kg with a damper of 2 N s/m to its set
+    position and a wall at 0; handle led 20 mm at 0.5 Hz; `late` samples either way. Mean error [m], energy taken [J].
+    """
+    scene = load("wall")
+    scene = scene.model_copy(update={"tool": scene.tool.model_copy(update={"mass": 0.05, "pose": (0.01, 0.0, 0.0)})})
+    settings = one_axis(method, damping=0.0, over=4.0)
+    memory, row = np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK)
+    memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, engage.ENGAGED
+    settings["exchange_hold"] = 10.0
+    simulation, record = Simulation(scene, 1e-3, 0.2, port=port_of(method)), row[0]
+    going, coming, errors, taken, before, force = deque(), deque(), [], 0.0, 0.0, 0.0
+    for k in range(int(seconds * 1000)):
+        position = 0.02 * math.sin(math.pi * k * 1e-3)
+        taken -= force * (position - before)
+        before = position
+        record["latched"] = record["deadline"] = (k + 1) * 1e6
+        record["command"], record["device_status"], record["counts"][0] = 1.0, servo.FRESH, position * 1e9
+        if len(coming) > late:
+            sequence, tool = coming.popleft()
+            record["tool_session"], record["tool_sequence"], record["tool_answered"] = 1.0, sequence, sequence
+            record["tool_position"][0], record["tool_velocity"][0] = tool.position[0] - 0.01, tool.velocity[0]
+            record["tool_effort"][0], record["tool_energy"] = tool.force_on_tool[0], tool.energy
+            record["tool_contact"], record["tool_age"] = tool.contact, 2e-3 * late
+        servo.tick(settings[0], memory[0], record)
+        force = record["force_on_handle"][0]
+        port = (record["position"][0] + 0.01, 0.0, 0.0), (record["velocity"][0], 0.0, 0.0)
+        shipped = (record["exchange_effort"][0], 0.0, 0.0), record["exchange_energy"]
+        going.append((k + 1, HandleSample((k + 1) * 1_000_000, *port, 1000.0, 2.0, 1.0, 0.01, *shipped)))
+        if len(going) > late:
+            sequence, handle = going.popleft()
+            coming.append((sequence, simulation.exchange(handle)))
+        errors.append(abs(simulation.method.position[0] - 0.01 - max(0.0, position)))
+    return float(np.mean(errors[2000:])), taken
+
+
+def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, ticks=160):
+    """Most [J] that budget and books of three axes lie above the truth, for a hand that half of the time follows the
+    force, and wild tool samples. scale: the device's; wall: stiffness of one at x = 0 beside the coupling.
+    """
+    random, settings = np.random.default_rng(seed), _three_axes(method, scale, limit, wall)
+    memory, row = adversary.engaged()
+    record, period, damping = row[0], settings["period"][0], settings["physical_damping"][0]
+    unit = reach * np.array([5.0, 5.0, 0.3]) / settings["stiffness"][0]
+    step = reach * 2.5 * period / damping * np.array([1.0, 1.0, 0.05])
+    place, way, given, most, wide = np.zeros(3), np.zeros(3), 0.0, -np.inf, int(2.0 ** random.uniform(0.0, 5.0))
+    for k in range(ticks):
+        place = place + way
+        record["latched"] = record["deadline"] = (k + 1) * period * 1e9
+        record["command"], record["device_status"], record["counts"] = engage.ENABLE, servo.FRESH, np.round(place * 1e9)
+        _wild_sample(record, random, k, unit)
+        servo.tick(settings[0], memory[0], record)
+        most = max(most, given + _books(settings[0], memory[0], record))
+        if k % wide == 0:
+            way = random.normal(size=3) * step
+        if random.random() < 0.5:
+            way = np.abs(way) * np.sign(record["force_on_handle"])
+        given += float(record["force_on_handle"] @ way - (damping * way * way / period).sum())
+    return most
+
+
+def _three_axes(method, scale, limit, wall):
+    shipped = device(3.0, 1e9, axes=3, scale=scale)
+    free = {"velocity_limit": 1e6, "workspace": (-1e6, 1e6), "counts_per_unit": 1e9}
+    shipped = shipped.model_copy(update={"axes": tuple(axis.model_copy(update=free) for axis in shipped.axes)})
+    gains = {name: gain / scale["rotational" in name] ** 2 for name, gain in GAINS.items()}
+    walls = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness": (wall,), "wall__damping": (0.0,)}
+    limits = {"force__limit": limit, "force__limit_rotational": limit / 20.0}
+    return operating.settings_from(
+        shipped,
+        values("haptic_driver", exchange__method=method, passivity__control=False, **gains, **limits, **walls),
+    )
+
+
+def _wild_sample(record, random, number, unit):
+    record["tool_session"], record["tool_age"] = 1.0, record["tool_age"] + 0.25e-3
+    if random.random() < 0.3:
+        return
+    near = random.random() < 0.5
+    record["tool_answered"] = record["tool_sequence"] = number + 1.0
+    record["tool_position"] = near * record["position"] + random.normal(size=3) * unit * (0.2 if near else 1.0)
+    record["tool_velocity"], record["tool_contact"] = random.normal(size=3) * [1.0, 1.0, 30.0], random.random() < 0.5
+    record["tool_effort"] += random.normal(size=3) * 1e-2
+    record["tool_energy"] += abs(random.normal()) * 1e-3
+    record["tool_age"] = abs(random.normal()) * 0.03
+
+
+def _books(settings, memory, record):
+    """Energy [J] in tank, springs and on its way, less the budget."""
+    stretch = record["coupling_position"] - record["position"]
+    stored = sum(coupling.spring_store(*one) for one in zip(memory["spring"], memory["clamp"], stretch, strict=True))
+    depth = max(0.0, settings["wall_offset"][0] - record["position"][0])
+    stored += 0.5 * settings["wall_stiffness"][0] * depth**2
+    return memory["tank"] + stored + memory["shipped"] - memory["returned"] + memory["wave_store"] - 0.005

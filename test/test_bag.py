@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The bag as it is written: split, with attachments, on a disk that fills, and repaired after its writer died."""
+
+import errno
+import os
+
+import numpy as np
+import pytest
+import yaml
+from bag_of_a_run import JOINTS, joints, swing, write_run
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from haptic_device.analysis.recording import load
+from haptic_device.mcapfile import Records
+from haptic_device.node import bag_file
+from haptic_device.node.bag import RESERVE, RESERVE_BYTES, Bag
+from haptic_device.node.bag_index import complete
+from haptic_device.node.recovery import recovered
+
+SECOND = 1_000_000_000
+
+
+def fill(bag, count, size=40, first=0, seed=0):
+    """Writes numbered messages, one each millisecond, that do not compress."""
+    channel = bag.add_topic("/haptic/encoder", JOINTS, []) if first == 0 else 1
+    names = [f"n{i}" for i in range(size)]
+    numbers = np.random.default_rng(seed).normal(size=(count, size))
+    for number in range(first, first + count):
+        numbers[number - first, 0] = number
+        data = joints(names, numbers[number - first], number)
+        bag.write(channel, data, number * SECOND // 1000, number * SECOND // 1000, number + 1)
+        if number % 50 == 49:
+            bag.flush()
+
+
+def information(folder):
+    return yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+
+
+def values_by_rosbags(folder):
+    with AnyReader([folder]) as reader:
+        return [reader.deserialize(data, connection.msgtype).position[0] for connection, _, data in reader.messages()]
+
+
+@pytest.mark.parametrize("limit", [{"split_seconds": 0.3}, {"split_bytes": 100_000}])
+def test_a_split_bag_is_one_bag_to_every_reader_and_each_file_can_be_read_alone(tmp_path, limit):
+    bag = Bag(tmp_path / "bag", **limit)
+    bag.attach("trial.yaml", "application/yaml", b"participant: P7", 1)
+    fill(bag, 1000)
+    bag.close({})
+    found = information(tmp_path / "bag")
+    files = sorted((tmp_path / "bag").glob("*.mcap"), key=lambda path: (len(path.name), path.name))
+    assert len(files) >= 3 and found["relative_file_paths"] == [file.name for file in files]
+    assert sum(file["message_count"] for file in found["files"]) == found["message_count"] == 1000
+    assert values_by_rosbags(tmp_path / "bag") == list(range(1000))
+    assert np.array_equal(load(tmp_path / "bag").joint("encoder").entry("n0"), np.arange(1000))
+    for file, said in zip(files, found["files"], strict=True):
+        alone = load(file)
+        assert len(alone.joint("encoder").sequence) == said["message_count"]
+        assert alone.attachments == {"trial.yaml": b"participant: P7"}
+
+
+def test_the_mcap_library_finds_each_attachment_and_the_newest_state_counts(tmp_path):
+    bag = Bag(tmp_path / "bag")
+    for state in (b"old", b"new"):
+        bag.attach("made.yaml", "application/yaml", state, 5)
+    fill(bag, 10)
+    bag.close({})
+    with open(tmp_path / "bag/bag_0.mcap", "rb") as stream:
+        assert [found.data for found in make_reader(stream, validate_crcs=True).iter_attachments()] == [b"old", b"new"]
+    assert load(tmp_path / "bag").attachments["made.yaml"] == b"new"
+
+
+def test_metadata_has_no_anchors_which_not_every_reader_knows(tmp_path):
+    bag = Bag(tmp_path / "bag")
+    fill(bag, 10)
+    bag.close({})
+    assert "&id" not in (tmp_path / "bag/metadata.yaml").read_text()
+
+
+def fills_at(capacity, folder, monkeypatch):
+    """From now on the disk takes so many bytes of files of a bag, and the reserve's more once that is given back."""
+    real, written = os.write, 0
+
+    def write(descriptor, data):
+        nonlocal written
+        room = capacity + (0 if (folder / RESERVE).exists() else RESERVE_BYTES) - written
+        if room <= 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        count = real(descriptor, data[:room])
+        written += count
+        return count
+
+    monkeypatch.setattr(bag_file.os, "write", write)
+
+
+@settings(deadline=None, max_examples=15)
+@given(capacity=st.integers(2_000, 200_000))
+def test_a_full_disk_keeps_every_whole_chunk_in_a_bag_that_opens(tmp_path_factory, capacity):
+    folder = tmp_path_factory.mktemp("disk") / "bag"
+    bag = Bag(folder)
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        fills_at(capacity, folder, monkeypatch)
+        with pytest.raises(OSError, match="No space left"):
+            fill(bag, 2000)
+    bag.abandon({"namespace": "/haptic"})
+    kept = bag.messages
+    assert kept % 50 == 0 and information(folder)["message_count"] == kept
+    assert not (folder / RESERVE).exists()
+    if kept:
+        assert values_by_rosbags(folder) == list(range(kept))
+    with open(folder / "bag_0.mcap", "rb") as stream:
+        assert make_reader(stream, validate_crcs=True).get_summary().statistics.message_count == kept
+
+
+@settings(deadline=None, max_examples=25)
+@given(share=st.floats(0.01, 1.0, exclude_max=True))
+def test_a_file_cut_anywhere_is_made_whole_in_place_with_all_its_whole_chunks(tmp_path_factory, share):
+    folder = write_run(tmp_path_factory.mktemp("cut") / "run", swing(1200))
+    (folder / "metadata.yaml").unlink()
+    file = folder / "run_0.mcap"
+    data = file.read_bytes()
+    file.write_bytes(data[: max(60, int(share * len(data)))])
+    try:
+        before = {name: len(found.sequence) for name, found in load(file).joints.items()}
+    except ValueError:
+        before = {}
+    said = list(recovered(folder))
+    assert "metadata.yaml is written" in said[-1]
+    if before:
+        with AnyReader([folder]) as reader:
+            counts = {connection.topic: connection.msgcount for connection in reader.connections}
+        assert {name: counts[f"/haptic/{name}"] for name in before} == before
+        assert load(folder).notes == ()
+    with open(file, "rb") as stream:
+        make_reader(stream, validate_crcs=True).get_summary()
+    assert complete(file).wrong == "" and list(recovered(folder))[0].startswith("run_0.mcap: whole")
+
+
+@settings(deadline=None, max_examples=40)
+@given(place=st.floats(0.0, 1.0, exclude_max=True), value=st.integers(1, 255))
+def test_a_flipped_byte_costs_at_most_its_own_record_and_never_a_traceback(tmp_path_factory, place, value):
+    folder = write_run(tmp_path_factory.mktemp("flip") / "run", swing(800))
+    file = folder / "run_0.mcap"
+    data = bytearray(file.read_bytes())
+    data[int(place * len(data))] ^= value
+    file.write_bytes(data)
+    for _ in range(2):  # as it is, and after the repair
+        try:
+            recording = load(folder)
+        except ValueError as error:
+            assert "\n" not in str(error)
+        else:
+            if "trace" in recording.clouds:
+                assert set(recording.trace["tick"]) <= set(range(800))
+        try:
+            list(recovered(folder))
+        except ValueError as error:
+            assert "\n" not in str(error)
+            return
+
+
+def test_a_damaged_chunk_is_passed_over_by_every_reader_after_the_repair_and_said(tmp_path):
+    folder = write_run(tmp_path / "run", swing(4000))
+    file = folder / "run_0.mcap"
+    data = bytearray(file.read_bytes())
+    with open(file, "rb") as stream:
+        chunks = make_reader(stream).get_summary().chunk_indexes
+        last = chunks[-1]
+    data[last.chunk_start_offset + last.chunk_length // 2] ^= 0xFF
+    file.write_bytes(data)
+    assert "1 damaged chunks are passed over" in list(recovered(folder))[0]
+    count = information(folder)["message_count"]
+    with AnyReader([folder]) as reader:
+        assert sum(1 for _ in reader.messages()) == count
+    with open(file, "rb") as stream:
+        assert make_reader(stream).get_summary().statistics.message_count == count
+    assert load(folder).notes == ()
+
+
+def test_recovery_counts_the_publishers_numbers_that_were_skipped(tmp_path):
+    bag = Bag(tmp_path / "bag")
+    channel = bag.add_topic("/haptic/encoder", JOINTS, [])
+    for sequence in (1, 2, 5, 6, 9):
+        bag.write(channel, joints(("x",), [1], 0), sequence, sequence, sequence)
+    bag.flush()
+    assert list(recovered(tmp_path / "bag"))
+    assert information(tmp_path / "bag")["custom_data"] == {"recovered": "true", "lost /haptic/encoder": "4"}
+    assert load(tmp_path / "bag").lost == {"/haptic/encoder": 4}
+
+
+def test_what_cannot_be_repaired_is_refused_and_a_stranger_in_the_folder_left_alone(tmp_path):
+    (tmp_path / "notes.mcap").write_text("not a bag at all")
+    with pytest.raises(ValueError, match="no file that could be repaired"):
+        list(recovered(tmp_path))
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        list(recovered(tmp_path / "missing"))
+    write_run(tmp_path / "run", swing(400))
+    (tmp_path / "notes.mcap").rename(tmp_path / "run" / "notes.mcap")
+    assert "notes.mcap is left out" in list(recovered(tmp_path / "run"))[0]
+    assert (tmp_path / "run" / "notes.mcap").read_text() == "not a bag at all"
+    assert len(load(tmp_path / "run").trace) == 400
+
+
+def test_records_end_where_the_file_does(tmp_path):
+    folder = write_run(tmp_path / "run", swing(400))
+    with open(folder / "run_0.mcap", "rb") as stream:
+        found = Records(stream)
+        ends = [record.end for record in found]
+        assert found.wrong == "" and ends == sorted(ends) and ends[-1] == found.end

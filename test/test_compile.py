@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The least model: who moves, how freely, who can touch, what matters, and what the reduction leaves unchanged."""
+
+import math
+
+import numpy as np
+import pytest
+
+from haptic_device.share import names
+from haptic_sim.compile import compile_scene
+from haptic_sim.compile.choice import STEPS
+from haptic_sim.compile.model import PIN, SLIDER, SPRING
+from haptic_sim.method import Coupling
+from haptic_sim.method.closed_form import ClosedForm
+from haptic_sim.method.impulse import Impulse
+from haptic_sim.scene import SceneError, load, parse
+
+DISC = {"mass": 0.1, "pose": [0.5, 0.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
+BAR = {"name": "bar", "mass": 1.0, "shapes": [{"box": {"size": [0.2, 0.02], "center": [0.1, 0.0]}}]}
+STOP = {"name": "stop", "fixed": True, "shapes": [{"box": {"size": [0.02, 0.02]}}]}
+WALL = {"name": "wall", "fixed": True, "shapes": [{"half_plane": {"normal": [1.0, 0.0]}}]}
+PINNED = {"type": "pin", "bodies": ["world", "bar"], "at": [0.0, 0.0]}
+
+
+def compiled(**parts):
+    return compile_scene(parse({"name": "test", "tool": DISC, **parts}, "here"))
+
+
+@pytest.mark.parametrize("name", names("scenes"))
+def test_every_scene_compiles_to_finite_numbers_and_a_sub_step_that_divides_a_millisecond(name):
+    model, _, shape_names, _, _, sub_step, reasons = compile_scene(load(name))
+    finite = [array for key, array in model._asdict().items() if key not in ("mass", "inertia", "joint_limit")]
+    assert all(np.isfinite(array).all() for array in finite)
+    assert np.isfinite(model.mass).tolist() == [not fixed for fixed in model.fixed]
+    assert not model.fixed[0]
+    assert model.fixed[-1]
+    assert len(shape_names) == len(model.shape_body) == len(model.shape_start) - 1
+    assert 1e-3 / sub_step == pytest.approx(round(1e-3 / sub_step))
+    assert all(reasons)
+
+
+@pytest.mark.parametrize("name", names("scenes"))
+def test_pins_and_sliders_meet_in_the_model_and_pairs_go_from_a_body_to_a_later_one(name):
+    model = compile_scene(load(name)).model
+    for kind, bodies, anchors in zip(model.joint_kind, model.joint_bodies, model.joint_anchor, strict=True):
+        if kind != SPRING:
+            on_a, on_b = (place(model.pose[body], anchor) for body, anchor in zip(bodies, anchors, strict=True))
+            assert on_a == pytest.approx(on_b, abs=1e-12)
+    assert (model.shape_body[model.pairs[:, 0]] < model.shape_body[model.pairs[:, 1]]).all()
+
+
+def place(pose, point):
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return pose[0] + c * point[0] - s * point[1], pose[1] + s * point[0] + c * point[1]
+
+
+@pytest.mark.parametrize(("name", "count"), [("free_space", 3), ("pendulum", 4), ("slider", 2), ("four_bar", 2),
+                                             ("stack", 18), ("wrench_on_nut", 4), ("four_bar_singular", 2)])
+def test_degrees_of_freedom_are_what_a_textbook_counts(name, count):
+    """A four-bar has one, and its knob another; twelve of body coordinates less eight of four pins less two."""
+    assert compile_scene(load(name)).needs.freedoms == count
+
+
+@pytest.mark.parametrize(("where", "apart"), [(0.2003, True), (0.2002, False)])
+def test_a_bar_on_a_pin_reaches_a_stop_within_its_length_and_none_beyond(where, apart):
+    needs = compiled(bodies=[BAR, {**STOP, "pose": [0.0, where + 0.01, 0.0]}], joints=[PINNED]).needs
+    assert (("bar", "stop") not in needs.touching) == apart
+
+
+def test_reaches_add_up_along_a_chain_of_pins():
+    second = {**BAR, "name": "second", "pose": [0.2, 0.0, 0.0]}
+    elbow = {"type": "pin", "bodies": ["bar", "second"], "at": [0.2, 0.0]}
+    for where, touches in ((0.39, True), (0.43, False)):
+        needs = compiled(bodies=[BAR, second, {**STOP, "pose": [0.0, where, 0.0]}], joints=[PINNED, elbow]).needs
+        assert (("second", "stop") in needs.touching) == touches
+        assert ("bar", "stop") not in needs.touching
+
+
+def test_a_slider_adds_its_way_and_one_without_limits_goes_anywhere():
+    rail = {"type": "slider", "bodies": ["world", "bar"], "at": [0.0, 0.0], "axis": [0.0, 1.0]}
+    far = {**STOP, "pose": [0.0, 0.5, 0.0]}
+    for limits, touches in (({"limits": [-0.1, 0.2]}, False), ({"limits": [-0.1, 0.3]}, True), ({}, True)):
+        assert (("bar", "stop") in compiled(bodies=[BAR, far], joints=[rail | limits]).needs.touching) == touches
+
+
+def test_bodies_in_other_layers_or_held_together_do_not_touch():
+    assert ("tool", "bar") in compiled(bodies=[BAR]).needs.touching
+    assert compiled(bodies=[{**BAR, "layers": [1]}]).needs.touching == ()
+    joined = {"type": "pin", "bodies": ["tool", "bar"], "at": [0.3, 0.0]}
+    assert compiled(bodies=[BAR], joints=[joined]).needs.touching == ()
+    assert ("tool", "bar") in compiled(bodies=[BAR], joints=[joined | {"collide": True}]).needs.touching
+
+
+def test_a_body_that_nothing_can_move_is_taken_for_fixed():
+    lonely = {**BAR, "layers": [1]}
+    assert compiled(bodies=[lonely]).needs.at_rest == ("bar",)
+    assert len(compiled(bodies=[lonely]).model.mass) == 2
+    for reason in ({"gravity": [0, -9.81]}, {"bodies": [{**lonely, "velocity": [0, 0, 1]}]}, {"bodies": [BAR]},
+                   {"joints": [PINNED | {"motor": {"speed": 1, "max_torque": 1}}]}):
+        assert compiled(**{"bodies": [lonely], **reason}).needs.moving == ("tool", "bar")
+
+
+def test_welded_bodies_are_one_with_the_inertia_of_the_whole():
+    half = {"mass": 1.0, "layers": [0]}
+    left = half | {"name": "left", "pose": [-0.5, 0.0, 0.0], "shapes": [{"box": {"size": [1.0, 2.0]}}]}
+    right = half | {"name": "right", "pose": [0.5, 0.0, math.pi], "shapes": [{"box": {"size": [1.0, 2.0]}}]}
+    weld = {"type": "weld", "bodies": ["left", "right"], "at": [0.0, 0.0]}
+    tool = {**DISC, "pose": [3.0, 0.0, 0.0]}
+    whole = compiled(bodies=[left, right], joints=[weld], tool=tool)
+    assert whole.model.mass[1] == 2.0
+    assert whole.model.inertia[1] == pytest.approx(2.0 * (2.0**2 + 2.0**2) / 12)
+    assert whole.places["right"].body == whole.places["left"].body == 1
+    assert whole.places["right"].pose == pytest.approx((0.5, 0.0, math.pi))
+    anchored = compiled(bodies=[left, right], tool=tool,
+                        joints=[weld, {"type": "weld", "bodies": ["world", "left"], "at": [0.0, 0.0]}])
+    assert len(anchored.model.mass) == 2
+
+
+def test_joints_carry_their_numbers_into_the_model():
+    spring = {"type": "spring", "bodies": ["tool", "bar"], "anchors": [[0, 0], [0.2, 0]], "stiffness": 5.0}
+    rail = {"type": "slider", "bodies": ["world", "tool"], "at": [0.5, 0.0], "axis": [0.0, 3.0], "friction_force": 2.0}
+    motor = PINNED | {"friction_torque": 0.5, "motor": {"speed": 3.0, "max_torque": 2.0}, "limits": [-1.0, 2.0]}
+    model = compiled(bodies=[BAR], joints=[motor, rail, spring]).model
+    assert model.joint_kind.tolist() == [PIN, SLIDER, SPRING]
+    assert model.joint_bodies.tolist() == [[2, 1], [2, 0], [0, 1]]
+    assert model.joint_friction.tolist() == [0.5, 2.0, 0.0]
+    assert model.joint_motor[0].tolist() == [3.0, 2.0]
+    assert model.joint_limit[0].tolist() == [-1.0, 2.0]
+    assert model.joint_axis[1] == pytest.approx([0.0, 1.0])
+    assert model.joint_spring[2] == pytest.approx([5.0, 0.0, 0.3])
+    assert model.joint_anchor[0, 1] == pytest.approx([-0.1, 0.0])
+
+
+@pytest.mark.parametrize(("parts", "axes"), [
+    ({}, ()),
+    ({"bodies": [WALL]}, ((1.0, 0.0),)),
+    ({"bodies": [WALL, {**WALL, "name": "floor", "pose": [0, -1, math.pi / 2]}]}, ((1.0, 0.0), (0.0, 1.0))),
+    ({"bodies": [WALL, {**WALL, "name": "slant", "pose": [0, -1, 0.5]}]}, None),
+    ({"bodies": [{**WALL, "shapes": [{"box": {"size": [0.1, 1]}}]}]}, None),
+    ({"bodies": [{**WALL, "material": "rough"}], "tool": {**DISC, "material": "rough"}}, None),
+    ({"bodies": [{**WALL, "material": "rough"}]}, ((1.0, 0.0),)),
+    ({"bodies": [WALL], "tool": {**DISC, "shapes": [{"box": {"size": [0.02, 0.02]}}]}}, None),
+    ({"bodies": [WALL], "tool": {**DISC, "shapes": [{"circle": {"radius": 0.01, "center": [0, 0.01]}}]}}, None),
+])
+def test_only_a_round_tool_among_smooth_square_walls_has_a_closed_form(parts, axes):
+    needs = compiled(materials={"rough": {"friction": 0.1}}, **parts).needs
+    assert (needs.axes is None) == (axes is None)
+    assert np.array(needs.axes or ()) == pytest.approx(np.array(axes or ()))
+
+
+def test_a_closed_form_wished_for_a_scene_without_one_is_refused():
+    with pytest.raises(ValueError, match="'closed_form', which needs a round tool"):
+        compiled(method="closed_form", bodies=[BAR])
+    with pytest.raises(ValueError, match="has no closed form"):
+        ClosedForm(load("corner"), 1e-3)
+    with pytest.raises(SceneError, match="method is 'euler'.*take one of impulse"):
+        parse({"name": "test", "tool": DISC, "method": "euler"}, "here")
+
+
+@pytest.mark.parametrize(("error", "step"), [(0.02, 0.25e-3), (0.2, 1e-3), (0.004, 0.05e-3), (1e-9, STEPS[-1])])
+def test_the_sub_step_is_the_longest_whose_numerical_damping_is_the_error_stated(error, step):
+    """Frequency 141 rad/s of 0.1 kg on 2000 N/m: 2 error / w is 0.283, 2.8, 0.057 ms."""
+    assert compiled(error=error).sub_step == step
+
+
+def pressed(method, steps=1600, h=0.25e-3):
+    """Tool's place and force for a handle that goes 20 mm into the wall along its face, and out again."""
+    method.couple(Coupling(2000.0, 2.0, 2.0, 0.002))
+    path = []
+    for k in range(1, steps + 1):
+        t = k * h
+        method.step((0.03 - 0.04 * math.sin(8.0 * t), 0.01 * t, 0.1), (-0.32 * math.cos(8.0 * t), 0.01, 0.0))
+        path.append((*method.position, *method.force_on_tool))
+    return np.array(path)
+
+
+def test_the_closed_form_gives_the_motion_that_the_whole_world_gives_for_small_steps():
+    """They differ by how deep the general method sinks in before it sees a contact: at most one sub-step's way."""
+    scene, fastest = load("wall"), 0.4
+    for divide in (1, 8):
+        h = 0.25e-3 / divide
+        both = [pressed(kind(scene, h), 1600 * divide, h) for kind in (Impulse, ClosedForm)]
+        assert np.abs(both[0][:, :3] - both[1][:, :3]).max() < fastest * h
+        free = both[1][:, 0] > 0.01 + 1e-9
+        untouched = np.cumprod(free).astype(bool)
+        assert np.abs(both[0][untouched] - both[1][untouched]).max() < 1e-9
+
+
+def test_in_closed_form_no_wall_is_entered_and_none_pulls():
+    method = ClosedForm(load("wall"), 0.25e-3)
+    method.couple(Coupling(2000.0, 2.0))
+    pushes = []
+    for k in range(800):
+        method.step((0.03 - 0.1 * math.sin(0.02 * k), 0.0, 0.0), (0.0, 0.0, 0.0))
+        assert method.position[0] >= 0.01
+        pushes += [contact.force_on_a[0] for contact in method.contacts()]
+        assert method.touching == bool(method.contacts())
+    assert len(pushes) > 100
+    assert min(pushes) > 0.0
+
+
+def test_closed_form_contacts_turn_with_the_wall():
+    slanted = {**WALL, "pose": [0.0, 0.0, 0.6]}
+    scene = parse({"name": "test", "bodies": [slanted], "tool": {**DISC, "pose": [0.1, 0.1, 0.0]}}, "here")
+    method = ClosedForm(scene, 1e-3)
+    method.couple(Coupling(1000.0, 10.0))
+    for _ in range(3000):
+        method.step((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    (contact,) = method.contacts()
+    normal = np.array([math.cos(0.6), math.sin(0.6)])
+    assert method.position[:2] == pytest.approx(0.01 * normal, abs=1e-9)
+    assert contact.force_on_a == pytest.approx(1000.0 * 0.01 * normal, rel=1e-6)
+    assert contact.normal == pytest.approx(-normal)
+    assert contact.point == pytest.approx((0.0, 0.0), abs=1e-9)

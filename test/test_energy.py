@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulation's ledger: each item is what a closed form says, and together they leave nothing over."""
+
+import math
+
+import pytest
+
+from haptic_sim.scene import load
+from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.trial import EXCHANGE_NS, GAINS, attempt, hand
+
+STILL = (0.0, 0.0, 0.0)
+
+
+def led(name, method, seconds, sub_step=None):
+    scene = load(name)
+    simulation, lead = Simulation(scene, sub_step, method=method), hand(scene)
+    for k in range(round(seconds * 1e3)):
+        simulation.exchange(HandleSample(k * EXCHANGE_NS, lead(k * 1e-3), STILL, *GAINS))
+    return simulation
+
+
+@pytest.mark.parametrize("method", ["partitioned", "event_driven"])
+def test_each_rebound_takes_its_share_of_the_fall_and_the_flight_takes_nothing(method):
+    """1 - e² of m g h at the first impact of a ball, e = 0.5; 0.5 s: √(2 h/g) is .4515 s."""
+    balance = attempt(load("zeno_ball"), 0.5, method=method).simulation.ledger.balance
+    assert balance.contacts == pytest.approx(0.75 * balance_of_fall(), rel=1e-9)
+    assert abs(balance.numerical) < (1e-9 if method == "event_driven" else 1e-4)  # the tool sags on its coupling
+    assert abs(balance.correction) < 1e-12
+
+
+def balance_of_fall():
+    scene = load("zeno_ball")
+    ball, floor = scene.bodies[1], scene.bodies[0]
+    low = floor.shapes[0].half_plane.point[1] + ball.shapes[0].circle.radius
+    return ball.mass * -scene.gravity[1] * (ball.pose[1] - low)
+
+
+@pytest.mark.parametrize("method", ["partitioned", "event_driven", "penalty_implicit"])
+def test_friction_takes_its_force_times_the_way(method):
+    """μ m g over the way of a block that is pushed along a floor; the tool adds its own little."""
+    simulation = led("push_block", method, 2.5)
+    scene, way = simulation.scene, simulation.method.pose("block")[0]
+    block = scene.bodies[1]
+    floor = scene.material(block).friction * block.mass * -scene.gravity[1] * way
+    assert way > 0.02
+    assert floor * 0.98 < simulation.ledger.balance.contacts < floor * 1.1
+
+
+@pytest.mark.parametrize("method", ["partitioned", "event_driven"])
+def test_dry_friction_of_a_guide_is_booked_with_the_contacts(method):
+    simulation = led("slider", method, 1.0)
+    way = abs(simulation.method.position[0] - simulation.scene.tool.pose[0])
+    force = simulation.scene.joints[0].friction
+    assert simulation.ledger.balance.contacts >= force * way * (1.0 - 1e-6)
+
+
+def test_backward_difference_pays_half_the_square_of_what_it_changes_and_flight_pays_nothing():
+    held, free = (led("free_space", method, 1.0).ledger.balance for method in ("partitioned", "event_driven"))
+    assert held.numerical > 0.0
+    assert abs(free.numerical) < 1e-9 * free.supplied
+    assert held.contacts == held.correction == free.contacts == free.correction == 0.0
+
+
+@pytest.mark.parametrize("name", ["four_bar", "wrench_on_nut", "stack"])
+def test_putting_constraints_right_moves_little_energy_and_is_made_up_for(name):
+    balance = led(name, "partitioned", 0.8).ledger.balance
+    assert balance.dissipated >= -1e-9
+    assert abs(balance.correction) < 0.01 * max(balance.supplied, balance.dissipated)
+
+
+@pytest.mark.parametrize("method", ["partitioned", "closed_form", "event_driven"])
+def test_a_wall_that_is_met_takes_the_speed_it_is_met_with(method):
+    """The tool comes in at a speed v and stays: ½ m v² in the wall, whatever the method."""
+    scene = load("wall")
+    tool = scene.tool.model_copy(update={"velocity": (-0.5, 0.0, 0.0)})
+    simulation = Simulation(scene.model_copy(update={"tool": tool}), 0.25e-3, method=method)
+    gains = (0.0, 0.0, 0.0, 0.0)
+    for k in range(1000):
+        simulation.exchange(HandleSample(k * EXCHANGE_NS, STILL, STILL, *gains))
+    balance = simulation.ledger.balance
+    expected = 0.5 * tool.mass * 0.25
+    assert balance.kinetic == pytest.approx(0.0, abs=1e-12)
+    assert balance.contacts == pytest.approx(expected, rel=0.02 if method != "event_driven" else 1e-9)
+    assert balance.contacts + balance.numerical == pytest.approx(expected, rel=1e-9)
+    assert math.isclose(balance.dissipated, expected, rel_tol=1e-9)

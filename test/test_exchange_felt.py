@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of an exchange the hand feels: contact stiffness, drag and mass of a late tool, at any rates."""
+
+import numpy as np
+import pytest
+from exchange_systems import demo_system
+
+from haptic_sim.cli.bench_exchange import Case, measure
+from haptic_sim.lockstep import Network
+
+STIFFNESS = 2000.0  # [N/m] of the demo's operating point
+BUDGET = 0.005  # [J]
+
+
+@pytest.fixture(scope="module")
+def felt():
+    cases = {(name, late): Case(name, late, 0.0, 0.0, 1000.0) for name in ("direct", "pspm") for late in (0.0, 5e-3)}
+    return {key: measure(case) for key, case in cases.items()} | {
+        ("pspm", 0.02): measure(Case("pspm", 0.02, 0.0, 0.0, 1000.0))
+    }
+
+
+def test_a_late_tool_held_drags_by_about_stiffness_times_age(felt):
+    assert felt["direct", 5e-3].damping == pytest.approx(STIFFNESS * 5.6e-3, rel=0.15)  # half a period older on average
+
+
+@pytest.mark.parametrize("late", [0.0, 5e-3, 0.02])
+def test_foretold_it_drags_by_less_than_a_fifth_of_that_and_the_wall_is_as_stiff(felt, late):
+    age = late + 0.6e-3
+    assert abs(felt["pspm", late].damping) <= 0.2 * STIFFNESS * age
+    assert felt["pspm", late].stiffness == pytest.approx(felt["direct", 0.0].stiffness, rel=0.02)
+    assert felt["pspm", late].given <= BUDGET
+
+
+@pytest.mark.parametrize("late", [5e-3, 0.02])
+def test_foretelling_does_not_pay_in_mass(felt, late):
+    """A tool of 0.1 kg; first-order foretelling made 0.49 kg of one of 0.05 kg at 20 ms."""
+    assert abs(felt["pspm", late].mass) <= 0.12
+
+
+def test_with_no_delay_added_the_tool_is_as_near_the_handle_as_with_direct_exchange(felt):
+    assert felt["pspm", 0.0].tool_error <= 1.2 * felt["direct", 0.0].tool_error
+    assert felt["pspm", 0.0].impedance_ratio > 10.0 * felt["direct", 0.0].impedance_ratio
+
+
+@pytest.mark.parametrize("late", [0.0, 1e-3, 1.5e-3, 3e-3, 20e-3])
+def test_in_lock_step_samples_leave_and_are_found_at_their_own_tick(late):
+    rows = demo_system("direct", "free_space", Network(late)).run(0.1)[200:]
+    new = np.flatnonzero(np.diff(rows.tool_answered)) + 1
+    assert np.all(np.diff(new) == 4)
+    assert rows.tool_age[new] == pytest.approx(max(late, 0.25e-3), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("servo", "exchange"), [(1000.0, 100.0), (4000.0, 700.0), (3000.0, 1300.0), (10_000.0, 2000.0), (1000.0, 2000.0)]
+)
+def test_servo_and_exchange_run_at_any_rates_and_the_wall_stays_steady_stiff_and_passive(servo, exchange):
+    motion = {"start": (0.03, 0.0, 0.0), "target": (0.004, 0.0, 0.0), "duration": 2.0}
+    system = demo_system(
+        "pspm", "wall", Network(), motion, servo__rate=servo, exchange__rate=exchange, coupling__damping=1.0
+    )
+    rows = system.run(1.6)
+    end = rows[int(0.75 * len(rows)) : int(0.85 * len(rows))]
+    force = end.force_coupling[:, 0]
+    assert force.mean() / (0.01 - end.position[:, 0].mean()) == pytest.approx(STIFFNESS, rel=0.02)
+    assert np.ptp(force) < 0.1
+    assert system.plant_memory["energy_given"][0] <= BUDGET
+    assert system.simulation.counters.rejoined == 0
+    assert rows.handle_sequence[-1] == pytest.approx(1.6 * min(servo, exchange), rel=0.02)

@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever samples come: the operator gets no more than the budget, the tool no more than what was shipped."""
+
+import numpy as np
+import pytest
+from exchange_systems import GAINS, credited, demo_system, one_axis, reference
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_device.analysis import exchange_search as adversary
+from haptic_device.analysis import port_search
+from haptic_device.law import coupling, engage, fault, port, servo
+from haptic_sim.lockstep import Network
+from haptic_sim.scene import load
+from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.tool_port import BUDGET, Limits, port_of
+
+PASSIVE = ("wave", "pspm")
+BOUND = 0.005 + 1e-7  # [J] exchange.budget, and what rounding of a path of newtons makes of it
+
+
+@pytest.mark.parametrize("late", [adversary.FREE, 0, 20])
+@pytest.mark.parametrize("method", PASSIVE)
+@pytest.mark.parametrize(("stiffness", "damping", "period"), [(1000.0, 0.25, 1e-3), (2000.0, 2.0, 0.25e-3)])
+def test_no_path_that_is_found_gives_more_than_the_budget(method, late, stiffness, damping, period):
+    given = one_axis(method, stiffness, damping, period)
+    found = adversary.search(given, adversary.Adversary(late, 0.3), evaluations=1500, seed=late + 2)
+    assert found.energy <= BOUND
+    assert found.overcredit <= 1e-9
+    assert found.force <= given["coupling_limit"][0, 0] + 1e-9
+    assert found.change <= given["exchange_slew"][0, 0] * period * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("method", PASSIVE)
+def test_nor_with_the_passivity_controller_on(method):
+    given = one_axis(method, passivity__control=True)
+    found = adversary.search(given, adversary.Adversary(loss=0.3), evaluations=1500, seed=5)
+    assert found.energy <= BOUND and found.overcredit <= 1e-9
+
+
+def test_samples_change_the_force_of_direct_exchange_faster_than_the_slew_that_the_others_keep():
+    given = one_axis("direct")
+    found = adversary.search(given, adversary.Adversary(loss=0.3), evaluations=200, seed=5)
+    assert found.change > 5.0 * given["exchange_slew"][0, 0] * given["period"][0]
+
+
+@pytest.mark.parametrize("reach", [0.3, 1.0, 5.0])
+@pytest.mark.parametrize("limit", [2.0, 20.0])
+@pytest.mark.parametrize("method", PASSIVE)
+def test_no_path_is_found_that_the_tank_is_credited_too_much_for(method, limit, reach):
+    """Far stronger than the budget: it must hold for full tanks too, at the force limit and with missed ticks."""
+    given = one_axis(method, 2000.0, 2.0, 0.25e-3, force__limit=limit)
+    for rough in (0, 1):
+        against = adversary.Adversary(loss=0.2, reach=reach, rough=rough, books=1)
+        assert adversary.search(given, against, evaluations=1000, seed=3).overcredit <= 1e-9
+
+
+@settings(max_examples=20)
+@given(
+    method=st.sampled_from(PASSIVE),
+    seed=st.integers(0, 2**32),
+    scale=st.sampled_from([(1.0, 1.0), (2.0, 0.5), (0.5, 2.0)]),
+    limit=st.sampled_from([2.0, 20.0]),
+    reach=st.sampled_from([0.3, 1.0, 3.0]),
+    wall=st.sampled_from([0.0, 1000.0]),
+)
+def test_nor_in_three_axes_with_a_scaled_device_beside_a_wall(method, seed, scale, limit, reach, wall):
+    assert credited(method, seed, scale, limit, reach, wall) <= 1e-9
+
+
+@pytest.mark.parametrize("method", PASSIVE)
+def test_what_an_encoder_step_hides_is_paid_for(method):
+    given, step = one_axis(method, 2000.0, 2.0, 0.25e-3), 5e-6
+    given["position_per_count"][:, 0] = step
+    against = adversary.Adversary(coulomb=2000.0 * step / 2.0, reach=0.1, books=1)
+    at_its_ends = given["coupling_limit"][0, 0] * step / 2.0
+    assert adversary.search(given, against, evaluations=2000, seed=4).overcredit <= at_its_ends
+
+
+def held_still(given, ages):
+    """Tank [J] before and after ticks at rest 4 mm from a tool of these ages, and the force [N] before."""
+    (memory, row), step = adversary.engaged(), given["position_per_count"][0, 0]
+    for k, age in enumerate([0.0, *ages]):
+        row["latched"] = row["deadline"] = (k + 1) * given["period"][0] * 1e9
+        row["command"], row["device_status"], row["counts"][0] = engage.ENABLE, servo.FRESH, round(-0.004 / step)
+        row["tool_session"], row["tool_answered"], row["tool_contact"], row["tool_age"] = 1.0, k + 1.0, 1.0, age
+        servo.tick(given[0], memory[0], row[0])
+        if k == 0:
+            memory["set"][0, 0] = 0.0  # as after a press that the tank has paid
+            memory["tank"] = 0.5 * given["exchange_tank"][0]
+            memory["stretched"][0, 0] = 0.004
+        if k == 1:
+            before, force = memory["tank"][0], row["force_on_handle"][0, 0]
+    return before, memory["tank"][0], force
+
+
+def test_fading_and_returning_costs_what_an_encoder_step_hides_of_its_change_of_force():
+    given, step = one_axis("pspm", 2000.0, 2.0, 0.25e-3), 5e-6
+    given["position_per_count"][:, 0] = step
+    half = 0.06 + 0.07  # [s] age at which half of the force is left
+    before, after, force = held_still(given, [0.0, *[half] * 10, *[0.0] * 400])
+    assert force == pytest.approx(8.0, rel=0.01)
+    assert before - after == pytest.approx(2.0 * 0.5 * force * step / 2.0, rel=0.02)
+
+
+@pytest.mark.parametrize("late", [adversary.FREE, 1, 20])
+def test_the_same_search_finds_paths_that_direct_exchange_gives_ten_budgets_for(late):
+    found = adversary.search(one_axis("direct"), adversary.Adversary(late), evaluations=1500, seed=1)
+    assert found.energy > 10.0 * BOUND
+
+
+def test_the_budget_is_what_the_search_comes_close_to():
+    found = adversary.search(one_axis("pspm"), adversary.Adversary(loss=0.3), evaluations=2500, seed=0)
+    assert found.energy > 0.5 * BOUND
+    richer = one_axis("pspm", exchange__budget=0.05)
+    more = adversary.search(richer, adversary.Adversary(loss=0.3), evaluations=2500, seed=0)
+    assert BOUND < more.energy <= 0.05 + 1e-7
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    method=st.sampled_from(PASSIVE),
+    genes=st.lists(
+        st.tuples(*[st.floats(-3.0, 3.0) for _ in range(adversary.GENES)]), min_size=4, max_size=60
+    ),
+    repeats=st.integers(1, 8),
+    late=st.sampled_from([adversary.FREE, 0, 3, 50]),
+    loss=st.floats(-3.0, 1.0),
+)  # fmt: skip
+def test_no_samples_and_no_path_give_more_than_the_budget(method, genes, repeats, late, loss):
+    path = np.repeat(np.array(genes), repeats, axis=0)
+    given = one_axis(method)
+    memory, row = adversary.engaged()
+    scale, watched, against = adversary.scale_of(given), np.zeros(3), adversary.Adversary(late, loss)
+    assert adversary.energy_given(given, memory, row, path, scale, against, watched) <= BOUND
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    method=st.sampled_from(PASSIVE),
+    way=st.lists(st.tuples(st.floats(-0.02, 0.03), st.floats(-1.0, 1.0), st.floats(0.0, 0.003)), min_size=2),
+    waves=st.lists(st.floats(-0.02, 0.02), min_size=100, max_size=100),
+)
+def test_the_tool_port_supplies_no_more_than_was_shipped_and_its_budget(method, way, waves):
+    simulation = Simulation(load("wall"), port=port_of(method))
+    gains, shipped, effort, first = tuple(GAINS.values()), 0.0, 0.0, None
+    for number, ((x, v, energy), wave) in enumerate(zip(way, waves, strict=False)):
+        shipped, effort = shipped + energy, effort + wave
+        first = shipped if first is None else first
+        port = ((0.03 + x, 0.0, 0.0), (v, 0.0, 0.0))
+        simulation.exchange(HandleSample(number * 1_000_000, *port, *gains, (effort, 0.0, 0.0), shipped))
+        budget = BUDGET if method == "pspm" else 0.0
+        assert simulation.ledger.supplied <= shipped - first + budget + 1e-9
+
+
+def test_the_direct_tool_port_supplies_more_than_the_budget_in_one_sample():
+    simulation = Simulation(load("free_space"), port=port_of("direct"))
+    for number in range(20):
+        port = ((0.2 * (number % 2), 0.0, 0.0), (0.0, 0.0, 0.0))
+        simulation.exchange(HandleSample(number * 1_000_000, *port, *GAINS.values()))
+    assert simulation.ledger.supplied > BUDGET
+
+
+SMOOTH = 1.0 + port.DAMPER_SLEW
+
+
+@pytest.mark.parametrize("method", PASSIVE)
+@pytest.mark.parametrize("limits", [Limits(5.0, 1.0, 400.0), Limits(20.0, 1.0, 2000.0)])
+def test_no_samples_pull_a_held_tool_harder_than_the_limit_or_change_the_pull_faster_than_the_slew(method, limits):
+    pull, change = port_search.fastest(lambda: port_of(method, BUDGET, limits), handle, 300)
+    assert pull <= limits.force * (1.0 + 1e-9)
+    assert change <= SMOOTH * limits.slew * 1e-3 * (1.0 + 1e-9)
+    assert change > 0.9 * limits.slew * 1e-3  # they come up to it
+
+
+def test_with_direct_exchange_they_do_both():
+    pull, change = port_search.fastest(lambda: port_of("direct"), handle, 300)
+    assert pull > Limits().force and change > 10.0 * Limits().slew * 1e-3
+
+
+def handle(number, position, velocity, effort, energy):
+    """A handle sample of one axis."""
+    moving = (position, 0.0, 0.0), (velocity, 0.0, 0.0)
+    return HandleSample(number * 1_000_000, *moving, *GAINS.values(), (effort, 0.0, 0.0), energy)
+
+
+@given(energy=st.floats(0.0, 0.2), pull=st.floats(-200.0, 200.0), stiffness=st.sampled_from([0.0, 500.0, 5000.0]))
+def test_a_pull_that_is_allowed_can_be_let_go_slowly_whatever_the_tool_takes(energy, pull, stiffness):
+    """The tool takes the most from the tank that a sub-step can, and the samples want the pull gone."""
+    damping, h, slew, still, before = 2.0, 0.25e-3, 500.0, (0.0, 0.0, 0.0), 0.0
+    rules, memory = np.zeros(port.RULES), np.zeros(port.MEMORY)
+    rules[:3], rules[3:6], rules[6:8] = stiffness, damping, port.worst(stiffness, damping, h)
+    rules[8:10], rules[10:12], memory[port.TANK] = 40.0, slew * h, energy
+    aim, speed = (pull / stiffness, 0.0) if stiffness else (0.0, pull / damping)
+    for k in range(800):
+        wanted = k < 400
+        port.drive(rules, memory, (wanted * aim, 0.0, 0.0), (wanted * speed, 0.0, 0.0), still)
+        made = stiffness * memory[port.AIM] + damping * memory[port.SPEED]
+        assert abs(made - before) <= SMOOTH * slew * h * (1.0 + 1e-9)
+        memory[port.TANK] -= 0.0 if wanted else rules[port.WORST] * made * made
+        assert memory[port.TANK] >= -1e-12
+        before = made
+    assert abs(made) <= 1e-9
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_counts_that_are_old_pay_nothing_back_and_let_nothing_rise(enabled):
+    given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
+    memory, row, before = pressed(given)
+    row["deadline"] += given["period"][0] * 1e9
+    row["command"], memory["engage"] = (engage.ENABLE, 0.5) if enabled else (0, 1.0)
+    servo.tick(given[0], memory[0], row[0])
+    assert row["engage"][0] == (0.5 if enabled else 0.0)
+    assert memory["tank"][0] <= (before if enabled else 0.0)
+    row["deadline"] += given["period"][0] * 1e9
+    row["latched"] = row["deadline"]
+    servo.tick(given[0], memory[0], row[0])
+    assert row["engage"][0] == pytest.approx(0.5 + given["period"][0] / given["engage_time"][0] if enabled else 0.0)
+
+
+def pressed(given):
+    """Memory and row of a servo whose spring has been paid for, and its tank [J]."""
+    (memory, row), step = adversary.engaged(), given["position_per_count"][0, 0]
+    for k in range(3):
+        row["latched"] = row["deadline"] = (k + 1) * given["period"][0] * 1e9
+        row["command"], row["device_status"], row["counts"][0] = engage.ENABLE, servo.FRESH, round(-0.004 / step)
+        row["tool_session"], row["tool_answered"], row["tool_contact"] = 1.0, k + 1.0, 1.0
+        if k == 1:
+            memory["set"][0, 0], memory["tank"], memory["stretched"][0, 0] = 0.0, 0.02, 0.004
+        servo.tick(given[0], memory[0], row[0])
+    assert row["force_on_handle"][0, 0] > 1.0
+    return memory, row, float(memory["tank"][0])
+
+
+@pytest.mark.parametrize("field", ["tool_effort", "tool_velocity", "drag"])
+def test_the_fault_of_what_is_not_a_number_books_no_force(field):
+    given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
+    memory, row, before = pressed(given)
+    stored = coupling.spring_store(memory["spring"][0, 0], memory["clamp"][0, 0], 0.004)
+    row[field] = np.nan
+    if field != "drag":
+        row["tool_position"][0, 0] = 1e3
+    row["latched"] += given["period"][0] * 1e9
+    row["deadline"] = row["latched"]
+    servo.tick(given[0], memory[0], row[0])
+    assert row["fault"][0] == fault.NOT_A_NUMBER and not row["motor"].any()
+    assert row["engage"][0] == 0.0 and memory["factor"][0] == 0.0 and memory["spring"][0, 0] == 0.0
+    assert memory["tank"][0] <= before + stored + 1e-9
+
+
+@pytest.mark.parametrize(("late", "limit"), [(1, 0.156), (5, 0.283), (20, 0.749), (100, 3.145)])
+def test_a_late_tool_follows_the_handle_as_closely_as_the_reference(late, limit):
+    error, taken = reference("pspm", late, 4.0)
+    assert error * 1e3 <= 1.05 * limit
+    assert taken >= -BOUND
+
+
+@pytest.mark.parametrize("method", PASSIVE)
+def test_a_wall_behind_a_bad_network_is_steady_and_passive_and_direct_exchange_is_not(method):
+    network = Network(0.02, 0.01, 0.1, 3)
+    motion = {"start": [0.03, 0.0, 0.0], "target": [0.004, 0.0, 0.0], "duration": 6.0}
+    system, direct = (demo_system(name, "wall", network, motion) for name in (method, "direct"))
+    rows = system.run(4.3)
+    assert system.plant_memory["energy_given"][0] <= BOUND
+    before, end = rows[-6000:-4000].force_coupling[:, 0], rows[-2000:].force_coupling[:, 0]
+    assert np.ptp(end) < np.ptp(before) + 0.2  # [N] nothing that grows
+    assert np.mean(end) == pytest.approx(np.mean(before), rel=0.05)  # nothing that drifts
+    assert np.mean(end) > 1.0
+    if method == "pspm":
+        stretch = rows[-2000:].tool_position[:, 0] - rows[-2000:].position[:, 0]
+        assert np.ptp(end) < 0.1 and np.mean(end) == pytest.approx(2000.0 * np.mean(stretch), rel=0.05)
+    direct.run(1.9)
+    assert direct.plant_memory["energy_given"][0] > 0.1
+
+
+@pytest.mark.parametrize("method", PASSIVE)
+@pytest.mark.parametrize("field", ["tool_position", "tool_velocity", "tool_effort", "tool_energy", "tool_age"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_sample_that_is_not_a_number_stops_the_motor_and_leaves_the_tank_as_it_was(method, field, value):
+    given, (memory, row) = one_axis(method), adversary.engaged()
+    path, scale = np.zeros((20, adversary.GENES)), adversary.scale_of(given)
+    adversary.energy_given(given, memory, row, path, scale, adversary.Adversary(loss=-9.0), np.zeros(3))
+    tank = float(memory["tank"][0])
+    row[field] = value
+    row["latched"] += 1e6
+    row["deadline"] = row["latched"]
+    servo.tick(given[0], memory[0], row[0])
+    assert not row["motor"].any() and np.isfinite(row["force_on_handle"]).all()
+    assert memory["tank"][0] == tank

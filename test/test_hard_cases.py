@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hard cases: the method that a scene gets by default survives them, turned and shifted any way.
+
+Finite, nothing passed through, no overlap beyond 0.1 mm measured with the shapes themselves, no energy from nowhere.
+"""
+
+import math
+
+import pytest
+
+from haptic_sim.compile.model import framed
+from haptic_sim.scene import Scene, load
+from haptic_sim.trial import GAINS, attempt, jump
+
+OVERLAP = 1e-4
+TOUCHING = 1e-12  # m; gap up to which the direct solver takes two shapes for touching
+TURNS = [(0.0, 0.0), (0.7, 0.37), (2.9, 0.81)]  # angle of the whole plane [rad], phase of the contact in sub-steps
+SECONDS = {"collinear_1e3": 0.06, "collinear_1e6": 0.06, "falling_rod": 0.05, "handle_jump": 0.15, "slider_stop": 0.2,
+           "thin_plate": 0.02, "painleve_rod": 0.3, "zeno_ball": 1.5, "peg_tight": 3.6, "peg_jammed": 3.6,
+           "peg_wedged": 3.6, "peg_in_hole": 3.6, "spinning_wrench": 7.0, "four_bar_singular": 3.4}
+PUSHED = {"peg_jammed": 5.0, "peg_wedged": 10.0}
+"""N; what the hand has come to push with at the end."""
+STIFF = (100.0 * 0.1 / 0.25e-3**2, 0.0, 100.0 * 6.7e-6 / 0.25e-3**2, 0.0)  # 100 m/h², undamped
+HARD = ["collinear_1e3", "collinear_1e6", "corner_overlap", "falling_rod", "four_bar_singular", "handle_jump",
+        "heavy_on_light_1e3", "heavy_on_light_1e6", "light_tool", "painleve_rod", "peg_jammed", "peg_tight",
+        "peg_wedged", "slider_stop", "spinning_wrench", "stack_20", "stiff_coupling", "thin_plate", "zeno_ball"]
+
+
+def tried(name, angle, phase, **more):
+    scene = load(name)
+    if name == "handle_jump":
+        more["way"] = jump(scene, angle, 0.02)
+    if name == "stiff_coupling":
+        more |= {"gains": STIFF, "sub_step": 0.25e-3}
+    look = 40 if name == "stack_20" else 5  # it has 231 pairs to be looked at
+    return attempt(scene, SECONDS.get(name, 1.2), angle=angle, phase=phase, look_every=look, **more)
+
+
+@pytest.mark.parametrize(("angle", "phase"), TURNS)
+@pytest.mark.parametrize("name", HARD)
+def test_a_hard_case_stays_finite_apart_and_creates_no_energy(name, angle, phase):
+    """Beyond rounding: to put an overlap of rounding right takes the contacts' force times it, at each contact.
+
+    One that is pressed all the time sinks in that deep once in some seconds (`lcp.SOFT`).
+    """
+    outcome, seconds = tried(name, angle, phase), SECONDS.get(name, 1.2)
+    assert outcome.finite
+    assert outcome.overlap <= 10.0 * TOUCHING
+    force = outcome.simulation.counters.max_contact_force
+    contacts = max(4, len(outcome.simulation.method.contacts()))
+    assert outcome.created <= contacts * force * TOUCHING * (1.0 + seconds) + 1e-13 * max(outcome.scale, 1e-6)
+    assert outcome.simulation.counters.left_out == 0
+    if name in PUSHED:
+        assert math.hypot(*outcome.simulation.method.force_on_tool[:2]) > PUSHED[name]
+    if name == "spinning_wrench":
+        assert outcome.simulation.method.position[2] - angle > 18.0 * math.pi
+
+
+def place(outcome, body, angle):
+    """Where a body is in the plane as it was before it was turned."""
+    return framed(outcome.simulation.method.pose(body)[:2], (0.0, 0.0, angle))
+
+
+@pytest.mark.parametrize(("angle", "phase"), TURNS)
+@pytest.mark.parametrize(("name", "body", "axis", "low"), [
+    ("thin_plate", "shot", (-1.0, 0.0), -0.045), ("handle_jump", "tool", (1.0, 0.0), 0.0099),
+    ("stiff_coupling", "tool", (1.0, 0.0), 0.0099), ("light_tool", "tool", (1.0, 0.0), 0.0099),
+    ("corner_overlap", "tool", (1.0, 0.0), 0.0099), ("corner_overlap", "tool", (0.0, 1.0), 0.0099),
+])
+def test_nothing_comes_out_on_the_other_side_of_a_thin_wall(name, body, axis, low, angle, phase):
+    x, y = place(tried(name, angle, phase), body, angle)
+    assert x * axis[0] + y * axis[1] >= low
+
+
+@pytest.mark.parametrize(("name", "ratio"), [("collinear_1e3", 1e3), ("collinear_1e6", 1e6)])
+def test_a_heavy_disc_on_a_light_one_parts_at_the_speeds_of_the_closed_form(name, ratio):
+    outcome, e = tried(name, 0.0, 0.37), 0.5
+    method = outcome.simulation.method
+    before = {body: method.pose(body)[0] for body in ("striker", "struck")}
+    hold = outcome.simulation.scene.tool.pose
+    for _ in range(40):
+        method.step(hold, (0.0, 0.0, 0.0))
+    speed = {body: (method.pose(body)[0] - before[body]) / (40 * method.sub_step) for body in before}
+    assert speed["striker"] == pytest.approx((ratio - e) / (ratio + 1), rel=1e-6)
+    assert speed["struck"] == pytest.approx(ratio * (1 + e) / (ratio + 1), rel=1e-6)
+
+
+def test_a_zeno_ball_rests_at_its_zeno_time():
+    """sqrt(2 h/g) (1 + e)/(1 - e) = 1.354571 s: it still hops 10 ms before, by e^n, and rests afterwards."""
+    outcome = attempt(load("zeno_ball"), 1.5)
+    method = outcome.simulation.method
+    assert method.pose("ball")[1] == pytest.approx(-0.08, abs=1e-6)
+    kinetic, _ = method.energy()
+    assert kinetic < 1e-8
+    early = attempt(load("zeno_ball"), 1.0)
+    assert early.simulation.method.pose("ball")[1] > -0.08 + 1e-4
+
+
+def test_a_wedged_peg_carries_the_hands_push_by_its_own_friction_and_stands_still():
+    """The hand wants 10 mm; two contacts within their friction cones hold 15 N straight down with nothing below."""
+    earlier, later = (attempt(load("peg_wedged"), seconds, look_every=50).simulation for seconds in (2.8, 3.6))
+    assert later.method.force_on_tool[1] < -10.0
+    assert later.measure()["insertion_fraction"] < 0.3
+    assert later.method.position == pytest.approx(earlier.method.position, abs=1e-9)
+
+
+def test_ten_turns_of_a_wrench_are_counted_and_take_the_nut_along():
+    scene = load("spinning_wrench")
+    outcome = attempt(scene, 7.0, look_every=20)
+    nut, tool = (outcome.simulation.method.pose(body)[2] for body in ("nut", "tool"))
+    play = math.radians(1.80058)
+    assert 18 * math.pi < tool < 20.1 * math.pi
+    assert tool - nut == pytest.approx(0.0, abs=1.05 * play + math.radians(0.01))
+
+
+def test_a_coupling_a_hundred_times_too_stiff_is_survived_by_a_tool_of_a_gram_too():
+    outcome = attempt(load("light_tool"), 0.4, gains=STIFF, sub_step=0.25e-3, look_every=3)
+    assert outcome.finite
+    assert outcome.overlap <= OVERLAP
+
+
+def test_trial_sees_overlap_and_energy_where_they_are():
+    """The judge itself: heavy on light by sweeping impulses sinks in visibly, by the direct solve it does not."""
+    sinking = attempt(load("heavy_on_light_1e6"), 0.3, method="impulse", look_every=5)
+    standing = attempt(load("heavy_on_light_1e6"), 0.3, gains=GAINS, look_every=5)
+    assert sinking.overlap > 1e-3
+    assert standing.overlap <= OVERLAP
+
+
+def test_more_contacts_than_can_be_solved_for_are_counted_not_passed_over():
+    """Three courses of bricks side by side."""
+    crowd = [{"name": f"b{i}", "mass": 1.0, "pose": [0.1 * (i % 13), 0.05 + 0.1 * (i // 13), 0.0], "material": "m",
+              "shapes": [{"box": {"size": [0.1, 0.1]}}]} for i in range(38)]
+    floor = {"name": "floor", "fixed": True, "material": "m", "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
+    tool = {"mass": 0.1, "pose": [0.0, 9.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
+    scene = Scene.model_validate({"name": "crowd", "gravity": [0.0, -9.81], "materials": {"m": {"friction": 0.3}},
+                                  "method": "partitioned", "bodies": [floor, *crowd], "tool": tool})
+    assert attempt(scene, 0.002).simulation.counters.left_out > 0
+
+
+@pytest.mark.parametrize(("angle", "phase"), TURNS)
+@pytest.mark.parametrize("name", ["corner", "peg_in_hole"])
+def test_the_impulse_method_overlaps_by_micrometres_and_gains_no_more_than_pushing_that_out_takes(name, angle, phase):
+    outcome = tried(name, angle, phase, method="impulse")
+    counters = outcome.simulation.counters
+    assert outcome.finite
+    assert outcome.overlap <= OVERLAP
+    assert outcome.created <= counters.max_contact_force * counters.max_penetration

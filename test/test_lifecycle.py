@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Managed nodes driven from outside, as `ros2 lifecycle` and a launch file do: each state is what it says."""
+
+import pytest
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from live_nodes import MODULES, Ear, Nodes, page_path
+
+SPACE = "/managed"
+NODES = tuple(MODULES)
+UNCONFIGURED, INACTIVE, ACTIVE = (
+    State.PRIMARY_STATE_UNCONFIGURED,
+    State.PRIMARY_STATE_INACTIVE,
+    State.PRIMARY_STATE_ACTIVE,
+)
+
+
+@pytest.fixture(scope="module")
+def nodes(ros_domain, tmp_path_factory):
+    with Nodes(tmp_path_factory.mktemp("nodes")) as nodes:
+        for name in NODES:
+            scene = {"scene": "free_space"} if name == "haptic_simulation" else {}  # its tool is where the handle is
+            nodes.start(name, namespace=SPACE, autostart=False, **scene)
+        yield nodes
+
+
+@pytest.fixture(scope="module")
+def ear(ros_domain, nodes):
+    ear = Ear(ros_domain, SPACE)
+    yield ear
+    ear.close()
+
+
+def state(ear, name):
+    return ear.ask(f"{name}/get_state", GetState, GetState.Request(), again=3.0).current_state.id
+
+
+def change(ear, name, transition, wanted):
+    """Asks for a transition once, and waits for the state: an answer may be lost while nodes still meet."""
+    client = ear.node.create_client(ChangeState, f"{name}/change_state")
+    ear.until(client.service_is_ready)
+    client.call_async(ChangeState.Request(transition=Transition(id=transition)))
+    ear.until(lambda: state(ear, name) == wanted)
+
+
+def test_without_autostart_the_nodes_wait_and_hold_nothing(ear):
+    assert [state(ear, name) for name in NODES] == [UNCONFIGURED] * len(NODES)
+    assert not page_path(SPACE).exists()
+
+
+def test_configured_they_hold_the_device_and_activated_they_run(ear):
+    for name in NODES:
+        change(ear, name, Transition.TRANSITION_CONFIGURE, INACTIVE)
+    assert page_path(SPACE).exists() and not ear.truths
+    for name in NODES:
+        change(ear, name, Transition.TRANSITION_ACTIVATE, ACTIVE)
+    ear.until(lambda: ear.trigger("enable")[0])
+    ear.news("haptic_driver", lambda level, message, values: values["state"] == "engaged")
+
+
+def test_deactivated_cleaned_up_and_shut_down_in_any_order_they_let_everything_go(ear):
+    for name in NODES:
+        change(ear, name, Transition.TRANSITION_DEACTIVATE, INACTIVE)
+        change(ear, name, Transition.TRANSITION_CLEANUP, UNCONFIGURED)
+    assert not page_path(SPACE).exists()
+    for name in NODES:
+        change(ear, name, Transition.TRANSITION_UNCONFIGURED_SHUTDOWN, State.PRIMARY_STATE_FINALIZED)

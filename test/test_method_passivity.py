@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Methods that claim discrete-time passivity, against handles that look for energy."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from haptic_sim.method import Coupling
+from haptic_sim.method.penalty_explicit import PenaltyExplicit
+from haptic_sim.method.registry import METHODS, make
+from haptic_sim.method.stepwise import step_by_step
+from haptic_sim.scene import Scene
+
+H, STEPS = 1e-3, 3
+STILL = (0.0, 0.0, 0.0)
+GAINS = [Coupling(2000.0, 2.0, 2.0, 0.002), Coupling(2e5, 0.0, 50.0, 0.0)]
+
+
+def crowded():
+    """A square tool between a floor, a wall and a loose block with friction and rebound."""
+    floor = {"name": "floor", "fixed": True, "material": "m", "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
+    wall = {"name": "wall", "fixed": True, "material": "m", "pose": [-0.15, 0.5, 0.0],
+            "shapes": [{"box": {"size": [0.1, 1.0]}}]}
+    block = {"name": "block", "mass": 0.2, "material": "m", "pose": [0.1, 0.02, 0.0],
+             "shapes": [{"box": {"size": [0.06, 0.04]}}]}
+    tool = {"mass": 0.1, "material": "m", "pose": [0.0, 0.05, 0.0], "shapes": [{"box": {"size": [0.04, 0.03]}}]}
+    return Scene.model_validate({"name": "crowded", "materials": {"m": {"friction": 0.3, "restitution": 0.4}},
+                                 "bodies": [floor, wall, block], "tool": tool})
+
+
+def cornered():
+    """A round tool in a frictionless corner."""
+    walls = [{"name": name, "fixed": True, "shapes": [{"half_plane": {"normal": normal, "point": [-0.02, -0.02]}}]}
+             for name, normal in (("floor", [0.0, 1.0]), ("wall", [1.0, 0.0]))]
+    return Scene.model_validate({"name": "cornered", "bodies": walls,
+                                 "tool": {"mass": 0.1, "shapes": [{"circle": {"radius": 0.01}}]}})
+
+
+def made(name, gains):
+    method = make(name, cornered() if name == "closed_form" else crowded(), H)
+    method.couple(gains)
+    return method
+
+
+def least_loss(method, places):
+    """Least that an exchange was given beyond what the world gained [J], while the handle jumps from place to place."""
+    method.reset()
+    stored, least = sum(method.energy()), np.inf
+    for x, y, angle in places:
+        handle = 0.1 * x, 0.1 * y, 2.0 * angle
+        travel = getattr(method, "travel", None)
+        going = (handle, STILL, handle, STILL, STEPS)
+        supplied = (travel(*going) if travel else step_by_step(method, *going)).supplied
+        before, stored = stored, sum(method.energy())
+        least = min(least, supplied - (stored - before))
+    return least
+
+
+def worst_found(method, seed, evaluations=150):
+    """An adversary that improves a random motion of the handle by Powell's method."""
+    rng = np.random.default_rng(seed)
+    found = minimize(lambda flat: least_loss(method, np.tanh(flat).reshape(-1, 3)), rng.normal(size=30),
+                     method="Powell", options={"maxfev": evaluations})
+    return found.fun
+
+
+@pytest.mark.parametrize("gains", GAINS)
+@pytest.mark.parametrize("name", ["partitioned", "closed_form"])
+def test_a_passive_method_gives_no_more_than_it_was_given_to_a_handle_that_looks_for_it(name, gains):
+    method = made(name, gains)
+    assert method.passive
+    force = 0.3 * gains.stiffness + 1.0  # the farthest jump
+    assert min(worst_found(method, seed) for seed in range(3)) >= -1e-9 - 4e-12 * force
+
+
+def test_implicit_contacts_stiffer_than_the_coupling_are_passive_and_softer_ones_let_it_through_and_gain():
+    stiff, soft = made("penalty_implicit", GAINS[0]), made("penalty_implicit", GAINS[1])
+    assert min(worst_found(stiff, seed) for seed in range(3)) >= -1e-9
+    assert min(worst_found(soft, seed) for seed in range(3)) < -1.0
+
+
+def test_the_adversary_finds_energy_in_contacts_that_are_stepped_explicitly():
+    method = PenaltyExplicit(crowded(), H, 0.5 * 0.1 / H**2, 0.0)  # an eighth of the limit of stability
+    method.couple(GAINS[0])
+    assert min(worst_found(method, seed) for seed in range(3)) < -1e-6
+
+
+def test_every_method_says_whether_it_is_passive():
+    assert {name: made(name, GAINS[0]).passive for name in METHODS} == {
+        "impulse": False, "penalty_explicit": False, "penalty_implicit": False, "partitioned": True,
+        "event_driven": False, "closed_form": True}

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contacts as springs and dampers: order, limits of stability from both sides, coupling and contacts together."""
+
+import math
+
+import pytest
+
+from haptic_sim.method import Coupling
+from haptic_sim.method.penalty_explicit import PenaltyExplicit
+from haptic_sim.method.penalty_implicit import PenaltyImplicit
+from haptic_sim.scene import Scene
+
+M, K, CONTACT = 0.1, 2000.0, 1e4
+STILL = (0.0, 0.0, 0.0)
+BOTH = [PenaltyExplicit, PenaltyImplicit]
+
+
+def pressed(kind, h, stiffness=CONTACT, damping=0.0, gap=0.0, gains=K, **more):
+    """A round tool at a wall to the left of x = 0, its centre at 10 mm plus the gap."""
+    wall = {"name": "wall", "fixed": True, "shapes": [{"half_plane": {"normal": [1.0, 0.0]}}]}
+    tool = {"mass": M, "pose": [0.01 + gap, 0.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}], **more}
+    method = kind(Scene.model_validate({"name": "t", "bodies": [wall], "tool": tool}), h, stiffness, damping)
+    method.couple(Coupling(gains))
+    return method
+
+
+def overlap(method, stretch, count):
+    """Overlap [m] after `count` sub-steps with the handle `stretch` inside the wall."""
+    method.travel((0.01 - stretch, 0.0, 0.0), STILL, (0.01 - stretch, 0.0, 0.0), STILL, count)
+    return 0.01 - method.position[0]
+
+
+@pytest.mark.parametrize("kind", BOTH)
+def test_at_rest_contact_and_coupling_are_springs_in_series(kind):
+    method = pressed(kind, 1e-4, damping=20.0)
+    assert overlap(method, 1e-3, 20000) == pytest.approx(1e-3 * K / (K + CONTACT), rel=1e-6)
+    [contact] = method.contacts()
+    assert contact.force_on_a[0] == pytest.approx(1e-3 * K * CONTACT / (K + CONTACT), rel=1e-6)
+    assert method.force_on_tool[0] == pytest.approx(-contact.force_on_a[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", BOTH)
+def test_errors_fall_with_the_step_at_first_order(kind):
+    """m ẍ = K (s − x) − k x from rest at the surface: x = s K/(K + k) (1 − cos ω t), while it touches."""
+    frequency, time = math.sqrt((K + CONTACT) / M), 0.004
+    exact = 1e-3 * K / (K + CONTACT) * (1.0 - math.cos(frequency * time))
+    errors = [abs(overlap(pressed(kind, time / n), 1e-3, n) - exact) for n in (200, 400, 800)]
+    assert [errors[0] / errors[1], errors[1] / errors[2]] == pytest.approx([2.0, 2.0], rel=0.06)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.5])
+@pytest.mark.parametrize(("part", "bounded"), [(0.97, True), (1.03, False)])
+def test_explicit_steps_are_stable_just_below_their_limit_and_not_above(part, bounded, damping):
+    """k h²/m + 2 c h/m < 4 with c = damping · m/h, a tenth off the place where a steady push keeps it in contact."""
+    h, gains = 1e-3, 1e-3
+    stiffness = (4.0 * part - 2.0 * damping) * M / h**2
+    method = pressed(PenaltyExplicit, h, stiffness, damping * M / h, gains=gains)
+    settled = gains * 1e3 / (gains + stiffness)
+    method._q[0, 0] = 0.01 - 0.9 * settled
+    swings = [abs(overlap(method, 1e3, 1) - settled) for _ in range(400)]
+    assert (max(swings[-50:]) <= 1.01 * max(swings[:50])) == bounded
+
+
+@pytest.mark.parametrize("stiffness", [4e5, 4e7, 4e10])
+def test_implicit_steps_are_stable_far_beyond_the_limit_of_explicit_ones(stiffness):
+    method = pressed(PenaltyImplicit, 1e-3, stiffness)
+    first = overlap(method, 5e-3, 1)
+    assert 0.0 <= overlap(method, 5e-3, 3000) <= 5e-3 * K / (K + stiffness) * (1.0 + 1e-6) + 1e-15
+    assert first >= 0.0
+
+
+def worst_gain(kind, stiffness, h=1e-3):
+    """Largest speed of rebound by speed of impact, over the phase of the contact."""
+    gains = []
+    for phase in range(20):
+        method = pressed(kind, h, stiffness, 0.0, (1.0 + phase / 20.0) * 0.1 * h, 0.0, velocity=[-0.1, 0.0, 0.0])
+        method.travel(STILL, STILL, STILL, STILL, 60)
+        gains.append(method.velocity[0] / 0.1)
+    return max(gains)
+
+
+def test_an_explicit_contact_gives_back_more_than_it_took_at_some_phases_and_an_implicit_one_never():
+    """At k h²/m = 0.5 restitution exceeds 1.06 though the step is far from its limit of stability."""
+    stiffness = 0.5 * M / 1e-3**2
+    assert worst_gain(PenaltyExplicit, stiffness) > 1.06
+    assert worst_gain(PenaltyImplicit, stiffness) <= 1.0 + 1e-9
+
+
+def test_an_implicit_contact_tends_to_a_rigid_one_as_it_stiffens():
+    depths = [overlap(pressed(PenaltyImplicit, 1e-3, k), 5e-3, 2000) for k in (1e5, 1e6, 1e7)]
+    assert depths == pytest.approx([5e-3 * K / (K + k) for k in (1e5, 1e6, 1e7)], rel=1e-6)

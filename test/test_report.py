@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report of good and of bad recordings: one page that needs nothing else, and says what it could not show."""
+
+import re
+
+import numpy as np
+import pytest
+from bag_of_a_run import CLOUD, DIAGNOSTICS, JOINTS, PERIOD_NS, cloud, diagnostics, joints, swing, write_run
+from matplotlib.image import imread
+
+from haptic_device.analysis import panel
+from haptic_device.analysis.page import FIGURES, write_report
+from haptic_device.analysis.run import read_run
+from haptic_device.analysis.table import sections
+from haptic_device.node.bag import Bag
+
+TICKS = 8000
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bags")
+    rows = swing(TICKS)
+    rows["tool_contact"][2000:5000] = 1
+    shaking = rows.copy()
+    shaking["force_on_handle"][:, 0] += 0.5 * np.sin(2 * np.pi * 80.0 * np.arange(TICKS) * PERIOD_NS * 1e-9)
+    return write_run(folder / "calm", rows), write_run(folder / "shaking", shaking)
+
+
+@pytest.fixture(scope="module")
+def page(bags, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    return write_report([read_run(bag) for bag in bags], folder)
+
+
+def test_the_page_holds_every_figure_and_asks_the_network_for_nothing(page):
+    text = page.read_text(encoding="utf-8")
+    assert text.count("data:image/png;base64,") == len(FIGURES)
+    assert not re.search(r"(?:src|href)=[\"'](?!data:)|url\(|@import|<script", text)
+    assert "calm" in text and "shaking" in text
+
+
+def test_every_figure_is_a_picture_beside_the_page_wide_enough_for_both_runs(page):
+    for figure in FIGURES:
+        height, width, _ = imread(page.parent / f"{figure.name}.png").shape
+        assert height >= 200 and width >= 1000
+
+
+def test_every_run_says_gains_period_and_method_above_its_figures(bags):
+    said = read_run(bags[0]).conditions
+    assert (said["K"], said["T"], said["exchange"]) == ("1000 N/m", "250 µs", "direct")
+
+
+def test_the_oscillation_of_one_run_is_named_beside_the_calm_one(bags):
+    calm, shaking = (sections(read_run(bag))["Oscillation of the force"] for bag in bags)
+    assert calm == {"found": "none"}
+    assert float(shaking["frequency"].split()[0]) == pytest.approx(80.0, abs=1.0)
+
+
+def test_the_contact_and_the_coupling_it_was_felt_through_are_found(bags):
+    run = read_run(bags[0])
+    [contact] = run.contacts
+    assert (contact.begin, contact.end) == pytest.approx((0.5, 1.25), abs=0.001)
+    found = run.impedances["contact", "x"]
+    assert found.stiffness.value == pytest.approx(1000.0, rel=0.01)
+    assert found.damping.value == pytest.approx(2.0, rel=0.01)
+
+
+def test_the_energy_at_the_tools_port_is_the_work_of_the_coupling_on_it(tmp_path):
+    rows = swing(4000)
+    rows["tool_position"][:, 0] = np.linspace(0.1, 0.11, 4000)
+    rows["tool_effort"], rows["tool_age"][:100] = 0.0, -1.0
+    rows["tool_effort"][:, 0], rows["tool_energy"] = 2.0, 7.0  # 7: what an exchange ships, another thing
+    run = read_run(write_run(tmp_path / "pushed", rows))
+    assert run.tool_energy[99] == 0.0
+    assert run.tool_energy[-1] == pytest.approx(2.0 * 0.01 * 3900 / 4000, rel=1e-3)
+
+
+@pytest.mark.parametrize("count", [10, 4001, 5999, 100_000])
+def test_a_long_line_keeps_its_peaks_and_its_end(count):
+    values = np.zeros(count)
+    values[[count // 3, -1]] = 5.0, -3.0
+    time, thin = panel._thin(np.arange(count), values)
+    assert (thin.max(), thin.min()) == (5.0, -3.0)
+    assert len(thin) <= 2 * panel.POINTS and time[-1] >= 0.998 * (count - 1)
+
+
+def sections_of(folder):
+    run = read_run(folder)
+    return sections(run), run.notes
+
+
+def test_columns_that_are_no_numbers_are_named_and_the_rest_is_shown(tmp_path):
+    rows = swing(4000)
+    rows["lateness"], rows["position"][100:200, 1] = np.nan, np.nan
+    folder = write_run(tmp_path / "nan", rows)
+    found, notes = sections_of(folder)
+    assert "trace column lateness is no number in 4000 of 4000 ticks" in notes
+    assert "trace column position is no number in 100 of 4000 ticks" in notes
+    assert found["Exchange"]["answered"].startswith("999")
+    assert write_report([read_run(folder)], tmp_path / "report").exists()
+
+
+def test_a_bag_with_a_trace_alone_still_has_its_servo_figures(tmp_path):
+    bag = Bag(tmp_path / "bare")
+    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), cloud(swing(4000)), 1, 1, 1)
+    bag.close({})
+    found, _ = sections_of(tmp_path / "bare")
+    assert found["Servo"]["rate"] == "4000 Hz" and "no topic operator/state" in found["Energy"]["not shown"]
+    page = write_report([read_run(tmp_path / "bare")], tmp_path / "report")
+    assert "operator/state" in page.read_text(encoding="utf-8")
+
+
+def test_a_trace_of_an_older_layout_is_shown_as_far_as_it_goes(tmp_path):
+    rows = swing(4000)
+    older = rows[[name for name in rows.dtype.names if name not in ("margin", "tool_age", "force_walls")]]
+    older = np.array(older.tolist(), [(name, rows.dtype[name]) for name in older.dtype.names])
+    bag = Bag(tmp_path / "older")
+    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), cloud_of(older), 1, 1, 1)
+    bag.close({})
+    found, notes = sections_of(tmp_path / "older")
+    assert "topic trace has no tool_age, injections, force_walls, margin" in notes
+    assert found["Servo"]["rate"] == "4000 Hz"
+    assert write_report([read_run(tmp_path / "older")], tmp_path / "report").exists()
+
+
+def test_blocks_of_another_version_in_one_bag_are_left_out_and_counted(tmp_path):
+    rows = swing(400)
+    bag = Bag(tmp_path / "mixed")
+    channel = bag.add_topic("/haptic/trace", CLOUD, [])
+    bag.write(channel, cloud(rows), 1, 1, 1)
+    bag.write(channel, cloud_of(rows[["tick", "deadline"]].copy()), 2, 2, 2)
+    bag.write(channel, cloud_of(rows)[:-300], 3, 3, 3)
+    bag.close({})
+    run = read_run(tmp_path / "mixed")
+    assert "topic trace: 2 messages of another layout than the first are left out" in run.notes
+    assert len(run.rows) == 400
+
+
+def cloud_of(rows):
+    """A block of any structured array of float64 columns."""
+    from haptic_device.node.wire import CloudLayout
+
+    packed = np.array(rows.tolist(), [(name, rows.dtype[name]) for name in rows.dtype.names])
+    return CloudLayout(packed.dtype).pack(0, packed)
+
+
+def test_without_a_trace_the_report_is_refused_in_a_sentence(tmp_path):
+    bag = Bag(tmp_path / "encoder")
+    bag.write(bag.add_topic("/haptic/encoder", JOINTS, []), joints(("x",), [1.0], 0), 1, 1, 1)
+    bag.write(bag.add_topic("/diagnostics", DIAGNOSTICS, []), diagnostics("haptic_driver", {}), 1, 1, 1)
+    bag.close({})
+    with pytest.raises(ValueError, match="has no topic trace under /haptic"):
+        read_run(tmp_path / "encoder")
+
+
+def test_too_many_runs_side_by_side_are_refused(bags, tmp_path):
+    with pytest.raises(ValueError, match="at most 6"):
+        write_report([read_run(bags[0])] * 7, tmp_path)

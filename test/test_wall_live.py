@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A rigid wall on live nodes behind 20 ± 10 ms and 10 % loss: steady and passive by default, and not with `direct`."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from haptic_device.analysis.recording import load
+
+STIFFNESS, BUDGET = 2000.0, 0.005  # [N/m], [J]
+NETWORK = ("--delay", "20", "--jitter", "10", "--loss", "0.1")
+
+
+def pressed(folder, *options):
+    """Figures, and rows of the trace, of a demo at the wall behind the bad network."""
+    command = [sys.executable, "-m", "haptic_sim.cli.main", "demo", "--scene", "wall", "--json", *NETWORK, *options]
+    demo = subprocess.run([*command, "--out", str(folder / "run")], capture_output=True, text=True, timeout=280)
+    found = json.loads(demo.stdout)
+    rows = load(found["bag"]).trace
+    return found, rows[rows["engage"] > 0]
+
+
+@pytest.mark.timeout(300)
+def test_by_default_the_wall_is_steady_passive_and_as_stiff_as_the_coupling(tmp_path):
+    found, rows = pressed(tmp_path)
+    assert found["done"] and found["exchange"]["age_ms"]["p50"] > 15.0
+    assert found["energy_j"]["given_to_operator_max"] <= BUDGET
+    resting = (rows["tool_contact"] > 0) & (np.abs(rows["velocity"][:, 0]) < 0.005) & (rows["exchange_fade"] == 1.0)
+    held = rows[resting & (rows["force_coupling"][:, 0] > 0.5)]
+    force, stretch = held["force_coupling"][:, 0], held["tool_position"][:, 0] - held["position"][:, 0]
+    assert len(held) > 400
+    coming, rest = slice(0, len(held) // 3), slice(len(held) // 3, len(held) * 2 // 3)
+    swing = max(np.std(force[coming]), 0.03 * np.mean(force[coming]))
+    assert np.std(force[rest]) <= swing  # no oscillation that grows
+    assert abs(np.mean(force[rest]) / (STIFFNESS * np.mean(stretch[rest])) - 1.0) < 0.05
+
+
+@pytest.mark.timeout(300)
+def test_direct_exchange_under_the_same_gives_the_operator_more_than_ten_budgets(tmp_path):
+    found, _ = pressed(tmp_path, "--exchange", "direct")
+    assert found["energy_j"]["given_to_operator_max"] > 10.0 * BUDGET
