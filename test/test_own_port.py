@@ -5,8 +5,18 @@ import os
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from haptic_device.node.own_port import IDS, PROFILES, own_port
+import pytest
+
+from haptic_device.node import own_port as ports
+from haptic_device.node.own_port import EACH, KINDS, PROFILES, free_ids, own_port, queues
 from haptic_sim.cli.domain import _QUICK
+
+
+@pytest.fixture(autouse=True)
+def shared_memory(monkeypatch, tmp_path):
+    monkeypatch.setattr(ports, "QUEUES", tmp_path)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "3")
+    return tmp_path
 
 
 def drawn():
@@ -16,25 +26,36 @@ def drawn():
     return int(found.text), text
 
 
-def test_a_successor_hardly_ever_gets_the_port_of_its_predecessor(monkeypatch):
+@pytest.mark.parametrize("kind", KINDS)
+def test_neither_the_living_nor_the_dead_have_the_id_of_a_successor(monkeypatch, kind):
     monkeypatch.delenv(PROFILES, raising=False)
-    ids = []
-    for _ in range(20):
-        with own_port():
-            ids.append(drawn()[0])
+    used = set()
+    for _ in range(EACH):
+        with own_port(kind):
+            number = drawn()[0]
+        assert number not in used and PROFILES not in os.environ
+        used.add(number)
+        queues(number)[len(used) % 2].touch()
+    assert free_ids(kind) == []
+    with own_port(kind):
         assert PROFILES not in os.environ
-    assert set(ids) <= set(IDS) and len(set(ids)) > 10
 
 
-def test_the_highest_id_still_has_its_ports_below_those_of_the_next_domain():
-    assert 11 + 2 * IDS[-1] < 250 <= 11 + 2 * (IDS[-1] + 2)
+def test_two_kinds_never_draw_the_same_and_all_are_within_what_is_looked_for_on_the_loopback_interface():
+    ids = [number for kind in KINDS for number in free_ids(kind)]
+    assert len(ids) == len(set(ids)) == EACH * len(KINDS) and max(ids) <= 31
+    assert free_ids("haptic_viewer") == []
+
+
+def test_queues_are_numbered_as_the_ports_of_rtps(shared_memory):
+    assert queues(8) == [shared_memory / "fastrtps_port8176", shared_memory / "fastrtps_port8177"]
 
 
 def test_profiles_given_are_kept_and_in_force_again_afterwards(monkeypatch, tmp_path):
     given = tmp_path / "given.xml"
     given.write_text(_QUICK)
     monkeypatch.setenv(PROFILES, str(given))
-    with own_port():
+    with own_port(KINDS[0]):
         assert "leaseAnnouncement" in drawn()[1] and os.environ[PROFILES] != str(given)
     assert os.environ[PROFILES] == str(given) and given.read_text() == _QUICK
 
@@ -44,5 +65,5 @@ def test_profiles_that_choose_an_id_or_cannot_be_read_are_left_alone(monkeypatch
     for text in (_QUICK.replace("</rtps>", "<participantID>7</participantID></rtps>"), "no profile", None):
         given.unlink(missing_ok=True) if text is None else given.write_text(text)
         monkeypatch.setenv(PROFILES, str(given))
-        with own_port():
+        with own_port(KINDS[0]):
             assert os.environ[PROFILES] == str(given)

@@ -12,6 +12,7 @@ from rclpy.lifecycle import Node, TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from haptic_device.node.own_port import own_port
 from haptic_device.node.params import declare
 from haptic_device.parameter import Parameter
 
@@ -132,8 +133,9 @@ def run(make_node, name, args=None):
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda received, frame: told.append(received))
     try:
-        begin_ros(args)
-        node = _made(make_node)
+        with own_port(name):
+            begin_ros(args)
+            node = _made(make_node)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         _autostart(node)

@@ -290,7 +290,7 @@ def main(args: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, frame: told.append(received))
     try:
-        with own_port():
+        with own_port("haptic_recorder"):
             begin_ros(args)
             node = Recorder()
         _record_until_told(node, told)
