@@ -111,7 +111,7 @@ def small_gain_stiffness(physical_damping, damping, period, delay):
 def _glide(mass, physical_damping, time):
     """Distance covered in `time` per unit of initial velocity [s]."""
     decay = physical_damping * time / mass
-    return time if decay == 0.0 else -time * np.expm1(-decay) / decay
+    return time if decay == 0.0 else time * (-np.expm1(-decay) / decay)  # the least of numbers has few digits
 
 
 def _response(mass, physical_damping, time):
