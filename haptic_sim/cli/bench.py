@@ -10,6 +10,7 @@ COMMANDS = {
     "hard-cases": "haptic_sim.cli.bench_hard_cases:hard_cases",
     "reference": "haptic_sim.cli.bench_speed_error:reference",
     "speed-error": "haptic_sim.cli.bench_speed_error:speed_error",
+    "start": "haptic_sim.cli.bench_start:start",
 }
 
 
