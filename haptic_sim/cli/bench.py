@@ -9,6 +9,7 @@ COMMANDS = {
     "exchange": "haptic_sim.cli.bench_exchange:exchange",
     "hard-cases": "haptic_sim.cli.bench_hard_cases:hard_cases",
     "reference": "haptic_sim.cli.bench_speed_error:reference",
+    "servo": "haptic_sim.cli.bench_servo:servo",
     "speed-error": "haptic_sim.cli.bench_speed_error:speed_error",
     "start": "haptic_sim.cli.bench_start:start",
 }
