@@ -54,7 +54,9 @@ def test_an_edited_law_is_compiled_anew_and_an_old_one_is_never_run(tree, tmp_pa
 DIGEST = "from haptic_device import cache; print(cache.sources_digest())"
 
 
-@pytest.mark.parametrize("source", ["haptic_device/runtime/loop.py", "haptic_device/kernel.py", "haptic_device/whole.py"])
+@pytest.mark.parametrize(
+    "source", ["haptic_device/runtime/loop.py", "haptic_device/kernel.py", "haptic_device/whole.py"]
+)
 def test_any_source_that_can_reach_a_kernel_changes_the_digest(tree, tmp_path, source):
     cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     before = python(DIGEST, tree, **cache)

@@ -47,7 +47,7 @@ def _by_cluster(function, jobs, scheduler):
 
         waiting = {client.submit(function, *arguments, pure=False): key for key, arguments in jobs.items()}
         try:
-            for done, result in as_completed(waiting, with_results=True):
+            for done, result in as_completed(waiting, loop=client.loop, with_results=True):
                 yield waiting[done], result
         except Exception as error:
             if type(error).__name__ in ("KilledWorker", "CancelledError", "FutureCancelledError", "CommClosedError"):

@@ -41,7 +41,10 @@ class Plane(NamedTuple):
 
 
 def draw_map(
-    request: Request, workers: int, resume: Path | None = None, progress: Callable = lambda done: None,
+    request: Request,
+    workers: int,
+    resume: Path | None = None,
+    progress: Callable = lambda done: None,
     scheduler: str = "",
 ) -> Plane:
     """Runs all rows that `resume` does not hold yet; it is written as rows come, and when interrupted.

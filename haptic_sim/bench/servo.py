@@ -14,7 +14,7 @@ import numpy as np
 
 from haptic_device import operating
 from haptic_device.device import load_device
-from haptic_device.law import engage, servo
+from haptic_device.law import engage
 from haptic_device.node.declared import DRIVER
 from haptic_device.runtime.servo_thread import PRIORITY, ServoThread
 from haptic_device.runtime.still import StillLink

@@ -79,7 +79,9 @@ def _under_demo(rate, seconds, realtime):
     with tempfile.TemporaryDirectory(prefix="haptic_") as folder:
         wish = {"realtime": realtime}
         given = {name: wish for name in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
-        order = Order("peg_in_hole", seconds, Path(folder) / "run", None, rate, find("", "demo").absolute(), None, given)
+        order = Order(
+            "peg_in_hole", seconds, Path(folder) / "run", None, rate, find("", "demo").absolute(), None, given
+        )
         play(order)
         recording = load(order.out / "bag")
         said = recording.last_values("haptic_driver").get("realtime", "")

@@ -49,8 +49,11 @@ def fastest(trials: dict) -> int:
 def exchange_rate(servo_rate: int, answer_us: float, trials: dict, cores: int) -> int:
     """The largest rate whose answers come within half a period, by a simulation on a core of its own."""
     late = 4.0 * trials[servo_rate]["p999"]  # driver, middleware, simulation and driver again are woken
-    good = [rate for rate in EXCHANGES
-            if rate <= servo_rate and answer_us + late <= SHARE * 1e6 / rate and (cores > 1 or rate == EXCHANGES[0])]
+    good = [
+        rate
+        for rate in EXCHANGES
+        if rate <= servo_rate and answer_us + late <= SHARE * 1e6 / rate and (cores > 1 or rate == EXCHANGES[0])
+    ]
     return max(good, default=EXCHANGES[0])
 
 
@@ -82,5 +85,7 @@ def _show(found):
         numbers = " ".join(f"{one[name]:8.1f}" for name in ("p50", "p99", "p999"))
         typer.echo(f"{rate:7} Hz {numbers} {one['max']:9.1f}         {one['missed']:7}  {one['scheduling']}")
     chosen = found["choose"]
-    typer.echo(f"\nan exchange of peg_in_hole takes {found['exchange_us_p99']:.0f} us (p99)\n"
-               f"choose servo.rate {chosen['servo.rate']} and exchange.rate {chosen['exchange.rate']}")
+    typer.echo(
+        f"\nan exchange of peg_in_hole takes {found['exchange_us_p99']:.0f} us (p99)\n"
+        f"choose servo.rate {chosen['servo.rate']} and exchange.rate {chosen['exchange.rate']}"
+    )
