@@ -25,7 +25,9 @@ REPEATS = 15  # of which the fastest counts
 TICKS = 14000  # from the first push of the coupling to a wall
 
 _CLOCK = """
-static double now(void) { struct timespec t; clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t); return t.tv_sec + 1e-9 * t.tv_nsec; }
+static double now(void) {
+  struct timespec t; clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t); return t.tv_sec + 1e-9 * t.tv_nsec;
+}
 static void *bytes(const char *path, long size) {
   void *room = malloc(size); FILE *file = fopen(path, "rb");
   if (!file || fread(room, 1, size, file) != (size_t)size) exit(1);

@@ -21,7 +21,7 @@ def costs(
 def table(found: dict) -> str:
     """As a table of Markdown, and a sentence on the cores."""
     lines = [
-        "| what | at none [us] | for one more [us] | | off the line by at most |",
+        "| what | at none [us] | for one more [us] | | off the line |",
         "| --- | --- | --- | --- | --- |",
     ]
     for one in found["costs"]:
