@@ -148,7 +148,7 @@ class CellTwin:
         main = _CELL.replace("FUNCTION", function.name).replace("struct SETUP", f"struct {kinds[0].name}")
         self._made = build(program, main.replace("struct OUT", f"struct {kinds[4].name}"), folder)
         self._setup = record_of(Setup(0.1, 0.5, 1e-3, resolution=1e-6), OPERATORS["none"][0])
-        self._stiffness = np.linspace(10.0, 1500.0, cells)
+        self._stiffness = np.linspace(10.0, 3000.0, cells)
         self._folder, self.outcomes = folder, np.zeros(0, zwidth_cell.OUTCOME)
         self._setup.tofile(folder / "setup")
         self._stiffness.tofile(folder / "stiffness")

@@ -65,6 +65,17 @@ def sweep(function, jobs: dict, crew: Crew, kept: Kept, show=lambda done, what: 
             show(len(kept.known), key)
 
 
+@contextlib.contextmanager
+def deaths_told():
+    """A node that ends by itself ends the command as any refusal does: ValueError with its sentence."""
+    from haptic_sim.cli.processes import NodeDiedError
+
+    try:
+        yield
+    except NodeDiedError as error:
+        raise ValueError(str(error)) from None
+
+
 def listed(given: str | None, known) -> tuple[str, ...]:
     """Names of a comma-separated option, else all that are known."""
     return tuple(part.strip() for part in given.split(",")) if given else tuple(known)

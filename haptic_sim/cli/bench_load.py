@@ -11,6 +11,8 @@ from typing import Annotated
 import psutil
 import typer
 
+from haptic_sim.cli.bench_jobs import deaths_told
+
 SETTLING = 2.0  # [s] after engaging
 
 
@@ -22,7 +24,7 @@ def load(
     """Processor time and memory (PSS) of device, driver, simulation and recorder: 4 kHz servo, 1 kHz exchange."""
     from haptic_sim.cli.processes import interruptible
 
-    with interruptible():
+    with interruptible(), deaths_told():
         found = measure(seconds, scene)
     if as_json:
         typer.echo(json.dumps(found))

@@ -12,6 +12,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from haptic_sim.cli.bench_jobs import deaths_told
+
 QUANTITIES = ("ticks", "missed", "p50", "p99", "p999", "max")
 _RATE = "Servo rate [Hz], 500 to 10000; may be repeated [1000 2000 4000 8000 10000]."
 _DEMO = "Also under the whole demo (device, driver, simulation, recorder), for so many seconds a rate; 0: not."
@@ -30,7 +32,7 @@ def servo(
     from haptic_sim.bench.servo import RATES
     from haptic_sim.cli.processes import interruptible
 
-    with interruptible():
+    with interruptible(), deaths_told():
         cases, samples = lateness(rate or RATES, seconds, turns, demo)
         compute = twins(turns)
     if out is not None:

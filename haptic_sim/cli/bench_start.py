@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from haptic_sim.cli.bench_jobs import deaths_told
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes, Program, interruptible
 
@@ -31,7 +32,7 @@ def start(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ) -> None:
     """Start-up of the three nodes at once: with an empty cache of kernels, and from that cache."""
-    with interruptible():
+    with interruptible(), deaths_told():
         found = measure(scene, again)
     typer.echo(json.dumps(found)) if as_json else _show(found)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import psutil
 
+from haptic_sim.cli.bench_jobs import deaths_told
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes, Program, interruptible
 
@@ -26,7 +27,7 @@ def measure(rates=RATES, turns: int = TURNS, seconds: float = SECONDS) -> list[d
     """One entry a rate and answerer: medians over the turns of round trip p50, p99 [us], share answered, and the
     processor time of each node as a share of a core; `ratio`: of the p50 to the bare one's, the median of the turns."""
     found = []
-    with interruptible(), tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain:
+    with interruptible(), deaths_told(), tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain:
         for rate in rates:
             runs = {name: [] for name in ANSWERERS}
             for turn in range(turns):

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 COLOURS = {"prefer": "tab:blue", "off": "tab:orange"}
 STYLES = {("servo", "alone"): "-", ("servo", "demo"): "--", ("cyclictest", "alone"): ":", ("cyclictest", "demo"): ":"}
-_BINS = np.concatenate([[0.0], np.logspace(0.0, 4.3, 60)])  # [us]
+_BINS = np.unique(np.round(np.concatenate([[0.0], np.logspace(0.0, 4.3, 60)])))  # [µs], whole as cyclictest counts
 
 
 def save(samples: dict, path) -> None:
@@ -16,7 +16,7 @@ def save(samples: dict, path) -> None:
     for axes, rate in zip(figure.subplots(len(rates), 1, sharex=True, squeeze=False).flat, rates, strict=True):
         for (at, realtime, load, who), late in samples.items():
             if at == rate and (who, load) != ("cyclictest", "demo"):
-                share = np.histogram(np.maximum(late, 0.5), _BINS)[0] / len(late)
+                share = np.histogram(np.floor(late), _BINS)[0] / len(late)
                 axes.stairs(np.where(share > 0.0, share, np.nan), _BINS, color=COLOURS[realtime],
                             linestyle=STYLES[who, load], label=f"{who}, {load}, realtime {realtime}")  # fmt: skip
         axes.axvline(1e6 / rate, color="black", linewidth=0.8)
