@@ -27,7 +27,9 @@ def measure(rates=RATES, turns: int = TURNS, seconds: float = SECONDS) -> list[d
     """One entry a rate and answerer: medians over the turns of round trip p50, p99 [us], share answered, and the
     processor time of each node as a share of a core; `ratio`: of the p50 to the bare one's, the median of the turns."""
     found = []
-    with interruptible(), deaths_told(), tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain:
+    with (
+        interruptible(), deaths_told(), tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain,
+    ):  # fmt: skip
         for rate in rates:
             runs = {name: [] for name in ANSWERERS}
             for turn in range(turns):
