@@ -34,9 +34,13 @@ def tree(tmp_path):
 
 
 ASK = """
+    import numpy as np
     from haptic_device import cache
-    from haptic_device.law import coupling
-    print(cache.__file__, cache.sources_digest(), cache.FOLDER, coupling.coupling_force(2.0, 0.0, 3.0, 0.0))
+    from haptic_device.runtime import zwidth_cell
+    setup = np.zeros(1, zwidth_cell.CELL)
+    setup["resolution"] = 1.0
+    reading = zwidth_cell._read(setup.view(np.recarray)[0], 6.2)  # by law/encoder.py, which is a part of it
+    print(cache.__file__, cache.sources_digest(), cache.FOLDER, reading)
 """
 
 
@@ -45,8 +49,8 @@ def test_an_edited_law_is_compiled_anew_and_an_old_one_is_never_run(tree, tmp_pa
     before = python(ASK, tree, **cache)
     assert before[0].startswith(str(tree)) and before[2].startswith(str(tmp_path / "cache")) and before[3] == "6.0"
     assert python(ASK, tree, **cache) == before
-    law = tree / "haptic_device/law/coupling.py"
-    law.write_text(law.read_text().replace("stiffness * stretch + damping", "2.0 * stiffness * stretch + damping"))
+    law = tree / "haptic_device/law/encoder.py"
+    law.write_text(law.read_text().replace("return counts * position", "return 2.0 * counts * position"))
     after = python(ASK, tree, **cache)
     assert after[1] != before[1] and after[2] != before[2] and after[3] == "12.0"
 
