@@ -28,7 +28,8 @@ def measure(rates=RATES, turns: int = TURNS, seconds: float = SECONDS) -> list[d
     processor time of each node as a share of a core; `ratio`: of the p50 to the bare one's, the median of the turns."""
     found = []
     with (
-        interruptible(), deaths_told(), tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain,
+        interruptible(), deaths_told(),
+        tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain,
     ):  # fmt: skip
         for rate in rates:
             runs = {name: [] for name in ANSWERERS}
