@@ -18,11 +18,13 @@ BENCH = [
     "Box2D>=2.3.10",
     "mujoco>=4",
 ]
+SWEEP = ["distributed>=2024.8"]
 TEST = [
     "colcon-common-extensions>=0.3",
     "hypothesis>=6.100",
     "import-linter>=2.3",
     *DATAFRAME,
+    *SWEEP,
     "pytest>=8",
     "pytest-timeout>=2.3",
     "ros-jazzy-domain-coordinator>=0.12",
@@ -73,7 +75,7 @@ setup(
         "typer>=0.12",
         "zstandard>=0.22",
     ],
-    extras_require={"bench": BENCH, "dataframe": DATAFRAME, "ros": ROS, "test": TEST},
+    extras_require={"bench": BENCH, "dataframe": DATAFRAME, "ros": ROS, "sweep": SWEEP, "test": TEST},
     entry_points={
         "console_scripts": [
             "haptic = haptic_sim.cli.main:main",

@@ -75,7 +75,8 @@ def run_realtime(
         row.command = _command(control, settings[0].unattended, deadline)
         fill_inputs(row, settings[0], tool[0], sample, fresh)
         servo.tick(settings[0], memory[0], row)
-        motor[:] = row.motor
+        for i in range(servo.AXES):
+            motor[i] = row.motor[i]
         written = clock.now_ns(scratch)
         write(memory_of_link, written, deadline + period, period, np.int64(row.state == engage.ENGAGED), motor)
         atomic.publish(row_mail, 0, mailbox.FIRST, row_words(rows, slot))
