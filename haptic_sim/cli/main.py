@@ -20,6 +20,7 @@ COMMANDS = {
     "replay": "haptic_sim.cli.replay:replay",
     "report": "haptic_sim.cli.report:report",
     "scenes": "haptic_sim.cli.scenes:scenes",
+    "view": "haptic_sim.cli.view:view",
     "zwidth": "haptic_sim.cli.zwidth:zwidth",
 }
 GROUPS = ("bench",)  # of subcommands
