@@ -55,7 +55,7 @@ class Showing:
     def _introduce(self, scene):
         self._shown, self._layout = scene, JointLayout(state_names(scene), FRAME)
         self._places = {TOOL: 0, **{body.name: i for i, body in enumerate(scene.bodies, 1)}}
-        self._scene.publish(String(data=scene.model_dump_json(by_alias=True)))
+        self._scene.publish(String(data=scene.model_dump_json(by_alias=True, exclude_unset=True)))
 
     def _numbers(self, simulation, handle):
         method, results = simulation.method, list(simulation.measure().values())

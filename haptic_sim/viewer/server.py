@@ -66,8 +66,7 @@ class Server:
     async def _guarded(self, request, handler):
         try:
             self.guard.check_host(request.headers.get("Host", ""))
-            token = request.path.split("/")[1]
-            request["control"] = self.guard.may_control(token)
+            self.guard.may_control(_token(request))
         except PermissionError as refusal:
             return web.Response(status=403, text=f"{refusal}\n", headers=HEADERS)
         answer = await handler(request)
@@ -99,7 +98,7 @@ class Server:
             return web.Response(status=503, text=f"{MOST_PAGES} pages are open already\n")
         socket = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=5.0, compress=False)
         await socket.prepare(request)
-        seat = Seat(socket, request["control"], self._do)
+        seat = Seat(socket, self.guard.may_control(_token(request)), self._do)
         self.seats.append(seat)
         try:
             self._welcome(seat)
@@ -107,3 +106,7 @@ class Server:
         finally:
             self.seats.remove(seat)
         return socket
+
+
+def _token(request):
+    return request.path.split("/")[1]

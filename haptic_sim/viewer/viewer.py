@@ -15,6 +15,7 @@ from haptic_device.node.params import declare
 from haptic_device.share import names
 from haptic_sim.scene import METHODS
 from haptic_sim.viewer import shapes, tuned
+from haptic_sim.viewer.beacon import Beacon
 from haptic_sim.viewer.desk import Desk
 from haptic_sim.viewer.feed import Feed
 from haptic_sim.viewer.guard import is_loopback
@@ -31,6 +32,7 @@ class Viewer:
     def __init__(self, node, values: dict, company=None):
         self.feed, self._company = Feed(node), company
         self.desk = Desk(node, self.feed, (values["hand_speed"], values["hand_turn"]), company)
+        self._beacon = Beacon(node, values["marker_rate"])
         self.server = Server(values["host"], values["port"], self._welcome, self._do, self._save)
         self._node, self._values = node, values
         self._scene_told = self._poll_due = self._status_due = 0
@@ -56,7 +58,9 @@ class Viewer:
             await asyncio.sleep(due - time.monotonic())
             self.feed.look()
             self.desk.lead(time.monotonic())
-            self.server.show(self.feed.frame())
+            frame = self.feed.frame()
+            self.server.show(frame)
+            self._beacon.show(self.feed.scene, frame, time.monotonic())
             self._tell_news(time.monotonic())
 
     def _tell_news(self, now):

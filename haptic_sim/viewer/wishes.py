@@ -32,7 +32,7 @@ def parse(text: str) -> dict:
         wish = json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"a message is not JSON ({error})") from None
-    if not isinstance(wish, dict) or wish.get("do") not in _FIELDS:
+    if not isinstance(wish, dict) or not isinstance(wish.get("do"), str) or wish["do"] not in _FIELDS:
         raise ValueError(f"a message asks for none of {', '.join(_FIELDS)}")
     if wish["do"] == "aim":
         return _aim(wish)
