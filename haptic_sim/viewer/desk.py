@@ -2,6 +2,7 @@
 """Does what pages ask for: one method a wish. What goes wrong is a ValueError with a sentence for whoever asked."""
 
 import asyncio
+import json
 import time
 
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -14,12 +15,14 @@ from haptic_sim.scene import load
 from haptic_sim.viewer import tuned, wishes
 from haptic_sim.viewer.feed import Feed
 from haptic_sim.viewer.hand import Hand, Limits
+from haptic_sim.viewer.second import Second
 from haptic_sim.viewer.services import Services
 
 DRIVER, LOOPBACK, SIMULATION, RECORDER = "haptic_driver", "haptic_loopback", "haptic_simulation", "haptic_recorder"
 UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
 CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
 BAG = 3.0  # s that a recorder may take to open or close a bag
+READY = 180.0  # s that a second operating point may take to start: the first start compiles
 ARRIVAL = 1.5  # s that the hand may take to the place where a scene begins
 
 
@@ -31,7 +34,7 @@ class Desk:
 
     def __init__(self, node, feed: Feed, speeds: tuple[float, float], company=None):
         self.feed, self.services, self.hand, self._company = feed, Services(node), Hand(), company
-        self.values, self.device, self.problem = {}, None, ""
+        self.values, self.device, self.problem, self.second = {}, None, "", None
         self._speeds, self._asked_device = speeds, None
         self._target = node.create_publisher(JointState, "operator/target", LATEST)
         self._marks = node.create_publisher(String, "mark", TRACE)
@@ -72,6 +75,27 @@ class Desk:
         elif (place := self.hand.lead(now, self.limits)) is not None:
             axes = AXES[: self.feed.axes]
             self._target.publish(JointState(name=list(axes), position=list(place[: len(axes)])))
+
+    def compare(self, now: float) -> dict | None:
+        """Moves the second operating point as the hand moves; returns where it is. now [s]."""
+        if self.second is None or self.second.latest is None:
+            return None
+        if self.feed.truth:
+            self.second.move(now, self.feed.truth.target)
+        return self.second.latest
+
+    def differences(self) -> list | None:
+        """(name, value of the running driver, value of the second) of what differs; None without a second."""
+        if self.second is None:
+            return None
+        other, now = self.second.system["driver"], self.values.get(DRIVER, {})
+        return [(name, now[name], other[name]) for name in now if name in other and now[name] != other[name]]
+
+    def close(self) -> None:
+        """Ends what this process has started."""
+        if self.second is not None:
+            self.second.close()
+            self.second = None
 
     def _prepare(self):
         """Clients before they are needed: an e-stop must not wait for its service to be found."""
@@ -146,7 +170,38 @@ class Desk:
         finally:
             await self._quietly(f"{DRIVER}/enable")
         await self.poll()
+        if self.second is not None and change:
+            self.close()
+        elif self.second is not None:
+            self.second.start_again()
         return said
+
+    async def _compare(self, wish):
+        self.close()
+        if not wish["on"]:
+            return "the second operating point has ended"
+        self.second = second = Second(self._system())
+        end = time.monotonic() + READY
+        while second.latest is None and not second.problem and time.monotonic() < end:
+            await asyncio.sleep(0.05)
+        if second.latest is None:
+            self.close()
+            raise ValueError(second.problem or f"the second operating point was not ready within {READY:g} s")
+        await self._enter({})
+        return "both are at the scene's start; now change the running one"
+
+    def _system(self):
+        """What a second operating point is made of, as everything is now."""
+        there = [node for node in (DRIVER, LOOPBACK, SIMULATION) if node not in self.values]
+        if there or self.feed.scene is None or self.device is None:
+            raise ValueError(f"{there[0] if there else 'the scene'} is not known: nothing to be compared with")
+        scene = self.feed.scene
+        return {
+            "scene": json.loads(scene.model_dump_json(by_alias=True, exclude_unset=True)),
+            "device": self.values[DRIVER]["device"], "driver": self.values[DRIVER], "start": list(scene.tool.pose),
+            "loopback": self.values[LOOPBACK], "method": self.feed.said(SIMULATION, "method", "auto"),
+            "delay": float(self.feed.said(DRIVER, "age_ms_p50", "1")) * 1e-3,
+        }  # fmt: skip
 
     async def _lead_to_start(self, name):
         scene = load(name) if name else self.feed.scene

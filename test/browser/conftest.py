@@ -138,8 +138,12 @@ class Tab:
         return self.page.text_content(f"#{name}")
 
     def until(self, script, seconds=60.0):
-        """Waits until the script's expression is true on the page."""
-        self.page.wait_for_function(script, timeout=1e3 * seconds)
+        """Waits until the script's expression is true on the page. Playwright's own waiting needs eval, which the page
+        forbids."""
+        end = time.monotonic() + seconds
+        while not self.page.evaluate(f"Boolean({script})"):
+            assert time.monotonic() < end, f"{script} did not come true; {self.page.text_content('body')[:2000]}"
+            self.page.wait_for_timeout(30)
 
     def until_text(self, name, pattern, seconds=60.0):
         self.until(f"/{pattern}/.test(document.getElementById({name!r}).textContent)", seconds)

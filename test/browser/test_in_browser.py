@@ -236,6 +236,23 @@ def test_another_scene_and_method_are_loaded_and_an_impossible_one_is_refused(ta
     tab.until_text("state", "^engaged$")
 
 
+def test_a_second_operating_point_goes_along_as_a_ghost(tab):
+    tab.page.click("#compare_on")
+    tab.until_text("compare_answer", "both are at the scene", 170.0)
+    tab.until_text("state", "^engaged$")
+    number = tab.page.locator("#tuned_coupling_stiffness + input")
+    number.fill("500")
+    number.press("Enter")
+    tab.until("/500 [|] 2000/.test(document.getElementById('compared').textContent)")
+    push_down(tab)
+    tab.shot("beside")
+    tab.page.click("#compare_off")
+    tab.until_text("compare_answer", "has ended")
+    number.fill("2000")
+    number.press("Enter")
+    tab.engage()
+
+
 def test_the_operating_point_is_saved_as_a_file_that_the_check_takes(tab, tmp_path):
     with tab.page.expect_download() as download:
         tab.page.click("#save")
