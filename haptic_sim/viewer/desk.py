@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Does what pages ask for: one method a wish. What goes wrong is a ValueError with a sentence for whoever asked."""
 
-import asyncio
-import json
 import time
 
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -11,19 +9,16 @@ from std_srvs.srv import Trigger
 
 from haptic_device.device import AXES, Device, load_device
 from haptic_device.node.wire import LATEST, TRACE, JointState, String
-from haptic_sim.scene import load
 from haptic_sim.viewer import tuned, wishes
 from haptic_sim.viewer.feed import Feed
 from haptic_sim.viewer.hand import Hand, Limits
-from haptic_sim.viewer.second import Second
 from haptic_sim.viewer.services import Services
+from haptic_sim.viewer.stage import DRIVER, LOOPBACK, SIMULATION, Stage
 
-DRIVER, LOOPBACK, SIMULATION, RECORDER = "haptic_driver", "haptic_loopback", "haptic_simulation", "haptic_recorder"
+RECORDER = "haptic_recorder"
 UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
 CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
 BAG = 3.0  # s that a recorder may take to open or close a bag
-READY = 180.0  # s that a second operating point may take to start: the first start compiles
-ARRIVAL = 1.5  # s that the hand may take to the place where a scene begins
 
 
 class Desk:
@@ -34,11 +29,22 @@ class Desk:
 
     def __init__(self, node, feed: Feed, speeds: tuple[float, float], company=None):
         self.feed, self.services, self.hand, self._company = feed, Services(node), Hand(), company
-        self.values, self.device, self.problem, self.second = {}, None, "", None
+        self.values, self.device, self.problem, self._held_off = {}, None, "", False
+        self.stage = Stage(self)
         self._speeds, self._asked_device = speeds, None
         self._target = node.create_publisher(JointState, "operator/target", LATEST)
         self._marks = node.create_publisher(String, "mark", TRACE)
+        self._does = {
+            "aim": self._aim, "trigger": self._trigger, "set": self._set, "mark": self._mark, "record": self._record,
+            "restart": self._restart, "scene": self.stage.load, "method": self.stage.take_method,
+            "start_scene": self.stage.start_again, "compare": self.stage.set_beside,
+        }  # fmt: skip
         self._prepare()
+
+    @property
+    def driving(self) -> bool:
+        """Whether the motor is on, or waits for a small force, and no page has said otherwise."""
+        return not self._held_off and self.feed.said(DRIVER, "state", "idle") not in ("idle", "fault")
 
     @property
     def limits(self) -> Limits:
@@ -54,7 +60,7 @@ class Desk:
 
     async def do(self, wish: dict) -> str:
         """Does it; returns the sentence that says what was done, "" if there is nothing to say."""
-        return await getattr(self, f"_{wish['do']}")(wish)
+        return await self._does[wish["do"]](wish)
 
     async def poll(self) -> None:
         """Asks the nodes for their parameters; nodes that do not answer keep none."""
@@ -75,27 +81,6 @@ class Desk:
         elif (place := self.hand.lead(now, self.limits)) is not None:
             axes = AXES[: self.feed.axes]
             self._target.publish(JointState(name=list(axes), position=list(place[: len(axes)])))
-
-    def compare(self, now: float) -> dict | None:
-        """Moves the second operating point as the hand moves; returns where it is. now [s]."""
-        if self.second is None or self.second.latest is None:
-            return None
-        if self.feed.truth:
-            self.second.move(now, self.feed.truth.target)
-        return self.second.latest
-
-    def differences(self) -> list | None:
-        """(name, value of the running driver, value of the second) of what differs; None without a second."""
-        if self.second is None:
-            return None
-        other, now = self.second.system["driver"], self.values.get(DRIVER, {})
-        return [(name, now[name], other[name]) for name in now if name in other and now[name] != other[name]]
-
-    def close(self) -> None:
-        """Ends what this process has started."""
-        if self.second is not None:
-            self.second.close()
-            self.second = None
 
     def _prepare(self):
         """Clients before they are needed: an e-stop must not wait for its service to be found."""
@@ -136,6 +121,8 @@ class Desk:
     async def _trigger(self, wish):
         if wish["service"] not in wishes.TRIGGERS:
             raise ValueError(f"{wish['service']} is none of {', '.join(wishes.TRIGGERS)}")
+        if wish["service"] != "reset":
+            self._held_off = wish["service"] != "enable"
         return await self.services.trigger(f"{DRIVER}/{wish['service']}")
 
     async def _set(self, wish):
@@ -143,82 +130,6 @@ class Desk:
         await self.services.set(DRIVER, {wish["name"]: value})
         await self.poll()
         return f"{wish['name']} is {value}"
-
-    async def _scene(self, wish):
-        load(wish["name"])
-        return await self._enter({"scene": wish["name"]})
-
-    async def _method(self, wish):
-        return await self._enter({"method": wish["name"]})
-
-    async def _start_scene(self, wish):
-        return await self._enter({})
-
-    async def _enter(self, change):
-        """Motor off, the hand to where the scene begins, the scene, motor on: it waits for a small force by itself."""
-        await self._quietly(f"{DRIVER}/disable")
-        before = {name: self.values.get(SIMULATION, {}).get(name) for name in change}
-        await self._lead_to_start(change.get("scene"))
-        if change:
-            await self.services.set(SIMULATION, change)
-        try:
-            said = await self.services.trigger(f"{SIMULATION}/{'load_scene' if change else 'reset_scene'}")
-        except ValueError:
-            if change and None not in before.values():
-                await self.services.set(SIMULATION, before)
-            raise
-        finally:
-            await self._quietly(f"{DRIVER}/enable")
-        await self.poll()
-        if self.second is not None and change:
-            self.close()
-        elif self.second is not None:
-            self.second.start_again()
-        return said
-
-    async def _compare(self, wish):
-        self.close()
-        if not wish["on"]:
-            return "the second operating point has ended"
-        self.second = second = Second(self._system())
-        end = time.monotonic() + READY
-        while second.latest is None and not second.problem and time.monotonic() < end:
-            await asyncio.sleep(0.05)
-        if second.latest is None:
-            self.close()
-            raise ValueError(second.problem or f"the second operating point was not ready within {READY:g} s")
-        await self._enter({})
-        return "both are at the scene's start; now change the running one"
-
-    def _system(self):
-        """What a second operating point is made of, as everything is now."""
-        there = [node for node in (DRIVER, LOOPBACK, SIMULATION) if node not in self.values]
-        if there or self.feed.scene is None or self.device is None:
-            raise ValueError(f"{there[0] if there else 'the scene'} is not known: nothing to be compared with")
-        scene = self.feed.scene
-        return {
-            "scene": json.loads(scene.model_dump_json(by_alias=True, exclude_unset=True)),
-            "device": self.values[DRIVER]["device"], "driver": self.values[DRIVER], "start": list(scene.tool.pose),
-            "loopback": self.values[LOOPBACK], "method": self.feed.said(SIMULATION, "method", "auto"),
-            "delay": float(self.feed.said(DRIVER, "age_ms_p50", "1")) * 1e-3,
-        }  # fmt: skip
-
-    async def _lead_to_start(self, name):
-        scene = load(name) if name else self.feed.scene
-        try:
-            self.aim(dict(zip(AXES[: self.feed.axes], scene.tool.pose, strict=False)))
-        except (ValueError, AttributeError):
-            return  # no hand that follows, or no scene
-        end = time.monotonic() + ARRIVAL
-        while self.hand.sent != self.hand.goal and time.monotonic() < end:
-            await asyncio.sleep(0.02)
-        await asyncio.sleep(0.2)
-
-    async def _quietly(self, service):
-        try:
-            await self.services.trigger(service)
-        except ValueError:
-            return
 
     async def _mark(self, wish):
         if not self._marks.get_subscription_count():
@@ -241,4 +152,5 @@ class Desk:
         if self._company is None:
             raise ValueError(f"{wish['name']} is fixed once the nodes run; haptic demo --view starts them again for it")
         self.hand.release()
+        self.stage.close()
         return await self._company.change(wish["name"], wish["value"])

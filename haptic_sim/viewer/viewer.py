@@ -48,7 +48,7 @@ class Viewer:
             await self._look_on(told)
             polling.cancel()
         finally:
-            self.desk.close()
+            self.desk.stage.close()
             await self.server.stop()
             self.desk.services.stop()
 
@@ -59,7 +59,7 @@ class Viewer:
             await asyncio.sleep(due - time.monotonic())
             self.feed.look()
             self.desk.lead(time.monotonic())
-            frame = self.feed.frame() | {"second": self.desk.compare(time.monotonic())}
+            frame = self.feed.frame() | {"second": self.desk.stage.go_along(time.monotonic())}
             self.server.show(frame)
             self._beacon.show(self.feed.scene, frame, time.monotonic())
             self._tell_news(time.monotonic())
@@ -99,7 +99,7 @@ class Viewer:
         return shapes.drawing(self.feed.scene) if self.feed.scene else None
 
     def _tuning(self):
-        limits, device, differences = self.desk.limits, self.desk.device, self.desk.differences()
+        limits, device, differences = self.desk.limits, self.desk.device, self.desk.stage.differences()
         return {
             "second": None if differences is None else {"differences": differences},
             "values": self.desk.values, "offer": self._company.offer() if self._company else {},

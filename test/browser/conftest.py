@@ -151,7 +151,10 @@ class Tab:
     def engage(self):
         """Clears a fault and engages, the hand at the scene's start."""
         self.page.click("[data-service=reset]")
+        self.until("!/fault/.test(document.getElementById('state').textContent)")
         self.page.click("#start_scene")
+        self.until_text("scene_answer", "at its start")
+        self.page.click("[data-service=enable]")
         self.until_text("state", "^engaged$")
 
     def middle(self):

@@ -13,6 +13,7 @@ from conftest import Tab
 
 from haptic_sim.cli.check import problems
 
+pytestmark = pytest.mark.timeout(400)  # the second operating point may have to be compiled
 SERIOUS = ("serious", "critical")
 E_STOP, UP, MOUSE = 0.150, 2.0, 0.040  # s, wanted
 
@@ -130,6 +131,9 @@ def test_the_keyboard_alone_stops_resets_engages_and_turns(tab, listener):
     tab.page.keyboard.press("Enter")
     tab.until("!/fault/.test(document.getElementById('state').textContent)")
     tab.page.focus("#start_scene")
+    tab.page.keyboard.press("Enter")
+    tab.until_text("scene_answer", "at its start")
+    tab.page.focus("[data-service=enable]")
     tab.page.keyboard.press("Enter")
     tab.until_text("state", "^engaged$")
     before = listener.truths[-1][1].position[5]

@@ -65,7 +65,7 @@ function take(kind, content) {
 function welcome(news) {
   control = news.control;
   document.body.classList.toggle("looking", !control);
-  tuning.build(news.declarations.filter((declared) => control || declared));
+  tuning.build(news.declarations);
   panels.welcome(news);
 }
 
