@@ -53,9 +53,9 @@ class Services:
                 client.remove_pending_request(future)
         raise ValueError(f"{node} did not answer {service} within {attempts * patience:g} s")
 
-    async def trigger(self, service: str) -> str:
+    async def trigger(self, service: str, attempts: int = ATTEMPTS, patience: float = ANSWER) -> str:
         """What a std_srvs/Trigger answers; ValueError with its sentence if it refuses."""
-        answer = await self.ask(Trigger, service, Trigger.Request())
+        answer = await self.ask(Trigger, service, Trigger.Request(), attempts, patience)
         if not answer.success:
             raise ValueError(answer.message or f"{service} refused")
         return answer.message

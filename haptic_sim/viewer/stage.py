@@ -11,6 +11,7 @@ from haptic_sim.viewer.second import Second
 
 DRIVER, LOOPBACK, SIMULATION = "haptic_driver", "haptic_loopback", "haptic_simulation"
 READY = 180.0  # s that a second operating point may take to start: the first start compiles
+LOADING = 180.0  # s that a simulation may take to load: a method that nobody has used before is compiled
 ARRIVAL = 1.5  # s that the hand may take to the place where a scene begins
 REST = 0.2  # s that handle and tool are given there
 
@@ -98,7 +99,7 @@ class Stage:
         before = {name: self._desk.values.get(SIMULATION, {}).get(name) for name in change}
         await services.set(SIMULATION, change)
         try:
-            return await services.trigger(f"{SIMULATION}/load_scene")
+            return await services.trigger(f"{SIMULATION}/load_scene", 1, LOADING)
         except ValueError:
             if None not in before.values():
                 await services.set(SIMULATION, before)
