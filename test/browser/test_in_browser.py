@@ -152,6 +152,7 @@ def test_gains_beyond_the_damping_are_refused_with_the_drivers_sentence(tab):
     number.fill("90000")
     number.press("Enter")
     tab.until_text("tuned_coupling_stiffness_answer", "needs b > .* the device has")
+    tab.page.locator("#tuned_coupling_stiffness_answer").scroll_into_view_if_needed()
     tab.shot("refused")
     tab.until("document.querySelector('#tuned_coupling_stiffness + input').value == '2000'")
 

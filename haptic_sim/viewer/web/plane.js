@@ -69,7 +69,7 @@ export class Plane {
     const [, py] = this.toPixels([0, y]);
     line(context, 0, py, this.canvas.width, py);
     context.textAlign = "left";
-    if (py > 24 * this.ratio && py < this.canvas.height - 24 * this.ratio) {
+    if (py > 32 * this.ratio && py < this.canvas.height - 24 * this.ratio) {
       context.fillText(inMillimetres(y), 4 * this.ratio, py - 3 * this.ratio);
     }
   }
