@@ -18,7 +18,7 @@ from haptic_sim.viewer.stage import DRIVER, LOOPBACK, SIMULATION, Stage
 RECORDER = "haptic_recorder"
 UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
 CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
-BAG = 3.0  # s that a recorder may take to open or close a bag
+BAG = 20.0  # s that a recorder may take to open or close a bag
 
 
 class Desk:
