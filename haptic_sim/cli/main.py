@@ -23,6 +23,7 @@ COMMANDS = {
     "report": "haptic_sim.cli.report:report",
     "scenes": "haptic_sim.cli.scenes:scenes",
     "status": "haptic_sim.cli.status:status",
+    "view": "haptic_sim.cli.view:view",
     "zwidth": "haptic_sim.cli.zwidth:zwidth",
 }
 GROUPS = ("bench",)  # of subcommands
