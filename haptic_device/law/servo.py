@@ -12,6 +12,8 @@ import numpy as np
 from haptic_device.kernel import kernel
 from haptic_device.law import (
     cancellation,
+    complementarity,
+    contact,
     coupling,
     encoder,
     engage,
@@ -19,6 +21,7 @@ from haptic_device.law import (
     fault,
     following,
     kinematics,
+    local,
     passivity,
     wall,
 )
@@ -62,6 +65,7 @@ OUTPUTS = (
     *("force_on_handle*", "motor*"),  # total as the motor holds it, at the device; and in motor units
     *("engage", "exchange_fade", "cancellation_fade", "exchange_energy", "energy_given*"),
     *("exchange_effort*", "exchange_tank", "exchange_shortened", "exchange_let_go"),  # next handle sample's; [J]; ticks
+    *("local", "local_fallbacks", "local_stays", "local_pivots", "tools_apart"),  # acting; counts; of this tick; [m]
     *("generated*", "injected*", "injections", "margin*"),  # observer [J], controller [N s/m], ticks it acted; [N s/m]
     *("state", "fault"),
 )
@@ -85,10 +89,11 @@ SETTINGS = _columns(
     *("passivity_control", "passivity_budget", "margin*", "cross"),
     *("exchange_method", "exchange_budget", "exchange_tank", "exchange_horizon", "exchange_play", "exchange_slew*"),
     *("exchange_agility*", "surplus*", "exchange_hold", "exchange_fade"),
+    *("local_compliance", "local_apart", "local_hold", "local_rejoin"),
     *("engage_time", "engage_force", "engage_torque", "silence", "saturation"),
 )
 
-MEMORY = _columns(
+_MEMORY = _columns(
     *("started", "latched", "unseen", "device_position*", "device_velocity*", "offset*"),
     *("history", "times^", "positions_x^", "positions_y^", "positions_theta^"),
     *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated"),
@@ -112,7 +117,22 @@ MEMORY = _columns(
     *("set*", "set_velocity*", "own_velocity*", "goal*", "stretch*", "stretched*"),
     *("midpoint*", "window_from*", "window_start", "window_holds", "counted*", "latched_before", "hold_before"),
     *("tool_answered", "oldest", "rate*", "wave*", "wave_store", "pending*", "come*", "sent*"),
+    *("near_number", "near_sent", "near_trust", "near_mass", "near_inertia", "near_extent", "near_gravity*"),  # law/local
+    *("near_pose*", "near_fresh", "near_moving", "near_turn", "acting", "well", "fallbacks", "stays", "unsolved"),
+    *("pivots", "copy*", "copy_velocity*", "mass*", "right*", "trial*"),
 )
+_TABLES = {
+    "near": (contact.MOST, len(contact.EACH)),
+    "places": (contact.MOST, contact.PLACE),
+    "rows": (contact.MOST, complementarity.COLUMNS),
+    "shown": (contact.MOST,),
+    "system": (3, 4),
+    "pushed": (contact.MOST,),
+    "shifted": (contact.MOST,),
+    "pushes": (contact.MOST, local.KEPT),
+    "shifts": (contact.MOST, local.KEPT),
+}
+MEMORY = np.dtype(_MEMORY.descr + [(name, "f8", shape) for name, shape in _TABLES.items()])
 
 FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor
 

@@ -57,6 +57,7 @@ def run_on_counts(settings, memory, rows, tool, counts, start, first, write_dela
         row.tick, row.deadline, row.missed, row.compute = first + k, deadline, 0, 0.0
         row.lateness, row.write_delay, row.command = write_delay * 1e-9, write_delay * 1e-9, command
         fill_inputs(row, settings[0], tool[0], sample, 1)
+        row.contact_set = memory[0].near_number
         servo.tick(settings[0], memory[0], row)
 
 
