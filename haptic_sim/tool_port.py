@@ -174,4 +174,4 @@ def port_of(method: str, budget: float = BUDGET) -> Port:
     """The port of an exchange method; ValueError if there is none of this name."""
     if method not in exchange.METHODS:
         raise ValueError(f"exchange.method is {method}; there are {', '.join(exchange.METHODS)}")
-    return {"direct": Direct, "wave": Waves, "pspm": lambda: Modulated(budget)}[method]()
+    return {"direct": Direct, "wave": Waves}[method]() if method in ("direct", "wave") else Modulated(budget)

@@ -9,39 +9,56 @@ diagonal of compliances: of the contact itself and of the body behind it. A gues
     (A + Σ Gᵀ E⁻¹ G) v = r − Σ Gᵀ E⁻¹ b           over what is closed; a sliding λ_t = ± μ λ_n is carried along
 
 three equations whose solution says which modes were wrong. All wrong ones change at once while their number falls, then
-only the last (principal pivoting after Murty and Júdice & Pires). A mode guess is the last tick's, so that mostly one
-solution is enough. The number of pivots is bounded; without an answer the caller has a passive one: v = 0.
+only the one that is most so (principal pivoting after Murty and Júdice & Pires). The guess is the last tick's answer,
+so that mostly one solution is enough. Where the friction of (1) has several solutions any of them is taken; E > 0
+excludes none that matters: at 1e-8 m/N a force of 20 N is 0.2 µm.
 
-Where the friction of (1) has several solutions any of them is taken; E > 0 excludes none that matters: at 1e-8 m/N a
-force of 20 N is 0.2 µm.
+Their number is bounded. Pivoting with friction may go round in circles; after EXACT solutions friction is bounded by
+the normal impulses of the last tick, |λ_t| ≤ f, instead. That problem is convex, pivoting ends in practice always, and
+the answer is passive too: friction of any bound takes energy. Without an answer even so the caller has v = 0.
 """
+
+import math
 
 from haptic_device.kernel import kernel
 
-PIVOTS = 16  # at most
-PATIENCE = 6  # solutions for which all wrong modes may change at once without their number falling
+EXACT, BRAKED = 10, 30  # solutions at most
+PATIENCE = 5  # solutions for which all wrong modes may change at once without their number falling
 UNUSED, OPEN, STICK, UP, DOWN = -1.0, 0.0, 1.0, 2.0, 3.0  # UP, DOWN: sliding, friction at its upper, lower bound
-N_X, N_Y, N_TURN, T_X, T_Y, T_TURN, B_N, B_T, E_N, E_T, MU, MODE, IMPULSE, SLIP_IMPULSE = range(14)
-COLUMNS = 14
+N_X, N_Y, N_TURN, T_X, T_Y, T_TURN, B_N, B_T, E_N, E_T, MU, MODE, IMPULSE, SLIP_IMPULSE, BOUND, SENSE = range(16)
+COLUMNS = 16  # BOUND: f of the last tick
 ROUNDING = 1e-9
 
 
 @kernel
 def solve(rows, mass, right, system, velocity):
-    """Velocity (3) of (1), and the impulses in rows; returns the solutions it took, or −1.
+    """Velocity (3) of (1), and the impulses in rows; returns the solutions it took, above EXACT if braked, or −1.
 
     rows: (contacts, COLUMNS); mass, right: (3) A and r; system: (3, 4) to work in.
     """
-    fewest, patience = 2 * rows.shape[0] + 1, PATIENCE
-    for turn in range(PIVOTS):
-        _assemble(rows, mass, right, system)
+    turns = _pivot(rows, mass, right, system, velocity, False)
+    if turns < 0:
+        for one in rows:
+            one[SENSE] = 1.0 if one[MODE] == UP else (-1.0 if one[MODE] == DOWN else 0.0)
+        turns = _pivot(rows, mass, right, system, velocity, True)
+        turns += EXACT if turns > 0 else 0
+    for one in rows:
+        one[BOUND] = one[MU] * one[IMPULSE]
+    return turns
+
+
+@kernel
+def _pivot(rows, mass, right, system, velocity, braked):
+    fewest, patience = 4 * rows.shape[0], PATIENCE
+    for turn in range(BRAKED if braked else EXACT):
+        _assemble(rows, mass, right, system, braked)
         if not _eliminate(system, velocity):
             return -1
-        wrong, last = _review(rows, velocity, patience > 0)
+        wrong, worst = _review(rows, velocity, patience > 0, braked)
         if wrong == 0:
             return turn + 1
         if patience <= 0:
-            rows[last, MODE] = _wished(rows[last], velocity)
+            _change(rows[worst], velocity, braked)
         elif wrong < fewest:
             fewest, patience = wrong, PATIENCE
         else:
@@ -50,27 +67,43 @@ def solve(rows, mass, right, system, velocity):
 
 
 @kernel
-def _assemble(rows, mass, right, system):
+def _assemble(rows, mass, right, system, braked):
     for i in range(3):
         for k in range(3):
             system[i, k] = 0.0
         system[i, i], system[i, 3] = mass[i], right[i]
     for one in rows:
-        if one[MODE] <= OPEN:
+        if one[MODE] == UNUSED:
             continue
-        stiff = 1.0 / one[E_N]
-        sense = one[MU] if one[MODE] == UP else (-one[MU] if one[MODE] == DOWN else 0.0)
-        for i in range(3):
-            pushed = stiff * (one[N_X + i] + sense * one[T_X + i])
-            system[i, 3] -= pushed * one[B_N]
-            for k in range(3):
-                system[i, k] += pushed * one[N_X + k]
-        if one[MODE] == STICK and one[MU] > 0.0:
-            grip = 1.0 / one[E_T]
+        if one[MODE] != OPEN:
+            sliding = 0.0 if braked else (one[MU] if one[MODE] == UP else (-one[MU] if one[MODE] == DOWN else 0.0))
+            _close(one, system, sliding)
+        if one[MU] > 0.0 and (one[SENSE] == 0.0 and one[BOUND] > 0.0 if braked else one[MODE] == STICK):
+            _grip(one, system)
+        elif braked:
             for i in range(3):
-                system[i, 3] -= grip * one[T_X + i] * one[B_T]
-                for k in range(3):
-                    system[i, k] += grip * one[T_X + i] * one[T_X + k]
+                system[i, 3] += one[T_X + i] * one[SENSE] * one[BOUND]
+
+
+@kernel
+def _close(one, system, sliding):
+    """λ_n = −(G_n v + b)/e, and λ_t = `sliding` times as much."""
+    stiff = 1.0 / one[E_N]
+    for i in range(3):
+        pushed = stiff * (one[N_X + i] + sliding * one[T_X + i])
+        system[i, 3] -= pushed * one[B_N]
+        for k in range(3):
+            system[i, k] += pushed * one[N_X + k]
+
+
+@kernel
+def _grip(one, system):
+    """λ_t = −(G_t v + b)/e."""
+    grip = 1.0 / one[E_T]
+    for i in range(3):
+        system[i, 3] -= grip * one[T_X + i] * one[B_T]
+        for k in range(3):
+            system[i, k] += grip * one[T_X + i] * one[T_X + k]
 
 
 @kernel
@@ -102,44 +135,80 @@ def _eliminate(system, velocity):
 
 
 @kernel
-def _review(rows, velocity, change):
-    """Impulses of this solution; number and last of the modes it contradicts, which change if they may."""
-    wrong, last = 0, -1
+def _review(rows, velocity, change, braked):
+    """Impulses of this solution; number and worst of the contacts whose modes it contradicts, which change if may be."""
+    wrong, worst, most = 0, -1, 0.0
     for r in range(rows.shape[0]):
         one = rows[r]
         if one[MODE] == UNUSED:
+            one[IMPULSE], one[SLIP_IMPULSE] = 0.0, 0.0
             continue
-        wish = _wished(one, velocity)
-        if wish != one[MODE]:
-            wrong, last = wrong + 1, r
+        mode, sense, size = _wished(one, velocity, braked)
+        if mode != one[MODE] or sense != one[SENSE]:
+            wrong += 1
+            if size >= most:
+                worst, most = r, size
             if change:
-                one[MODE] = wish
-    return wrong, last
+                one[MODE], one[SENSE] = mode, sense
+    return wrong, worst
 
 
 @kernel
-def _wished(one, velocity):
-    """The mode that this solution asks for; notes its impulses."""
-    rate, slip, size = one[B_N], one[B_T], abs(one[B_N])
+def _change(one, velocity, braked):
+    """Takes the modes that the solution asks for."""
+    mode, sense, size = _wished(one, velocity, braked)
+    one[MODE], one[SENSE] = mode, sense
+
+
+@kernel
+def _wished(one, velocity, braked):
+    """Mode and sense that this solution asks for, and how wrong those there are [m/s]; notes its impulses."""
+    rate, slip, size = one[B_N], one[B_T], abs(one[B_N]) + abs(one[B_T])
     for i in range(3):
         rate += one[N_X + i] * velocity[i]
         slip += one[T_X + i] * velocity[i]
-        size += abs(one[N_X + i] * velocity[i])
-    mode = one[MODE]
-    one[IMPULSE], one[SLIP_IMPULSE] = 0.0, 0.0
-    if mode == OPEN:
-        return STICK if rate < -ROUNDING * size else OPEN
-    one[IMPULSE] = -rate / one[E_N]
+        size += abs(one[N_X + i] * velocity[i]) + abs(one[T_X + i] * velocity[i])
+    small = ROUNDING * size
+    one[IMPULSE] = -rate / one[E_N] if one[MODE] != OPEN else 0.0
+    one[SLIP_IMPULSE] = 0.0
+    if braked:
+        return _wished_braked(one, rate, slip, small)
+    if one[MODE] == OPEN:
+        return (STICK if rate < -small else OPEN), one[SENSE], -rate
     if one[IMPULSE] < 0.0:
-        return OPEN
+        return OPEN, one[SENSE], rate
     if one[MU] == 0.0:
-        return mode
-    most = one[MU] * one[IMPULSE]
-    if mode == STICK:
+        return one[MODE], one[SENSE], 0.0
+    bound = one[MU] * one[IMPULSE]
+    if one[MODE] == STICK:
         one[SLIP_IMPULSE] = -slip / one[E_T]
-        if abs(one[SLIP_IMPULSE]) <= most * (1.0 + ROUNDING):
-            return STICK
-        return UP if one[SLIP_IMPULSE] > 0.0 else DOWN
-    one[SLIP_IMPULSE] = most if mode == UP else -most
-    against = slip if mode == UP else -slip
-    return STICK if against > ROUNDING * size else mode
+        if abs(one[SLIP_IMPULSE]) <= bound * (1.0 + ROUNDING):
+            return STICK, one[SENSE], 0.0
+        return (UP if one[SLIP_IMPULSE] > 0.0 else DOWN), one[SENSE], (abs(one[SLIP_IMPULSE]) - bound) * one[E_N]
+    one[SLIP_IMPULSE] = bound if one[MODE] == UP else -bound
+    against = slip if one[MODE] == UP else -slip
+    return (STICK if against > small else one[MODE]), one[SENSE], against
+
+
+@kernel
+def _wished_braked(one, rate, slip, small):
+    """The same with friction of a fixed bound, whose sense is apart from whether the contact is closed."""
+    closed, sense, wrong = one[MODE] != OPEN, one[SENSE], 0.0
+    if closed and one[IMPULSE] < 0.0:
+        closed, wrong = False, rate
+    elif not closed and rate < -small:
+        closed, wrong = True, -rate
+    if one[BOUND] > 0.0:
+        if sense == 0.0:
+            one[SLIP_IMPULSE] = -slip / one[E_T]
+            over = abs(one[SLIP_IMPULSE]) - one[BOUND] * (1.0 + ROUNDING)
+            if over > 0.0:
+                sense, wrong = math.copysign(1.0, one[SLIP_IMPULSE]), max(wrong, over * one[E_T])
+        else:
+            one[SLIP_IMPULSE] = sense * one[BOUND]
+            if sense * slip > small:
+                sense, wrong = 0.0, max(wrong, abs(slip))
+    mode = OPEN if not closed else (UP if sense > 0.0 else (DOWN if sense < 0.0 else STICK))
+    if one[MODE] != OPEN and closed:
+        mode = mode if sense != one[SENSE] else one[MODE]
+    return mode, sense, wrong

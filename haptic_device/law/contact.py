@@ -72,9 +72,9 @@ def place(one, pose, age, back, out):
     arm_x, arm_y = rx, ry
     here = one[KIND] == FLAT_HERE
     if one[RADIUS] > 0.0:
-        over = _over_the_end(one, nx, ny, dx, dy)
-        if over != 0.0 or one[KIND] == ROUND:
-            reach = over if here else -over
+        over, end = _over_the_end(one, nx, ny, dx, dy)
+        if over:
+            reach = end if here else -end
             dx, dy = dx - reach * ny, dy + reach * nx
             if here:
                 arm_x, arm_y = rx - reach * ny, ry + reach * nx
@@ -92,13 +92,13 @@ def place(one, pose, age, back, out):
 
 @kernel
 def _over_the_end(one, nx, ny, dx, dy):
-    """Which end of the edge is nearest, along its tangent (−n_y, n_x) [m]; 0 where the edge itself is."""
+    """Whether an end of the edge is nearest, and where it is along the edge's tangent (−n_y, n_x) [m]."""
     if one[KIND] == ROUND:
-        return 0.0
+        return True, 0.0
     along = -ny * dx + nx * dy
     along = -along if one[KIND] == FLAT_HERE else along
     held = min(one[HIGH], max(one[LOW], along))
-    return held if held != along else 0.0
+    return held != along, held
 
 
 @kernel
