@@ -28,16 +28,26 @@ class LocalContacts:
         model = compiled.model
         self._method, self._model, self._scene = method, model, scene
         self._names = compiled.shape_names
-        self._features = (model.shape_body, model.shape_start, model.vertices, model.radius, model.pairs,
-                          model.pair_friction, model.pair_restitution)
+        self._features = (
+            model.shape_body,
+            model.shape_start,
+            model.vertices,
+            model.radius,
+            model.pairs,
+            model.pair_friction,
+            model.pair_restitution,
+        )
         self._pose, self._velocity = model.pose.copy(), model.velocity.copy()
         self._candidates = np.zeros((nearby.MOST, nearby.COLUMNS))
         self._free = [_mobility(model, body) for body in range(len(model.mass))]
         self._moving = [body for body in range(1, len(model.mass)) if not model.fixed[body]]
         self._held_by_joint = any(0 in bodies for bodies in model.joint_bodies.tolist())
-        self._extent = max(math.hypot(x, y) + radius for shape, radius in enumerate(model.radius)
-                           if model.shape_body[shape] == 0
-                           for x, y in model.vertices[model.shape_start[shape]:model.shape_start[shape + 1]])
+        self._extent = max(
+            math.hypot(x, y) + radius
+            for shape, radius in enumerate(model.radius)
+            if model.shape_body[shape] == 0
+            for x, y in model.vertices[model.shape_start[shape] : model.shape_start[shape + 1]]
+        )
         self.table, self.trust, self.offered = np.zeros((contact.MOST, len(contact.EACH))), 0.0, 0
         self.look(0.0)
 
@@ -46,9 +56,18 @@ class LocalContacts:
         """What a set says once: the tool, and where it was."""
         mass, inertia, _ = self._scene.tool.mass_properties
         pose, (gx, gy) = self._pose[0], self._scene.gravity
-        return {"offered": self.offered, "trust": self.trust, "mass": mass, "inertia": inertia, "extent": self._extent,
-                "gravity_x": gx, "gravity_y": gy, "tool_pose_x": pose[0], "tool_pose_y": pose[1],
-                "tool_pose_theta": pose[2]}
+        return {
+            "offered": self.offered,
+            "trust": self.trust,
+            "mass": mass,
+            "inertia": inertia,
+            "extent": self._extent,
+            "gravity_x": gx,
+            "gravity_y": gy,
+            "tool_pose_x": pose[0],
+            "tool_pose_y": pose[1],
+            "tool_pose_theta": pose[2],
+        }
 
     def look(self, lag: float) -> None:
         """Finds the contacts as the bodies are now; lag [s]: how old the set will be when it is used."""
@@ -76,8 +95,11 @@ class LocalContacts:
             place = one[contact.POINT_X], one[contact.POINT_Y]
             if one[contact.KIND] == contact.FLAT_THERE:
                 place = self._foot(one)
-            one[contact.FORCE] = sum(max(0.0, f.force_on_a[0] * nx + f.force_on_a[1] * ny) for f in pressed
-                                     if f.body_b == self._names[self._other(one)] and math.dist(f.point, place) < NEAR)
+            one[contact.FORCE] = sum(
+                max(0.0, f.force_on_a[0] * nx + f.force_on_a[1] * ny)
+                for f in pressed
+                if f.body_b == self._names[self._other(one)] and math.dist(f.point, place) < NEAR
+            )
             surface = abs(nx * one[contact.VELOCITY_X] + ny * one[contact.VELOCITY_Y])
             held = surface < AT_REST and any(f.body_b == self._names[self._other(one)] for f in pressed)
             one[contact.MOBILITY] = 0.0 if held else self._mobility_along(body, place, nx, ny)
@@ -117,8 +139,12 @@ def _mobility(model, body):
     if model.fixed[body]:
         return np.zeros((3, 3))
     free = np.diag([1.0 / model.mass[body], 1.0 / model.mass[body], 1.0 / model.inertia[body]])
-    rows = [row for joint in range(len(model.joint_kind)) if model.joint_kind[joint] != SPRING
-            for row in _held(model, joint, body)]
+    rows = [
+        row
+        for joint in range(len(model.joint_kind))
+        if model.joint_kind[joint] != SPRING
+        for row in _held(model, joint, body)
+    ]
     if not rows:
         return free
     held = np.array(rows)

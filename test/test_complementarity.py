@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contacts with friction on one body in one tick: closed forms, the conditions themselves, and what cannot be solved."""
+"""Contacts with friction on one body in one tick: closed forms, the conditions themselves, what has no answer."""
 
 import numpy as np
 import pytest

@@ -110,8 +110,11 @@ def test_the_nearest_contact_is_as_far_as_fcl_says_where_features_face_each_othe
             contact.place(row, pose, 0.0, 0.0, gap)
             assert gap[0] <= max(row[contact.GAP], gap[0])
     contact.hide_others(near.table, gaps, shown)
-    least = min(body_distance(scene.tool.outlines, scene.tool.pose, body.outlines, body.pose)
-                for body in scene.bodies if body.name != "floor" or name == "corner")
+    least = min(
+        body_distance(scene.tool.outlines, scene.tool.pose, body.outlines, body.pose)
+        for body in scene.bodies
+        if body.name != "floor" or name == "corner"
+    )
     found = gaps[shown > 0.0, 0].min()
     assert found <= least + 1e-9
     if name in ("wall", "corner"):

@@ -136,7 +136,7 @@ def _eliminate(system, velocity):
 
 @kernel
 def _review(rows, velocity, change, braked):
-    """Impulses of this solution; number and worst of the contacts whose modes it contradicts, which change if may be."""
+    """Impulses of this solution; number and worst of the contacts whose modes it contradicts, which may change."""
     wrong, worst, most = 0, -1, 0.0
     for r in range(rows.shape[0]):
         one = rows[r]

@@ -160,15 +160,15 @@ def _judge_room(table):
         for k in range(i):
             facing = table[i, NORMAL_X] * table[k, NORMAL_X] + table[i, NORMAL_Y] * table[k, NORMAL_Y]
             both = table[i, IDENTITY] > 0.0 and table[k, IDENTITY] > 0.0 and table[i, KIND] == table[k, KIND]
-            if both and facing < -0.99 and table[i, GAP] + table[k, GAP] < -APART:
-                if _alone(table, i) and _alone(table, k):
-                    return NO_WAY_OUT
+            overlap = both and facing < -0.99 and table[i, GAP] + table[k, GAP] < -APART
+            if overlap and _alone(table, i) and _alone(table, k):
+                return NO_WAY_OUT
     return ACCEPTED
 
 
 @kernel
 def _alone(table, i):
+    members = 0
     for k in range(MOST):
-        if k != i and table[i, GROUP] > 0.0 and table[k, GROUP] == table[i, GROUP]:
-            return False
-    return True
+        members += table[i, GROUP] > 0.0 and table[k, GROUP] == table[i, GROUP]
+    return members <= 1

@@ -70,7 +70,7 @@ class Peer(NamedTuple):
 @kernel
 def is_modulated(method):
     """Whether the set position of the coupling's spring is moved as a tank of energy pays for it."""
-    return method == PSPM or method == LOCAL
+    return method in (PSPM, LOCAL)
 
 
 @kernel

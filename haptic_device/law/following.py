@@ -21,7 +21,9 @@ def follow(settings, memory, row):
         _stay(settings, memory, row)
         return
     hold, fade = settings.exchange_hold, settings.exchange_fade
-    joining = memory.engage > 0.0 and memory.exchange_fade == 0.0 and not exchange.is_modulated(settings.exchange_method)
+    joining = (
+        memory.engage > 0.0 and memory.exchange_fade == 0.0 and not exchange.is_modulated(settings.exchange_method)
+    )
     age = -1.0 if joining and not _tool_is_near(settings, row) else row.tool_age
     full = memory.exchange_fade >= 1.0
     memory.exchange_fade = exchange.fade_factor(memory.exchange_fade, age, settings.period, hold, fade)
@@ -173,9 +175,7 @@ def _take_waves(settings, memory, row):
         stiffness, limit = memory.spring[i], memory.clamp[i]
         damping, z = memory.factor * settings.damping[i], wave.impedance(settings.stiffness[i])
         spring = stiffness * (row.position[i] - memory.set[i])
-        velocity = wave.port_velocity(
-            incoming, spring, damping, row.velocity[i], stiffness, limit, z, settings.period
-        )
+        velocity = wave.port_velocity(incoming, spring, damping, row.velocity[i], stiffness, limit, z, settings.period)
         memory.set[i] += velocity * settings.period
         outgoing = incoming + 2.0 * z * velocity
         memory.sent[i] += outgoing * settings.period

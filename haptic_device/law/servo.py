@@ -117,7 +117,15 @@ _MEMORY = _columns(
     *("set*", "set_velocity*", "own_velocity*", "goal*", "stretch*", "stretched*"),
     *("midpoint*", "window_from*", "window_start", "window_holds", "counted*", "latched_before", "hold_before"),
     *("tool_answered", "oldest", "rate*", "wave*", "wave_store", "pending*", "come*", "sent*"),
-    *("near_number", "near_sent", "near_trust", "near_mass", "near_inertia", "near_extent", "near_gravity*"),  # law/local
+    *(
+        "near_number",
+        "near_sent",
+        "near_trust",
+        "near_mass",
+        "near_inertia",
+        "near_extent",
+        "near_gravity*",
+    ),  # law/local
     *("near_pose*", "near_fresh", "near_moving", "near_turn", "acting", "well", "fallbacks", "stays", "unsolved"),
     *("pivots", "copy*", "copy_velocity*", "mass*", "right*", "trial*"),
 )

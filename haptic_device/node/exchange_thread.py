@@ -7,9 +7,8 @@ import threading
 
 import numpy as np
 
-from haptic_device.law import contact
+from haptic_device.law import contact, servo
 from haptic_device.law import exchange as law
-from haptic_device.law import servo
 from haptic_device.node import wire
 from haptic_device.node.tap import Tap
 from haptic_device.runtime import clock, exchange, loop, rcl
@@ -33,7 +32,9 @@ class ExchangeThread:
         self._tap = Tap(node, "tool", "sensor_msgs/msg/JointState", wire.LATEST, raw=True)
         self.near_frame = exchange.make_near_frame(*wire.CloudLayout(wire.NEAR).fixed(contact.MOST))
         local = values["exchange.method"] == law.METHODS[law.LOCAL]
-        self._near = Tap(node, "local_contacts", "sensor_msgs/msg/PointCloud2", wire.LATEST, raw=True) if local else None
+        self._near = (
+            Tap(node, "local_contacts", "sensor_msgs/msg/PointCloud2", wire.LATEST, raw=True) if local else None
+        )
         self._compiled = threading.Event()
         self._thread = threading.Thread(target=self._run, name="exchange")
         self._thread.start()

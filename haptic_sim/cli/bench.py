@@ -8,6 +8,7 @@ import typer
 COMMANDS = {
     "exchange": "haptic_sim.cli.bench_exchange:exchange",
     "hard-cases": "haptic_sim.cli.bench_hard_cases:hard_cases",
+    "local": "haptic_sim.cli.bench_local:local",
     "reference": "haptic_sim.cli.bench_speed_error:reference",
     "speed-error": "haptic_sim.cli.bench_speed_error:speed_error",
 }

@@ -118,7 +118,9 @@ def _run(case, params, scene, motion):
     values = {node: {one.name: one.default for one in NODES[node]} | given.get(node, {}) for node in NODES}
     driver = values["haptic_driver"] | PATIENT | {"exchange.method": case.method, "exchange.rate": case.rate}
     loopback = values["haptic_loopback"] | motion | {"motion.duration": SECONDS}
-    simulation = Simulation(load(scene), values["haptic_simulation"]["sub_step"] or None, 0.5, port=port_of(case.method))
+    simulation = Simulation(
+        load(scene), values["haptic_simulation"]["sub_step"] or None, 0.5, port=port_of(case.method)
+    )
     network = Network(case.delay, case.jitter, case.loss, 1)
     system = Lockstep(load_device(driver["device"]), driver, loopback, simulation, network)
     rows, errors, given, supplied = [], [], 0.0, 0.0

@@ -15,7 +15,7 @@ from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import NodeDiedError, Nodes, Program, interruptible
 
 INTERRUPTED = 130
-FAR = {name: f"far_{name}" for name in ("handle", "tool", "local_contacts")}  # what a simulation behind a relay hears and says
+FAR = {name: f"far_{name}" for name in ("handle", "tool", "local_contacts")}  # topics of a simulation behind a relay
 _DELAY = "Round trip added between driver and simulation by a relay [ms]."
 _SECONDS = "Length from the first motor command on; without it the run ends with the operator's motion."
 

@@ -77,8 +77,14 @@ class Port:
     def lag(self, question: Question) -> float:
         """How old the tool sample was that the device used when it asked [s]: half way there already, half to come."""
         used = question.tail[exchange.ANSWERED]
-        return next((1e-9 * (question.handle.time_ns - time_ns) for sequence, time_ns in reversed(self._answers)
-                     if sequence == used), 0.0)
+        return next(
+            (
+                1e-9 * (question.handle.time_ns - time_ns)
+                for sequence, time_ns in reversed(self._answers)
+                if sequence == used
+            ),
+            0.0,
+        )
 
     def local_contacts(self, question: Question, common: dict[str, float], table: np.ndarray) -> bytes:
         """Bytes of the local contacts that go with the answer just given."""
@@ -87,7 +93,7 @@ class Port:
         near["answered_session"], near["answered"] = tail[exchange.SESSION], tail[exchange.SEQUENCE]
         for name, value in common.items():
             near[name] = value
-        near.view(np.float64).reshape(contact.MOST, -1)[:, len(contact.COMMON):] = table
+        near.view(np.float64).reshape(contact.MOST, -1)[:, len(contact.COMMON) :] = table
         return self._near_layout.pack(question.handle.time_ns, near)
 
     def _judge(self, arrays, tail, now_ns):

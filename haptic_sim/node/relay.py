@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_relay: a bad network between driver and simulation, to see what an exchange method makes of it.
 
-`handle` goes out on `far_handle`, `far_tool` comes in on `tool`, `far_local_contacts` on `local_contacts`, each message on its own way: delayed, lost, doubled
-and overtaken by others. The simulation is started with its two topics renamed so.
+`handle` goes out on `far_handle`, `far_tool` comes in on `tool`, `far_local_contacts` on `local_contacts`, each message
+on its own way: delayed, lost, doubled and overtaken by others. The simulation is started with its topics renamed so.
 """
 
 import heapq
