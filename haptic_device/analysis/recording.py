@@ -37,7 +37,10 @@ TRACE_UNITS = {
     "motor": "N | N·m",
     **{name: PORT_UNITS["position"] for name in ("tool_position", "position", "coupling_position")},
     **{name: PORT_UNITS["velocity"] for name in ("tool_velocity", "velocity", "coupling_velocity")},
-    "tool_effort": PORT_UNITS["effort"],
+    **{name: PORT_UNITS["effort"] for name in ("tool_effort", "exchange_effort")},
+    "exchange_tank": "J",
+    "contact_age": "s, -1 = none yet",
+    "tools_apart": "m",
     **{f"force_{what}": PORT_UNITS["effort"] for what in ("walls", "coupling", "cancellation", "gravity")},
     **{f"force_{what}": PORT_UNITS["effort"] for what in ("passivity", "on_handle")},
 }

@@ -45,7 +45,7 @@ MOBILITY, SLIP_MOBILITY, FORCE = range(19, 22)
 SET = np.dtype(
     [("number", "f8"), ("sent", "f8")] + [(name, "f8") for name in COMMON] + [("table", "f8", (MOST, len(EACH)))]
 )
-"""A set as the servo takes it: own count, deadline [ns] of the handle sample it answers, contacts."""
+"""A set as the servo takes it: sequence and deadline [ns] of the handle sample it answers, contacts."""
 
 PLACE = 5  # columns that `place` fills in: gap, normal, arm
 GAP_NOW, NX, NY, ARM_X, ARM_Y = range(PLACE)

@@ -66,10 +66,10 @@ def acts(settings, memory, row):
 @kernel
 def _is_near(settings, memory, row):
     """Whether the contacts are new enough, and both the copy and the simulation's tool where they were meant for."""
-    if age_of(memory, row) > settings.local_hold:
+    if row.contact_age > settings.local_hold:
         return False
     if memory.acting == AWAY:
-        _begin(settings, memory)
+        _begin(settings, memory, row)
     far_x = memory.copy[0] - memory.near_pose[0]
     far_y = memory.copy[1] - memory.near_pose[1]
     way = math.hypot(far_x, far_y) + memory.near_extent * abs(memory.copy[2] - memory.near_pose[2])
@@ -83,12 +83,6 @@ def apart(settings, memory, row):
     dx = row.tool_position[0] - memory.copy[0] + memory.copy_velocity[0] * age
     dy = row.tool_position[1] - memory.copy[1] + memory.copy_velocity[1] * age if settings.axes > 1.0 else 0.0
     return math.hypot(dx, dy)
-
-
-@kernel
-def age_of(memory, row):
-    """Age of the contacts [s]."""
-    return (row.deadline - memory.near_sent) * 1e-9
 
 
 @kernel
@@ -116,7 +110,7 @@ def take(memory, new):
 def move(settings, memory, row):
     """One tick of the copy; fills in the coupling's position and velocity of the row."""
     tank.take_returned(settings, memory, row)
-    age = age_of(memory, row)
+    age = row.contact_age
     if memory.near_fresh > 0.0:
         _rebase(settings, memory, age)
     _effective_mass(settings, memory, row)
@@ -137,12 +131,14 @@ def move(settings, memory, row):
 
 
 @kernel
-def _begin(settings, memory):
-    """The copy where the set position is, as fast as that was meant to be; axes that the device lacks stay."""
+def _begin(settings, memory, row):
+    """The copy where the set position is, as fast as the simulation's tool if the tank covers that; no axis more."""
     for i in range(AXES):
         there = i < settings.axes
         memory.copy[i] = memory.set[i] if there else memory.near_pose[i]
-        memory.copy_velocity[i] = memory.set_velocity[i] if there else 0.0
+        memory.copy_velocity[i] = row.tool_velocity[i] if there else 0.0
+    if kinetic(memory, settings.axes, memory.copy_velocity) > memory.tank:
+        memory.copy_velocity[:] = 0.0
 
 
 @kernel

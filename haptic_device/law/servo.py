@@ -57,7 +57,7 @@ INPUTS = (
     ),  # ns of CLOCK_MONOTONIC; s; s and s of the tick before; count
     *("parameter_version", "command", "latched", "counts*", "drag*", "device_status"),  # latched: ns, of the counts
     *("tool_session", "tool_sequence", "tool_answered", "tool_age", "tool_position*", "tool_velocity*", "tool_effort*"),
-    *("tool_contact", "tool_energy", "contact_set", "handle_sequence"),
+    *("tool_contact", "tool_energy", "contact_set", "contact_age", "handle_sequence"),
 )
 OUTPUTS = (
     *("position*", "velocity*", "coupling_position*", "coupling_velocity*"),  # handle and what the coupling pulls to

@@ -24,7 +24,7 @@ GAINS = np.dtype([(name, "f8") for name in exchange.TAIL[exchange.GAIN_0 : excha
 
 STATE = np.dtype(
     [(name, "f8") for name in ("session", "sequence", "method", "axes", "peer_session", "peer_answered")]
-    + [(name, "f8") for name in ("near_session", "near_answered", "near_scene", "near_number")]
+    + [(name, "f8") for name in ("near_session", "near_answered", "near_scene")]
     + [("peer_accepted", "i8"), ("clock_offset", "i8"), ("sent", "i8", (REMEMBERED,))]
     + [("composed", "i8", (REMEMBERED,)), ("turns", "i8"), ("round_trip", "i8", (REMEMBERED,))]
 )
@@ -186,8 +186,7 @@ def take_in_contacts(frame, size, state, watch, near, near_mail):
     watch[SEEN] += 1
     head, record = frame.numbers[0], near[0]
     state.near_session, state.near_scene, state.near_answered = head[0], head[4], head[3]
-    state.near_number += 1.0
-    record.number, record.sent = state.near_number, state.sent[int(head[3]) % REMEMBERED]
+    record.number, record.sent = head[3], state.sent[int(head[3]) % REMEMBERED]
     record.session, record.sequence, record.answered_session, record.answered = head[0], head[1], head[2], head[3]
     record.scene, record.offered, record.trust = head[4], head[5], head[6]
     record.mass, record.inertia, record.extent = head[7], head[8], head[9]

@@ -80,7 +80,7 @@ def run_realtime(
         row.lateness = (woke - deadline + late * period) * 1e-9
         row.command = atomic.load(control, COMMAND)
         fill_inputs(row, settings[0], tool[0], sample, fresh)
-        row.contact_set = memory[0].near_number
+        fill_contacts(row, memory[0])
         servo.tick(settings[0], memory[0], row)
         motor[:] = row.motor
         written = clock.now_ns(scratch)
@@ -138,6 +138,13 @@ def fill_inputs(row, settings, tool, sample, fresh):
 
 
 @kernel
+def fill_contacts(row, memory):
+    """Which set of local contacts counts in this tick, and its age [s]; −1: none yet."""
+    row.contact_set = memory.near_number
+    row.contact_age = (row.deadline - memory.near_sent) * 1e-9 if memory.near_number > 0.0 else -1.0
+
+
+@kernel
 def run_lockstep(settings, memory, rows, tool, plant, plant_memory, motion, start, first, write_delay, command):
     """rows.size ticks without clock, the first of number `first` at time start [ns], against the plant itself.
 
@@ -153,6 +160,6 @@ def run_lockstep(settings, memory, rows, tool, plant, plant_memory, motion, star
         row.tick, row.deadline, row.missed, row.compute = first + k, deadline, 0, 0.0
         row.lateness, row.write_delay, row.command = write_delay * 1e-9, write_delay * 1e-9, command
         fill_inputs(row, settings[0], tool[0], sample, 1)
-        row.contact_set = memory[0].near_number
+        fill_contacts(row, memory[0])
         servo.tick(settings[0], memory[0], row)
         loopback.command(plant[0], plant_memory[0], motion[0], deadline + write_delay, row)

@@ -59,8 +59,9 @@ def local(
         return
     typer.echo("servo Hz  method  coupling N/m  felt N/m  share  drag N s/m  mass kg  ratio 1/s  given mJ  local")
     for (hertz, name), one in felt.items():
-        typer.echo(f"{hertz:8.0f}  {name:6} {one.coupling:13.0f} {one.stiffness:9.0f} {one.stiffness / one.coupling:6.3f}"
-                   f" {one.drag:11.4f} {one.mass:8.4f} {one.stiffness / max(1e-3, abs(one.drag)):10.3g}"
+        typer.echo(f"{hertz:8.0f}  {name:6} {one.coupling:13.0f} {one.stiffness:9.0f}"
+                   f" {one.stiffness / one.coupling:6.3f} {one.drag:11.4f} {one.mass:8.4f}"
+                   f" {one.stiffness / max(1e-3, abs(one.drag)):10.3g}"
                    f" {one.given * 1e3:9.3f} {one.local:6.3f}")  # fmt: skip
     typer.echo(
         "\nscene          network            tool RMS mm  force RMS diff  mean force  rough  fallbacks  local  given mJ"
