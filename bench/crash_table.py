@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 
 from haptic_device.analysis.recording import load
 from haptic_device.node.recovery import recovered
-from haptic_sim.cli.demo import Order, _programs
+from haptic_sim.cli.demo import Order, programs_of
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes
 
@@ -25,7 +25,7 @@ from haptic_sim.cli.processes import Nodes
 def kill_one(folder, wait, rate):
     """A system whose recorder dies so long [s] after its first tick; time of its death on the system clock [ns]."""
     bag = folder / "bag"
-    programs = _programs(Order("peg_in_hole", None, folder, None, rate, Path("config/demo.yaml").absolute()))
+    programs = programs_of(Order("peg_in_hole", None, folder, None, rate, Path("config/demo.yaml").absolute()))
     with isolated_domain(folder / "log"), Nodes(folder / "log") as nodes:
         for program in programs:
             nodes.start(program)

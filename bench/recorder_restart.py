@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 from haptic_device.analysis.recording import load
-from haptic_sim.cli.demo import Order, _programs
+from haptic_sim.cli.demo import Order, programs_of
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes
 
@@ -74,7 +74,7 @@ def main():
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
     base = given.out or Path(tempfile.mkdtemp(prefix="haptic_restarts_"))
-    recorder, *others = _programs(Order("peg_in_hole", None, base, None, None, Path("config/demo.yaml").absolute()))
+    recorder, *others = programs_of(Order("peg_in_hole", None, base, None, None, Path("config/demo.yaml").absolute()))
     print("| start | heard the trace after s | topics |")
     with isolated_domain(base / "log"), Nodes(base / "log") as nodes:
         for program in others:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_device.analysis.recording import load
-from haptic_sim.cli.demo import Order, _programs
+from haptic_sim.cli.demo import Order, programs_of
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.live import Live
 from haptic_sim.cli.processes import Nodes
@@ -42,7 +42,7 @@ class Seen(NamedTuple):
 
 def run(rate, seconds, folder, recorded):
     """The system for so long."""
-    programs = _programs(Order("peg_in_hole", seconds, folder, None, rate, Path("config/demo.yaml").absolute()))
+    programs = programs_of(Order("peg_in_hole", seconds, folder, None, rate, Path("config/demo.yaml").absolute()))
     programs = [program for program in programs if recorded or program.name != "haptic_recorder"]
     with isolated_domain(folder / "log") as domain, Nodes(folder / "log") as nodes:
         for program in programs:

@@ -11,6 +11,7 @@ COMMANDS = {
     "exchange": "haptic_sim.cli.bench_exchange:exchange",
     "hard-cases": "haptic_sim.cli.bench_hard_cases:hard_cases",
     "load": "haptic_sim.cli.bench_load:load",
+    "local": "haptic_sim.cli.bench_local:local",
     "reference": "haptic_sim.cli.bench_speed_error:reference",
     "servo": "haptic_sim.cli.bench_servo:servo",
     "speed-error": "haptic_sim.cli.bench_speed_error:speed_error",

@@ -16,7 +16,7 @@ from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import NodeDiedError, Nodes, Program, interruptible
 
 INTERRUPTED = 130
-FAR = {"handle": "far_handle", "tool": "far_tool"}  # what a simulation behind a relay hears and says
+FAR = {name: f"far_{name}" for name in ("handle", "tool", "local_contacts")}  # topics of a simulation behind a relay
 _DELAY = "Round trip added between driver and simulation by a relay [ms]."
 _SECONDS = "Length from the first motor command on; without it the run ends with the operator's motion."
 
@@ -65,7 +65,7 @@ def demo(
             relay = Relay(delay * 1e-3, jitter * 1e-3, loss)
             order = order._replace(relay=relay if any(relay) else None)
             page = {"host": host, "port": port}
-            done = viewing.play(order, _programs, Relay, page) if view else run(order, started, json)
+            done = viewing.play(order, programs_of, Relay, page) if view else run(order, started, json)
     except KeyboardInterrupt:
         print("haptic demo: interrupted; all nodes have ended", file=sys.stderr, flush=True)
         os._exit(INTERRUPTED)  # an interrupt that struck inside exec() would otherwise end python by SIGINT

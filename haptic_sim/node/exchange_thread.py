@@ -44,8 +44,9 @@ class ExchangeThread:
     its own comes out of the constructor.
     """
 
-    def __init__(self, node, simulation: Simulation, port: Port, publisher, prepare):
-        self.simulation, self.port, self._publisher, self._prepare = simulation, port, publisher, prepare
+    def __init__(self, node, simulation: Simulation, port: Port, publishers, prepare):
+        self.simulation, self.port, self._prepare = simulation, port, prepare
+        self._publisher, self._near_publisher = publishers  # of tool, of local_contacts or None
         self._node = node
         self._subscription = node.create_subscription(
             JointState, "handle", lambda data: None, LATEST, raw=True, callback_group=Untouched()
@@ -95,6 +96,7 @@ class ExchangeThread:
 
     def _exchange_world(self, simulation):
         self.simulation, self.port.home = simulation, simulation.scene.tool.pose
+        self.port.scene += 1
 
     def _fall_silent(self):
         self._silent_until_ns = time.monotonic_ns() + SILENCE_NS
@@ -142,6 +144,10 @@ class ExchangeThread:
         answer = self.port.answer(question, self.simulation.exchange(self._faded(question.handle, now_ns)))
         self.compute_ns.append(time.perf_counter_ns() - began)
         self._publisher.publish(answer)
+        if self._near_publisher is not None:
+            near = self.simulation.local_contacts
+            near.look(self.port.lag(question))
+            self._near_publisher.publish(self.port.local_contacts(question, near.common, near.table))
         self.answered += 1
         self._handle = question.handle.position
         self._showing.show(self.simulation, self._handle, time.monotonic_ns())
