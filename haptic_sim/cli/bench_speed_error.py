@@ -68,8 +68,9 @@ def _jobs(scenes, methods, steps):
 
     jobs = {}
     for name in scenes:
-        reference(name)
-        wanted = [step for step in case(name).steps if steps is None or step in steps]
+        found = case(name)
+        reference(name)  # a case without one is refused before anything runs
+        wanted = [step for step in found.steps if steps is None or step in steps]
         jobs |= {f"{name}, {method}, {step * 1e-3:g} ms": (name, method, step) for method in methods for step in wanted}
     return jobs
 
