@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The contacts that a simulation sends along with its tool: what the servo's own tool may touch until the next set.
 
-Features and their ranking: method/nearby. What another body gives way by comes from its mass and its joints; one that
-stands still although the tool presses on it is held by friction, and gives way by nothing.
+Features and their ranking: method/nearby. What another body gives way by comes from its mass and its joints. One that
+the tool presses on already, or that dry friction holds in a joint, gives way by nothing: it moves as the simulation
+says.
 """
 
 import math
@@ -16,7 +17,6 @@ from haptic_sim.method import Method, nearby
 from haptic_sim.scene import Scene
 
 AHEAD = 2.0  # exchange periods by which a contact must be known before it matters
-AT_REST = 1e-4  # [m/s] of a body at the contact: what friction holds creeps no faster
 NEAR = 2e-3  # [m] between a contact that pressed and the pair of features that it is taken for
 
 
@@ -41,6 +41,8 @@ class LocalContacts:
         self._candidates = np.zeros((nearby.MOST, nearby.COLUMNS))
         self._free = [_mobility(model, body) for body in range(len(model.mass))]
         self._moving = [body for body in range(1, len(model.mass)) if not model.fixed[body]]
+        self._dry = {int(body) for joint, bodies in enumerate(model.joint_bodies) if model.joint_friction[joint] > 0.0
+                     for body in bodies}  # fmt: skip
         self._held_by_joint = any(0 in bodies for bodies in model.joint_bodies.tolist())
         self._extent = max(
             math.hypot(x, y) + radius
@@ -100,8 +102,7 @@ class LocalContacts:
                 for f in pressed
                 if f.body_b == self._names[self._other(one)] and math.dist(f.point, place) < NEAR
             )
-            surface = abs(nx * one[contact.VELOCITY_X] + ny * one[contact.VELOCITY_Y])
-            held = surface < AT_REST and any(f.body_b == self._names[self._other(one)] for f in pressed)
+            held = body in self._dry or any(f.body_b == self._names[self._other(one)] for f in pressed)
             one[contact.MOBILITY] = 0.0 if held else self._mobility_along(body, place, nx, ny)
             one[contact.SLIP_MOBILITY] = 0.0 if held else self._mobility_along(body, place, -ny, nx)
 
