@@ -157,7 +157,7 @@ def _advance(place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low
 def _advance_drawn(rules, memory, place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low, high, h, count):
     """`_advance` with the handle of each sub-step as law/port drives it; what is supplied leaves the tank."""
     force = push = (0.0, 0.0, 0.0)
-    supplied = most = 0.0
+    supplied = most = taken = 0.0
     for k in range(1, count + 1):
         s = k / count
         r = 1.0 - s
@@ -168,10 +168,10 @@ def _advance_drawn(rules, memory, place, rate, p0, v0, p1, v1, stiffness, dampin
         speed = memory[port.SPEED], memory[port.SPEED + 1], memory[port.SPEED + 2]
         ways = aim, speed, aim, speed
         made = _advance(place, rate, *ways, stiffness, damping, mass, gravity, low, high, h, 1)
-        place, rate, force, push, given, pressed = made
+        place, rate, force, push, given, pressed, lost = made
         memory[port.TANK] -= given
-        supplied, most = supplied + given, max(most, pressed)
-    return place, rate, force, push, supplied, most
+        supplied, most, taken = supplied + given, max(most, pressed), taken + lost
+    return place, rate, force, push, supplied, most, taken
 
 
 @kernel
