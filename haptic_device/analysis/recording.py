@@ -124,7 +124,7 @@ class Recording:
 
     def statuses(self, node: str) -> tuple[Status, ...]:
         """What the named node said on /diagnostics, oldest first; empty if it never spoke."""
-        found = (name for name in self.diagnostics if node in name.replace(":", "/").split("/"))
+        found = (name for name in self.diagnostics if name.rsplit("/", 1)[-1] == node)  # not those of its figures
         return tuple(sorted((status for name in found for status in self.diagnostics[name]), key=lambda s: s.time))
 
     def last_values(self, node: str) -> dict[str, str]:
