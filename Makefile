@@ -6,18 +6,20 @@ SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+BROWSER := $(VENV)/.browser
 
 # The environment in .venv is complete; a ROS 2 sourced in this shell must not mix with it, and the start-up guard of the
 # wheels must not be inherited from another environment.
 unexport PYTHONPATH PYTHONHOME LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup demo test docs clean
+.PHONY: help setup demo test test-browser docs clean
 
 help:
 	@echo "make setup   create .venv with everything (no root needed)"
 	@echo "make demo    peg into hole through three live nodes; options: make demo ARGS='--seconds 20'"
 	@echo "make test    lint, import contracts, tests, and a short live demo"
 	@echo "make docs    write docs/parameters.md and docs/faults.md from the code"
+	@echo "make test-browser   the page in a real Chromium; as root it installs one if there is none"
 	@echo "make clean   remove .venv and everything built"
 
 setup: $(READY)
@@ -56,6 +58,14 @@ test: setup
 	$(BIN)/python -m pytest
 	@rm -rf build/test-demo
 	$(BIN)/haptic demo --seconds 6 --out build/test-demo
+
+test-browser: setup $(BROWSER)
+	$(BIN)/python test/browser/chromium.py
+	$(BIN)/python -m pytest test/browser
+
+$(BROWSER): $(READY)
+	@$(BIN)/python -m pip install -q --disable-pip-version-check -c constraints.txt -e '.[browser]'
+	@touch $@
 
 docs: setup
 	$(BIN)/haptic docs --out docs/parameters.md

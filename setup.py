@@ -18,11 +18,17 @@ BENCH = [
     "Box2D>=2.3.10",
     "mujoco>=4",
 ]
+SWEEP = ["distributed>=2024.8"]
+BROWSER = [
+    "axe-playwright-python>=0.1.4",
+    "playwright>=1.50",
+]
 TEST = [
     "colcon-common-extensions>=0.3",
     "hypothesis>=6.100",
     "import-linter>=2.3",
     *DATAFRAME,
+    *SWEEP,
     "pytest>=8",
     "pytest-timeout>=2.3",
     "ros-jazzy-domain-coordinator>=0.12",
@@ -33,7 +39,7 @@ TEST = [
 
 def installed_files():
     """(target folder, files) pairs: everything that is not a Python module, in the places where ROS 2 looks."""
-    kinds = (".yaml", ".xml", ".json")
+    kinds = (".yaml", ".xml", ".json", ".rviz")
     files = sorted(path for path in Path("config").rglob("*") if path.suffix in kinds)
     folders = sorted({path.parent for path in files})
     config = [(f"{SHARE}/{folder}", [str(path) for path in files if path.parent == folder]) for folder in folders]
@@ -53,10 +59,11 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=["haptic_device", "haptic_device.*", "haptic_sim", "haptic_sim.*"]),
-    package_data={"haptic_sim.bench": ["converged/*.csv"]},
+    package_data={"haptic_sim.bench": ["converged/*.csv"], "haptic_sim.viewer": ["web/*"]},
     data_files=installed_files(),
     zip_safe=False,
     install_requires=[
+        "aiohttp>=3.9",
         "llvmlite>=0.43",
         "matplotlib>=3.8",
         "mcap>=1.6",
@@ -73,7 +80,9 @@ setup(
         "typer>=0.12",
         "zstandard>=0.22",
     ],
-    extras_require={"bench": BENCH, "dataframe": DATAFRAME, "ros": ROS, "test": TEST},
+    extras_require={
+        "bench": BENCH, "browser": BROWSER, "dataframe": DATAFRAME, "ros": ROS, "sweep": SWEEP, "test": TEST,
+    },
     entry_points={
         "console_scripts": [
             "haptic = haptic_sim.cli.main:main",
@@ -81,6 +90,7 @@ setup(
             "haptic_loopback = haptic_device.node.loopback:main",
             "haptic_recorder = haptic_device.node.recorder:main",
             "haptic_simulation = haptic_sim.node.simulation:main",
+            "haptic_viewer = haptic_sim.viewer.viewer:main",
         ],
     },
 )

@@ -1,64 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`@kernel`: numba's nogil compilation with a cache that cannot hold a stale law.
+"""`@kernel`: a function that Python calls as a whole, and other kernels take in as a part (whole.py)."""
 
-numba's own cache looks only at the file of the function that was called; an edit of a law in another file would go
-unseen. Here the cache folder's name is a digest of every source that can reach a kernel, of numba, of python and of
-the CPU: any change is a new folder.
-"""
-
-import hashlib
-import os
-import shutil
-import sys
-import tempfile
-from pathlib import Path
-
-import llvmlite.binding
 import numba
 
-ROOMS = ("haptic_device/law", "haptic_device/runtime", "haptic_sim/method")
-KEPT = 4  # folders; older ones are removed
-ERROR_MODEL = "numpy"  # division by zero follows IEEE 754, nothing raises
-
-
-def sources_digest():
-    """Digest of all kernel sources, numba, python and CPU; 16 hexadecimal digits."""
-    root = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256()
-    for part in (numba.__version__, sys.version, llvmlite.binding.get_host_cpu_name()):
-        digest.update(part.encode())
-    rooms = (file for room in ROOMS for file in sorted((root / room).glob("*.py")))
-    for source in (Path(__file__), root / "haptic_device/whole.py", *rooms):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def cache_folder():
-    """This code's own folder under the user's cache, newest last used; made here, older ones pruned."""
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "haptic_display"
-    folder = base / sources_digest()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        folder.touch()
-        for old in sorted(base.iterdir(), key=_last_used)[:-KEPT]:
-            shutil.rmtree(old, ignore_errors=True)
-    except OSError:  # no cache to be had: compiled anew each time
-        return Path(tempfile.mkdtemp(prefix="haptic_display_"))
-    return folder
-
-
-def _last_used(entry):
-    try:
-        return entry.stat().st_mtime
-    except FileNotFoundError:  # another process prunes too
-        return 0.0
-
-
-numba.config.CACHE_DIR = str(cache_folder())
+from haptic_device.whole import part, whole
 
 
 def kernel(*signature):
-    """As `numba.njit(nogil=True, cache=True)`; division by zero follows IEEE 754, nothing raises."""
-    if signature and callable(signature[0]):
-        return kernel()(signature[0])
-    return numba.njit(*signature, nogil=True, cache=True, error_model=ERROR_MODEL)
+    """As `numba.njit(nogil=True, cache=True)`; division by zero follows IEEE 754, nothing raises.
+
+    With a signature it is compiled at once, and is for Python and function pointers.
+    """
+    if not signature or not callable(signature[0]):
+        return lambda function: whole(function, *signature)
+    made = whole(*signature)
+    if not numba.config.DISABLE_JIT:
+        below = part(made.py_func, arrays=True)
+        made.get_call_template, made.get_overload = below.get_call_template, below.get_overload
+    return made

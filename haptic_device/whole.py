@@ -15,24 +15,27 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.typed_passes import NativeLowering
 
-from haptic_device import kernel  # its cache folder is for these kernels too
+from haptic_device import cache
+
+ERROR_MODEL = "numpy"  # division by zero follows IEEE 754, nothing raises
 
 
-def part(function):
-    """A function of kernels: called by `whole` ones and other parts, TypeError if by Python."""
+def part(function, arrays=False):
+    """A function of kernels: called by `whole` ones and other parts, TypeError if by Python; may it make arrays?"""
     made = numba.njit(pipeline_class=_compiler(_PartLowering), no_cpython_wrapper=True, no_cfunc_wrapper=True,
-                      _nrt=False, **_OPTIONS)(function)
+                      _nrt=arrays, **_OPTIONS)(function)
     if not numba.config.DISABLE_JIT:
         _ignore_literals(made)
     return made
 
 
-def whole(function):
-    """As `kernel`, and all the parts it calls are compiled with it."""
-    return numba.njit(pipeline_class=_compiler(_WholeLowering), cache=True, **_OPTIONS)(function)
+def whole(function, *signature):
+    """A kernel that Python calls; all the parts it calls are compiled with it. With a signature, at once."""
+    numba.config.CACHE_DIR = cache.FOLDER
+    return numba.njit(*signature, pipeline_class=_compiler(_WholeLowering), cache=True, **_OPTIONS)(function)
 
 
-_OPTIONS = {"nogil": True, "error_model": kernel.ERROR_MODEL}
+_OPTIONS = {"nogil": True, "error_model": ERROR_MODEL}
 
 
 def _ignore_literals(made):

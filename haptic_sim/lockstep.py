@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_device import operating
-from haptic_device.law import engage, servo
+from haptic_device.law import contact, engage, exchange, local, servo
 from haptic_device.runtime import loop
 from haptic_sim.simulation import HandleSample, Simulation
 
@@ -52,6 +52,7 @@ class Lockstep:
         self.exchange_period = SECOND / driver["exchange.rate"]
         self.write_delay, self.command = round(write_delay * SECOND), engage.ENABLE
         self._random = np.random.default_rng(network.seed)
+        self.near, self._local = np.zeros(1, contact.SET), driver["exchange.method"] == exchange.METHODS[exchange.LOCAL]
         self._sent, self._asked = 0, 0  # handle samples sent; the newest that the simulation has taken
         self._going, self._coming = [], []  # on their way: (arrival [ns], sequence, sent [ns], sample)
 
@@ -97,11 +98,28 @@ class Lockstep:
         for arrival, sequence, sent, handle in landed:
             if sequence > self._asked:
                 self._asked = sequence
-                self._fly(self._coming, arrival, sequence, sent, self.simulation.exchange(handle))
+                answer = self.simulation.exchange(handle), self._look()
+                self._fly(self._coming, arrival, sequence, sent, answer)
         landed, self._coming = _split(self._coming, deadline)
-        for _, sequence, sent, sample in landed:
+        for _, sequence, sent, (sample, near) in landed:
             if sequence > self.tool["answered"][0]:
                 self._take(sequence, sent, sample)
+                if near is not None:
+                    self._take_contacts(sequence, sent, *near)
+
+    def _look(self):
+        """The local contacts that go with an answer: what a set says once, and its table."""
+        if not self._local:
+            return None
+        near = self.simulation.local_contacts
+        near.look(self.network.delay + self.exchange_period / SECOND)
+        return near.common, near.table.copy()
+
+    def _take_contacts(self, sequence, sent, common, table):
+        self.near["number"], self.near["sent"], self.near["table"] = sequence, sent, table
+        for name, value in common.items():
+            self.near[name] = value
+        local.take(self.memory[0], self.near[0])
 
     def _fly(self, flying, now, sequence, sent, sample):
         """Puts a sample on its way, unless it is lost."""

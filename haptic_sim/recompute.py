@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.law import servo
+from haptic_device.law import contact, servo
 from haptic_device.runtime import recompute
 
 BLOCK = 100_000  # ticks computed at a time
@@ -23,18 +23,34 @@ class Verdict(NamedTuple):
     columns: tuple[str, ...]
 
 
-def verdict_on(trace: np.ndarray, snapshots: np.ndarray) -> Verdict:
+def contact_sets(points: np.ndarray | None) -> np.ndarray:
+    """SET records of the points of `local_contacts`; none where it was not recorded."""
+    if points is None:
+        return np.zeros(0, contact.SET)
+    heads = points.reshape(-1, contact.MOST)
+    sets = np.zeros(len(heads), contact.SET)
+    for name in contact.COMMON:
+        sets[name] = heads[name][:, 0]
+    sets["number"] = sets["answered"]
+    sets["table"] = np.stack([heads[name] for name in contact.EACH], axis=-1)
+    return sets[np.argsort(sets["number"], kind="stable")]
+
+
+def verdict_on(trace: np.ndarray, snapshots: np.ndarray, points: np.ndarray | None = None) -> Verdict:
     """Computes every tick of the trace again that follows a snapshot without a gap, or begins at tick 0.
+
+    points: of `local_contacts`, if they were recorded.
 
     Raises ValueError if trace or snapshots are of another version of the servo, or there is no snapshot at all.
     """
     _check(trace, snapshots)
+    sets = contact_sets(points)
     same, done, first, columns, different = 0, 0, None, set(), 0
     for begin, end, settings, memory in _stretches(trace, snapshots):
         for at in range(begin, end, BLOCK):
             recorded = trace[at : min(end, at + BLOCK)]
             again = recorded.copy()
-            recompute.recompute(settings, memory, again)
+            recompute.recompute(settings, memory, again, sets)
             wrong = _differences(recorded, again)
             done += len(recorded)
             same += len(recorded) - int(wrong.sum())

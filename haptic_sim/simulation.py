@@ -6,11 +6,12 @@ sub-steps, and carries the remainder in integer nanoseconds. Within it the handl
 the newest sample.
 """
 
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 from haptic_sim.compile import compile_scene
 from haptic_sim.energy import Ledger
+from haptic_sim.local_contacts import LocalContacts
 from haptic_sim.method import Coupling
 from haptic_sim.method.registry import make
 from haptic_sim.method.stepwise import step_by_step, through_port
@@ -128,6 +129,11 @@ class Simulation:
         exchanges, sub_steps, *others = self.counters
         self.counters = Counters(exchanges + 1, sub_steps + count, *others)
         return self._sample(touched)
+
+    @cached_property
+    def local_contacts(self) -> LocalContacts:
+        """What the tool can touch, for the exchange method `local`."""
+        return LocalContacts(self.scene, self.method)
 
     def measure(self) -> dict[str, float]:
         """What the scene reports: name → fraction."""

@@ -199,4 +199,5 @@ def port_of(method: str, budget: float = BUDGET, limits: Limits = LIMITS) -> Por
     """The port of an exchange method; ValueError if there is none of this name."""
     if method not in exchange.METHODS:
         raise ValueError(f"exchange.method is {method}; there are {', '.join(exchange.METHODS)}")
-    return {"direct": Direct, "wave": lambda: Waves(limits), "pspm": lambda: Modulated(budget, limits)}[method]()
+    made = {"direct": Direct, "wave": lambda: Waves(limits)}
+    return made.get(method, lambda: Modulated(budget, limits))()

@@ -34,9 +34,13 @@ def tree(tmp_path):
 
 
 ASK = """
-    from haptic_device import kernel
-    from haptic_device.law import coupling
-    print(kernel.__file__, kernel.sources_digest(), kernel.cache_folder(), coupling.coupling_force(2.0, 0.0, 3.0, 0.0))
+    import numpy as np
+    from haptic_device import cache
+    from haptic_device.runtime import zwidth_cell
+    setup = np.zeros(1, zwidth_cell.CELL)
+    setup["resolution"] = 1.0
+    reading = zwidth_cell._read(setup.view(np.recarray)[0], 6.2)  # by law/encoder.py, which is a part of it
+    print(cache.__file__, cache.sources_digest(), cache.FOLDER, reading)
 """
 
 
@@ -45,16 +49,18 @@ def test_an_edited_law_is_compiled_anew_and_an_old_one_is_never_run(tree, tmp_pa
     before = python(ASK, tree, **cache)
     assert before[0].startswith(str(tree)) and before[2].startswith(str(tmp_path / "cache")) and before[3] == "6.0"
     assert python(ASK, tree, **cache) == before
-    law = tree / "haptic_device/law/coupling.py"
-    law.write_text(law.read_text().replace("stiffness * stretch + damping", "2.0 * stiffness * stretch + damping"))
+    law = tree / "haptic_device/law/encoder.py"
+    law.write_text(law.read_text().replace("return counts * position", "return 2.0 * counts * position"))
     after = python(ASK, tree, **cache)
     assert after[1] != before[1] and after[2] != before[2] and after[3] == "12.0"
 
 
-DIGEST = "from haptic_device import kernel; print(kernel.sources_digest())"
+DIGEST = "from haptic_device import cache; print(cache.sources_digest())"
 
 
-@pytest.mark.parametrize("source", ["haptic_device/runtime/loop.py", "haptic_device/kernel.py"])
+@pytest.mark.parametrize(
+    "source", ["haptic_device/runtime/loop.py", "haptic_device/kernel.py", "haptic_device/whole.py"]
+)
 def test_any_source_that_can_reach_a_kernel_changes_the_digest(tree, tmp_path, source):
     cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     before = python(DIGEST, tree, **cache)
@@ -67,7 +73,7 @@ def test_folders_of_old_sources_are_removed_and_the_own_one_stays(tmp_path):
         old = tmp_path / "haptic_display" / f"old{i}"
         old.mkdir(parents=True)
         os.utime(old, (i, i))
-    [own] = python("from haptic_device import kernel; print(kernel.cache_folder())", XDG_CACHE_HOME=str(tmp_path))
+    [own] = python("from haptic_device import cache; print(cache.FOLDER)", XDG_CACHE_HOME=str(tmp_path))
     left = {path.name for path in (tmp_path / "haptic_display").iterdir()}
     assert Path(own).name in left and len(left) == 4
     assert "old0" not in left and "old8" in left
@@ -126,6 +132,7 @@ def twice(x):
 
 def test_a_whole_computes_with_its_parts_and_compiles_each_once_for_all_integers():
     assert twice(1.5) == 2.0 * (1.5 * 3.0 + 1.5)
+    twice.recompile()  # the first call may have come from the cache
     assert len(scaled.signatures) == len(sum_of.signatures) == 1
 
 

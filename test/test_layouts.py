@@ -6,8 +6,11 @@ import re
 from pathlib import Path
 from xml.etree import ElementTree
 
+import yaml
+
 from haptic_device.node.recorder import KNOWN
 from haptic_device.node.wire import AXES, exchange_names, truth_names
+from haptic_sim.node.showing import FRAME
 
 LAYOUTS = Path(__file__).parents[1] / "config" / "layouts"
 NAMES = {
@@ -57,3 +60,10 @@ def test_every_path_of_foxglove_is_an_entry_of_a_recorded_topic():
     assert truth_names(3)[6] == "energy_given" and "/haptic/operator/state.position[6]" in paths
     for topic in layout["configById"]["3D!plane"]["topics"]:
         assert topic.removeprefix("/haptic/") in KNOWN or topic in OWN
+
+
+def test_rviz_shows_the_markers_in_their_frame():
+    manager = yaml.safe_load((LAYOUTS / "haptic.rviz").read_text())["Visualization Manager"]
+    topics = {display["Topic"]["Value"] for display in manager["Displays"] if "Topic" in display}
+    assert topics <= OWN and manager["Global Options"]["Fixed Frame"] == FRAME
+    assert json.loads((LAYOUTS / "foxglove.json").read_text())["configById"]["3D!plane"]["followTf"] == FRAME

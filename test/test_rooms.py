@@ -3,7 +3,7 @@
 
 from pathlib import Path
 
-from haptic_device.kernel import ROOMS
+from haptic_device.cache import ROOMS
 
 ROOT = Path(__file__).parent.parent
 

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from haptic_device.law import coupling, engage, servo
+from haptic_device.law import complementarity, contact, coupling, engage, exchange, servo
 
 compiled = numba.njit(error_model="numpy")  # anew in each process: the cache knows the laws' rooms only
 MOVED, POSITION, VELOCITY, AGE, CONTACT, ENERGY, EFFORT, LOST, DEVICE = range(9)
@@ -71,6 +71,8 @@ def energy_given(settings, memory, row, path, scale, adversary, watched):
             if not stale:
                 record.latched, record.counts[0] = record.deadline, np.round(position / step)
             _sample(record, path, k, scale, past, adversary, period)
+            if settings[0].exchange_method == exchange.LOCAL and not path[k, LOST] < adversary.loss:
+                _contacts(memory[0], record, path[k], scale, position, k)
             before, faded, handle = record.coupling_position[0], record.exchange_fade, record.position[0]
             servo.tick(settings[0], memory[0], record)
             there, gone = _spring(settings, before, record.position[0]), _spring(settings, before, handle)
@@ -124,6 +126,25 @@ def _sample(record, path, k, scale, past, adversary, period):
     record.tool_position[0] = 0.0 if held else past[then]
     record.tool_velocity[0] = 0.0 if held else (past[then] - past[max(0, then - 1)]) / period
     record.tool_age = late * period
+
+
+@compiled
+def _contacts(memory, record, genes, scale, position, k):
+    """Local contacts that say what they like: two planes anywhere, moving, giving way, rebounding, in turn renamed."""
+    memory.near_number, memory.near_trust = k + 1.0, 1.0 if genes[AGE] < 2.5 else 0.0
+    record.contact_age = 0.01 * abs(genes[AGE])
+    memory.near_mass, memory.near_inertia, memory.near_fresh, memory.near_moving = 0.1, 1e-4, 1.0, 1.0
+    for i in range(2):
+        one, side = memory.near[i], 1.0 if (genes[CONTACT] > 0.0) == (i == 0) else -1.0
+        identity = 1.0 + i + (2.0 if genes[ENERGY] > 1.0 else 0.0)
+        if one[contact.IDENTITY] != identity:
+            memory.rows[i, complementarity.MODE] = complementarity.OPEN
+        one[contact.IDENTITY], one[contact.KIND], one[contact.NORMAL_X] = identity, contact.FLAT_THERE, side
+        at = genes[POSITION] if i == 0 else genes[EFFORT]
+        one[contact.POINT_X] = position + at * scale[POSITION]
+        one[contact.VELOCITY_X] = genes[VELOCITY] * scale[VELOCITY]
+        one[contact.RESTITUTION] = min(1.0, abs(genes[AGE]))
+        one[contact.MOBILITY], one[contact.FORCE] = max(0.0, genes[ENERGY]) * 10.0, 3.0 * genes[EFFORT]
 
 
 def engaged():

@@ -41,6 +41,8 @@ TRACE_UNITS = {
     **{name: PORT_UNITS["position"] for name in ("tool_position", "position", "coupling_position")},
     **{name: PORT_UNITS["velocity"] for name in ("tool_velocity", "velocity", "coupling_velocity")},
     "tool_effort": PORT_UNITS["effort"],
+    "contact_age": "s, -1 = none yet",
+    "tools_apart": "m",
     **{f"force_{what}": PORT_UNITS["effort"] for what in ("walls", "coupling", "cancellation", "gravity")},
     **{f"force_{what}": PORT_UNITS["effort"] for what in ("passivity", "on_handle")},
 }

@@ -7,13 +7,13 @@ import os
 import zipfile
 import zlib
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from haptic_device.analysis.quantity import finite, not_negative
+from haptic_device.analysis.sweep import spread
 from haptic_device.analysis.zwidth import SHAKING, Outcome, Setup, check_setup, operators_of, run_cells, theory
 
 SAVE_EVERY = 16  # rows between two writes of the resume file
@@ -41,12 +41,17 @@ class Plane(NamedTuple):
 
 
 def draw_map(
-    request: Request, workers: int, resume: Path | None = None, progress: Callable = lambda done: None
+    request: Request,
+    workers: int,
+    resume: Path | None = None,
+    progress: Callable = lambda done: None,
+    scheduler: str = "",
 ) -> Plane:
     """Runs all rows that `resume` does not hold yet; it is written as rows come, and when interrupted.
 
-    The kernel holds no interpreter lock, so threads are enough. progress(rows done) is called after each. Raises
-    ValueError, one sentence, for values that cannot be and for a resume file that is not this map's.
+    By threads, or by the workers of a Dask scheduler (sweep.spread). progress(rows done) is called after each. Raises
+    ValueError, one sentence, for values that cannot be, for a resume file that is not this map's, for a scheduler that
+    is not there.
     """
     check_setup(request.setup)
     not_negative("stiffness", request.stiffness, "N/m")
@@ -55,18 +60,15 @@ def draw_map(
     plane = _read(resume, request) if resume is not None and resume.exists() else _empty(request)
     todo = np.flatnonzero(~plane.done)
     progress(int(plane.done.sum()))
-    with _saving(resume, request, plane) as save, ThreadPoolExecutor(workers) as pool:
-        rows = {
-            pool.submit(run_cells, request.setup, operators, request.stiffness, request.damping[i]): i for i in todo
-        }
-        try:
-            for finished in as_completed(rows):
-                _keep(plane, rows[finished], finished.result())
-                progress(int(plane.done.sum()))
-                save(int(plane.done.sum()))
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    rows = {int(i): (request.setup, operators, request.stiffness, request.damping[i]) for i in todo}
+    with (
+        _saving(resume, request, plane) as save,
+        contextlib.closing(spread(run_cells, rows, workers, scheduler)) as results,
+    ):
+        for row, outcome in results:
+            _keep(plane, row, outcome)
+            progress(int(plane.done.sum()))
+            save(int(plane.done.sum()))
     return plane
 
 

@@ -29,8 +29,8 @@ TAIL = (
 )
 LAYOUT, SESSION, SEQUENCE, ANSWERED_SESSION, ANSWERED, METHOD, GAINS, GAIN_0 = range(8)
 CONTACT, ENERGY = TAIL.index("contact"), TAIL.index("energy")
-METHODS = ("direct", "wave", "pspm")
-DIRECT, WAVE, PSPM = range(3)
+METHODS = ("direct", "wave", "pspm", "local")
+DIRECT, WAVE, PSPM, LOCAL = range(4)
 LIMIT = 1e6  # [m, rad, m/s, N …] nothing real exceeds it; a sample beyond it is noise
 
 ACCEPTED, NOT_FINITE, OTHER_LAYOUT, NOT_MINE, OLD, OTHER_METHOD, OTHER_GAINS, SECOND_SENDER, OTHER_NAMES = range(9)
@@ -65,6 +65,12 @@ class Peer(NamedTuple):
     session: float  # of the other's run, 0 = none yet
     answered: float  # highest own sequence the other has answered
     accepted_ns: int
+
+
+@kernel
+def is_modulated(method):
+    """Whether the set position of the coupling's spring is moved as a tank of energy pays for it."""
+    return method in (PSPM, LOCAL)
 
 
 @kernel

@@ -8,7 +8,7 @@ factor on the coupling's force (engaging, fading) multiplies its spring, so that
 import math
 
 from haptic_device.kernel import kernel
-from haptic_device.law import coupling, engage, exchange, pspm, tank, wave
+from haptic_device.law import coupling, engage, exchange, local, pspm, tank, wave
 
 AXES = 3
 CORRECTION = 2.0  # [1/s] at which the wave method's port is led back to where the tool is
@@ -21,7 +21,9 @@ def follow(settings, memory, row):
         _stay(settings, memory, row)
         return
     hold, fade = settings.exchange_hold, settings.exchange_fade
-    joining = memory.engage > 0.0 and memory.exchange_fade == 0.0 and settings.exchange_method != exchange.PSPM
+    joining = (
+        memory.engage > 0.0 and memory.exchange_fade == 0.0 and not exchange.is_modulated(settings.exchange_method)
+    )
     age = -1.0 if joining and not _tool_is_near(settings, row) else row.tool_age
     full = memory.exchange_fade >= 1.0
     memory.exchange_fade = exchange.fade_factor(memory.exchange_fade, age, settings.period, hold, fade)
@@ -33,7 +35,9 @@ def follow(settings, memory, row):
         return
     memory.factor = _risen(settings, memory) * row.exchange_fade
     tank.fill(settings, memory, row)
-    if settings.exchange_method == exchange.PSPM:
+    if settings.exchange_method == exchange.LOCAL and local.acts(settings, memory, row):
+        local.move(settings, memory, row)
+    elif exchange.is_modulated(settings.exchange_method):
         _modulate(settings, memory, row)
     else:
         _take_waves(settings, memory, row)
@@ -290,3 +294,5 @@ def _keep(settings, memory, row):
     for i in range(int(settings.axes), AXES):
         row.coupling_position[i], row.coupling_velocity[i] = row.tool_position[i], row.tool_velocity[i]
     row.exchange_tank, row.exchange_shortened = memory.tank, memory.shortened
+    row.local, row.local_fallbacks, row.local_stays = memory.acting, memory.fallbacks, memory.stays + memory.unsolved
+    row.local_pivots = memory.pivots

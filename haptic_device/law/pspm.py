@@ -95,4 +95,3 @@ def dissipated(counted, way, step, elapsed):
     """
     sure = abs(way) - step
     return max(counted, sure * sure / elapsed) if sure > 0.0 and elapsed > 0.0 else counted
-

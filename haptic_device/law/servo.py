@@ -12,6 +12,8 @@ import numpy as np
 from haptic_device.kernel import kernel
 from haptic_device.law import (
     cancellation,
+    complementarity,
+    contact,
     coupling,
     encoder,
     engage,
@@ -19,6 +21,7 @@ from haptic_device.law import (
     fault,
     following,
     kinematics,
+    local,
     passivity,
     wall,
 )
@@ -54,7 +57,7 @@ INPUTS = (
     ),  # ns of CLOCK_MONOTONIC; s; s and s of the tick before; count
     *("parameter_version", "command", "latched", "counts*", "drag*", "device_status"),  # latched: ns, of the counts
     *("tool_session", "tool_sequence", "tool_answered", "tool_age", "tool_position*", "tool_velocity*", "tool_effort*"),
-    *("tool_contact", "tool_energy", "contact_set", "handle_sequence"),
+    *("tool_contact", "tool_energy", "contact_set", "contact_age", "handle_sequence"),
 )
 OUTPUTS = (
     *("position*", "velocity*", "coupling_position*", "coupling_velocity*"),  # handle and what the coupling pulls to
@@ -62,6 +65,7 @@ OUTPUTS = (
     *("force_on_handle*", "motor*"),  # total as the motor holds it, at the device; and in motor units
     *("engage", "exchange_fade", "cancellation_fade", "exchange_energy", "energy_given*"),
     *("exchange_effort*", "exchange_tank", "exchange_shortened", "exchange_let_go"),  # next handle sample's; [J]; ticks
+    *("local", "local_fallbacks", "local_stays", "local_pivots", "tools_apart"),  # acting; counts; of this tick; [m]
     *("generated*", "injected*", "injections"),  # observer [J], controller [N s/m], ticks it acted
     *("margin*", "surplus*"),  # of the physical damping [N s/m]
     *("state", "fault", "warmth*"),
@@ -86,11 +90,12 @@ SETTINGS = _columns(
     *("passivity_control", "passivity_budget", "margin*", "cross"),
     *("exchange_method", "exchange_budget", "exchange_tank", "exchange_horizon", "exchange_play", "exchange_slew*"),
     *("exchange_agility*", "surplus*", "exchange_hold", "exchange_fade"),
+    *("local_compliance", "local_apart", "local_hold", "local_rejoin"),
     *("engage_time", "engage_force", "engage_torque", "silence", "saturation"),
     *("duty", "duty_kept", "unattended"),
 )
 
-MEMORY = _columns(
+_MEMORY = _columns(
     *("started", "latched", "unseen", "device_position*", "device_velocity*", "offset*"),
     *("history", "times^", "positions_x^", "positions_y^", "positions_theta^"),
     *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated", "warmth*"),
@@ -114,7 +119,30 @@ MEMORY = _columns(
     *("set*", "set_velocity*", "own_velocity*", "goal*", "stretch*", "stretched*"),
     *("midpoint*", "window_from*", "window_start", "window_holds", "counted*", "latched_before", "hold_before"),
     *("tool_answered", "oldest", "rate*", "wave*", "wave_store", "pending*", "come*", "sent*"),
+    *(
+        "near_number",
+        "near_sent",
+        "near_trust",
+        "near_mass",
+        "near_inertia",
+        "near_extent",
+        "near_gravity*",
+    ),  # law/local
+    *("near_pose*", "near_fresh", "near_moving", "near_turn", "acting", "well", "fallbacks", "stays", "unsolved"),
+    *("pivots", "copy*", "copy_velocity*", "mass*", "right*", "trial*"),
 )
+_TABLES = {
+    "near": (contact.MOST, len(contact.EACH)),
+    "places": (contact.MOST, contact.PLACE),
+    "rows": (contact.MOST, complementarity.COLUMNS),
+    "shown": (contact.MOST,),
+    "system": (3, 4),
+    "pushed": (contact.MOST,),
+    "shifted": (contact.MOST,),
+    "pushes": (contact.MOST, local.KEPT),
+    "shifts": (contact.MOST, local.KEPT),
+}
+MEMORY = np.dtype(_MEMORY.descr + [(name, "f8", shape) for name, shape in _TABLES.items()])
 
 FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor
 

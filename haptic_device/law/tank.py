@@ -80,7 +80,7 @@ def _count_dissipated(settings, memory, row):
 @kernel
 def _worth(settings, memory, i):
     """What ∫ v² dt fills in [N s/m]: b − c, and for pspm what the coupling's damper takes beside its bound."""
-    modulated = settings.exchange_method == exchange.PSPM
+    modulated = exchange.is_modulated(settings.exchange_method)
     if not modulated or memory.limited[i] or settings.velocity_estimator != encoder.BACKWARD_DIFFERENCE:
         return max(0.0, settings.surplus[i])
     damper = 2.0 * memory.factor_held * settings.damping[i] * settings.scale[i] ** 2
@@ -94,11 +94,11 @@ def pay(settings, memory, row):
 
     A tank without the reserve moves nothing of its own: then the set position stays, or goes along with the handle.
     """
-    held, kept = _held(settings, memory, row), reserve(settings, memory)
-    available = held + max(0.0, memory.tank - kept)  # a debt costs no stretch that is there
-    left = memory.tank + held - _reach_out(settings, memory, row, 1.0, available)
+    stored, kept = held(settings, memory, row), reserve(settings, memory)
+    available = stored + max(0.0, memory.tank - kept)  # a debt costs no stretch that is there
+    left = memory.tank + stored - _reach_out(settings, memory, row, 1.0, available)
     if left < kept:
-        left = memory.tank + held - _reach_out(settings, memory, row, 0.0, available)
+        left = memory.tank + stored - _reach_out(settings, memory, row, 0.0, available)
     memory.tank = left
     for i in range(int(settings.axes)):
         before, memory.set[i] = memory.set[i], row.position[i] + memory.stretch[i]
@@ -129,17 +129,17 @@ def _spring(settings, memory, i):
 
 
 @kernel
-def _held(settings, memory, row):
+def held(settings, memory, row):
     """Energy in the spring that held until now, at where the handle is now."""
-    held = 0.0
+    energy = 0.0
     for i in range(int(settings.axes)):
         stretch = memory.set[i] - row.position[i]
         kept = coupling.spring_store(memory.spring[i], memory.clamp[i], stretch)
         if memory.mixed[i]:  # less was held than the spring says: what the hand may not have paid is not there
             before = stretch + settings.scale[i] * memory.moved[i]
             kept = min(kept, coupling.spring_store(memory.spring[i], memory.clamp[i], before))
-        held += kept
-    return held
+        energy += kept
+    return energy
 
 
 @kernel

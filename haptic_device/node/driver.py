@@ -210,7 +210,8 @@ class DriverNode(ManagedNode):
         row = self.servo.row.get()[0]
         level, message = self._verdict(row)
         now = self.get_clock().now().nanoseconds
-        values = {**self._figures(row), **{f"refused.{k}": v for k, v in self.exchange.refusals().items()}}
+        refused = self.exchange.refusals() | {f"contacts: {k}": v for k, v in self.exchange.refused_contacts().items()}
+        values = {**self._figures(row), **{f"refused.{k}": v for k, v in refused.items()}}
         said = "haptic_driver", self.device.name, level, message, values
         self._diagnostics.publish(wire.diagnostics(now, *said, self._health(row)))
 
@@ -273,6 +274,7 @@ class DriverNode(ManagedNode):
             "exchange_tank": f"{row.exchange_tank:.6f}",
             "exchange_shortened": int(row.exchange_shortened),
             "exchange_let_go": int(row.exchange_let_go),
+            **(self._local_figures(row) if self.values["exchange.method"] == "local" else {}),
             "physical_damping": ", ".join(f"{axis.damping:g}" for axis in self.device.axes),
             "passivity_margin": f"{self._margins[0]:.4f}",
             "passivity_margin_theta": f"{self._margins[1]:.6f}",
@@ -281,6 +283,15 @@ class DriverNode(ManagedNode):
             "survived": self.survived,
             "generated": f"{max(row.generated):.6f}",
             "energy_given": f"{sum(row.energy_given):.6f}",
+        }
+
+    def _local_figures(self, row):
+        return {
+            "local": "acts" if row.local else "pspm takes its place",
+            "local_sets": self.exchange.contact_sets,
+            "local_fallbacks": int(row.local_fallbacks),
+            "local_stays": int(row.local_stays),
+            "tools_apart_mm": f"{row.tools_apart * 1e3:.4f}",
         }
 
 

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The driver's side of the exchange as a thread: on librcl without python, or by rclpy's supported interface."""
 
+import contextlib
 import secrets
 import threading
 
 import numpy as np
 
+from haptic_device.law import contact, servo
 from haptic_device.law import exchange as law
-from haptic_device.law import servo
 from haptic_device.node import wire
 from haptic_device.node.tap import Tap
 from haptic_device.runtime import clock, exchange, loop, rcl
@@ -29,6 +30,11 @@ class ExchangeThread:
         self._node = node
         self._publisher = node.create_publisher(wire.JointState, "handle", wire.LATEST)
         self._tap = Tap(node, "tool", "sensor_msgs/msg/JointState", wire.LATEST, raw=True)
+        self.near_frame = exchange.make_near_frame(*wire.CloudLayout(wire.NEAR).fixed(contact.MOST))
+        local = values["exchange.method"] == law.METHODS[law.LOCAL]
+        self._near = (
+            Tap(node, "local_contacts", "sensor_msgs/msg/PointCloud2", wire.LATEST, raw=True) if local else None
+        )
         self._compiled = threading.Event()
         self._thread = threading.Thread(target=self._run, name="exchange")
         self._thread.start()
@@ -39,6 +45,8 @@ class ExchangeThread:
         self.watch[exchange.STOP] = 1
         self._thread.join()
         self._tap.close()
+        if self._near is not None:
+            self._near.close()
         self._node.destroy_publisher(self._publisher)
 
     @property
@@ -53,6 +61,15 @@ class ExchangeThread:
         """{reason: count} of tool messages refused so far."""
         counts = self.watch[exchange.REFUSED : exchange.REFUSED + len(law.REFUSALS)]
         return {reason: int(count) for reason, count in zip(law.REFUSALS, counts, strict=True) if count}
+
+    @property
+    def contact_sets(self):
+        return int(self.watch[exchange.SEEN])
+
+    def refused_contacts(self):
+        """{reason: count} of sets of local contacts refused so far."""
+        counts = self.watch[exchange.UNSEEN : exchange.UNSEEN + len(contact.REFUSALS)]
+        return {reason: int(count) for reason, count in zip(contact.REFUSALS, counts, strict=True) if count}
 
     def round_trips(self):
         """Percentiles 50 and 99 of the times from composing a handle sample to its answer [ns], lately; NaN: none."""
@@ -70,18 +87,21 @@ class ExchangeThread:
         rcl.load_library()
         inbox, outbox = rcl.incoming_buffer(), rcl.outgoing_buffer(self.frame.outgoing)
         publisher, subscription = self._publisher.handle, self._tap.handle
+        near = np.zeros(1, contact.SET)
+        near_handle = self._near.handle if self._near is not None else contextlib.nullcontext()
         records = row, gains, tool
-        with publisher, subscription:  # they live on while the loop has their addresses
+        with publisher, subscription, near_handle:  # they live on while the loop has their addresses
             for watch in (stopped(), self.watch):
                 rcl.run_exchange(
                     publisher.pointer, subscription.pointer, inbox, outbox, self._period, self.frame, self.state,
-                    watch, *mails, *records,
+                    watch, *mails, *records, near_handle.pointer if self._near is not None else 0, self.near_frame,
+                    self._servo.near.words, near,
                 )  # fmt: skip
                 self._compiled.set()
         rcl.free(inbox)
 
     def _run_rclpy(self, mails, row, gains, tool):
-        scratch, deadline = clock.scratch(), 0
+        scratch, deadline, near = clock.scratch(), 0, np.zeros(1, contact.SET)
         exchange.next_handle(self.frame, self.state, mails[0], mails[1], row, gains, scratch)
         self._compiled.set()
         while not self.watch[exchange.STOP]:
@@ -93,6 +113,8 @@ class ExchangeThread:
                     self.watch[exchange.SENT] += 1
             for sample in self._tap.take():
                 self._take(sample.message, gains, tool, mails[2], scratch)
+            for sample in self._near.take() if self._near is not None else ():
+                self._take_contacts(sample.message, near)
             clock.sleep_until(min(deadline, now + rcl.POLL), scratch)
 
     def _take(self, message, gains, tool, tool_mail, scratch):
@@ -100,6 +122,12 @@ class ExchangeThread:
         self.frame.incoming[:size] = np.frombuffer(message, np.uint8, size)
         now = clock.now_ns(scratch)
         exchange.take_in(self.frame, len(message), self.state[0], self.watch, gains[0], tool, tool_mail, now)
+
+    def _take_contacts(self, message, near):
+        size = min(len(message), self.near_frame.incoming.size)
+        self.near_frame.incoming[:size] = np.frombuffer(message, np.uint8, size)
+        mail = self._servo.near.words
+        exchange.take_in_contacts(self.near_frame, len(message), self.state[0], self.watch, near, mail)
 
 
 def stopped():

@@ -34,6 +34,7 @@ KNOWN = {  # joined before their publishers exist, so that no first message is m
     "motor": _JOINTS,
     "handle": _JOINTS,
     "tool": _JOINTS,
+    "local_contacts": _CLOUD,
     "operator/state": _JOINTS,
     "operator/target": _JOINTS,
     "trace": _CLOUD,

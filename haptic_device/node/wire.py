@@ -17,7 +17,7 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import String
 
-from haptic_device.law import exchange
+from haptic_device.law import contact, exchange
 
 __all__ = [
     "CloudLayout", "DiagnosticArray", "JointLayout", "JointState", "PointCloud2", "PoseStamped", "StampedLayout",
@@ -183,7 +183,14 @@ class CloudLayout:
         head.word(dtype.itemsize)
         self._row_step = head.word(0)
         self._size = head.word(0)
-        self._head = bytes(head.data)
+        self._head, self._mask = bytes(head.data), bytes(head.mask)
+
+    def fixed(self, count):
+        """Template of a message of so many records, 1 where its bytes never vary, and where the records begin."""
+        template = np.frombuffer(self.pack(0, np.zeros(count * self._step, np.uint8).view(f"V{self._step}")), np.uint8)
+        fixed = np.zeros(len(template), np.uint8)
+        fixed[: len(self._mask)] = np.frombuffer(self._mask, np.uint8)
+        return template, fixed, len(self._head)
 
     def pack(self, stamp_ns, records):
         """Bytes of one message."""
@@ -193,6 +200,10 @@ class CloudLayout:
         for place in (self._row_step, self._size):
             struct.pack_into("<I", data, place, records.nbytes)
         return b"".join((data, records.tobytes(), b"\1"))  # is_dense
+
+
+NEAR = np.dtype([(name, "f8") for name in contact.COMMON + contact.EACH])
+"""A point of `local_contacts`: what the whole set says, and one contact. A message has contact.MOST of them."""
 
 
 class StampedLayout:

@@ -82,5 +82,6 @@ def collect_whole(words, lock, first, staged, values):
     """collect by way of `staged`: where the writer never left it alone (−1), values stay the record that they were."""
     turn = collect(words, lock, first, staged)
     if turn >= 0:
-        values[:] = staged
+        for i in range(values.size):
+            values[i] = staged[i]
     return turn

@@ -52,13 +52,14 @@ def go_realtime(wish, priority):
     _libc().prctl(PR_SET_TIMERSLACK, ctypes.c_ulong(1), 0, 0, 0)
     if wish == "off":
         return "realtime off"
-    missing = [sentence for sentence in (_set_fifo(priority), lock_memory()) if sentence]
+    missing = [sentence for sentence in (try_fifo(priority), lock_memory()) if sentence]
     if missing and wish == "require":
         raise PermissionError("; ".join(missing))
     return "; ".join(missing) or f"SCHED_FIFO {priority}, memory locked"
 
 
-def _set_fifo(priority):
+def try_fifo(priority):
+    """Gives the calling thread SCHED_FIFO at this priority; returns what is missing, or ""."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except PermissionError:

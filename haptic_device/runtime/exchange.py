@@ -10,17 +10,21 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_device.kernel import kernel
-from haptic_device.law import exchange
+from haptic_device.law import contact, exchange
 from haptic_device.runtime import atomic, clock, mailbox
 
-STOP, SENT, ANSWERED, REFUSED, WATCHES = 0, 1, 2, 3, 16  # words of the watch: refusals by reason from REFUSED on
+STOP, SENT, ANSWERED, REFUSED, SEEN, UNSEEN, WATCHES = 0, 1, 2, 3, 16, 17, 32
+# words of the watch: refusals by reason from REFUSED on, of local contacts from UNSEEN on
 REMEMBERED = 4096  # handle samples whose time is known when they are answered
 SILENCE = 100_000_000  # [ns] after which another simulation may take over
+
+COMMON, EACH = len(contact.COMMON), len(contact.EACH)
 
 GAINS = np.dtype([(name, "f8") for name in exchange.TAIL[exchange.GAIN_0 : exchange.GAIN_0 + 4]] + [("hash", "f8")])
 
 STATE = np.dtype(
     [(name, "f8") for name in ("session", "sequence", "method", "axes", "peer_session", "peer_answered")]
+    + [(name, "f8") for name in ("near_session", "near_answered", "near_scene")]
     + [("peer_accepted", "i8"), ("clock_offset", "i8"), ("sent", "i8", (REMEMBERED,))]
     + [("composed", "i8", (REMEMBERED,)), ("turns", "i8"), ("round_trip", "i8", (REMEMBERED,))]
 )
@@ -43,6 +47,25 @@ class Frame(NamedTuple):
     fixed: np.ndarray
     first: np.ndarray
     count: int
+
+
+class NearFrame(NamedTuple):
+    """The same for `local_contacts`: numbers is a view on incoming, (contact.MOST, columns)."""
+
+    incoming: np.ndarray
+    numbers: np.ndarray
+    template: np.ndarray
+    fixed: np.ndarray
+
+
+def make_near_frame(template, fixed, offset):
+    """NearFrame for a message with this template, mask of fixed bytes, and offset of its first number."""
+    room = np.zeros(len(template) + 16, np.uint8)
+    start = -(room.ctypes.data + offset) % 8
+    incoming = room[start : start + len(template)]
+    columns = len(contact.COMMON) + len(contact.EACH)
+    numbers = incoming[offset : offset + 8 * contact.MOST * columns].view(np.float64).reshape(contact.MOST, columns)
+    return NearFrame(incoming, numbers, np.array(template), np.ascontiguousarray(fixed, np.uint8))
 
 
 def make_frame(template, fixed, offsets, count):
@@ -151,3 +174,51 @@ def _judge(frame, size, state, gains, now):
     )
     forgotten = sample[axes + exchange.ANSWERED] <= state.sequence - REMEMBERED
     return exchange.OLD if verdict == exchange.ACCEPTED and forgotten else verdict
+
+
+@kernel
+def take_in_contacts(frame, size, state, watch, near, near_mail):
+    """Judges the `local_contacts` of `size` bytes in frame.incoming; accepted, they are the set that counts."""
+    verdict = _judge_contacts(frame, size, state)
+    if verdict != contact.ACCEPTED:
+        watch[UNSEEN + verdict] += 1
+        return verdict
+    watch[SEEN] += 1
+    head, record = frame.numbers[0], near[0]
+    state.near_session, state.near_scene, state.near_answered = head[0], head[4], head[3]
+    record.number, record.sent = head[3], state.sent[int(head[3]) % REMEMBERED]
+    record.session, record.sequence, record.answered_session, record.answered = head[0], head[1], head[2], head[3]
+    record.scene, record.offered, record.trust = head[4], head[5], head[6]
+    record.mass, record.inertia, record.extent = head[7], head[8], head[9]
+    record.gravity_x, record.gravity_y = head[10], head[11]
+    record.tool_pose_x, record.tool_pose_y, record.tool_pose_theta = head[12], head[13], head[14]
+    for i in range(contact.MOST):
+        for k in range(EACH):
+            record.table[i, k] = frame.numbers[i, COMMON + k]
+    atomic.publish(near_mail, 0, mailbox.FIRST, near.view(np.int64))
+    return verdict
+
+
+@kernel
+def _judge_contacts(frame, size, state):
+    if size != frame.template.size:
+        return contact.OTHER_LAYOUT
+    for i in range(size):
+        if frame.fixed[i] != 0 and frame.incoming[i] != frame.template[i]:
+            return contact.OTHER_LAYOUT
+    head = frame.numbers[0]
+    for k in range(COMMON):
+        if not abs(head[k]) < 1e15:
+            return contact.NOT_FINITE
+    if head[0] != state.peer_session:
+        return contact.OTHER_SENDER
+    answered = head[3]
+    if head[2] != state.session or not state.sequence - REMEMBERED < answered <= state.sequence or answered < 1.0:
+        return contact.NOT_MINE
+    if head[0] == state.near_session and answered <= state.near_answered:
+        return contact.OLD
+    if head[0] == state.near_session and head[4] < state.near_scene:
+        return contact.OTHER_SCENE
+    if not (head[7] > 0.0 and head[8] > 0.0 and head[6] >= 0.0):
+        return contact.NOT_A_CONTACT
+    return contact.judge_table(frame.numbers[:, COMMON:])

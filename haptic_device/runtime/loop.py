@@ -8,7 +8,7 @@ import numpy as np
 from numba import types
 
 from haptic_device.kernel import kernel
-from haptic_device.law import engage, servo
+from haptic_device.law import contact, engage, local, servo
 from haptic_device.runtime import atomic, clock, link, loopback, mailbox
 
 STOP, COMMAND, RUNNING, LATE_DEVICE, TORN, ATTENDED, CONTROLS = 0, 1, 2, 3, 4, 5, 8  # words of control
@@ -18,7 +18,7 @@ TOOL = np.dtype(
     [
         (name, "f8", (3,)) if name in ("position", "velocity", "effort") else (name, "f8")
         for name in ("session", "sequence", "answered", "sent", "position", "velocity", "effort", "contact", "energy",
-                     "contact_set", "handle_sequence")
+                     "handle_sequence")
     ]
 )  # fmt: skip
 
@@ -32,23 +32,26 @@ def _records(dtype):
 _REALTIME = types.int64(
     types.FunctionType(link.READ),
     types.FunctionType(link.WRITE),
-    *(_WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS),
-    *(_records(servo.SETTINGS), _records(servo.MEMORY), _records(servo.TICK), _records(TOOL)),
+    *(_WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS),
+    *(_records(servo.SETTINGS), _records(servo.MEMORY), _records(servo.TICK), _records(TOOL), _records(contact.SET)),
 )
 
 
 def run_realtime(
-    read, write, memory_of_link, control, settings_mail, tool_mail, row_mail, ring, settings, memory, rows, tool
-):
+    read, write, memory_of_link, control, settings_mail, tool_mail, near_mail, row_mail, ring, settings, memory, rows,
+    tool, near
+):  # fmt: skip
     """The servo by CLOCK_MONOTONIC until control[STOP]; every way out writes zero to the motor. Returns missed ticks.
 
-    rows: the trace ring's rows and one more, which is used while the ring is full. settings, memory, tool: one record
-    each. Nothing here allocates, locks or calls Python.
+    rows: the trace ring's rows and one more, which is used while the ring is full. settings, memory, tool, near: one
+    record each. Nothing here allocates, locks or calls Python.
     """
     scratch, sample = np.zeros(2, np.int64), np.zeros(link.SAMPLE)
     zero, motor = np.zeros(3), np.zeros(3)
     settings_words, tool_words = settings.view(np.int64), tool.view(np.int64)
     settings_staged, tool_staged = np.empty_like(settings_words), np.empty_like(tool_words)
+    near_words, near_turn = near.view(np.int64), -1
+    near_staged = np.empty_like(near_words)
     tool_turn, missed, compute, delay, number = -1, 0, 0.0, 0.0, 0
     settings_turn = _take(control, settings_mail, settings_staged, settings_words, -1)
     period = np.int64(round(settings[0].period * 1e9))
@@ -69,13 +72,19 @@ def run_realtime(
         row = rows[slot if slot >= 0 else rows.size - 1]
         settings_turn = _take(control, settings_mail, settings_staged, settings_words, settings_turn)
         tool_turn = _take(control, tool_mail, tool_staged, tool_words, tool_turn)
+        near_known = near_turn
+        near_turn = _take(control, near_mail, near_staged, near_words, near_turn)
+        if near_turn != near_known and near[0].number > 0.0:
+            local.take(memory[0], near[0])
         row.tick, row.deadline, row.missed, row.compute = number, deadline, missed, compute
         row.write_delay = delay
         row.lateness = (woke - deadline + late * period) * 1e-9
         row.command = _command(control, settings[0].unattended, deadline)
         fill_inputs(row, settings[0], tool[0], sample, fresh)
+        fill_contacts(row, memory[0])
         servo.tick(settings[0], memory[0], row)
-        motor[:] = row.motor
+        for i in range(servo.AXES):
+            motor[i] = row.motor[i]
         written = clock.now_ns(scratch)
         write(memory_of_link, written, deadline + period, period, np.int64(row.state == engage.ENGAGED), motor)
         atomic.publish(row_mail, 0, mailbox.FIRST, row_words(rows, slot))
@@ -131,11 +140,18 @@ def fill_inputs(row, settings, tool, sample, fresh):
     row.tool_session, row.tool_sequence, row.tool_answered = tool.session, tool.sequence, tool.answered
     row.tool_age = (row.deadline - tool.sent) * 1e-9 if tool.sequence > 0.0 else -1.0
     row.tool_contact, row.tool_energy = tool.contact, tool.energy
-    row.contact_set, row.handle_sequence = tool.contact_set, tool.handle_sequence
+    row.handle_sequence = tool.handle_sequence
     for i in range(servo.AXES):
         row.counts[i], row.drag[i] = sample[link.COUNTS + i], sample[link.DRAG + i]
         row.tool_position[i], row.tool_velocity[i] = tool.position[i], tool.velocity[i]
         row.tool_effort[i] = tool.effort[i]
+
+
+@kernel
+def fill_contacts(row, memory):
+    """Which set of local contacts counts in this tick, and its age [s]; −1: none yet."""
+    row.contact_set = memory.near_number
+    row.contact_age = (row.deadline - memory.near_sent) * 1e-9 if memory.near_number > 0.0 else -1.0
 
 
 @kernel
@@ -154,5 +170,6 @@ def run_lockstep(settings, memory, rows, tool, plant, plant_memory, motion, star
         row.tick, row.deadline, row.missed, row.compute = first + k, deadline, 0, 0.0
         row.lateness, row.write_delay, row.command = write_delay * 1e-9, write_delay * 1e-9, command
         fill_inputs(row, settings[0], tool[0], sample, 1)
+        fill_contacts(row, memory[0])
         servo.tick(settings[0], memory[0], row)
         loopback.command(plant[0], plant_memory[0], motion[0], deadline + write_delay, row)

@@ -72,10 +72,15 @@ def run_exchange(
     row,
     gains,
     tool,
+    near_subscription,
+    near_frame,
+    near_mail,
+    near,
 ):
     """Sends a handle sample each period [ns] and takes what comes in between, until watch[STOP]; returns samples sent.
 
-    publisher, subscription: addresses of rcl entities; inbox, outbox: the buffers above; records of one each.
+    publisher, subscription: addresses of rcl entities, near_subscription too, or 0 for no local contacts; inbox,
+    outbox: the buffers above; records of one each.
     """
     scratch = np.zeros(2, np.int64)
     deadline = clock.now_ns(scratch)
@@ -90,5 +95,9 @@ def run_exchange(
             size = inbox[1]
             _memcpy(frame.incoming.ctypes.data, inbox[0], min(size, frame.incoming.size))
             exchange.take_in(frame, size, state[0], watch, gains[0], tool, tool_mail, clock.now_ns(scratch))
+        while near_subscription != 0 and _take(near_subscription, inbox.ctypes.data, 0, 0) == 0:
+            size = inbox[1]
+            _memcpy(near_frame.incoming.ctypes.data, inbox[0], min(size, near_frame.incoming.size))
+            exchange.take_in_contacts(near_frame, size, state[0], watch, near, near_mail)
         clock.sleep_until(min(deadline, clock.now_ns(scratch) + POLL), scratch)
     return watch[exchange.SENT]

@@ -8,9 +8,9 @@ output of these rows can be computed again.
 import numpy as np
 
 from haptic_device.kernel import kernel
-from haptic_device.law import servo
+from haptic_device.law import local, servo
 from haptic_device.runtime import atomic, clock, link, mailbox
-from haptic_device.runtime.loop import fill_inputs
+from haptic_device.runtime.loop import fill_contacts, fill_inputs
 
 
 def _fields(prefix, dtype):
@@ -34,13 +34,19 @@ def capture(row_mail, row, memory, copy, period, scratch):
 
 
 @kernel
-def recompute(settings, memory, rows):
-    """Computes the outputs of consecutive rows again, in place, from their inputs.
+def recompute(settings, memory, rows, sets):
+    """Computes the outputs of consecutive rows again, in place, from their inputs; sets: of local contacts, by number.
 
     Margin and surplus are no outputs of the tick: with them the driver follows the measured lateness, so they are taken
     as recorded.
     """
+    at = 0
     for k in range(rows.size):
+        if rows[k].contact_set != memory[0].near_number:
+            while at < sets.size - 1 and sets[at].number < rows[k].contact_set:
+                at += 1
+            if sets.size and sets[at].number == rows[k].contact_set:
+                local.take(memory[0], sets[at])
         for i in range(servo.AXES):
             settings[0].margin[i], settings[0].surplus[i] = rows[k].margin[i], rows[k].surplus[i]
         servo.tick(settings[0], memory[0], rows[k])
@@ -58,6 +64,7 @@ def run_on_counts(settings, memory, rows, tool, counts, start, first, write_dela
         row.tick, row.deadline, row.missed, row.compute = first + k, deadline, 0, 0.0
         row.lateness, row.write_delay, row.command = write_delay * 1e-9, write_delay * 1e-9, command
         fill_inputs(row, settings[0], tool[0], sample, 1)
+        fill_contacts(row, memory[0])
         servo.tick(settings[0], memory[0], row)
 
 

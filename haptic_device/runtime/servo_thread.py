@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from haptic_device.law import engage, servo
+from haptic_device.law import contact, engage, servo
 from haptic_device.runtime import clock, link, loop, recompute
 from haptic_device.runtime.exchange import GAINS
 from haptic_device.runtime.mailbox import Mailbox, Ring
@@ -29,6 +29,7 @@ class ServoThread:
         self.link, self._home, self._wish = device_link, home, realtime
         self.settings, self.gains = Mailbox(servo.SETTINGS), Mailbox(GAINS)
         self.tool, self.row, self.ring = Mailbox(loop.TOOL), Mailbox(servo.TICK), Ring(servo.TICK, RING_ROWS)
+        self.near = Mailbox(contact.SET)
         self.control = np.zeros(loop.CONTROLS, np.int64)
         self._memory = np.zeros(1, servo.MEMORY)
         self.realtime, self._refused, self._ready = "", None, threading.Event()
@@ -103,10 +104,10 @@ class ServoThread:
             threading.Event().wait(LOOK_UP)
         self._take_home()
         settings = self.settings.get().view(np.ndarray).view(servo.SETTINGS)
-        tool = np.zeros(1, loop.TOOL)
+        tool, near = np.zeros(1, loop.TOOL), np.zeros(1, contact.SET)
         run(
             self.link.read, self.link.write, self.link.memory, self.control, self.settings.words, self.tool.words,
-            self.row.words, self.ring.words, settings, self._memory, self.ring.rows, tool,
+            self.near.words, self.row.words, self.ring.words, settings, self._memory, self.ring.rows, tool, near,
         )  # fmt: skip
 
     def _take_home(self):

@@ -6,16 +6,22 @@ import importlib
 import typer
 
 COMMANDS = {
+    "all": "haptic_sim.cli.bench_all:run_all",
+    "costs": "haptic_sim.cli.bench_costs:costs",
     "exchange": "haptic_sim.cli.bench_exchange:exchange",
     "hard-cases": "haptic_sim.cli.bench_hard_cases:hard_cases",
+    "load": "haptic_sim.cli.bench_load:load",
+    "local": "haptic_sim.cli.bench_local:local",
     "reference": "haptic_sim.cli.bench_speed_error:reference",
+    "servo": "haptic_sim.cli.bench_servo:servo",
     "speed-error": "haptic_sim.cli.bench_speed_error:speed_error",
+    "start": "haptic_sim.cli.bench_start:start",
 }
 
 
 def group() -> typer.Typer:
     """The typer group with all its subcommands."""
-    app = typer.Typer(no_args_is_help=True, help="Measure the display in lock-step: exchange methods, methods, speed.")
+    app = typer.Typer(no_args_is_help=True, help="Measure the display: servo, exchange, start-up, simulation methods.")
     app.callback()(lambda: None)
     for name, where in COMMANDS.items():
         module, function = where.split(":")

@@ -4,6 +4,7 @@
 import csv
 import itertools
 import json
+import os
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -14,6 +15,7 @@ from haptic_device.device import load_device
 from haptic_device.law.exchange import METHODS
 from haptic_device.parameter import read_operating_point
 from haptic_device.share import find
+from haptic_sim.cli.bench_jobs import RESUME, SCHEDULER, WORKERS, Crew, Kept, sweep
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.scene import load
@@ -24,6 +26,7 @@ PRESS = {"motion.name": "press_wall", "motion.start": (0.03, 0.0, 0.0), "motion.
 CIRCLE = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.radius": 0.03, "motion.turns": 3.0}
 SECONDS = 3.0
 _DELAYS, _RATES = "Round trip (ms) [0 1 2 5 10 20 50 100].", "Handle samples a second [1000]."
+_ROUND_TRIP = "Handle to tool to handle on running nodes at each rate [500 1000 2000], beside a bare ping-pong."
 TURNING = 2.0 * np.pi * 3.0 / (0.9 * SECONDS)  # [rad/s] between easing in and out
 
 
@@ -65,16 +68,26 @@ def exchange(
     plot: Annotated[Path | None, typer.Option(help="Write the figure to this PNG file.")] = None,
     table: Annotated[Path | None, typer.Option("--csv", help="Write the figures to this CSV file.")] = None,
     live: Annotated[bool, typer.Option("--live", help="On running nodes behind a relay, not in lock-step.")] = False,
+    round_trip: Annotated[bool, typer.Option("--round-trip", help=_ROUND_TRIP)] = False,
+    workers: Annotated[int | None, typer.Option(min=1, max=1024, help=WORKERS)] = None,
+    scheduler: Annotated[str, typer.Option(help=SCHEDULER)] = "",
+    resume: Annotated[Path | None, typer.Option(help=RESUME)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
     """Exchange methods against delay, jitter, loss and rate: stiffness, tool error, drag, energies, force jumps.
 
     Two motions a case, of 3 s each: pressing a rigid wall, and a circle in free space.
     """
+    if round_trip:
+        _round_trip(rate, as_json)
+        return
     delays = [value * 1e-3 for value in delay or (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)]
     cases = [Case(name, late, jitter * late, lost, fast) for lost, fast, late, name in
              itertools.product(loss or (0.0,), rate or (1000.0,), delays, method or METHODS)]  # fmt: skip
-    found = {case: measure(case, params, live) for case in cases}
+    kept = Kept(resume, f"exchange at {params}, live: {live}")
+    jobs = {json.dumps(case): (case, params, live) for case in cases}
+    sweep(measure, jobs, Crew(1 if live else workers or len(os.sched_getaffinity(0)), scheduler), kept)
+    found = {case: Figures(*kept.known[key]) for key, (case, *_) in jobs.items()}
     if plot is not None:
         from haptic_sim.cli.exchange_figure import save
 
@@ -86,6 +99,13 @@ def exchange(
         typer.echo(json.dumps({"live": live, "params": params, "cases": rows}))
     else:
         _show(found, "live" if live else "lock-step")
+
+
+def _round_trip(rates, as_json):
+    from haptic_sim.cli import round_trip
+
+    found = round_trip.measure(rates or round_trip.RATES)
+    typer.echo(json.dumps(found) if as_json else round_trip.table(found))
 
 
 def _write_csv(rows, path):

@@ -7,11 +7,12 @@ from typing import Annotated
 
 import typer
 
-from haptic_sim.cli.bench_jobs import INTERRUPTED, listed, progress, usable
+from haptic_sim.cli.bench_jobs import INTERRUPTED, RESUME, SCHEDULER, Crew, Kept, listed, progress, sweep, usable
 
 SHORT = ("pendulum", "four_bar", "wall", "zeno_ball", "push_block", "peg_in_hole")
 SHORT_STEPS = (10000, 1000, 250)
 _OUT = "Folder for speed_error.csv, speed_error.md and the plots; without it the table is printed and nothing kept."
+_WORKERS = "Processes at once; times are measured alone on a machine, so one is right for them [1]."
 _SHORT = f"Scenes {', '.join(SHORT)} and steps {', '.join(f'{step * 1e-3:g}' for step in SHORT_STEPS)} ms only."
 
 
@@ -20,6 +21,9 @@ def speed_error(
     methods: Annotated[str | None, typer.Option(help="Comma-separated methods and peers [all].")] = None,
     short: Annotated[bool, typer.Option("--short", help=_SHORT)] = False,
     out: Annotated[Path | None, typer.Option(help=_OUT)] = None,
+    workers: Annotated[int, typer.Option(min=1, max=1024, help=_WORKERS)] = 1,
+    scheduler: Annotated[str, typer.Option(help=SCHEDULER)] = "",
+    resume: Annotated[Path | None, typer.Option(help=RESUME)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ):
     """Wall time against error of every method and peer on every scene, energy created and overlap; one table."""
@@ -30,14 +34,14 @@ def speed_error(
     jobs = _jobs(names, usable(methods), SHORT_STEPS if short else None)
     if out:
         out.mkdir(parents=True, exist_ok=True)
-    runs, whole = [], False
+    kept, whole = Kept(resume, "speed against error"), False
     try:
-        with interruptible():
-            _measure(jobs, runs)
+        with interruptible(), progress(len(jobs)) as show:
+            sweep(measured, jobs, Crew(workers, scheduler), kept, show)
             whole = True
     except KeyboardInterrupt:
-        typer.echo(f"haptic bench: interrupted; {len(runs)} of {len(jobs)} runs are kept", err=True)
-    _report(runs, out, as_json)
+        typer.echo(f"haptic bench: interrupted; {len(kept.known)} of {len(jobs)} runs are kept", err=True)
+    _report(_runs(jobs, kept), out, as_json)
     if not whole:
         raise typer.Exit(INTERRUPTED)
 
@@ -58,31 +62,39 @@ def reference(
 
 
 def _jobs(scenes, methods, steps):
+    """{what it is: (scene, method, step [µs])}"""
     from haptic_sim.bench.case import case
     from haptic_sim.bench.reference import reference
 
-    jobs = []
+    jobs = {}
     for name in scenes:
-        found, known = case(name), reference(name)
+        found = case(name)
+        reference(name)  # a case without one is refused before anything runs
         wanted = [step for step in found.steps if steps is None or step in steps]
-        jobs += [(found, known, method, step) for method in methods for step in wanted]
+        jobs |= {f"{name}, {method}, {step * 1e-3:g} ms": (name, method, step) for method in methods for step in wanted}
     return jobs
 
 
-def _measure(jobs, runs):
-    """Appends to `runs` as it goes, so that whoever interrupts keeps what there is."""
+def measured(name: str, method: str, step: int):
+    """The run of a method on a case at this step [µs]."""
+    from haptic_sim.bench.case import case
     from haptic_sim.bench.measure import run
+    from haptic_sim.bench.reference import reference
 
-    impossible = set()
-    with progress(len(jobs)) as show:
-        for done, (found, known, method, step) in enumerate(jobs):
-            show(done, f"{found.name}, {method}, {step * 1e-3:g} ms")
-            if (found.name, method) in impossible:
-                continue
-            runs.append(run(found, known, method, step))
+    return run(case(name), reference(name), method, step)
+
+
+def _runs(jobs, kept):
+    """What is known of the jobs, in their order; what a method cannot do counts once, at whatever step."""
+    from haptic_sim.bench.measure import Run
+
+    runs, impossible = [], set()
+    for key, (name, method, _) in jobs.items():
+        if key in kept.known and (name, method) not in impossible:
+            runs.append(Run(*kept.known[key]))
             if runs[-1].status.startswith("cannot"):
-                impossible.add((found.name, method))
-        show(len(jobs), "done")
+                impossible.add((name, method))
+    return runs
 
 
 def _report(runs, out, as_json):

@@ -11,11 +11,12 @@ from typing import Annotated, NamedTuple
 import psutil
 import typer
 
+from haptic_sim.cli import viewing
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import NodeDiedError, Nodes, Program, interruptible
 
 INTERRUPTED = 130
-FAR = {"handle": "far_handle", "tool": "far_tool"}  # what a simulation behind a relay hears and says
+FAR = {name: f"far_{name}" for name in ("handle", "tool", "local_contacts")}  # topics of a simulation behind a relay
 _DELAY = "Round trip added between driver and simulation by a relay [ms]."
 _SECONDS = "Length from the first motor command on; without it the run ends with the operator's motion."
 
@@ -52,6 +53,9 @@ def demo(
     delay: Annotated[float, typer.Option(min=0.0, max=2000.0, help=_DELAY)] = 0.0,
     jitter: Annotated[float, typer.Option(min=0.0, max=2000.0, help="Uniform ± of that round trip [ms].")] = 0.0,
     loss: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of the messages lost, either way.")] = 0.0,
+    view: Annotated[bool, typer.Option("--view", help="Open a web page on which the mouse is the hand.")] = False,
+    host: Annotated[str, typer.Option(help="Address of that page; beyond this machine it warns.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Its TCP port; 0: any that is free.")] = 0,
 ) -> None:
     """Run loopback device, driver, simulation and recorder on a scene. Exit code 0 only if the job was done."""
     started = time.monotonic() - (time.time() - psutil.Process().create_time())
@@ -59,7 +63,9 @@ def demo(
         with interruptible():
             order = _order(scene, seconds, out, exchange, rate, params)
             relay = Relay(delay * 1e-3, jitter * 1e-3, loss)
-            done = run(order._replace(relay=relay if any(relay) else None), started, json)
+            order = order._replace(relay=relay if any(relay) else None)
+            page = {"host": host, "port": port}
+            done = viewing.play(order, programs_of, Relay, page) if view else run(order, started, json)
     except KeyboardInterrupt:
         print("haptic demo: interrupted; all nodes have ended", file=sys.stderr, flush=True)
         os._exit(INTERRUPTED)  # an interrupt that struck inside exec() would otherwise end python by SIGINT

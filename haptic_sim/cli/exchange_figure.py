@@ -14,7 +14,7 @@ PANELS = (  # and up to where the axis is straight, logarithmic beyond
     ("energy supplied to the tool, largest [mJ]", lambda one: one.supplied * 1e3, 1.0),
 )
 BUDGET = next(one.default for one in PARAMETERS if one.name == "exchange.budget") * 1e3  # [mJ]
-COLOURS = {"direct": "tab:red", "wave": "tab:blue", "pspm": "tab:green"}
+COLOURS = {"direct": "tab:red", "wave": "tab:blue", "pspm": "tab:green", "local": "tab:purple"}
 
 
 def save(found: dict, path) -> None:

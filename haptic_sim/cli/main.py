@@ -13,6 +13,7 @@ COMMANDS = {
     "compare": "haptic_sim.cli.compare:compare",
     "demo": "haptic_sim.cli.demo:demo",
     "docs": "haptic_sim.cli.params_doc:docs",
+    "doctor": "haptic_sim.cli.doctor:doctor",
     "identify": "haptic_sim.cli.identify:identify",
     "mark": "haptic_sim.cli.mark:mark",
     "passivity": "haptic_sim.cli.passivity:passivity",
@@ -22,6 +23,7 @@ COMMANDS = {
     "report": "haptic_sim.cli.report:report",
     "scenes": "haptic_sim.cli.scenes:scenes",
     "status": "haptic_sim.cli.status:status",
+    "view": "haptic_sim.cli.view:view",
     "zwidth": "haptic_sim.cli.zwidth:zwidth",
 }
 GROUPS = ("bench",)  # of subcommands

@@ -3,5 +3,11 @@
 
 from haptic_device.node import declared as device
 from haptic_sim.node import declared as simulation
+from haptic_sim.viewer import parameters as viewer
 
-NODES = {**device.NODES, "haptic_simulation": simulation.PARAMETERS, "haptic_relay": simulation.RELAY}
+NODES = {
+    **device.NODES,
+    "haptic_simulation": simulation.PARAMETERS,
+    "haptic_relay": simulation.RELAY,
+    "haptic_viewer": viewer.PARAMETERS,
+}

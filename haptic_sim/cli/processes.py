@@ -122,6 +122,11 @@ class Nodes:
                 if not self.end(name):
                     print(f"{name} had to be killed; it heard neither SIGINT nor SIGTERM", file=sys.stderr)
 
+    def end_all_but(self, kept: str) -> None:
+        """Ends the others as `stop` does; returns when they have ended."""
+        for name in [name for name in reversed(list(self._running)) if name != kept]:
+            _end(self._running.pop(name))
+
     def _log(self, name: str) -> Path:
         return self._logs / f"{name}.log"
 

@@ -62,7 +62,7 @@ def _check(bag: Path, namespace: str | None) -> None:
     recording = load(bag, namespace, {"trace": None, "snapshot": None})
     if "snapshot" not in recording.clouds:
         raise ValueError(f"bag {bag} has no snapshot of the servo's settings: its ticks cannot be computed again")
-    found = verdict_on(recording.trace, recording.clouds["snapshot"])
+    found = verdict_on(recording.trace, recording.clouds["snapshot"], recording.clouds.get("local_contacts"))
     typer.echo(f"{found.same} ticks computed again are the same to the bit")
     if found.skipped:
         typer.echo(f"{found.skipped} ticks had no snapshot before them, without which they cannot be computed")

@@ -13,6 +13,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from haptic_sim.cli.bench_jobs import SCHEDULER, Crew
+
 INTERRUPTED = 130
 _DEVICE = "Take m, b, friction, encoder step and delays from this device's x axis (a name in config/devices or a file)."
 
@@ -42,6 +44,7 @@ def zwidth(
     out: Annotated[Path, typer.Option(help="Folder for map.csv and map.png.")] = Path("zwidth"),
     resume: Annotated[Path | None, typer.Option(help="File to go on from [OUT/resume.npz].")] = None,
     workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Threads [one a core].")] = None,
+    scheduler: Annotated[str, typer.Option(help=SCHEDULER)] = "",
     live: Annotated[bool, typer.Option("--live", help=_LIVE)] = False,
     damping: Annotated[float, typer.Option(help="With --live: virtual damping B of the wall (N s/m).")] = 0.0,
     domain: Annotated[int | None, typer.Option(min=0, max=232, help=_DOMAIN)] = None,
@@ -60,7 +63,7 @@ def zwidth(
         base = {"mass": 0.1, "physical_damping": 0.5} if device is None else _of_device(device, period)
         setup = Setup(**{**base, **given, "period": period, "velocity_lag": velocity_lag, "seconds": seconds})
         request = _request(setup, operator, stiffness_max, damping_max, points)
-        found = _run(request, lateness, out, resume, workers or len(os.sched_getaffinity(0)))
+        found = _run(request, lateness, out, resume, Crew(workers or len(os.sched_getaffinity(0)), scheduler))
     except (ValueError, OSError) as error:
         typer.echo(f"haptic zwidth: {error}", err=True)
         raise typer.Exit(2) from None
@@ -156,7 +159,7 @@ def _request(setup, operator, stiffness_max, damping_max, points):
     return Request(setup, operator, np.linspace(0.0, stiffness_max, points + 1)[1:], damping)
 
 
-def _run(request, lateness, out, resume, workers):
+def _run(request, lateness, out, resume, crew):
     from haptic_device.analysis.zwidth import theory
     from haptic_device.analysis.zwidth_figure import save_map
     from haptic_device.analysis.zwidth_map import boundaries, draw_map, write_csv
@@ -165,7 +168,7 @@ def _run(request, lateness, out, resume, workers):
     out.mkdir(parents=True, exist_ok=True)
     kept = resume or out / "resume.npz"
     with interruptible(), _progress(request.damping.size) as progress:
-        plane = draw_map(request, workers, kept, progress)
+        plane = draw_map(request, crew.workers, kept, progress, crew.scheduler)
     write_csv(out / "map.csv", request, plane)
     save_map(request, plane, lateness, out / "map.png")
     lines = {name.replace(" ", "_"): line.tolist() for name, line in boundaries(request, plane, lateness).items()}

@@ -80,6 +80,9 @@ class Method(Protocol):
     def contacts(self) -> list[Contact]:
         """Contacts of the last sub-step, in an order that depends on the motion alone."""
 
+    def bodies(self) -> list[tuple[Planar, Planar]]:
+        """Pose and velocity of every moving body's mass centre at the end of the sub-step, as in the compiled model."""
+
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame at the end of the sub-step."""
 

@@ -98,6 +98,10 @@ class ClosedForm:
         """Contacts of the last sub-step, sorted by bodies and place."""
         return sorted(self._contact(k) for k in (0, 1) if self._state[3][k])
 
+    def bodies(self) -> list[tuple[Planar, Planar]]:
+        """Pose and velocity of the tool, which is all that moves."""
+        return [(self.position, self.velocity)]
+
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame at the end of the sub-step."""
         return self.position if body == TOOL else next(fixed.pose for fixed in self.scene.bodies if fixed.name == body)

@@ -110,6 +110,12 @@ class Impulse:
         return sorted(self._contact(whole[3 * i:3 * i + 3], real[14 * i:14 * i + 14])
                       for i in range(len(whole) // 3) if whole[3 * i + 2])
 
+    def bodies(self) -> list[tuple[Planar, Planar]]:
+        """Pose and velocity of every moving body's mass centre, as in the compiled model."""
+        centres = map(self._center, self._bodies)
+        return [((*center, angle), (*body.velocity, body.angular_velocity))
+                for (center, angle), body in zip(centres, self._bodies, strict=True)]
+
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame at the end of the sub-step."""
         index, pose = self._compiled.places[body]

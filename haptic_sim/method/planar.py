@@ -74,6 +74,10 @@ class PlanarWorld:
         """Contacts of the last sub-step, sorted by bodies and place."""
         return sorted(self._contact_at(k) for k in range(self._counts[3]))
 
+    def bodies(self) -> list[tuple[Planar, Planar]]:
+        """Pose and velocity of every moving body's mass centre, as in the compiled model."""
+        return list(zip(self._q[: self._count].tolist(), self._v[: self._count].tolist(), strict=True))
+
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame at the end of the sub-step."""
         index, (x, y, turn) = self._compiled.places[body]

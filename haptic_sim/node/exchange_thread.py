@@ -16,6 +16,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from haptic_device.node.tap import Untouched
 from haptic_device.node.wire import LATEST, JointState
 from haptic_sim.node.port import Port
+from haptic_sim.node.showing import Showing
 from haptic_sim.simulation import Counters, Simulation
 
 LOOK_UP_NS = 50_000_000  # longest time it does not look at what others ask of it
@@ -43,8 +44,9 @@ class ExchangeThread:
     its own comes out of the constructor.
     """
 
-    def __init__(self, node, simulation: Simulation, port: Port, publisher, prepare):
-        self.simulation, self.port, self._publisher, self._prepare = simulation, port, publisher, prepare
+    def __init__(self, node, simulation: Simulation, port: Port, publishers, prepare):
+        self.simulation, self.port, self._prepare = simulation, port, prepare
+        self._publisher, self._near_publisher = publishers  # of tool, of local_contacts or None
         self._node = node
         self._subscription = node.create_subscription(
             JointState, "handle", lambda data: None, LATEST, raw=True, callback_group=Untouched()
@@ -57,6 +59,7 @@ class ExchangeThread:
         self.scheduling = ""
         self.answered = 0
         self.compute_ns = deque(maxlen=TIMES_KEPT)
+        self._showing, self._handle = Showing(node), None
         self._say()
         self._thread = threading.Thread(target=self._run, name="exchange")
         self._thread.start()
@@ -70,6 +73,7 @@ class ExchangeThread:
         self._stop.set()
         self._thread.join()
         self._node.destroy_subscription(self._subscription)
+        self._showing.close()
 
     def reset(self, patience: float = 1.0) -> bool:
         """Put the world back to the scene's start; whether that was done within `patience` [s]."""
@@ -92,6 +96,7 @@ class ExchangeThread:
 
     def _exchange_world(self, simulation):
         self.simulation, self.port.home = simulation, simulation.scene.tool.pose
+        self.port.scene += 1
 
     def _fall_silent(self):
         self._silent_until_ns = time.monotonic_ns() + SILENCE_NS
@@ -139,7 +144,13 @@ class ExchangeThread:
         answer = self.port.answer(question, self.simulation.exchange(self._faded(question.handle, now_ns)))
         self.compute_ns.append(time.perf_counter_ns() - began)
         self._publisher.publish(answer)
+        if self._near_publisher is not None:
+            near = self.simulation.local_contacts
+            near.look(self.port.lag(question))
+            self._near_publisher.publish(self.port.local_contacts(question, near.common, near.table))
         self.answered += 1
+        self._handle = question.handle.position
+        self._showing.show(self.simulation, self._handle, time.monotonic_ns())
 
     def _silent(self, now_ns):
         if self.paused or now_ns < self._silent_until_ns:
@@ -162,5 +173,7 @@ class ExchangeThread:
         self._granted.set()
 
     def _say(self):
-        self._next_report_ns = time.monotonic_ns() + 2 * LOOK_UP_NS
+        now_ns = time.monotonic_ns()
+        self._next_report_ns = now_ns + 2 * LOOK_UP_NS
+        self._showing.show(self.simulation, self._handle, now_ns)
         self.report = Report(self.simulation.measure(), self.simulation.counters, self.simulation.ledger.supplied)

@@ -6,15 +6,19 @@ A device with fewer axes than the plane leaves the others where the scene put th
 """
 
 import secrets
+from collections import deque
 from typing import NamedTuple
 
-from haptic_device.law import exchange
-from haptic_device.node.wire import JointLayout, exchange_names
+import numpy as np
+
+from haptic_device.law import contact, exchange
+from haptic_device.node.wire import NEAR, CloudLayout, JointLayout, exchange_names
 from haptic_sim.simulation import HandleSample, Planar, ToolSample
 
 SILENCE_NS = 500_000_000
 """A second device is listened to only after the first has been silent this long."""
 LARGEST_WHOLE = 2.0**53 - 1.0
+ANSWERS_KEPT = 512
 GAINS = slice(exchange.GAIN_0, exchange.GAIN_0 + 4)
 
 
@@ -39,7 +43,9 @@ class Port:
         self.refused = dict.fromkeys(exchange.REFUSALS[1:], 0)
         self._layouts = {axes: JointLayout(exchange_names(axes)) for axes in (1, 2, 3)}
         self._axes = {layout.size: axes for axes, layout in self._layouts.items()}
-        self._sequence = 0
+        self._sequence, self.scene = 0, 0
+        self._answers = deque(maxlen=ANSWERS_KEPT)  # (own sequence, time of the handle sample answered [ns])
+        self._near_layout, self._near = CloudLayout(NEAR), np.zeros(contact.MOST, NEAR)
         self._peer_session = self._peer_sequence = 0.0
         self._accepted_ns = 0
 
@@ -59,6 +65,7 @@ class Port:
         """Bytes of the tool message: stamped with, and naming, the handle sample it answers."""
         self._sequence += 1
         axes, tail = question.axes, question.tail
+        self._answers.append((self._sequence, question.handle.time_ns))
         own = list(tail)
         own[exchange.SESSION], own[exchange.SEQUENCE] = self.session, float(self._sequence)
         own[exchange.ANSWERED_SESSION], own[exchange.ANSWERED] = tail[exchange.SESSION], tail[exchange.SEQUENCE]
@@ -66,6 +73,28 @@ class Port:
         still = [0.0] * len(own)
         arrays = [*tool.position[:axes], *own], [*tool.velocity[:axes], *still], [*tool.force_on_tool[:axes], *still]
         return self._layouts[axes].pack(question.handle.time_ns, *arrays)
+
+    def lag(self, question: Question) -> float:
+        """How old the tool sample was that the device used when it asked [s]: half way there already, half to come."""
+        used = question.tail[exchange.ANSWERED]
+        return next(
+            (
+                1e-9 * (question.handle.time_ns - time_ns)
+                for sequence, time_ns in reversed(self._answers)
+                if sequence == used
+            ),
+            0.0,
+        )
+
+    def local_contacts(self, question: Question, common: dict[str, float], table: np.ndarray) -> bytes:
+        """Bytes of the local contacts that go with the answer just given."""
+        near, tail = self._near, question.tail
+        near["session"], near["sequence"], near["scene"] = self.session, self._sequence, self.scene
+        near["answered_session"], near["answered"] = tail[exchange.SESSION], tail[exchange.SEQUENCE]
+        for name, value in common.items():
+            near[name] = value
+        near.view(np.float64).reshape(contact.MOST, -1)[:, len(contact.COMMON) :] = table
+        return self._near_layout.pack(question.handle.time_ns, near)
 
     def _judge(self, arrays, tail, now_ns):
         if not (all(_within(numbers, exchange.LIMIT) for numbers in arrays) and _within(tail, LARGEST_WHOLE)):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_relay: a bad network between driver and simulation, to see what an exchange method makes of it.
 
-`handle` goes out on `far_handle`, `far_tool` comes in on `tool`, each message on its own way: delayed, lost, doubled
-and overtaken by others. The simulation is started with its two topics renamed so.
+`handle` goes out on `far_handle`, `far_tool` comes in on `tool`, `far_local_contacts` on `local_contacts`, each message
+on its own way: delayed, lost, doubled and overtaken by others. The simulation is started with its topics renamed so.
 """
 
 import heapq
@@ -16,7 +16,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.tap import Tap
-from haptic_device.node.wire import LATEST, STREAM, JointState
+from haptic_device.node.wire import LATEST, STREAM, JointState, PointCloud2
 from haptic_device.runtime.clock import go_realtime
 from haptic_sim.node.declared import RELAY
 
@@ -27,9 +27,9 @@ PRIORITY = 62
 class Way:
     """One direction: what comes on one topic leaves on another when its time has come."""
 
-    def __init__(self, node, source, target, values, seed):
-        self.tap = Tap(node, source, "sensor_msgs/msg/JointState", STREAM, raw=True)
-        self._publisher = node.create_publisher(JointState, target, LATEST)
+    def __init__(self, node, source, target, kind, values, seed):
+        self.tap = Tap(node, source, f"sensor_msgs/msg/{kind.__name__}", STREAM, raw=True)
+        self._publisher = node.create_publisher(kind, target, LATEST)
         self._values, self._random, self._number, self._flying = values, random.Random(seed), itertools.count(), []
 
     @property
@@ -60,8 +60,11 @@ class RelayNode(ManagedNode):
 
     def configure(self):
         """Both ways."""
-        pairs = ("handle", "far_handle"), ("far_tool", "tool")
-        self._ways = [Way(self, *pair, self.values, self.values["seed"] + i) for i, pair in enumerate(pairs)]
+        ways = (
+            ("handle", "far_handle", JointState), ("far_tool", "tool", JointState),
+            ("far_local_contacts", "local_contacts", PointCloud2),
+        )  # fmt: skip
+        self._ways = [Way(self, *way, self.values, self.values["seed"] + i) for i, way in enumerate(ways)]
 
     def activate(self):
         """Begins to carry."""
@@ -81,7 +84,7 @@ class RelayNode(ManagedNode):
 
     def _run(self):
         go_realtime("prefer", PRIORITY)
-        wait_set = rclpy_implementation.WaitSet(2, 0, 0, 0, 0, 0, self.context.handle)
+        wait_set = rclpy_implementation.WaitSet(3, 0, 0, 0, 0, 0, self.context.handle)
         while not self._stop.is_set():
             now = time.monotonic_ns()
             for way in self._ways:

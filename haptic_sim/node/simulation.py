@@ -33,6 +33,8 @@ class SimulationNode(ManagedNode):
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
         self._rates = health.Rates()
         self._tool = self.create_publisher(wire.JointState, "tool", wire.LATEST)
+        local = self.values["exchange.method"] == "local"
+        self._near = self.create_publisher(wire.PointCloud2, "local_contacts", wire.LATEST) if local else None
         self.create_timer(DIAGNOSTICS_PERIOD, self.diagnose)
         self.create_service(Trigger, "~/reset_scene", self._on_reset_scene)
         self.create_service(Trigger, "~/load_scene", self._on_load_scene)
@@ -48,7 +50,7 @@ class SimulationNode(ManagedNode):
         """Starts answering."""
         port = Port(self.simulation.scene.tool.pose, self.values["exchange.method"])
         self._refused, self._rejoined = Refusals("handle"), self.simulation.counters.rejoined
-        self.exchange = ExchangeThread(self, self.simulation, port, self._tool, self._prepare)
+        self.exchange = ExchangeThread(self, self.simulation, port, (self._tool, self._near), self._prepare)
         self.get_logger().info(f"scene {self.simulation.scene.name}; {self.exchange.scheduling}")
 
     def deactivate(self) -> None:
@@ -95,7 +97,10 @@ class SimulationNode(ManagedNode):
     def _world(self):
         """A simulation as the parameters now say, at the tool port that there is."""
         port = self.simulation.port if self.simulation else None
-        return Simulation.by_parameters(load(self.values["scene"]), self.values, port)
+        world = Simulation.by_parameters(load(self.values["scene"]), self.values, port)
+        if self.values["exchange.method"] == "local":
+            world.local_contacts.look(0.0)  # compiled here, not in the first exchange
+        return world
 
     def _accept(self, values):
         """The parameter `scene` names what load_scene loads next; one that cannot be read is refused here."""

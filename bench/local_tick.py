@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Work of a servo tick with the tool in it: three axes, four flanks pressed with friction, of 100 000 ticks.
+
+usage: python bench/local_tick.py [ticks]
+
+Prints median, p99.9 and worst of the whole tick [us], with `direct` and with `local`, and how many linear systems the
+contacts took. Times are read around each tick, so a disturbance by others counts; run it on a quiet machine.
+"""
+
+import sys
+
+import numba
+import numpy as np
+
+from haptic_device import operating
+from haptic_device.device import load_device
+from haptic_device.law import contact, engage, local, servo
+from haptic_device.law.exchange import METHODS
+from haptic_device.node.declared import NODES
+from haptic_device.runtime import clock
+
+PERIOD_NS = 250_000
+
+
+@numba.njit(error_model="numpy")
+def run(settings, memory, row, near, times, pivots):
+    """A handle that pulls and twists a peg between its flanks; a new set each fourth tick."""
+    record, scratch = row[0], np.zeros(2, np.int64)
+    for k in range(times.size):
+        phase = 0.003 * k
+        record.latched = record.deadline = (k + 1.0) * PERIOD_NS
+        record.command, record.device_status = engage.ENABLE, servo.FRESH
+        record.counts[0], record.counts[1] = np.round(400.0 * np.sin(phase)), np.round(200.0 * np.sin(1.7 * phase))
+        record.counts[2] = np.round(800.0 * np.sin(2.3 * phase))
+        record.tool_session, record.tool_answered, record.tool_sequence, record.tool_age = 1.0, k + 1.0, k + 1.0, 1e-3
+        record.contact_age = 1e-3
+        began = clock.now_ns(scratch)
+        if k % 4 == 0:
+            near[0].number = k + 1.0
+            local.take(memory[0], near[0])
+        servo.tick(settings[0], memory[0], record)
+        times[k], pivots[k] = clock.now_ns(scratch) - began, record.local_pivots
+
+
+def slot():
+    """Set of six contacts: four corners of a peg between two flanks 0.1 mm wider, and two planes of the mouth."""
+    near = np.zeros(1, contact.SET)
+    near["mass"], near["inertia"], near["extent"], near["trust"] = 0.1, 3e-4, 0.1, 10.0
+    for i in range(6):
+        one, side = near["table"][0, i], 1.0 if i % 2 == 0 else -1.0
+        one[[contact.IDENTITY, contact.KIND, contact.FRICTION]] = i + 1.0, contact.FLAT_THERE, 0.2
+        one[[contact.TOOL_X, contact.TOOL_Y]] = -0.01 * side, -0.09 + 0.02 * (i // 2)
+        one[[contact.POINT_X, contact.NORMAL_X]] = -0.01005 * side, side
+    return near
+
+
+def main():
+    ticks = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
+    print("method   median us   p99.9 us   worst us   systems: mean, most   acting")
+    for method in ("direct", METHODS[-1]):
+        values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]}
+        values |= {"exchange.method": method, "coupling.stiffness": 2000.0, "coupling.damping": 2.0,
+                   "coupling.rotational_stiffness": 2.0, "coupling.rotational_damping": 0.002,
+                   "local.apart": 1.0, "local.rejoin": 0.0}  # fmt: skip
+        settings = operating.settings_from(load_device("desktop"), values)
+        for count in (2000, ticks):  # the first compiles
+            memory, row, times = np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK), np.zeros(count)
+            memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, engage.ENGAGED
+            pivots = np.zeros(count)
+            run(settings, memory, row, slot(), times, pivots)
+        median, high, worst = np.percentile(times, (50, 99.9, 100)) * 1e-3
+        print(f"{method:7} {median:10.2f} {high:10.2f} {worst:10.2f} {pivots.mean():12.2f} {pivots.max():6.0f}"
+              f" {memory['acting'][0]:10.0f}")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the demo in pairs, without and with a viewer whose page a Chromium draws, and prints what the servo notices.
+
+python bench/viewer_disturbs.py [pairs] [seconds]   (needs the extra `browser` and a Chromium: make test-browser)
+"""
+
+import json
+import os
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import domain_coordinator
+from playwright.sync_api import sync_playwright
+
+sys.path.append(str(Path(__file__).parents[1] / "test" / "browser"))
+from chromium import OPTIONS, find  # noqa: E402
+
+HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
+FIGURES = {
+    "missed ticks of 10000": lambda found: 1e4 * found["servo"]["missed"] / found["servo"]["ticks"],
+    "lateness p99 [us]": lambda found: found["servo"]["lateness_us"]["p99"],
+    "age p50 [ms]": lambda found: found["exchange"]["age_ms"]["p50"],
+    "age p99 [ms]": lambda found: found["exchange"]["age_ms"]["p99"],
+    "answered [%]": lambda found: 100.0 * found["exchange"]["answered"] / found["exchange"]["sent"],
+}
+
+
+def run(seconds, domain):
+    """Figures of one demo."""
+    with tempfile.TemporaryDirectory() as folder:
+        words = [*HAPTIC, "demo", "--json", "--seconds", str(seconds), "--out", f"{folder}/run"]
+        done = subprocess.run(words, env=environment(domain), capture_output=True, text=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def environment(domain):
+    return {**os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+
+
+@contextmanager
+def page(browser, domain, drawn):
+    """A viewer and a page that draws; appends the page's frames per second and the viewer's share of a core."""
+    viewer = subprocess.Popen([*HAPTIC, "view"], env=environment(domain), stdout=subprocess.PIPE, text=True)
+    address = re.search(r"http://\S+", viewer.stdout.readline()).group()
+    tab = browser.new_page(viewport={"width": 1280, "height": 720})
+    tab.goto(address)
+    try:
+        yield
+        shown = tab.evaluate("({...document.documentElement.dataset})")
+        drawn.append((int(shown["drawn"]), 100.0 * float(shown["cpu"])))
+    finally:
+        tab.close()
+        viewer.send_signal(2)
+        viewer.wait(20)
+
+
+def main():
+    pairs, seconds = (int(word) for word in [*sys.argv[1:], "6", "8"][:2])
+    found, drawn = {False: [], True: []}, []
+    with domain_coordinator.domain_id() as domain, sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=find(), args=list(OPTIONS))
+        for pair in range(pairs):
+            for viewed in (False, True) if pair % 2 == 0 else (True, False):
+                with ExitStack() as stack:
+                    if viewed:
+                        stack.enter_context(page(browser, domain, drawn))
+                    found[viewed].append(run(seconds, domain))
+        browser.close()
+    print(f"{pairs} pairs of {seconds} s in turn: median, and range")
+    for name, figure in FIGURES.items():
+        columns = [sorted(map(figure, found[viewed])) for viewed in (False, True)]
+        texts = [f"{statistics.median(c):8.3f} ({c[0]:.3f} to {c[-1]:.3f})" for c in columns]
+        print(f"{name:24} without page {texts[0]:32} with page {texts[1]}")
+    print(f"frames drawn per second at the end, viewer's share of a core [%]: {drawn}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many independent runs on all cores, or on the machines behind a Dask scheduler: same jobs, same results."""
+
+import contextlib
+import multiprocessing
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+
+from haptic_device import cache
+
+PATIENCE = 5.0  # [s] for a scheduler to answer
+MISSING = "--scheduler needs Dask distributed: pip install 'haptic_display[sweep]'"
+
+
+class SchedulerError(ValueError):
+    """The scheduler, or what stands behind it, cannot do the work; one sentence."""
+
+
+def spread(
+    function: Callable, jobs: dict, workers: int, scheduler: str = "", processes: bool = False
+) -> Iterator[tuple]:
+    """Yields (key, function(*arguments)) of jobs {key: arguments} as they are done, in whatever order.
+
+    By threads, for kernels without the interpreter's lock; by `processes`, for what is mostly Python; or by all workers
+    of the scheduler at this address (tcp://host:port), which must run the same sources. A worker that dies has its jobs
+    done by others. Raises SchedulerError; what a job raises is raised.
+    """
+    results = _by_cluster(function, jobs, scheduler) if scheduler else _here(function, jobs, workers, processes)
+    with contextlib.closing(results):
+        yield from results
+
+
+def _here(function, jobs, workers, processes):
+    made = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) if processes else None
+    with made or ThreadPoolExecutor(workers) as pool:
+        waiting = {pool.submit(function, *arguments): key for key, arguments in jobs.items()}
+        try:
+            for done in as_completed(waiting):
+                yield waiting[done], done.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _by_cluster(function, jobs, scheduler):
+    with _client(scheduler) as client:
+        from distributed import as_completed
+
+        waiting = {client.submit(function, *arguments, pure=False): key for key, arguments in jobs.items()}
+        try:
+            for done, result in as_completed(waiting, loop=client.loop, with_results=True):
+                yield waiting[done], result
+        except Exception as error:
+            if type(error).__name__ in ("KilledWorker", "CancelledError", "FutureCancelledError", "CommClosedError"):
+                raise SchedulerError(f"the work was lost at {scheduler} ({error}); what was done is kept") from None
+            raise
+
+
+@contextlib.contextmanager
+def _client(scheduler):
+    try:
+        from distributed import Client
+    except ModuleNotFoundError:
+        raise SchedulerError(MISSING) from None
+    try:
+        client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError):
+        raise SchedulerError(f"no scheduler answers at {scheduler} within {PATIENCE:g} s; nothing is lost") from None
+    with client:
+        _check(client, scheduler)
+        yield client
+
+
+def _check(client, scheduler):
+    """Other sources would compute something else under the same name."""
+    try:
+        digests = client.run(cache.laws_digest)
+    except Exception as error:
+        raise SchedulerError(f"a worker of {scheduler} does not run haptic_display: {error}") from None
+    if not digests:
+        raise SchedulerError(f"the scheduler at {scheduler} has no workers: start some with `dask worker {scheduler}`")
+    other = [worker for worker, digest in digests.items() if digest != cache.laws_digest()]
+    if other:
+        raise SchedulerError(f"worker {other[0]} runs other sources or versions than this command; install the same")

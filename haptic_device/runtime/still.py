@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A link to a handle that stands still and answers at once: what is measured through it is the servo alone."""
+
+import numpy as np
+
+from haptic_device.kernel import kernel
+from haptic_device.runtime import link
+
+
+class StillLink:
+    """Always there, at count 0; what the motor is told goes nowhere."""
+
+    def __init__(self):
+        self.memory = np.zeros(1, np.int64)
+        self.read, self.write = read, write
+
+    def present(self):
+        return True
+
+    def close(self):
+        """Nothing is held."""
+
+
+@kernel(link.READ)
+def read(memory, deadline, give_up, sample):
+    sample[:] = 0.0
+    sample[link.LATCHED] = deadline
+    return 1
+
+
+@kernel(link.WRITE)
+def write(memory, written, next_deadline, period, engaged, motor):
+    return 0

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Results of all benchmarks in one folder: machine facts, one file each, and the figures that the table shows."""
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+MACHINE = "machine.json"
+
+
+class Figure(NamedTuple):
+    """A line of the table: what was measured, its value and unit, and what is wanted of it, in words."""
+
+    name: str
+    value: float | None
+    unit: str
+    wanted: str = ""
+
+
+def figures(folder: Path) -> list[Figure]:
+    """All figures that the folder's files hold. Raises ValueError, one sentence, if it is no folder of results."""
+    if not (folder / MACHINE).exists():
+        raise ValueError(f"{folder} holds no results of `haptic bench all`: {MACHINE} is missing")
+    found = []
+    for name, read in READERS.items():
+        if (content := _content(folder, name)) is not None:
+            found += read(content)
+    return found
+
+
+def markdown(folder: Path) -> str:
+    """The one table, with the machine above it."""
+    facts = _content(folder, MACHINE.removesuffix(".json"))
+    machine, program = facts["machine"], facts["program"]
+    head = (f"{machine['cores']} cores of {machine['processor']}, {machine['system'].split('-with')[0]}; "
+            f"Python {program['python']}, numba {facts['packages']['numba']}; {facts['length']} run.")  # fmt: skip
+    lines = [head, "", "| figure | measured | wanted |", "| --- | --- | --- |"]
+    lines += [f"| {one.name} | {shown(one.value)} {one.unit} | {one.wanted} |" for one in figures(folder)]
+    return "\n".join(lines)
+
+
+def compared(one: Path, other: Path) -> str:
+    """Both folders' figures side by side, and the ratio of the second to the first."""
+    known = {figure.name: figure for figure in figures(one)}
+    lines = [f"| figure | {one.name} | {other.name} | ratio |", "| --- | --- | --- | --- |"]
+    for figure in figures(other):
+        before = known.pop(figure.name, None)
+        old = "–" if before is None else f"{shown(before.value)} {before.unit}"
+        lines.append(f"| {figure.name} | {old} | {shown(figure.value)} {figure.unit} | {_ratio(before, figure)} |")
+    lines += [f"| {name} | {shown(figure.value)} {figure.unit} | – | |" for name, figure in known.items()]
+    return "\n".join(lines)
+
+
+def shown(value: float | None) -> str:
+    """Three digits, or a dash for what could not be had."""
+    return "–" if value is None else f"{value:.3g}"
+
+
+def _ratio(before, now):
+    if before is None or not before.value or now.value is None:
+        return ""
+    return f"{now.value / before.value:.2f}"
+
+
+def _content(folder, name):
+    file = folder / f"{name}.json"
+    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else None
+
+
+def _start(found):
+    again = [max(one.values()) for one in found["again"]]
+    return [
+        Figure("very first start, all nodes at work", max(found["first"].values()), "s", "≤ 15 s"),
+        Figure("later start", sorted(again)[len(again) // 2], "s", "≤ 3 s"),
+    ]
+
+
+def _servo(found):
+    lines = []
+    for one in found["lateness"]:
+        where = f"{one['rate']:g} Hz, {'FIFO' if one['realtime'] == 'prefer' else 'no FIFO'}, {one['load']}"
+        limit = "≤ 2" if one["realtime"] == "prefer" and one["load"] == "alone" else ""
+        lines.append(Figure(f"lateness p99, {where}", one["p99"], "µs"))
+        lines.append(Figure(f"lateness p99 to cyclictest's, {where}", one["p99_ratio"], "×", limit))
+        if one["load"] == "demo":
+            missed = 100.0 * one["missed"] / max(1.0, one["ticks"])
+            lines.append(Figure(f"missed ticks, {where}", missed, "%", "≤ 0.01 % beyond cyclictest's"))
+    limits = {"tick": "≤ 1.3", "sweep cell": "≤ 1.67"}
+    for name, one in (found["compute"] or {}).items():
+        lines += [Figure(f"{name}", one["kernel_us"], "µs"),
+                  Figure(f"{name} to the same in C -O2", one["ratio"], "×", limits[name])]  # fmt: skip
+    return lines
+
+
+def _round_trip(found):
+    lines = []
+    for one in found:
+        where = f"{one['rate']:g} Hz, {one['answerer']}"
+        lines.append(Figure(f"round trip p50, {where}", one["p50_us"], "µs"))
+        if one["answerer"] == "simulation":
+            lines.append(Figure(f"round trip p50 to the bare one's, {one['rate']:g} Hz", one["ratio"], "×"))
+            cores = sum(one[f"{node}_cores"] for node in ("loopback", "simulation", "driver"))
+            lines.append(Figure(f"device, simulation and driver, {where}", cores, "cores"))
+    return lines
+
+
+def _costs(found):
+    lines = [Figure(f"{one['what']}: one more {one['grows_with']}", one["slope"], "µs") for one in found["costs"]]
+    cell = next(one for one in found["costs"] if one["grows_with"] == "cell")
+    return [*lines, Figure("map off a straight line by at most", 100.0 * cell["apart"], "%", "≤ 10 %"),
+            Figure("two cores on a map, efficiency", found["two_cores"], "", "≥ 0.9")]  # fmt: skip
+
+
+def _demo(found):
+    return [
+        Figure("whole live system with recorder", found["cores"], "cores", "≤ 1.2"),
+        *(Figure(f"memory of {name} (PSS)", value, "MB", "≤ 200 MB") for name, value in found["pss_mb"].items()),
+    ]
+
+
+def _exchange(found):
+    return [Figure(f"stiffness felt, {one['method']}, {1e3 * one['delay']:g} ms", one["stiffness"], "N/m")
+            for one in found["cases"]]  # fmt: skip
+
+
+READERS = {"start": _start, "servo": _servo, "round_trip": _round_trip, "load": _demo, "costs": _costs,
+           "exchange": _exchange}  # fmt: skip

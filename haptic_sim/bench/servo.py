@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The servo by the clock, alone or beside cyclictest, which is the least lateness that this machine gives anybody."""
+
+import contextlib
+import json
+import shutil
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_device import operating
+from haptic_device.device import load_device
+from haptic_device.law import engage
+from haptic_device.node.declared import DRIVER
+from haptic_device.runtime.servo_thread import PRIORITY, ServoThread
+from haptic_device.runtime.still import StillLink
+
+RATES = (1000, 2000, 4000, 8000, 10000)  # [Hz]
+MISSING = "cyclictest is not installed (Debian, Ubuntu: apt install rt-tests)"
+COMMON = {  # 3 axes, 4 walls, coupling, cancellation, observer and controller, faults, trace: all that a tick can do
+    "wall.normals": (1.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, -1.0), "wall.offsets": (-0.06, -0.06, 0.07, -0.15),
+    "wall.stiffness": (500.0,) * 4, "wall.damping": (0.1,) * 4, "cancellation.ratio": 0.5,
+}  # fmt: skip
+_FINEST = 400  # [us] of cyclictest's histogram; later ones are its maximum
+
+
+class Lateness(NamedTuple):
+    """Wake-ups after their deadlines [us], sorted, and how many came after the next deadline."""
+
+    sorted_us: np.ndarray
+    missed: int
+    scheduling: str
+
+    def at(self, percent: float) -> float:
+        """Percentile [us]."""
+        return float(np.percentile(self.sorted_us, percent))
+
+    def figures(self) -> dict:
+        """Ticks, missed ones, and percentiles [us]."""
+        quantiles = {"p50": 50, "p99": 99, "p999": 99.9, "max": 100}
+        known = {name: self.at(percent) if len(self.sorted_us) else None for name, percent in quantiles.items()}
+        return {"ticks": len(self.sorted_us), "missed": self.missed, **known, "scheduling": self.scheduling}
+
+
+def values(**given) -> dict:
+    """All parameters of the driver, with these instead of the defaults."""
+    return {parameter.name: parameter.default for parameter in DRIVER} | given
+
+
+def alone(rate: float, seconds: float, realtime: str = "prefer") -> tuple[Lateness, np.ndarray]:
+    """Runs the servo for so long against a handle that stands still: lateness, and the rows of all ticks."""
+    settings = operating.settings_from(load_device("desktop"), values(**COMMON, **{"servo.rate": float(rate)}))
+    thread, kept = ServoThread(StillLink(), settings, None, realtime), []
+    thread.order(set_flags=engage.ENABLE)
+    thread.start()
+    try:
+        while not thread.running:
+            time.sleep(0.01)
+        thread.ring.take(thread.ring.size)
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            time.sleep(min(0.1, seconds))
+            kept.append(thread.ring.take(thread.ring.size))
+    finally:
+        thread.stop()
+    rows = np.concatenate(kept)
+    return lateness_of(rows, thread.realtime), rows
+
+
+def lateness_of(rows: np.ndarray, scheduling: str) -> Lateness:
+    """Of the rows of a trace."""
+    missed = int(rows["missed"][-1] - rows["missed"][0]) if len(rows) else 0
+    return Lateness(np.sort(rows["lateness"]) * 1e6, missed, scheduling)
+
+
+def cyclictest(rate: float, seconds: float, realtime: str = "prefer") -> Lateness | None:
+    """The same of cyclictest at the servo's priority; None if it is not installed or not permitted what is asked."""
+    if shutil.which("cyclictest") is None:
+        return None
+    period = round(1e6 / rate)
+    policy = ("-p", str(PRIORITY), "-m") if realtime != "off" else ("--policy=other",)
+    with tempfile.TemporaryDirectory() as folder:
+        told = Path(folder) / "cyclictest.json"
+        command = ["cyclictest", "-q", "-t1", *policy, f"-i{period}", f"-l{round(seconds * rate)}", f"-h{_FINEST}",
+                   f"--json={told}"]  # fmt: skip
+        with contextlib.suppress(subprocess.SubprocessError, OSError, ValueError, KeyError):
+            subprocess.run(command, capture_output=True, timeout=30.0 + 3.0 * seconds, check=True)
+            return _of_histogram(json.loads(told.read_text())["thread"]["0"], period)
+    return None
+
+
+def _of_histogram(thread, period):
+    counts = {int(late): int(count) for late, count in thread["histogram"].items()}
+    within = np.repeat(np.array(sorted(counts), float), [counts[late] for late in sorted(counts)])
+    beyond = max(0, int(thread["cycles"]) - len(within))
+    late = np.concatenate([within, np.full(beyond, float(thread["max"]))])
+    return Lateness(late, int(np.sum(late >= period)), "cyclictest")

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic demo --view`: the nodes as processes, this process as their viewer, which may start them again."""
+
+import asyncio
+import time
+
+from haptic_sim.cli.domain import isolated_domain
+from haptic_sim.cli.processes import NAMESPACE, NodeDiedError, Nodes
+from haptic_sim.cli.view import arguments
+
+RECORDER = "haptic_recorder"
+HAND = {"haptic_loopback": {"motion.name": "follow"}, RECORDER: {"bag": "", "autostart": False}}
+NETWORK = {"delay": 2000.0, "jitter": 2000.0}  # most that may be asked for [ms]
+
+
+class Company:
+    """The nodes of an order. programs: order → list of Program; relay: (delay, jitter, loss) → Relay."""
+
+    def __init__(self, order, programs, relay, nodes: Nodes):
+        self._order, self._programs, self._relay, self._nodes = order, programs, relay, nodes
+        self._changing = asyncio.Lock()
+
+    def start(self) -> None:
+        """Starts all nodes."""
+        for program in self._programs(self._order):
+            self._nodes.start(program)
+
+    def offer(self) -> dict:
+        """What `change` takes, and how it is now."""
+        from haptic_device.law.exchange import METHODS, PARAMETERS
+
+        now = self._order.relay or self._relay(0.0, 0.0, 0.0)
+        times = {
+            name: {"value": 1e3 * getattr(now, name), "unit": "ms", "low": 0, "high": high}
+            for name, high in NETWORK.items()
+        }
+        loss = {"value": now.loss, "unit": "share", "low": 0, "high": 1}
+        [declared] = [parameter for parameter in PARAMETERS if parameter.name == "exchange.method"]
+        method = {"value": self._order.exchange or declared.default, "choices": METHODS}
+        return {"exchange.method": method, **times, "loss": loss}
+
+    async def change(self, name: str, value) -> str:
+        """Starts the nodes again with this changed; the recorder goes on. ValueError if it cannot be so."""
+        async with self._changing:
+            order = self._changed(name, value)
+            programs = [program for program in self._programs(order) if program.name != RECORDER]
+            await asyncio.to_thread(self._nodes.end_all_but, RECORDER)
+            for program in programs:  # not in that thread: a child goes with the thread that started it
+                self._nodes.start(program)
+            self._order = order
+            return f"{name} is {value}; the nodes have been started again"
+
+    def problem(self) -> str:
+        """Why a node has ended by itself, or nothing."""
+        if self._changing.locked():
+            return ""
+        try:
+            self._nodes.check()
+        except NodeDiedError as error:
+            return str(error)
+        return ""
+
+    def _changed(self, name, value):
+        offered = self.offer()
+        if name not in offered:
+            raise ValueError(f"{name} is none of {', '.join(offered)}")
+        one = offered[name]
+        if "choices" in one:
+            if value not in one["choices"]:
+                raise ValueError(f"{name} is {value!r}; it must be one of {', '.join(one['choices'])}")
+            return self._order._replace(exchange=value)
+        if not isinstance(value, int | float) or not one["low"] <= value <= one["high"]:
+            raise ValueError(f"{name} is {value!r}; {one['low']} to {one['high']} {one['unit']} is needed")
+        now = {known: offered[known]["value"] for known in (*NETWORK, "loss")} | {name: float(value)}
+        relay = self._relay(now["delay"] * 1e-3, now["jitter"] * 1e-3, now["loss"])
+        return self._order._replace(relay=relay if any(relay) else None)
+
+
+def play(order, programs, relay, page: dict) -> bool:
+    """Runs the nodes of the order with a page, until Ctrl-C or the order's seconds are over. page: host and port."""
+    order = order._replace(given=HAND)
+    with isolated_domain(order.out / "log"), Nodes(order.out / "log") as nodes:
+        company = Company(order, programs, relay, nodes)
+        company.start()
+        from haptic_sim.viewer.viewer import hear_the_end, serve  # ROS is imported while the nodes start
+
+        told, end = hear_the_end(), None if order.seconds is None else time.monotonic() + order.seconds
+        serve(arguments(NAMESPACE, page), lambda: told or (end is not None and time.monotonic() > end), company)
+    return True

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The contacts that a simulation sends along with its tool: what the servo's own tool may touch until the next set.
+
+Features and their ranking: method/nearby. What another body gives way by comes from its mass and its joints. One that
+the tool presses on already, or that dry friction holds in a joint, gives way by nothing: it moves as the simulation
+says.
+"""
+
+import math
+
+import numpy as np
+
+from haptic_device.law import contact
+from haptic_sim.compile import compile_scene
+from haptic_sim.compile.model import PIN, SLIDER, SPRING
+from haptic_sim.method import Method, nearby
+from haptic_sim.scene import Scene
+
+AHEAD = 2.0  # exchange periods by which a contact must be known before it matters
+NEAR = 2e-3  # [m] between a contact that pressed and the pair of features that it is taken for
+
+
+class LocalContacts:
+    """Contacts of a scene's tool as a simulation method moves it; `table` is what the last `look` found."""
+
+    def __init__(self, scene: Scene, method: Method):
+        compiled = compile_scene(scene)
+        model = compiled.model
+        self._method, self._model, self._scene = method, model, scene
+        self._names = compiled.shape_names
+        self._features = (
+            model.shape_body,
+            model.shape_start,
+            model.vertices,
+            model.radius,
+            model.pairs,
+            model.pair_friction,
+            model.pair_restitution,
+        )
+        self._pose, self._velocity = model.pose.copy(), model.velocity.copy()
+        self._candidates = np.zeros((nearby.MOST, nearby.COLUMNS))
+        self._free = [_mobility(model, body) for body in range(len(model.mass))]
+        self._moving = [body for body in range(1, len(model.mass)) if not model.fixed[body]]
+        self._dry = {int(body) for joint, bodies in enumerate(model.joint_bodies) if model.joint_friction[joint] > 0.0
+                     for body in bodies}  # fmt: skip
+        self._held_by_joint = any(0 in bodies for bodies in model.joint_bodies.tolist())
+        self._extent = max(
+            math.hypot(x, y) + radius
+            for shape, radius in enumerate(model.radius)
+            if model.shape_body[shape] == 0
+            for x, y in model.vertices[model.shape_start[shape] : model.shape_start[shape + 1]]
+        )
+        self.table, self.trust, self.offered = np.zeros((contact.MOST, len(contact.EACH))), 0.0, 0
+        self.look(0.0)
+
+    @property
+    def common(self) -> dict[str, float]:
+        """What a set says once: the tool, and where it was."""
+        mass, inertia, _ = self._scene.tool.mass_properties
+        pose, (gx, gy) = self._pose[0], self._scene.gravity
+        return {
+            "offered": self.offered,
+            "trust": self.trust,
+            "mass": mass,
+            "inertia": inertia,
+            "extent": self._extent,
+            "gravity_x": gx,
+            "gravity_y": gy,
+            "tool_pose_x": pose[0],
+            "tool_pose_y": pose[1],
+            "tool_pose_theta": pose[2],
+        }
+
+    def look(self, lag: float) -> None:
+        """Finds the contacts as the bodies are now; lag [s]: how old the set will be when it is used."""
+        for body, (pose, velocity) in enumerate(self._method.bodies()):
+            self._pose[body], self._velocity[body] = pose, velocity
+        count = nearby.find(self._features, self._pose, self._velocity, AHEAD * lag, self._candidates)
+        self.offered = count
+        self.trust = nearby.choose(self._candidates, count, self.table[:, contact.IDENTITY].copy(), self.table)
+        if self._held_by_joint or count >= nearby.MOST:
+            self.trust = 0.0  # the servo cannot stand for this tool, or knows too little
+        if self._moving:
+            self._give_way()
+
+    def _give_way(self):
+        """Mobility of the bodies behind the contacts, and the force that the simulation's tool has on them."""
+        body_of = self._model.shape_body
+        pressed = [one for one in self._method.contacts() if one.body_a == "tool"] if self._method.touching else []
+        for one in self.table:
+            if one[contact.IDENTITY] == 0.0:
+                continue
+            body = int(body_of[self._other(one)])
+            if body not in self._moving:
+                continue
+            nx, ny = self._world_normal(one)
+            place = one[contact.POINT_X], one[contact.POINT_Y]
+            if one[contact.KIND] == contact.FLAT_THERE:
+                place = self._foot(one)
+            one[contact.FORCE] = sum(
+                max(0.0, f.force_on_a[0] * nx + f.force_on_a[1] * ny)
+                for f in pressed
+                if f.body_b == self._names[self._other(one)] and math.dist(f.point, place) < NEAR
+            )
+            held = body in self._dry or any(f.body_b == self._names[self._other(one)] for f in pressed)
+            one[contact.MOBILITY] = 0.0 if held else self._mobility_along(body, place, nx, ny)
+            one[contact.SLIP_MOBILITY] = 0.0 if held else self._mobility_along(body, place, -ny, nx)
+
+    def _other(self, one):
+        """Shape of the other body of a contact: identities count pairs."""
+        pair = int((one[contact.IDENTITY] - 1.0) // (2.0 * nearby.CORNERS * nearby.CORNERS))
+        return self._model.pairs[pair, 1]
+
+    def _world_normal(self, one):
+        nx, ny = one[contact.NORMAL_X], one[contact.NORMAL_Y]
+        if one[contact.KIND] != contact.FLAT_HERE:
+            return nx, ny
+        c, s = math.cos(self._pose[0, 2]), math.sin(self._pose[0, 2])
+        return c * nx - s * ny, s * nx + c * ny
+
+    def _foot(self, one):
+        """Where the tool's point would touch the other body's plane."""
+        c, s = math.cos(self._pose[0, 2]), math.sin(self._pose[0, 2])
+        x = self._pose[0, 0] + c * one[contact.TOOL_X] - s * one[contact.TOOL_Y]
+        y = self._pose[0, 1] + s * one[contact.TOOL_X] + c * one[contact.TOOL_Y]
+        back = one[contact.GAP] + one[contact.RADIUS]
+        return x - back * one[contact.NORMAL_X], y - back * one[contact.NORMAL_Y]
+
+    def _mobility_along(self, body, place, nx, ny):
+        """Velocity [m/s] of a body's point along n for an impulse of 1 N s along n there [1/kg]."""
+        free, (x, y, angle) = self._free[body], self._pose[body]
+        c, s = math.cos(angle), math.sin(angle)
+        arm = (place[0] - x) * ny - (place[1] - y) * nx
+        push = np.array((c * nx + s * ny, c * ny - s * nx, arm))
+        return float(push @ free @ push)
+
+
+def _mobility(model, body):
+    """Response (3, 3) of a body to impulses in its own frame: its mass, less what joints to fixed bodies take away."""
+    if model.fixed[body]:
+        return np.zeros((3, 3))
+    free = np.diag([1.0 / model.mass[body], 1.0 / model.mass[body], 1.0 / model.inertia[body]])
+    rows = [
+        row
+        for joint in range(len(model.joint_kind))
+        if model.joint_kind[joint] != SPRING
+        for row in _held(model, joint, body)
+    ]
+    if not rows:
+        return free
+    held = np.array(rows)
+    return free - free @ held.T @ np.linalg.pinv(held @ free @ held.T) @ held @ free
+
+
+def _held(model, joint, body):
+    """Directions that a joint to a fixed body takes away, in the body's own frame at the start."""
+    bodies = model.joint_bodies[joint].tolist()
+    if body not in bodies:
+        return []
+    end = bodies.index(body)
+    if not model.fixed[bodies[1 - end]]:
+        return []
+    ax, ay = model.joint_anchor[joint, end]
+    if model.joint_kind[joint] == PIN:
+        return [(1.0, 0.0, -ay), (0.0, 1.0, ax)]
+    assert model.joint_kind[joint] == SLIDER
+    turn = model.pose[bodies[0]][2] - model.pose[body][2]
+    c, s = math.cos(turn), math.sin(turn)
+    tx, ty = model.joint_axis[joint]
+    along = (c * tx - s * ty, s * tx + c * ty)
+    return [(-along[1], along[0], -along[1] * -ay + along[0] * ax), (0.0, 0.0, 1.0)]

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the tool can touch within its next moves: pairs of features, the most urgent of them in stable places.
+
+Between two convex polygons contact begins at a corner of one and an edge of the other. So each corner is taken against
+each edge of the other shape: the edge with the largest distance of the corner (separating axis) is where it is; others
+of that shape are offered too, since it may go round a corner. Discs are corners with a radius; there every edge counts
+by itself, as a segment. Which are sent is decided by when they may matter: the gap, less the way that they approach
+within the horizon; for another edge of the same shape half of what its distance is behind, if that is later.
+"""
+
+import math
+
+import numpy as np
+
+from haptic_device.kernel import kernel
+from haptic_device.law import contact
+
+MOST = 512  # pairs of features looked at
+FAR = 1e3  # [m] trust where none was left out
+FIELDS = len(contact.EACH)
+URGENCY, DISTANCE, BODY, WORLD_NX, WORLD_NY = range(FIELDS, FIELDS + 5)
+COLUMNS = FIELDS + 5
+CORNERS = 64  # of a shape, at most; numbers of an identity
+
+
+@kernel
+def find(model, pose, velocity, horizon, out):
+    """Fills in candidates (MOST, COLUMNS) for the tool at pose[0]; returns how many there are.
+
+    model: (shape_body, shape_start, vertices, radius, pairs, friction, restitution); pose, velocity: of all bodies.
+    """
+    body, start, corners, radius, pairs, friction, restitution = model
+    count = 0
+    for p in range(pairs.shape[0]):
+        a, b = pairs[p, 0], pairs[p, 1]
+        if body[a] != 0:
+            continue
+        first = count
+        if radius[a] > 0.0 and radius[b] > 0.0:
+            count = _discs(model, pose, p, out, count)
+        else:
+            if radius[b] == 0.0:
+                count = _corners(model, pose, p, a, b, True, out, count)
+            if radius[a] == 0.0:
+                count = _corners(model, pose, p, b, a, False, out, count)
+        for k in range(first, count):
+            out[k, contact.FRICTION], out[k, contact.RESTITUTION] = friction[p], restitution[p]
+            _move(out[k], pose, velocity, body[b], horizon)
+    return count
+
+
+@kernel
+def _discs(model, pose, p, out, count):
+    body, start, corners, radius, pairs, friction, restitution = model
+    a, b = pairs[p, 0], pairs[p, 1]
+    if count >= MOST:
+        return count
+    ax, ay = _world(corners[start[a]], pose[0])
+    bx, by = _world(corners[start[b]], pose[body[b]])
+    far = math.hypot(ax - bx, ay - by)
+    one = out[count]
+    one[:] = 0.0
+    one[contact.IDENTITY], one[contact.KIND] = 1.0 + float(p) * 2.0 * CORNERS * CORNERS, contact.ROUND
+    one[contact.NORMAL_X], one[contact.NORMAL_Y] = ((ax - bx) / far, (ay - by) / far) if far > 0.0 else (1.0, 0.0)
+    one[contact.POINT_X], one[contact.POINT_Y] = bx, by
+    one[contact.TOOL_X], one[contact.TOOL_Y] = corners[start[a], 0], corners[start[a], 1]
+    one[contact.RADIUS], one[contact.TOOL_RADIUS] = radius[a] + radius[b], radius[a]
+    one[contact.GAP] = far - one[contact.RADIUS]
+    one[URGENCY] = one[contact.GAP]
+    return count + 1
+
+
+@kernel
+def _corners(model, pose, p, point_shape, edge_shape, there, out, count):
+    """Every corner of one shape against every edge of the other; there: the edges are the other body's."""
+    body, start, corners, radius, pairs, friction, restitution = model
+    edge_pose, point_pose = pose[body[edge_shape]], pose[body[point_shape]]
+    kind = contact.FLAT_THERE if there else contact.FLAT_HERE
+    edges = start[edge_shape + 1] - start[edge_shape]
+    rounded = radius[point_shape]
+    for c in range(start[point_shape], start[point_shape + 1]):
+        x, y = _world(corners[c], point_pose)
+        first, best = count, -math.inf
+        group = 1.0 + ((float(p) * 2.0 + (1.0 if there else 0.0)) * CORNERS + (c - start[point_shape])) * CORNERS
+        for e in range(edges):
+            if count >= MOST:
+                return count
+            q, r = start[edge_shape] + e, start[edge_shape] + (e + 1) % edges
+            one = out[count]
+            one[:] = 0.0
+            gap = _at_edge(one, corners[q], corners[r], edge_pose, x, y, there)
+            one[contact.GAP], one[contact.RADIUS] = gap - rounded, rounded
+            one[contact.IDENTITY], one[contact.KIND] = group + e, kind
+            one[contact.TOOL_RADIUS] = rounded if there else 0.0
+            if there:
+                one[contact.TOOL_X], one[contact.TOOL_Y] = corners[c, 0], corners[c, 1]
+            else:
+                one[contact.POINT_X], one[contact.POINT_Y] = x, y
+            if rounded == 0.0:
+                one[contact.GROUP] = group
+            elif gap < -0.5 * rounded:  # an edge on the far side
+                continue
+            best = max(best, one[contact.GAP])
+            count += 1
+        for k in range(first, count):
+            out[k, URGENCY] = _urgency(out[k], best)
+    return count
+
+
+@kernel
+def _urgency(one, best):
+    if one[contact.GROUP] > 0.0:
+        return max(best, 0.5 * (best - one[contact.GAP]))
+    return one[URGENCY] - one[contact.RADIUS]
+
+
+@kernel
+def _at_edge(one, corner, next_corner, edge_pose, x, y, there):
+    """Distance of the point (x, y) from an edge's line; fills in normal, reference point and extent of the edge."""
+    px, py = _world(corner, edge_pose)
+    qx, qy = _world(next_corner, edge_pose)
+    length = math.hypot(qx - px, qy - py)
+    nx, ny = (qy - py) / length, (px - qx) / length
+    distance = nx * (x - px) + ny * (y - py)
+    along = -ny * (x - px) + nx * (y - py)
+    over = along - min(length, max(0.0, along))
+    one[URGENCY] = math.hypot(distance, over) if over != 0.0 else distance
+    if there:  # the edge's normal points to the tool, its tangent (−n_y, n_x) runs from corner to next corner
+        one[contact.NORMAL_X], one[contact.NORMAL_Y] = nx, ny
+        one[contact.POINT_X], one[contact.POINT_Y] = px, py
+        one[contact.LOW], one[contact.HIGH] = 0.0, length
+    else:  # out of the other body is into the tool: against the edge's normal, and so is the tangent
+        c, s = math.cos(edge_pose[2]), math.sin(edge_pose[2])
+        one[contact.NORMAL_X], one[contact.NORMAL_Y] = -(c * nx + s * ny), -(c * ny - s * nx)
+        one[contact.TOOL_X], one[contact.TOOL_Y] = corner[0], corner[1]
+        one[contact.LOW], one[contact.HIGH] = -length, 0.0
+    return distance
+
+
+@kernel
+def _move(one, pose, velocity, other, horizon):
+    """Velocity of the other body at its point, and how much sooner that and the tool's own make the contact matter."""
+    px, py = one[contact.POINT_X], one[contact.POINT_Y]
+    bx, by = px - pose[other, 0], py - pose[other, 1]
+    turn = velocity[other, 2]
+    one[contact.VELOCITY_X], one[contact.VELOCITY_Y] = velocity[other, 0] - turn * by, velocity[other, 1] + turn * bx
+    one[contact.TURN_RATE], one[BODY] = turn, other
+    c, s = math.cos(pose[0, 2]), math.sin(pose[0, 2])
+    ax, ay = c * one[contact.TOOL_X] - s * one[contact.TOOL_Y], s * one[contact.TOOL_X] + c * one[contact.TOOL_Y]
+    nx, ny = one[contact.NORMAL_X], one[contact.NORMAL_Y]
+    if one[contact.KIND] == contact.FLAT_HERE:
+        nx, ny = c * nx - s * ny, s * nx + c * ny
+        ax, ay = px - pose[0, 0], py - pose[0, 1]
+    rate = nx * (velocity[0, 0] - velocity[0, 2] * ay - one[contact.VELOCITY_X])
+    rate += ny * (velocity[0, 1] + velocity[0, 2] * ax - one[contact.VELOCITY_Y])
+    one[DISTANCE] = one[URGENCY]
+    one[URGENCY] += horizon * min(0.0, rate)
+    one[WORLD_NX], one[WORLD_NY] = nx, ny
+
+
+@kernel
+def _world(point, pose):
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return pose[0] + c * point[0] - s * point[1], pose[1] + s * point[0] + c * point[1]
+
+
+@kernel
+def choose(candidates, count, places, table):
+    """The most urgent candidates into table (contact.MOST, EACH), each where it was before; returns their trust [m].
+
+    places: identities of the table before. Trust: how far the tool may move until one that was left out may matter.
+    """
+    chosen, slot = np.full(contact.MOST, -1), np.full(contact.MOST, -1)
+    left = np.ones(count)
+    for k in range(min(count, contact.MOST)):
+        for i in range(count):
+            if left[i] > 0.0 and (chosen[k] < 0 or candidates[i, URGENCY] < candidates[chosen[k], URGENCY]):
+                chosen[k] = i
+        left[chosen[k]] = 0.0
+    _keep_places(candidates, chosen, places, slot)
+    table[:] = 0.0
+    for k in range(min(count, contact.MOST)):
+        for c in range(FIELDS):
+            table[slot[k], c] = candidates[chosen[k], c]
+    trust = FAR
+    for i in range(count):
+        if left[i] > 0.0:
+            trust = min(trust, max(0.0, candidates[i, DISTANCE]))
+    return trust
+
+
+@kernel
+def _keep_places(candidates, chosen, places, slot):
+    """Fills in slot: those that were there keep their place, the others take what is free."""
+    taken = np.zeros(contact.MOST)
+    for k in range(contact.MOST):
+        for i in range(contact.MOST):
+            if chosen[k] >= 0 and places[i] == candidates[chosen[k], contact.IDENTITY]:
+                slot[k], taken[i] = i, 1.0
+    for k in range(contact.MOST):
+        for i in range(contact.MOST):
+            if chosen[k] >= 0 and slot[k] < 0 and taken[i] == 0.0:
+                slot[k], taken[i] = i, 1.0

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The web page on which the mouse is the hand: a process of its own, which only looks at topics made for people."""

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Does what pages ask for: one method a wish. What goes wrong is a ValueError with a sentence for whoever asked."""
+
+import time
+
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from std_srvs.srv import Trigger
+
+from haptic_device.device import AXES, Device, load_device
+from haptic_device.node.wire import LATEST, TRACE, JointState, String
+from haptic_sim.viewer import tuned, wishes
+from haptic_sim.viewer.feed import Feed
+from haptic_sim.viewer.hand import Hand, Limits
+from haptic_sim.viewer.services import Services
+from haptic_sim.viewer.stage import DRIVER, LOOPBACK, SIMULATION, Stage
+
+RECORDER = "haptic_recorder"
+UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
+CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
+BAG = 20.0  # s that a recorder may take to open or close a bag
+
+
+class Desk:
+    """Owns the hand and the services. `values` are the nodes' parameters as last polled: {node: {name: value}}.
+
+    company: the nodes, where they are this process's to start again; else None.
+    """
+
+    def __init__(self, node, feed: Feed, speeds: tuple[float, float], company=None):
+        self.feed, self.services, self.hand, self._company = feed, Services(node), Hand(), company
+        self.values, self.device, self.problem, self._held_off = {}, None, "", False
+        self.stage = Stage(self)
+        self._speeds, self._asked_device = speeds, None
+        self._target = node.create_publisher(JointState, "operator/target", LATEST)
+        self._marks = node.create_publisher(String, "mark", TRACE)
+        self._does = {
+            "aim": self._aim, "trigger": self._trigger, "set": self._set, "mark": self._mark, "record": self._record,
+            "restart": self._restart, "scene": self.stage.load, "method": self.stage.take_method,
+            "start_scene": self.stage.start_again, "compare": self.stage.set_beside,
+        }  # fmt: skip
+        self._prepare()
+
+    @property
+    def driving(self) -> bool:
+        """Whether the motor is on, or waits for a small force, and no page has said otherwise."""
+        return not self._held_off and self.feed.said(DRIVER, "state", "idle") not in ("idle", "fault")
+
+    @property
+    def limits(self) -> Limits:
+        """Workspace in the world and speeds; without a description of the device, a workspace of 1 m."""
+        if not isinstance(self.device, Device):
+            return Limits(((-0.5, 0.5),) * 2 + ((-100.0, 100.0),), *self._speeds)
+        length, angle = self.device.scale
+        scales = (length, length, angle)
+        ends = tuple(
+            tuple(scale * end for end in axis.workspace) for axis, scale in zip(self.device.axes, scales, strict=False)
+        )
+        return Limits(ends, *self._speeds)
+
+    async def do(self, wish: dict) -> str:
+        """Does it; returns the sentence that says what was done, "" if there is nothing to say."""
+        return await self._does[wish["do"]](wish)
+
+    async def poll(self) -> None:
+        """Asks the nodes for their parameters; nodes that do not answer keep none."""
+        for node, declared in tuned.NODES.items():
+            try:
+                self.values[node] = await self.services.get(node, [parameter.name for parameter in declared])
+            except ValueError:
+                self.values.pop(node, None)
+        named = self.values.get(DRIVER, self.values.get(LOOPBACK, {})).get("device")
+        if named and named != self._asked_device:
+            self._asked_device = named
+            self._describe(named)
+
+    def lead(self, now: float) -> None:
+        """Leads the hand on towards its goal; to be called often. now [s]."""
+        if not self.feed.axes:
+            self.hand.release()
+        elif (place := self.hand.lead(now, self.limits)) is not None:
+            axes = AXES[: self.feed.axes]
+            self._target.publish(JointState(name=list(axes), position=list(place[: len(axes)])))
+
+    def _prepare(self):
+        """Clients before they are needed: an e-stop must not wait for its service to be found."""
+        for service in wishes.TRIGGERS:
+            self.services.prepare(Trigger, f"{DRIVER}/{service}")
+        for service in ("load_scene", "reset_scene"):
+            self.services.prepare(Trigger, f"{SIMULATION}/{service}")
+        for node in tuned.NODES:
+            self.services.prepare(GetParameters, f"{node}/get_parameters")
+            self.services.prepare(SetParametersAtomically, f"{node}/set_parameters_atomically")
+        self.services.prepare(GetState, f"{RECORDER}/get_state")
+        self.services.prepare(ChangeState, f"{RECORDER}/change_state")
+
+    def _describe(self, name):
+        try:
+            self.device, self.problem = load_device(name), ""
+            self.feed.scale = self.device.scale
+        except (ValueError, OSError) as error:
+            self.device, self.problem = None, f"the device's workspace is not known: {error}"
+
+    async def _aim(self, wish):
+        return self.aim({axis: wish[axis] for axis in AXES if axis in wish})
+
+    def aim(self, wish: dict[str, float]) -> str:
+        """Where the hand shall go [m, m, rad]; returns the hint if it was clamped. ValueError if there is no hand."""
+        if not self.feed.axes:
+            raise ValueError("no simulated hand is heard of: haptic_loopback does not run")
+        motion = self.values.get(LOOPBACK, {}).get("motion.name", "follow")
+        if motion != "follow":
+            raise ValueError(f"the hand plays the script {motion}; start haptic_loopback with motion.name: follow")
+        now = time.monotonic()
+        if self.hand.goal is None:
+            self.hand.take(tuple(self.feed.to_world(self.feed.truth.target)), now)
+        hint = self.hand.aim(wish, self.limits)
+        self.lead(now)
+        return hint
+
+    async def _trigger(self, wish):
+        if wish["service"] not in wishes.TRIGGERS:
+            raise ValueError(f"{wish['service']} is none of {', '.join(wishes.TRIGGERS)}")
+        if wish["service"] != "reset":
+            self._held_off = wish["service"] != "enable"
+        return await self.services.trigger(f"{DRIVER}/{wish['service']}")
+
+    async def _set(self, wish):
+        value = tuned.typed(wish["name"], wish["value"])
+        await self.services.set(DRIVER, {wish["name"]: value})
+        await self.poll()
+        return f"{wish['name']} is {value}"
+
+    async def _mark(self, wish):
+        if not self._marks.get_subscription_count():
+            raise ValueError("nobody records: the mark is kept nowhere")
+        self._marks.publish(String(data=wish["text"]))
+        return f"mark set: {wish['text']}"
+
+    async def _record(self, wish):
+        state = (await self.services.ask(GetState, f"{RECORDER}/get_state", GetState.Request())).current_state.id
+        steps = {UNCONFIGURED: (CONFIGURE, ACTIVATE), INACTIVE: (ACTIVATE,)} if wish["on"] else {ACTIVE: (DEACTIVATE,)}
+        for step in steps.get(state, ()):
+            request = ChangeState.Request()
+            request.transition.id = step
+            answer = await self.services.ask(ChangeState, f"{RECORDER}/change_state", request, 1, BAG)
+            if not answer.success:
+                raise ValueError(f"{RECORDER} refused; its log says why")
+        return "recording" if wish["on"] else "the bag is closed"
+
+    async def _restart(self, wish):
+        if self._company is None:
+            raise ValueError(f"{wish['name']} is fixed once the nodes run; haptic demo --view starts them again for it")
+        self.hand.release()
+        self.stage.close()
+        return await self._company.change(wish["name"], wish["value"])

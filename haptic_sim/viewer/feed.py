@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the running nodes say, as frames for the page. Takes what has come when it looks; nothing wakes it in between.
+
+It listens to what is published for people: `operator/state`, `wrench`, `scene…`, `/diagnostics`; never to the exchange.
+"""
+
+import json
+import math
+import struct
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_device.analysis.recording import statuses_of
+from haptic_device.node.tap import Tap
+from haptic_device.node.wire import LATEST, STATE, STREAM, JointLayout, truth_names
+from haptic_sim.node.showing import CONTACT, ENERGY, HANDLE, state_names
+from haptic_sim.scene import Scene, SceneError, parse
+from haptic_sim.solid import TOOL
+
+STALE = 0.5  # s after which what was said counts no more
+SILENT = 3.0  # s after which a node that said nothing counts as gone
+_JOINTS = "sensor_msgs/msg/JointState"
+_WRENCH = struct.Struct("<6d")
+
+
+class Truth(NamedTuple):
+    """The loopback's truth in device units: position, target, force of operator and motor on the handle; energy [J]."""
+
+    position: tuple[float, ...]
+    target: tuple[float, ...]
+    operator_force: tuple[float, ...]
+    motor_force: tuple[float, ...]
+    energy_given: float
+    time: float
+
+
+class Feed:
+    """`scene`, `truth`, `statuses` and what `frame` gives are as of the last look."""
+
+    def __init__(self, node):
+        self._truths = Tap(node, "operator/state", _JOINTS, LATEST, raw=True)
+        self._wrenches = Tap(node, "wrench", "geometry_msgs/msg/WrenchStamped", LATEST, raw=True)
+        self._scenes = Tap(node, "scene", "std_msgs/msg/String", STATE)
+        self._states = Tap(node, "scene/state", _JOINTS, LATEST, raw=True)
+        self._clouds = Tap(node, "scene/contacts", "sensor_msgs/msg/PointCloud2", LATEST)
+        self._said = Tap(node, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", STREAM, raw=True)
+        self._layouts = [JointLayout(truth_names(axes)) for axes in (1, 2, 3)]
+        self._state_layout, self._heard = None, {}
+        self.scale = (1.0, 1.0)  # of the device: world metres per device metre, and radians
+        self.scene: Scene | None = None
+        self.scene_number = 0
+        self.problem = ""
+        self.truth: Truth | None = None
+        self.statuses, self.state, self.contacts, self.wrench = {}, {}, [], None
+
+    @property
+    def axes(self) -> int:
+        """How many axes the device has; 0 while no loopback is heard of."""
+        return len(self.truth.position) if self.truth else 0
+
+    def look(self) -> None:
+        """Takes the newest of everything."""
+        now = time.monotonic()
+        for sample in self._scenes.take():
+            self._introduce(sample.message.data)
+        for name, tap, read in (
+            ("truth", self._truths, self._read_truth),
+            ("state", self._states, self._read_state),
+            ("contacts", self._clouds, self._read_contacts),
+            ("wrench", self._wrenches, self._read_wrench),
+        ):
+            sample = tap.latest()
+            if sample is not None and read(sample.message):
+                self._heard[name] = now
+        for sample in self._said.take():
+            fresh = statuses_of(sample.message, sample.received)
+            self.statuses |= {name: (status, now) for name, status in fresh.items()}
+        self.statuses = {name: said for name, said in self.statuses.items() if now < said[1] + SILENT}
+        self._forget(now)
+
+    def frame(self) -> dict:
+        """What moves, for one picture; coordinates of handle, target, tool and bodies in the world [m, m, rad]."""
+        truth, state = self.truth, self.state
+        return {
+            "time": time.monotonic(),
+            "handle": self._handle(),
+            "target": truth and self.to_world(truth.target),
+            "tool": state.get(TOOL),
+            "bodies": state.get("bodies", []),
+            "contacts": self.contacts,
+            "force": _three(truth.motor_force) if truth else self.wrench,
+            "felt": truth and [-force for force in _three(truth.operator_force)],
+            "coupling": state.get("coupling"),
+            "energy": [truth and truth.energy_given, state.get(ENERGY)],
+            "results": state.get("results", []),
+        }
+
+    def said(self, node: str, entry: str, otherwise: str = "") -> str:
+        """Last value of a node's diagnostic entry."""
+        return self.statuses[node][0].values.get(entry, otherwise) if node in self.statuses else otherwise
+
+    def to_world(self, place) -> list[float]:
+        """A place of the device in the world, the clutch never opened; axes that it lacks are 0."""
+        length, angle = self.scale
+        return [scale * x for scale, x in zip((length, length, angle), _three(place), strict=True)]
+
+    def _handle(self):
+        """As the driver last told the simulation, while there is a driver; else the truth."""
+        told = self.state.get(HANDLE) if "haptic_driver" in self.statuses else None
+        return told or (self.truth and self.to_world(self.truth.position))
+
+    def _introduce(self, text):
+        try:
+            self.scene, self.problem = parse(json.loads(text), "scene"), ""
+        except (ValueError, SceneError) as error:
+            self.scene, self.problem = None, f"the simulation's scene cannot be read: {error}"
+        self._state_layout = JointLayout(state_names(self.scene), "haptic_world") if self.scene else None
+        self.scene_number += 1
+        self.state, self.contacts = {}, []
+
+    def _read_truth(self, data):
+        for axes, layout in enumerate(self._layouts, 1):
+            if layout.matches(data):
+                _, position, _, effort = layout.numbers(data)
+                ends = slice(axes, 2 * axes)
+                self.truth = Truth(
+                    position[:axes], position[ends], effort[:axes], effort[ends], *position[2 * axes : -1]
+                )
+                return True
+        return False
+
+    def _read_state(self, data):
+        if self._state_layout is None or not self._state_layout.matches(data):
+            return False
+        _, position, _, effort = self._state_layout.numbers(data)
+        count = 3 * (2 + len(self.scene.bodies))
+        poses = [position[i : i + 3] for i in range(0, count, 3)]
+        self.state = {
+            TOOL: poses[1],
+            "bodies": poses[2:],
+            "coupling": effort[3:6],
+            ENERGY: position[count],
+            "results": position[count + 1 :],
+        }
+        if not math.isnan(position[0]):
+            self.state[HANDLE] = poses[0]
+        return True
+
+    def _read_contacts(self, cloud):
+        if cloud.point_step != CONTACT.itemsize:
+            return False
+        self.contacts = [row.tolist() for row in np.frombuffer(cloud.data, CONTACT)]
+        return True
+
+    def _read_wrench(self, data):
+        numbers = _WRENCH.unpack_from(data, len(data) - _WRENCH.size)
+        self.wrench = [numbers[0], numbers[1], numbers[5]]
+        return True
+
+    def _forget(self, now):
+        heard = {name for name, at in self._heard.items() if now < at + STALE}
+        if "truth" not in heard:
+            self.truth = None
+        if "state" not in heard:
+            self.state = {}
+        if "contacts" not in heard:
+            self.contacts = []
+        if "wrench" not in heard:
+            self.wrench = None
+
+
+def _three(numbers):
+    return [*numbers, *[0.0] * (3 - len(numbers))]

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a page wants the operator's hand: clamped to the workspace, and led there no faster than a hand moves."""
+
+import math
+from typing import NamedTuple
+
+Planar = tuple[float, float, float]
+AFTER = 0.3  # s, for which a target that has been reached is said again: a sample may be lost
+
+
+class Limits(NamedTuple):
+    """Workspace of each axis that the device has, in the world [m, m, rad]; fastest way [m/s] and turn [rad/s]."""
+
+    workspace: tuple[tuple[float, float], ...]
+    speed: float
+    turn: float
+
+
+class Hand:
+    """`goal` is what the page asked for, `sent` what the hand was told last; None before anybody took the hand."""
+
+    def __init__(self):
+        self.goal: Planar | None = None
+        self.sent: Planar | None = None
+        self._moved = self._reached = -math.inf
+
+    def take(self, place: Planar, now: float) -> None:
+        """Begins from where the hand's target is now [m, m, rad]; now [s]."""
+        self.goal = self.sent = place
+        self._moved, self._reached = now, -math.inf
+
+    def release(self) -> None:
+        """Forgets everything: the device has gone."""
+        self.goal = self.sent = None
+
+    def aim(self, wish: dict[str, float], limits: Limits) -> str:
+        """Sets the goal's coordinates that the wish names; returns a hint where it had to be clamped, else ""."""
+        goal, hints = list(self.goal), []
+        for i, axis in enumerate(("x", "y", "theta")):
+            if axis not in wish:
+                continue
+            if i >= len(limits.workspace):
+                hints.append(f"the device has no {axis} axis")
+                continue
+            low, high = limits.workspace[i]
+            goal[i] = min(high, max(low, wish[axis]))
+            if goal[i] != wish[axis]:
+                hints.append(f"{axis} ends at {_shown(goal[i], axis)}: edge of the workspace")
+        self.goal = tuple(goal)
+        return "; ".join(hints)
+
+    def lead(self, now: float, limits: Limits) -> Planar | None:
+        """The next target on the way to the goal; None when there is nothing to be said. now [s]."""
+        if self.goal is None:
+            return None
+        elapsed, self._moved = min(0.1, now - self._moved), now
+        if self.sent == self.goal:
+            return self.sent if now < self._reached + AFTER else None
+        self.sent = self._towards(elapsed, limits)
+        if self.sent == self.goal:
+            self._reached = now
+        return self.sent
+
+    def _towards(self, elapsed, limits):
+        (x, y, theta), (gx, gy, turn) = self.sent, self.goal
+        way, step = math.hypot(gx - x, gy - y), limits.speed * elapsed
+        share = 1.0 if way <= step else step / way
+        most = limits.turn * elapsed
+        theta += min(most, max(-most, turn - theta))
+        return (gx, gy, theta) if share == 1.0 else (x + share * (gx - x), y + share * (gy - y), theta)
+
+
+def _shown(value, axis):
+    return f"{value:.2f} rad" if axis == "theta" else f"{1e3 * value:.1f} mm"

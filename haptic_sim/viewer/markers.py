@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scene and what happens in it as markers for RViz 2 and Foxglove: the same outlines and poses as on the page."""
+
+import math
+from typing import NamedTuple
+
+from haptic_sim.scene import Scene
+from haptic_sim.viewer import shapes
+
+THICKNESS = 0.01  # m, of bodies along z
+NEWTON = 0.003  # m of arrow for each newton
+SHAFT = 0.0012  # m
+CIRCLE = 32  # corners of a disc
+FIXED, MOVING, TOOL = (0.55, 0.60, 0.65, 1.0), (0.34, 0.71, 0.91, 1.0), (0.90, 0.62, 0.0, 0.85)
+HANDLE, COUPLING, FORCE, CONTACT = (0.0, 0.45, 0.70, 1.0), (0.0, 0.62, 0.45, 1.0), (0.84, 0.37, 0.0, 1.0), (
+    0.64, 0.27, 0.50, 1.0)  # fmt: skip
+Point = tuple[float, float, float]
+
+
+class Marker(NamedTuple):
+    """kind: triangles, arrow, line or sphere; pose (x, y, θ) [m, m, rad] in the world; points in that pose's frame [m];
+    size: thickness of lines and arrows, or diameter [m]."""
+
+    group: str
+    number: int
+    kind: str
+    pose: tuple[float, float, float]
+    points: tuple[Point, ...]
+    colour: tuple[float, float, float, float]
+    size: float = 1.0
+
+
+def bodies(scene: Scene, tool, poses) -> list[Marker]:
+    """Tool and bodies where they are now; poses: of the scene's bodies, in its order."""
+    found = []
+    for number, (solid, pose) in enumerate(zip(shapes.solids(scene), (tool, *poses), strict=True)):
+        colour = TOOL if number == 0 else FIXED if solid.fixed else MOVING
+        triangles = tuple(corner for outline in solid.outlines for corner in prism(outline))
+        found.append(Marker("bodies", number, "triangles", tuple(pose), triangles, colour))
+    return found
+
+
+def happenings(frame: dict) -> list[Marker]:
+    """Handle, coupling, force on the hand and contact forces of a frame; what is not known is left out."""
+    found, handle, tool = [], frame["handle"], frame["tool"]
+    force = frame["felt"] or frame["force"]
+    if handle:
+        found.append(Marker("handle", 0, "sphere", tuple(handle), (), HANDLE, 2.0 * shapes.HANDLE_RADIUS))
+    if handle and tool:
+        ends = (_raised(handle), _raised(tool))
+        found.append(Marker("coupling", 0, "line", (0.0, 0.0, 0.0), ends, COUPLING, SHAFT))
+    if handle and force and math.hypot(*force[:2]) > 0.0:
+        found.append(_arrow("force", 0, handle, force, FORCE))
+    for number, (_, _, x, y, _, _, fx, fy, _) in enumerate(frame["contacts"]):
+        if math.hypot(fx, fy) > 0.0:
+            found.append(_arrow("contacts", number, (x, y), (fx, fy), CONTACT))
+    return found
+
+
+def prism(outline) -> list[Point]:
+    """Triangles of an outline drawn out along z, from −THICKNESS/2 to THICKNESS/2: both faces and the rim."""
+    corners = _corners(outline)
+    top, bottom = ([(x, y, z) for x, y in corners] for z in (THICKNESS / 2.0, -THICKNESS / 2.0))
+    faces = [point for i in range(1, len(corners) - 1) for point in (top[0], top[i], top[i + 1])]
+    faces += [point for i in range(1, len(corners) - 1) for point in (bottom[0], bottom[i + 1], bottom[i])]
+    for i, j in zip(range(len(corners)), [*range(1, len(corners)), 0], strict=True):
+        faces += [bottom[i], bottom[j], top[j], bottom[i], top[j], top[i]]
+    return faces
+
+
+def _corners(outline):
+    if outline.radius == 0.0:
+        return outline.vertices
+    (x, y), r = outline.vertices[0], outline.radius
+    angles = [2.0 * math.pi * i / CIRCLE for i in range(CIRCLE)]
+    return [(x + r * math.cos(angle), y + r * math.sin(angle)) for angle in angles]
+
+
+def _raised(place):
+    return (place[0], place[1], THICKNESS)
+
+
+def _arrow(group, number, place, force, colour):
+    x, y, z = _raised(place)
+    ends = ((x, y, z), (x + NEWTON * force[0], y + NEWTON * force[1], z))
+    return Marker(group, number, "arrow", (0.0, 0.0, 0.0), ends, colour, SHAFT)

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One page's end of the server: what it is sent, and what it asks for. Frames are dropped for it, never queued."""
+
+import asyncio
+import json
+import time
+
+from aiohttp import WSMsgType, web
+
+from haptic_sim.viewer import wishes
+
+UNSEEN = 3  # frames on their way to a page that has not said that it has seen them
+GIVEN_UP = 1.0  # s after which frames go out again to a page that says nothing: hidden tabs do not draw
+HINT_PERIOD = 1.0  # s between two hints of the same kind
+
+
+class Seat:
+    """`sent`, `seen` and `dropped` count frames. do: async (wish) → sentence, ValueError to refuse."""
+
+    def __init__(self, socket: web.WebSocketResponse, control: bool, do):
+        self.control, self._socket, self._do = control, socket, do
+        self.sent = self.seen = self.dropped = 0
+        self._news, self._frame, self._wake = {}, None, asyncio.Event()
+        self._last_seen = self._hinted = 0.0
+        self._busy: set[asyncio.Task] = set()
+
+    def tell(self, kind: str, content) -> None:
+        """News of a kind: a newer one takes the place of one that has not been sent."""
+        self._news[kind] = content
+        self._wake.set()
+
+    def show(self, frame: str) -> None:
+        """A frame, if the page keeps up."""
+        waiting = self.sent - self.seen >= UNSEEN
+        if self._frame is not None or (waiting and time.monotonic() < self._last_seen + GIVEN_UP):
+            self.dropped += 1
+            return
+        self._last_seen = time.monotonic() if waiting else self._last_seen
+        self._frame = frame
+        self._wake.set()
+
+    async def serve(self) -> None:
+        """Until the page goes."""
+        sending = asyncio.create_task(self._send())
+        try:
+            await self._receive()
+        finally:
+            for task in (sending, *self._busy):
+                task.cancel()
+
+    async def _send(self):
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            news, self._news = self._news, {}
+            try:
+                for kind, content in news.items():
+                    await self._socket.send_str(json.dumps({"kind": kind, "content": content}))
+                if self._frame is not None:
+                    frame, self._frame = self._frame, None
+                    self.sent += 1
+                    await self._socket.send_str(f'{{"kind":"frame","number":{self.sent},"content":{frame}}}')
+            except ConnectionError:
+                return
+
+    async def _receive(self):
+        flood = wishes.Flood(time.monotonic())
+        async for message in self._socket:
+            if message.type is not WSMsgType.TEXT:
+                self._hint("a message is not text")
+            elif not flood.allows(time.monotonic()):
+                self._hint(f"more than {wishes.MOST_PER_SECOND} messages a second: some are ignored")
+            else:
+                self._take(message.data)
+
+    def _take(self, text):
+        try:
+            wish = wishes.parse(text)
+            if wish["do"] not in wishes.FREE and not self.control:
+                raise ValueError("this page only looks on")
+        except ValueError as refusal:
+            self._hint(str(refusal))
+            return
+        if wish["do"] == "seen":
+            self.seen, self._last_seen = min(self.sent, max(self.seen, wish["frame"])), time.monotonic()
+            return
+        task = asyncio.create_task(self._answer(wish))
+        self._busy.add(task)
+        task.add_done_callback(self._busy.discard)
+
+    async def _answer(self, wish):
+        try:
+            sentence, done = await self._do(wish), True
+        except (ValueError, OSError) as refusal:
+            sentence, done = str(refusal), False
+        if wish["do"] == "aim":
+            if sentence:
+                self._hint(sentence)
+        else:
+            self.tell(f"answer {time.monotonic()}", {"to": wish, "done": done, "sentence": sentence})
+
+    def _hint(self, sentence):
+        if time.monotonic() > self._hinted + HINT_PERIOD:
+            self._hinted = time.monotonic()
+            self.tell("hint", sentence)

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Services of the running nodes, for asyncio: asked again when no answer comes; no page ever waits for them."""
+
+import asyncio
+import threading
+
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.parameter import Parameter, parameter_value_to_python
+from std_srvs.srv import Trigger
+
+ANSWER = 0.4  # s for one answer; the first answer to a client just discovered may be lost
+ATTEMPTS = 5
+
+
+class Services:
+    """Clients on a node, answered by an executor in a thread of its own. Failures are ValueError sentences."""
+
+    def __init__(self, node):
+        self._node, self._clients, self._loop = node, {}, None
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+        self._thread = threading.Thread(target=self._spin, name="services", daemon=True)
+
+    def start(self) -> None:
+        """Begins, in the running event loop."""
+        self._loop = asyncio.get_running_loop()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends the executor; the node can then be destroyed."""
+        self._executor.shutdown(timeout_sec=1.0)
+        self._thread.join(2.0)
+
+    def prepare(self, kind, service: str) -> None:
+        """Makes a client now, so that it knows its service when it is needed."""
+        if service not in self._clients:
+            self._clients[service] = self._node.create_client(kind, service)
+
+    async def ask(self, kind, service: str, request, attempts: int = ATTEMPTS, patience: float = ANSWER):
+        """The answer. Only for requests that do no harm if they are heard twice."""
+        self.prepare(kind, service)
+        client, node = self._clients[service], service.split("/")[0]
+        if not client.service_is_ready():
+            raise ValueError(f"{node} is not there: nobody offers {service}")
+        for _ in range(attempts):
+            answer = self._loop.create_future()
+            future = client.call_async(request)
+            future.add_done_callback(lambda done, answer=answer: self._tell(answer, done))
+            try:
+                return await asyncio.wait_for(answer, patience)
+            except TimeoutError:
+                client.remove_pending_request(future)
+        raise ValueError(f"{node} did not answer {service} within {attempts * patience:g} s")
+
+    async def trigger(self, service: str, attempts: int = ATTEMPTS, patience: float = ANSWER) -> str:
+        """What a std_srvs/Trigger answers; ValueError with its sentence if it refuses."""
+        answer = await self.ask(Trigger, service, Trigger.Request(), attempts, patience)
+        if not answer.success:
+            raise ValueError(answer.message or f"{service} refused")
+        return answer.message
+
+    async def get(self, node: str, names) -> dict:
+        """Values of a node's parameters; arrays as lists, those it does not have are left out."""
+        names = list(names)
+        answer = await self.ask(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=names), 1)
+        values = [parameter_value_to_python(value) for value in answer.values]
+        return {name: _plain(value) for name, value in zip(names, values, strict=False) if value is not None}
+
+    async def set(self, node: str, values: dict) -> None:
+        """Sets live parameters, all or none; ValueError with the node's own sentence if it refuses."""
+        parameters = [_parameter(name, value).to_parameter_msg() for name, value in values.items()]
+        request = SetParametersAtomically.Request(parameters=parameters)
+        result = (await self.ask(SetParametersAtomically, f"{node}/set_parameters_atomically", request)).result
+        if not result.successful:
+            raise ValueError(result.reason or f"{node} refused {', '.join(values)}")
+
+    def _tell(self, answer, done):
+        def hand_over():
+            if not answer.done():
+                answer.set_result(done.result())
+
+        if done.result() is not None:
+            self._loop.call_soon_threadsafe(hand_over)
+
+    def _spin(self):
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            return
+
+
+def _plain(value):
+    return value.tolist() if hasattr(value, "tolist") else list(value) if isinstance(value, tuple) else value
+
+
+def _parameter(name, value):
+    kind = Parameter.Type.DOUBLE_ARRAY if isinstance(value, list) else None
+    return Parameter(name, kind, value) if kind else Parameter(name, value=value)

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is on stage: the simulation's scene and method, and a second operating point beside the running one."""
+
+import asyncio
+import json
+import time
+
+from haptic_device.device import AXES
+from haptic_sim.scene import load
+from haptic_sim.viewer.second import Second
+
+DRIVER, LOOPBACK, SIMULATION = "haptic_driver", "haptic_loopback", "haptic_simulation"
+READY = 180.0  # s that a second operating point may take to start: the first start compiles
+LOADING = 180.0  # s that a simulation may take to load: a method that nobody has used before is compiled
+ARRIVAL = 1.5  # s that the hand may take to the place where a scene begins
+REST = 0.2  # s that handle and tool are given there
+
+
+class Stage:
+    """Of a desk, whose feed, hand, services and values it uses. Wishes are methods: async (wish) → sentence."""
+
+    def __init__(self, desk):
+        self._desk, self._second, self._changing = desk, None, asyncio.Lock()
+
+    async def load(self, wish: dict) -> str:
+        """Another scene."""
+        load(wish["name"])
+        return await self._enter({"scene": wish["name"]})
+
+    async def take_method(self, wish: dict) -> str:
+        """The same scene by another method."""
+        return await self._enter({"method": wish["name"]})
+
+    async def start_again(self, wish: dict) -> str:
+        """The start of the scene."""
+        return await self._enter({})
+
+    async def set_beside(self, wish: dict) -> str:
+        """Begins or ends a second operating point with the present settings; both begin where the scene does."""
+        self.close()
+        if not wish["on"]:
+            return "the second operating point has ended"
+        self._second = second = Second(self._system())
+        end = time.monotonic() + READY
+        while second.latest is None and not second.problem and time.monotonic() < end:
+            await asyncio.sleep(0.05)
+        if second.latest is None:
+            self.close()
+            raise ValueError(second.problem or f"the second operating point was not ready within {READY:g} s")
+        await self._enter({})
+        return "both are at the scene's start; now change the running one"
+
+    def go_along(self, now: float) -> dict | None:
+        """Moves the second operating point as the hand moves; returns where it is. now [s]."""
+        if self._second is None or self._second.latest is None:
+            return None
+        if truth := self._desk.feed.truth:
+            self._second.move(now, truth.target)
+        return self._second.latest
+
+    def differences(self) -> list | None:
+        """(name, value of the running driver, value of the second) of what differs; None without a second."""
+        if self._second is None:
+            return None
+        other, now = self._second.system["driver"], self._desk.values.get(DRIVER, {})
+        return [(name, now[name], other[name]) for name in now if name in other and now[name] != other[name]]
+
+    def close(self) -> None:
+        """Ends the second operating point, if there is one."""
+        if self._second is not None:
+            self._second.close()
+            self._second = None
+
+    async def _enter(self, change):
+        """Motor off, the hand to where the scene begins, the scene, motor on again; it waits for a small force."""
+        if self._changing.locked():
+            raise ValueError("the scene is being changed already")
+        async with self._changing:
+            driven = self._desk.driving
+            await self._quietly("disable")
+            await self._lead_to_start(change.get("scene"))
+            try:
+                said = await self._change(change)
+            finally:
+                if driven:
+                    await self._quietly("enable")
+            await self._desk.poll()
+        if self._second is not None and change:
+            self.close()
+        elif self._second is not None:
+            self._second.start_again()
+        return said
+
+    async def _change(self, change):
+        """Has the simulation load, with these parameters, or begin again; parameters that it cannot load are undone."""
+        services = self._desk.services
+        if not change:
+            return await services.trigger(f"{SIMULATION}/reset_scene")
+        before = {name: self._desk.values.get(SIMULATION, {}).get(name) for name in change}
+        await services.set(SIMULATION, change)
+        try:
+            return await services.trigger(f"{SIMULATION}/load_scene", 1, LOADING)
+        except ValueError:
+            if None not in before.values():
+                await services.set(SIMULATION, before)
+            raise
+
+    async def _lead_to_start(self, name):
+        desk = self._desk
+        scene = load(name) if name else desk.feed.scene
+        try:
+            desk.aim(dict(zip(AXES[: desk.feed.axes], scene.tool.pose, strict=False)))
+        except (ValueError, AttributeError):
+            return  # no hand that follows, or no scene
+        end = time.monotonic() + ARRIVAL
+        while desk.hand.sent != desk.hand.goal and time.monotonic() < end:
+            await asyncio.sleep(0.02)
+        await asyncio.sleep(REST)
+
+    async def _quietly(self, service):
+        try:
+            await self._desk.services.trigger(f"{DRIVER}/{service}")
+        except ValueError:
+            return
+
+    def _system(self):
+        """What a second operating point is made of, as everything is now."""
+        feed, values = self._desk.feed, self._desk.values
+        lacking = [node for node in (DRIVER, LOOPBACK, SIMULATION) if node not in values]
+        if lacking or feed.scene is None or self._desk.device is None:
+            raise ValueError(f"{lacking[0] if lacking else 'the scene'} is not known: nothing to be compared with")
+        return {
+            "scene": json.loads(feed.scene.model_dump_json(by_alias=True, exclude_unset=True)),
+            "device": values[DRIVER]["device"], "driver": values[DRIVER], "loopback": values[LOOPBACK],
+            "method": feed.said(SIMULATION, "method", "auto"), "start": list(feed.scene.tool.pose),
+            "delay": float(feed.said(DRIVER, "age_ms_p50", "1")) * 1e-3,
+        }  # fmt: skip

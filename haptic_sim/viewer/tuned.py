@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters as the page shows them: declarations out of the nodes' own, values as polled, and the file they make."""
+
+import math
+
+import yaml
+
+from haptic_device.node.declared import NODES as DEVICE_NODES
+from haptic_device.parameter import SECTION, Parameter
+from haptic_sim.node.declared import PARAMETERS as SIMULATION
+
+NODES: dict[str, tuple[Parameter, ...]] = {
+    "haptic_driver": DEVICE_NODES["haptic_driver"],
+    "haptic_loopback": DEVICE_NODES["haptic_loopback"],
+    "haptic_simulation": SIMULATION,
+}
+LIVE = {parameter.name: parameter for parameter in NODES["haptic_driver"] if parameter.live}
+_OWN = ("autostart", "realtime", "realtime_priority", "publish.", "motion.")  # how a node runs, not what it displays
+
+
+def declarations() -> list[dict]:
+    """The driver's live parameters for the page, in the order of their declaration."""
+    return [_shown(parameter) for parameter in LIVE.values()]
+
+
+def typed(name: str, value):
+    """A value of the page as the driver's parameter takes it: 300 becomes 300.0. ValueError: no live parameter."""
+    if name not in LIVE:
+        raise ValueError(f"{name} is not a parameter of haptic_driver that may be changed while it runs")
+    default = LIVE[name].default
+    numbers = isinstance(value, int | float) and not isinstance(value, bool)
+    if isinstance(default, tuple) and isinstance(value, list):
+        return [float(item) if type(item) is int else item for item in value]
+    if isinstance(default, float) and numbers:
+        return float(value)
+    if type(default) is int and isinstance(value, float) and value.is_integer():
+        return int(value)
+    if type(value) is not type(default):
+        raise ValueError(f"{name} is {value!r}; a {type(default).__name__} is needed")
+    return value
+
+
+def operating_point(namespace: str, values: dict[str, dict]) -> str:
+    """A ROS 2 parameter file with everything that differs from the defaults; values: {node: {name: value}}."""
+    given = {node: _differing(NODES[node], values.get(node, {})) for node in NODES}
+    document = {f"{namespace.rstrip('/')}/{node}": {SECTION: found} for node, found in given.items() if found}
+    head = "# Operating point saved by haptic_viewer; parameters not named here have their defaults.\n"
+    return head + (yaml.safe_dump(document, sort_keys=False, default_flow_style=None) if document else "")
+
+
+def _shown(parameter):
+    kind = {bool: "switch", str: "text", tuple: "list", int: "whole", float: "number"}[type(parameter.default)]
+    return {
+        "name": parameter.name, "kind": kind, "unit": parameter.unit, "meaning": parameter.meaning,
+        "low": _finite(parameter.low), "high": _finite(parameter.high), "choices": parameter.choices,
+    }  # fmt: skip
+
+
+def _finite(limit):
+    """None where there is no limit: JSON knows no infinity."""
+    return limit if math.isfinite(limit) else None
+
+
+def _differing(declared, given):
+    known = {parameter.name: parameter.default for parameter in declared if not parameter.name.startswith(_OWN)}
+    return {name: value for name, value in given.items() if name in known and _plain(known[name]) != value}
+
+
+def _plain(default):
+    return list(default) if isinstance(default, tuple) else default

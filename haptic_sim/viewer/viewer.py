@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""haptic_viewer: looks at the running nodes, shows them to the pages, and passes on what the pages ask for."""
+
+import asyncio
+import contextlib
+import signal
+import sys
+import time
+
+import rclpy
+from rclpy.node import Node
+
+from haptic_device.node.lifecycle import begin_ros
+from haptic_device.node.params import declare
+from haptic_device.share import names
+from haptic_sim.scene import METHODS
+from haptic_sim.viewer import shapes, tuned
+from haptic_sim.viewer.beacon import Beacon
+from haptic_sim.viewer.desk import Desk
+from haptic_sim.viewer.feed import Feed
+from haptic_sim.viewer.guard import is_loopback
+from haptic_sim.viewer.parameters import PARAMETERS
+from haptic_sim.viewer.server import Server
+
+STATUS_PERIOD, POLL_PERIOD = 0.25, 1.0  # s
+
+
+class Viewer:
+    """A viewer on a node that it may use alone. company: the nodes, where they are this process's to start again: has
+    offer(), problem() and async change(name, value)."""
+
+    def __init__(self, node, values: dict, company=None):
+        self.feed, self._company = Feed(node), company
+        self.desk = Desk(node, self.feed, (values["hand_speed"], values["hand_turn"]), company)
+        self._beacon = Beacon(node, values["marker_rate"])
+        self.server = Server(values["host"], values["port"], self._welcome, self._do, self._save)
+        self._node, self._values = node, values
+        self._scene_told = self._poll_due = self._status_due = 0
+        self._cpu, self._cpu_at, self._sent, self._figures = time.process_time(), time.monotonic(), 0, {}
+
+    async def run(self, told) -> None:
+        """Serves until told() is true."""
+        self.desk.services.start()
+        try:
+            await self.server.start()
+            self._announce()
+            polling = asyncio.create_task(self._poll())
+            await self._look_on(told)
+            polling.cancel()
+        finally:
+            self.desk.stage.close()
+            await self.server.stop()
+            self.desk.services.stop()
+
+    async def _look_on(self, told):
+        period, due = 1.0 / self._values["rate"], time.monotonic()
+        while not told():
+            due = max(due + period, time.monotonic())
+            await asyncio.sleep(due - time.monotonic())
+            self.feed.look()
+            self.desk.lead(time.monotonic())
+            frame = self.feed.frame() | {"second": self.desk.stage.go_along(time.monotonic())}
+            self.server.show(frame)
+            self._beacon.show(self.feed.scene, frame, time.monotonic())
+            self._tell_news(time.monotonic())
+
+    def _tell_news(self, now):
+        if self.feed.scene_number != self._scene_told:
+            self._scene_told = self.feed.scene_number
+            self.server.tell("scene", self._scene())
+        if now >= self._status_due:
+            self._status_due = now + STATUS_PERIOD
+            self.server.tell("status", self._status())
+
+    async def _poll(self):
+        while True:
+            with contextlib.suppress(ValueError):
+                await self.desk.poll()
+            self.server.tell("values", self._tuning())
+            await asyncio.sleep(POLL_PERIOD)
+
+    async def _do(self, wish):
+        sentence = await self.desk.do(wish)
+        if wish["do"] != "aim":
+            self.server.tell("values", self._tuning())
+        return sentence
+
+    def _welcome(self, seat):
+        """All that a page has to know to begin with: it may have been here before, or come late."""
+        seat.tell("hello", {
+            "control": seat.control, "declarations": tuned.declarations(), "scenes": names("scenes"),
+            "methods": ["auto", *METHODS], "looking": self.server.address(False),
+        })  # fmt: skip
+        seat.tell("scene", self._scene())
+        seat.tell("values", self._tuning())
+        seat.tell("status", self._status())
+
+    def _scene(self):
+        return shapes.drawing(self.feed.scene) if self.feed.scene else None
+
+    def _tuning(self):
+        limits, device, differences = self.desk.limits, self.desk.device, self.desk.stage.differences()
+        return {
+            "second": None if differences is None else {"differences": differences},
+            "values": self.desk.values, "offer": self._company.offer() if self._company else {},
+            "workspace": limits.workspace if device else None, "device": device.name if device else None,
+            "damping": [axis.damping for axis in device.axes] if device else [],
+        }  # fmt: skip
+
+    def _status(self):
+        found = {
+            name: {"level": status.level, "message": status.message, "values": status.values}
+            for name, (status, _) in self.feed.statuses.items()
+        }
+        problem = (self._company.problem() if self._company else "") or self.feed.problem or self.desk.problem
+        return {"nodes": found, "problem": problem, "viewer": self._own_figures()}
+
+    def _own_figures(self):
+        """Share of a core that this process takes, pages, frames sent per second to all of them."""
+        now, cpu, sent = time.monotonic(), time.process_time(), sum(seat.sent for seat in self.server.seats)
+        elapsed = max(1e-3, now - self._cpu_at)
+        if elapsed > 1.0 or not self._figures:
+            self._figures = {
+                "cpu": (cpu - self._cpu) / elapsed,
+                "pages": len(self.server.seats),
+                "sent": max(0.0, (sent - self._sent) / elapsed),
+            }
+            self._cpu, self._cpu_at, self._sent = cpu, now, sent
+        return self._figures
+
+    def _save(self):
+        return tuned.operating_point(self._node.get_namespace(), self.desk.values)
+
+    def _announce(self):
+        host = self._values["host"]
+        if not is_loopback(host):
+            print(f"haptic_viewer: WARNING: it listens on {host}, in plain text: whoever sees the address below on the "
+                  "network can move the handle", file=sys.stderr, flush=True)  # fmt: skip
+        print(f"haptic_viewer: open {self.server.address(True)}", flush=True)
+        print(f"haptic_viewer: to look on only: {self.server.address(False)}", flush=True)
+
+
+def hear_the_end() -> list[int]:
+    """From now on SIGINT, SIGTERM and SIGHUP are put into the list that is returned, and do nothing else."""
+    told: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda received, frame: told.append(received))
+    return told
+
+
+def serve(args: list[str] | None, told, company=None) -> None:
+    """A viewer with these ROS arguments until told() is true. ValueError, OSError to refuse."""
+    try:
+        begin_ros(args)
+        node = Node("haptic_viewer", namespace="/haptic")
+        asyncio.run(Viewer(node, declare(node, PARAMETERS), company).run(told))
+    finally:
+        rclpy.try_shutdown()
+
+
+def main(args: list[str] | None = None) -> int:
+    """Runs haptic_viewer until SIGINT, SIGTERM or SIGHUP. Exit code 1 on a refusal."""
+    told = hear_the_end()
+    try:
+        serve(args, lambda: told)
+    except (ValueError, OSError) as refusal:
+        print(f"haptic_viewer: {refusal}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

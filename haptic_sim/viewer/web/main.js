@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+// Puts the page together: what comes from the viewer goes to the parts that show it, what people do goes back.
+
+import { Hand, turning } from "./hand.js";
+import { driverOf, showHealth } from "./health.js";
+import { Link } from "./link.js";
+import { Panels } from "./panels.js";
+import { SceneView } from "./scene.js";
+import { Strip } from "./strips.js";
+import { dress } from "./theme.js";
+import { Tone } from "./tone.js";
+import { Tuning, element } from "./tuning.js";
+
+const byId = (id) => document.getElementById(id);
+const HINT = 3000; // ms that a hint stays
+
+let status = null;
+let tuningNews = null;
+let control = false;
+let hintTimer = null;
+let count = 0;
+
+const view = new SceneView(byId("scene"));
+const link = new Link(take, connected);
+const tuning = new Tuning(byId("sliders"), (name, value) => {
+  if (tuning.fields[name]) tuning.fields[name].asked = performance.now();
+  link.say({ do: "set", name, value });
+});
+const panels = new Panels(link);
+const tone = new Tone(byId("tone"));
+const hand = new Hand(view, (wish) => (control ? link.say({ do: "aim", ...wish }) : hint("This page only looks on.")));
+const strips = [
+  new Strip(byId("strip_force"), [{ label: "motor", colour: "force" }, { label: "felt", colour: "handle", dash: true }], 1),
+  new Strip(byId("strip_energy"), [{ label: "to the operator", colour: "handle" }, { label: "to the tool", colour: "tool", dash: true }], 1),
+  new Strip(byId("strip_age"), [{ label: "median", colour: "coupling" }, { label: "99 %", colour: "force", dash: true }], 2),
+];
+
+dress(byId("theme"), () => [view, ...strips].forEach((part) => part.recolour()));
+turning(byId("turn_left"), hand, 1);
+turning(byId("turn_right"), hand, -1);
+byId("zoom_in").addEventListener("click", () => view.zoom(1.4));
+byId("zoom_out").addEventListener("click", () => view.zoom(1 / 1.4));
+byId("fit").addEventListener("click", () => view.fit());
+for (const button of document.querySelectorAll("[data-service]")) {
+  // Pressed is enough: an e-stop does not wait for the button to be let go.
+  const act = () => link.say({ do: "trigger", service: button.dataset.service });
+  if (button.id !== "estop") button.addEventListener("click", act);
+  else for (const name of ["pointerdown", "click"]) button.addEventListener(name, act);
+}
+document.addEventListener("keydown", (event) => {
+  if (event.key === "Escape" && control) link.say({ do: "trigger", service: "estop" });
+});
+requestAnimationFrame(draw);
+setInterval(showRates, 1000);
+
+function take(kind, content) {
+  if (kind === "hello") welcome(content);
+  else if (kind === "scene") view.setScene(content);
+  else if (kind === "values") showValues(content);
+  else if (kind === "status") showStatus(content);
+  else if (kind === "hint") hint(content);
+  else if (kind === "answer") answered(content);
+}
+
+function welcome(news) {
+  control = news.control;
+  document.body.classList.toggle("looking", !control);
+  tuning.build(news.declarations);
+  panels.welcome(news);
+}
+
+function showValues(news) {
+  tuningNews = news;
+  const driver = news.values.haptic_driver ?? {};
+  tuning.show(driver);
+  panels.showValues(news);
+  const normals = driver["wall.normals"] ?? [];
+  const walls = (driver["wall.offsets"] ?? []).map((offset, i) => ({ normal: normals.slice(2 * i, 2 * i + 2), offset }));
+  view.setSurroundings(walls, news.workspace);
+}
+
+function showStatus(news) {
+  status = news;
+  showHealth(news, tuningNews);
+  panels.showRecorder(news);
+}
+
+function answered(answer) {
+  if (panels.answered(answer)) return;
+  if (answer.to.do === "set") tuning.answered(answer);
+  else if (!answer.done || answer.to.service === "estop") hint(answer.sentence);
+}
+
+function connected(open, sentence) {
+  const banner = byId("banner");
+  if (open) delete banner.dataset.lost;
+  else banner.dataset.lost = "yes";
+  banner.textContent = sentence;
+  banner.hidden = open;
+  if (!open) {
+    byId("state").textContent = "no viewer";
+    byId("state").dataset.level = "bad";
+  }
+}
+
+function hint(sentence) {
+  byId("hint").textContent = sentence;
+  clearTimeout(hintTimer);
+  hintTimer = setTimeout(() => (byId("hint").textContent = ""), HINT);
+}
+
+function draw() {
+  requestAnimationFrame(draw);
+  const frame = link.next();
+  if (!frame) return;
+  view.draw(frame);
+  record(frame);
+  count += 1;
+  if (count % 4 === 0) showNumbers(frame); // quicker than that nobody reads
+  if (count % 3 === 0) strips[(count / 3) % 3].draw();
+}
+
+function record(frame) {
+  const driver = driverOf(status)?.values;
+  const size = (force) => (force ? Math.hypot(force[0], force[1]) : null);
+  strips[0].push(frame.time, [size(frame.force), size(frame.felt)]);
+  strips[1].push(frame.time, frame.energy.map((joule) => (joule === null ? null : 1e3 * joule)));
+  strips[2].push(frame.time, driver ? [Number(driver.age_ms_p50), Number(driver.age_ms_p99)] : [null, null]);
+  tone.set(size(frame.felt ?? frame.force) ?? 0);
+}
+
+function showNumbers(frame) {
+  const force = frame.felt ?? frame.force;
+  put("force", force ? `${Math.hypot(force[0], force[1]).toFixed(2)} N` : "–");
+  put("torque", force ? `${force[2].toFixed(3)} N m` : "–");
+  const { handle, tool } = frame;
+  put("stretch", handle && tool ? `${(1e3 * Math.hypot(tool[0] - handle[0], tool[1] - handle[1])).toFixed(2)} mm` : "–");
+  const names = view.scene?.results ?? [];
+  const place = byId("results");
+  if (place.childElementCount !== names.length || place.dataset.names !== names.join()) build(place, names);
+  names.forEach((name, i) => put(`result_${name}`, (frame.results[i] ?? 0).toFixed(3)));
+}
+
+function build(place, names) {
+  place.dataset.names = names.join();
+  place.replaceChildren(...names.map((name) => {
+    const pair = element("div");
+    pair.append(element("dt", { textContent: name.replaceAll("_", " ") }), element("dd", { id: `result_${name}` }));
+    return pair;
+  }));
+}
+
+function put(id, text) {
+  const place = byId(id);
+  if (place.textContent !== text) place.textContent = text;
+}
+
+let drawnBefore = 0;
+let receivedBefore = 0;
+
+function showRates() {
+  const own = status?.viewer;
+  const drawn = count - drawnBefore;
+  const received = link.received - receivedBefore;
+  drawnBefore = count;
+  receivedBefore = link.received;
+  Object.assign(document.documentElement.dataset, { drawn, received, cpu: own?.cpu ?? "" });
+  put("rates", `${received} frames/s received, ${drawn} drawn; viewer takes ${own ? Math.round(100 * own.cpu) : "–"} % of a core, ${own?.pages ?? 0} pages`);
+}

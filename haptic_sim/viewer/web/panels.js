@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scene, exchange, recording, side by side: what they show and what they ask for.
+
+import { element } from "./tuning.js";
+
+export class Panels {
+  constructor(link) {
+    this.link = link;
+    this.select("scene_name", (name) => this.ask("scene_answer", "loading", { do: "scene", name }));
+    this.select("method_name", (name) => this.ask("scene_answer", "loading", { do: "method", name }));
+    this.press("start_scene", () => this.ask("scene_answer", "going back", { do: "start_scene" }));
+    this.press("mark", () => link.say({ do: "mark", text: byId("mark_text").value || "mark" }));
+    this.press("record", () => link.say({ do: "record", on: byId("record").getAttribute("aria-pressed") !== "true" }));
+    this.press("compare_on", () => this.ask("compare_answer", "starting", { do: "compare", on: true }));
+    this.press("compare_off", () => this.ask("compare_answer", "ending", { do: "compare", on: false }));
+    this.offered = "";
+  }
+
+  press(id, act) {
+    byId(id).addEventListener("click", act);
+  }
+
+  select(id, act) {
+    byId(id).addEventListener("change", () => act(byId(id).value));
+  }
+
+  ask(place, meanwhile, wish) {
+    say(place, meanwhile, true);
+    this.link.say(wish);
+  }
+
+  welcome({ scenes, methods, looking }) {
+    fill(byId("scene_name"), scenes);
+    fill(byId("method_name"), methods);
+    byId("looking").value = looking;
+  }
+
+  showValues({ values, offer, second }) {
+    const simulation = values.haptic_simulation;
+    for (const [id, name] of [["scene_name", "scene"], ["method_name", "method"]]) {
+      const box = byId(id);
+      box.disabled = !simulation;
+      if (!simulation || box === document.activeElement) continue;
+      const value = simulation[name].split("/").pop().replace(/\.yaml$/, "");
+      if (![...box.options].some((option) => option.value === value)) box.append(element("option", { textContent: value, value: simulation[name] }));
+      box.value = [...box.options].find((option) => option.textContent === value).value;
+    }
+    this.showOffer(offer, values);
+    this.showSecond(second);
+  }
+
+  showOffer(offer, values) {
+    const told = JSON.stringify(offer);
+    if (told === this.offered && told !== "{}") return;
+    this.offered = told;
+    const rows = Object.entries(offer).map(([name, one]) => this.offerRow(name, one));
+    const method = values.haptic_driver?.["exchange.method"] ?? "–";
+    const note = rows.length ? "A change starts the nodes again; the hand begins where the scene does."
+      : `Method ${method}. It and a delay are fixed once the nodes run; haptic demo --view starts them again for it.`;
+    byId("offers").replaceChildren(...rows, element("p", { className: "note", textContent: note }));
+  }
+
+  offerRow(name, { value, choices, unit, low, high }) {
+    const row = element("p", { className: "row" });
+    const id = `offer_${name.replaceAll(".", "_")}`;
+    const input = choices ? element("select", { id }) : element("input", { type: "number", id, min: low, max: high, step: "any" });
+    if (choices) fill(input, choices);
+    input.value = value;
+    input.addEventListener("change", () => this.ask("restart_answer", "the nodes start again",
+      { do: "restart", name, value: choices ? input.value : Number(input.value) }));
+    row.append(element("label", { htmlFor: id, textContent: unit ? `${name} [${unit}]` : name }), input);
+    return row;
+  }
+
+  showSecond(second) {
+    byId("compare_off").disabled = !second;
+    const rows = (second?.differences ?? []).map(([name, first, other]) => {
+      const made = element("tr");
+      made.append(element("th", { textContent: name, scope: "row" }), element("td", { textContent: `${first} | ${other}` }));
+      return made;
+    });
+    document.querySelector("#compared tbody").replaceChildren(...rows);
+  }
+
+  showRecorder(status) {
+    const recorder = status.nodes.haptic_recorder;
+    const on = recorder?.message.startsWith("recording") ?? false;
+    const button = byId("record");
+    button.disabled = !recorder;
+    button.textContent = !recorder ? "No recorder runs" : on ? "Stop recording" : "Record";
+    button.setAttribute("aria-pressed", String(on));
+  }
+
+  answered({ to, done, sentence }) {
+    const place = { scene: "scene_answer", method: "scene_answer", start_scene: "scene_answer", mark: "record_answer",
+      record: "record_answer", restart: "restart_answer", compare: "compare_answer" }[to.do];
+    if (place) say(place, sentence, done);
+    return Boolean(place);
+  }
+}
+
+export function say(place, sentence, done) {
+  byId(place).textContent = sentence;
+  byId(place).classList.toggle("refused", !done);
+}
+
+function fill(box, names) {
+  box.replaceChildren(...names.map((name) => element("option", { textContent: name, value: name })));
+}
+
+function byId(id) {
+  return document.getElementById(id);
+}

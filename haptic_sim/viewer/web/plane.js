@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// The plane on the canvas: which part of the world is seen, and its axes in millimetres.
+
+const INSET = { side: 30, top: 64, bottom: 26 }; // CSS pixels for axes and read-outs
+
+export class Plane {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.room = [-0.1, -0.1, 0.1, 0.1];
+    this.zoom = 1;
+    this.resize();
+  }
+
+  // Takes the canvas's size on the page; true if it has changed.
+  resize() {
+    const ratio = Math.min(2, window.devicePixelRatio || 1);
+    const width = Math.max(1, Math.round(this.canvas.clientWidth * ratio));
+    const height = Math.max(1, Math.round(this.canvas.clientHeight * ratio));
+    if (this.canvas.width === width && this.canvas.height === height && this.ratio === ratio) return false;
+    this.canvas.width = width;
+    this.canvas.height = height;
+    this.ratio = ratio;
+    return true;
+  }
+
+  // Pixels of the canvas for each metre.
+  get scale() {
+    const [left, bottom, right, top] = this.room;
+    const [width, height] = [this.canvas.width - 2 * INSET.side * this.ratio, this.canvas.height - (INSET.top + INSET.bottom) * this.ratio];
+    const fits = Math.min(width / (right - left), height / (top - bottom));
+    return Math.max(1, fits) * this.zoom;
+  }
+
+  get middle() {
+    const [left, bottom, right, top] = this.room;
+    return [(left + right) / 2, (bottom + top) / 2];
+  }
+
+  toPixels([x, y]) {
+    const [cx, cy] = this.middle;
+    return [this.canvas.width / 2 + (x - cx) * this.scale, this.canvas.height / 2 + ((INSET.top - INSET.bottom) / 2) * this.ratio - (y - cy) * this.scale];
+  }
+
+  drawAxes(context, colours) {
+    const step = 1e-3 * niceStep((70 * this.ratio) / this.scale / 1e-3);
+    const [cx, cy] = this.middle;
+    const halfWidth = this.canvas.width / 2 / this.scale;
+    const halfHeight = this.canvas.height / 2 / this.scale;
+    context.strokeStyle = colours.grid;
+    context.fillStyle = colours.soft;
+    context.lineWidth = this.ratio;
+    context.font = `${11 * this.ratio}px system-ui, "DejaVu Sans", sans-serif`;
+    for (let x = Math.ceil((cx - halfWidth) / step) * step; x < cx + halfWidth; x += step) this.drawVertical(context, x);
+    for (let y = Math.ceil((cy - 1.5 * halfHeight) / step) * step; y < cy + 1.5 * halfHeight; y += step) this.drawHorizontal(context, y);
+    context.textAlign = "right";
+    context.fillText("x [mm]", this.canvas.width - 6 * this.ratio, this.canvas.height - 18 * this.ratio);
+    context.textAlign = "left";
+    context.fillText("y [mm]", 4 * this.ratio, 14 * this.ratio);
+  }
+
+  drawVertical(context, x) {
+    const [px] = this.toPixels([x, 0]);
+    line(context, px, 0, px, this.canvas.height);
+    context.textAlign = "center";
+    if (px > 45 * this.ratio) context.fillText(inMillimetres(x), px, this.canvas.height - 5 * this.ratio);
+  }
+
+  drawHorizontal(context, y) {
+    const [, py] = this.toPixels([0, y]);
+    line(context, 0, py, this.canvas.width, py);
+    context.textAlign = "left";
+    if (py > 32 * this.ratio && py < this.canvas.height - 24 * this.ratio) {
+      context.fillText(inMillimetres(y), 4 * this.ratio, py - 3 * this.ratio);
+    }
+  }
+}
+
+// 1, 2 or 5 times a power of ten, not below the least step.
+export function niceStep(least) {
+  const power = 10 ** Math.floor(Math.log10(least));
+  return [1, 2, 5, 10].map((factor) => factor * power).find((step) => step >= least);
+}
+
+export function line(context, x1, y1, x2, y2) {
+  context.beginPath();
+  context.moveTo(x1, y1);
+  context.lineTo(x2, y2);
+  context.stroke();
+}
+
+function inMillimetres(metres) {
+  return String(Number((1e3 * metres).toFixed(1)));
+}

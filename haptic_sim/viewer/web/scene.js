@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: Apache-2.0
+// Draws the scene: what stands still is painted once on a layer of its own, what moves with every frame.
+
+import { Plane, line } from "./plane.js";
+
+const PIXELS_PER_NEWTON = 6;
+const LONGEST_ARROW = 140;
+const COLOURS = ["ground", "panel", "ink", "soft", "line", "grid", "handle", "tool", "fixed", "moving", "coupling",
+  "force", "contact", "target", "second"];
+
+export class SceneView {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.plane = new Plane(canvas);
+    this.still = document.createElement("canvas");
+    this.scene = this.frame = null;
+    this.walls = [];
+    this.workspace = null;
+    this.recolour();
+  }
+
+  recolour() {
+    const style = getComputedStyle(document.documentElement);
+    this.colours = Object.fromEntries(COLOURS.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+    this.stale = true;
+  }
+
+  setScene(scene) {
+    this.scene = scene;
+    this.fit();
+  }
+
+  setSurroundings(walls, workspace) {
+    const told = JSON.stringify([walls, workspace]);
+    if (told === this.told) return;
+    this.told = told;
+    this.walls = walls;
+    this.workspace = workspace;
+    this.stale = true;
+    if (!this.scene) this.fit();
+  }
+
+  fit() {
+    const [x, y] = this.workspace || [];
+    if (this.scene) this.plane.room = this.scene.room;
+    else if (x) this.plane.room = [x[0], y ? y[0] : -0.05, x[1], y ? y[1] : 0.05];
+    this.plane.zoom = 1;
+    this.stale = true;
+  }
+
+  zoom(factor) {
+    this.plane.zoom = Math.min(20, Math.max(0.1, this.plane.zoom * factor));
+    this.stale = true;
+  }
+
+  draw(frame) {
+    if (this.plane.resize() || this.stale) this.paintStill();
+    const context = this.canvas.getContext("2d", { alpha: false });
+    context.drawImage(this.still, 0, 0);
+    this.frame = frame;
+    if (!frame) return;
+    this.paintMoving(context, frame);
+    if (frame.second) this.paintSecond(context, frame.second);
+    if (frame.handle && frame.tool) this.paintCoupling(context, frame.handle, frame.tool);
+    for (const contact of frame.contacts) this.paintContact(context, contact);
+    if (frame.target) this.paintTarget(context, frame.target);
+    if (frame.handle) this.paintHandle(context, frame);
+  }
+
+  paintStill() {
+    this.stale = false;
+    this.still.width = this.canvas.width;
+    this.still.height = this.canvas.height;
+    const context = this.still.getContext("2d", { alpha: false });
+    context.fillStyle = this.colours.ground;
+    context.fillRect(0, 0, this.still.width, this.still.height);
+    this.plane.drawAxes(context, this.colours);
+    this.paintWorkspace(context);
+    for (const wall of this.walls) this.paintWall(context, wall);
+    for (const solid of this.scene?.solids ?? []) {
+      if (solid.fixed) this.paintSolid(context, solid, solid.pose, this.colours.fixed, 1);
+    }
+  }
+
+  paintWorkspace(context) {
+    if (!this.workspace) return;
+    const [x, y] = [this.workspace[0], this.workspace[1] ?? [-0.01, 0.01]];
+    const [left, top] = this.plane.toPixels([x[0], y[1]]);
+    const [right, bottom] = this.plane.toPixels([x[1], y[0]]);
+    context.strokeStyle = this.colours.soft;
+    context.lineWidth = 1.5 * this.plane.ratio;
+    context.setLineDash([8, 6]);
+    context.strokeRect(left, top, right - left, bottom - top);
+    context.setLineDash([]);
+  }
+
+  paintWall(context, { normal: [nx, ny], offset }) {
+    const far = 2;
+    const foot = [nx * offset, ny * offset];
+    const ends = [far, -far].map((t) => this.plane.toPixels([foot[0] - ny * t, foot[1] + nx * t]));
+    const back = [-far, far].map((t) => this.plane.toPixels([foot[0] - ny * t - nx, foot[1] + nx * t - ny]));
+    context.globalAlpha = 0.25;
+    context.fillStyle = this.colours.handle;
+    path(context, [...ends, ...back]);
+    context.fill();
+    context.globalAlpha = 1;
+    context.strokeStyle = this.colours.handle;
+    context.lineWidth = 2 * this.plane.ratio;
+    line(context, ...ends[0], ...ends[1]);
+  }
+
+  paintMoving(context, frame) {
+    if (!this.scene || !frame.tool) return;
+    const [tool, ...bodies] = this.scene.solids;
+    bodies.forEach((solid, i) => {
+      if (!solid.fixed && frame.bodies[i]) this.paintSolid(context, solid, frame.bodies[i], this.colours.moving, 0.9);
+    });
+    this.paintSolid(context, tool, frame.tool, this.colours.tool, 0.85);
+    this.paintJoints(context, frame);
+  }
+
+  paintSolid(context, solid, pose, colour, alpha) {
+    context.globalAlpha = alpha;
+    context.fillStyle = colour;
+    context.strokeStyle = this.colours.ink;
+    context.lineWidth = this.plane.ratio;
+    for (const outline of solid.outlines) {
+      this.trace(context, outline, pose);
+      context.fill();
+      context.stroke();
+    }
+    context.globalAlpha = 1;
+  }
+
+  trace(context, outline, pose) {
+    const corners = outline.vertices.map((corner) => this.plane.toPixels(placed(corner, pose)));
+    if (outline.radius > 0) {
+      context.beginPath();
+      context.arc(...corners[0], outline.radius * this.plane.scale, 0, 2 * Math.PI);
+      const [x, y] = outline.vertices[0];
+      context.moveTo(...corners[0]);
+      context.lineTo(...this.plane.toPixels(placed([x + outline.radius, y], pose)));
+    } else {
+      path(context, corners);
+    }
+  }
+
+  paintSecond(context, second) {
+    context.setLineDash([6, 4]);
+    context.strokeStyle = this.colours.second;
+    context.lineWidth = 2 * this.plane.ratio;
+    const solids = this.scene?.solids ?? [];
+    [second.tool, ...second.bodies].forEach((pose, i) => {
+      if (!solids[i] || solids[i].fixed) return;
+      for (const outline of solids[i].outlines) {
+        this.trace(context, outline, pose);
+        context.stroke();
+      }
+    });
+    const [x, y] = this.plane.toPixels(second.handle);
+    context.beginPath();
+    context.arc(x, y, 9 * this.plane.ratio, 0, 2 * Math.PI);
+    context.stroke();
+    context.setLineDash([]);
+  }
+
+  paintJoints(context, frame) {
+    const poses = Object.fromEntries(this.scene.solids.map((s, i) => [s.name, i ? frame.bodies[i - 1] : frame.tool]));
+    context.strokeStyle = this.colours.ink;
+    context.fillStyle = this.colours.panel;
+    context.lineWidth = 1.5 * this.plane.ratio;
+    for (const ends of this.scene.joints) {
+      const [a, b] = ends.map(({ solid, point }) => this.plane.toPixels(solid ? placed(point, poses[solid]) : point));
+      if (ends[0].type === "spring") zigzag(context, a, b, 7 * this.plane.ratio);
+      context.beginPath();
+      if (ends[0].type === "pin") context.arc(...a, 4 * this.plane.ratio, 0, 2 * Math.PI);
+      else context.rect(a[0] - 4 * this.plane.ratio, a[1] - 4 * this.plane.ratio, 8 * this.plane.ratio, 8 * this.plane.ratio);
+      context.fill();
+      context.stroke();
+    }
+  }
+
+  paintCoupling(context, handle, tool) {
+    context.strokeStyle = this.colours.coupling;
+    context.lineWidth = 3 * this.plane.ratio;
+    zigzag(context, this.plane.toPixels(handle), this.plane.toPixels(tool), 6 * this.plane.ratio);
+  }
+
+  paintContact(context, [, bodyB, x, y, , , fx, fy]) {
+    const place = this.plane.toPixels([x, y]);
+    context.fillStyle = this.colours.contact;
+    context.beginPath();
+    context.arc(...place, 3.5 * this.plane.ratio, 0, 2 * Math.PI);
+    context.fill();
+    if (bodyB >= 0) this.arrow(context, place, [fx, fy], this.colours.contact);
+  }
+
+  paintTarget(context, target) {
+    const [x, y] = this.plane.toPixels(target);
+    const r = 12 * this.plane.ratio;
+    context.strokeStyle = this.colours.target;
+    context.lineWidth = 1.5 * this.plane.ratio;
+    context.beginPath();
+    context.arc(x, y, r, 0, 2 * Math.PI);
+    context.stroke();
+    const [c, s] = [Math.cos(target[2]), Math.sin(target[2])];
+    line(context, x + r * c, y - r * s, x + 1.6 * r * c, y - 1.6 * r * s);
+  }
+
+  paintHandle(context, { handle, felt, force }) {
+    const place = this.plane.toPixels(handle);
+    const r = 7 * this.plane.ratio;
+    this.arrow(context, place, felt ?? force ?? [0, 0], this.colours.force);
+    context.fillStyle = this.colours.handle;
+    context.strokeStyle = this.colours.panel;
+    context.lineWidth = 2 * this.plane.ratio;
+    context.beginPath();
+    context.arc(...place, r, 0, 2 * Math.PI);
+    context.fill();
+    context.stroke();
+    line(context, ...place, place[0] + r * Math.cos(handle[2]), place[1] - r * Math.sin(handle[2]));
+  }
+
+  arrow(context, [x, y], [fx, fy], colour) {
+    const size = Math.hypot(fx, fy);
+    const length = Math.min(LONGEST_ARROW, PIXELS_PER_NEWTON * size) * this.plane.ratio;
+    if (length < 3) return;
+    const [ux, uy] = [fx / size, -fy / size];
+    const head = Math.min(9 * this.plane.ratio, length);
+    const [tx, ty] = [x + ux * length, y + uy * length];
+    context.strokeStyle = context.fillStyle = colour;
+    context.lineWidth = 3 * this.plane.ratio;
+    line(context, x, y, tx - ux * head, ty - uy * head);
+    path(context, [[tx, ty], [tx - ux * head - uy * head * 0.5, ty - uy * head + ux * head * 0.5],
+      [tx - ux * head + uy * head * 0.5, ty - uy * head - ux * head * 0.5]]);
+    context.fill();
+  }
+}
+
+function placed([px, py], [x, y, theta]) {
+  const [c, s] = [Math.cos(theta), Math.sin(theta)];
+  return [x + c * px - s * py, y + s * px + c * py];
+}
+
+function path(context, corners) {
+  context.beginPath();
+  corners.forEach((corner, i) => (i ? context.lineTo(...corner) : context.moveTo(...corner)));
+  context.closePath();
+}
+
+function zigzag(context, [x1, y1], [x2, y2], width) {
+  const length = Math.hypot(x2 - x1, y2 - y1);
+  const [ux, uy] = length > 0 ? [(x2 - x1) / length, (y2 - y1) / length] : [0, 0];
+  context.beginPath();
+  context.moveTo(x1, y1);
+  for (let i = 1; i < 12 && length > 2 * width; i += 1) {
+    const [along, side] = [(length * i) / 12, i % 2 ? width : -width];
+    context.lineTo(x1 + ux * along - uy * side, y1 + uy * along + ux * side);
+  }
+  context.lineTo(x2, y2);
+  context.stroke();
+}

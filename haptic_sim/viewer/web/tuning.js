@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sliders, switches and fields made from the declarations of the driver's live parameters.
+
+const OPEN = ["coupling", "wall", "cancellation"];
+const STEPS = 1000;
+const PERIOD = 100; // ms between two values of a slider that is being drawn
+
+export class Tuning {
+  // set: (name, value) asks the driver.
+  constructor(place, set) {
+    this.place = place;
+    this.set = set;
+    this.fields = {};
+    this.values = {};
+  }
+
+  build(declarations) {
+    this.place.replaceChildren();
+    this.fields = {};
+    const groups = {};
+    for (const declared of declarations) (groups[declared.name.split(".")[0]] ??= []).push(declared);
+    for (const name of [...OPEN, ...Object.keys(groups).filter((group) => !OPEN.includes(group))]) {
+      if (groups[name]) this.place.append(this.group(name, groups[name]));
+    }
+  }
+
+  group(name, declared) {
+    const details = element("details");
+    details.open = OPEN.includes(name);
+    details.append(element("summary", { textContent: name }), ...declared.map((one) => this.field(one)));
+    return details;
+  }
+
+  field(declared) {
+    const id = `tuned_${declared.name.replaceAll(".", "_")}`;
+    const row = element("div", { className: "tuned" });
+    const label = element("label", { htmlFor: id });
+    label.append(`${declared.name}${declared.unit ? ` [${declared.unit}]` : ""} `,
+      element("small", { textContent: declared.meaning + limits(declared) }));
+    const answer = element("p", { className: "answer", id: `${id}_answer` });
+    answer.setAttribute("role", "status");
+    const { inputs, show } = makers[declared.kind](declared, id, (value) => this.ask(declared.name, value));
+    row.append(label, ...inputs, answer);
+    this.fields[declared.name] = { show, answer, inputs };
+    return row;
+  }
+
+  ask(name, value) {
+    this.set(name, value);
+  }
+
+  // What the nodes have now; a field that is being used is left alone.
+  show(values) {
+    this.values = values;
+    for (const [name, field] of Object.entries(this.fields)) {
+      const used = field.inputs.includes(document.activeElement) && performance.now() < (field.asked ?? 0) + 1500;
+      if (name in values && !used) field.show(values[name]);
+      for (const input of field.inputs) input.disabled = !(name in values);
+    }
+  }
+
+  answered({ to, done, sentence }) {
+    const field = this.fields[to.name];
+    if (!field) return;
+    field.answer.textContent = done ? "" : sentence;
+    field.answer.classList.toggle("refused", !done);
+    if (!done && to.name in this.values) field.show(this.values[to.name]);
+  }
+}
+
+const makers = {
+  number: slider,
+  whole: slider,
+  switch: (declared, id, ask) => {
+    const input = element("input", { type: "checkbox", id });
+    input.addEventListener("change", () => ask(input.checked));
+    return { inputs: [input], show: (value) => (input.checked = value) };
+  },
+  text: (declared, id, ask) => {
+    const input = element(declared.choices.length ? "select" : "input", { id, className: "wide" });
+    for (const choice of declared.choices) input.append(element("option", { textContent: choice }));
+    input.addEventListener("change", () => ask(input.value));
+    return { inputs: [input], show: (value) => (input.value = value) };
+  },
+  list: (declared, id, ask) => (/stiffness|damping/.test(declared.name) ? sliderOfAll : listed)(declared, id, ask),
+};
+
+function listed(declared, id, ask) {
+  const input = element("input", { type: "text", id, className: "wide", placeholder: "none" });
+  input.addEventListener("change", () => ask(input.value.split(",").filter((item) => item.trim()).map(Number)));
+  return { inputs: [input], show: (value) => (input.value = value.join(", ")) };
+}
+
+// One slider for a number that each wall has.
+function sliderOfAll(declared, id, ask) {
+  let count = 0;
+  const made = slider(declared, id, (value) => ask(Array(count).fill(value)));
+  return {
+    inputs: made.inputs,
+    show: (values) => {
+      count = values.length;
+      for (const input of made.inputs) input.hidden = !count;
+      if (count) made.show(values[0]);
+    },
+  };
+}
+
+// A slider, finer at small values, and the number itself beside it.
+function slider(declared, id, ask) {
+  const { low, high, unit } = declared;
+  const power = high - low > 50 ? 3 : 1;
+  const range = element("input", { type: "range", id, min: 0, max: STEPS });
+  const number = element("input", { type: "number", min: low, max: high, step: "any" });
+  number.setAttribute("aria-label", `${declared.name} as a number`);
+  let due = 0;
+  let last = null;
+  const valueOf = () => {
+    const value = Number((low + (high - low) * (range.value / STEPS) ** power).toPrecision(3));
+    return declared.kind === "whole" ? Math.round(value) : Math.min(high, Math.max(low, value));
+  };
+  const describe = (value) => range.setAttribute("aria-valuetext", `${value} ${unit}`);
+  const send = () => {
+    due = performance.now() + PERIOD;
+    last = null;
+    ask(valueOf());
+  };
+  range.addEventListener("input", () => {
+    number.value = valueOf();
+    describe(number.value);
+    clearTimeout(last);
+    if (performance.now() >= due) send();
+    else last = setTimeout(send, due - performance.now());
+  });
+  number.addEventListener("change", () => number.value !== "" && ask(Number(number.value)));
+  return {
+    inputs: [range, number],
+    show: (value) => {
+      range.value = STEPS * Math.max(0, (value - low) / (high - low)) ** (1 / power);
+      number.value = Number(value.toPrecision(6));
+      describe(number.value);
+    },
+  };
+}
+
+function limits({ low, high }) {
+  return low === null || high === null ? "" : ` (${low} to ${high})`;
+}
+
+export function element(name, given = {}) {
+  return Object.assign(document.createElement(name), given);
+}

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A running demo with its page, a real Chromium before it, and an ear that keeps times of its own."""
+
+import os
+import re
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rclpy
+from chromium import OPTIONS, find
+from playwright.sync_api import sync_playwright
+from rclpy.context import Context
+
+from haptic_device.node.tap import Tap
+from haptic_device.node.wire import STREAM, JointLayout, truth_names
+from haptic_device.runtime.process import die_with_parent
+
+SHOTS = Path(__file__).parents[2] / "build" / "browser"
+FIGURES = []
+PATIENCE = 150_000.0  # ms for what a busy machine does in one
+_JOINTS = "sensor_msgs/msg/JointState"
+
+
+def pytest_terminal_summary(terminalreporter):
+    """The figures that were measured."""
+    for name, wanted, found in FIGURES:
+        terminalreporter.write_line(f"{name:58} {found:>16}   wanted {wanted}")
+
+
+@pytest.fixture
+def figure():
+    """figure(name, wanted, found) is printed at the end."""
+    return lambda name, wanted, found: FIGURES.append((name, wanted, found))
+
+
+class System:
+    """`haptic demo --view` as a process; `address` and `looking` as it printed them, `printed` [s] when it did."""
+
+    def __init__(self, folder: Path):
+        own, self.folder = os.getpid(), folder
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "haptic_sim.cli.main", "demo", "--view", "--out", str(folder / "run")],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder,
+            preexec_fn=lambda: die_with_parent(own),
+        )  # fmt: skip
+        self.address, self.looking = self._read("open"), self._read("only:")
+        self.printed = time.monotonic()
+        threading.Thread(target=self.process.stdout.read, daemon=True).start()
+
+    def _read(self, word):
+        for line in self.process.stdout:
+            if found := re.search(rf"{word} (http://\S+)", line):
+                return found.group(1)
+        raise AssertionError("haptic demo --view ended without an address")
+
+    def end(self):
+        self.process.send_signal(2)
+        return self.process.wait(40.0)
+
+
+class Listener:
+    """Keeps truths and targets with the times [s, CLOCK_MONOTONIC] to which they belong, in a thread of its own."""
+
+    def __init__(self, domain):
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        self._node = rclpy.create_node("listener", namespace="/haptic", context=self._context)
+        self._truths = Tap(self._node, "operator/state", _JOINTS, STREAM, raw=True)
+        self._targets = Tap(self._node, "operator/target", _JOINTS, STREAM)
+        self._layout, self.truths, self.targets = JointLayout(truth_names(3)), [], []
+        self._thread, self._over = threading.Thread(target=self._listen), False
+        self._thread.start()
+
+    def _listen(self):
+        while not self._over:
+            for sample in self._truths.take():
+                truth = self._layout.unpack(sample.message)
+                self.truths.append((truth.position[7], truth))
+            for sample in self._targets.take():
+                self.targets.append((time.monotonic(), list(sample.message.position)))
+            time.sleep(0.001)
+
+    def motor(self):
+        """(time, largest part of the motor's force) of everything heard."""
+        return [(at, float(np.abs(truth.effort[3:6]).max())) for at, truth in list(self.truths)]
+
+    def until(self, found, seconds=150.0):
+        """The first true answer of found()."""
+        end = time.monotonic() + seconds
+        while not (answer := found()):
+            assert time.monotonic() < end, "what was waited for did not come"
+            time.sleep(0.005)
+        return answer
+
+    def close(self):
+        self._over = True
+        self._thread.join()
+        self._node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+
+@pytest.fixture(scope="session")
+def listener(ros_domain):
+    ear = Listener(ros_domain)
+    yield ear
+    ear.close()
+
+
+@pytest.fixture(scope="session")
+def system(listener, tmp_path_factory):
+    running = System(tmp_path_factory.mktemp("viewed"))
+    yield running
+    assert running.end() == 0
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=find(), args=list(OPTIONS), timeout=PATIENCE)
+        yield browser
+        browser.close()
+
+
+class Tab:
+    """A page with what people look at; `complaints` is what it wrote to the console."""
+
+    def __init__(self, browser, width=1280, height=720, **given):
+        self.page = browser.new_page(viewport={"width": width, "height": height}, **given)
+        self.page.set_default_timeout(PATIENCE)
+        self.complaints = []
+        self.page.on("console", lambda line: self.complaints.append(line.text) if line.type == "error" else None)
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+
+    def text(self, name):
+        return self.page.text_content(f"#{name}")
+
+    def until(self, script, seconds=150.0):
+        """Waits until the script's expression is true on the page. Playwright's own waiting needs eval, which the page
+        forbids."""
+        end = time.monotonic() + seconds
+        while not self.page.evaluate(f"Boolean({script})"):
+            assert time.monotonic() < end, f"{script} did not come true; {self.page.text_content('body')[:2000]}"
+            self.page.wait_for_timeout(30)
+
+    def until_text(self, name, pattern, seconds=150.0):
+        self.until(f"/{pattern}/.test(document.getElementById({name!r}).textContent)", seconds)
+
+    def engage(self):
+        """Clears a fault and engages, the hand at the scene's start."""
+        self.page.click("[data-service=reset]")
+        self.until("!/fault/.test(document.getElementById('state').textContent)")
+        self.page.click("#start_scene")
+        self.until_text("scene_answer", "at its start")
+        self.page.click("[data-service=enable]")
+        self.until_text("state", "^engaged$")
+
+    def middle(self):
+        box = self.page.locator("#scene").bounding_box()
+        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def shot(self, name):
+        SHOTS.mkdir(parents=True, exist_ok=True)
+        self.page.screenshot(path=SHOTS / f"{name}.png")
+
+
+@pytest.fixture(scope="session")
+def tab(system, chromium):
+    """The first page, with control."""
+    tab = Tab(chromium)
+    tab.opened = time.monotonic()
+    tab.page.goto(system.address)
+    tab.until("document.querySelectorAll('.tuned').length > 0")
+    tab.up = time.monotonic()
+    yield tab
+    tab.page.close()

@@ -1,0 +1,303 @@
+# SPDX-License-Identifier: Apache-2.0
+"""People before the page: a real Chromium, the live nodes behind it. Run by `make test-browser`, in this order."""
+
+import http.client
+import statistics
+import time
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from conftest import Tab
+
+from haptic_sim.cli.check import problems
+
+pytestmark = pytest.mark.timeout(400)  # the second operating point may have to be compiled
+SERIOUS = ("serious", "critical")
+E_STOP, UP, MOUSE = 0.150, 2.0, 0.040  # s, wanted
+
+
+def held_up():
+    """Seconds that others on this machine make work of 0.1 s of processor time longer, ten times over."""
+    began, end = time.monotonic(), time.process_time() + 0.1
+    while time.process_time() < end:
+        continue
+    return 10.0 * max(0.0, time.monotonic() - began - 0.1)
+
+
+def asked(address, path="", **headers):
+    """Status of a request to the server, beside any page."""
+    url = urlsplit(address)
+    connection = http.client.HTTPConnection(url.hostname, url.port, timeout=20)
+    connection.request("GET", (url.path if not path.startswith("/") else "") + path, headers=headers)
+    return connection.getresponse().status
+
+
+def test_the_page_is_up_soon_after_its_address_is_printed(system, tab, figure):
+    took = tab.up - tab.opened
+    figure("page up after it was asked for", f"<= {UP} s", f"{took:.2f} s")
+    assert took < UP + held_up()
+
+
+def test_a_wrong_token_a_foreign_origin_and_a_foreign_host_are_forbidden(system):
+    wrong = system.address[:-6] + "AAAAA/"
+    socket = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
+              "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA=="}  # fmt: skip
+    assert asked(system.address) == 200
+    assert asked(wrong) == asked(wrong, "socket", **socket) == asked(system.address, "/") == 403
+    assert asked(system.address, "socket", Origin="http://elsewhere.example", **socket) == 403
+    assert asked(system.address, "socket", **socket) == 403
+    assert asked(system.address, Host="elsewhere.example") == 403
+
+
+def test_the_peg_is_dragged_into_the_hole_with_the_mouse(tab, listener, figure):
+    tab.until_text("state", "^engaged$")
+    x, y = tab.middle()
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x - 3, y, steps=3)
+    for step in range(200):
+        tab.page.mouse.move(x - 3, y + 2 * step)
+        if float(tab.text("result_insertion_fraction")) >= 0.9:
+            break
+        time.sleep(0.02)
+    tab.shot("peg")
+    tab.page.mouse.up()
+    tab.until("Number(document.getElementById('result_insertion_fraction').textContent) >= 0.9")
+    figure("insertion_fraction by mouse", ">= 0.9", tab.text("result_insertion_fraction"))
+
+
+def test_frames_are_sent_and_drawn_and_the_viewer_takes_little(tab, figure):
+    time.sleep(3.0)
+    figures = tab.page.evaluate("({...document.documentElement.dataset})")
+    received, drawn, share = int(figures["received"]), int(figures["drawn"]), 100.0 * float(figures["cpu"])
+    figure("frames sent and received", ">= 50 per s", f"{received} per s")
+    figure("frames drawn", ">= 50 per s", f"{drawn} per s")
+    figure("viewer process", "<= 30 % of a core", f"{share:.0f} %")
+    assert received > 5 and drawn > 5
+
+
+def test_the_hand_follows_the_mouse_without_delay(tab, listener, figure):
+    tab.engage()
+    x, y = tab.middle()
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    delays = []
+    for step in range(40):
+        began = time.monotonic()
+        tab.page.mouse.move(x + (4 if step % 2 else -4), y)
+        delays.append(listener.until(lambda began=began: [at for at, _ in listener.targets if at > began])[0] - began)
+        time.sleep(0.35)  # what has been reached is said again for 0.3 s
+    tab.page.mouse.up()
+    median = statistics.median(delays)
+    figure("mouse to hand target, median of 40", f"<= {1e3 * MOUSE:g} ms", f"{1e3 * median:.1f} ms")
+    assert median < MOUSE + held_up()
+
+
+def push_down(tab):
+    """Presses the tool upon something, so that the motor pushes back."""
+    tab.page.focus("#scene")
+    for _ in range(60):
+        tab.page.keyboard.press("ArrowDown")
+    tab.until("Math.abs(parseFloat(document.getElementById('force').textContent)) > 2")
+
+
+def zeroed(listener, since):
+    """Time at which the motor came to rest after this one."""
+    return next((at for at, force in listener.motor() if at > since and force == 0.0), None)
+
+
+def test_a_click_on_e_stop_zeroes_the_motor_at_once(tab, listener, figure):
+    tab.engage()
+    push_down(tab)
+    began = time.monotonic()
+    tab.page.click("#estop")
+    took = listener.until(lambda: zeroed(listener, began)) - began
+    tab.until_text("state", "fault: estop")
+    tab.shot("fault")
+    figure("e-stop click to motor zero", f"<= {1e3 * E_STOP:g} ms", f"{1e3 * took:.1f} ms")
+    assert took < E_STOP + held_up()
+
+
+def test_the_keyboard_alone_stops_resets_engages_and_turns(tab, listener):
+    tab.engage()
+    push_down(tab)
+    began = time.monotonic()
+    tab.page.keyboard.press("Escape")
+    listener.until(lambda: zeroed(listener, began))
+    tab.until_text("state", "fault: estop")
+    tab.page.focus("[data-service=reset]")
+    tab.page.keyboard.press("Enter")
+    tab.until("!/fault/.test(document.getElementById('state').textContent)")
+    tab.page.focus("#start_scene")
+    tab.page.keyboard.press("Enter")
+    tab.until_text("scene_answer", "at its start")
+    tab.page.focus("[data-service=enable]")
+    tab.page.keyboard.press("Enter")
+    tab.until_text("state", "^engaged$")
+    before = listener.truths[-1][1].position[5]
+    tab.page.focus("#scene")
+    for _ in range(10):
+        tab.page.keyboard.press("q")
+    listener.until(lambda: listener.truths[-1][1].position[5] > before + 0.1)
+    tab.page.focus("#turn_right")
+    tab.page.keyboard.down("Space")
+    listener.until(lambda: listener.truths[-1][1].position[5] < before + 0.05)
+    tab.page.keyboard.up("Space")
+
+
+def test_gains_beyond_the_damping_are_refused_with_the_drivers_sentence(tab):
+    number = tab.page.locator("#tuned_coupling_stiffness + input")
+    number.fill("90000")
+    number.press("Enter")
+    tab.until_text("tuned_coupling_stiffness_answer", "needs b > .* the device has")
+    tab.page.locator("#tuned_coupling_stiffness_answer").scroll_into_view_if_needed()
+    tab.shot("refused")
+    tab.until("document.querySelector('#tuned_coupling_stiffness + input').value == '2000'")
+
+
+def test_a_slider_changes_the_gain_of_the_driver(tab):
+    slider = tab.page.locator("#tuned_coupling_damping")
+    before = tab.page.locator("#tuned_coupling_damping + input").input_value()
+    slider.focus()
+    for _ in range(5):
+        slider.press("ArrowLeft")
+    tab.page.focus("#scene")
+    tab.until(f"document.querySelector('#tuned_coupling_damping + input').value != {before!r}")
+    assert tab.text("tuned_coupling_damping_answer") == ""
+    number = tab.page.locator("#tuned_coupling_damping + input")
+    number.fill(before)
+    number.press("Enter")
+
+
+def test_drags_beyond_the_workspace_are_clamped_with_a_hint(tab, listener):
+    tab.engage()
+    x, y = tab.middle()
+    tab.page.mouse.move(x, y)
+    tab.page.mouse.down()
+    tab.page.mouse.move(x + 380, y, steps=30)
+    tab.until_text("hint", "edge of the workspace")
+    tab.page.mouse.up()
+    assert max(truth.position[3] for _, truth in list(listener.truths)) < 0.1201
+    tab.engage()
+
+
+def test_a_reload_and_a_second_tab_recover_by_themselves(system, tab, chromium):
+    tab.page.reload()
+    second = Tab(chromium)
+    second.page.goto(system.address)
+    for page in (tab, second):
+        page.until("Number(document.documentElement.dataset.received) > 0")
+        page.until_text("state", "^engaged$")
+    second.page.close()
+
+
+def test_a_page_that_only_looks_on_shows_all_and_moves_nothing(system, chromium, listener):
+    tab = Tab(chromium)
+    tab.page.goto(system.looking)
+    tab.until("Number(document.documentElement.dataset.drawn) > 0")
+    assert not tab.page.is_visible("#estop") and not tab.page.is_visible("#tuning")
+    heard = len(listener.targets)
+    tab.page.evaluate("""() => new Promise((done) => {
+        const socket = new WebSocket(new URL("socket", location.href.replace("http", "ws")));
+        socket.onopen = () => socket.send('{"do": "aim", "x": 0.05}');
+        socket.onmessage = (event) => event.data.includes("only looks on") && done();
+    })""")
+    assert len(listener.targets) == heard
+    tab.page.close()
+
+
+def test_nodes_that_start_again_are_found_again(tab, listener):
+    tab.page.select_option("#offer_exchange_method", "wave")
+    tab.until_text("restart_answer", "started again")
+    tab.until_text("state", "^engaged$")
+    tab.until("/wave/.test(document.getElementById('figures').textContent)")
+    tab.page.select_option("#offer_exchange_method", "pspm")
+    tab.until_text("restart_answer", "pspm; the nodes have been started again")
+    tab.until_text("state", "^engaged$")
+
+
+def test_another_scene_and_method_are_loaded_and_an_impossible_one_is_refused(tab):
+    tab.page.select_option("#scene_name", "wrench_on_nut")
+    tab.until_text("scene_answer", "scene is wrench_on_nut")
+    tab.until_text("state", "^engaged$")
+    tab.page.select_option("#method_name", "closed_form")
+    tab.until("document.getElementById('scene_answer').classList.contains('refused')")
+    tab.until("document.getElementById('method_name').value == 'auto' || document.activeElement.id == 'method_name'")
+    tab.page.select_option("#method_name", "partitioned")
+    tab.until_text("scene_answer", "scene is wrench_on_nut")
+    tab.until_text("state", "^engaged$")
+    tab.page.focus("#scene")
+    for _ in range(8):
+        tab.page.keyboard.press("ArrowUp")
+        tab.page.keyboard.press("q")
+    tab.until("Number(document.getElementById('result_turned').textContent) > 0.3")
+    tab.shot("wrench")
+    tab.page.select_option("#method_name", "auto")
+    tab.until_text("state", "^engaged$")
+    tab.page.select_option("#scene_name", "peg_in_hole")
+    tab.until_text("scene_answer", "scene is peg_in_hole")
+    tab.until_text("state", "^engaged$")
+
+
+def test_a_second_operating_point_goes_along_as_a_ghost(tab):
+    tab.page.click("#compare_on")
+    tab.until_text("compare_answer", "both are at the scene", 170.0)
+    tab.until_text("state", "^engaged$")
+    number = tab.page.locator("#tuned_coupling_stiffness + input")
+    number.fill("500")
+    number.press("Enter")
+    tab.until("/500 [|] 2000/.test(document.getElementById('compared').textContent)")
+    push_down(tab)
+    tab.shot("beside")
+    tab.page.click("#compare_off")
+    tab.until_text("compare_answer", "has ended")
+    number.fill("2000")
+    number.press("Enter")
+    tab.engage()
+
+
+def test_the_operating_point_is_saved_as_a_file_that_the_check_takes(tab, tmp_path):
+    with tab.page.expect_download() as download:
+        tab.page.click("#save")
+    path = tmp_path / "saved.yaml"
+    download.value.save_as(path)
+    assert "stiffness: 2000.0" in path.read_text()
+    assert list(problems(path)) == []
+
+
+def test_recording_starts_takes_a_mark_and_stops(system, tab):
+    tab.until("!document.getElementById('record').disabled")
+    tab.page.click("#record")
+    tab.until("document.getElementById('record').getAttribute('aria-pressed') == 'true'")
+    tab.page.fill("#mark_text", "here")
+    tab.page.click("#mark")
+    tab.until_text("record_answer", "mark set: here")
+    tab.page.click("#record")
+    tab.until_text("record_answer", "the bag is closed")
+    [bag] = Path(system.folder).glob("haptic_bags/*")
+    assert (bag / "metadata.yaml").is_file()
+
+
+@pytest.mark.parametrize("scheme", ("light", "dark"))
+@pytest.mark.parametrize("size", ((1280, 720), (390, 844)), ids=("desk", "phone"))
+def test_the_page_passes_the_accessibility_check(system, chromium, scheme, size, figure):
+    tab = Tab(chromium, *size, color_scheme=scheme, has_touch=size[0] < 800, is_mobile=size[0] < 800)
+    tab.page.goto(system.address)
+    tab.until_text("state", "^engaged$")
+    tab.until("Number(document.documentElement.dataset.drawn) > 0")
+    tab.shot(f"{scheme}_{size[0]}")
+    found = Axe().run(tab.page).response
+    serious = [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found["violations"]
+               if rule["impact"] in SERIOUS]  # fmt: skip
+    figure(f"axe, {scheme} at {size[0]}x{size[1]}: serious findings", "0", str(len(serious)))
+    assert serious == []
+    wide = tab.page.evaluate("document.documentElement.scrollWidth")
+    assert wide <= size[0], "nothing sticks out at the side"
+    assert tab.complaints == []
+    tab.page.close()
+
+
+def test_the_console_had_no_complaint(tab):
+    assert tab.complaints == []

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Local contacts: their geometry follows the tool exactly, a corner goes round a corner, nonsense is refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+from haptic_device.law import contact
+from haptic_sim.clearance import body_distance
+from haptic_sim.local_contacts import LocalContacts
+from haptic_sim.method.registry import make
+from haptic_sim.scene import load
+
+
+def one(**given):
+    row = np.zeros(len(contact.EACH))
+    row[contact.IDENTITY], row[contact.KIND], row[contact.NORMAL_X] = 1.0, contact.FLAT_THERE, 1.0
+    for name, value in given.items():
+        row[contact.EACH.index(name)] = value
+    return row
+
+
+def placed(row, pose, age=0.0, back=0.0):
+    out = np.zeros(contact.PLACE)
+    contact.place(row, np.array(pose, float), age, back, out)
+    return out
+
+
+def test_a_corner_of_the_tool_has_the_lever_arm_of_its_present_turn():
+    gap, nx, ny, ax, ay = placed(one(tool_x=0.01, tool_y=0.02), (0.5, 0.0, math.pi / 2))
+    assert (gap, nx, ny) == pytest.approx((0.48, 1.0, 0.0)) and (ax, ay) == pytest.approx((-0.02, 0.01))
+
+
+def test_an_edge_of_the_tool_turns_its_normal_and_touches_at_the_other_bodys_point():
+    row = one(kind=contact.FLAT_HERE, normal_x=0.0, normal_y=1.0, tool_y=-0.01, point_x=0.03)
+    gap, nx, ny, ax, ay = placed(row, (0.0, 0.02, 0.1))
+    assert (nx, ny) == pytest.approx((-math.sin(0.1), math.cos(0.1)))
+    assert gap == pytest.approx(0.02 * math.cos(0.1) - 0.01 + 0.03 * math.sin(0.1))
+    assert (ax, ay) == pytest.approx((0.03, -0.02))
+
+
+@pytest.mark.parametrize("kind", [contact.FLAT_THERE, contact.FLAT_HERE])
+def test_the_rate_of_a_gap_is_its_normal_and_arm_times_the_tools_velocity(kind):
+    row = one(kind=kind, normal_x=0.6, normal_y=0.8, tool_x=0.01, tool_y=-0.03, point_x=0.02, point_y=0.01)
+    pose, way = np.array((0.1, -0.2, 0.7)), np.array((0.3, -0.5, 2.0))
+    gap, nx, ny, ax, ay = placed(row, pose)
+    step = 1e-6
+    rate = (placed(row, pose + step * way)[0] - placed(row, pose - step * way)[0]) / (2 * step)
+    assert rate == pytest.approx(nx * way[0] + ny * way[1] + way[2] * (ax * ny - ay * nx), rel=1e-7)
+
+
+def test_a_surface_that_moves_and_is_pushed_back_is_where_that_has_brought_it():
+    row = one(velocity_x=0.2)
+    assert placed(row, (0.1, 0, 0), age=0.01)[0] == pytest.approx(0.098)
+    assert placed(row, (0.1, 0, 0), age=0.01, back=0.003)[0] == pytest.approx(0.101)
+
+
+def test_a_disc_beyond_the_end_of_an_edge_is_held_by_its_corner():
+    row = one(radius=0.01, tool_radius=0.01, high=0.02)  # the edge goes up from the origin
+    assert placed(row, (0.03, 0.01, 0))[0] == pytest.approx(0.02)
+    gap, nx, ny, ax, ay = placed(row, (0.03, -0.04, 0))
+    assert gap == pytest.approx(0.04) and (nx, ny) == pytest.approx((0.6, -0.8))
+    assert (ax, ay) == pytest.approx((-0.006, 0.008))
+
+
+def test_of_a_group_the_plane_with_the_largest_gap_counts():
+    table, gaps, shown = np.zeros((8, len(contact.EACH))), np.zeros((8, contact.PLACE)), np.zeros(8)
+    table[:4, contact.IDENTITY], table[:3, contact.GROUP] = (1, 2, 3, 4), (7, 7, 8)
+    gaps[:4, 0] = 0.1, 0.2, 0.0, -1.0
+    contact.hide_others(table, gaps, shown)
+    assert shown.tolist() == [0, 1, 1, 1, 0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    "given, verdict",
+    [
+        ({}, contact.ACCEPTED),
+        ({"normal_x": 0.0}, contact.NOT_A_CONTACT),
+        ({"normal_x": 1.01}, contact.NOT_A_CONTACT),
+        ({"friction": -0.1}, contact.NOT_A_CONTACT),
+        ({"restitution": 1.1}, contact.NOT_A_CONTACT),
+        ({"mobility": -1.0}, contact.NOT_A_CONTACT),
+        ({"kind": 4.0}, contact.NOT_A_CONTACT),
+        ({"gap": math.nan}, contact.NOT_FINITE),
+        ({"point_x": math.inf}, contact.NOT_FINITE),
+    ],
+)
+def test_what_is_no_contact_is_refused(given, verdict):
+    table = np.zeros((contact.MOST, len(contact.EACH)))
+    table[3] = one(**given)
+    assert contact.judge_table(table) == verdict
+
+
+@pytest.mark.parametrize("room, verdict", [(-0.9e-3, contact.ACCEPTED), (-1.1e-3, contact.NO_WAY_OUT)])
+def test_planes_face_to_face_that_leave_no_room_are_refused(room, verdict):
+    table = np.zeros((contact.MOST, len(contact.EACH)))
+    table[0], table[1] = one(gap=room / 2), one(identity=2.0, normal_x=-1.0, gap=room / 2)
+    assert contact.judge_table(table) == verdict
+
+
+@pytest.mark.parametrize("name", ["wall", "corner", "peg_in_hole", "wrench_on_nut", "push_block"])
+def test_the_nearest_contact_is_as_far_as_fcl_says_where_features_face_each_other(name):
+    scene = load(name)
+    near = LocalContacts(scene, make("impulse", scene, 1e-3))
+    shown, gaps = np.zeros(contact.MOST), np.zeros((contact.MOST, contact.PLACE))
+    pose = np.array(scene.tool.pose)
+    for row, gap in zip(near.table, gaps, strict=True):
+        if row[contact.IDENTITY]:
+            contact.place(row, pose, 0.0, 0.0, gap)
+            assert gap[0] <= max(row[contact.GAP], gap[0])
+    contact.hide_others(near.table, gaps, shown)
+    least = min(
+        body_distance(scene.tool.outlines, scene.tool.pose, body.outlines, body.pose)
+        for body in scene.bodies
+        if body.name != "floor" or name == "corner"
+    )
+    found = gaps[shown > 0.0, 0].min()
+    assert found <= least + 1e-9
+    if name in ("wall", "corner"):
+        assert found == pytest.approx(least, abs=1e-9)
+
+
+def test_a_peg_in_its_hole_sends_both_flanks_and_keeps_them_in_their_places():
+    scene = load("peg_in_hole")
+    deep = scene.model_copy(update={"tool": scene.tool.model_copy(update={"pose": (0.0, 0.07, 0.0)})})
+    near = LocalContacts(deep, make("impulse", deep, 1e-3))
+    close = near.table[(near.table[:, contact.IDENTITY] > 0) & (near.table[:, contact.GAP] < 2e-4)]
+    assert len(close) >= 4 and near.trust > 1e-3
+    before = near.table[:, contact.IDENTITY].copy()
+    near.look(1e-3)
+    np.testing.assert_array_equal(near.table[:, contact.IDENTITY], before)
+
+
+def test_a_nut_on_its_bolt_gives_way_by_turning_alone():
+    scene = load("wrench_on_nut")
+    near = LocalContacts(scene, make("partitioned", scene, 1e-3))
+    inertia = scene.bodies[0].mass_properties.inertia
+    for row in near.table[near.table[:, contact.IDENTITY] > 0]:
+        assert 0.0 <= row[contact.MOBILITY] <= 0.013**2 / inertia

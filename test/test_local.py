@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tool in the servo: free and light, stiff at a wall whatever the network does, and never above its budget."""
+
+import numpy as np
+import pytest
+from exchange_systems import demo_system
+
+from haptic_device import operating
+from haptic_device.analysis import exchange_search as adversary
+from haptic_device.device import load_device
+from haptic_device.law import contact, local, servo
+from haptic_device.node.declared import NODES
+from haptic_sim.lockstep import Network
+
+BUDGET = 0.005  # [J]
+PRESS = {"start": (0.03, 0.0, 0.0), "target": (0.005, 0.0, 0.0), "duration": 1.5}
+
+
+def pressed(network, **given):
+    system = demo_system("local", "wall", network, PRESS, **given)
+    return system.run(1.5), system
+
+
+@pytest.fixture(scope="module")
+def near():
+    return pressed(Network(1e-3))
+
+
+def test_the_servos_tool_acts_once_the_forces_have_risen_and_never_falls_back(near):
+    rows, _ = near
+    assert rows.local[-1] == 1.0 and rows.local_fallbacks[-1] == 0.0 and rows.local_stays[-1] == 0.0
+
+
+def test_a_wall_is_as_stiff_as_the_coupling_and_no_energy_is_given(near):
+    rows, system = near
+    end = rows[-200:]
+    felt = end.force_coupling[:, 0].mean() / (0.01 - end.position[:, 0].mean())
+    assert 0.99 * 2000.0 < felt <= 2000.0
+    assert system.plant_memory["energy_given"][0] <= BUDGET
+
+
+def test_the_force_balances_the_copys_momentum_in_every_free_tick(near):
+    rows, _ = near
+    free = np.flatnonzero((rows.local > 0.0) & (rows.coupling_position[:, 0] > 0.0105))
+    free = free[(free > 0) & (rows.local[free - 1] > 0.0)]
+    gained = 0.1 * (rows.coupling_velocity[free, 0] - rows.coupling_velocity[free - 1, 0]) / 250e-6
+    np.testing.assert_allclose(gained, -rows.force_coupling[free, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("network, rate", [(Network(0.02, 0.0, 0.1, 1), 1000.0), (Network(1e-3), 100.0)])
+def test_late_lost_or_rare_messages_change_nothing_at_a_wall_that_stands(near, network, rate):
+    rows, _ = pressed(network, exchange__rate=rate)
+    ended, known = rows[-200:], near[0][-200:]
+    assert rows.local[-1] == 1.0
+    assert ended.force_coupling[:, 0].mean() == pytest.approx(known.force_coupling[:, 0].mean(), rel=0.01)
+
+
+def test_contacts_that_are_too_old_give_way_to_set_position_modulation_without_a_kick_and_come_back(near):
+    system = demo_system("local", "wall", Network(1e-3), PRESS, local__hold=0.005)
+    system.run(1.2)
+    system.network = Network(1e-3, 0.0, 1.0)
+    lost = system.run(0.03)
+    assert lost.local[-1] == 0.0 and lost.local_fallbacks[-1] == 1.0
+    assert np.abs(np.diff(lost.force_coupling[:, 0])).max() < 0.2  # [N] of a force of some, in a tick
+    system.network = Network(1e-3)
+    again = system.run(0.2)
+    assert again.local[-1] == 1.0 and np.abs(np.diff(again.force_coupling[:, 0])).max() < 0.2
+
+
+def settings(**given):
+    device = load_device("desktop")
+    axis = {"damping": 1.05 * 0.75, "counts_per_unit": 1e9, "velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
+    device = device.model_copy(update={"axes": (device.axes[0].model_copy(update=axis),)})
+    values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]}
+    values |= {"exchange.method": "local", "servo.rate": 1000.0, "coupling.stiffness": 1000.0,
+               "coupling.damping": 0.25, "passivity.control": False} | given  # fmt: skip
+    return operating.settings_from(device, values)
+
+
+@pytest.mark.parametrize("seed, loss, limit", [(1, 0.0, 20.0), (2, 0.3, 20.0), (3, 0.3, 2.0)])
+def test_no_message_draws_more_than_the_budget(seed, loss, limit):
+    found = adversary.search(settings(**{"force.limit": limit}), adversary.Adversary(loss=loss), 150, 400, seed)
+    assert found.energy <= BUDGET
+
+
+def test_the_books_never_credit_what_contacts_said_beyond_the_truth():
+    found = adversary.search(settings(), adversary.Adversary(books=1), 150, 400, 5)
+    assert found.overcredit <= 1e-9
+
+
+def test_a_set_of_contacts_keeps_the_modes_of_those_that_were_there():
+    memory, new = np.zeros(1, servo.MEMORY), np.zeros(1, contact.SET)
+    new["table"][0, 0, contact.IDENTITY], new["table"][0, 3, contact.IDENTITY] = 5.0, 6.0
+    local.take(memory[0], new[0])
+    memory["rows"][0, 0, 11] = memory["rows"][0, 3, 11] = 1.0
+    new["table"][0, 3, contact.IDENTITY] = 7.0
+    local.take(memory[0], new[0])
+    assert memory["rows"][0, 0, 11] == 1.0 and memory["rows"][0, 3, 11] == 0.0

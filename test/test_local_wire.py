@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Local contacts over the wire: what a simulation packs the driver takes, once, and only if it belongs to its tool."""
+
+import numpy as np
+import pytest
+
+from haptic_device.law import contact
+from haptic_device.law import exchange as law
+from haptic_device.node import wire
+from haptic_device.runtime import exchange, mailbox
+from haptic_sim.node.port import Port, Question
+from haptic_sim.simulation import HandleSample
+
+SESSION, OTHER = 7.0, 9.0
+COMMON = {"offered": 1.0, "trust": 0.5, "mass": 0.1, "inertia": 1e-4, "extent": 0.05, "tool_pose_x": 0.2}
+
+
+class Driver:
+    """The driver's end: a session that has asked five times, and knows its simulation."""
+
+    def __init__(self, peer):
+        self.frame = exchange.make_near_frame(*wire.CloudLayout(wire.NEAR).fixed(contact.MOST))
+        self.state, self.watch = np.zeros(1, exchange.STATE), np.zeros(exchange.WATCHES, np.int64)
+        self.state["session"], self.state["sequence"], self.state["peer_session"] = SESSION, 5.0, peer
+        self.state["sent"][0, 3] = 123
+        self.near, self.mail = np.zeros(1, contact.SET), mailbox.Mailbox(contact.SET)
+
+    def take(self, data):
+        self.frame.incoming[: len(data)] = np.frombuffer(data, np.uint8)[: len(self.frame.incoming)]
+        return exchange.take_in_contacts(self.frame, len(data), self.state[0], self.watch, self.near, self.mail.words)
+
+
+def packed(port, answers=3.0, session=SESSION, **given):
+    table = np.zeros((contact.MOST, len(contact.EACH)))
+    table[2, [contact.IDENTITY, contact.KIND, contact.NORMAL_X]] = 4.0, contact.FLAT_THERE, 1.0
+    for name, value in given.items():
+        table[2, contact.EACH.index(name)] = value
+    tail = [0.0] * len(law.TAIL)
+    tail[law.SESSION], tail[law.SEQUENCE] = session, answers
+    handle = HandleSample(10**9, (0.0,) * 3, (0.0,) * 3, 1.0, 1.0, 1.0, 1.0)
+    return port.local_contacts(Question(handle, 3, tuple(tail), False), COMMON, table)
+
+
+@pytest.fixture
+def ends():
+    port = Port((0.0, 0.0, 0.0), "local")
+    return port, Driver(port.session)
+
+
+def test_what_is_packed_arrives_with_the_time_of_the_sample_it_answers(ends):
+    port, driver = ends
+    assert driver.take(packed(port)) == contact.ACCEPTED
+    found = driver.mail.get()[0]
+    assert (found.number, found.sent, found.trust, found.mass, found.tool_pose_x) == (3.0, 123.0, 0.5, 0.1, 0.2)
+    assert found.table[2, contact.IDENTITY] == 4.0 and found.table[2, contact.NORMAL_X] == 1.0
+
+
+def test_late_repeated_foreign_and_nonsensical_sets_are_refused_and_counted(ends):
+    port, driver = ends
+    assert driver.take(packed(port)) == contact.ACCEPTED
+    assert driver.take(packed(port)) == contact.OLD
+    assert driver.take(packed(port, 2.0)) == contact.OLD
+    assert driver.take(packed(port, 6.0)) == contact.NOT_MINE
+    assert driver.take(packed(port, 4.0, OTHER)) == contact.NOT_MINE
+    assert driver.take(packed(Port((0.0,) * 3, "local"), 4.0)) == contact.OTHER_SENDER
+    assert driver.take(packed(port, 4.0, normal_x=0.5)) == contact.NOT_A_CONTACT
+    assert driver.take(packed(port, 4.0, gap=np.nan)) == contact.NOT_FINITE
+    assert driver.take(packed(port, 4.0)[:-8]) == contact.OTHER_LAYOUT
+    assert driver.watch[exchange.SEEN] == 1 and driver.watch[exchange.UNSEEN :].sum() == 8
+    assert driver.mail.get()[0].number == 3.0
+
+
+def test_contacts_of_a_scene_that_was_left_are_refused(ends):
+    port, driver = ends
+    old = packed(port, 4.0)
+    port.scene = 1
+    assert driver.take(packed(port)) == contact.ACCEPTED
+    assert driver.take(old) == contact.OTHER_SCENE

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Benchmarks: the twin in C is the same law, what is missing is said, results can be kept, shown and compared."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from haptic_device.law import servo as law
+from haptic_device.runtime import machine
+from haptic_sim.bench import c_twin, results, servo
+from haptic_sim.bench.c_source import REAL, Program
+from haptic_sim.cli import bench_all, bench_servo, doctor
+from haptic_sim.cli.bench import group
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def compiler():
+    """A C compiler, or else Python itself in its place: then there is nothing to run."""
+    return c_twin.compiler()
+
+
+def test_the_tick_in_c_writes_the_same_rows_to_the_last_bit(compiler, tmp_path):
+    if compiler is None:
+        assert bench_servo.twins(1) is None
+        return
+    twin = c_twin.TickTwin(tmp_path, 2000)
+    twin.kernel()
+    ours = twin.rows
+    twin.c()
+    for name in law.TICK.names:
+        np.testing.assert_array_equal(ours[name], twin.rows[name], name)
+    assert ours["engage"][-1] == 1.0 and np.ptp(ours["force_coupling"]) > 0.0
+
+
+def test_a_cell_in_c_comes_to_the_same_outcome(compiler, tmp_path):
+    if compiler is None:
+        return
+    twin = c_twin.CellTwin(tmp_path, 20)
+    twin.kernel()
+    ours = twin.outcomes
+    twin.c()
+    np.testing.assert_array_equal(ours, twin.outcomes)
+    assert ours["growth"].max() > 1.0 > ours["growth"].min()
+
+
+def makes_an_array(x):
+    return [x]
+
+
+def test_what_is_no_law_is_not_translated():
+    with pytest.raises(ValueError, match="cannot be translated to C"):
+        Program().function(makes_an_array, [REAL])
+
+
+def test_the_servo_alone_ticks_at_its_rate_and_counts_what_it_missed():
+    late, rows = servo.alone(1000.0, 0.3, "off")
+    steps = np.diff(rows["deadline"])
+    assert np.all(steps % 1_000_000 == 0)
+    assert late.missed == np.sum(steps // 1_000_000 - 1)
+    assert len(late.sorted_us) == len(rows) > 0 and late.sorted_us[0] >= 0.0
+
+
+def test_without_cyclictest_and_compiler_the_rest_is_measured_and_says_so(monkeypatch):
+    monkeypatch.setenv("PATH", "/nowhere")
+    done = CliRunner().invoke(group(), ["servo", "--rate", "1000", "--seconds", "0.2", "--turns", "1"])
+    assert done.exit_code == 0, done.output
+    assert servo.MISSING in done.output and c_twin.MISSING in done.output
+    assert "| 1000 Hz | prefer | alone |" in done.output
+
+
+def test_histogram_of_cyclictest_with_late_ones_beyond_its_end():
+    thread = {"histogram": {"2": 3, "5": 1}, "cycles": 5, "max": 700}
+    found = servo._of_histogram(thread, 500)
+    assert found.sorted_us.tolist() == [2.0, 2.0, 2.0, 5.0, 700.0]
+    assert found.missed == 1
+
+
+def trial(p999, compute=5.0):
+    return {"p999": p999, "compute": compute}
+
+
+def test_the_rate_chosen_is_the_last_whose_forces_are_written_within_half_a_period():
+    assert doctor.fastest({1000: trial(20.0), 4000: trial(119.9), 10000: trial(50.1)}) == 4000
+    assert doctor.fastest({1000: trial(20.0), 4000: trial(120.1), 10000: trial(50.1)}) == 1000
+    assert doctor.fastest({1000: trial(9000.0), 4000: trial(9000.0)}) == 1000
+
+
+def test_the_exchange_is_no_faster_than_the_answers_the_servo_and_the_cores_allow():
+    trials = {1000: trial(10.0), 4000: trial(10.0)}
+    assert doctor.exchange_rate(4000, 100.0, trials, 4) == 2000
+    assert doctor.exchange_rate(4000, 300.0, trials, 4) == 1000
+    assert doctor.exchange_rate(1000, 100.0, trials, 4) == 1000
+    assert doctor.exchange_rate(4000, 100.0, trials, 1) == 500
+
+
+def test_every_check_of_the_machine_that_is_not_good_says_how_to_get_more():
+    checks = machine.checks(80)
+    assert {"kernel preemption", "real-time priority", "timer slack", "cores"} <= {check.name for check in checks}
+    for check in checks:
+        assert check.found
+        assert check.good or check.advice
+
+
+START = {"scene": "wall", "first": {"haptic_driver": 10.0}, "again": [{"haptic_driver": 2.0}, {"haptic_driver": 3.0}]}
+FACTS = {"machine": {"cores": 2, "processor": "P", "system": "Linux-6-with-glibc"}, "length": "short",
+         "program": {"python": "3"}, "packages": {"numba": "0"}}  # fmt: skip
+
+
+def folder(path, first):
+    path.mkdir()
+    (path / "machine.json").write_text(json.dumps(FACTS))
+    (path / "start.json").write_text(json.dumps(START | {"first": {"haptic_driver": first}}))
+    return path
+
+
+def test_two_folders_of_results_are_compared_figure_by_figure(tmp_path):
+    one, two = folder(tmp_path / "one", 10.0), folder(tmp_path / "two", 5.0)
+    done = CliRunner().invoke(group(), ["all", "--compare", str(one), str(two)])
+    assert done.exit_code == 0, done.output
+    assert "| very first start, all nodes at work | 10 s | 5 s | 0.50 |" in done.output
+    with pytest.raises(ValueError, match="holds no results"):
+        results.compared(one, tmp_path)
+
+
+def test_all_measures_only_what_is_missing_and_puts_the_table_between_the_marks(tmp_path):
+    page, kept = tmp_path / "page.md", folder(tmp_path / "kept", 10.0)
+    page.write_text(f"before\n{bench_all.MARKS[0]}\nold\n{bench_all.MARKS[1]}\nafter\n")
+    words = ["all", "--only", "start", "--out", str(kept), "--insert", str(page)]
+    done = CliRunner().invoke(group(), words)
+    assert done.exit_code == 0, done.output
+    text = page.read_text()
+    assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
+    assert "| very first start, all nodes at work | 10 s | ≤ 15 s |" in text
+
+
+@pytest.mark.parametrize(("words", "sentence"), [
+    (("all", "--only", "speed"), "benchmark is 'speed'; it must be one of doctor"),
+    (("exchange", "--delay", "0", "--method", "direct", "--scheduler", "tcp://127.0.0.1:9"), "no scheduler answers"),
+])  # fmt: skip
+def test_bad_input_is_refused_in_one_sentence(words, sentence):
+    command = [sys.executable, "-m", "haptic_sim.cli.main", "bench", *words]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 1
+    assert sentence in done.stderr and "Traceback" not in done.stderr

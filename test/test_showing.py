@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the simulation shows of its world is where its bodies are; the viewer reads the same numbers from it."""
+
+import json
+import types
+
+import numpy as np
+import pytest
+
+from haptic_device.node.tap import Sample
+from haptic_device.node.wire import JointLayout
+from haptic_sim.node.showing import CONTACT, PERIOD_NS, Showing, state_names
+from haptic_sim.scene import Scene, load
+from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.viewer.feed import Feed
+
+GAINS = (2000.0, 2.0, 2.0, 0.002)
+
+
+class FakeNode:
+    """Keeps what is published, by topic, and offers nothing to hear."""
+
+    def __init__(self):
+        self.said = {}
+
+    def create_publisher(self, kind, topic, qos):
+        return types.SimpleNamespace(publish=lambda message: self.said.setdefault(topic, []).append(message))
+
+    def get_clock(self):
+        return types.SimpleNamespace(now=lambda: types.SimpleNamespace(nanoseconds=5_000_000_000))
+
+    def destroy_publisher(self, publisher):
+        return None
+
+
+class FakeTap:
+    """In place of a subscription: hands over what the test puts in."""
+
+    waiting = {}
+
+    def __init__(self, node, topic, type_name, qos, raw=False):
+        self.topic = topic
+
+    def take(self):
+        return [Sample(message, 0, 0, 0) for message in self.waiting.pop(self.topic, [])]
+
+    def latest(self):
+        return next(reversed(self.take()), None)
+
+
+@pytest.fixture
+def pressed():
+    """A peg that has been pressed upon the mouth of the hole, and its scene."""
+    simulation, start = Simulation(load("peg_in_hole")), (0.03, 0.11, 0.0)
+    for k in range(400):
+        place = (start[0], start[1] - 0.0002 * min(k, 150), 0.0)
+        simulation.exchange(HandleSample(1_000_000 * k, place, (0.0, 0.0, 0.0), *GAINS))
+    return simulation, place
+
+
+def test_the_state_names_each_coordinate_and_carries_the_poses(pressed):
+    simulation, handle = pressed
+    node = FakeNode()
+    Showing(node).show(simulation, handle, 0)
+    layout = JointLayout(state_names(simulation.scene), "haptic_world")
+    [data] = node.said["scene/state"]
+    assert layout.matches(data)
+    sample = layout.unpack(data)
+    found = dict(zip(layout.names, sample.position, strict=True))
+    assert [found[f"handle.{axis}"] for axis in ("x", "y", "theta")] == list(handle)
+    assert [found[f"tool.{axis}"] for axis in ("x", "y", "theta")] == list(simulation.method.position)
+    assert found["result.insertion_fraction"] == simulation.measure()["insertion_fraction"]
+    assert found["energy"] == simulation.ledger.supplied
+    assert sample.effort[3:6] == pytest.approx(simulation.method.force_on_tool)
+
+
+def test_contacts_carry_the_force_that_holds_the_tool_up(pressed):
+    simulation, handle = pressed
+    node = FakeNode()
+    Showing(node).show(simulation, handle, 0)
+    rows = np.frombuffer(bytes(node.said["scene/contacts"][0])[:-1], np.uint8)[-CONTACT.itemsize :].view(CONTACT)
+    [contact] = simulation.method.contacts()[-1:]
+    assert (rows["body_a"][0], rows["body_b"][0]) == (0.0, 1.0)
+    assert (rows["force_x"][0], rows["force_y"][0]) == contact.force_on_a and rows["force_y"][0] > 0.0
+
+
+def test_the_scene_is_said_once_and_anew_when_it_is_another():
+    node = FakeNode()
+    showing = Showing(node)
+    first, other = Simulation(load("peg_in_hole")), Simulation(load("free_space"))
+    for number, simulation in enumerate((first, first, other)):
+        showing.show(simulation, None, number * PERIOD_NS)
+    scenes = [Scene.model_validate(json.loads(message.data)) for message in node.said["scene"]]
+    assert scenes == [first.scene, other.scene]
+
+
+def test_the_world_is_shown_no_faster_than_it_is_looked_at():
+    node, simulation = FakeNode(), Simulation(load("free_space"))
+    showing = Showing(node)
+    for millisecond in range(1000):
+        showing.show(simulation, None, 1_000_000 * millisecond)
+    assert 55 <= len(node.said["scene/state"]) <= 61
+
+
+def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
+    simulation, handle = pressed
+    node = FakeNode()
+    Showing(node).show(simulation, handle, 0)
+    monkeypatch.setattr("haptic_sim.viewer.feed.Tap", FakeTap)
+    feed = Feed(None)
+    FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
+    feed.look()
+    frame = feed.frame()
+    assert frame["tool"] == simulation.method.position and feed.scene == simulation.scene
+    assert frame["results"] == tuple(simulation.measure().values())
+    assert frame["handle"] is None, "without a driver the handle it told last is old"
+    FakeTap.waiting = {"scene": [types.SimpleNamespace(data="{no scene")]}
+    feed.look()
+    assert feed.scene is None and "cannot be read" in feed.problem and feed.frame()["tool"] is None

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sweeps: the same cells on threads, processes and a Dask cluster, whatever happens to its workers."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+from haptic_device.analysis import sweep
+from haptic_device.analysis.zwidth import Setup
+from haptic_device.analysis.zwidth_map import Request, draw_map
+from haptic_sim.cli.bench_exchange import Figures
+from haptic_sim.cli.bench_jobs import Crew, Kept
+from haptic_sim.cli.bench_jobs import sweep as run_jobs
+
+SMALL = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(10.0, 1200.0, 40), np.linspace(-0.5, 1.0, 60))
+NOBODY = "tcp://127.0.0.1:9"  # the discard port: nothing listens there
+
+
+@pytest.fixture
+def cluster(start):
+    """(address, processes) of a scheduler and two workers on this machine."""
+    scheduler = _dask(start, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    address = _said(scheduler, "Scheduler at:").split()[-1]
+    workers = [_dask(start, "worker", address, "--no-dashboard", "--nthreads", "1", "--no-nanny") for _ in range(2)]
+    for worker in workers:
+        _said(worker, "Registered to:")
+    return address, workers
+
+
+def _dask(start, *words):
+    return start([sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]], stdout=subprocess.DEVNULL,
+                 stderr=subprocess.PIPE)  # fmt: skip
+
+
+def _said(process, words):
+    """The line with these words; what the process says afterwards is read and dropped."""
+    for line in process.stderr:
+        if words in line:
+            threading.Thread(target=process.stderr.read, daemon=True).start()
+            return line
+    raise AssertionError(f"{process.args} ended without a word of {words!r}")
+
+
+def test_a_cluster_maps_the_same_to_the_bit_though_a_worker_is_killed_in_the_middle(cluster, tmp_path):
+    address, workers = cluster
+
+    def kill(done):
+        if done >= 10 and workers[0].poll() is None:
+            os.kill(workers[0].pid, signal.SIGKILL)
+
+    far, near = draw_map(SMALL, 1, tmp_path / "resume.npz", kill, address), draw_map(SMALL, 2)
+    assert workers[0].wait() == -signal.SIGKILL
+    assert far.done.all()
+    for one, other in zip(far.outcome, near.outcome, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_scheduler_that_is_not_there_is_a_sentence_and_loses_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep, "PATIENCE", 0.5)
+    file, seen = tmp_path / "resume.npz", []
+
+    def interrupt(done):
+        seen.append(done)
+        if done >= 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        draw_map(SMALL, 1, file, interrupt)
+    with pytest.raises(ValueError, match="no scheduler answers at tcp://127.0.0.1:9 within 0.5 s; nothing is lost"):
+        draw_map(SMALL, 1, file, scheduler=NOBODY)
+    seen.clear()
+    draw_map(SMALL, 1, file, seen.append)
+    assert seen[0] >= 3 and seen[-1] == 60
+
+
+def test_without_dask_the_option_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ValueError, match="pip install"):
+        draw_map(SMALL, 1, scheduler=NOBODY)
+
+
+def figures(k):
+    return Figures(*(k + i / 3.0 for i in range(6)), np.inf)
+
+
+def test_a_kept_sweep_goes_on_where_it_was_torn_off_and_numbers_come_back_to_the_bit(tmp_path):
+    file, jobs = tmp_path / "kept", {f"job {k}": (k,) for k in range(4)}
+    run_jobs(figures, dict(list(jobs.items())[:2]), Crew(1), Kept(file, "a sweep"))
+    with open(file, "a") as torn:
+        torn.write('["job 2", [1.0, 2')
+    kept, asked = Kept(file, "a sweep"), []
+    run_jobs(lambda k: asked.append(k) or figures(k), jobs, Crew(1), kept)
+    assert asked == [2, 3]
+    again = Kept(file, "a sweep")
+    assert [Figures(*again.known[key]) for key in jobs] == [figures(k) for k in range(4)]
+    with pytest.raises(ValueError, match="is of another sweep"):
+        Kept(file, "another one")
+
+
+def test_processes_come_to_what_one_alone_does():
+    jobs = {f"job {k}": (k,) for k in range(4)}
+    one, two = Kept(None, ""), Kept(None, "")
+    run_jobs(figures, jobs, Crew(1), one)
+    run_jobs(figures, jobs, Crew(2), two)
+    assert one.known == two.known

@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The viewer without nodes and without a browser: who may come in, what may be asked for, where the hand may go."""
+
+import asyncio
+import contextlib
+import json
+import math
+
+import aiohttp
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from haptic_device.ros_yaml import load as load_yaml
+from haptic_sim.cli.check import problems
+from haptic_sim.cli.nodes import NODES
+from haptic_sim.node.showing import CONTACT, state_names
+from haptic_sim.scene import Scene, load
+from haptic_sim.viewer import seat, shapes, tuned, wishes
+from haptic_sim.viewer.guard import Guard, is_loopback
+from haptic_sim.viewer.hand import Hand, Limits
+from haptic_sim.viewer.server import WEB, Server
+
+LIMITS = Limits(((-0.1, 0.1), (-0.2, 0.2), (-3.0, 3.0)), speed=1.0, turn=10.0)
+FLAT = Limits(LIMITS.workspace[:2], 1.0, 10.0)
+ORIGIN = {"good": lambda url: f"http://{url.split('/')[2]}", "bad": lambda url: "http://elsewhere.example"}
+
+
+def served(visit, do=None):
+    """What visit(server, session) returns, with a server on this machine that answers `do`."""
+    done = []
+
+    async def note(wish):
+        done.append(wish)
+        return "done"
+
+    async def live():
+        server = Server("127.0.0.1", 0, lambda page: page.tell("hello", page.control), do or note, lambda: "# saved\n")
+        await server.start()
+        async with aiohttp.ClientSession() as session:
+            try:
+                return await asyncio.wait_for(visit(server, session), 60.0)
+            finally:
+                await server.stop()
+
+    return asyncio.run(live()), done
+
+
+def opened(session, server, control=True):
+    address = server.address(control)
+    return session.ws_connect(address.replace("http", "ws") + "socket", headers={"Origin": ORIGIN["good"](address)})
+
+
+async def hear(socket, kind):
+    """Content of the next news of a kind."""
+    while True:
+        news = json.loads((await socket.receive(20.0)).data)
+        if news["kind"].split()[0] == kind:
+            return news["content"]
+
+
+@pytest.mark.parametrize(("path", "headers", "status"), [
+    ("{address}", {}, 200),
+    ("{address}main.js", {}, 200),
+    ("{address}operating_point.yaml", {}, 200),
+    ("{address}viewer.py", {}, 404),
+    ("{address}..%2Fviewer.py", {}, 404),
+    ("{address}socket", {"Origin": "http://elsewhere.example"}, 403),
+    ("{address}socket", {}, 403),
+    ("{address}", {"Host": "elsewhere.example"}, 403),
+    ("{root}", {}, 403),
+    ("{root}wrong/", {}, 403),
+    ("{root}%C3%A9/socket", {}, 403),
+])  # fmt: skip
+def test_the_server_answers_its_own_page_only(path, headers, status):
+    async def visit(server, session):
+        address = server.address(True)
+        url = path.format(address=address, root=address.rsplit("/", 2)[0] + "/")
+        async with session.get(url, headers=headers) as answer:
+            assert "Traceback" not in await answer.text()
+            return answer.status
+
+    assert served(visit)[0] == status
+
+
+def test_a_page_with_control_is_obeyed_and_one_that_looks_on_is_not():
+    async def visit(server, session):
+        said = []
+        for control in (True, False):
+            async with opened(session, server, control) as socket:
+                said.append(await hear(socket, "hello"))
+                await socket.send_str('{"do": "trigger", "service": "estop"}')
+                said.append(await hear(socket, "answer" if control else "hint"))
+        return said
+
+    (control, answer, looking, hint), done = served(visit)
+    assert (control, looking) == (True, False) and answer["done"]
+    assert "only looks on" in hint and done == [{"do": "trigger", "service": "estop"}]
+
+
+BAD = ('{"do": "aim", "x": NaN}', '{"do": "aim", "x": Infinity}', '{"do": "aim", "x": 1e999}', '{"do": "aim"}', "{",
+       '{"do": "aim", "x": "1"}', '{"do": "aim", "x": true}', "[]", "null", "[" * 3000, '{"do": ["aim"]}',
+       '{"do": "trigger"}', '{"do": "set", "name": 1, "value": 2}', '{"do": "record", "on": 1}',
+       '{"do": "_prepare"}', '{"do": "mark", "text": "' + "a" * 300 + '"}')  # fmt: skip
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_a_malformed_message_is_refused_in_one_sentence(text):
+    with pytest.raises(ValueError) as refusal:
+        wishes.parse(text)
+    assert "\n" not in str(refusal.value) and len(str(refusal.value)) < 400
+
+
+@settings(max_examples=30)
+@given(st.text())
+def test_no_text_at_all_does_more_than_refuse(text):
+    with contextlib.suppress(ValueError):
+        wishes.parse(text)
+
+
+def test_the_server_outlives_rubbish_floods_and_messages_too_long():
+    async def visit(server, session):
+        async with opened(session, server) as socket:
+            for text in BAD:
+                await socket.send_str(text)
+            await socket.send_bytes(b"\0" * 100)
+            hint = await hear(socket, "hint")
+            for _ in range(3 * wishes.BURST):
+                await socket.send_str('{"do": "aim", "x": 0.1}')
+            await asyncio.sleep(seat.HINT_PERIOD)
+            await socket.send_str("x" * (2 * wishes.LONGEST))
+        async with opened(session, server) as socket:
+            await socket.send_str('{"do": "mark", "text": "still there"}')
+            return hint, await hear(socket, "answer")
+
+    (hint, answer), done = served(visit)
+    assert hint and answer["to"]["text"] == "still there"
+    assert len(done) < 2 * wishes.BURST
+
+
+def test_what_goes_wrong_is_the_answer():
+    async def refuse(wish):
+        raise ValueError("the driver says no")
+
+    async def visit(server, session):
+        async with opened(session, server) as socket:
+            await socket.send_str('{"do": "set", "name": "coupling.stiffness", "value": 9e9}')
+            return await hear(socket, "answer")
+
+    answer = served(visit, refuse)[0]
+    assert not answer["done"] and answer["sentence"] == "the driver says no"
+
+
+def test_frames_are_dropped_for_a_page_that_does_not_keep_up():
+    async def visit(server, session):
+        async with opened(session, server) as socket:
+            await hear(socket, "hello")
+            for number in range(30):
+                server.show({"number": number})
+                await asyncio.sleep(0.005)
+            [page] = server.seats
+            waiting, dropped = page.sent - page.seen, page.dropped
+            for _ in range(page.sent):
+                last = json.loads((await socket.receive(20.0)).data)
+            await socket.send_str(json.dumps({"do": "seen", "frame": last["number"]}))
+            while page.seen < page.sent:
+                await asyncio.sleep(0.005)
+            server.show({"number": 30})
+            return waiting, dropped, await hear(socket, "frame")
+
+    (waiting, dropped, frame), _ = served(visit)
+    assert waiting == seat.UNSEEN and dropped == 30 - seat.UNSEEN and frame == {"number": 30}
+
+
+def test_a_frame_with_a_number_that_is_none_is_not_sent():
+    async def visit(server, session):
+        async with opened(session, server) as socket:
+            await hear(socket, "hello")
+            server.show({"x": math.nan})
+            server.show({"x": 1.0})
+            return await hear(socket, "frame")
+
+    assert served(visit)[0] == {"x": 1.0}
+
+
+@pytest.mark.parametrize(("host", "own"), [("127.0.0.1", True), ("localhost", True), ("::1", True), ("0.0.0.0", False),
+                                           ("192.168.1.2", False), ("example.org", False)])  # fmt: skip
+def test_what_is_this_machine_alone(host, own):
+    assert is_loopback(host) is own
+
+
+def test_tokens_are_new_each_time_and_long():
+    one, other = Guard("127.0.0.1"), Guard("127.0.0.1")
+    assert len({one.control, one.look, other.control, other.look}) == 4 and min(map(len, (one.control, one.look))) > 20
+
+
+def test_the_hand_is_led_no_faster_than_its_speed_and_arrives():
+    hand, now, places = Hand(), 0.0, []
+    hand.take((0.0, 0.0, 0.0), now)
+    assert hand.aim({"x": 0.06, "y": 0.08, "theta": 1.0}, LIMITS) == ""
+    while (place := hand.lead(now := now + 0.01, LIMITS)) is not None:
+        places.append(place)
+    steps = [math.dist(a[:2], b[:2]) for a, b in zip(places, places[1:], strict=False)]
+    assert max(steps) <= 0.01 * LIMITS.speed * (1.0 + 1e-9) and places[-1] == (0.06, 0.08, 1.0)
+    assert max(b[2] - a[2] for a, b in zip(places, places[1:], strict=False)) <= 0.01 * LIMITS.turn * (1.0 + 1e-9)
+
+
+def test_a_silence_does_not_let_the_hand_jump():
+    hand = Hand()
+    hand.take((0.0, 0.0, 0.0), 0.0)
+    hand.aim({"x": 0.1}, LIMITS)
+    x, *_ = hand.lead(100.0, LIMITS)
+    assert x <= 0.1 * LIMITS.speed
+
+
+@settings(max_examples=30)
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_wherever_it_is_dragged_the_hand_stays_in_the_workspace_and_says_so(x):
+    hand = Hand()
+    hand.take((0.0, 0.0, 0.0), 0.0)
+    hint = hand.aim({"x": x}, LIMITS)
+    assert -0.1 <= hand.goal[0] <= 0.1 and bool(hint) == (abs(x) > 0.1)
+
+
+def test_a_device_without_rotation_says_so_and_the_rest_is_done():
+    hand = Hand()
+    hand.take((0.0, 0.0, 0.0), 0.0)
+    assert hand.aim({"x": 0.05, "theta": 1.0}, FLAT) == "the device has no theta axis"
+    assert hand.goal == (0.05, 0.0, 0.0)
+
+
+def test_every_live_parameter_of_the_driver_is_declared_to_the_page_as_json():
+    told = json.loads(json.dumps(tuned.declarations(), allow_nan=False))
+    assert [one["name"] for one in told] == [one.name for one in NODES["haptic_driver"] if one.live]
+    assert all(one["low"] is not None for one in told if one["kind"] in ("number", "whole"))
+
+
+@pytest.mark.parametrize(("name", "given", "taken"), [
+    ("coupling.stiffness", 300, 300.0), ("wall.stiffness", [1, 2.5], [1.0, 2.5]), ("velocity.window", 4.0, 4),
+    ("passivity.policy", "warn", "warn"), ("passivity.control", False, False),
+])  # fmt: skip
+def test_values_of_the_page_get_the_type_of_the_declaration(name, given, taken):
+    assert tuned.typed(name, given) == taken and type(tuned.typed(name, given)) is type(taken)
+
+
+@pytest.mark.parametrize(("name", "given"), [("servo.rate", 1000.0), ("nonsense", 1), ("coupling.stiffness", "stiff"),
+                                             ("coupling.stiffness", True), ("passivity.control", 1)])  # fmt: skip
+def test_what_may_not_be_set_is_refused_before_anybody_is_asked(name, given):
+    with pytest.raises(ValueError, match=name):
+        tuned.typed(name, given)
+
+
+def test_the_saved_file_names_what_differs_and_passes_the_check(tmp_path):
+    values = {node: {one.name: tuned._plain(one.default) for one in declared} for node, declared in tuned.NODES.items()}
+    values["haptic_driver"] |= {"coupling.stiffness": 1500.0, "wall.normals": [0.0, 1.0], "wall.offsets": [-0.02],
+                                "wall.stiffness": [1000.0], "wall.damping": [0.1]}  # fmt: skip
+    path = tmp_path / "saved.yaml"
+    path.write_text(tuned.operating_point("/haptic", values))
+    assert list(problems(path)) == []
+    [given] = load_yaml(path).values()
+    assert given["ros__parameters"]["coupling.stiffness"] == 1500.0 and len(given["ros__parameters"]) == 5
+
+
+@pytest.mark.parametrize("name", ("peg_in_hole", "wrench_on_nut", "four_bar", "slider", "wall", "stack_20"))
+def test_a_scene_survives_its_way_over_the_topic_and_can_be_drawn(name):
+    scene = load(name)
+    again = Scene.model_validate_json(scene.model_dump_json(by_alias=True, exclude_unset=True))
+    assert again == scene
+    drawn = json.loads(json.dumps(shapes.drawing(again), allow_nan=False))
+    assert len(drawn["solids"]) == 1 + len(scene.bodies)
+    left, bottom, right, top = drawn["room"]
+    assert left < scene.tool.pose[0] < right and bottom < scene.tool.pose[1] < top
+    assert len(state_names(scene)) == 3 * (2 + len(scene.bodies)) + 1 + len(scene.measure)
+
+
+def test_contacts_are_points_of_nine_numbers():
+    assert CONTACT.itemsize == 8 * len(CONTACT.names) == 72
+
+
+def test_the_page_fetches_nothing_from_elsewhere():
+    for file in WEB.iterdir():
+        text = file.read_text(encoding="utf-8")
+        assert "https://" not in text, file.name
+        assert [word for word in text.split() if "http://" in word] in ([], ['xmlns="http://www.w3.org/2000/svg"'])
