@@ -33,7 +33,8 @@ class JointColumns:
     def __init__(self, entries: Entries | None = None):
         self._wanted = entries
         self._layout = None
-        self._parts: list[list[np.ndarray]] = [[], [], [], []]
+        self._parts: list[np.ndarray] = []
+        self._count = 0
         self._kept: list[np.ndarray] = []
 
     def add(self, data: list[bytes]) -> None:
@@ -45,6 +46,7 @@ class JointColumns:
             self.names = tuple(name for name in everything if name in wanted.names)
             index = [everything.index(name) for name in self.names]
             self._index = [index if part in wanted.parts else [] for part in PARTS]
+            self._parts = [np.empty(0, np.int64), *(np.empty((0, len(columns))) for columns in self._index)]
         kept = np.array([same_layout(self._layout, item) for item in data])
         if not kept.all():
             data = [item for item, keep in zip(data, kept, strict=True) if keep]
@@ -52,8 +54,10 @@ class JointColumns:
         if data:
             stamp, arrays = joint_arrays(self._layout, data)
             chosen = (array[:, index] for array, index in zip(arrays, self._index, strict=True))
+            before, self._count = self._count, self._count + len(data)
             for part, piece in zip(self._parts, (stamp, *chosen), strict=True):
-                part.append(piece)
+                _make_room(part, self._count)
+                part[before : self._count] = piece
 
     @property
     def kept(self) -> np.ndarray:
@@ -62,7 +66,9 @@ class JointColumns:
 
     def arrays(self) -> list[np.ndarray]:
         """Stamps [ns], then position, velocity, effort as (messages, names)."""
-        return [_joined(part) for part in self._parts]
+        for part in self._parts:
+            part.resize((self._count, *part.shape[1:]), refcheck=False)
+        return self._parts
 
 
 class CloudColumns:
@@ -94,7 +100,7 @@ class CloudColumns:
             self._stamps.append(stamp_of(message))
             self._begins.append(self._count)
             self._count += len(piece) // self._layout.record.itemsize
-        self._make_room()
+        _make_room(self._rows, self._count)
         self._fill(self._rows[before : self._count], np.frombuffer(b"".join(pieces), self._layout.record))
 
     @property
@@ -112,11 +118,6 @@ class CloudColumns:
         self._rows.resize(self._count, refcheck=False)
         return self._rows
 
-    def _make_room(self) -> None:
-        """Grows in place, where the operating system can: the whole is never there twice."""
-        if self._count > len(self._rows):
-            self._rows.resize(self._count + self._count // 8, refcheck=False)
-
     def _subset(self) -> np.dtype:
         there, wanted = self._layout.record, self._wanted
         self.missing = [n for n in wanted.names if n not in there.names or there[n].shape != wanted[n].shape]
@@ -130,7 +131,7 @@ class CloudColumns:
             target[name] = np.nan if name in self.missing else rows[name]
 
 
-def _joined(pieces: list[np.ndarray]) -> np.ndarray:
-    whole = np.concatenate(pieces)
-    pieces.clear()
-    return whole
+def _make_room(rows: np.ndarray, count: int) -> None:
+    """Grows in place, where the operating system can: the whole is never there twice."""
+    if count > len(rows):
+        rows.resize((count + count // 8, *rows.shape[1:]), refcheck=False)

@@ -265,7 +265,7 @@ def _joints(name: str, topic: Topic, notes: list[str]) -> Joints:
     if others := int(np.sum(~kept)):
         notes.append(f"topic {name}: {others} messages of another layout than the first are left out")
     stamp, *parts = columns.arrays()
-    return Joints(columns.names, stamp, *(column[kept] for column in times), *parts)
+    return Joints(columns.names, stamp, *(times if kept.all() else (column[kept] for column in times)), *parts)
 
 
 def _cloud(name: str, topic: Topic, notes: list[str]) -> np.ndarray:

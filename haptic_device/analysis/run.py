@@ -69,7 +69,9 @@ class Run:
         state = self.recording.joint("operator/state")
         time = state.entry("time") - self.rows["deadline"][0] * 1e-9
         during = (time >= 0.0) & (time <= self.seconds[-1])
-        return Joints(state.names, *(column[during] for column in state[1:]))
+        first, count = int(np.argmax(during)), int(during.sum())
+        chosen = slice(first, first + count) if during[first : first + count].all() else during  # a view, if it can be
+        return Joints(state.names, *(column[chosen] for column in state[1:]))
 
     @cached_property
     def truth_seconds(self) -> np.ndarray:
