@@ -88,6 +88,6 @@ def parts_of(snapshot):
         for name in dtype.names:
             if f"{prefix}.{name}" not in snapshot.dtype.names:
                 raise ValueError(f"the snapshots lack {prefix}.{name}: the bag was recorded by another version")
-            part[name] = snapshot[f"{prefix}.{name}"]
+            part[name] = snapshot[f"{prefix}.{name}"].reshape(part[name].shape)  # a bag knows no tables
         parts.append(part)
     return parts
