@@ -79,8 +79,8 @@ def answer_timed(folder):
     times = Times(folder)
 
     class Timed(exchange_thread.ExchangeThread):
-        def __init__(self, node, world, port, publisher, prepare):
-            super().__init__(node, world, port, TimedPublisher(publisher), prepare)
+        def __init__(self, node, world, port, publishers, prepare):
+            super().__init__(node, world, port, (TimedPublisher(publishers[0]), publishers[1]), prepare)
 
         def _latest(self):
             self._wait_set.clear_entities()

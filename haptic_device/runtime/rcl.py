@@ -13,7 +13,8 @@ from numba import types
 from haptic_device.kernel import kernel
 from haptic_device.runtime import atomic, clock, exchange
 
-POLL = 100_000  # [ns] between looks for an answer
+LOOK, POLL = 25_000, 100_000  # [ns] between looks for an answer: while it is due, and else
+DUE = 300_000  # [ns] from a handle sample on, until its answer has come
 ROOM = 65536  # bytes for a message that comes in; librcl makes it larger for a larger one
 
 _address = types.uintp
@@ -83,7 +84,7 @@ def run_exchange(
     outbox: the buffers above; records of one each.
     """
     scratch = np.zeros(2, np.int64)
-    deadline = clock.now_ns(scratch)
+    deadline, due = clock.now_ns(scratch), np.int64(0)
     while atomic.load(watch, exchange.STOP) == 0:
         now = clock.now_ns(scratch)
         if now >= deadline:
@@ -91,13 +92,16 @@ def run_exchange(
             if exchange.next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
                 _publish(publisher, outbox.ctypes.data, 0)
                 watch[exchange.SENT] += 1
+                due = now + DUE
         while _take(subscription, inbox.ctypes.data, 0, 0) == 0:
             size = inbox[1]
             _memcpy(frame.incoming.ctypes.data, inbox[0], min(size, frame.incoming.size))
             exchange.take_in(frame, size, state[0], watch, gains[0], tool, tool_mail, clock.now_ns(scratch))
+            due = np.int64(0) if state[0].peer_answered == state[0].sequence else due
         while near_subscription != 0 and _take(near_subscription, inbox.ctypes.data, 0, 0) == 0:
             size = inbox[1]
             _memcpy(near_frame.incoming.ctypes.data, inbox[0], min(size, near_frame.incoming.size))
             exchange.take_in_contacts(near_frame, size, state[0], watch, near, near_mail)
-        clock.sleep_until(min(deadline, clock.now_ns(scratch) + POLL), scratch)
+        now = clock.now_ns(scratch)
+        clock.sleep_until(min(deadline, now + (LOOK if now < due else POLL)), scratch)
     return watch[exchange.SENT]

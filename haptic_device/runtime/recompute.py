@@ -8,7 +8,7 @@ output of these rows can be computed again.
 import numpy as np
 
 from haptic_device.kernel import kernel
-from haptic_device.law import local, servo
+from haptic_device.law import contact, local, servo
 from haptic_device.runtime import atomic, clock, link, mailbox
 from haptic_device.runtime.loop import fill_contacts, fill_inputs
 
@@ -18,6 +18,8 @@ def _fields(prefix, dtype):
 
 
 SNAPSHOT = np.dtype([("tick", "f8"), *_fields("settings", servo.SETTINGS), *_fields("memory", servo.MEMORY)])
+
+NO_SETS = np.zeros(0, contact.SET).view(np.recarray)
 
 
 @kernel
@@ -86,6 +88,6 @@ def parts_of(snapshot):
         for name in dtype.names:
             if f"{prefix}.{name}" not in snapshot.dtype.names:
                 raise ValueError(f"the snapshots lack {prefix}.{name}: the bag was recorded by another version")
-            part[name] = snapshot[f"{prefix}.{name}"]
+            part[name] = snapshot[f"{prefix}.{name}"].reshape(part[name].shape)  # a bag knows no tables
         parts.append(part)
     return parts

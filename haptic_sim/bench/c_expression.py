@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Expressions of the laws in C, with their types: numbers, pointers to records, arrays of reals, several values."""
+"""Expressions of the laws in C, with their types: numbers, pointers to records, arrays and tables of reals, several
+values."""
 
 import ast
 import builtins
@@ -23,7 +24,8 @@ class Number(NamedTuple):
     c: str
 
 
-INTEGER, REAL, VOID, REALS = Number("long long"), Number("double"), Number("void"), Number("struct reals")
+INTEGER, REAL, VOID = Number("long long"), Number("double"), Number("void")
+REALS, TABLE = Number("struct reals"), Number("struct table")  # of one and of two dimensions
 
 
 class Record(NamedTuple):
@@ -40,7 +42,7 @@ class Record(NamedTuple):
         """Its definition."""
         fields = []
         for name, (dtype, _) in self.dtype.fields.items():
-            size = f"[{dtype.shape[0]}]" if dtype.shape else ""
+            size = f"[{math.prod(dtype.shape)}]" if dtype.shape else ""
             fields.append(f"{'double' if dtype.base.kind == 'f' else 'long long'} {named(name)}{size};")
         return f"struct {self.name} {{ {' '.join(fields)} }};"
 
@@ -114,17 +116,30 @@ class Expressions:
         base = self.of(node.value)
         if base.kind == VOID:
             return self._constant(getattr(base.value, node.attr))
-        if base.kind == REALS:
+        if base.kind in (REALS, TABLE):  # its size, or its shape, of which only the first is asked for
             return Found(f"{base.code}.size", INTEGER)
         dtype = base.kind.dtype.fields[node.attr][0]
         place = f"{base.code}->{named(node.attr)}"
         if dtype.shape:
-            return Found(f"((struct reals){{{place}, {dtype.shape[0]}}})", REALS)
+            kind = REALS if len(dtype.shape) == 1 else TABLE
+            return Found(f"(({kind.c}){{{place}, {', '.join(map(str, dtype.shape))}}})", kind)
         return Found(place, REAL if dtype.kind == "f" else INTEGER)
 
     def _subscript_(self, node):
-        base, index = self.of(node.value), self.of(node.slice)
-        return Found(f"{base.code}.at[{index.code}]", REAL)
+        base = self.of(node.value)
+        if base.kind == INTEGER:
+            return base
+        if base.kind == REALS:
+            return Found(f"{base.code}.at[{self.of(node.slice).code}]", REAL)
+        if isinstance(node.slice, ast.Tuple):
+            row, column = (self.of(index).code for index in node.slice.elts)
+            return Found(f"{base.code}.at[{row} * {base.code}.width + {column}]", REAL)
+        return Found(f"row_of({base.code}, {self.of(node.slice).code})", REALS)
+
+    def _tuple_(self, node):
+        parts = [self.of(part) for part in node.elts]
+        kind = self.program.tuple_of(part.kind for part in parts)
+        return Found(f"(({kind.c}){{{', '.join(part.code for part in parts)}}})", kind)
 
     def _binop_(self, node):
         a, b = self.of(node.left), self.of(node.right)

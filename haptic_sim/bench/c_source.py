@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A kernel's law in C, translated from its own source: what a C compiler makes of the same arithmetic.
 
-The laws are written in a small part of Python (numbers, records, one-dimensional arrays, loops over ranges), and so a
-translation line by line is possible: it is the same law by construction, and stays so when the law is edited. Kernels
+The laws are written in a small part of Python (numbers, records, arrays and tables, loops over ranges and rows), and so
+a translation line by line is possible: it is the same law by construction, and stays so when the law is edited. Kernels
 outside that part (they make arrays, or call the operating system) are refused by ValueError.
 """
 
@@ -11,7 +11,7 @@ import inspect
 import textwrap
 from typing import NamedTuple
 
-from haptic_sim.bench.c_expression import INTEGER, REAL, REALS, VOID, Expressions, Record, Values, named
+from haptic_sim.bench.c_expression import INTEGER, REAL, REALS, TABLE, VOID, Expressions, Found, Record, Values, named
 
 HEAD = """#include <math.h>
 #include <stdio.h>
@@ -19,6 +19,8 @@ HEAD = """#include <math.h>
 #include <string.h>
 #include <time.h>
 struct reals { double *at; long long size; };
+struct table { double *at; long long size, width; };
+static inline struct reals row_of(struct table t, long long i) { return (struct reals){t.at + i * t.width, t.width}; }
 static inline double least_real(double a, double b) { return b < a ? b : a; }
 static inline double most_real(double a, double b) { return b > a ? b : a; }
 static inline long long least_integer(long long a, long long b) { return b < a ? b : a; }
@@ -121,12 +123,23 @@ class _Body(Expressions):
 
     def _for(self, node):
         """The counter is one of its own: Python's loop variable may be changed in the loop, and is not beyond it."""
-        bounds = [self.of(argument).code for argument in node.iter.args]
-        first, last = ("0", bounds[0]) if len(bounds) == 1 else bounds[:2]
         counter = f"k{node.lineno}"
-        self.learn(node.target.id, INTEGER)
-        return [f"for (long long {counter} = {first}, end = {last}; {counter} < end; {counter}++) {{",
-                f"{named(node.target.id)} = {counter};", *self._block(node.body), "}"]  # fmt: skip
+        first, last, step, value = self._way(node.iter, counter)
+        self.learn(node.target.id, value.kind)
+        return [f"for (long long {counter} = {first}, end = {last}; {counter} {'<' if step > 0 else '>'} end; "
+                f"{counter} += {step}) {{",
+                f"{named(node.target.id)} = {value.code};", *self._block(node.body), "}"]  # fmt: skip
+
+    def _way(self, over, counter):
+        """First, end and step of the counter, and what the loop's variable then is."""
+        if isinstance(over, ast.Call) and getattr(over.func, "id", "") == "range":
+            bounds = [self.of(argument) for argument in over.args]
+            first, last = ("0", bounds[0].code) if len(bounds) == 1 else (bounds[0].code, bounds[1].code)
+            return first, last, int(ast.literal_eval(over.args[2])) if len(bounds) > 2 else 1, Found(counter, INTEGER)
+        array = self.of(over)
+        row = array.kind == TABLE
+        value = Found(f"row_of({array.code}, {counter})", REALS) if row else Found(f"{array.code}.at[{counter}]", REAL)
+        return "0", f"{array.code}.size", 1, value
 
     def _augassign(self, node):
         whole = ast.BinOp(self.loaded(node.target), node.op, node.value)
@@ -171,10 +184,19 @@ class _Body(Expressions):
         if isinstance(target, ast.Name):
             self.learn(target.id, value.kind)
             return [f"{named(target.id)} = {value.code};"]
-        if isinstance(target, ast.Subscript) and isinstance(target.slice, ast.Slice):
-            array = self.of(target.value).code
+        if isinstance(target, ast.Subscript) and isinstance(ends := _ends(target.slice), ast.Slice):
+            array = self.of(_row(target) if ends is not target.slice else target.value).code
             return [f"for (long long all = 0; all < {array}.size; all++) {array}.at[all] = {value.code};"]
         return [f"{self.of(self.loaded(target)).code} = {value.code};"]
 
 
-__all__ = ["INTEGER", "REAL", "REALS", "Program"]
+def _ends(index):
+    return index.elts[-1] if isinstance(index, ast.Tuple) else index
+
+
+def _row(target):
+    """table[i] of table[i, :]."""
+    return Expressions.loaded(ast.Subscript(target.value, target.slice.elts[0], ast.Load()))
+
+
+__all__ = ["INTEGER", "REAL", "REALS", "TABLE", "Program"]
