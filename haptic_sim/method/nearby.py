@@ -18,8 +18,8 @@ from haptic_device.law import contact
 MOST = 512  # pairs of features looked at
 FAR = 1e3  # [m] trust where none was left out
 FIELDS = len(contact.EACH)
-URGENCY, DISTANCE, BODY, WORLD_NX, WORLD_NY = range(FIELDS, FIELDS + 5)
-COLUMNS = FIELDS + 5
+URGENCY, DISTANCE, BODY, WORLD_NX, WORLD_NY, LEADER = range(FIELDS, FIELDS + 6)
+COLUMNS = FIELDS + 6  # LEADER: candidate of the group with the largest gap; −1: of no group
 CORNERS = 64  # of a shape, at most; numbers of an identity
 
 
@@ -60,7 +60,7 @@ def _discs(model, pose, p, out, count):
     far = math.hypot(ax - bx, ay - by)
     one = out[count]
     one[:] = 0.0
-    one[contact.IDENTITY], one[contact.KIND] = 1.0 + float(p) * 2.0 * CORNERS * CORNERS, contact.ROUND
+    one[contact.IDENTITY], one[contact.KIND], one[LEADER] = 1.0 + float(p) * 2.0 * CORNERS * CORNERS, contact.ROUND, -1.0
     one[contact.NORMAL_X], one[contact.NORMAL_Y] = ((ax - bx) / far, (ay - by) / far) if far > 0.0 else (1.0, 0.0)
     one[contact.POINT_X], one[contact.POINT_Y] = bx, by
     one[contact.TOOL_X], one[contact.TOOL_Y] = corners[start[a], 0], corners[start[a], 1]
@@ -80,7 +80,7 @@ def _corners(model, pose, p, point_shape, edge_shape, there, out, count):
     rounded = radius[point_shape]
     for c in range(start[point_shape], start[point_shape + 1]):
         x, y = _world(corners[c], point_pose)
-        first, best = count, -math.inf
+        first, best, leader = count, -math.inf, -1
         group = 1.0 + ((float(p) * 2.0 + (1.0 if there else 0.0)) * CORNERS + (c - start[point_shape])) * CORNERS
         for e in range(edges):
             if count >= MOST:
@@ -100,10 +100,12 @@ def _corners(model, pose, p, point_shape, edge_shape, there, out, count):
                 one[contact.GROUP] = group
             elif gap < -0.5 * rounded:  # an edge on the far side
                 continue
-            best = max(best, one[contact.GAP])
+            if one[contact.GAP] > best:
+                best, leader = one[contact.GAP], count
             count += 1
         for k in range(first, count):
             out[k, URGENCY] = _urgency(out[k], best)
+            out[k, LEADER] = -1.0 if out[k, contact.GROUP] == 0.0 else leader
     return count
 
 
@@ -176,6 +178,9 @@ def choose(candidates, count, places, table):
         for i in range(count):
             if left[i] > 0.0 and (chosen[k] < 0 or candidates[i, URGENCY] < candidates[chosen[k], URGENCY]):
                 chosen[k] = i
+        leader = int(candidates[chosen[k], LEADER])
+        if leader >= 0 and left[leader] > 0.0:  # without it the others are a contact where there is none
+            chosen[k] = leader
         left[chosen[k]] = 0.0
     _keep_places(candidates, chosen, places, slot)
     table[:] = 0.0
