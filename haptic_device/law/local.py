@@ -93,7 +93,7 @@ def take(memory, new):
     memory.near_gravity[0], memory.near_gravity[1] = new.gravity_x, new.gravity_y
     memory.near_pose[0], memory.near_pose[1] = new.tool_pose_x, new.tool_pose_y
     memory.near_pose[2] = new.tool_pose_theta
-    memory.near_fresh, memory.near_moving = 1.0, 0.0
+    memory.near_fresh = 1.0
     for i in range(contact.MOST):
         if new.table[i, contact.IDENTITY] != memory.near[i, contact.IDENTITY]:
             known = new.table[i, contact.IDENTITY] > 0.0
@@ -102,8 +102,6 @@ def take(memory, new):
             memory.pushes[i, :], memory.shifts[i, :] = 0.0, 0.0
         for k in range(FIELDS):
             memory.near[i, k] = new.table[i, k]
-        if new.table[i, contact.MOBILITY] > 0.0:
-            memory.near_moving = 1.0
 
 
 @kernel
@@ -317,8 +315,6 @@ def _rebase(settings, memory, age):
     pushed: velocity by the copy's impulses beyond the force that the simulation knew; shifted: its integral.
     """
     memory.near_fresh = 0.0
-    if memory.near_moving == 0.0:
-        return
     ticks = int(min(KEPT - 1.0, max(0.0, round(age / settings.period))))
     then = (int(memory.near_turn) - ticks) % KEPT
     for i in range(contact.MOST):
@@ -330,8 +326,6 @@ def _rebase(settings, memory, age):
 
 @kernel
 def _remember_pushes(settings, memory):
-    if memory.near_moving == 0.0:
-        return
     before = int(memory.near_turn) % KEPT
     memory.near_turn += 1.0
     now = int(memory.near_turn) % KEPT
