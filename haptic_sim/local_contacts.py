@@ -100,23 +100,26 @@ class LocalContacts:
     def _give_way(self):
         """Mobility of the bodies behind the contacts, and the force that the simulation's tool has on them."""
         body_of = self._model.shape_body
-        pressed = [one for one in self._method.contacts() if one.body_a == "tool"] if self._method.touching else []
+        contacts = self._method.contacts() if self._method.touching else []
+        pressed = [one for one in contacts if one.body_a == "tool"]
+        rubbed = {name for one in contacts if one.body_a != "tool" for name in (one.body_a, one.body_b)}
         for one in self.table:
             if one[contact.IDENTITY] == 0.0:
                 continue
             body = int(body_of[self._other(one)])
             if body not in self._moving:
                 continue
-            nx, ny = self._world_normal(one)
+            name, (nx, ny) = self._names[self._other(one)], self._world_normal(one)
             place = one[contact.POINT_X], one[contact.POINT_Y]
             if one[contact.KIND] == contact.FLAT_THERE:
                 place = self._foot(one)
             one[contact.FORCE] = sum(
                 max(0.0, f.force_on_a[0] * nx + f.force_on_a[1] * ny)
                 for f in pressed
-                if f.body_b == self._names[self._other(one)] and math.dist(f.point, place) < NEAR
+                if f.body_b == name and math.dist(f.point, place) < NEAR
             )
-            held = body in self._dry or any(f.body_b == self._names[self._other(one)] for f in pressed)
+            held = body in self._dry or (name in rubbed and any(f.body_b == name for f in pressed))
+            one[contact.FORCE] *= held
             one[contact.MOBILITY] = 0.0 if held else self._mobility_along(body, place, nx, ny)
             one[contact.SLIP_MOBILITY] = 0.0 if held else self._mobility_along(body, place, -ny, nx)
 

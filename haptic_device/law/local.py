@@ -165,7 +165,7 @@ def _effective_mass(settings, memory, row):
 def _see_contacts(settings, memory, age):
     """The rows of all contacts at the copy's pose."""
     near, period = memory.near, settings.period
-    seen = min(age, settings.exchange_horizon)
+    seen = min(age, settings.exchange_horizon) - period  # the copy's pose is that of the last tick
     for i in range(contact.MOST):
         if near[i, contact.IDENTITY] > 0.0:
             contact.place(near[i], memory.copy, seen, memory.shifted[i], memory.places[i])
@@ -315,7 +315,7 @@ def _rebase(settings, memory, age):
     pushed: velocity by the copy's impulses beyond the force that the simulation knew; shifted: its integral.
     """
     memory.near_fresh = 0.0
-    ticks = int(min(KEPT - 1.0, max(0.0, round(age / settings.period))))
+    ticks = int(min(KEPT - 1.0, max(0.0, round(age / settings.period) - 1.0)))
     then = (int(memory.near_turn) - ticks) % KEPT
     for i in range(contact.MOST):
         velocity, way = memory.pushes[i, then], memory.shifts[i, then]
