@@ -16,7 +16,7 @@ from haptic_sim.compile.model import PIN, SLIDER, SPRING
 from haptic_sim.method import Method, nearby
 from haptic_sim.scene import Scene
 
-AHEAD = 2.0  # exchange periods by which a contact must be known before it matters
+THROUGH = 1e-4  # [m] into another body by which the tool's motion is foretold
 NEAR = 2e-3  # [m] between a contact that pressed and the pair of features that it is taken for
 
 
@@ -55,9 +55,9 @@ class LocalContacts:
 
     @property
     def common(self) -> dict[str, float]:
-        """What a set says once: the tool, and where it was."""
+        """What a set says once: the tool, and where it is expected to be when the set is used."""
         mass, inertia, _ = self._scene.tool.mass_properties
-        pose, (gx, gy) = self._pose[0], self._scene.gravity
+        pose, (gx, gy) = self._expected, self._scene.gravity
         return {
             "offered": self.offered,
             "trust": self.trust,
@@ -75,7 +75,11 @@ class LocalContacts:
         """Finds the contacts as the bodies are now; lag [s]: how old the set will be when it is used."""
         for body, (pose, velocity) in enumerate(self._method.bodies()):
             self._pose[body], self._velocity[body] = pose, velocity
-        count = nearby.find(self._features, self._pose, self._velocity, AHEAD * lag, self._candidates)
+        lead, count = lag, self._find(lag)
+        if count:
+            lead = self._until_touch(lag, count)
+            count = self._find(lead) if lead < lag else count
+        self._expected = self._pose[0] + lead * self._velocity[0]
         self.offered = count
         self.trust = nearby.choose(self._candidates, count, self.table[:, contact.IDENTITY].copy(), self.table)
         if self._held_by_joint or count >= nearby.MOST:
@@ -83,26 +87,39 @@ class LocalContacts:
         if self._moving:
             self._give_way()
 
+    def _find(self, lead):
+        return nearby.find(self._features, self._pose, self._velocity, lead, self._candidates)
+
+    def _until_touch(self, lag, count):
+        """How far ahead the tool goes as it does [s]: not through what it meets."""
+        ways = self._candidates[:count, nearby.URGENCY]
+        first = ways.argmin()
+        gap, then = float(self._candidates[first, contact.GAP]), float(ways[first])
+        return lag if then >= -THROUGH else lag * max(0.0, min(1.0, (gap + THROUGH) / (gap - then)))
+
     def _give_way(self):
         """Mobility of the bodies behind the contacts, and the force that the simulation's tool has on them."""
         body_of = self._model.shape_body
-        pressed = [one for one in self._method.contacts() if one.body_a == "tool"] if self._method.touching else []
+        contacts = self._method.contacts() if self._method.touching else []
+        pressed = [one for one in contacts if one.body_a == "tool"]
+        rubbed = {name for one in contacts if one.body_a != "tool" for name in (one.body_a, one.body_b)}
         for one in self.table:
             if one[contact.IDENTITY] == 0.0:
                 continue
             body = int(body_of[self._other(one)])
             if body not in self._moving:
                 continue
-            nx, ny = self._world_normal(one)
+            name, (nx, ny) = self._names[self._other(one)], self._world_normal(one)
             place = one[contact.POINT_X], one[contact.POINT_Y]
             if one[contact.KIND] == contact.FLAT_THERE:
                 place = self._foot(one)
             one[contact.FORCE] = sum(
                 max(0.0, f.force_on_a[0] * nx + f.force_on_a[1] * ny)
                 for f in pressed
-                if f.body_b == self._names[self._other(one)] and math.dist(f.point, place) < NEAR
+                if f.body_b == name and math.dist(f.point, place) < NEAR
             )
-            held = body in self._dry or any(f.body_b == self._names[self._other(one)] for f in pressed)
+            held = body in self._dry or (name in rubbed and any(f.body_b == name for f in pressed))
+            one[contact.FORCE] *= held
             one[contact.MOBILITY] = 0.0 if held else self._mobility_along(body, place, nx, ny)
             one[contact.SLIP_MOBILITY] = 0.0 if held else self._mobility_along(body, place, -ny, nx)
 

@@ -133,7 +133,7 @@ def _contacts(memory, record, genes, scale, position, k):
     """Local contacts that say what they like: two planes anywhere, moving, giving way, rebounding, in turn renamed."""
     memory.near_number, memory.near_trust = k + 1.0, 1.0 if genes[AGE] < 2.5 else 0.0
     record.contact_age = 0.01 * abs(genes[AGE])
-    memory.near_mass, memory.near_inertia, memory.near_fresh, memory.near_moving = 0.1, 1e-4, 1.0, 1.0
+    memory.near_mass, memory.near_inertia, memory.near_fresh = 0.1, 1e-4, 1.0
     for i in range(2):
         one, side = memory.near[i], 1.0 if (genes[CONTACT] > 0.0) == (i == 0) else -1.0
         identity = 1.0 + i + (2.0 if genes[ENERGY] > 1.0 else 0.0)

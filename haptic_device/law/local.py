@@ -93,7 +93,7 @@ def take(memory, new):
     memory.near_gravity[0], memory.near_gravity[1] = new.gravity_x, new.gravity_y
     memory.near_pose[0], memory.near_pose[1] = new.tool_pose_x, new.tool_pose_y
     memory.near_pose[2] = new.tool_pose_theta
-    memory.near_fresh, memory.near_moving = 1.0, 0.0
+    memory.near_fresh = 1.0
     for i in range(contact.MOST):
         if new.table[i, contact.IDENTITY] != memory.near[i, contact.IDENTITY]:
             known = new.table[i, contact.IDENTITY] > 0.0
@@ -102,8 +102,6 @@ def take(memory, new):
             memory.pushes[i, :], memory.shifts[i, :] = 0.0, 0.0
         for k in range(FIELDS):
             memory.near[i, k] = new.table[i, k]
-        if new.table[i, contact.MOBILITY] > 0.0:
-            memory.near_moving = 1.0
 
 
 @kernel
@@ -167,7 +165,7 @@ def _effective_mass(settings, memory, row):
 def _see_contacts(settings, memory, age):
     """The rows of all contacts at the copy's pose."""
     near, period = memory.near, settings.period
-    seen = min(age, settings.exchange_horizon)
+    seen = min(age, settings.exchange_horizon) - period  # the copy's pose is that of the last tick
     for i in range(contact.MOST):
         if near[i, contact.IDENTITY] > 0.0:
             contact.place(near[i], memory.copy, seen, memory.shifted[i], memory.places[i])
@@ -317,9 +315,7 @@ def _rebase(settings, memory, age):
     pushed: velocity by the copy's impulses beyond the force that the simulation knew; shifted: its integral.
     """
     memory.near_fresh = 0.0
-    if memory.near_moving == 0.0:
-        return
-    ticks = int(min(KEPT - 1.0, max(0.0, round(age / settings.period))))
+    ticks = int(min(KEPT - 1.0, max(0.0, round(age / settings.period) - 1.0)))
     then = (int(memory.near_turn) - ticks) % KEPT
     for i in range(contact.MOST):
         velocity, way = memory.pushes[i, then], memory.shifts[i, then]
@@ -330,8 +326,6 @@ def _rebase(settings, memory, age):
 
 @kernel
 def _remember_pushes(settings, memory):
-    if memory.near_moving == 0.0:
-        return
     before = int(memory.near_turn) % KEPT
     memory.near_turn += 1.0
     now = int(memory.near_turn) % KEPT

@@ -128,7 +128,7 @@ _MEMORY = _columns(
         "near_extent",
         "near_gravity*",
     ),  # law/local
-    *("near_pose*", "near_fresh", "near_moving", "near_turn", "acting", "well", "fallbacks", "stays", "unsolved"),
+    *("near_pose*", "near_fresh", "near_turn", "acting", "well", "fallbacks", "stays", "unsolved"),
     *("pivots", "copy*", "copy_velocity*", "mass*", "right*", "trial*"),
 )
 _TABLES = {

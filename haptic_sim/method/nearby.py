@@ -4,8 +4,11 @@
 Between two convex polygons contact begins at a corner of one and an edge of the other. So each corner is taken against
 each edge of the other shape: the edge with the largest distance of the corner (separating axis) is where it is; others
 of that shape are offered too, since it may go round a corner. Discs are corners with a radius; there every edge counts
-by itself, as a segment. Which are sent is decided by when they may matter: the gap, less the way that they approach
-within the horizon; for another edge of the same shape half of what its distance is behind, if that is later.
+by itself, as a segment.
+
+Which are sent is decided by how far the tool may move before they matter, from where it will be when they are used: to
+first order, gaps g + lead · rate. The edge with the largest gap matters when that is gone; another, at g₂, once the
+corner is nearer to it: (n₂ − n₁) · u ≥ g₁ − g₂, so not before |u| = (g₁ − g₂)/|n₂ − n₁|.
 """
 
 import math
@@ -18,16 +21,16 @@ from haptic_device.law import contact
 MOST = 512  # pairs of features looked at
 FAR = 1e3  # [m] trust where none was left out
 FIELDS = len(contact.EACH)
-URGENCY, DISTANCE, BODY, WORLD_NX, WORLD_NY = range(FIELDS, FIELDS + 5)
-COLUMNS = FIELDS + 5
+URGENCY, BODY, WORLD_NX, WORLD_NY, LEADER = range(FIELDS, FIELDS + 5)
+COLUMNS = FIELDS + 5  # URGENCY: way [m] until it matters; LEADER: candidate of its group with the largest gap, or −1
 CORNERS = 64  # of a shape, at most; numbers of an identity
 
 
 @kernel
-def find(model, pose, velocity, horizon, out):
+def find(model, pose, velocity, lead, out):
     """Fills in candidates (MOST, COLUMNS) for the tool at pose[0]; returns how many there are.
 
-    model: (shape_body, shape_start, vertices, radius, pairs, friction, restitution); pose, velocity: of all bodies.
+    lead [s]: after which they are used. model: (shape_body, shape_start, vertices, radius, pairs, friction, restitution); pose, velocity: of all bodies.
     """
     body, start, corners, radius, pairs, friction, restitution = model
     count = 0
@@ -45,7 +48,8 @@ def find(model, pose, velocity, horizon, out):
                 count = _corners(model, pose, p, b, a, False, out, count)
         for k in range(first, count):
             out[k, contact.FRICTION], out[k, contact.RESTITUTION] = friction[p], restitution[p]
-            _move(out[k], pose, velocity, body[b], horizon)
+            _move(out[k], pose, velocity, body[b], lead)
+        _rank(out, first, count)
     return count
 
 
@@ -80,7 +84,6 @@ def _corners(model, pose, p, point_shape, edge_shape, there, out, count):
     rounded = radius[point_shape]
     for c in range(start[point_shape], start[point_shape + 1]):
         x, y = _world(corners[c], point_pose)
-        first, best = count, -math.inf
         group = 1.0 + ((float(p) * 2.0 + (1.0 if there else 0.0)) * CORNERS + (c - start[point_shape])) * CORNERS
         for e in range(edges):
             if count >= MOST:
@@ -97,21 +100,33 @@ def _corners(model, pose, p, point_shape, edge_shape, there, out, count):
             else:
                 one[contact.POINT_X], one[contact.POINT_Y] = x, y
             if rounded == 0.0:
-                one[contact.GROUP] = group
+                one[contact.GROUP], one[URGENCY] = group, gap
             elif gap < -0.5 * rounded:  # an edge on the far side
                 continue
-            best = max(best, one[contact.GAP])
+            else:
+                one[URGENCY] -= rounded
             count += 1
-        for k in range(first, count):
-            out[k, URGENCY] = _urgency(out[k], best)
     return count
 
 
 @kernel
-def _urgency(one, best):
-    if one[contact.GROUP] > 0.0:
-        return max(best, 0.5 * (best - one[contact.GAP]))
-    return one[URGENCY] - one[contact.RADIUS]
+def _rank(out, first, count):
+    """From gaps when they are used to ways until they matter, for the candidates of one pair of shapes."""
+    start = first
+    for k in range(first, count):
+        out[k, LEADER] = -1.0
+        if out[k, contact.GROUP] == 0.0 or out[k, contact.GROUP] != out[start, contact.GROUP]:
+            start = k
+        if out[k, contact.GROUP] == 0.0 or (k + 1 < count and out[k + 1, contact.GROUP] == out[k, contact.GROUP]):
+            continue
+        leader = start
+        for i in range(start, k + 1):
+            leader = i if out[i, URGENCY] > out[leader, URGENCY] else leader
+        best = out[leader, URGENCY]
+        for i in range(start, k + 1):
+            out[i, LEADER] = leader
+            between = math.hypot(out[i, WORLD_NX] - out[leader, WORLD_NX], out[i, WORLD_NY] - out[leader, WORLD_NY])
+            out[i, URGENCY] = max(best, (best - out[i, URGENCY]) / between) if i != leader else best
 
 
 @kernel
@@ -138,8 +153,8 @@ def _at_edge(one, corner, next_corner, edge_pose, x, y, there):
 
 
 @kernel
-def _move(one, pose, velocity, other, horizon):
-    """Velocity of the other body at its point, and how much sooner that and the tool's own make the contact matter."""
+def _move(one, pose, velocity, other, lead):
+    """Velocity of the other body at its point, and the gap when the contact is used."""
     px, py = one[contact.POINT_X], one[contact.POINT_Y]
     bx, by = px - pose[other, 0], py - pose[other, 1]
     turn = velocity[other, 2]
@@ -153,8 +168,7 @@ def _move(one, pose, velocity, other, horizon):
         ax, ay = px - pose[0, 0], py - pose[0, 1]
     rate = nx * (velocity[0, 0] - velocity[0, 2] * ay - one[contact.VELOCITY_X])
     rate += ny * (velocity[0, 1] + velocity[0, 2] * ax - one[contact.VELOCITY_Y])
-    one[DISTANCE] = one[URGENCY]
-    one[URGENCY] += horizon * min(0.0, rate)
+    one[URGENCY] += lead * rate
     one[WORLD_NX], one[WORLD_NY] = nx, ny
 
 
@@ -168,7 +182,7 @@ def _world(point, pose):
 def choose(candidates, count, places, table):
     """The most urgent candidates into table (contact.MOST, EACH), each where it was before; returns their trust [m].
 
-    places: identities of the table before. Trust: how far the tool may move until one that was left out may matter.
+    places: identities of the table before. Trust: how far the tool may be from where it is expected to be.
     """
     chosen, slot = np.full(contact.MOST, -1), np.full(contact.MOST, -1)
     left = np.ones(count)
@@ -176,6 +190,9 @@ def choose(candidates, count, places, table):
         for i in range(count):
             if left[i] > 0.0 and (chosen[k] < 0 or candidates[i, URGENCY] < candidates[chosen[k], URGENCY]):
                 chosen[k] = i
+        leader = int(candidates[chosen[k], LEADER])
+        if leader >= 0 and left[leader] > 0.0:  # without it the others are a contact where there is none
+            chosen[k] = leader
         left[chosen[k]] = 0.0
     _keep_places(candidates, chosen, places, slot)
     table[:] = 0.0
@@ -185,7 +202,7 @@ def choose(candidates, count, places, table):
     trust = FAR
     for i in range(count):
         if left[i] > 0.0:
-            trust = min(trust, max(0.0, candidates[i, DISTANCE]))
+            trust = min(trust, max(0.0, candidates[i, URGENCY]))
     return trust
 
 
