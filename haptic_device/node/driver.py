@@ -36,7 +36,7 @@ class DriverNode(ManagedNode):
         super().__init__("haptic_driver", DRIVER)
         self.link = self.servo = self.exchange = self.telemetry = None
         self._version, self._enabled_once, self._said, self._margins = 0, False, set(), [math.inf, math.inf]
-        self._watched, self._stall, self._rates = time.monotonic(), 0.0, health.Rates()
+        self._watched, self._stall, self._rates, self._told = time.monotonic(), 0.0, health.Rates(), None
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
         for name in ("enable", "disable", "estop", "reset"):
             self.create_service(Trigger, f"~/{name}", getattr(self, f"_on_{name}"))
@@ -140,6 +140,9 @@ class DriverNode(ManagedNode):
             return
         self._say("info", f"servo at {self.values['servo.rate']:g} Hz, {self.servo.realtime}")
         row = self.servo.row.get()[0]
+        if self._told != (told := (int(row.state), int(row.fault))):
+            self._told = told
+            self._report(row)  # without figures: a rate needs its half second
         if row.fault:
             self.servo.order(clear_flags=engage.ENABLE)
             self._enabled_once = True  # after a fault a person enables
@@ -208,12 +211,15 @@ class DriverNode(ManagedNode):
             return
         self._follow_margin()
         row = self.servo.row.get()[0]
+        self._report(row, self._health(row))
+
+    def _report(self, row, figures=()):
         level, message = self._verdict(row)
         now = self.get_clock().now().nanoseconds
         refused = self.exchange.refusals() | {f"contacts: {k}": v for k, v in self.exchange.refused_contacts().items()}
         values = {**self._figures(row), **{f"refused.{k}": v for k, v in refused.items()}}
         said = "haptic_driver", self.device.name, level, message, values
-        self._diagnostics.publish(wire.diagnostics(now, *said, self._health(row)))
+        self._diagnostics.publish(wire.diagnostics(now, *said, figures))
 
     def _health(self, row):
         """Statuses of the figures that are watched; what has grown is counted since the last look."""

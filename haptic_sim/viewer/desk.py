@@ -153,4 +153,6 @@ class Desk:
             raise ValueError(f"{wish['name']} is fixed once the nodes run; haptic demo --view starts them again for it")
         self.hand.release()
         self.stage.close()
-        return await self._company.change(wish["name"], wish["value"])
+        said = await self._company.change(wish["name"], wish["value"])
+        self.feed.statuses.clear()  # of nodes that have ended
+        return said

@@ -21,7 +21,7 @@ class Seat:
         self.control, self._socket, self._do = control, socket, do
         self.sent = self.seen = self.dropped = 0
         self._news, self._frame, self._wake = {}, None, asyncio.Event()
-        self._last_seen = self._hinted = 0.0
+        self._last_seen, self._hinted = time.monotonic(), -HINT_PERIOD
         self._busy: set[asyncio.Task] = set()
 
     def tell(self, kind: str, content) -> None:

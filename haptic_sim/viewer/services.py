@@ -9,8 +9,8 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import Trigger
 
-ANSWER = 0.4  # s for one answer; the first answer to a client just discovered may be lost
-ATTEMPTS = 5
+ANSWER = 0.4  # s until it is asked again: the first answer to a client just discovered may be lost
+ATTEMPTS = 12  # a busy machine may hold a node up for seconds
 
 
 class Services:
@@ -38,18 +38,21 @@ class Services:
             self._clients[service] = self._node.create_client(kind, service)
 
     async def ask(self, kind, service: str, request, attempts: int = ATTEMPTS, patience: float = ANSWER):
-        """The answer. Only for requests that do no harm if they are heard twice."""
+        """The first answer, to whichever attempt. Only for requests that do no harm if they are heard twice."""
         self.prepare(kind, service)
         client, node = self._clients[service], service.split("/")[0]
         if not client.service_is_ready():
             raise ValueError(f"{node} is not there: nobody offers {service}")
-        for _ in range(attempts):
-            answer = self._loop.create_future()
-            future = client.call_async(request)
-            future.add_done_callback(lambda done, answer=answer: self._tell(answer, done))
-            try:
-                return await asyncio.wait_for(answer, patience)
-            except TimeoutError:
+        answer, asked = self._loop.create_future(), []
+        try:
+            for _ in range(attempts):
+                asked.append(client.call_async(request))
+                asked[-1].add_done_callback(lambda done: self._tell(answer, done))
+                await asyncio.wait([answer], timeout=patience)
+                if answer.done():
+                    return answer.result()
+        finally:
+            for future in asked:
                 client.remove_pending_request(future)
         raise ValueError(f"{node} did not answer {service} within {attempts * patience:g} s")
 

@@ -21,6 +21,7 @@ from haptic_sim.viewer.feed import Feed
 from haptic_sim.viewer.guard import is_loopback
 from haptic_sim.viewer.parameters import PARAMETERS
 from haptic_sim.viewer.server import Server
+from haptic_sim.viewer.stage import DRIVER
 
 STATUS_PERIOD, POLL_PERIOD = 0.25, 1.0  # s
 
@@ -35,7 +36,7 @@ class Viewer:
         self._beacon = Beacon(node, values["marker_rate"])
         self.server = Server(values["host"], values["port"], self._welcome, self._do, self._save)
         self._node, self._values = node, values
-        self._scene_told = self._poll_due = self._status_due = 0
+        self._scene_told, self._state_told, self._status_due = 0, None, 0.0
         self._cpu, self._cpu_at, self._sent, self._figures = time.process_time(), time.monotonic(), 0, {}
 
     async def run(self, told) -> None:
@@ -68,9 +69,14 @@ class Viewer:
         if self.feed.scene_number != self._scene_told:
             self._scene_told = self.feed.scene_number
             self.server.tell("scene", self._scene())
-        if now >= self._status_due:
-            self._status_due = now + STATUS_PERIOD
-            self.server.tell("status", self._status())
+        state = tuple(self.feed.said(DRIVER, entry) for entry in ("state", "fault"))
+        if now >= self._status_due or state != self._state_told:
+            self._state_told = state
+            self._tell_status(now)
+
+    def _tell_status(self, now):
+        self._status_due = now + STATUS_PERIOD
+        self.server.tell("status", self._status())
 
     async def _poll(self):
         while True:
@@ -82,6 +88,7 @@ class Viewer:
     async def _do(self, wish):
         sentence = await self.desk.do(wish)
         if wish["do"] != "aim":
+            self._tell_status(time.monotonic())  # before the answer, which is read in its light
             self.server.tell("values", self._tuning())
         return sentence
 

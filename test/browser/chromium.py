@@ -29,11 +29,16 @@ def main() -> int:
             file=sys.stderr,
         )
         return 2
-    print("test-browser: installing chromium")
+    print("test-browser: installing chromium", flush=True)
     quiet = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
     for words in ("update -q", "install -q -y --no-install-recommends chromium fonts-dejavu-core"):
-        subprocess.run(["apt-get", *words.split()], env=quiet, stdout=subprocess.DEVNULL, check=True)
-    return 0 if find() else 2
+        done = subprocess.run(["apt-get", *words.split()], env=quiet, capture_output=True, text=True)
+    if found := find():
+        print(f"test-browser: {found} is there")
+        return 0
+    why = (done.stderr.strip().splitlines() or ["it does not say why"])[-1]
+    print(f"test-browser: apt-get cannot install chromium here ({why})", file=sys.stderr)
+    return 2
 
 
 if __name__ == "__main__":

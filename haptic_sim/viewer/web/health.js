@@ -8,8 +8,9 @@ const FIGURES = [
   ["servo late p50 / p99", "µs", (d) => `${round(d.lateness_us_p50)} / ${round(d.lateness_us_p99)}`],
   ["servo late p99.9 / most", "µs", (d) => `${round(d.lateness_us_p999)} / ${round(d.lateness_us_max)}`],
   ["ticks missed", "", (d) => `${d.missed} of ${d.ticks}`],
-  ["tool sample's age p50 / p99", "ms", (d) => `${round(d.age_ms_p50)} / ${round(d.age_ms_p99)}`],
-  ["exchange", "", (d) => `${d.exchange_method}, ${d.exchange_answered} of ${d.exchange_sent}`],
+  ["tool's age p50 / p99", "ms", (d) => `${round(d.age_ms_p50)} / ${round(d.age_ms_p99)}`],
+  ["exchange", "", (d) => d.exchange_method],
+  ["samples answered", "", (d) => `${d.exchange_answered} of ${d.exchange_sent}`],
 ];
 
 export function driverOf(status) {
@@ -22,12 +23,17 @@ export function showHealth(status, tuning) {
   showProblem(status);
   const rows = driver ? FIGURES.map(([name, unit, of]) => row(name, `${of(driver.values)} ${unit}`)) : [];
   document.querySelector("#figures tbody").replaceChildren(...rows);
-  document.getElementById("nodes").replaceChildren(...Object.entries(status.nodes).map(([name, node]) => {
+  document.getElementById("nodes").replaceChildren(...worthSaying(status.nodes).map(([name, node]) => {
     const item = element("li", { textContent: `${name}: ${node.message}` });
     item.dataset.level = node.level;
     return item;
   }));
   showMargins(driver, tuning?.damping ?? []);
+}
+
+// Every node; of the figures that diagnostics watch (`node: figure`) those that are beyond a limit.
+function worthSaying(statuses) {
+  return Object.entries(statuses).filter(([name, { level }]) => level > 0 || !name.includes(": ")).sort();
 }
 
 function showState(driver) {

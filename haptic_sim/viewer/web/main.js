@@ -132,7 +132,7 @@ function record(frame) {
 function showNumbers(frame) {
   const force = frame.felt ?? frame.force;
   put("force", force ? `${Math.hypot(force[0], force[1]).toFixed(2)} N` : "–");
-  put("torque", force ? `${force[2].toFixed(3)} N m` : "–");
+  put("torque", force ? `${(Math.round(1e3 * force[2]) / 1e3 + 0).toFixed(3)} N m` : "–");
   const { handle, tool } = frame;
   put("stretch", handle && tool ? `${(1e3 * Math.hypot(tool[0] - handle[0], tool[1] - handle[1])).toFixed(2)} mm` : "–");
   const names = view.scene?.results ?? [];

@@ -53,7 +53,7 @@ export class Plane {
     for (let x = Math.ceil((cx - halfWidth) / step) * step; x < cx + halfWidth; x += step) this.drawVertical(context, x);
     for (let y = Math.ceil((cy - 1.5 * halfHeight) / step) * step; y < cy + 1.5 * halfHeight; y += step) this.drawHorizontal(context, y);
     context.textAlign = "right";
-    context.fillText("x [mm]", this.canvas.width - 6 * this.ratio, this.canvas.height - 18 * this.ratio);
+    context.fillText("x [mm]", this.canvas.width - 6 * this.ratio, this.canvas.height - 5 * this.ratio);
     context.textAlign = "left";
     context.fillText("y [mm]", 4 * this.ratio, 14 * this.ratio);
   }
@@ -62,7 +62,7 @@ export class Plane {
     const [px] = this.toPixels([x, 0]);
     line(context, px, 0, px, this.canvas.height);
     context.textAlign = "center";
-    if (px > 45 * this.ratio) context.fillText(inMillimetres(x), px, this.canvas.height - 5 * this.ratio);
+    if (px > 45 * this.ratio && px < this.canvas.width - 70 * this.ratio) context.fillText(inMillimetres(x), px, this.canvas.height - 5 * this.ratio);
   }
 
   drawHorizontal(context, y) {

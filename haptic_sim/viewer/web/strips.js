@@ -37,8 +37,8 @@ export class Strip {
     context.fillStyle = this.ground;
     context.fillRect(0, 0, width, height);
     const box = { left: 38 * ratio, top: 6 * ratio, right: width - 4 * ratio, bottom: height - 14 * ratio, ratio };
-    const [low, high] = this.range();
-    this.drawAxes(context, box, low, high);
+    const [low, high, step] = this.range();
+    this.drawAxes(context, box, low, high, step);
     this.curves.forEach((curve, i) => this.drawCurve(context, box, low, high, i));
     this.drawLegend(context, box);
   }
@@ -52,11 +52,10 @@ export class Strip {
       }
     }
     const step = niceStep((high - low) / 3);
-    return [Math.floor(low / step) * step, Math.ceil(high / step) * step];
+    return [Math.floor(low / step) * step, Math.ceil(high / step) * step, step];
   }
 
-  drawAxes(context, box, low, high) {
-    const step = niceStep((high - low) / 3.01);
+  drawAxes(context, box, low, high, step) {
     context.font = `${10 * box.ratio}px system-ui, "DejaVu Sans", sans-serif`;
     context.fillStyle = this.ink;
     context.strokeStyle = this.grid;

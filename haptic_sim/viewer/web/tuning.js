@@ -41,7 +41,10 @@ export class Tuning {
     answer.setAttribute("role", "status");
     const { inputs, show } = makers[declared.kind](declared, id, (value) => this.ask(declared.name, value));
     row.append(label, ...inputs, answer);
-    this.fields[declared.name] = { show, answer, inputs };
+    const field = { show, answer, inputs, edited: false };
+    row.addEventListener("input", () => (field.edited = true));
+    for (const name of ["change", "focusout"]) row.addEventListener(name, () => (field.edited = false));
+    this.fields[declared.name] = field;
     return row;
   }
 
@@ -49,11 +52,12 @@ export class Tuning {
     this.set(name, value);
   }
 
-  // What the nodes have now; a field that is being used is left alone.
+  // What the nodes have now; a field that is being edited, or was just asked for, is left alone.
   show(values) {
     this.values = values;
     for (const [name, field] of Object.entries(this.fields)) {
-      const used = field.inputs.includes(document.activeElement) && performance.now() < (field.asked ?? 0) + 1500;
+      const recent = field.edited || performance.now() < (field.asked ?? 0) + 1500;
+      const used = recent && field.inputs.includes(document.activeElement);
       if (name in values && !used) field.show(values[name]);
       for (const input of field.inputs) input.disabled = !(name in values);
     }
