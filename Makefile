@@ -55,7 +55,8 @@ demo: setup
 test: setup
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports --no-cache
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -m live
+	$(BIN)/python -m pytest -m "not live" -n 2 --dist loadfile
 	@rm -rf build/test-demo
 	$(BIN)/haptic demo --seconds 6 --out build/test-demo
 

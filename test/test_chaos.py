@@ -20,6 +20,8 @@ from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.soak import _row
 from haptic_sim.cli.witness import ROW, TRUTH
 
+pytestmark = pytest.mark.live
+
 ROOT = Path(__file__).resolve().parent.parent
 HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
 PERIOD = 250_000  # ns

@@ -21,6 +21,8 @@ import pytest
 from haptic_device.analysis.recording import load
 from haptic_sim.recompute import verdict_on
 
+pytestmark = pytest.mark.live
+
 ROOT = Path(__file__).resolve().parent.parent
 HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
 NODES = ("haptic_driver", "haptic_loopback", "haptic_recorder", "haptic_simulation")

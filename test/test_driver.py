@@ -16,6 +16,8 @@ from haptic_device.law import exchange, fault
 from haptic_device.node import driver, wire
 from haptic_device.runtime import loopback
 
+pytestmark = pytest.mark.live
+
 WALL = {"wall__normals": [1.0, 0.0], "wall__offsets": [-0.01], "wall__stiffness": [4000.0], "wall__damping": [0.0]}
 DRIVER = {"engage__time": 0.05, "exchange__fade": 0.05, **WALL}
 WARN, ERROR = 1, 2

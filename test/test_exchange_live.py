@@ -9,6 +9,8 @@ from live_nodes import Ear, Nodes
 from haptic_device.law import exchange
 from haptic_device.node import wire
 
+pytestmark = pytest.mark.live
+
 WARN = 1
 DRIVER = {"engage__time": 0.05, "exchange__fade": 0.05, "auto_enable": True}
 QUIET = 0.5  # [N] on the handle

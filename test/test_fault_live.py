@@ -15,6 +15,8 @@ from live_nodes import Ear, command, held_up
 from haptic_device.runtime import clock, page
 from haptic_device.runtime.process import die_with_parent
 
+pytestmark = pytest.mark.live
+
 SPACE = "/hands"
 WALL = {"wall__normals": [1.0, 0.0], "wall__offsets": [0.0], "wall__stiffness": [1000.0], "wall__damping": [0.0]}
 SOFT = {"coupling__stiffness": 100.0, "coupling__damping": 0.1, "coupling__rotational_stiffness": 0.1}

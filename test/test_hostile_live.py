@@ -16,6 +16,8 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 
 from haptic_device.runtime.process import die_with_parent
 
+pytestmark = pytest.mark.live
+
 DRIVER = {"engage__time": 0.05, "auto_enable": True}
 NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation")
 FLOOD = [sys.executable, "-m", "haptic_sim.cli.flood", "10000", "2"]

@@ -6,6 +6,8 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from live_nodes import MODULES, Ear, Nodes, page_path
 
+pytestmark = pytest.mark.live
+
 SPACE = "/managed"
 NODES = tuple(MODULES)
 UNCONFIGURED, INACTIVE, ACTIVE = (

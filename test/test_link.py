@@ -16,6 +16,8 @@ from haptic_device.runtime.link import PageLink
 from haptic_device.runtime.mailbox import Mailbox
 from haptic_device.runtime.servo_thread import ServoThread
 
+pytestmark = pytest.mark.live
+
 
 class Served:
     """A plant behind a page, as haptic_loopback runs it; the hand holds on with nothing."""

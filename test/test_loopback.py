@@ -14,6 +14,8 @@ from live_nodes import Ear, Nodes, command, page_path, refusal_of
 
 from haptic_device.node import loopback, wire
 
+pytestmark = pytest.mark.live
+
 SPACE = "/alone"
 
 

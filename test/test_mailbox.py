@@ -9,11 +9,14 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_device.kernel import kernel
 from haptic_device.runtime import atomic, mailbox
+
+pytestmark = pytest.mark.live
 
 PAIR = np.dtype([("a", "f8"), ("b", "f8", (5,))])
 LONG = 40  # words: a copy takes long enough to be met half way

@@ -12,6 +12,8 @@ from haptic_device import ros_yaml
 from haptic_device.node.params import declare, on_change
 from haptic_device.parameter import Parameter
 
+pytestmark = pytest.mark.live
+
 STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", low=0.0, high=5000.0, live=True)
 RATE = Parameter("rate", 4000, "Hz", "servo rate", low=1000, high=10000)
 NORMAL = Parameter("wall.normal", (), "", "normal of the wall", low=-1.0, high=1.0)

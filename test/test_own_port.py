@@ -11,6 +11,8 @@ from haptic_device.node import own_port as ports
 from haptic_device.node.own_port import EACH, KINDS, PROFILES, free_ids, own_port, queues
 from haptic_sim.cli.domain import _QUICK
 
+pytestmark = pytest.mark.live
+
 
 @pytest.fixture(autouse=True)
 def shared_memory(monkeypatch, tmp_path):

@@ -12,6 +12,8 @@ import pytest
 from haptic_device.runtime import page
 from haptic_device.runtime.page import DEVICE, SERVO, Page, PageError
 
+pytestmark = pytest.mark.live
+
 HOLDER = """
 import sys
 from haptic_device.runtime.page import Page

@@ -17,6 +17,8 @@ from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.outcome import ANSWERED, INSERTED, job_done, nothing
 from haptic_sim.cli.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
 
+pytestmark = pytest.mark.live
+
 _STUBBORN = """
 import signal, time
 for number in (signal.SIGINT, signal.SIGTERM):

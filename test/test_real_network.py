@@ -18,6 +18,8 @@ from haptic_device.runtime import page
 from haptic_sim.cli.demo import FAR
 from haptic_sim.cli.processes import Program
 
+pytestmark = pytest.mark.live
+
 PRESSING = {"motion__name": "hold", "motion__start": [0.007, 0.0, 0.0]}  # 3 mm deep in the wall of the scene
 DRIVER = {
     "auto_enable": True, "servo__rate": 2000.0, "coupling__stiffness": 2000.0, "coupling__damping": 2.0,

@@ -26,6 +26,8 @@ from haptic_device.analysis.recording import load
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import NodeDiedError, Nodes, Program
 
+pytestmark = pytest.mark.live
+
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 

@@ -26,6 +26,8 @@ from haptic_sim.played import PlayedTarget
 from haptic_sim.recompute import verdict_on
 from haptic_sim.scene import load as load_scene
 
+pytestmark = pytest.mark.live
+
 TICKS = 1_000_000
 COUPLED = {"coupling__stiffness": 800.0, "coupling__damping": 1.0, "engage__time": 0.1}
 

@@ -20,6 +20,8 @@ from haptic_device.node import wire
 from haptic_sim.node.port import SILENCE_NS, Port
 from haptic_sim.simulation import ToolSample
 
+pytestmark = pytest.mark.live
+
 HOME = (0.001, 0.11, 0.02)
 GAINS = [2000.0, 2.0, 2.0, 0.002]
 TOOL = ToolSample((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), (7.0, 8.0, 9.0), True, 0.25)

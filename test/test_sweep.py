@@ -17,6 +17,8 @@ from haptic_sim.cli.bench_exchange import Figures
 from haptic_sim.cli.bench_jobs import Crew, Kept
 from haptic_sim.cli.bench_jobs import sweep as run_jobs
 
+pytestmark = pytest.mark.live
+
 SMALL = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(10.0, 1200.0, 40), np.linspace(-0.5, 1.0, 60))
 NOBODY = "tcp://127.0.0.1:9"  # the discard port: nothing listens there
 

@@ -18,6 +18,8 @@ from haptic_sim.cli.bench_nodes import running
 from haptic_sim.cli.identify import identify
 from haptic_sim.cli.tuning import Tuning
 
+pytestmark = pytest.mark.live
+
 GAINS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "passivity.policy", "coupling.stiffness")
 FREE = ("coupling.stiffness", "coupling.damping", "coupling.rotational_stiffness", "coupling.rotational_damping")
 FREE += ("cancellation.ratio",)

@@ -21,6 +21,8 @@ from haptic_sim.viewer.guard import Guard, is_loopback
 from haptic_sim.viewer.hand import Hand, Limits
 from haptic_sim.viewer.server import WEB, Server
 
+pytestmark = pytest.mark.live
+
 LIMITS = Limits(((-0.1, 0.1), (-0.2, 0.2), (-3.0, 3.0)), speed=1.0, turn=10.0)
 FLAT = Limits(LIMITS.workspace[:2], 1.0, 10.0)
 ORIGIN = {"good": lambda url: f"http://{url.split('/')[2]}", "bad": lambda url: "http://elsewhere.example"}

@@ -10,6 +10,8 @@ import pytest
 
 from haptic_device.analysis.recording import load
 
+pytestmark = pytest.mark.live
+
 STIFFNESS, BUDGET = 2000.0, 0.005  # [N/m], [J]
 NETWORK = ("--delay", "20", "--jitter", "10", "--loss", "0.1")
 
