@@ -28,6 +28,7 @@ class PlanarWorld:
         self._advance, self._contact = advance, (stiffness, damping, float(self.by_events))
         self._gains = Coupling()
         self.reset()
+        self.follow(self._way, 0)  # compiled here, not in the second exchange, which then took 20 s
 
     def reset(self) -> None:
         """Everything back to the scene's start, with the same gains."""
