@@ -24,6 +24,7 @@ RATES = {1000.0: "o", 4000.0: "s", 10000.0: "^"}
 COLOURS = {"direct": "tab:red", "pspm": "tab:blue", "local": "tab:green"}
 SOFT = 1e-5  # [m/N] at rest a contact is a spring of LEAVING times its inverse
 GAINS = {0.0: "tab:green", 1.0: "tab:purple"}  # [N m/rad]
+HAND = 1.0  # [N m/rad] of the hand, behind which a rotation gain stands
 DEEP = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
 PULLS = (5e-5, 1e-4)  # [m] beyond the free play
 
@@ -55,18 +56,19 @@ def whole_display(axes):
 def insertion(axes):
     stiffness, deep = LEAVING / SOFT, np.geomspace(DEEP[0], DEEP[-1], 100)
     for gain, colour in GAINS.items():
-        theory = [peg.behind_coupling(peg.apparent_stiffness(one, gain, stiffness)) for one in deep]
+        behind = peg.behind_coupling(gain, HAND)
+        theory = [peg.behind_coupling(peg.apparent_stiffness(one, behind, stiffness)) for one in deep]
         axes.plot(1e3 * deep, theory, "k-" if gain == 0.0 else "k--", linewidth=1.0,
-                  label=f"theory, rotation gain {gain:g} N m/rad")  # fmt: skip
+                  label=f"theory, rotation gain {behind:g} N m/rad")  # fmt: skip
         found = [felt(one, gain) for one in DEEP]
-        axes.plot(1e3 * np.array(DEEP), found, "o", color=colour, label=f"local, 4 kHz, {gain:g} N m/rad")
+        axes.plot(1e3 * np.array(DEEP), found, "o", color=colour, label=f"local, 4 kHz, {behind:g} N m/rad")
         for one, shown in zip(DEEP, found, strict=True):
-            exact = peg.behind_coupling(peg.apparent_stiffness(one, gain, stiffness))
-            print(f"gain {gain:g} N m/rad, L {1e3 * one:5.0f} mm: {shown:8.2f} N/m at the handle, theory {exact:8.2f} "
+            exact = peg.behind_coupling(peg.apparent_stiffness(one, behind, stiffness))
+            print(f"gain {behind:g} N m/rad, L {1e3 * one:5.0f} mm: {shown:8.2f} N/m at the handle, theory {exact:8.2f} "
                   f"({100.0 * (shown / exact - 1.0):+.2f} %)", flush=True)  # fmt: skip
     axes.axhline(peg.COUPLING, color="gray", linewidth=1.0, linestyle=":", label="coupling")
     axes.set(xscale="log", yscale="log", xlabel="insertion L [mm]", ylabel="stiffness at the handle [N/m]")
-    axes.set_title(f"Fig. 5 with contacts of {stiffness:g} N/m in the servo", fontsize=10)
+    axes.set_title(f"Fig. 5: contacts of {stiffness:g} N/m in the servo, behind the coupling", fontsize=10)
 
 
 def felt(deep, gain):
@@ -81,7 +83,7 @@ def pulled(place, deep, gain):
     given = {"coupling.stiffness": peg.COUPLING, "coupling.damping": 1.0, "coupling.rotational_stiffness": gain,
              "coupling.rotational_damping": 0.002, "local.compliance": SOFT}  # fmt: skip
     motion = {"motion.name": "press_wall", "motion.start": (0.0, peg.HEIGHT, 0.0),
-              "motion.target": (place, peg.HEIGHT, 0.0)}  # fmt: skip
+              "motion.target": (place, peg.HEIGHT, 0.0), "hand.rotational_stiffness": HAND}  # fmt: skip
     rows, _ = run(peg.peg(deep, 1e-6), "local", *NETWORKS["1 kHz"], given, motion, fine=True)
     held = rows[int(0.6 * len(rows)) : int(0.68 * len(rows))]
     assert held.local.all(), "the servo's own tool was not in use"
