@@ -22,7 +22,7 @@ ERROR_MODEL = "numpy"  # division by zero follows IEEE 754, nothing raises
 
 def part(function, arrays=False):
     """A function of kernels: called by `whole` ones and other parts, TypeError if by Python; may it make arrays?"""
-    made = numba.njit(pipeline_class=_compiler(_PartLowering), no_cpython_wrapper=True, no_cfunc_wrapper=True,
+    made = numba.njit(pipeline_class=_PartCompiler, no_cpython_wrapper=True, no_cfunc_wrapper=True,
                       _nrt=arrays, **_OPTIONS)(function)
     if not numba.config.DISABLE_JIT:
         _ignore_literals(made)
@@ -32,7 +32,7 @@ def part(function, arrays=False):
 def whole(function, *signature):
     """A kernel that Python calls; all the parts it calls are compiled with it. With a signature, at once."""
     numba.config.CACHE_DIR = cache.FOLDER
-    return numba.njit(*signature, pipeline_class=_compiler(_WholeLowering), cache=True, **_OPTIONS)(function)
+    return numba.njit(*signature, cache=True, **_OPTIONS)(function)
 
 
 _OPTIONS = {"nogil": True, "error_model": ERROR_MODEL}
@@ -46,24 +46,17 @@ def _ignore_literals(made):
 
 
 class _PartLibrary(JITCodeLibrary):
-    """LLVM code as it was written down."""
+    """LLVM code as it was written down; what it links are the parts it calls, their parts, and so on, callers first."""
 
     def _optimize_functions(self, module):
         module.data_layout = self._codegen._data_layout
 
+    def add_linking_library(self, library):
+        if library not in self._linking_libraries:
+            super().add_linking_library(library)
+
     def finalize(self):
         self._finalized = True
-
-
-class _WholeLibrary(JITCodeLibrary):
-    """Takes in parts, their parts, and so on."""
-
-    def add_linking_library(self, library):
-        if library in self._linking_libraries:
-            return
-        super().add_linking_library(library)
-        for below in library._linking_libraries if isinstance(library, _PartLibrary) else ():
-            self.add_linking_library(below)
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -77,31 +70,19 @@ class _PartLowering(NativeLowering):
         super().run_pass(state)
         lowered = state["cr"]
         refusal = _refusal(lowered, state.library)
-        context.insert_user_function(refusal, lowered.fndesc, [state.library])
+        # a caller need not know that these are parts: numba's own njit links no further than it is told
+        context.insert_user_function(refusal, lowered.fndesc, [state.library, *state.library._linking_libraries])
         state["cr"] = lowered._replace(cfunc=refusal)
         return True
 
 
-@register_pass(mutates_CFG=True, analysis_only=False)
-class _WholeLowering(NativeLowering):
-    _name = "whole_lowering"
-
-    def run_pass(self, state):
-        state.library = _WholeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
-        state.library.enable_object_caching()
-        return super().run_pass(state)
-
-
-def _compiler(lowering):
-    class Compiler(CompilerBase):
-        def define_pipelines(self):
-            manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
-            manager.passes = [(lowering if kind is NativeLowering else kind, text) for kind, text in manager.passes]
-            manager._finalized = False
-            manager.finalize()
-            return [manager]
-
-    return Compiler
+class _PartCompiler(CompilerBase):
+    def define_pipelines(self):
+        manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        manager.passes = [(_PartLowering if kind is NativeLowering else kind, text) for kind, text in manager.passes]
+        manager._finalized = False
+        manager.finalize()
+        return [manager]
 
 
 def _refusal(lowered, library):

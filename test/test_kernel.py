@@ -8,6 +8,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -134,6 +135,15 @@ def test_a_whole_computes_with_its_parts_and_compiles_each_once_for_all_integers
     assert twice(1.5) == 2.0 * (1.5 * 3.0 + 1.5)
     twice.recompile()  # the first call may have come from the cache
     assert len(scaled.signatures) == len(sum_of.signatures) == 1
+
+
+@numba.njit
+def outside(x):
+    return sum_of(x, 3)
+
+
+def test_a_function_that_knows_nothing_of_parts_takes_in_those_below_a_part_too():
+    assert outside(1.5) == 1.5 * 3.0 + 1.5
 
 
 def test_a_part_has_no_machine_code_and_says_so():
