@@ -64,7 +64,7 @@ def insertion(axes):
         axes.plot(1e3 * np.array(DEEP), found, "o", color=colour, label=f"local, 4 kHz, {behind:g} N m/rad")
         for one, shown in zip(DEEP, found, strict=True):
             exact = peg.behind_coupling(peg.apparent_stiffness(one, behind, stiffness))
-            print(f"gain {behind:g} N m/rad, L {1e3 * one:5.0f} mm: {shown:8.2f} N/m at the handle, theory {exact:8.2f} "
+            print(f"gain {behind:g} N m/rad, L {1e3 * one:5.0f} mm: {shown:8.2f} N/m felt, theory {exact:8.2f} "
                   f"({100.0 * (shown / exact - 1.0):+.2f} %)", flush=True)  # fmt: skip
     axes.axhline(peg.COUPLING, color="gray", linewidth=1.0, linestyle=":", label="coupling")
     axes.set(xscale="log", yscale="log", xlabel="insertion L [mm]", ylabel="stiffness at the handle [N/m]")
