@@ -95,7 +95,9 @@ class LocalContacts:
         ways = self._candidates[:count, nearby.URGENCY]
         first = ways.argmin()
         gap, then = float(self._candidates[first, contact.GAP]), float(ways[first])
-        return lag if then >= -THROUGH else lag * max(0.0, min(1.0, (gap + THROUGH) / (gap - then)))
+        if then >= -THROUGH or then >= gap:
+            return lag
+        return lag * max(0.0, (gap + THROUGH) / (gap - then))
 
     def _give_way(self):
         """Mobility of the bodies behind the contacts, and the force that the simulation's tool has on them."""

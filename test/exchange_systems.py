@@ -24,7 +24,7 @@ GAINS = {
 
 def demo_system(method, scene="wall", network=PERFECT, motion=None, **driver):
     """The demo's operating point on a scene, with its motion changed; a world that waits for nothing up to 0.2 s."""
-    described = load(scene)
+    described = load(scene) if isinstance(scene, str) else scene
     moved = {f"motion__{key}": value for key, value in {**described.motion, **(motion or {})}.items()}
     return Lockstep(
         load_device("desktop"),
@@ -86,7 +86,7 @@ def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, ti
     """Most [J] that budget and books of three axes lie above the truth, for a hand that half of the time follows the
     force, and wild tool samples. scale: the device's; wall: stiffness of one at x = 0 beside the coupling.
     """
-    random, settings = np.random.default_rng(seed), _three_axes(method, scale, limit, wall)
+    random, settings = np.random.default_rng(seed), three_axes(method, scale, limit, wall)
     memory, row = adversary.engaged()
     record, period, damping = row[0], settings["period"][0], settings["physical_damping"][0]
     unit = reach * np.array([5.0, 5.0, 0.3]) / settings["stiffness"][0]
@@ -107,7 +107,8 @@ def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, ti
     return most
 
 
-def _three_axes(method, scale, limit, wall):
+def three_axes(method, scale=(1.0, 1.0), limit=20.0, wall=0.0):
+    """SETTINGS of three axes without limits of motion; arguments as of `credited`."""
     shipped = device(3.0, 1e9, axes=3, scale=scale)
     free = {"velocity_limit": 1e6, "workspace": (-1e6, 1e6), "counts_per_unit": 1e9}
     shipped = shipped.model_copy(update={"axes": tuple(axis.model_copy(update=free) for axis in shipped.axes)})

@@ -6,7 +6,7 @@ import pytest
 
 from haptic_device.law import complementarity as law
 
-SOFT = 0.16  # [1/kg] of 1e-8 m/N at 4 kHz
+SOFT = 0.016  # [1/kg] of 1e-9 m/N at 4 kHz
 
 
 def contact(normal, arm, gap_rate, friction=0.0, soft=SOFT):

@@ -132,6 +132,24 @@ def test_a_peg_in_its_hole_sends_both_flanks_and_keeps_them_in_their_places():
     np.testing.assert_array_equal(near.table[:, contact.IDENTITY], before)
 
 
+def test_wherever_the_tool_goes_within_the_trust_a_set_touches_where_the_shapes_do():
+    scene, random = load("peg_in_hole"), np.random.default_rng(1)
+    gaps, shown = np.zeros((contact.MOST, contact.PLACE)), np.zeros(contact.MOST)
+    for _ in range(60):
+        pose = np.array((random.uniform(-2e-3, 2e-3), random.uniform(0.06, 0.115), random.uniform(-0.02, 0.02)))
+        here = scene.model_copy(update={"tool": scene.tool.model_copy(update={"pose": tuple(pose)})})
+        near = LocalContacts(here, make("impulse", here, 1e-3))
+        for row, gap in zip(near.table, gaps, strict=True):
+            contact.place(row, pose, 0.0, 0.0, gap)
+        for nx, ny in gaps[near.table[:, contact.IDENTITY] > 0.0, contact.NX : contact.NY + 1].tolist():
+            there = pose - 0.99 * near.trust * np.array((nx, ny, 0.0))
+            for row, gap in zip(near.table, gaps, strict=True):
+                contact.place(row, there, 0.0, 0.0, gap)
+            contact.hide_others(near.table, gaps, shown)
+            apart = body_distance(here.tool.outlines, tuple(there), here.bodies[0].outlines, here.bodies[0].pose)
+            assert (gaps[shown > 0.0, 0].min() < 0.0) == (apart <= 0.0)
+
+
 def test_a_nut_on_its_bolt_gives_way_by_turning_alone():
     scene = load("wrench_on_nut")
     near = LocalContacts(scene, make("partitioned", scene, 1e-3))

@@ -3,14 +3,17 @@
 
 import numpy as np
 import pytest
-from exchange_systems import demo_system
+from exchange_systems import demo_system, three_axes
 
 from haptic_device import operating
+from haptic_device.analysis import contact_search
 from haptic_device.analysis import exchange_search as adversary
 from haptic_device.device import load_device
 from haptic_device.law import contact, local, servo
 from haptic_device.node.declared import NODES
+from haptic_sim.cli.bench_local import NETWORKS, compare
 from haptic_sim.lockstep import Network
+from haptic_sim.scene import load
 
 BUDGET = 0.005  # [J]
 PRESS = {"start": (0.03, 0.0, 0.0), "target": (0.005, 0.0, 0.0), "duration": 1.5}
@@ -67,6 +70,31 @@ def test_contacts_that_are_too_old_give_way_to_set_position_modulation_without_a
     assert again.local[-1] == 1.0 and np.abs(np.diff(again.force_coupling[:, 0])).max() < 0.2
 
 
+@pytest.mark.parametrize("scene, network", [("peg_in_hole", "20 ms, 10 % lost"), ("wrench_on_nut", "1 kHz"),
+                                            ("push_block", "1 kHz")])  # fmt: skip
+def test_a_task_is_felt_as_with_the_world_in_the_same_tick(scene, network):
+    found = compare(scene, *NETWORKS[network])
+    assert found["tool"] <= 0.05e-3 and found["mean"] == pytest.approx(1.0, abs=0.02)
+    assert found["fallbacks"] == 0 and found["local"] > 0.98 and found["given"] <= BUDGET
+
+
+def test_what_the_hand_loses_in_an_impact_the_other_body_has_within_a_hundredth():
+    """A free block is struck, pushed and let go by a handle that brakes: its momentum is the copy's impulse."""
+    scene = load("push_block")
+    smooth = {name: material.model_copy(update={"friction": 0.0}) for name, material in scene.materials.items()}
+    block = scene.bodies[1].model_copy(update={"pose": (0.0, 0.015, 0.0)})
+    free = scene.model_copy(update={"gravity": (0.0, 0.0), "bodies": (block,), "materials": smooth, "measure": {}})
+    motion = {"start": (-0.05, 0.015, 0.0), "target": (0.02, 0.015, 0.0), "duration": 0.91}
+    system = demo_system("local", free, Network(1e-3), motion)
+    rows = system.run(1.5)
+    acted = slice(int(np.flatnonzero(rows.local > 0.0)[0]), None)
+    pulled = -rows.force_coupling[acted, 0].sum() * 250e-6
+    gained = 0.1 * (rows.coupling_velocity[-1, 0] - rows.coupling_velocity[acted][0, 0])
+    has = 0.3 * system.simulation.method.bodies()[1][1][0]
+    assert rows.local_fallbacks[-1] == 0.0 and has > 0.05
+    assert pulled - gained == pytest.approx(has, rel=0.01)
+
+
 def settings(**given):
     device = load_device("desktop")
     axis = {"damping": 1.05 * 0.75, "counts_per_unit": 1e9, "velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
@@ -86,6 +114,12 @@ def test_no_message_draws_more_than_the_budget(seed, loss, limit):
 def test_the_books_never_credit_what_contacts_said_beyond_the_truth():
     found = adversary.search(settings(), adversary.Adversary(books=1), 150, 400, 5)
     assert found.overcredit <= 1e-9
+
+
+@pytest.mark.parametrize("seed, loss", [(1, 0.0), (2, 0.3)])
+def test_no_contacts_in_three_axes_draw_more_than_the_budget_or_fool_the_books(seed, loss):
+    found = contact_search.search(three_axes("local"), 100, 150, loss, seed)
+    assert found.energy <= BUDGET and found.overcredit <= 1e-9 and found.moved > 1000
 
 
 def test_a_set_of_contacts_keeps_the_modes_of_those_that_were_there():

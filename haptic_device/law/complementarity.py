@@ -11,7 +11,7 @@ diagonal of compliances: of the contact itself and of the body behind it. A gues
 three equations whose solution says which modes were wrong. All wrong ones change at once while their number falls, then
 only the one that is most so (principal pivoting after Murty and Júdice & Pires). The guess is the last tick's answer,
 so that mostly one solution is enough. Where the friction of (1) has several solutions any of them is taken; E > 0
-excludes none that matters: at 1e-8 m/N a force of 20 N is 0.2 µm.
+excludes none that matters: at 1e-9 m/N a force of 20 N is 0.02 µm.
 
 Their number is bounded. Pivoting with friction may go round in circles; after EXACT solutions friction is bounded by
 the normal impulses of the last tick, |λ_t| ≤ f, instead. That problem is convex, pivoting ends in practice always, and

@@ -64,11 +64,12 @@ def local(
                    f" {one.stiffness / max(1e-3, abs(one.drag)):10.3g}"
                    f" {one.given * 1e3:9.3f} {one.local:6.3f}")  # fmt: skip
     typer.echo(
-        "\nscene          network            tool RMS mm  force RMS diff  mean force  rough  fallbacks  local  given mJ"
+        "\nscene          network            tool RMS mm  force RMS diff  mean force  rough    ref  fallbacks  local"
+        "  given mJ"
     )
     for (scene, name), one in tasks.items():
         typer.echo(f"{scene:14} {name:18} {one['tool'] * 1e3:11.4f} {one['force']:14.2%}"
-                   f" {one['mean']:11.3f} {one['rough']:6.2%}"
+                   f" {one['mean']:11.3f} {one['rough']:6.2%} {one['smooth']:6.2%}"
                    f" {one['fallbacks']:9d} {one['local']:7.3f} {one['given'] * 1e3:9.3f}")  # fmt: skip
 
 
@@ -89,7 +90,7 @@ def compare(scene: str, network: Network, rate: float) -> dict[str, float]:
     """A scene's own motion with `local` against the synchronous solution: the same handle, world and tool in one step.
 
     tool: RMS of the way between the two [m]; force: RMS of the difference at the handle, of the force's own; mean: of
-    the forces' magnitudes, as a ratio; rough: RMS of the force above 100 Hz, of its own.
+    the forces' magnitudes, as a ratio; rough: RMS of the force above 100 Hz, of its own; smooth: of the reference's.
     """
     motion = {f"motion.{key}": value for key, value in load(scene).motion.items()}
     rows, system = run(scene, "local", network, rate, {}, motion, float(motion["motion.duration"]))
@@ -99,8 +100,8 @@ def compare(scene: str, network: Network, rate: float) -> dict[str, float]:
     return {
         "tool": rms((rows.coupling_position - place)[late, :2]), "force": rms(here - there) / max(1e-9, rms(there)),
         "mean": float(np.hypot(*here.T).mean() / max(1e-9, np.hypot(*there.T).mean())),
-        "rough": roughness(here, 1e9 / system.period), "fallbacks": int(rows.local_fallbacks[-1]),
-        "local": float(rows.local[late].mean()), "given": largest(system),
+        "rough": roughness(here, 1e9 / system.period), "smooth": roughness(there, 1e9 / system.period),
+        "fallbacks": int(rows.local_fallbacks[-1]), "local": float(rows.local[late].mean()), "given": largest(system),
     }  # fmt: skip
 
 
@@ -116,7 +117,7 @@ def synchronous(scene, rows, system):
 
 
 def run(scene, method, network, exchange_rate, given, motion, seconds=SECONDS, fine=False):
-    """Rows of a motion in a scene, in lock-step at the demo's operating point, and the system."""
+    """Rows of a motion in a scene or one by name, in lock-step at the demo's operating point, and the system."""
     stated = read_operating_point(find("", "demo"), NODES)
     values = {node: {one.name: one.default for one in NODES[node]} | stated.get(node, {}) for node in NODES}
     driver = values["haptic_driver"] | PATIENT | {"exchange.method": method, "exchange.rate": exchange_rate} | given
@@ -125,7 +126,8 @@ def run(scene, method, network, exchange_rate, given, motion, seconds=SECONDS, f
         axes = tuple(axis.model_copy(update={"counts_per_unit": FINE}) for axis in device.axes)
         device = device.model_copy(update={"axes": axes})
     loopback = values["haptic_loopback"] | motion | {"motion.duration": seconds}
-    system = Lockstep(device, driver, loopback, Simulation(load(scene), None, 0.5, port=port_of(method)), network)
+    scene = load(scene) if isinstance(scene, str) else scene
+    system = Lockstep(device, driver, loopback, Simulation(scene, None, 0.5, port=port_of(method)), network)
     return system.run(seconds), system
 
 

@@ -30,7 +30,8 @@ CORNERS = 64  # of a shape, at most; numbers of an identity
 def find(model, pose, velocity, lead, out):
     """Fills in candidates (MOST, COLUMNS) for the tool at pose[0]; returns how many there are.
 
-    lead [s]: after which they are used. model: (shape_body, shape_start, vertices, radius, pairs, friction, restitution); pose, velocity: of all bodies.
+    lead [s]: after which they are used; pose, velocity: of all bodies.
+    model: (shape_body, shape_start, vertices, radius, pairs, friction, restitution).
     """
     body, start, corners, radius, pairs, friction, restitution = model
     count = 0

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Search for local contacts and a handle path by which the tool in the servo gives the operator energy.
+
+As exchange_search, with three axes and sets that say what they like in each tick: features of all kinds anywhere near
+the copy, moving, turning, giving way, with friction and restitution, in groups, renamed or gone; the tool's mass and
+gravity; how old all that is. Given to the operator is Σ f · Δx − b Δx²/T over the axes.
+"""
+
+import math
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from haptic_device.analysis.exchange_search import engaged
+from haptic_device.law import complementarity, contact, coupling, engage, servo
+
+compiled = numba.njit(error_model="numpy")
+FEATURES = 4  # of the eight places
+OWN = 16  # genes of a feature
+MOVED, TOOL, AGES, LOST, WHOLE, FIRST = 0, 3, 9, 11, 12, 16  # handle; tool's place and velocity; mass, gravity, trust
+GENES = FIRST + FEATURES * OWN
+
+
+class Found(NamedTuple):
+    """Largest energy given [J]; of all paths tried the most that the books credited beyond the truth [J], how many
+    ticks the copy moved in, how many it stayed in; the path."""
+
+    energy: float
+    overcredit: float
+    moved: int
+    stayed: int
+    path: np.ndarray
+
+
+@compiled
+def energy_given(settings, memory, row, path, scale, loss, watched):
+    """Largest energy given [J] at any tick of a path's second half. scale: of handle moves and of places near it."""
+    record, one, period = row[0], memory[0], settings[0].period
+    position, given, most = np.zeros(3), 0.0, -np.inf
+    for k in range(len(path)):
+        genes = path[k]
+        record.latched = record.deadline = (k + 1) * period * 1e9
+        record.command, record.device_status = engage.ENABLE, servo.FRESH
+        for i in range(3):
+            record.counts[i] = np.round(position[i] / abs(settings[0].position_per_count[i]))
+        if k == 0 or not genes[LOST] < loss:
+            _tool(record, genes, scale, position, k)
+            _set(one, genes, scale, k)
+        record.tool_age += period
+        record.contact_age += period
+        servo.tick(settings[0], one, record)
+        watched[0] = max(watched[0], given + _booked(settings[0], one, record))
+        watched[1] += record.local
+        for i in range(3):
+            moved = genes[MOVED + i] * scale[0, i]
+            given += record.force_on_handle[i] * moved - settings[0].physical_damping[i] * moved * moved / period
+            position[i] += moved
+        if 2 * k >= len(path):
+            most = max(most, given)
+    watched[2] += one.stays + one.unsolved
+    return most
+
+
+@compiled
+def _booked(settings, memory, record):
+    """Energy [J] that the books say may still be given, or was shipped, less the budget."""
+    stored = memory.tank + memory.shipped - memory.returned - settings.exchange_budget
+    for i in range(3):
+        stretch = record.coupling_position[i] - record.position[i]
+        stored += coupling.spring_store(memory.spring[i], memory.clamp[i], stretch)
+    return stored
+
+
+@compiled
+def _tool(record, genes, scale, position, k):
+    record.tool_session, record.tool_contact = 1.0, 0.0
+    record.tool_answered = record.tool_sequence = k + 1.0
+    record.tool_age, record.contact_age = 0.003 * abs(genes[AGES]), 0.003 * abs(genes[AGES + 1])
+    for i in range(3):
+        record.tool_position[i] = position[i] + genes[TOOL + i] * 0.2 * scale[1, i]
+        record.tool_velocity[i] = genes[TOOL + 3 + i] * 0.1
+
+
+@compiled
+def _set(memory, genes, scale, k):
+    memory.near_number, memory.near_fresh, memory.near_extent = k + 1.0, 1.0, 0.0
+    memory.near_mass, memory.near_inertia = 0.1 * 10.0 ** (0.3 * genes[WHOLE]), 1e-4 * 10.0 ** (0.3 * genes[WHOLE])
+    memory.near_gravity[0], memory.near_gravity[1] = 10.0 * genes[WHOLE + 1], 10.0 * genes[WHOLE + 2]
+    memory.near_trust = 0.0 if genes[WHOLE + 3] > 2.5 else 10.0
+    for i in range(3):
+        memory.near_pose[i] = memory.copy[i]
+    for f in range(FEATURES):
+        _feature(memory, genes[FIRST + f * OWN :], scale, f)
+
+
+@compiled
+def _feature(memory, own, scale, f):
+    one, identity = memory.near[f], 1.0 + f + (FEATURES if own[0] > 1.0 else 0.0)
+    identity = 0.0 if own[0] < -1.5 else identity
+    if one[contact.IDENTITY] != identity:
+        memory.rows[f, complementarity.MODE] = complementarity.OPEN if identity > 0.0 else complementarity.UNUSED
+        memory.pushed[f], memory.shifted[f] = 0.0, 0.0
+    one[contact.IDENTITY], one[contact.GROUP] = identity, 1.0 if own[1] > 1.5 else 0.0
+    one[contact.KIND] = contact.ROUND if own[2] > 1.2 else (contact.FLAT_HERE if own[2] > 0.3 else contact.FLAT_THERE)
+    angle = math.pi * own[3]
+    one[contact.NORMAL_X], one[contact.NORMAL_Y] = math.cos(angle), math.sin(angle)
+    one[contact.TOOL_X], one[contact.TOOL_Y] = 0.05 * own[4], 0.05 * own[5]
+    c, s = math.cos(memory.copy[2]), math.sin(memory.copy[2])
+    near = 0.3 * own[6] * scale[1, 0]  # the gap, about
+    one[contact.POINT_X] = memory.copy[0] + 0.05 * (c * own[4] - s * own[5]) - near * one[contact.NORMAL_X]
+    one[contact.POINT_Y] = memory.copy[1] + 0.05 * (s * own[4] + c * own[5]) - near * one[contact.NORMAL_Y]
+    one[contact.RADIUS] = 0.005 * max(0.0, own[7]) if one[contact.KIND] != contact.ROUND else 1e-3 * abs(own[7])
+    one[contact.TOOL_RADIUS], one[contact.LOW], one[contact.HIGH] = 0.5 * one[contact.RADIUS], -0.01, 0.01
+    one[contact.FRICTION], one[contact.RESTITUTION] = max(0.0, own[8]), min(1.0, max(0.0, own[9]))
+    one[contact.VELOCITY_X], one[contact.VELOCITY_Y] = 0.3 * own[10], 0.3 * own[11]
+    one[contact.TURN_RATE], one[contact.MOBILITY] = 3.0 * own[12], 10.0 * max(0.0, own[13])
+    one[contact.SLIP_MOBILITY], one[contact.FORCE] = 10.0 * max(0.0, own[14]), 5.0 * own[15]
+
+
+def search(settings, ticks=120, evaluations=2000, loss=0.0, seed=0):
+    """Evolution strategy with one parent, one child and a step that adapts to success. settings: of three axes."""
+    random = np.random.default_rng(seed)
+    stretch = 5.0 / settings["stiffness"][0]
+    way = 2.5 * settings["period"][0] / settings["physical_damping"][0] * np.array([1.0, 1.0, 0.05])
+    scale = np.stack([way, stretch])
+    lost = -np.inf if loss <= 0.0 else float(np.quantile(random.normal(size=4000), loss))
+    best, score, size, watched = np.zeros((ticks, GENES)), -np.inf, 0.5, np.array([-np.inf, 0.0, 0.0])
+    for _ in range(evaluations):
+        child = np.clip(best + size * _change(random, ticks), -3.0, 3.0)
+        value = energy_given(settings, *engaged(), child, scale, lost, watched)
+        better = value > score
+        size = min(2.0, max(0.02, size * (1.5 if better else 0.97)))
+        best, score = (child, value) if better else (best, score)
+    return Found(score, float(watched[0]), int(watched[1]), int(watched[2]), best)
+
+
+def _change(random, ticks):
+    """A change of some genes over a stretch of ticks, smooth or tick by tick."""
+    wide = int(2.0 ** random.uniform(0.0, 5.0))
+    start, length = random.integers(0, ticks), int(2.0 ** random.uniform(0.0, np.log2(ticks)))
+    change = np.zeros((ticks, GENES))
+    rows = random.normal(size=(-(-length // wide), GENES)) * (random.random(GENES) < random.uniform(0.05, 0.6))
+    change[start : start + length] = np.repeat(rows, wide, axis=0)[: min(length, ticks - start)]
+    return change
