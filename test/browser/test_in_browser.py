@@ -299,8 +299,9 @@ def test_the_page_passes_the_accessibility_check_in_light_and_dark(system, chrom
 def test_a_finger_on_a_phone_leads_the_hand(system, chromium, listener):
     phone = Tab(chromium, 390, 844, has_touch=True, is_mobile=True)
     phone.page.goto(system.address)
-    phone.engage()
-    before = listener.truths[-1][1].position[4]
+    phone.until_text("state", "^engaged$")
+    phone.until("Number(document.documentElement.dataset.drawn) > 0")
+    before = listener.until(lambda: listener.truths)[-1][1].position[4]
     x, y = phone.middle()
     screen = phone.page.context.new_cdp_session(phone.page)
     screen.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
