@@ -117,3 +117,19 @@ def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
     FakeTap.waiting = {"scene": [types.SimpleNamespace(data="{no scene")]}
     feed.look()
     assert feed.scene is None and "cannot be read" in feed.problem and feed.frame()["tool"] is None
+
+
+def test_rubbish_on_the_topics_of_the_page_is_not_shown_and_harms_nothing(pressed, monkeypatch):
+    node = FakeNode()
+    Showing(node).show(*pressed, 0)
+    monkeypatch.setattr("haptic_sim.viewer.feed.Tap", FakeTap)
+    feed = Feed(None)
+    cut = types.SimpleNamespace(point_step=CONTACT.itemsize, data=bytes(CONTACT.itemsize + 1))
+    FakeTap.waiting = {"scene": node.said["scene"], "scene/state": [b"", b"\0" * 500], "scene/contacts": [cut]}
+    FakeTap.waiting["operator/state"] = [b""]
+    feed.look()
+    frame = feed.frame()
+    assert feed.scene and frame["contacts"] == [] and frame["tool"] is None and frame["handle"] is None
+    FakeTap.waiting = {"scene": [types.SimpleNamespace(data="[" * 100_000)]}
+    feed.look()
+    assert feed.scene is None and "cannot be read" in feed.problem

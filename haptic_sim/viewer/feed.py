@@ -114,7 +114,7 @@ class Feed:
     def _introduce(self, text):
         try:
             self.scene, self.problem = parse(json.loads(text), "scene"), ""
-        except (ValueError, SceneError) as error:
+        except (ValueError, RecursionError, SceneError) as error:
             self.scene, self.problem = None, f"the simulation's scene cannot be read: {error}"
         self._state_layout = JointLayout(state_names(self.scene), "haptic_world") if self.scene else None
         self.scene_number += 1
@@ -149,7 +149,7 @@ class Feed:
         return True
 
     def _read_contacts(self, cloud):
-        if cloud.point_step != CONTACT.itemsize:
+        if cloud.point_step != CONTACT.itemsize or len(cloud.data) % CONTACT.itemsize:
             return False
         self.contacts = [row.tolist() for row in np.frombuffer(cloud.data, CONTACT)]
         return True

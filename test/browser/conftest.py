@@ -175,10 +175,9 @@ class Tab:
 
 
 @pytest.fixture(scope="session")
-def tab(system, chromium):
-    """The first page, with control."""
+def tab(chromium, system):
+    """The first page, with control; `up` [s] when it was."""
     tab = Tab(chromium)
-    tab.opened = time.monotonic()
     tab.page.goto(system.address)
     tab.until("document.querySelectorAll('.tuned').length > 0")
     tab.up = time.monotonic()

@@ -34,9 +34,9 @@ def asked(address, path="", **headers):
     return connection.getresponse().status
 
 
-def test_the_page_is_up_soon_after_its_address_is_printed(system, tab, figure):
-    took = tab.up - tab.opened
-    figure("page up after it was asked for", f"<= {UP} s", f"{took:.2f} s")
+def test_the_page_is_up_soon_after_its_address_is_printed(tab, system, figure):
+    took = tab.up - system.printed
+    figure("page up after its address was printed", f"<= {UP} s", f"{took:.2f} s")
     assert took < UP + held_up()
 
 
@@ -84,14 +84,14 @@ def test_the_hand_follows_the_mouse_without_delay(tab, listener, figure):
     tab.page.mouse.move(x, y)
     tab.page.mouse.down()
     delays = []
-    for step in range(40):
+    for step in range(25):
         began = time.monotonic()
         tab.page.mouse.move(x + (4 if step % 2 else -4), y)
         delays.append(listener.until(lambda began=began: [at for at, _ in listener.targets if at > began])[0] - began)
         time.sleep(0.35)  # what has been reached is said again for 0.3 s
     tab.page.mouse.up()
     median = statistics.median(delays)
-    figure("mouse to hand target, median of 40", f"<= {1e3 * MOUSE:g} ms", f"{1e3 * median:.1f} ms")
+    figure("mouse to hand target, median of 25", f"<= {1e3 * MOUSE:g} ms", f"{1e3 * median:.1f} ms")
     assert median < MOUSE + held_up()
 
 
@@ -244,6 +244,7 @@ def test_a_second_operating_point_goes_along_as_a_ghost(tab):
     number.press("Enter")
     tab.until("/500 [|] 2000/.test(document.getElementById('compared').textContent)")
     push_down(tab)
+    tab.page.wait_for_timeout(1000.0)
     tab.shot("beside")
     tab.page.click("#compare_off")
     tab.until_text("compare_answer", "has ended")
@@ -274,23 +275,44 @@ def test_recording_starts_takes_a_mark_and_stops(system, tab):
     assert (bag / "metadata.yaml").is_file()
 
 
-@pytest.mark.parametrize("scheme", ("light", "dark"))
 @pytest.mark.parametrize("size", ((1280, 720), (390, 844)), ids=("desk", "phone"))
-def test_the_page_passes_the_accessibility_check(system, chromium, scheme, size, figure):
-    tab = Tab(chromium, *size, color_scheme=scheme, has_touch=size[0] < 800, is_mobile=size[0] < 800)
+def test_the_page_passes_the_accessibility_check_in_light_and_dark(system, chromium, size, figure):
+    tab = Tab(chromium, *size, has_touch=size[0] < 800, is_mobile=size[0] < 800)
     tab.page.goto(system.address)
     tab.until_text("state", "^engaged$")
     tab.until("Number(document.documentElement.dataset.drawn) > 0")
-    tab.shot(f"{scheme}_{size[0]}")
-    found = Axe().run(tab.page).response
-    serious = [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found["violations"]
-               if rule["impact"] in SERIOUS]  # fmt: skip
-    figure(f"axe, {scheme} at {size[0]}x{size[1]}: serious findings", "0", str(len(serious)))
-    assert serious == []
+    for scheme in ("light", "dark"):
+        tab.page.emulate_media(color_scheme=scheme)
+        tab.until(f"document.documentElement.dataset.theme == {scheme!r}")
+        found = Axe().run(tab.page).response
+        serious = [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found["violations"]
+                   if rule["impact"] in SERIOUS]  # fmt: skip
+        figure(f"axe, {scheme} at {size[0]}x{size[1]}: serious findings", "0", str(len(serious)))
+        assert serious == []
+        tab.shot(f"{scheme}_{size[0]}")
     wide = tab.page.evaluate("document.documentElement.scrollWidth")
     assert wide <= size[0], "nothing sticks out at the side"
     assert tab.complaints == []
     tab.page.close()
+
+
+def test_a_finger_on_a_phone_leads_the_hand(system, chromium, listener):
+    phone = Tab(chromium, 390, 844, has_touch=True, is_mobile=True)
+    phone.page.goto(system.address)
+    phone.until_text("state", "^engaged$")
+    phone.until("Number(document.documentElement.dataset.drawn) > 0")
+    before = listener.until(lambda: listener.truths)[-1][1].position[4]
+    x, y = phone.middle()
+    screen = phone.page.context.new_cdp_session(phone.page)
+    screen.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
+    for step in range(20):
+        screen.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": [{"x": x, "y": y + 4 * step}]})
+        time.sleep(0.02)
+    listener.until(lambda: listener.truths[-1][1].position[4] < before - 0.02)
+    phone.shot("phone")
+    screen.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    assert phone.complaints == [] and phone.page.evaluate("window.scrollY") == 0
+    phone.page.close()
 
 
 def test_the_console_had_no_complaint(tab):

@@ -95,7 +95,7 @@ function listed(declared, id, ask) {
   return { inputs: [input], show: (value) => (input.value = value.join(", ")) };
 }
 
-// One slider for a number that each wall has.
+// One slider for a number that each wall has; nothing where there is no wall.
 function sliderOfAll(declared, id, ask) {
   let count = 0;
   const made = slider(declared, id, (value) => ask(Array(count).fill(value)));
@@ -103,7 +103,7 @@ function sliderOfAll(declared, id, ask) {
     inputs: made.inputs,
     show: (values) => {
       count = values.length;
-      for (const input of made.inputs) input.hidden = !count;
+      made.inputs[0].parentElement.hidden = !count;
       if (count) made.show(values[0]);
     },
   };
