@@ -55,6 +55,12 @@ def test_what_is_packed_arrives_with_the_time_of_the_sample_it_answers(ends):
     assert found.table[2, contact.IDENTITY] == 4.0 and found.table[2, contact.NORMAL_X] == 1.0
 
 
+def test_a_set_has_the_length_at_which_it_arrives(ends):
+    """RTPS rounds a payload up to four bytes; one of another length than the driver's own is refused."""
+    port, driver = ends
+    assert len(packed(port)) % 4 == 0 and len(packed(port)) == len(driver.frame.template)
+
+
 def test_late_repeated_foreign_and_nonsensical_sets_are_refused_and_counted(ends):
     port, driver = ends
     assert driver.take(packed(port)) == contact.ACCEPTED

@@ -199,7 +199,8 @@ class CloudLayout:
         struct.pack_into("<I", data, self._width, len(records))
         for place in (self._row_step, self._size):
             struct.pack_into("<I", data, place, records.nbytes)
-        return b"".join((data, records.tobytes(), b"\1"))  # is_dense
+        whole = b"".join((data, records.tobytes(), b"\1"))  # is_dense
+        return whole + bytes(-len(whole) % 4)  # as it arrives: RTPS rounds a payload up to four bytes
 
 
 NEAR = np.dtype([(name, "f8") for name in contact.COMMON + contact.EACH])

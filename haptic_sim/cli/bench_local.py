@@ -25,7 +25,8 @@ SMOOTHED = 0.1  # [s] of the polynomial that drag and mass are read from
 DAMPING = 0.5  # [N s/m] B of the coupling
 SHARE = 0.95  # of the stiffness 2 (b − B)/T that the device covers
 FINE = 1e8  # counts per metre: what an encoder's step makes of a stiff spring is another matter (docs/passivity.md)
-NETWORKS = {"1 kHz": (Network(1e-3, seed=1), 1000.0), "100 Hz": (Network(1e-3, seed=1), 100.0),
+NETWORKS = {"1 kHz": (Network(1e-3, seed=1), 1000.0), "3 ms": (Network(3e-3, seed=1), 1000.0),
+            "100 Hz": (Network(1e-3, seed=1), 100.0),
             "20 ms, 10 % lost": (Network(0.02, 0.0, 0.1, 1), 1000.0)}  # fmt: skip
 GAINS = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
 TASKS = ("wall", "corner", "peg_in_hole", "wrench_on_nut", "push_block")
