@@ -11,7 +11,7 @@ from PIL import Image
 
 ROOT = Path(__file__).parents[1]
 SHOTS = ("peg", "wrench", "fault", "beside", "refused", "dark_1280", "phone")
-COLOURS = 128
+COLOURS = 256
 
 
 def main():
@@ -22,7 +22,7 @@ def main():
     for name in SHOTS:
         path = ROOT / "docs" / "figures" / f"viewer_{name}.png"
         shot = Image.open(taken / f"{name}.png").convert("RGB")
-        shot.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(path, optimize=True)
+        shot.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE).save(path, optimize=True)
         print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1024:.0f} KiB")
     return 0
 

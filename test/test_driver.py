@@ -90,6 +90,16 @@ def test_an_estop_latches_until_it_is_reset(display):
     assert display.trigger("enable") == (True, "enabled")
 
 
+def test_a_change_of_state_is_told_at_once_not_with_the_next_half_second(display):
+    delays = []
+    for name, state in 2 * [("enable", "engaged"), ("estop", "fault"), ("reset", "idle")]:
+        assert display.trigger(name)[0]
+        began = time.monotonic()
+        display.until(lambda state=state: display.said["haptic_driver"][-1][2]["state"] == state)
+        delays.append(time.monotonic() - began)
+    assert sorted(delays)[3] < 0.12 + held_up()
+
+
 def test_softer_gains_are_taken_while_it_runs_and_told_to_the_simulation(display):
     display.hear_handles()
     for stiffness in (500.0, 400.0):
