@@ -77,6 +77,7 @@ class Drawn:
         self.limits, self.rules, self.memory = limits, np.zeros(port.RULES), np.zeros(port.MEMORY)
         port.drive(self.rules, self.memory, *[(0.0, 0.0, 0.0)] * 3)  # compiled here, not in the first exchange
         self.memory[:] = 0.0
+        port.worst(0.0, 0.0, 1.0)
 
     def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
         """The handle, as near to the tool as limits and tank ask for."""
