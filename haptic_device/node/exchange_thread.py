@@ -77,8 +77,6 @@ class ExchangeThread:
         return np.percentile(known, (50, 99)) if len(known) else np.full(2, np.nan)
 
     def _run(self):
-        if self._realtime != "off":
-            clock.go_realtime("prefer", PRIORITY)
         row, gains, tool = np.zeros(1, servo.TICK), np.zeros(1, exchange.GAINS), np.zeros(1, loop.TOOL)
         mails = self._servo.row.words, self._servo.gains.words, self._servo.tool.words
         (self._run_rcl if self._path == "rcl" else self._run_rclpy)(mails, row, gains, tool)
@@ -97,13 +95,19 @@ class ExchangeThread:
                     watch, *mails, *records, near_handle.pointer if self._near is not None else 0, self.near_frame,
                     self._servo.near.words, near,
                 )  # fmt: skip
-                self._compiled.set()
+                self._get_ready()
         rcl.free(inbox)
+
+    def _get_ready(self):
+        """Urgent from here on; a thread that still compiles would keep a core from everybody for seconds."""
+        if self._realtime != "off" and not self._compiled.is_set():
+            clock.go_realtime("prefer", PRIORITY)
+        self._compiled.set()
 
     def _run_rclpy(self, mails, row, gains, tool):
         scratch, deadline, near = clock.scratch(), 0, np.zeros(1, contact.SET)
         exchange.next_handle(self.frame, self.state, mails[0], mails[1], row, gains, scratch)
-        self._compiled.set()
+        self._get_ready()
         while not self.watch[exchange.STOP]:
             now = int(clock.now_ns(scratch))
             if now >= deadline:

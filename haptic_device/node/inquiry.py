@@ -30,9 +30,13 @@ class Inquiry:
                 self._ask(name)
 
     def _ask(self, name: str) -> None:
-        self._forget(name)
-        listing = self._node.create_client(ListParameters, f"{name}/list_parameters")
-        getting = self._node.create_client(GetParameters, f"{name}/get_parameters")
+        """With the same clients each time: a node that was busy answers old requests too, and for each whose client has
+        gone rmw_fastrtps waits 100 ms, holding the interpreter of that node."""
+        if name not in self._asked:
+            listing = self._node.create_client(ListParameters, f"{name}/list_parameters")
+            getting = self._node.create_client(GetParameters, f"{name}/get_parameters")
+        else:
+            _, listing, getting = self._asked[name]
         self._asked[name] = time.monotonic(), listing, getting
         if listing.service_is_ready() and getting.service_is_ready():
             future = listing.call_async(ListParameters.Request())

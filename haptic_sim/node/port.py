@@ -48,6 +48,7 @@ class Port:
         self._near_layout, self._near = CloudLayout(NEAR), np.zeros(contact.MOST, NEAR)
         self._peer_session = self._peer_sequence = 0.0
         self._accepted_ns = 0
+        exchange.gains_hash(0.0, 0.0, 0.0, 0.0)  # compiled here, not with the first sample
 
     def take(self, data: bytes, now_ns: int) -> Question | None:
         """The question in a message that arrived at `now_ns` (own monotonic clock), or None: refused and counted."""
