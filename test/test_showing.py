@@ -7,6 +7,7 @@ import types
 import numpy as np
 import pytest
 
+from haptic_device.analysis.cdr import cloud_layout, cloud_records
 from haptic_device.node.tap import Sample
 from haptic_device.node.wire import JointLayout
 from haptic_sim.node.showing import CONTACT, PERIOD_NS, Showing, state_names
@@ -78,7 +79,8 @@ def test_contacts_carry_the_force_that_holds_the_tool_up(pressed):
     simulation, handle = pressed
     node = FakeNode()
     Showing(node).show(simulation, handle, 0)
-    rows = np.frombuffer(bytes(node.said["scene/contacts"][0])[:-1], np.uint8)[-CONTACT.itemsize :].view(CONTACT)
+    message = bytes(node.said["scene/contacts"][0])
+    rows = np.frombuffer(cloud_records(cloud_layout(message), message), CONTACT)
     [contact] = simulation.method.contacts()[-1:]
     assert (rows["body_a"][0], rows["body_b"][0]) == (0.0, 1.0)
     assert (rows["force_x"][0], rows["force_y"][0]) == contact.force_on_a and rows["force_y"][0] > 0.0
