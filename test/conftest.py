@@ -13,7 +13,9 @@ from haptic_device.runtime.process import die_with_parent
 
 # Read when numpy is first imported: its matrices here are small, and on a busy machine threads wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# No deadline: the first call of a kernel may compile it. The same draws each time: no test is a lottery.
+# No deadline: the first call of a kernel may compile it. The same draws each time, so that no test is a lottery; others
+# with `pytest --hypothesis-profile=search`.
+hypothesis.settings.register_profile("search", deadline=None)
 hypothesis.settings.register_profile("project", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("project")
 

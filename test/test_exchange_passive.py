@@ -55,7 +55,7 @@ def test_no_path_is_found_that_the_tank_is_credited_too_much_for(method, limit, 
         assert adversary.search(given, against, evaluations=1000, seed=3).overcredit <= 1e-9
 
 
-@settings(max_examples=20)
+@settings(max_examples=60)
 @given(
     method=st.sampled_from(PASSIVE),
     seed=st.integers(0, 2**32),
