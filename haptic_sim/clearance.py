@@ -12,7 +12,7 @@ Three habits of FCL (its libccd solver) are kept away from:
 * Faces in one plane tie its choice of the farthest point, and one aligned pair in two hundred comes out too far: the
   two prisms end at four different heights.
 So 36 000 pairs, random, aligned, coincident, touching, agreed with an independent calculation to 2e-15 of their size.
-Not mended: faces turned by 1e-9 to 1e-5 rad against each other, where one gap in fifty comes out too wide, by up to 2e-6
+Not mended: faces turned by 1e-9 to 1e-5 rad against each other, where one gap in fifty is too wide, by up to 2e-6
 of the size. Overlaps, and whether there is one, are of the separating axes and exact there too.
 """
 
