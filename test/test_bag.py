@@ -3,6 +3,7 @@
 
 import errno
 import os
+import resource
 
 import numpy as np
 import pytest
@@ -114,6 +115,26 @@ def test_a_full_disk_keeps_every_whole_chunk_in_a_bag_that_opens(tmp_path_factor
         assert values_by_rosbags(folder) == list(range(kept))
     with open(folder / "bag_0.mcap", "rb") as stream:
         assert make_reader(stream, validate_crcs=True).get_summary().statistics.message_count == kept
+
+
+@settings(deadline=None, max_examples=15)
+@given(limit=st.integers(30_000, 200_000))
+def test_a_file_that_may_not_grow_gives_chunks_up_for_its_index(tmp_path_factory, limit):
+    folder = tmp_path_factory.mktemp("limit") / "bag"
+    bag = Bag(folder)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            fill(bag, 2000)
+        bag.abandon({"namespace": "/haptic"})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert bag.messages > 0 and information(folder)["message_count"] == bag.messages
+    assert values_by_rosbags(folder) == list(range(bag.messages))
+    assert 2 * (folder / "bag_0.mcap").stat().st_size > limit
+    with open(folder / "bag_0.mcap", "rb") as stream:
+        assert make_reader(stream, validate_crcs=True).get_summary().statistics.message_count == bag.messages
 
 
 @settings(deadline=None, max_examples=25)

@@ -12,7 +12,7 @@ from pathlib import Path
 from rosbags.typesys import Stores, get_typestore
 
 from haptic_device.node.bag_file import BagFile
-from haptic_device.node.bag_index import complete
+from haptic_device.node.bag_index import Index, complete, scan, summary
 from haptic_device.node.bag_information import FileSpan, dump, information, write_metadata
 
 RESERVE_BYTES = 4 * 2**20  # given back when the disk is full, so that there is room to end the bag
@@ -85,18 +85,23 @@ class Bag:
         write_metadata(self.folder, content)
 
     def abandon(self, custom_data: dict[str, str]) -> None:
-        """Ends a bag that the disk no longer takes: with the chunks that are on it, in the room held in reserve."""
+        """Ends a bag that the disk no longer takes: with the chunks that are on it, in the room held in reserve.
+
+        Raises OSError if not even an index of nothing finds room.
+        """
         (self.folder / RESERVE).unlink(missing_ok=True)
         self._file.close()
-        size, counts, files = self._kept
+        size, before, files = self._kept
         for file in self._files[len(files) :]:  # one that the disk had no room to begin
             (self.folder / file.name).unlink(missing_ok=True)
-        self._files, self._counts = files, counts + [0] * (len(self._topics) - len(counts))
-        os.truncate(self.folder / files[-1].name, size)
-        complete(self.folder / files[-1].name)
+        index = _complete(self.folder / files[-1].name, size)
+        before = before + [0] * (len(self._topics) - len(before))  # topics that came after the file's beginning
+        self._files = [*files[:-1], index.span]
+        self._counts = [count + index.counts.get(channel, 0) for channel, count in enumerate(before, start=1)]
         write_metadata(self.folder, information(self._files, self._topics, self._counts, custom_data))
 
     def _begin_file(self) -> None:
+        self._before = list(self._counts)
         self._files.append(FileSpan(f"{self.folder.name}_{len(self._files)}.mcap"))
         self._schemas: dict[str, int] = {}
         self._file = BagFile(self.folder / self._files[-1].name)
@@ -109,7 +114,7 @@ class Bag:
     def _keep(self) -> None:
         """What is on the disk now stays, whatever happens next."""
         self._files[-1] = self._file.span
-        self._kept = self._file.size, list(self._counts), list(self._files)
+        self._kept = self._file.size, self._before, list(self._files)
 
     def _register(self, topic: dict) -> int:
         metadata = {
@@ -129,6 +134,20 @@ class Bag:
             definition, _ = self._types.generate_msgdef(type_name, ros_version=2)
             self._schemas[type_name] = self._file.add_schema(type_name, definition.encode())
         return self._schemas[type_name]
+
+
+def _complete(path: Path, size: int) -> Index:
+    """Completes the file's first `size` bytes; where the disk has no room for an index, chunks at the end make it."""
+    while True:
+        os.truncate(path, size)
+        try:
+            return complete(path)
+        except OSError:
+            with open(path, "rb") as stream:
+                index = scan(stream, path.name)
+            if not index.chunks:
+                raise
+            size = index.data_end - len(summary(index))
 
 
 def _prepare(folder: Path) -> None:
