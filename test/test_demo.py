@@ -75,9 +75,11 @@ def test_the_peg_goes_into_the_hole_and_every_figure_is_reported(tmp_path):
 
 
 def before_it_can_be(recording):
-    """Ticks up to the first snapshot; none if the recorder heard the servo from its first tick on."""
-    ticks = recording.trace["tick"]
-    return 0 if ticks[0] == 0 else int(np.searchsorted(ticks, recording.clouds["snapshot"]["tick"][0], side="right"))
+    """Ticks up to the first snapshot within the trace; none if the recorder heard the servo from its first tick on."""
+    ticks, snapshots = recording.trace["tick"], recording.clouds["snapshot"]["tick"]
+    if ticks[0] == 0:
+        return 0
+    return int(np.searchsorted(ticks, snapshots[snapshots >= ticks[0] - 1].min(), side="right"))
 
 
 def running(processes):
