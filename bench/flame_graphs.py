@@ -8,6 +8,7 @@ Python that runs once a tick or once an exchange.
 """
 
 import contextlib
+import re
 import shutil
 import subprocess
 import sys
@@ -46,6 +47,7 @@ def main(out, seconds=10, scene="peg_in_hole"):
             file = out / f"{name}.svg"
             subprocess.run(["py-spy", "record", "--nonblocking", "--threads", "-r", "500", "-d", str(seconds),
                             "-o", file, "-p", str(nodes.pid(name))], check=True, capture_output=True)  # fmt: skip
+            file.write_text(re.sub(r"py-spy record [^<]*", f"{name}, {seconds} s, {scene}", file.read_text()))
             print(file)
 
 
