@@ -103,6 +103,7 @@ def test_a_page_with_control_is_obeyed_and_one_that_looks_on_is_not():
 BAD = ('{"do": "aim", "x": NaN}', '{"do": "aim", "x": Infinity}', '{"do": "aim", "x": 1e999}', '{"do": "aim"}', "{",
        '{"do": "aim", "x": "1"}', '{"do": "aim", "x": true}', "[]", "null", "[" * 3000, '{"do": ["aim"]}',
        '{"do": "trigger"}', '{"do": "set", "name": 1, "value": 2}', '{"do": "record", "on": 1}',
+       '{"do": "aim", "x": ' + "9" * 400 + "}", '{"do": "set", "name": "a", "value": 1e300}',
        '{"do": "_prepare"}', '{"do": "mark", "text": "' + "a" * 300 + '"}')  # fmt: skip
 
 

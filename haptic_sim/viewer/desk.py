@@ -12,24 +12,27 @@ from haptic_device.node.wire import LATEST, TRACE, JointState, String
 from haptic_sim.viewer import tuned, wishes
 from haptic_sim.viewer.feed import Feed
 from haptic_sim.viewer.hand import Hand, Limits
-from haptic_sim.viewer.services import Services
+from haptic_sim.viewer.services import ANSWER, ATTEMPTS, Services
 from haptic_sim.viewer.stage import DRIVER, LOOPBACK, SIMULATION, Stage
 
 RECORDER = "haptic_recorder"
 UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
 CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
+STOPPING = ("estop", "disable")
 BAG = 20.0  # s that a recorder may take to open or close a bag
 
 
 class Desk:
     """Owns the hand and the services. `values` are the nodes' parameters as last polled: {node: {name: value}}.
 
+    held_off: whether a page has said that the motor shall be off.
+
     company: the nodes, where they are this process's to start again; else None.
     """
 
     def __init__(self, node, feed: Feed, speeds: tuple[float, float], company=None):
         self.feed, self.services, self.hand, self._company = feed, Services(node), Hand(), company
-        self.values, self.device, self.problem, self._held_off = {}, None, "", False
+        self.values, self.device, self.problem, self.held_off = {}, None, "", False
         self.stage = Stage(self)
         self._speeds, self._asked_device = speeds, None
         self._target = node.create_publisher(JointState, "operator/target", LATEST)
@@ -44,7 +47,7 @@ class Desk:
     @property
     def driving(self) -> bool:
         """Whether the motor is on, or waits for a small force, and no page has said otherwise."""
-        return not self._held_off and self.feed.said(DRIVER, "state", "idle") not in ("idle", "fault")
+        return not self.held_off and self.feed.said(DRIVER, "state", "idle") not in ("idle", "fault")
 
     @property
     def limits(self) -> Limits:
@@ -63,12 +66,13 @@ class Desk:
         return await self._does[wish["do"]](wish)
 
     async def poll(self) -> None:
-        """Asks the nodes for their parameters; nodes that do not answer keep none."""
+        """Asks the nodes for their parameters; nodes that are not heard any more keep none."""
         for node, declared in tuned.NODES.items():
             try:
                 self.values[node] = await self.services.get(node, [parameter.name for parameter in declared])
             except ValueError:
-                self.values.pop(node, None)
+                if node not in self.feed.statuses:
+                    self.values.pop(node, None)
         named = self.values.get(DRIVER, self.values.get(LOOPBACK, {})).get("device")
         if named and named != self._asked_device:
             self._asked_device = named
@@ -122,8 +126,14 @@ class Desk:
         if wish["service"] not in wishes.TRIGGERS:
             raise ValueError(f"{wish['service']} is none of {', '.join(wishes.TRIGGERS)}")
         if wish["service"] != "reset":
-            self._held_off = wish["service"] != "enable"
-        return await self.services.trigger(f"{DRIVER}/{wish['service']}")
+            self.held_off = wish["service"] != "enable"
+        return await self.order(wish["service"])
+
+    async def order(self, service: str) -> str:
+        """enable, disable, estop or reset of the driver. Only what stops is asked for again and again: a late second
+        request to go would undo a stop that came after the first."""
+        again = () if service in STOPPING else (1, ATTEMPTS * ANSWER)
+        return await self.services.trigger(f"{DRIVER}/{service}", *again)
 
     async def _set(self, wish):
         value = tuned.typed(wish["name"], wish["value"])

@@ -23,9 +23,9 @@ class Guard:
 
     def may_control(self, token: str) -> bool:
         """Whether this token gives control; PermissionError if it is none of ours."""
-        if hmac.compare_digest(token.encode(), self.control.encode()):
+        if hmac.compare_digest(token.encode(errors="replace"), self.control.encode()):
             return True
-        if hmac.compare_digest(token.encode(), self.look.encode()):
+        if hmac.compare_digest(token.encode(errors="replace"), self.look.encode()):
             return False
         raise PermissionError("this address has no valid token; take the one that haptic view printed")
 

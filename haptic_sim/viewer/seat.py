@@ -11,7 +11,10 @@ from haptic_sim.viewer import wishes
 
 UNSEEN = 3  # frames on their way to a page that has not said that it has seen them
 GIVEN_UP = 1.0  # s after which frames go out again to a page that says nothing: hidden tabs do not draw
-HINT_PERIOD = 1.0  # s between two hints of the same kind
+HINT_PERIOD = 1.0  # s between two hints
+EXCESS = 0.01  # s that a page which says too much has to wait
+MOST_BUSY = 32  # things that a page has asked for and that are not done
+STOP = '"estop"'  # a message with this is always heard
 
 
 class Seat:
@@ -45,8 +48,7 @@ class Seat:
         try:
             await self._receive()
         finally:
-            for task in (sending, *self._busy):
-                task.cancel()
+            sending.cancel()  # what the page asked for goes on: nodes that are started again, an e-stop above all
 
     async def _send(self):
         while True:
@@ -68,7 +70,8 @@ class Seat:
         async for message in self._socket:
             if message.type is not WSMsgType.TEXT:
                 self._hint("a message is not text")
-            elif not flood.allows(time.monotonic()):
+            elif not flood.allows(time.monotonic()) and STOP not in message.data:
+                await asyncio.sleep(EXCESS)
                 self._hint(f"more than {wishes.MOST_PER_SECOND} messages a second: some are ignored")
             else:
                 self._take(message.data)
@@ -83,6 +86,9 @@ class Seat:
             return
         if wish["do"] == "seen":
             self.seen, self._last_seen = min(self.sent, max(self.seen, wish["frame"])), time.monotonic()
+            return
+        if len(self._busy) >= MOST_BUSY and STOP not in text:
+            self._hint(f"{MOST_BUSY} things are being done already: {wish['do']} is ignored")
             return
         task = asyncio.create_task(self._answer(wish))
         self._busy.add(task)

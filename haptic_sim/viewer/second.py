@@ -5,6 +5,7 @@ The viewer sends lines of JSON, first the system, then where the hand's target i
 everything is for each. The process runs niced: it may fall behind, and then says so; nothing waits for it.
 """
 
+import contextlib
 import json
 import os
 import subprocess
@@ -47,7 +48,8 @@ class Second:
         self._process.kill()
         self._process.wait()
         for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
-            stream.close()
+            with contextlib.suppress(OSError):  # what it had not read yet
+                stream.close()
 
     def _say(self, content):
         try:
@@ -64,6 +66,7 @@ class Second:
                     self.problem = answer["refusal"]
                 else:
                     self.latest, self._answered = answer, self._answered + 1
+            self.problem = self.problem or "the second operating point has ended"
         except ValueError:
             return  # closed
 

@@ -94,11 +94,12 @@ class Server:
             self.guard.check_origin(request.headers.get("Origin"), request.headers.get("Host", ""))
         except PermissionError as refusal:
             return web.Response(status=403, text=f"{refusal}\n")
-        if len(self.seats) >= MOST_PAGES:
+        control = self.guard.may_control(_token(request))
+        if sum(seat.control == control for seat in self.seats) >= MOST_PAGES:
             return web.Response(status=503, text=f"{MOST_PAGES} pages are open already\n")
         socket = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=5.0, compress=False)
         await socket.prepare(request)
-        seat = Seat(socket, self.guard.may_control(_token(request)), self._do)
+        seat = Seat(socket, control, self._do)
         self.seats.append(seat)
         try:
             self._welcome(seat)
@@ -109,4 +110,4 @@ class Server:
 
 
 def _token(request):
-    return request.path.split("/")[1]
+    return (request.path.split("/") + [""])[1]

@@ -6,6 +6,7 @@ import json
 import time
 
 from haptic_device.device import AXES
+from haptic_device.share import names
 from haptic_sim.scene import load
 from haptic_sim.viewer.second import Second
 
@@ -24,6 +25,9 @@ class Stage:
 
     async def load(self, wish: dict) -> str:
         """Another scene."""
+        offered = (*names("scenes"), self._desk.values.get(SIMULATION, {}).get("scene"))
+        if wish["name"] not in offered:
+            raise ValueError(f"{wish['name']} is none of the scenes that the page offers")
         load(wish["name"])
         return await self._enter({"scene": wish["name"]})
 
@@ -42,8 +46,10 @@ class Stage:
             return "the second operating point has ended"
         self._second = second = Second(self._system())
         end = time.monotonic() + READY
-        while second.latest is None and not second.problem and time.monotonic() < end:
+        while self._second is second and second.latest is None and not second.problem and time.monotonic() < end:
             await asyncio.sleep(0.05)
+        if self._second is not second:
+            raise ValueError("the second operating point was ended meanwhile")
         if second.latest is None:
             self.close()
             raise ValueError(second.problem or f"the second operating point was not ready within {READY:g} s")
@@ -77,12 +83,13 @@ class Stage:
             raise ValueError("the scene is being changed already")
         async with self._changing:
             driven = self._desk.driving
-            await self._quietly("disable")
+            if driven:
+                await self._desk.order("disable")
             await self._lead_to_start(change.get("scene"))
             try:
                 said = await self._change(change)
             finally:
-                if driven:
+                if driven and not self._desk.held_off:
                     await self._quietly("enable")
             await self._desk.poll()
         if self._second is not None and change:
@@ -119,7 +126,7 @@ class Stage:
 
     async def _quietly(self, service):
         try:
-            await self._desk.services.trigger(f"{DRIVER}/{service}")
+            await self._desk.order(service)
         except ValueError:
             return
 

@@ -24,12 +24,13 @@ _FIELDS = {  # what each wish carries: name → kind
 }
 FREE = ("seen",)  # what a page without control may say
 _TEXT = 200
+LARGEST = 2.0**53  # a number beyond it is none that a page means
 
 
 def parse(text: str) -> dict:
     """The wish in a message: {"do": …, fields}. Raises ValueError, one sentence."""
     try:
-        wish = json.loads(text, parse_constant=_refuse)
+        wish = json.loads(text, parse_constant=_refuse, parse_int=_whole, parse_float=_number)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"a message is not JSON ({error})") from None
     if not isinstance(wish, dict) or not isinstance(wish.get("do"), str) or wish["do"] not in _FIELDS:
@@ -53,6 +54,16 @@ def _aim(wish):
     if not given:
         raise ValueError("aim names none of x, y, theta")
     return {"do": "aim", **{axis: float(value) for axis, value in given.items()}}
+
+
+def _number(text):
+    value = float(text)
+    return value if abs(value) < LARGEST else _refuse(text[:20])
+
+
+def _whole(text):
+    value = int(text)
+    return value if abs(value) < LARGEST else _refuse(text[:20])
 
 
 def _refuse(constant):
