@@ -98,6 +98,8 @@ def write_run(folder: Path, rows: np.ndarray, block: int = 80, namespace: str = 
         part = rows[start : start + block]
         now = int(part["deadline"][-1]) + BOOT_TO_EPOCH
         bag.write(channel["trace"], cloud(part), now, now, number + 1)
+        if number % 10 == 9:
+            bag.flush()
     for row in rows[::TICKS_PER_EXCHANGE]:
         _write_exchange(bag, channel, row)
     bag.write(channel["diagnostics"], diagnostics("haptic_simulation", SAID), now, now, 1)

@@ -82,8 +82,8 @@ def test_contacts_carry_the_force_that_holds_the_tool_up(pressed):
     message = bytes(node.said["scene/contacts"][0])
     rows = np.frombuffer(cloud_records(cloud_layout(message), message), CONTACT)
     [contact] = simulation.method.contacts()[-1:]
-    assert (rows["body_a"][0], rows["body_b"][0]) == (0.0, 1.0)
-    assert (rows["force_x"][0], rows["force_y"][0]) == contact.force_on_a and rows["force_y"][0] > 0.0
+    assert (rows["body_a"][-1], rows["body_b"][-1]) == (0.0, 1.0)
+    assert (rows["force_x"][-1], rows["force_y"][-1]) == contact.force_on_a and rows["force_y"][-1] > 0.0
 
 
 def test_the_scene_is_said_once_and_anew_when_it_is_another():
