@@ -19,7 +19,7 @@ from haptic_sim.cli.commands import Commands
 from haptic_sim.cli.processes import NAMESPACE
 
 LOOK_PERIOD = 0.004  # s
-HAND_SPEED = 0.05  # [m/s] with which the hand's target moves; at 0.1 a touch alone changes force by 0.56 N/ms
+HAND_SPEED = 0.1  # [m/s] with which the hand's target moves; a slow hand brings the exchange little energy
 COLUMNS = (
     "tick", "deadline", "latched", "missed", "command", "tool_age", "exchange_fade", "engage", "state", "fault",
     "force_on_handle", "motor", "margin", "lateness",
