@@ -12,7 +12,7 @@ import numpy as np
 
 from haptic_device import operating
 from haptic_device.device import load_device
-from haptic_device.law import engage, servo
+from haptic_device.law import engage, fault, servo
 from haptic_device.law.exchange import METHODS
 from haptic_device.node.declared import NODES
 
@@ -26,7 +26,7 @@ def run(settings, memory, row, ticks):
     for k in range(ticks):
         phase = 0.001 * k
         record.latched = record.deadline = (k + 1) * 250_000.0
-        record.command, record.device_status = engage.ENABLE, servo.FRESH
+        record.command, record.device_status = engage.ENABLE, fault.FRESH
         record.counts[0], record.counts[1] = np.round(4000.0 * np.cos(phase)), np.round(4000.0 * np.sin(phase))
         record.tool_age += 250e-6
         if k % 4 == 0:

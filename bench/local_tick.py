@@ -14,7 +14,7 @@ import numpy as np
 
 from haptic_device import operating
 from haptic_device.device import load_device
-from haptic_device.law import contact, engage, local, servo
+from haptic_device.law import contact, engage, fault, local, servo
 from haptic_device.law.exchange import METHODS
 from haptic_device.node.declared import NODES
 from haptic_device.runtime import clock
@@ -29,7 +29,7 @@ def run(settings, memory, row, near, times, pivots):
     for k in range(times.size):
         phase = 0.003 * k
         record.latched = record.deadline = (k + 1.0) * PERIOD_NS
-        record.command, record.device_status = engage.ENABLE, servo.FRESH
+        record.command, record.device_status = engage.ENABLE, fault.FRESH
         record.counts[0], record.counts[1] = np.round(400.0 * np.sin(phase)), np.round(200.0 * np.sin(1.7 * phase))
         record.counts[2] = np.round(800.0 * np.sin(2.3 * phase))
         record.tool_session, record.tool_answered, record.tool_sequence, record.tool_age = 1.0, k + 1.0, k + 1.0, 1e-3

@@ -10,7 +10,7 @@ from lockstep_systems import device, values
 from haptic_device import operating
 from haptic_device.analysis import exchange_search as adversary
 from haptic_device.device import load_device
-from haptic_device.law import coupling, engage, servo
+from haptic_device.law import coupling, engage, fault, servo
 from haptic_sim.lockstep import PERFECT, Lockstep
 from haptic_sim.scene import load
 from haptic_sim.simulation import HandleSample, Simulation
@@ -63,7 +63,7 @@ def reference(method, late, seconds=6.0):
         taken -= force * (position - before)
         before = position
         record["latched"] = record["deadline"] = (k + 1) * 1e6
-        record["command"], record["device_status"], record["counts"][0] = 1.0, servo.FRESH, position * 1e9
+        record["command"], record["device_status"], record["counts"][0] = 1.0, fault.FRESH, position * 1e9
         if len(coming) > late:
             sequence, tool = coming.popleft()
             record["tool_session"], record["tool_sequence"], record["tool_answered"] = 1.0, sequence, sequence
@@ -82,9 +82,10 @@ def reference(method, late, seconds=6.0):
     return float(np.mean(errors[2000:])), taken
 
 
-def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, ticks=160):
+def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, missed=0.0, ticks=160):
     """Most [J] that budget and books of three axes lie above the truth, for a hand that half of the time follows the
-    force, and wild tool samples. scale: the device's; wall: stiffness of one at x = 0 beside the coupling.
+    force, and wild tool samples. scale: the device's; wall: stiffness of one at x = 0 beside the coupling;
+    missed: share of the ticks that do not happen.
     """
     random, settings = np.random.default_rng(seed), three_axes(method, scale, limit, wall)
     memory, row = adversary.engaged()
@@ -94,11 +95,13 @@ def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, ti
     place, way, given, most, wide = np.zeros(3), np.zeros(3), 0.0, -np.inf, int(2.0 ** random.uniform(0.0, 5.0))
     for k in range(ticks):
         place = place + way
-        record["latched"] = record["deadline"] = (k + 1) * period * 1e9
-        record["command"], record["device_status"], record["counts"] = engage.ENABLE, servo.FRESH, np.round(place * 1e9)
-        _wild_sample(record, random, k, unit)
-        servo.tick(settings[0], memory[0], record)
-        most = max(most, given + _books(settings[0], memory[0], record))
+        if k == 0 or random.random() >= missed:
+            record["latched"] = record["deadline"] = (k + 1) * period * 1e9
+            record["command"], record["device_status"] = engage.ENABLE, fault.FRESH
+            record["counts"] = np.round(place * 1e9)
+            _wild_sample(record, random, k, unit)
+            servo.tick(settings[0], memory[0], record)
+            most = max(most, given + _books(settings[0], memory[0], record))
         if k % wide == 0:
             way = random.normal(size=3) * step
         if random.random() < 0.5:

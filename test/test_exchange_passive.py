@@ -62,10 +62,13 @@ def test_no_path_is_found_that_the_tank_is_credited_too_much_for(method, limit, 
     scale=st.sampled_from([(1.0, 1.0), (2.0, 0.5), (0.5, 2.0)]),
     limit=st.sampled_from([2.0, 20.0]),
     reach=st.sampled_from([0.3, 1.0, 3.0]),
-    wall=st.sampled_from([0.0, 1000.0]),
+    beside=st.sampled_from([(0.0, 0.0), (1000.0, 0.0), (0.0, 0.1), (0.0, 0.5)]),
 )
-def test_nor_in_three_axes_with_a_scaled_device_beside_a_wall(method, seed, scale, limit, reach, wall):
-    assert credited(method, seed, scale, limit, reach, wall) <= 1e-9
+def test_nor_in_three_axes_with_a_scaled_device_beside_a_wall_or_with_missed_ticks(
+    method, seed, scale, limit, reach, beside
+):
+    wall, missed = beside  # what a wall of the servo gives over a missed tick is the observer's business
+    assert credited(method, seed, scale, limit, reach, wall, missed) <= 1e-9
 
 
 @pytest.mark.parametrize("method", PASSIVE)
@@ -82,7 +85,7 @@ def held_still(given, ages):
     (memory, row), step = adversary.engaged(), given["position_per_count"][0, 0]
     for k, age in enumerate([0.0, *ages]):
         row["latched"] = row["deadline"] = (k + 1) * given["period"][0] * 1e9
-        row["command"], row["device_status"], row["counts"][0] = engage.ENABLE, servo.FRESH, round(-0.004 / step)
+        row["command"], row["device_status"], row["counts"][0] = engage.ENABLE, fault.FRESH, round(-0.004 / step)
         row["tool_session"], row["tool_answered"], row["tool_contact"], row["tool_age"] = 1.0, k + 1.0, 1.0, age
         servo.tick(given[0], memory[0], row[0])
         if k == 0:
@@ -218,12 +221,59 @@ def test_counts_that_are_old_pay_nothing_back_and_let_nothing_rise(enabled):
     assert row["engage"][0] == pytest.approx(0.5 + given["period"][0] / given["engage_time"][0] if enabled else 0.0)
 
 
+@pytest.mark.parametrize("way", [-0.02, 0.02])
+def test_a_device_that_cut_its_motor_leaves_neither_debt_nor_credit_however_the_handle_moved_since(way):
+    given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
+    memory, row, before = pressed(given)
+    after(given, memory, row, 0.4, way, fault.FRESH | fault.WATCHDOG)
+    assert row["fault"][0] == fault.DEVICE_WATCHDOG and not row["motor"].any()
+    assert before > 0.0 and memory["tank"][0] == 0.0 and memory["spring"][0, 0] == 0.0
+
+
+def test_one_that_did_not_cut_it_pays_for_what_the_force_gave_over_the_hold_and_is_paid_for_what_it_took():
+    for way in (-1e-3, 1e-3):
+        given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
+        memory, row, before = pressed(given)
+        stored, force = energy(memory, row), row["force_on_handle"][0, 0]
+        after(given, memory, row, 0.01, way, fault.FRESH)
+        gained = before + stored - memory["tank"][0] - energy(memory, row)
+        drag = given["physical_damping"][0, 0] * way * way / 0.01
+        hidden = 0.1 * abs(force * way)
+        assert 0.0 <= gained - (force * way - drag) < hidden
+
+
+def test_steady_motion_through_a_late_tick_costs_what_the_spring_may_gain_not_what_any_damper_could():
+    given, speed, late = one_axis("pspm", 2000.0, 2.0, 0.25e-3), 0.1, 0.01
+    memory, row, _ = pressed(given)
+    for _ in range(5):
+        after(given, memory, row, given["period"][0], -speed * given["period"][0], fault.FRESH)
+    before = memory["tank"][0] + energy(memory, row)
+    after(given, memory, row, late, -speed * late, fault.FRESH)
+    assert before - memory["tank"][0] - energy(memory, row) <= 0.0  # the hand paid for it
+    assert 2.0 / given["period"][0] * (speed * late) ** 2 > 5e-3  # any damper of 2 N s/m could
+
+
+def energy(memory, row):
+    """In the coupling's spring [J]."""
+    stretch = memory["set"][0, 0] - row["position"][0, 0]
+    return coupling.spring_store(memory["spring"][0, 0], memory["clamp"][0, 0], stretch)
+
+
+def after(given, memory, row, time, way, status):
+    """One tick that comes a time [s] after the last, with the handle moved by a way [m]."""
+    row["latched"] += time * 1e9
+    row["deadline"], row["device_status"] = row["latched"], status
+    row["counts"][0, 0] += round(way / given["position_per_count"][0, 0])
+    row["tool_answered"] += 1.0
+    servo.tick(given[0], memory[0], row[0])
+
+
 def pressed(given):
     """Memory and row of a servo whose spring has been paid for, and its tank [J]."""
     (memory, row), step = adversary.engaged(), given["position_per_count"][0, 0]
     for k in range(3):
         row["latched"] = row["deadline"] = (k + 1) * given["period"][0] * 1e9
-        row["command"], row["device_status"], row["counts"][0] = engage.ENABLE, servo.FRESH, round(-0.004 / step)
+        row["command"], row["device_status"], row["counts"][0] = engage.ENABLE, fault.FRESH, round(-0.004 / step)
         row["tool_session"], row["tool_answered"], row["tool_contact"] = 1.0, k + 1.0, 1.0
         if k == 1:
             memory["set"][0, 0], memory["tank"], memory["stretched"][0, 0] = 0.0, 0.02, 0.004

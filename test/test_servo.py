@@ -28,7 +28,7 @@ class Servo:
         given = {"exchange__method": "direct"} | given  # the tool as it is; the other methods have tests of their own
         self.settings = operating.settings_from(self.device, values("haptic_driver", **given))
         self.memory, self.now, self.command = np.zeros(1, servo.MEMORY), 10**12, engage.ENABLE
-        self.inputs = {"tool_age": -1.0, "device_status": servo.FRESH}
+        self.inputs = {"tool_age": -1.0, "device_status": fault.FRESH}
         self.position = np.zeros(3)
         self.rows = []
         if settled:
@@ -198,7 +198,7 @@ def _device_silent(runner):
 
 
 def _device_watchdog(runner):
-    return runner.tick(device_status=servo.WATCHDOG)
+    return runner.tick(device_status=fault.WATCHDOG)
 
 
 def _encoder_jump(runner):
@@ -310,7 +310,7 @@ def test_a_motor_may_hold_its_duty_for_ever_and_a_little_more_until_it_is_warm(s
 
 def test_a_cut_motor_is_no_fault_before_the_servo_has_engaged():
     runner = Servo(settled=False, **FREE)
-    assert runner.tick(device_status=servo.WATCHDOG).fault == fault.NONE
+    assert runner.tick(device_status=fault.WATCHDOG).fault == fault.NONE
 
 
 @pytest.mark.parametrize("field", ["tool_position", "tool_velocity", "drag"])

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 from haptic_device.analysis.exchange_search import engaged
-from haptic_device.law import complementarity, contact, coupling, engage, servo
+from haptic_device.law import complementarity, contact, coupling, engage, fault, servo
 
 compiled = numba.njit(error_model="numpy")
 FEATURES = 4  # of the eight places
@@ -41,7 +41,7 @@ def energy_given(settings, memory, row, path, scale, loss, watched):
     for k in range(len(path)):
         genes = path[k]
         record.latched = record.deadline = (k + 1) * period * 1e9
-        record.command, record.device_status = engage.ENABLE, servo.FRESH
+        record.command, record.device_status = engage.ENABLE, fault.FRESH
         for i in range(3):
             record.counts[i] = np.round(position[i] / abs(settings[0].position_per_count[i]))
         if k == 0 or not genes[LOST] < loss:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from haptic_device.law import complementarity, contact, coupling, engage, exchange, servo
+from haptic_device.law import complementarity, contact, coupling, engage, exchange, fault, servo
 
 compiled = numba.njit(error_model="numpy")  # anew in each process: the cache knows the laws' rooms only
 MOVED, POSITION, VELOCITY, AGE, CONTACT, ENERGY, EFFORT, LOST, DEVICE = range(9)
@@ -67,7 +67,7 @@ def energy_given(settings, memory, row, path, scale, adversary, watched):
         troubled = path[k, DEVICE] if adversary.rough and k > 0 else 0.0
         if troubled < MISSED:
             stale = troubled > STALE
-            record.deadline, record.device_status = (k + 1) * period * 1e9, 0.0 if stale else servo.FRESH
+            record.deadline, record.device_status = (k + 1) * period * 1e9, 0.0 if stale else fault.FRESH
             if not stale:
                 record.latched, record.counts[0] = record.deadline, np.round(position / step)
             _sample(record, path, k, scale, past, adversary, period)

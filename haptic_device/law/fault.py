@@ -8,6 +8,7 @@ from haptic_device.parameter import Parameter
 
 NONE, ESTOP, DEVICE_SILENT, NOT_A_NUMBER, ENCODER_JUMP, POSITION, VELOCITY, SATURATION, DEVICE_WATCHDOG = range(9)
 DUTY, UNATTENDED = 9, 10
+FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor
 THIS_TICK = "zero in the tick that finds it"
 
 

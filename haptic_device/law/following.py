@@ -70,6 +70,7 @@ def settle(settings, memory, row):
             change += abs((factor - memory.factor_held) * full)
             memory.tank -= tank.hidden_energy(settings, i, change)
             memory.push[i], memory.stretched[i] = push, stretch
+            memory.damped[i] = factor * settings.damping[i] * row.velocity[i]
         memory.spring[i], memory.clamp[i] = stiffness, limit
     memory.factor = memory.factor_held = factor
 
@@ -88,6 +89,7 @@ def _let_go_unseen(settings, memory, factor):
         memory.tank, memory.factor = min(0.0, memory.tank), factor
         for i in range(int(settings.axes)):
             memory.spring[i], memory.clamp[i] = factor * settings.stiffness[i], factor * settings.coupling_limit[i]
+            memory.damped[i] = math.nan  # more than one force in one hold
 
 
 @kernel

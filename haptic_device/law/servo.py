@@ -114,7 +114,7 @@ _MEMORY = _columns(
         "generated*",
         "injections",
     ),
-    *("factor", "factor_held", "spring*", "clamp*", "push*", "mixed*", "let_go"),  # of the coupling
+    *("factor", "factor_held", "spring*", "clamp*", "push*", "damped*", "mixed*", "let_go"),  # of the coupling
     *("filled", "version", "tank", "shipped", "returned", "tool_session", "tool_energy", "shortened"),
     *("set*", "set_velocity*", "own_velocity*", "goal*", "stretch*", "stretched*"),
     *("midpoint*", "window_from*", "window_start", "window_holds", "counted*", "latched_before", "hold_before"),
@@ -144,7 +144,6 @@ _TABLES = {
 }
 MEMORY = np.dtype(_MEMORY.descr + [(name, "f8", shape) for name, shape in _TABLES.items()])
 
-FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor
 
 
 @kernel
@@ -361,7 +360,7 @@ def _faults(settings, memory, row):
             memory.fault = fault.ESTOP
         elif (row.deadline - row.latched) * 1e-9 > settings.silence:
             memory.fault = fault.DEVICE_SILENT
-        elif int(row.device_status) & WATCHDOG and memory.engage > 0.0:
+        elif int(row.device_status) & fault.WATCHDOG and memory.engage > 0.0:
             memory.fault = fault.DEVICE_WATCHDOG
         elif memory.saturated > settings.saturation:
             memory.fault = fault.SATURATION

@@ -8,7 +8,7 @@ the spring gains when the set position, or a factor on the spring, moves. One ta
 import math
 
 from haptic_device.kernel import kernel
-from haptic_device.law import coupling, encoder, exchange, pspm
+from haptic_device.law import coupling, encoder, exchange, fault, pspm
 
 DAMPER_SLEW = 0.25  # share of the slew that the set position's velocity may make on top of it
 LONG = 1.5  # periods: a hold beyond is one of a missed tick, which the device's damping was not chosen for
@@ -21,16 +21,37 @@ def fill(settings, memory, row):
         memory.filled, memory.tank, memory.latched_before = 1.0, settings.exchange_budget, row.latched
         _open_window(settings, memory, row)
     hold = (row.latched - memory.latched_before) * 1e-9
-    for i in range(int(settings.axes)):
-        drawn = memory.push[i] * settings.scale[i] * memory.moved[i]
-        memory.tank -= max(0.0, drawn) if memory.limited[i] else drawn  # a force at its limit took less than it says
     regained = settings.version != memory.version  # damper and surplus of the hold that ends are not these
-    if regained or max(hold, memory.hold_before) > LONG * settings.period:
+    if int(row.device_status) & fault.WATCHDOG and memory.factor_held > 0.0:
+        _forget_spring(settings, memory)
+        _open_window(settings, memory, row)
+    elif regained or max(hold, memory.hold_before) > LONG * settings.period:
+        _count_drawn(settings, memory)
         _charge_long_hold(settings, memory, hold)
         _open_window(settings, memory, row)
     else:
+        _count_drawn(settings, memory)
         _count_dissipated(settings, memory, row)
     memory.latched_before, memory.hold_before, memory.version = row.latched, hold, settings.version
+
+
+@kernel
+def _count_drawn(settings, memory):
+    """What the set position's velocity gave the handle through the damper."""
+    for i in range(int(settings.axes)):
+        drawn = memory.push[i] * settings.scale[i] * memory.moved[i]
+        memory.tank -= max(0.0, drawn) if memory.limited[i] else drawn  # a force at its limit took less than it says
+
+
+@kernel
+def _forget_spring(settings, memory):
+    """The device has cut the motor, some time in this hold: the spring let go unseen, and its energy is not paid back.
+
+    What the handle did until then nobody knows, so the tank is empty; what it did after that gave it nothing.
+    """
+    memory.tank = min(0.0, memory.tank)
+    for i in range(int(settings.axes)):
+        memory.spring[i] = memory.clamp[i] = 0.0
 
 
 @kernel
@@ -47,17 +68,34 @@ def _charge_long_hold(settings, memory, hold):
     """What the handle may have gained over the hold of a missed tick, beyond what the damper took for certain.
 
     Over one between old and new gains too: it needs κT/2 of the old and half of either damper, and no old gains need
-    more than b.
+    more than b. Where there are walls, the device's damper is theirs.
     """
     if hold <= 0.0:
         return
+    spare = 0.0 if settings.walls > 0.0 else 1.0
     for i in range(int(settings.axes)):
         squared = settings.scale[i] ** 2
         stiffness = max(memory.spring[i], memory.factor_held * settings.stiffness[i])  # one let go unseen held too
-        gained = squared * (0.5 * stiffness + memory.factor_held * settings.damping[i] / settings.period)
         cancelled = settings.cancellation_ratio * settings.physical_damping[i] / settings.period
-        lost = settings.physical_damping[i] / hold
-        memory.tank -= max(0.0, gained + cancelled - lost) * memory.moved[i] ** 2
+        lost = spare * settings.physical_damping[i] / hold
+        gained = (0.5 * squared * stiffness + cancelled - lost) * memory.moved[i] ** 2
+        memory.tank -= max(0.0, gained + _damper_gained(settings, memory, i, hold))
+
+
+@kernel
+def _damper_gained(settings, memory, i, hold):
+    """What the coupling's damper gave over a long hold [J], with what (1) leaves open on both sides of it.
+
+    Its force F = B v is known, so it gave −F Δx, and the next tick's damper begins a new sum with (BT/2)(Δx/hold)².
+    Where F or the next velocity is not known it is at most (B/T) Δx².
+    """
+    moved = settings.scale[i] * memory.moved[i]
+    known = settings.version == memory.version and settings.velocity_estimator == encoder.BACKWARD_DIFFERENCE
+    if not known or memory.limited[i] or not abs(memory.damped[i]) < math.inf:
+        return memory.factor_held * settings.damping[i] / settings.period * moved * moved
+    factor = max(memory.factor, memory.factor_held)
+    begun = 0.5 * factor * settings.damping[i] * settings.period * (moved / hold) ** 2
+    return begun - memory.damped[i] * moved + hidden_energy(settings, i, 2.0 * memory.damped[i])
 
 
 @kernel
