@@ -131,6 +131,7 @@ def in_order(order: tuple[str, ...]) -> Callable[[Conductor], figures.Figures]:
         for name in random.sample(NODES, len(NODES)):
             conductor.kill(name)
         conductor.release()
+        conductor.wait(HEARD)  # or the last ticks of the killed driver are taken for those of the new one
         for name in order:
             conductor.start(name)
         conductor.witness.mark_session()
