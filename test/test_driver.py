@@ -308,6 +308,19 @@ def test_a_killed_device_is_a_fault_and_a_new_one_works_after_a_reset(display, n
     press(display)
 
 
+def test_one_that_waits_for_a_tool_enables_by_itself_when_it_answers_or_was_waited_for_long_enough(display, nodes):
+    assert nodes.end("haptic_simulation", signal.SIGTERM) == 0
+    for patience, simulated in ((2.0, False), (60.0, True)):
+        assert nodes.end("haptic_driver", signal.SIGTERM) == 0
+        began = time.monotonic()
+        nodes.start("haptic_driver", auto_enable=True, auto_enable_wait=patience, **DRIVER)
+        display.news("haptic_driver", lambda level, message, values: values["state"] == "idle")
+        if simulated:
+            nodes.start("haptic_simulation", scene="free_space")
+        display.news("haptic_driver", lambda level, message, values: values["state"] == "engaged")
+        assert (time.monotonic() - began < patience) == simulated
+
+
 def test_signals_end_both_in_time_and_the_last_one_out_removes_the_page(display, nodes):
     process = nodes.running["haptic_driver"]
     told = time.monotonic()

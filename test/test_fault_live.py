@@ -96,8 +96,7 @@ def pressing(hands, driver, ear):
     """The device in the hands, engaged and pressing the wall with 5 N."""
     hands.drag = hands.x = 0.0
     ear.until(lambda: ear.said.get("haptic_driver"))
-    ear.until(lambda: ear.trigger("reset")[0])
-    ear.until(lambda: ear.trigger("enable")[0])
+    ear.until(lambda: ear.trigger("reset")[0] and ear.trigger("enable")[0])  # going back to 0 may latch once more
     ear.news("haptic_driver", lambda level, message, values: values["state"] == "engaged")
     hands.press()
     ear.until(lambda: hands.motor > 4.9)

@@ -66,6 +66,7 @@ class DriverNode(ManagedNode):
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values)
         self._enabled_once = False
+        self._alone_since = 0.0
 
     def deactivate(self):
         """Stops the servo first: the motor is zero when this returns."""
@@ -147,10 +148,15 @@ class DriverNode(ManagedNode):
             self.servo.order(clear_flags=engage.ENABLE)
             self._enabled_once = True  # after a fault a person enables
             self._say("error", f"fault {fault.name_of(row.fault)}: motor off")
-        elif self.values["auto_enable"] and not self._enabled_once:
+        elif self.values["auto_enable"] and not self._enabled_once and self._met(now):
             self.servo.order(set_flags=engage.ENABLE)
             self._enabled_once = True
         self.servo.attend()
+
+    def _met(self, now):
+        """Whether a tool has answered, or was waited for long enough."""
+        self._alone_since = self._alone_since or now
+        return self.exchange.answered > 0 or now - self._alone_since >= self.values["auto_enable_wait"]
 
     def _say(self, level, sentence):
         """Logs a sentence once; rclpy allows each place in the code one severity only."""

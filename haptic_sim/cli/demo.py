@@ -16,6 +16,7 @@ from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import NodeDiedError, Nodes, Program, interruptible
 
 INTERRUPTED = 130
+TOGETHER = 45.0  # [s] that the display waits for its simulation, which may be compiling its kernels
 FAR = {name: f"far_{name}" for name in ("handle", "tool", "local_contacts")}  # topics of a simulation behind a relay
 _DELAY = "Round trip added between driver and simulation by a relay [ms]."
 _SECONDS = "Length from the first motor command on; without it the run ends with the operator's motion."
@@ -103,7 +104,8 @@ def programs_of(order: Order) -> list[Program]:
     read_operating_point(order.params, NODES)
     scene = find("scenes", order.scene).absolute()
     motion = {f"motion.{key}": value for key, value in load(scene).motion.items()}
-    driver = {"auto_enable": True, "servo.rate": order.rate, "exchange.method": order.exchange}
+    driver = {"servo.rate": order.rate, "exchange.method": order.exchange}
+    driver |= {"auto_enable": True, "auto_enable_wait": TOGETHER}
     given = {
         "haptic_recorder": {"bag": str(order.out / "bag")},
         "haptic_loopback": motion,
