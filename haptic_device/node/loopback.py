@@ -5,6 +5,7 @@ import secrets
 import sys
 import threading
 
+import numba
 import numpy as np
 
 from haptic_device import operating
@@ -72,6 +73,11 @@ class LoopbackNode(ManagedNode):
         self.page = None
 
     def _serve(self):
+        session, truth = secrets.randbits(48) | 1, np.zeros(1, loopback.TRUTH)
+        serving = (
+            self.page.words, self._control, self._truth.words, session, self.plant, self.memory, self.motion, truth
+        )
+        clock.unhurried(lambda: loopback.serve.compile(tuple(map(numba.typeof, serving))))
         try:
             self.realtime = clock.go_realtime(self.values["realtime"], PRIORITY)
         except PermissionError as refusal:
@@ -79,11 +85,7 @@ class LoopbackNode(ManagedNode):
             return
         finally:
             self._ready.set()
-        session = secrets.randbits(48) | 1
-        truth = np.zeros(1, loopback.TRUTH)
-        loopback.serve(
-            self.page.words, self._control, self._truth.words, session, self.plant, self.memory, self.motion, truth
-        )
+        loopback.serve(*serving)
 
     def _publish(self):
         period, scratch = int(1e9 / self.values["publish.rate"]), clock.scratch()
