@@ -71,12 +71,9 @@ function welcome(news) {
 
 function showValues(news) {
   tuningNews = news;
-  const driver = news.values.haptic_driver ?? {};
-  tuning.show(driver);
+  tuning.show(news.values.haptic_driver ?? {});
   panels.showValues(news);
-  const normals = driver["wall.normals"] ?? [];
-  const walls = (driver["wall.offsets"] ?? []).map((offset, i) => ({ normal: normals.slice(2 * i, 2 * i + 2), offset }));
-  view.setSurroundings(walls, news.workspace);
+  view.setSurroundings(news.walls, news.workspace);
 }
 
 function showStatus(news) {

@@ -94,7 +94,7 @@ export class SceneView {
     context.setLineDash([]);
   }
 
-  paintWall(context, { normal: [nx, ny], offset }) {
+  paintWall(context, [nx, ny, offset]) {
     const far = 2;
     const foot = [nx * offset, ny * offset];
     const ends = [far, -far].map((t) => this.plane.toPixels([foot[0] - ny * t, foot[1] + nx * t]));
@@ -186,13 +186,13 @@ export class SceneView {
     zigzag(context, this.plane.toPixels(handle), this.plane.toPixels(tool), 6 * this.plane.ratio);
   }
 
-  paintContact(context, [, bodyB, x, y, , , fx, fy]) {
+  paintContact(context, [, , x, y, , , fx, fy]) {
     const place = this.plane.toPixels([x, y]);
     context.fillStyle = this.colours.contact;
     context.beginPath();
     context.arc(...place, 3.5 * this.plane.ratio, 0, 2 * Math.PI);
     context.fill();
-    if (bodyB >= 0) this.arrow(context, place, [fx, fy], this.colours.contact);
+    this.arrow(context, place, [fx, fy], this.colours.contact);
   }
 
   paintTarget(context, target) {
