@@ -110,10 +110,9 @@ class Viewer:
         return tuned.walls(self.desk.values.get(DRIVER, {})), self.desk.limits.workspace if self.desk.device else None
 
     def _tuning(self):
-        device, differences = self.desk.device, self.desk.stage.differences()
-        walls, workspace = self._surroundings()
+        device, (walls, workspace) = self.desk.device, self._surroundings()
         return {
-            "second": None if differences is None else {"differences": differences},
+            "second": self.desk.stage.beside(),
             "values": self.desk.values, "offer": self._company.offer() if self._company else {},
             "walls": walls, "workspace": workspace, "device": device.name if device else None,
             "damping": [axis.damping for axis in device.axes] if device else [],

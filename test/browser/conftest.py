@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """A running demo with its page, a real Chromium before it, and an ear that keeps times of its own."""
 
+import contextlib
 import os
 import re
+import socket
 import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -172,6 +175,43 @@ class Tab:
     def shot(self, name):
         SHOTS.mkdir(parents=True, exist_ok=True)
         self.page.screenshot(path=SHOTS / f"{name}.png")
+
+
+class Cable:
+    """Between a page and the viewer, to be cut and mended; the page opens `address`."""
+
+    def __init__(self, address):
+        url = urlsplit(address)
+        self._far, self._ends, self.whole = (url.hostname, url.port), [], True
+        self._plug = socket.create_server(("127.0.0.1", 0))
+        self.address = address.replace(f":{url.port}/", f":{self._plug.getsockname()[1]}/")
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self):
+        while True:
+            near, _ = self._plug.accept()
+            if not self.whole:
+                near.close()
+                continue
+            far = socket.create_connection(self._far)
+            self._ends += [near, far]
+            for ends in ((near, far), (far, near)):
+                threading.Thread(target=self._carry, args=ends, daemon=True).start()
+
+    def _carry(self, one, other):
+        with contextlib.suppress(OSError):
+            while data := one.recv(65536):
+                other.sendall(data)
+        self._end(one, other)
+
+    def _end(self, *ends):
+        for end in ends:
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+
+    def cut(self):
+        self.whole = False
+        self._end(*self._ends)
 
 
 @pytest.fixture(scope="session")

@@ -7,9 +7,10 @@ import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import psutil
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from conftest import COMPILING, Tab
+from conftest import COMPILING, Cable, Tab
 
 from haptic_sim.cli.check import problems
 
@@ -95,10 +96,10 @@ def test_the_hand_follows_the_mouse_without_delay(tab, listener, figure):
     assert median < MOUSE + held_up()
 
 
-def push_down(tab):
+def push_down(tab, steps=60):
     """Presses the tool upon something, so that the motor pushes back."""
     tab.page.focus("#scene")
-    for _ in range(60):
+    for _ in range(steps):
         tab.page.keyboard.press("ArrowDown")
     tab.until("Math.abs(parseFloat(document.getElementById('force').textContent)) > 2")
 
@@ -121,6 +122,35 @@ def test_a_click_on_e_stop_zeroes_the_motor_at_once(tab, listener, figure):
     tab.shot("fault")
     figure("e-stop click to motor zero", f"<= {1e3 * E_STOP:g} ms", f"{1e3 * took:.1f} ms")
     assert took < E_STOP + held_up()
+
+
+def test_what_is_pressed_without_a_connection_is_said_and_a_stop_goes_with_the_next(system, tab, chromium, listener):
+    tab.engage()
+    push_down(tab)
+    cable, far = Cable(system.address), Tab(chromium)
+    far.page.goto(cable.address)
+    far.until_text("state", "^engaged$")
+    cable.cut()
+    far.until_text("state", "no viewer")
+    far.page.click("[data-service=enable]")
+    far.until_text("hint", "Not sent: no connection")
+    far.page.click("#start_scene")
+    far.until_text("scene_answer", "Not sent: no connection")
+    far.page.click("#estop")
+    far.until_text("banner", "E-STOP has NOT been heard")
+    far.shot("unconnected")
+    assert listener.motor()[-1][1] > 0.0
+    began, cable.whole = time.monotonic(), True
+    listener.until(lambda: zeroed(listener, began))
+    far.until_text("state", "fault: estop")
+    tab.engage()
+    cable.cut()
+    far.until_text("state", "no viewer")
+    cable.whole = True
+    far.until_text("state", "^engaged$")
+    far.page.wait_for_timeout(1000.0)
+    assert far.text("state") == "engaged" and not far.page.is_visible("#banner"), "what was heard is not said again"
+    far.page.close()
 
 
 def test_the_keyboard_alone_stops_resets_engages_and_turns(tab, listener):
@@ -235,7 +265,8 @@ def test_another_scene_and_method_are_loaded_and_an_impossible_one_is_refused(ta
     tab.choose("scene_name", "peg_in_hole", "scene is peg_in_hole")
 
 
-def test_a_second_operating_point_goes_along_as_a_ghost(tab):
+def test_a_second_operating_point_goes_along_as_a_ghost_and_its_end_is_said(system, tab):
+    tab.until_text("state", "^engaged$")
     tab.page.click("#compare_on")
     tab.until_text("compare_answer", "both are at the scene", COMPILING)
     tab.until_text("state", "^engaged$")
@@ -243,10 +274,19 @@ def test_a_second_operating_point_goes_along_as_a_ghost(tab):
     number.fill("500")
     number.press("Enter")
     tab.until("/500 [|] 2000/.test(document.getElementById('compared').textContent)")
-    push_down(tab)
+    push_down(tab, 45)  # not as far as the motor's limit, where both would stand at the same place
+    forces = "[...document.querySelectorAll('#compared_now tr:first-child td')].map((cell) => cell.textContent).join()"
+    tab.until(f"(([live, second]) => live > 2 && second > live + 1)({forces}.split('|').map(Number))")
     tab.page.wait_for_timeout(1000.0)
+    tab.page.locator("#compared").scroll_into_view_if_needed()
     tab.shot("beside")
+    assert tab.text("compare_note") == ""
+    [second] = [child for child in psutil.Process(system.process.pid).children(recursive=True)
+                if "haptic_sim.viewer.second" in child.cmdline()]  # fmt: skip
+    second.kill()
+    tab.until_text("compare_note", "^the second operating point has ended by itself .signal 9.$")
     tab.page.click("#compare_off")
+    tab.until("document.getElementById('compare_note').textContent === ''")
     tab.until_text("compare_answer", "has ended")
     number.fill("2000")
     number.press("Enter")

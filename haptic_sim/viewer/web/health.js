@@ -46,7 +46,7 @@ function showState(driver) {
 
 function showProblem(status) {
   const banner = document.getElementById("banner");
-  if (banner.dataset.lost) return;
+  if (document.body.classList.contains("lost")) return;
   const silent = Object.keys(status.nodes).length === 0 ? "No node is heard of; start them, or wait." : "";
   banner.textContent = status.problem || silent;
   banner.hidden = !banner.textContent;

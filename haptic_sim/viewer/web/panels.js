@@ -74,12 +74,19 @@ export class Panels {
 
   showSecond(second) {
     byId("compare_off").disabled = !second;
-    const rows = (second?.differences ?? []).map(([name, first, other]) => {
-      const made = element("tr");
-      made.append(element("th", { textContent: name, scope: "row" }), element("td", { textContent: `${first} | ${other}` }));
-      return made;
-    });
-    document.querySelector("#compared tbody").replaceChildren(...rows);
+    const note = second?.note ?? "";
+    if (byId("compare_note").textContent !== note) say("compare_note", note, false);
+    byId("compared_settings").replaceChildren(...(second?.differences ?? []).map(pair));
+  }
+
+  // What the motor does and how far the coupling is stretched: of the running one, and of the second.
+  showBeside(frame) {
+    const both = frame.second ? [frame, frame.second] : [];
+    const rows = both.length && [
+      ["force of the motor [N]", ...both.map(({ force }) => shown(force && Math.hypot(force[0], force[1]), 2))],
+      ["coupling stretched [mm]", ...both.map((one) => shown(stretch(one), 2))],
+    ];
+    byId("compared_now").replaceChildren(...(rows || []).map(pair));
   }
 
   showRecorder(status) {
@@ -97,6 +104,22 @@ export class Panels {
     if (place) say(place, sentence, done);
     return Boolean(place);
   }
+}
+
+function pair([name, first, other]) {
+  const made = element("tr");
+  made.append(element("th", { textContent: name, scope: "row" }), element("td", { textContent: `${first} | ${other}` }));
+  return made;
+}
+
+// mm, or null where handle or tool are not known.
+export function stretch({ handle, tool }) {
+  return handle && tool ? 1e3 * Math.hypot(tool[0] - handle[0], tool[1] - handle[1]) : null;
+}
+
+// A number with so many digits after its point; what is not known is a dash.
+export function shown(number, digits) {
+  return Number.isFinite(number) ? (Math.round(10 ** digits * number) / 10 ** digits + 0).toFixed(digits) : "–";
 }
 
 export function say(place, sentence, done) {

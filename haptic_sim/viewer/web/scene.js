@@ -67,6 +67,12 @@ export class SceneView {
     if (frame.handle) this.paintHandle(context, frame);
   }
 
+  // The last frame again, where the canvas or its colours have changed and no new one comes.
+  keepUp() {
+    if (this.plane.resize()) this.stale = true;
+    if (this.stale) this.draw(this.frame);
+  }
+
   paintStill() {
     this.stale = false;
     this.still.width = this.canvas.width;
