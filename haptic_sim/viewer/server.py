@@ -6,7 +6,7 @@ from importlib.resources import files
 
 from aiohttp import web
 
-from haptic_sim.viewer.guard import HEADERS, Guard
+from haptic_sim.viewer.guard import HEADERS, Guard, reachable
 from haptic_sim.viewer.seat import Seat
 from haptic_sim.viewer.wishes import LONGEST
 
@@ -44,7 +44,8 @@ class Server:
 
     def address(self, control: bool) -> str:
         """Where a page with control, or one that only looks on, is found."""
-        host = f"[{self._host}]" if ":" in self._host else self._host
+        host = reachable(self._host)
+        host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self._port}/{self.guard.control if control else self.guard.look}/"
 
     def tell(self, kind: str, content) -> None:
