@@ -179,15 +179,28 @@ def test_frames_are_dropped_for_a_page_that_does_not_keep_up():
     assert waiting == seat.UNSEEN and dropped == 30 - seat.UNSEEN and frame == {"number": 30}
 
 
-def test_a_frame_with_a_number_that_is_none_is_not_sent():
+def test_a_number_that_is_none_is_null_in_frames_and_in_news():
     async def visit(server, session):
         async with opened(session, server) as socket:
             await hear(socket, "hello")
-            server.show({"x": math.nan})
-            server.show({"x": 1.0})
-            return await hear(socket, "frame")
+            server.show({"results": [math.nan, 1.0], "energy": (math.inf,)})
+            server.tell("values", {"values": {"haptic_driver": {"a": -math.inf, "b": 2.0}}})
+            heard = [json.loads((await socket.receive(20.0)).data, parse_constant=pytest.fail) for _ in range(2)]
+            return {news["kind"]: news["content"] for news in heard}
 
-    assert served(visit)[0] == {"x": 1.0}
+    heard = served(visit)[0]
+    assert heard["frame"] == {"results": [None, 1.0], "energy": [None]}
+    assert heard["values"] == {"values": {"haptic_driver": {"a": None, "b": 2.0}}}
+
+
+def test_a_page_that_takes_nothing_is_kept_the_newest_answers_only():
+    page = seat.Seat(None, True, None)
+    for number in range(10 * seat.MOST_ANSWERS):
+        page.tell(f"{seat.ANSWER}{number}", number)
+        page.tell("status", number)
+    kept = [content for kind, content in page._news.items() if kind.startswith(seat.ANSWER)]
+    assert kept == list(range(9 * seat.MOST_ANSWERS, 10 * seat.MOST_ANSWERS))
+    assert len(page._news) == seat.MOST_ANSWERS + 1
 
 
 @pytest.mark.parametrize(("host", "own"), [("127.0.0.1", True), ("localhost", True), ("::1", True), ("0.0.0.0", False),

@@ -125,6 +125,14 @@ def test_no_wall_and_no_workspace_are_shown_that_are_not_known(driver):
     assert markers.surroundings(tuned.walls(driver), None) == []
 
 
+def test_a_body_whose_place_is_not_known_is_left_out_with_its_joints():
+    scene = load("four_bar")
+    poses = [solid.pose for solid in shapes.solids(scene)]
+    poses[1] = None  # the crank, which three joints hold on to
+    assert [marker.number for marker in markers.bodies(scene, poses[0], poses[1:])] == [0, *range(2, len(poses))]
+    assert [marker.number for marker in markers.joints(scene, poses[0], poses[1:])] == [2, 3]
+
+
 class Ear:
     """In place of a node: `said` are the messages, while somebody listens."""
 

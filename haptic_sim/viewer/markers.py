@@ -38,9 +38,11 @@ class Marker(NamedTuple):
 
 
 def bodies(scene: Scene, tool, poses) -> list[Marker]:
-    """Tool and bodies where they are now; poses: of the scene's bodies, in its order."""
+    """Tool and bodies where they are now; poses: of the scene's bodies, in its order, None where one is not known."""
     found = []
     for number, (solid, pose) in enumerate(zip(shapes.solids(scene), (tool, *poses), strict=True)):
+        if pose is None:
+            continue
         colour = TOOL if number == 0 else FIXED if solid.fixed else MOVING
         triangles = tuple(corner for outline in solid.outlines for corner in prism(outline))
         found.append(Marker("bodies", number, "triangles", tuple(pose), triangles, colour))
@@ -52,6 +54,8 @@ def joints(scene: Scene, tool, poses) -> list[Marker]:
     places = dict(zip((solid.name for solid in shapes.solids(scene)), (tool, *poses), strict=True))
     found = []
     for number, ends in enumerate(shapes.joints(scene)):
+        if any(places.get(mark.solid, NOWHERE) is None for mark in ends):
+            continue
         a, b = (turned(mark.point, places.get(mark.solid, NOWHERE)) for mark in ends)
         kind = "sphere" if ends[0].type == "pin" else "cube"
         turn = places.get(ends[0].solid, NOWHERE)[2]

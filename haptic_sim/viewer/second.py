@@ -8,7 +8,9 @@ it ended.
 """
 
 import contextlib
+import itertools
 import json
+import math
 import os
 import subprocess
 import sys
@@ -151,6 +153,8 @@ class Ghost:
         method, row = self._simulation.method, self._row
         bodies = [method.pose(body.name) for body in self._simulation.scene.bodies]
         force = row.force_on_handle.tolist()
+        if not all(map(math.isfinite, (*row.position, *force, *method.position, *itertools.chain(*bodies)))):
+            raise ValueError("the second operating point has blown up: where its bodies are is no number any more")
         return {
             "time": self._now, "handle": row.position.tolist(), "force": force, "tool": list(method.position),
             "bodies": bodies,
@@ -168,7 +172,7 @@ def main() -> int:
                 system = system or content
                 ghost = Ghost(system)
             state = ghost.move(content["time"], content["target"]) if "time" in content else ghost.state()
-            print(json.dumps(state), flush=True)
+            print(json.dumps(state, allow_nan=False), flush=True)
         except (ValueError, OSError) as refusal:
             print(json.dumps({"refusal": str(refusal)}), flush=True)
             return 1

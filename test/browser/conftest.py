@@ -17,7 +17,10 @@ import pytest
 import rclpy
 from chromium import OPTIONS, find
 from playwright.sync_api import sync_playwright
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 
 from haptic_device.node.tap import Tap
 from haptic_device.node.wire import STREAM, JointLayout, truth_names
@@ -87,6 +90,19 @@ class Listener:
             for sample in self._targets.take():
                 self.targets.append((time.monotonic(), list(sample.message.position)))
             time.sleep(0.001)
+
+    def set_walls(self, **values):
+        """Sets wall.… of the driver, all or none."""
+        kind = Parameter.Type.DOUBLE_ARRAY
+        parameters = [Parameter(f"wall.{name}", kind, value).to_parameter_msg() for name, value in values.items()]
+        client = self._node.create_client(SetParametersAtomically, "haptic_driver/set_parameters_atomically")
+        assert client.wait_for_service(PATIENCE)
+        asked = client.call_async(SetParametersAtomically.Request(parameters=parameters))
+        executor = SingleThreadedExecutor(context=self._context)
+        executor.add_node(self._node)
+        executor.spin_until_future_complete(asked, PATIENCE)
+        executor.remove_node(self._node)
+        assert asked.result().result.successful, asked.result().result.reason
 
     def motor(self):
         """(time, largest part of the motor's force) of everything heard."""

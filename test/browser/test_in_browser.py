@@ -205,6 +205,25 @@ def test_a_slider_changes_the_gain_of_the_driver(tab):
     number.press("Enter")
 
 
+def test_the_slider_of_a_wall_changes_that_wall_alone(tab, listener):
+    below_and_left = {"normals": [0.0, 1.0, 1.0, 0.0], "offsets": [-0.055, -0.1]}
+    listener.set_walls(**below_and_left, stiffness=[1000.0, 500.0], damping=[0.0, 0.0])
+    tab.until("document.getElementById('tuned_wall_stiffness_2')")
+    places = "document.querySelectorAll('.walls:has(#tuned_wall_stiffness) [type=number]')"
+    numbers = f"[...{places}].map((one) => one.value)"
+    tab.until(f"{numbers}.join() === '1000,500'")
+    second = tab.page.locator("#tuned_wall_stiffness_2 + input")
+    second.fill("300")
+    second.press("Enter")
+    tab.page.focus("#scene")
+    tab.page.wait_for_timeout(2500.0)  # what the driver has comes each second
+    assert tab.page.evaluate(numbers) == ["1000", "300"] and tab.text("tuned_wall_stiffness_answer") == ""
+    tab.page.locator("#tuned_wall_stiffness").scroll_into_view_if_needed()
+    tab.shot("walls")
+    listener.set_walls(normals=[], offsets=[], stiffness=[], damping=[])
+    tab.until("document.querySelectorAll('.walls input').length === 0")
+
+
 def test_drags_beyond_the_workspace_are_clamped_with_a_hint(tab, listener):
     tab.engage()
     x, y = tab.middle()
@@ -248,6 +267,21 @@ def test_nodes_that_start_again_are_found_again(tab, listener):
         tab.until_text("restart_answer", f"{method}; the nodes have been started again")
         tab.until_text("state", "^engaged$")
         assert method in tab.text("figures")
+
+
+def test_a_delay_for_study_is_a_slider_in_ms_that_starts_the_nodes_again_once(tab):
+    slider = tab.page.locator("#offer_delay")
+    assert "delay [ms] (0 to 2000)" in tab.page.text_content("label[for=offer_delay]")
+    slider.focus()
+    for _ in range(200):
+        tab.page.keyboard.press("ArrowRight")
+    tab.until_text("restart_answer", "delay is 16; the nodes have been started again")
+    tab.until_text("state", "^engaged$")
+    tab.until("Number(/age p50 . p99([0-9.]+)/.exec(document.getElementById('figures').textContent)?.[1]) > 15")
+    tab.page.locator("#offer_delay + input").fill("0")
+    tab.page.keyboard.press("Enter")
+    tab.until_text("restart_answer", "delay is 0; the nodes have been started again")
+    tab.until_text("state", "^engaged$")
 
 
 def test_another_scene_and_method_are_loaded_and_an_impossible_one_is_refused(tab):

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The plane on the canvas: which part of the world is seen, and its axes in millimetres.
 
-const INSET = { side: 30, top: 64, bottom: 26 }; // CSS pixels for axes and read-outs
+const INSET = { side: 30, top: 64, bottom: 44 }; // CSS pixels for axes and read-outs
 
 export class Plane {
   constructor(canvas) {

@@ -121,8 +121,17 @@ export class SceneView {
     bodies.forEach((solid, i) => {
       if (!solid.fixed && frame.bodies[i]) this.paintSolid(context, solid, frame.bodies[i], this.colours.moving, 0.9);
     });
+    this.paintGrip(context, tool, frame.tool);
     this.paintSolid(context, tool, frame.tool, this.colours.tool, 0.85);
     this.paintJoints(context, frame);
+  }
+
+  // From the tool's grip, where the coupling holds it, to its first shape, on which it need not lie.
+  paintGrip(context, { outlines: [outline] }, pose) {
+    const centre = [0, 1].map((i) => outline.vertices.reduce((sum, corner) => sum + corner[i], 0) / outline.vertices.length);
+    context.strokeStyle = this.colours.tool;
+    context.lineWidth = 4 * this.plane.ratio;
+    line(context, ...this.plane.toPixels(pose), ...this.plane.toPixels(placed(centre, pose)));
   }
 
   paintSolid(context, solid, pose, colour, alpha) {
@@ -151,22 +160,25 @@ export class SceneView {
     }
   }
 
+  // Dashed upon a bright line, so that it stands out from what it lies upon.
   paintSecond(context, second) {
-    context.setLineDash([6, 4]);
-    context.strokeStyle = this.colours.second;
-    context.lineWidth = 2 * this.plane.ratio;
     const solids = this.scene?.solids ?? [];
-    [second.tool, ...second.bodies].forEach((pose, i) => {
-      if (!solids[i] || solids[i].fixed) return;
-      for (const outline of solids[i].outlines) {
-        this.trace(context, outline, pose);
-        context.stroke();
-      }
-    });
-    const [x, y] = this.plane.toPixels(second.handle);
-    context.beginPath();
-    context.arc(x, y, 9 * this.plane.ratio, 0, 2 * Math.PI);
-    context.stroke();
+    for (const [colour, width, dash] of [["panel", 4, []], ["second", 2.5, [7, 5]]]) {
+      context.setLineDash(dash.map((length) => length * this.plane.ratio));
+      context.strokeStyle = this.colours[colour];
+      context.lineWidth = width * this.plane.ratio;
+      [second.tool, ...second.bodies].forEach((pose, i) => {
+        if (!solids[i] || solids[i].fixed || !pose) return;
+        for (const outline of solids[i].outlines) {
+          this.trace(context, outline, pose);
+          context.stroke();
+        }
+      });
+      const [x, y] = this.plane.toPixels(second.handle);
+      context.beginPath();
+      context.arc(x, y, 10 * this.plane.ratio, 0, 2 * Math.PI);
+      context.stroke();
+    }
     context.setLineDash([]);
   }
 
@@ -176,6 +188,7 @@ export class SceneView {
     context.fillStyle = this.colours.panel;
     context.lineWidth = 1.5 * this.plane.ratio;
     for (const ends of this.scene.joints) {
+      if (ends.some(({ solid }) => solid && !poses[solid])) continue;
       const [a, b] = ends.map(({ solid, point }) => this.plane.toPixels(solid ? placed(point, poses[solid]) : point));
       if (ends[0].type === "spring") zigzag(context, a, b, 7 * this.plane.ratio);
       context.beginPath();
