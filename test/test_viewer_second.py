@@ -6,7 +6,9 @@ import json
 import os
 import signal
 import time
+import types
 
+import numpy as np
 import pytest
 
 from haptic_sim.scene import load
@@ -88,6 +90,18 @@ def test_its_death_is_one_sentence_and_it_is_shown_no_longer():
 def test_what_it_cannot_do_is_one_sentence(other, sentence):
     with running(system(**other)) as second:
         assert sentence in second.note and "\n" not in second.note and second.latest is None
+
+
+@pytest.mark.parametrize("where", ("position", "bodies"))
+def test_one_that_has_blown_up_says_so_in_a_sentence(where):
+    place = {"position": np.zeros(3), "bodies": [0.0, 0.0, 0.0]} | {where: np.array([0.0, np.nan, 0.0])}
+    bodies = [types.SimpleNamespace(name="block")]
+    method = types.SimpleNamespace(position=(0.0, 0.0, 0.0), pose=lambda name: list(place["bodies"]))
+    ghost = object.__new__(module.Ghost)
+    ghost._row = types.SimpleNamespace(position=place["position"], force_on_handle=np.zeros(3))
+    ghost._simulation = types.SimpleNamespace(method=method, scene=types.SimpleNamespace(bodies=bodies))
+    with pytest.raises(ValueError, match="blown up"):
+        ghost.state()
 
 
 def test_one_that_stands_still_is_said_to_be_behind_and_holds_nobody_up():

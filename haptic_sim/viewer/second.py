@@ -94,7 +94,7 @@ class Second:
 
     def _end(self):
         """Why it has ended, in a sentence."""
-        code = self._process.wait()
+        code, why = self._process.wait(), "closed"
         with contextlib.suppress(ValueError):  # closed meanwhile
             self._errors.seek(0)
             said = self._errors.read().strip().splitlines()[-1:]

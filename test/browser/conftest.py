@@ -104,6 +104,13 @@ class Listener:
         executor.remove_node(self._node)
         assert asked.result().result.successful, asked.result().result.reason
 
+    def marked(self):
+        """Namespaces of the next markers, with the frames they are in."""
+        tap = Tap(self._node, "markers", "visualization_msgs/msg/MarkerArray", STREAM)
+        found = self.until(tap.latest).message.markers
+        tap.close()
+        return {marker.ns for marker in found}, {marker.header.frame_id for marker in found}
+
     def motor(self):
         """(time, largest part of the motor's force) of everything heard."""
         return [(at, float(np.abs(truth.effort[3:6]).max())) for at, truth in list(self.truths)]

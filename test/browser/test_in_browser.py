@@ -96,6 +96,12 @@ def test_the_hand_follows_the_mouse_without_delay(tab, listener, figure):
     assert median < MOUSE + held_up()
 
 
+def serious(tab):
+    """What axe finds serious or worse: rule and elements."""
+    found = Axe().run(tab.page).response["violations"]
+    return [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found if rule["impact"] in SERIOUS]
+
+
 def push_down(tab, steps=60):
     """Presses the tool upon something, so that the motor pushes back."""
     tab.page.focus("#scene")
@@ -120,6 +126,7 @@ def test_a_click_on_e_stop_zeroes_the_motor_at_once(tab, listener, figure):
     tab.page.mouse.up()
     tab.until_text("state", "fault: estop")
     tab.shot("fault")
+    assert serious(tab) == []
     figure("e-stop click to motor zero", f"<= {1e3 * E_STOP:g} ms", f"{1e3 * took:.1f} ms")
     assert took < E_STOP + held_up()
 
@@ -139,6 +146,7 @@ def test_what_is_pressed_without_a_connection_is_said_and_a_stop_goes_with_the_n
     far.page.click("#estop")
     far.until_text("banner", "E-STOP has NOT been heard")
     far.shot("unconnected")
+    assert serious(far) == []
     assert listener.motor()[-1][1] > 0.0
     began, cable.whole = time.monotonic(), True
     listener.until(lambda: zeroed(listener, began))
@@ -205,7 +213,7 @@ def test_a_slider_changes_the_gain_of_the_driver(tab):
     number.press("Enter")
 
 
-def test_the_slider_of_a_wall_changes_that_wall_alone(tab, listener):
+def test_the_slider_of_a_wall_changes_that_wall_alone_and_walls_are_shown(tab, listener):
     below_and_left = {"normals": [0.0, 1.0, 1.0, 0.0], "offsets": [-0.055, -0.1]}
     listener.set_walls(**below_and_left, stiffness=[1000.0, 500.0], damping=[0.0, 0.0])
     tab.until("document.getElementById('tuned_wall_stiffness_2')")
@@ -220,6 +228,9 @@ def test_the_slider_of_a_wall_changes_that_wall_alone(tab, listener):
     assert tab.page.evaluate(numbers) == ["1000", "300"] and tab.text("tuned_wall_stiffness_answer") == ""
     tab.page.locator("#tuned_wall_stiffness").scroll_into_view_if_needed()
     tab.shot("walls")
+    groups, frames = listener.marked()
+    assert groups >= {"bodies", "walls", "workspace", "target", "handle", "coupling"} and frames == {"haptic_world"}
+    assert serious(tab) == []
     listener.set_walls(normals=[], offsets=[], stiffness=[], damping=[])
     tab.until("document.querySelectorAll('.walls input').length === 0")
 
@@ -314,7 +325,7 @@ def test_a_second_operating_point_goes_along_as_a_ghost_and_its_end_is_said(syst
     tab.page.wait_for_timeout(1000.0)
     tab.page.locator("#compared").scroll_into_view_if_needed()
     tab.shot("beside")
-    assert tab.text("compare_note") == ""
+    assert tab.text("compare_note") == "" and serious(tab) == []
     [second] = [child for child in psutil.Process(system.process.pid).children(recursive=True)
                 if "haptic_sim.viewer.second" in child.cmdline()]  # fmt: skip
     second.kill()
@@ -358,11 +369,9 @@ def test_the_page_passes_the_accessibility_check_in_light_and_dark(system, chrom
     for scheme in ("light", "dark"):
         tab.page.emulate_media(color_scheme=scheme)
         tab.until(f"document.documentElement.dataset.theme == {scheme!r}")
-        found = Axe().run(tab.page).response
-        serious = [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found["violations"]
-                   if rule["impact"] in SERIOUS]  # fmt: skip
-        figure(f"axe, {scheme} at {size[0]}x{size[1]}: serious findings", "0", str(len(serious)))
-        assert serious == []
+        found = serious(tab)
+        figure(f"axe, {scheme} at {size[0]}x{size[1]}: serious findings", "0", str(len(found)))
+        assert found == []
         tab.shot(f"{scheme}_{size[0]}")
     wide = tab.page.evaluate("document.documentElement.scrollWidth")
     assert wide <= size[0], "nothing sticks out at the side"

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Draws the scene: what stands still is painted once on a layer of its own, what moves with every frame.
 
-import { Plane, line } from "./plane.js";
+import { line, nearest, path, placed, zigzag } from "./pen.js";
+import { Plane } from "./plane.js";
 
 const PIXELS_PER_NEWTON = 6;
 const LONGEST_ARROW = 140;
@@ -60,8 +61,8 @@ export class SceneView {
     this.frame = frame;
     if (!frame) return;
     this.paintMoving(context, frame);
-    if (frame.second) this.paintSecond(context, frame.second);
     if (frame.handle && frame.tool) this.paintCoupling(context, frame.handle, frame.tool);
+    if (frame.second) this.paintSecond(context, frame.second);
     for (const contact of frame.contacts) this.paintContact(context, contact);
     if (frame.target) this.paintTarget(context, frame.target);
     if (frame.handle) this.paintHandle(context, frame);
@@ -126,12 +127,13 @@ export class SceneView {
     this.paintJoints(context, frame);
   }
 
-  // From the tool's grip, where the coupling holds it, to its first shape, on which it need not lie.
-  paintGrip(context, { outlines: [outline] }, pose) {
-    const centre = [0, 1].map((i) => outline.vertices.reduce((sum, corner) => sum + corner[i], 0) / outline.vertices.length);
-    context.strokeStyle = this.colours.tool;
-    context.lineWidth = 4 * this.plane.ratio;
-    line(context, ...this.plane.toPixels(pose), ...this.plane.toPixels(placed(centre, pose)));
+  // From the tool's grip, where the coupling holds it, to its nearest shape, if it does not lie in one.
+  paintGrip(context, { outlines }, pose) {
+    const end = nearest(outlines);
+    if (!end) return;
+    context.strokeStyle = this.colours.ink;
+    context.lineWidth = 2 * this.plane.ratio;
+    line(context, ...this.plane.toPixels(pose), ...this.plane.toPixels(placed(end, pose)));
   }
 
   paintSolid(context, solid, pose, colour, alpha) {
@@ -254,28 +256,4 @@ export class SceneView {
       [tx - ux * head + uy * head * 0.5, ty - uy * head - ux * head * 0.5]]);
     context.fill();
   }
-}
-
-function placed([px, py], [x, y, theta]) {
-  const [c, s] = [Math.cos(theta), Math.sin(theta)];
-  return [x + c * px - s * py, y + s * px + c * py];
-}
-
-function path(context, corners) {
-  context.beginPath();
-  corners.forEach((corner, i) => (i ? context.lineTo(...corner) : context.moveTo(...corner)));
-  context.closePath();
-}
-
-function zigzag(context, [x1, y1], [x2, y2], width) {
-  const length = Math.hypot(x2 - x1, y2 - y1);
-  const [ux, uy] = length > 0 ? [(x2 - x1) / length, (y2 - y1) / length] : [0, 0];
-  context.beginPath();
-  context.moveTo(x1, y1);
-  for (let i = 1; i < 12 && length > 2 * width; i += 1) {
-    const [along, side] = [(length * i) / 12, i % 2 ? width : -width];
-    context.lineTo(x1 + ux * along - uy * side, y1 + uy * along + ux * side);
-  }
-  context.lineTo(x2, y2);
-  context.stroke();
 }
