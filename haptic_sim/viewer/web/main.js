@@ -28,7 +28,7 @@ const tuning = new Tuning(byId("sliders"), (name, value) => {
 });
 const panels = new Panels(link);
 const tone = new Tone(byId("tone"));
-const hand = new Hand(view, (wish) => (control ? link.say({ do: "aim", ...wish }) : hint("This page only looks on.")));
+const hand = new Hand(view, lead);
 const strips = [
   new Strip(byId("strip_force"), [{ label: "motor", colour: "force" }, { label: "felt", colour: "handle", dash: true }], 1),
   new Strip(byId("strip_energy"), [{ label: "to the operator", colour: "handle" }, { label: "to the tool", colour: "tool", dash: true }], 1),
@@ -97,6 +97,12 @@ function connected(open, sentence) {
     byId("state").textContent = "no viewer";
     byId("state").dataset.level = "bad";
   }
+}
+
+function lead(wish) {
+  if (!control) hint("This page only looks on.");
+  else if (wish === null) hint("There is no simulated hand to lead: haptic_loopback is not heard of.");
+  else link.say({ do: "aim", ...wish });
 }
 
 function hint(sentence) {
