@@ -121,6 +121,21 @@ def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
     assert feed.scene is None and "cannot be read" in feed.problem and feed.frame()["tool"] is None
 
 
+def test_what_is_no_number_is_not_known(pressed, monkeypatch):
+    simulation, _ = pressed
+    monkeypatch.setattr("haptic_sim.viewer.feed.Tap", FakeTap)
+    node = FakeNode()
+    simulation.measure = lambda: {"insertion_fraction": float("nan")}
+    Showing(node).show(simulation, (float("inf"), 0.0, 0.0), 0)
+    feed = Feed(None)
+    FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
+    feed.look()
+    feed.statuses = {"haptic_driver": None}
+    frame = feed.frame()
+    assert frame["handle"] is None and frame["tool"] == simulation.method.position
+    assert np.isnan(frame["results"]).all()
+
+
 def test_rubbish_on_the_topics_of_the_page_is_not_shown_and_harms_nothing(pressed, monkeypatch):
     node = FakeNode()
     Showing(node).show(*pressed, 0)

@@ -5,6 +5,7 @@ import asyncio
 import contextlib
 import json
 import math
+from socket import gethostname
 
 import aiohttp
 import pytest
@@ -17,7 +18,7 @@ from haptic_sim.cli.nodes import NODES
 from haptic_sim.node.showing import CONTACT, state_names
 from haptic_sim.scene import Scene, load
 from haptic_sim.viewer import seat, shapes, tuned, wishes
-from haptic_sim.viewer.guard import Guard, is_loopback
+from haptic_sim.viewer.guard import Guard, is_loopback, reachable
 from haptic_sim.viewer.hand import Hand, Limits
 from haptic_sim.viewer.server import WEB, Server
 
@@ -28,7 +29,10 @@ FLAT = Limits(LIMITS.workspace[:2], 1.0, 10.0)
 ORIGIN = {"good": lambda url: f"http://{url.split('/')[2]}", "bad": lambda url: "http://elsewhere.example"}
 
 
-def served(visit, do=None):
+FOREIGN = {"Host": "elsewhere.example"}
+
+
+def served(visit, do=None, host="127.0.0.1"):
     """What visit(server, session) returns, with a server on this machine that answers `do`."""
     done = []
 
@@ -37,7 +41,7 @@ def served(visit, do=None):
         return "done"
 
     async def live():
-        server = Server("127.0.0.1", 0, lambda page: page.tell("hello", page.control), do or note, lambda: "# saved\n")
+        server = Server(host, 0, lambda page: page.tell("hello", page.control), do or note, lambda: "# saved\n")
         await server.start()
         async with aiohttp.ClientSession() as session:
             try:
@@ -69,7 +73,7 @@ async def hear(socket, kind):
     ("{address}..%2Fviewer.py", {}, 404),
     ("{address}socket", {"Origin": "http://elsewhere.example"}, 403),
     ("{address}socket", {}, 403),
-    ("{address}", {"Host": "elsewhere.example"}, 403),
+    ("{address}", FOREIGN, 403),
     ("{root}", {}, 403),
     ("{root}wrong/", {}, 403),
     ("{root}%C3%A9/socket", {}, 403),
@@ -175,21 +179,74 @@ def test_frames_are_dropped_for_a_page_that_does_not_keep_up():
     assert waiting == seat.UNSEEN and dropped == 30 - seat.UNSEEN and frame == {"number": 30}
 
 
-def test_a_frame_with_a_number_that_is_none_is_not_sent():
+def test_a_number_that_is_none_is_null_in_frames_and_in_news():
     async def visit(server, session):
         async with opened(session, server) as socket:
             await hear(socket, "hello")
-            server.show({"x": math.nan})
-            server.show({"x": 1.0})
-            return await hear(socket, "frame")
+            server.show({"results": [math.nan, 1.0], "energy": (math.inf,)})
+            server.tell("values", {"values": {"haptic_driver": {"a": -math.inf, "b": 2.0}}})
+            heard = [json.loads((await socket.receive(20.0)).data, parse_constant=pytest.fail) for _ in range(2)]
+            return {news["kind"]: news["content"] for news in heard}
 
-    assert served(visit)[0] == {"x": 1.0}
+    heard = served(visit)[0]
+    assert heard["frame"] == {"results": [None, 1.0], "energy": [None]}
+    assert heard["values"] == {"values": {"haptic_driver": {"a": None, "b": 2.0}}}
+
+
+def test_a_page_that_takes_nothing_is_kept_the_newest_answers_only():
+    page = seat.Seat(None, True, None)
+    for number in range(10 * seat.MOST_ANSWERS):
+        page.tell(f"{seat.ANSWER}{number}", number)
+        page.tell("status", number)
+    kept = [content for kind, content in page._news.items() if kind.startswith(seat.ANSWER)]
+    assert kept == list(range(9 * seat.MOST_ANSWERS, 10 * seat.MOST_ANSWERS))
+    assert len(page._news) == seat.MOST_ANSWERS + 1
 
 
 @pytest.mark.parametrize(("host", "own"), [("127.0.0.1", True), ("localhost", True), ("::1", True), ("0.0.0.0", False),
                                            ("192.168.1.2", False), ("example.org", False)])  # fmt: skip
 def test_what_is_this_machine_alone(host, own):
     assert is_loopback(host) is own
+
+
+MACHINE = gethostname()
+
+
+@pytest.mark.parametrize(("listens", "named", "answered"), [
+    ("127.0.0.1", "127.0.0.1:80", True), ("127.0.0.1", "localhost:80", True), ("127.0.0.1", "[::1]:80", True),
+    ("127.0.0.1", "LOCALHOST", True), ("127.0.0.1", "192.168.1.2:80", False), ("127.0.0.1", f"{MACHINE}:80", False),
+    ("0.0.0.0", "192.168.1.2:80", True), ("0.0.0.0", "localhost:80", True), ("0.0.0.0", f"{MACHINE}:80", True),
+    ("0.0.0.0", f"{MACHINE.upper()}.local", True), ("::", "[fe80::1]:80", True), ("lab.example", "Lab.example", True),
+    ("0.0.0.0", "elsewhere.example:80", False), ("0.0.0.0", "", False), ("0.0.0.0", "192.168.1.2.example", False),
+    ("192.168.1.2", "elsewhere.example", False), ("lab.example", "elsewhere.example:80", False),
+])  # fmt: skip
+def test_a_server_answers_to_addresses_and_its_own_names_and_to_no_name_led_here(listens, named, answered):
+    guard = Guard(listens)
+    if answered:
+        guard.check_host(named)
+    else:
+        with pytest.raises(PermissionError, match="does not answer"):
+            guard.check_host(named)
+
+
+@pytest.mark.parametrize("host", ("0.0.0.0", "::"))
+def test_a_server_on_every_address_prints_one_that_can_be_opened_and_that_it_answers_to(host):
+    found = reachable(host)
+    assert found not in ("0.0.0.0", "::", "")
+    Guard(host).check_host(f"[{found}]:80" if ":" in found else f"{found}:80")
+
+
+@pytest.mark.parametrize("host", ("127.0.0.1", "192.168.1.2", "lab.example", "::1"))
+def test_any_other_host_is_printed_as_it_is(host):
+    assert reachable(host) == host
+
+
+def test_a_server_on_every_address_of_this_machine_is_found_at_the_address_that_it_prints():
+    async def visit(server, session):
+        async with session.get(address := server.address(True)) as answer, session.get(address, headers=FOREIGN) as no:
+            return answer.status, no.status
+
+    assert served(visit, host="0.0.0.0")[0] == (200, 403)
 
 
 def test_tokens_are_new_each_time_and_long():

@@ -2,19 +2,28 @@
 """Markers show the scene where it is: outlines, poses, arrows as long as forces; messages carry the same numbers."""
 
 import math
+import types
 
 import numpy as np
 import pytest
 
 from haptic_device.node import wire_markers
 from haptic_sim.outline import Outline, combined
-from haptic_sim.scene import load
+from haptic_sim.scene import load, parse
 from haptic_sim.shape import turned
-from haptic_sim.viewer import markers, shapes
+from haptic_sim.viewer import markers, shapes, tuned
+from haptic_sim.viewer.beacon import Beacon
 
-SCENES = ("peg_in_hole", "wrench_on_nut", "four_bar", "zeno_ball", "wall")
+SCENES = ("peg_in_hole", "wrench_on_nut", "four_bar", "zeno_ball", "wall", "ratchet", "slider", "hammer_nail")
+SPRUNG = {
+    "name": "sprung",
+    "bodies": [{"name": "bob", "mass": 1.0, "pose": [0.1, 0.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}],
+    "joints": [{"type": "spring", "bodies": ["world", "bob"], "anchors": [[0.0, 0.05], [0.01, 0.0]], "stiffness": 9.0}],
+    "tool": {"mass": 0.1, "shapes": [{"circle": {"radius": 0.01}}]},
+}  # fmt: skip
 FRAME = {
     "handle": (0.01, 0.02, 0.5), "tool": (0.012, 0.02, 0.5), "felt": (3.0, -4.0, 0.1), "force": None,
+    "target": (0.02, 0.03, 1.0), "bodies": [],
     "contacts": [(0.0, 1.0, 0.05, 0.06, 0.0, 1.0, 0.0, -2.0, 1e-6), (0.0, 2.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)],
 }  # fmt: skip
 
@@ -48,7 +57,7 @@ def test_the_faces_of_a_prism_close_it():
 
 def test_arrows_start_where_the_force_acts_and_are_as_long_as_it_is_large():
     found = {(marker.group, marker.number): marker for marker in markers.happenings(FRAME)}
-    assert set(found) == {("handle", 0), ("coupling", 0), ("force", 0), ("contacts", 0)}
+    assert set(found) == {("target", 0), ("handle", 0), ("coupling", 0), ("force", 0), ("contacts", 0)}
     tail, tip = np.array(found["force", 0].points)
     assert tail[:2] == pytest.approx(FRAME["handle"][:2]) and (tip - tail)[:2] == pytest.approx(
         markers.NEWTON * np.array([3.0, -4.0])
@@ -58,9 +67,108 @@ def test_arrows_start_where_the_force_acts_and_are_as_long_as_it_is_large():
     assert np.array(found["coupling", 0].points)[:, :2] == pytest.approx(np.array([(0.01, 0.02), (0.012, 0.02)]))
 
 
-def test_without_handle_and_tool_only_contacts_are_shown():
-    bare = {**FRAME, "handle": None, "tool": None}
+def test_without_handle_target_and_tool_only_contacts_are_shown():
+    bare = {**FRAME, "handle": None, "tool": None, "target": None}
     assert [marker.group for marker in markers.happenings(bare)] == ["contacts"]
+
+
+def test_the_target_of_the_hand_is_a_ring_about_it_that_points_where_it_turns():
+    [ring] = [marker for marker in markers.happenings(FRAME) if marker.group == "target"]
+    *around, tip = [turned(point[:2], ring.pose) for point in ring.points]
+    assert ring.pose == FRAME["target"]
+    assert [math.dist(place, (0.02, 0.03)) for place in around] == pytest.approx([markers.TARGET_RADIUS] * len(around))
+    assert math.atan2(tip[1] - 0.03, tip[0] - 0.02) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_joints_are_marked_where_they_hold_also_when_their_bodies_have_moved(name):
+    """Everything turned and shifted as one: each joint's mark has to go along."""
+    scene, whole = load(name), (0.03, -0.02, 0.7)
+    solids = shapes.solids(scene)
+    moved = [(*turned(solid.pose[:2], whole), solid.pose[2] + whole[2]) for solid in solids]
+    there = {body.name: body for body in scene.bodies} | {"tool": scene.tool, "world": None}
+    found = markers.joints(scene, moved[0], moved[1:])
+    assert len(found) == len(scene.joints)
+    for marker, joint in zip(found, scene.joints, strict=True):
+        place, _ = joint.places(*(there[body] for body in joint.bodies))
+        expected = place if joint.bodies[0] == "world" else turned(place, whole)
+        assert marker.pose[:2] == pytest.approx(expected, abs=1e-12)
+        assert marker.kind == ("sphere" if joint.type == "pin" else "cube")
+
+
+def test_a_spring_is_a_line_between_its_ends():
+    scene = parse(SPRUNG, "sprung")
+    _, spring = markers.joints(scene, (0.0, 0.0, 0.0), [(0.2, 0.1, math.pi / 2)])
+    assert (spring.group, spring.kind) == ("springs", "line")
+    assert np.array(spring.points)[:, :2] == pytest.approx(np.array([(0.0, 0.05), (0.2, 0.11)]))
+
+
+def test_walls_of_the_servo_end_where_the_handle_is_free():
+    driver = {"wall.normals": [0.0, 1.0, -0.6, 0.8], "wall.offsets": [-0.02, 0.05]}
+    walls = markers.surroundings(tuned.walls(driver), None)
+    assert len(walls) == 2
+    for marker, normal, offset in zip(walls, ((0.0, 1.0), (-0.6, 0.8)), driver["wall.offsets"], strict=True):
+        along = [np.dot(normal, turned(point[:2], marker.pose)) for point in marker.points]
+        assert (min(along), max(along)) == pytest.approx((offset - markers.WALL_DEPTH, offset))
+        assert upper_area(marker.points) == pytest.approx(markers.WALL_DEPTH * markers.WALL_LENGTH)
+
+
+def test_the_workspace_is_a_closed_line_around_it():
+    [line] = markers.surroundings([], ((-0.1, 0.2), (-0.3, 0.4), (-1.0, 1.0)))
+    places = np.array(line.points)
+    assert places[0].tolist() == places[-1].tolist()
+    assert (*places.min(0)[:2], *places.max(0)[:2]) == (-0.1, -0.3, 0.2, 0.4)
+
+
+@pytest.mark.parametrize("driver", ({}, {"wall.normals": [], "wall.offsets": []}, {"wall.normals": [0.0, 1.0]}))
+def test_no_wall_and_no_workspace_are_shown_that_are_not_known(driver):
+    assert markers.surroundings(tuned.walls(driver), None) == []
+
+
+def test_a_body_whose_place_is_not_known_is_left_out_with_its_joints():
+    scene = load("four_bar")
+    poses = [solid.pose for solid in shapes.solids(scene)]
+    poses[1] = None  # the crank, which three joints hold on to
+    assert [marker.number for marker in markers.bodies(scene, poses[0], poses[1:])] == [0, *range(2, len(poses))]
+    assert [marker.number for marker in markers.joints(scene, poses[0], poses[1:])] == [2, 3]
+
+
+class Ear:
+    """In place of a node: `said` are the messages, while somebody listens."""
+
+    def __init__(self, listeners):
+        self.said, self._listeners = [], listeners
+
+    def create_publisher(self, kind, topic, qos):
+        said = self.said if topic == "markers" else []
+        return types.SimpleNamespace(publish=said.append, get_subscription_count=lambda: self._listeners)
+
+
+GROUPS = {"bodies", "joints", "walls", "workspace", "target", "handle", "coupling", "force", "contacts"}
+
+
+@pytest.mark.parametrize(("known", "lacking"), [
+    ({}, set()),
+    ({"scene": None}, {"bodies", "joints"}),
+    ({"tool": None}, {"bodies", "joints", "coupling"}),
+    ({"walls": []}, {"walls"}),
+    ({"workspace": None}, {"workspace"}),
+    ({"target": None}, {"target"}),
+])  # fmt: skip
+def test_the_topic_shows_everything_that_is_known_and_nothing_that_is_not(known, lacking):
+    ear, scene = Ear(1), load("wrench_on_nut")
+    bodies = [solid.pose for solid in shapes.solids(scene)[1:]]
+    given = {"scene": scene, "walls": [(0.0, 1.0, 0.0)], "workspace": ((-0.1, 0.1), (-0.1, 0.1))} | known
+    frame = {name: known.get(name, value) for name, value in {**FRAME, "bodies": bodies}.items()}
+    Beacon(ear, 30.0).show(given["scene"], frame, given["walls"], given["workspace"], 1.0)
+    assert {marker.ns for marker in ear.said[0].markers} == GROUPS - lacking
+    assert len({(marker.ns, marker.id) for marker in ear.said[0].markers}) == len(ear.said[0].markers)
+
+
+def test_without_a_listener_no_marker_is_made():
+    ear = Ear(0)
+    Beacon(ear, 30.0).show(load("peg_in_hole"), FRAME, [], None, 1.0)
+    assert ear.said == []
 
 
 def test_the_message_carries_pose_points_and_colour():

@@ -271,6 +271,7 @@ class DriverNode(ManagedNode):
             "torn_records": int(self.servo.control[loop.TORN]),
             "trace_dropped": self.servo.ring.dropped,
             "telemetry_cpu_s": f"{self.telemetry.cpu:.3f}",
+            "window_s": f"{self.telemetry.window():.1f}",
             **{
                 f"lateness_us_{name}": f"{v:.1f}"
                 for name, v in zip(("p50", "p99", "p999", "max"), lateness, strict=True)

@@ -53,6 +53,10 @@ class Telemetry:
         for publisher in (self._encoder, self._motor, self._wrench, self._pose, self._trace, self._snapshot):
             self._node.destroy_publisher(publisher)
 
+    def window(self):
+        """Length [s] of the time that the percentiles are of."""
+        return min(self._ticks, WINDOW) / self._values["servo.rate"]
+
     def percentiles(self):
         """Percentiles 50, 99, 99.9, 100 of lateness, compute, age, write delay of the last ticks [s]; NaN for none."""
         if self._ticks - self._judged_at < FRESH_ENOUGH:

@@ -15,7 +15,10 @@ except ImportError:
 
 __all__ = ["MarkerArray", "TFMessage", "frames", "markers"]
 
-KINDS = {"triangles": Marker.TRIANGLE_LIST, "arrow": Marker.ARROW, "line": Marker.LINE_STRIP, "sphere": Marker.SPHERE}
+KINDS = {
+    "triangles": Marker.TRIANGLE_LIST, "arrow": Marker.ARROW, "line": Marker.LINE_STRIP, "sphere": Marker.SPHERE,
+    "cube": Marker.CUBE,
+}  # fmt: skip
 HEAD = 2.5  # an arrow's head is so many times as wide as its shaft, and twice that long
 LIFETIME = 500_000_000  # ns after which a marker that is not said again disappears
 

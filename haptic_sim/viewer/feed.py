@@ -84,18 +84,18 @@ class Feed:
         self._forget(now)
 
     def frame(self) -> dict:
-        """What moves, for one picture; coordinates of handle, target, tool and bodies in the world [m, m, rad]."""
+        """What moves, for one picture; coordinates of handle, target, tool and bodies in the world [m, m, rad]. None is
+        what is not known, or is no number."""
         truth, state = self.truth, self.state
         return {
             "time": time.monotonic(),
-            "handle": self._handle(),
-            "target": truth and self.to_world(truth.target),
-            "tool": state.get(TOOL),
-            "bodies": state.get("bodies", []),
-            "contacts": self.contacts,
-            "force": _three(truth.motor_force) if truth else self.wrench,
-            "felt": truth and [-force for force in _three(truth.operator_force)],
-            "coupling": state.get("coupling"),
+            "handle": _known(self._handle()),
+            "target": truth and _known(self.to_world(truth.target)),
+            "tool": _known(state.get(TOOL)),
+            "bodies": [_known(pose) for pose in state.get("bodies", [])],
+            "contacts": [contact for contact in self.contacts if _known(contact)],
+            "force": _known(_three(truth.motor_force) if truth else self.wrench),
+            "felt": truth and _known([-force for force in _three(truth.operator_force)]),
             "energy": [truth and truth.energy_given, state.get(ENERGY)],
             "results": state.get("results", []),
         }
@@ -137,13 +137,12 @@ class Feed:
     def _read_state(self, data):
         if self._state_layout is None or not self._state_layout.matches(data):
             return False
-        _, position, _, effort = self._state_layout.numbers(data)
+        _, position, _, _ = self._state_layout.numbers(data)
         count = 3 * (2 + len(self.scene.bodies))
         poses = [position[i : i + 3] for i in range(0, count, 3)]
         self.state = {
             TOOL: poses[1],
             "bodies": poses[2:],
-            "coupling": effort[3:6],
             ENERGY: position[count],
             "results": position[count + 1 :],
         }
@@ -172,6 +171,10 @@ class Feed:
             self.contacts = []
         if "wrench" not in heard:
             self.wrench = None
+
+
+def _known(numbers):
+    return numbers if numbers and all(map(math.isfinite, numbers)) else None
 
 
 def _three(numbers):

@@ -4,6 +4,7 @@
 import hmac
 import ipaddress
 import secrets
+import socket
 
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; connect-src 'self'; frame-ancestors 'none'; "
@@ -14,12 +15,16 @@ HEADERS = {
 }
 
 
+NOBODY = {4: "192.0.2.1", 6: "2001:db8::1"}  # addresses of documentation: nothing is ever sent there
+
+
 class Guard:
-    """Two random tokens: of the page with control, and of the one that only looks on."""
+    """Two random tokens: of the page with control, and of the one that only looks on. host: where it listens."""
 
     def __init__(self, host: str):
         self.control, self.look = secrets.token_urlsafe(16), secrets.token_urlsafe(16)
-        self._own = is_loopback(host)
+        self._own, machine = is_loopback(host), socket.gethostname().lower()
+        self._names = {host.lower(), machine, f"{machine}.local"}
 
     def may_control(self, token: str) -> bool:
         """Whether this token gives control; PermissionError if it is none of ours."""
@@ -30,8 +35,10 @@ class Guard:
         raise PermissionError("this address has no valid token; take the one that haptic view printed")
 
     def check_host(self, host: str) -> None:
-        """A server of this machine's own answers to this machine's own names: no other name may be led here."""
-        if self._own and not is_loopback(_name(host)):
+        """A server of this machine's own answers to its loopback names only; one that is open to others to addresses
+        and this machine's name too. Any other name may be a stranger's that was led here."""
+        name = _name(host).lower()
+        if not (is_loopback(name) or (not self._own and (name in self._names or _address(name)))):
             raise PermissionError(f"this server does not answer to the name {host}")
 
     def check_origin(self, origin: str | None, host: str) -> None:
@@ -42,12 +49,31 @@ class Guard:
 
 def is_loopback(host: str) -> bool:
     """Whether a name or an address is this machine's own."""
-    if host == "localhost":
-        return True
+    address = _address(host)
+    return address.is_loopback if address else host == "localhost"
+
+
+def reachable(host: str) -> str:
+    """Where others find a server that listens on this host: itself, or if that means every address of this machine, the
+    one that leads outside; without any, this machine's name."""
+    address = _address(host)
+    if not address or not address.is_unspecified:
+        return host
+    family = socket.AF_INET6 if address.version == 6 else socket.AF_INET
     try:
-        return ipaddress.ip_address(host).is_loopback
+        with socket.socket(family, socket.SOCK_DGRAM) as way:
+            way.connect((NOBODY[address.version], 9))  # of a datagram socket: looks up the route, sends nothing
+            return way.getsockname()[0]
+    except OSError:
+        return socket.gethostname()
+
+
+def _address(host):
+    """None for a name."""
+    try:
+        return ipaddress.ip_address(host)
     except ValueError:
-        return False
+        return None
 
 
 def _name(host):

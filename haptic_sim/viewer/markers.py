@@ -4,22 +4,29 @@
 import math
 from typing import NamedTuple
 
+from haptic_sim.outline import Outline, rectangle
 from haptic_sim.scene import Scene
+from haptic_sim.shape import turned
 from haptic_sim.viewer import shapes
 
 THICKNESS = 0.01  # m, of bodies along z
 NEWTON = 0.003  # m of arrow for each newton
 SHAFT = 0.0012  # m
 CIRCLE = 32  # corners of a disc
+JOINT = 0.004  # m, diameter of a pin, side of the others
+TARGET_RADIUS = 1.6 * shapes.HANDLE_RADIUS  # m
+WALL_LENGTH, WALL_DEPTH = 2.0, 0.05  # m of a half-plane that is shown
 FIXED, MOVING, TOOL = (0.55, 0.60, 0.65, 1.0), (0.34, 0.71, 0.91, 1.0), (0.90, 0.62, 0.0, 0.85)
 HANDLE, COUPLING, FORCE, CONTACT = (0.0, 0.45, 0.70, 1.0), (0.0, 0.62, 0.45, 1.0), (0.84, 0.37, 0.0, 1.0), (
     0.64, 0.27, 0.50, 1.0)  # fmt: skip
+DARK, WALL, EDGE = (0.09, 0.10, 0.11, 1.0), (0.0, 0.45, 0.70, 0.25), (0.34, 0.36, 0.40, 1.0)
+NOWHERE = (0.0, 0.0, 0.0)  # pose of what is given in the world itself
 Point = tuple[float, float, float]
 
 
 class Marker(NamedTuple):
-    """kind: triangles, arrow, line or sphere; pose (x, y, θ) [m, m, rad] in the world; points in that pose's frame [m];
-    size: thickness of lines and arrows, or diameter [m]."""
+    """kind: triangles, arrow, line, sphere or cube; pose (x, y, θ) [m, m, rad] in the world; points in that pose's
+    frame [m]; size: thickness of lines and arrows, diameter, or side [m]."""
 
     group: str
     number: int
@@ -31,24 +38,60 @@ class Marker(NamedTuple):
 
 
 def bodies(scene: Scene, tool, poses) -> list[Marker]:
-    """Tool and bodies where they are now; poses: of the scene's bodies, in its order."""
+    """Tool and bodies where they are now; poses: of the scene's bodies, in its order, None where one is not known."""
     found = []
     for number, (solid, pose) in enumerate(zip(shapes.solids(scene), (tool, *poses), strict=True)):
+        if pose is None:
+            continue
         colour = TOOL if number == 0 else FIXED if solid.fixed else MOVING
         triangles = tuple(corner for outline in solid.outlines for corner in prism(outline))
         found.append(Marker("bodies", number, "triangles", tuple(pose), triangles, colour))
     return found
 
 
+def joints(scene: Scene, tool, poses) -> list[Marker]:
+    """Where each joint holds on to its first body: a ball for a pin, else a cube; a spring with a line to the other."""
+    places = dict(zip((solid.name for solid in shapes.solids(scene)), (tool, *poses), strict=True))
+    found = []
+    for number, ends in enumerate(shapes.joints(scene)):
+        if any(places.get(mark.solid, NOWHERE) is None for mark in ends):
+            continue
+        a, b = (turned(mark.point, places.get(mark.solid, NOWHERE)) for mark in ends)
+        kind = "sphere" if ends[0].type == "pin" else "cube"
+        turn = places.get(ends[0].solid, NOWHERE)[2]
+        found.append(Marker("joints", number, kind, (*a, turn), (), DARK, JOINT))
+        if ends[0].type == "spring":
+            found.append(Marker("springs", number, "line", NOWHERE, (_raised(a), _raised(b)), DARK, SHAFT))
+    return found
+
+
+def surroundings(walls, workspace) -> list[Marker]:
+    """The servo's walls, (normal x, normal y, offset [m]) each, and the device's workspace, (least, most) of x and y in
+    the world [m]; either may be empty: not known."""
+    band = prism(Outline(rectangle((WALL_DEPTH, WALL_LENGTH), (-WALL_DEPTH / 2.0, 0.0), 0.0)))
+    found = [
+        Marker("walls", number, "triangles", (nx * offset, ny * offset, math.atan2(ny, nx)), tuple(band), WALL)
+        for number, (nx, ny, offset) in enumerate(walls)
+    ]
+    if workspace:
+        (left, right), (bottom, top) = workspace[0], workspace[1] if len(workspace) > 1 else (0.0, 0.0)
+        corners = ((left, bottom), (right, bottom), (right, top), (left, top), (left, bottom))
+        found.append(Marker("workspace", 0, "line", NOWHERE, tuple((*corner, 0.0) for corner in corners), EDGE, SHAFT))
+    return found
+
+
 def happenings(frame: dict) -> list[Marker]:
-    """Handle, coupling, force on the hand and contact forces of a frame; what is not known is left out."""
+    """The hand's target, handle, coupling, force on the hand and contact forces; what is not known is left out."""
     found, handle, tool = [], frame["handle"], frame["tool"]
     force = frame["felt"] or frame["force"]
+    if frame["target"]:
+        ring = (*_corners(Outline(((0.0, 0.0),), TARGET_RADIUS)), (TARGET_RADIUS, 0.0), (1.6 * TARGET_RADIUS, 0.0))
+        found.append(Marker("target", 0, "line", tuple(frame["target"]), tuple(map(_raised, ring)), DARK, SHAFT / 2.0))
     if handle:
         found.append(Marker("handle", 0, "sphere", tuple(handle), (), HANDLE, 2.0 * shapes.HANDLE_RADIUS))
     if handle and tool:
         ends = (_raised(handle), _raised(tool))
-        found.append(Marker("coupling", 0, "line", (0.0, 0.0, 0.0), ends, COUPLING, SHAFT))
+        found.append(Marker("coupling", 0, "line", NOWHERE, ends, COUPLING, SHAFT))
     if handle and force and math.hypot(*force[:2]) > 0.0:
         found.append(_arrow("force", 0, handle, force, FORCE))
     for number, (_, _, x, y, _, _, fx, fy, _) in enumerate(frame["contacts"]):
@@ -83,4 +126,4 @@ def _raised(place):
 def _arrow(group, number, place, force, colour):
     x, y, z = _raised(place)
     ends = ((x, y, z), (x + NEWTON * force[0], y + NEWTON * force[1], z))
-    return Marker(group, number, "arrow", (0.0, 0.0, 0.0), ends, colour, SHAFT)
+    return Marker(group, number, "arrow", NOWHERE, ends, colour, SHAFT)

@@ -2,7 +2,9 @@
 """One page's end of the server: what it is sent, and what it asks for. Frames are dropped for it, never queued."""
 
 import asyncio
+import itertools
 import json
+import math
 import time
 
 from aiohttp import WSMsgType, web
@@ -14,6 +16,8 @@ GIVEN_UP = 1.0  # s after which frames go out again to a page that says nothing:
 HINT_PERIOD = 1.0  # s between two hints
 EXCESS = 0.01  # s that a page which says too much has to wait
 MOST_BUSY = 32  # things that a page has asked for and that are not done
+MOST_ANSWERS = 64  # kept for a page that takes none; the oldest go
+ANSWER = "answer "  # kind of news, followed by a number: none takes another's place
 STOP = '"estop"'  # a message with this is always heard
 
 
@@ -26,10 +30,14 @@ class Seat:
         self._news, self._frame, self._wake = {}, None, asyncio.Event()
         self._last_seen, self._hinted = time.monotonic(), -HINT_PERIOD
         self._busy: set[asyncio.Task] = set()
+        self._numbers = itertools.count()
 
     def tell(self, kind: str, content) -> None:
         """News of a kind: a newer one takes the place of one that has not been sent."""
         self._news[kind] = content
+        answers = [known for known in self._news if known.startswith(ANSWER)]
+        for oldest in answers[:-MOST_ANSWERS]:
+            del self._news[oldest]
         self._wake.set()
 
     def show(self, frame: str) -> None:
@@ -57,7 +65,7 @@ class Seat:
             news, self._news = self._news, {}
             try:
                 for kind, content in news.items():
-                    await self._socket.send_str(json.dumps({"kind": kind, "content": content}))
+                    await self._socket.send_str(encoded({"kind": kind, "content": content}))
                 if self._frame is not None:
                     frame, self._frame = self._frame, None
                     self.sent += 1
@@ -103,9 +111,25 @@ class Seat:
             if sentence:
                 self._hint(sentence)
         else:
-            self.tell(f"answer {time.monotonic()}", {"to": wish, "done": done, "sentence": sentence})
+            self.tell(f"{ANSWER}{next(self._numbers)}", {"to": wish, "done": done, "sentence": sentence})
 
     def _hint(self, sentence):
         if time.monotonic() > self._hinted + HINT_PERIOD:
             self._hinted = time.monotonic()
             self.tell("hint", sentence)
+
+
+def encoded(content) -> str:
+    """JSON, which has no infinity: a number that is none becomes null."""
+    try:
+        return json.dumps(content, allow_nan=False)
+    except ValueError:
+        return json.dumps(_known(content))
+
+
+def _known(content):
+    if isinstance(content, dict):
+        return {name: _known(value) for name, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_known(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content

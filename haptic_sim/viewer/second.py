@@ -1,74 +1,105 @@
 # SPDX-License-Identifier: Apache-2.0
 """A second operating point on the same motion of the hand: device and simulation in lock-step, a process of its own.
 
-The viewer sends lines of JSON, first the system, then where the hand's target is at which time; it gets a line of where
-everything is for each. The process runs niced: it may fall behind, and then says so; nothing waits for it.
+The viewer sends lines of JSON: first the system, then where the hand's target is at which time, or "again" for the
+start of the scene; it gets a line of where everything is for each. The process runs niced: it may fall behind, and the
+page then says so; nothing waits for it. What it writes to its standard error is kept in a file: the last line says why
+it ended.
 """
 
 import contextlib
+import itertools
 import json
+import math
 import os
 import subprocess
 import sys
+import tempfile
 import threading
 
 from haptic_device.runtime.process import die_with_parent
 
 LONGEST = 0.1  # s of motion computed at once; a longer silence is left out
+MOST_BEHIND = 60  # answers outstanding, beyond which motion is left out
+LATE = 0.2  # s behind that are worth a sentence
 NICE = 10
 
 
 class Second:
-    """The viewer's end. `latest` is the newest state, or None before it is ready; `problem` a sentence if it has ended
-    by itself; `system` what it was made of (Ghost)."""
+    """The viewer's end. `latest` is the newest state, or None before it is ready or when it has ended; `problem` a
+    sentence if it has ended by itself; `system` what it was made of (Ghost)."""
 
     def __init__(self, system: dict):
         own = os.getpid()
-        self.system, self.latest, self.problem, self._asked, self._answered = system, None, "", 0, -1
+        self.system, self.latest, self.problem, self._closed = system, None, "", False
+        self._asked, self._answered, self._now, self._then = 0, -1, 0.0, 0.0
+        self._errors = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115
         self._process = subprocess.Popen(
             [sys.executable, "-m", "haptic_sim.viewer.second"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE, text=True, preexec_fn=lambda: die_with_parent(own),
+            stderr=self._errors, text=True, preexec_fn=lambda: die_with_parent(own),
         )  # fmt: skip
         threading.Thread(target=self._listen, name="second", daemon=True).start()
         self._say(system)
 
+    @property
+    def note(self) -> str:
+        """One sentence if it does not show what it should: it has ended, or is behind."""
+        behind = self._now - self._then
+        if self.problem or behind < LATE or self.latest is None:
+            return self.problem
+        return f"the second operating point is {behind:.1f} s behind: its process gets too little of the processor"
+
     def move(self, now: float, target) -> None:
-        """The hand's target [m, m, rad] in device units at this time [s]; left out while it is a second behind."""
-        if not self.problem and self._asked - self._answered < 60:
+        """The hand's target [m, m, rad] in device units at this time [s]; left out while it is far behind."""
+        self._then = self._then or now
+        self._now = now
+        if not self.problem and self._asked - self._answered < MOST_BEHIND:
             self._asked += 1
             self._say({"time": now, "target": list(target)})
 
     def start_again(self) -> None:
         """Everything back to the start of the scene."""
         self._asked += 1
-        self._say(self.system)
+        self._say({"again": True})
 
     def close(self) -> None:
         """Ends the process."""
+        self._closed = True
         self._process.kill()
         self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
+        for stream in (self._process.stdin, self._process.stdout, self._errors):
             with contextlib.suppress(OSError):  # what it had not read yet
                 stream.close()
 
     def _say(self, content):
-        try:
+        with contextlib.suppress(BrokenPipeError, ValueError):  # it has ended, which _listen says
             self._process.stdin.write(json.dumps(content) + "\n")
             self._process.stdin.flush()
-        except (BrokenPipeError, ValueError):
-            self.problem = self.problem or "the second operating point has ended"
 
     def _listen(self):
-        try:
+        with contextlib.suppress(ValueError):  # closed
             for line in self._process.stdout:
-                answer = json.loads(line)
-                if "refusal" in answer:
-                    self.problem = answer["refusal"]
-                else:
-                    self.latest, self._answered = answer, self._answered + 1
-            self.problem = self.problem or "the second operating point has ended"
-        except ValueError:
-            return  # closed
+                with contextlib.suppress(json.JSONDecodeError):  # what a library printed
+                    self._take(json.loads(line))
+        if not self._closed:
+            self.problem = self.problem or self._end()
+            self.latest = None
+
+    def _take(self, answer):
+        if "refusal" in answer:
+            self.problem = answer["refusal"]
+            return
+        self._then = answer.pop("time") or self._then
+        self.latest, self._answered = answer, self._answered + 1
+
+    def _end(self):
+        """Why it has ended, in a sentence."""
+        code, why = self._process.wait(), "closed"
+        with contextlib.suppress(ValueError):  # closed meanwhile
+            self._errors.seek(0)
+            said = self._errors.read().strip().splitlines()[-1:]
+            why = said[0][:200] if said else f"signal {-code}" if code < 0 else f"exit code {code}"
+        return f"the second operating point has ended by itself ({why})"
 
 
 class Ghost:
@@ -117,24 +148,31 @@ class Ghost:
         self._row = lockstep.run(seconds)[-1]
 
     def state(self) -> dict:
-        """Handle, tool and bodies in the world [m, m, rad], force of the motor on the handle [N, N, N m]."""
+        """Time of the last motion [s], None before; handle, tool and bodies in the world [m, m, rad], force of the
+        motor on the handle [N, N, N m]."""
         method, row = self._simulation.method, self._row
         bodies = [method.pose(body.name) for body in self._simulation.scene.bodies]
         force = row.force_on_handle.tolist()
-        return {"handle": row.position.tolist(), "force": force, "tool": list(method.position), "bodies": bodies}
+        if not all(map(math.isfinite, (*row.position, *force, *method.position, *itertools.chain(*bodies)))):
+            raise ValueError("the second operating point has blown up: where its bodies are is no number any more")
+        return {
+            "time": self._now, "handle": row.position.tolist(), "force": force, "tool": list(method.position),
+            "bodies": bodies,
+        }  # fmt: skip
 
 
 def main() -> int:
     """Answers each line of standard input until it ends."""
     os.nice(NICE)
-    ghost = None
+    ghost = system = None
     for line in sys.stdin:
         content = json.loads(line)
         try:
-            if "scene" in content:
-                ghost = Ghost(content)
+            if "scene" in content or "again" in content:
+                system = system or content
+                ghost = Ghost(system)
             state = ghost.move(content["time"], content["target"]) if "time" in content else ghost.state()
-            print(json.dumps(state), flush=True)
+            print(json.dumps(state, allow_nan=False), flush=True)
         except (ValueError, OSError) as refusal:
             print(json.dumps({"refusal": str(refusal)}), flush=True)
             return 1

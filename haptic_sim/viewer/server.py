@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The web server: static files, a websocket a page, the operating point as a file. Everything behind a token."""
 
-import json
 from importlib.resources import files
 
 from aiohttp import web
 
-from haptic_sim.viewer.guard import HEADERS, Guard
-from haptic_sim.viewer.seat import Seat
+from haptic_sim.viewer.guard import HEADERS, Guard, reachable
+from haptic_sim.viewer.seat import Seat, encoded
 from haptic_sim.viewer.wishes import LONGEST
 
 WEB = files("haptic_sim.viewer") / "web"
@@ -44,7 +43,8 @@ class Server:
 
     def address(self, control: bool) -> str:
         """Where a page with control, or one that only looks on, is found."""
-        host = f"[{self._host}]" if ":" in self._host else self._host
+        host = reachable(self._host)
+        host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self._port}/{self.guard.control if control else self.guard.look}/"
 
     def tell(self, kind: str, content) -> None:
@@ -55,10 +55,7 @@ class Server:
     def show(self, frame: dict) -> None:
         """A frame for all pages that keep up."""
         if self.seats:
-            try:
-                text = json.dumps(frame, allow_nan=False)
-            except ValueError:
-                return  # a number that is none: the nodes say so themselves
+            text = encoded(frame)
             for seat in self.seats:
                 seat.show(text)
 

@@ -64,12 +64,14 @@ class Stage:
             self._second.move(now, truth.target)
         return self._second.latest
 
-    def differences(self) -> list | None:
-        """(name, value of the running driver, value of the second) of what differs; None without a second."""
+    def beside(self) -> dict | None:
+        """differences: (name, value of the running driver, value of the second) of what differs; note: a sentence if
+        the second does not show what it should. None without a second."""
         if self._second is None:
             return None
         other, now = self._second.system["driver"], self._desk.values.get(DRIVER, {})
-        return [(name, now[name], other[name]) for name in now if name in other and now[name] != other[name]]
+        differing = [(name, now[name], other[name]) for name in now if name in other and now[name] != other[name]]
+        return {"differences": differing, "note": self._second.note}
 
     def close(self) -> None:
         """Ends the second operating point, if there is one."""

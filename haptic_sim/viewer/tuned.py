@@ -40,6 +40,12 @@ def typed(name: str, value):
     return value
 
 
+def walls(driver: dict) -> list[tuple[float, float, float]]:
+    """The servo's walls by the driver's values: normal x, normal y, offset along it [m]; none that are not known."""
+    normals = driver.get("wall.normals", [])
+    return list(zip(normals[::2], normals[1::2], driver.get("wall.offsets", []), strict=False))
+
+
 def operating_point(namespace: str, values: dict[str, dict]) -> str:
     """A ROS 2 parameter file with everything that differs from the defaults; values: {node: {name: value}}."""
     given = {node: _differing(NODES[node], values.get(node, {})) for node in NODES}

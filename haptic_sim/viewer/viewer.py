@@ -62,7 +62,7 @@ class Viewer:
             self.desk.lead(time.monotonic())
             frame = self.feed.frame() | {"second": self.desk.stage.go_along(time.monotonic())}
             self.server.show(frame)
-            self._beacon.show(self.feed.scene, frame, time.monotonic())
+            self._beacon.show(self.feed.scene, frame, *self._surroundings(), time.monotonic())
             self._tell_news(time.monotonic())
 
     def _tell_news(self, now):
@@ -105,12 +105,16 @@ class Viewer:
     def _scene(self):
         return shapes.drawing(self.feed.scene) if self.feed.scene else None
 
+    def _surroundings(self):
+        """The servo's walls, and the device's workspace in the world; None where it is not known."""
+        return tuned.walls(self.desk.values.get(DRIVER, {})), self.desk.limits.workspace if self.desk.device else None
+
     def _tuning(self):
-        limits, device, differences = self.desk.limits, self.desk.device, self.desk.stage.differences()
+        device, (walls, workspace) = self.desk.device, self._surroundings()
         return {
-            "second": None if differences is None else {"differences": differences},
+            "second": self.desk.stage.beside(),
             "values": self.desk.values, "offer": self._company.offer() if self._company else {},
-            "workspace": limits.workspace if device else None, "device": device.name if device else None,
+            "walls": walls, "workspace": workspace, "device": device.name if device else None,
             "damping": [axis.damping for axis in device.axes] if device else [],
         }  # fmt: skip
 

@@ -1,20 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """A running demo with its page, a real Chromium before it, and an ear that keeps times of its own."""
 
+import contextlib
 import os
 import re
+import socket
 import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 import rclpy
 from chromium import OPTIONS, find
 from playwright.sync_api import sync_playwright
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 
 from haptic_device.node.tap import Tap
 from haptic_device.node.wire import STREAM, JointLayout, truth_names
@@ -84,6 +90,26 @@ class Listener:
             for sample in self._targets.take():
                 self.targets.append((time.monotonic(), list(sample.message.position)))
             time.sleep(0.001)
+
+    def set_walls(self, **values):
+        """Sets wall.… of the driver, all or none."""
+        kind = Parameter.Type.DOUBLE_ARRAY
+        parameters = [Parameter(f"wall.{name}", kind, value).to_parameter_msg() for name, value in values.items()]
+        client = self._node.create_client(SetParametersAtomically, "haptic_driver/set_parameters_atomically")
+        assert client.wait_for_service(PATIENCE)
+        asked = client.call_async(SetParametersAtomically.Request(parameters=parameters))
+        executor = SingleThreadedExecutor(context=self._context)
+        executor.add_node(self._node)
+        executor.spin_until_future_complete(asked, PATIENCE)
+        executor.remove_node(self._node)
+        assert asked.result().result.successful, asked.result().result.reason
+
+    def marked(self):
+        """Namespaces of the next markers, with the frames they are in."""
+        tap = Tap(self._node, "markers", "visualization_msgs/msg/MarkerArray", STREAM)
+        found = self.until(tap.latest).message.markers
+        tap.close()
+        return {marker.ns for marker in found}, {marker.header.frame_id for marker in found}
 
     def motor(self):
         """(time, largest part of the motor's force) of everything heard."""
@@ -172,6 +198,43 @@ class Tab:
     def shot(self, name):
         SHOTS.mkdir(parents=True, exist_ok=True)
         self.page.screenshot(path=SHOTS / f"{name}.png")
+
+
+class Cable:
+    """Between a page and the viewer, to be cut and mended; the page opens `address`."""
+
+    def __init__(self, address):
+        url = urlsplit(address)
+        self._far, self._ends, self.whole = (url.hostname, url.port), [], True
+        self._plug = socket.create_server(("127.0.0.1", 0))
+        self.address = address.replace(f":{url.port}/", f":{self._plug.getsockname()[1]}/")
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self):
+        while True:
+            near, _ = self._plug.accept()
+            if not self.whole:
+                near.close()
+                continue
+            far = socket.create_connection(self._far)
+            self._ends += [near, far]
+            for ends in ((near, far), (far, near)):
+                threading.Thread(target=self._carry, args=ends, daemon=True).start()
+
+    def _carry(self, one, other):
+        with contextlib.suppress(OSError):
+            while data := one.recv(65536):
+                other.sendall(data)
+        self._end(one, other)
+
+    def _end(self, *ends):
+        for end in ends:
+            with contextlib.suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+
+    def cut(self):
+        self.whole = False
+        self._end(*self._ends)
 
 
 @pytest.fixture(scope="session")

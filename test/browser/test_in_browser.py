@@ -7,9 +7,10 @@ import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import psutil
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from conftest import COMPILING, Tab
+from conftest import COMPILING, Cable, Tab
 
 from haptic_sim.cli.check import problems
 
@@ -95,10 +96,16 @@ def test_the_hand_follows_the_mouse_without_delay(tab, listener, figure):
     assert median < MOUSE + held_up()
 
 
-def push_down(tab):
+def serious(tab):
+    """What axe finds serious or worse: rule and elements."""
+    found = Axe().run(tab.page).response["violations"]
+    return [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found if rule["impact"] in SERIOUS]
+
+
+def push_down(tab, steps=60):
     """Presses the tool upon something, so that the motor pushes back."""
     tab.page.focus("#scene")
-    for _ in range(60):
+    for _ in range(steps):
         tab.page.keyboard.press("ArrowDown")
     tab.until("Math.abs(parseFloat(document.getElementById('force').textContent)) > 2")
 
@@ -119,8 +126,39 @@ def test_a_click_on_e_stop_zeroes_the_motor_at_once(tab, listener, figure):
     tab.page.mouse.up()
     tab.until_text("state", "fault: estop")
     tab.shot("fault")
+    assert serious(tab) == []
     figure("e-stop click to motor zero", f"<= {1e3 * E_STOP:g} ms", f"{1e3 * took:.1f} ms")
     assert took < E_STOP + held_up()
+
+
+def test_what_is_pressed_without_a_connection_is_said_and_a_stop_goes_with_the_next(system, tab, chromium, listener):
+    tab.engage()
+    push_down(tab)
+    cable, far = Cable(system.address), Tab(chromium)
+    far.page.goto(cable.address)
+    far.until_text("state", "^engaged$")
+    cable.cut()
+    far.until_text("state", "no viewer")
+    far.page.click("[data-service=enable]")
+    far.until_text("hint", "Not sent: no connection")
+    far.page.click("#start_scene")
+    far.until_text("scene_answer", "Not sent: no connection")
+    far.page.click("#estop")
+    far.until_text("banner", "E-STOP has NOT been heard")
+    far.shot("unconnected")
+    assert serious(far) == []
+    assert listener.motor()[-1][1] > 0.0
+    began, cable.whole = time.monotonic(), True
+    listener.until(lambda: zeroed(listener, began))
+    far.until_text("state", "fault: estop")
+    tab.engage()
+    cable.cut()
+    far.until_text("state", "no viewer")
+    cable.whole = True
+    far.until_text("state", "^engaged$")
+    far.page.wait_for_timeout(1000.0)
+    assert far.text("state") == "engaged" and not far.page.is_visible("#banner"), "what was heard is not said again"
+    far.page.close()
 
 
 def test_the_keyboard_alone_stops_resets_engages_and_turns(tab, listener):
@@ -175,6 +213,28 @@ def test_a_slider_changes_the_gain_of_the_driver(tab):
     number.press("Enter")
 
 
+def test_the_slider_of_a_wall_changes_that_wall_alone_and_walls_are_shown(tab, listener):
+    below_and_left = {"normals": [0.0, 1.0, 1.0, 0.0], "offsets": [-0.055, -0.1]}
+    listener.set_walls(**below_and_left, stiffness=[1000.0, 500.0], damping=[0.0, 0.0])
+    tab.until("document.getElementById('tuned_wall_stiffness_2')")
+    places = "document.querySelectorAll('.walls:has(#tuned_wall_stiffness) [type=number]')"
+    numbers = f"[...{places}].map((one) => one.value)"
+    tab.until(f"{numbers}.join() === '1000,500'")
+    second = tab.page.locator("#tuned_wall_stiffness_2 + input")
+    second.fill("300")
+    second.press("Enter")
+    tab.page.focus("#scene")
+    tab.page.wait_for_timeout(2500.0)  # what the driver has comes each second
+    assert tab.page.evaluate(numbers) == ["1000", "300"] and tab.text("tuned_wall_stiffness_answer") == ""
+    tab.page.locator("#tuned_wall_stiffness").scroll_into_view_if_needed()
+    tab.shot("walls")
+    groups, frames = listener.marked()
+    assert groups >= {"bodies", "walls", "workspace", "target", "handle", "coupling"} and frames == {"haptic_world"}
+    assert serious(tab) == []
+    listener.set_walls(normals=[], offsets=[], stiffness=[], damping=[])
+    tab.until("document.querySelectorAll('.walls input').length === 0")
+
+
 def test_drags_beyond_the_workspace_are_clamped_with_a_hint(tab, listener):
     tab.engage()
     x, y = tab.middle()
@@ -185,6 +245,20 @@ def test_drags_beyond_the_workspace_are_clamped_with_a_hint(tab, listener):
     tab.page.mouse.up()
     assert max(truth.position[3] for _, truth in list(listener.truths)) < 0.1201
     tab.engage()
+
+
+def test_without_a_simulated_hand_whoever_wants_to_lead_it_is_told(tab):
+    said = tab.page.evaluate("""async () => {
+        const { Hand } = await import("./hand.js");
+        const said = [];
+        const view = { canvas: document.createElement("canvas"), frame: { target: null } };
+        const hand = new Hand(view, (wish) => said.push(wish));
+        hand.move(0.01, 0, 0);
+        view.frame.target = [0, 0, 0];
+        hand.move(0.01, 0, 0);
+        return said;
+    }""")
+    assert said == [None, {"x": 0.01, "y": 0}]
 
 
 def test_a_reload_and_a_second_tab_recover_by_themselves(system, tab, chromium):
@@ -220,6 +294,21 @@ def test_nodes_that_start_again_are_found_again(tab, listener):
         assert method in tab.text("figures")
 
 
+def test_a_delay_for_study_is_a_slider_in_ms_that_starts_the_nodes_again_once(tab):
+    slider = tab.page.locator("#offer_delay")
+    assert "delay [ms] (0 to 2000)" in tab.page.text_content("label[for=offer_delay]")
+    slider.focus()
+    for _ in range(200):
+        tab.page.keyboard.press("ArrowRight")
+    tab.until_text("restart_answer", "delay is 16; the nodes have been started again")
+    tab.until_text("state", "^engaged$")
+    tab.until("Number(/age p50 . p99([0-9.]+)/.exec(document.getElementById('figures').textContent)?.[1]) > 15")
+    tab.page.locator("#offer_delay + input").fill("0")
+    tab.page.keyboard.press("Enter")
+    tab.until_text("restart_answer", "delay is 0; the nodes have been started again")
+    tab.until_text("state", "^engaged$")
+
+
 def test_another_scene_and_method_are_loaded_and_an_impossible_one_is_refused(tab):
     tab.choose("scene_name", "wrench_on_nut", "scene is wrench_on_nut")
     tab.choose("method_name", "closed_form", "no closed form")
@@ -235,7 +324,8 @@ def test_another_scene_and_method_are_loaded_and_an_impossible_one_is_refused(ta
     tab.choose("scene_name", "peg_in_hole", "scene is peg_in_hole")
 
 
-def test_a_second_operating_point_goes_along_as_a_ghost(tab):
+def test_a_second_operating_point_goes_along_as_a_ghost_and_its_end_is_said(system, tab):
+    tab.until_text("state", "^engaged$")
     tab.page.click("#compare_on")
     tab.until_text("compare_answer", "both are at the scene", COMPILING)
     tab.until_text("state", "^engaged$")
@@ -243,10 +333,19 @@ def test_a_second_operating_point_goes_along_as_a_ghost(tab):
     number.fill("500")
     number.press("Enter")
     tab.until("/500 [|] 2000/.test(document.getElementById('compared').textContent)")
-    push_down(tab)
+    push_down(tab, 45)  # not as far as the motor's limit, where both would stand at the same place
+    forces = "[...document.querySelectorAll('#compared_now tr:first-child td')].map((cell) => cell.textContent).join()"
+    tab.until(f"(([live, second]) => live > 2 && second > live + 1)({forces}.split('|').map(Number))")
     tab.page.wait_for_timeout(1000.0)
+    tab.page.locator("#compared").scroll_into_view_if_needed()
     tab.shot("beside")
+    assert tab.text("compare_note") == "" and serious(tab) == []
+    [second] = [child for child in psutil.Process(system.process.pid).children(recursive=True)
+                if "haptic_sim.viewer.second" in child.cmdline()]  # fmt: skip
+    second.kill()
+    tab.until_text("compare_note", "^the second operating point has ended by itself .signal 9.$")
     tab.page.click("#compare_off")
+    tab.until("document.getElementById('compare_note').textContent === ''")
     tab.until_text("compare_answer", "has ended")
     number.fill("2000")
     number.press("Enter")
@@ -284,11 +383,9 @@ def test_the_page_passes_the_accessibility_check_in_light_and_dark(system, chrom
     for scheme in ("light", "dark"):
         tab.page.emulate_media(color_scheme=scheme)
         tab.until(f"document.documentElement.dataset.theme == {scheme!r}")
-        found = Axe().run(tab.page).response
-        serious = [(rule["id"], [node["target"] for node in rule["nodes"]]) for rule in found["violations"]
-                   if rule["impact"] in SERIOUS]  # fmt: skip
-        figure(f"axe, {scheme} at {size[0]}x{size[1]}: serious findings", "0", str(len(serious)))
-        assert serious == []
+        found = serious(tab)
+        figure(f"axe, {scheme} at {size[0]}x{size[1]}: serious findings", "0", str(len(found)))
+        assert found == []
         tab.shot(f"{scheme}_{size[0]}")
     wide = tab.page.evaluate("document.documentElement.scrollWidth")
     assert wide <= size[0], "nothing sticks out at the side"

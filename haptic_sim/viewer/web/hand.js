@@ -7,7 +7,7 @@ const TURN = Math.PI / 180; // rad for Q, E, a button or a notch of the wheel
 const KEYS = { ArrowLeft: [-1, 0, 0], ArrowRight: [1, 0, 0], ArrowUp: [0, 1, 0], ArrowDown: [0, -1, 0], q: [0, 0, 1], e: [0, 0, -1] };
 
 export class Hand {
-  // lead: ({x, y, theta}) is called with what has changed, in m and rad.
+  // lead: ({x, y, theta}) is called with what has changed, in m and rad; with null if there is no hand to lead.
   constructor(view, lead) {
     this.view = view;
     this.lead = lead;
@@ -36,6 +36,7 @@ export class Hand {
     const resting = performance.now() > this.moved + REST;
     this.moved = performance.now();
     if (this.goal === null || resting) this.goal = this.view.frame?.target?.slice() ?? null;
+    if (this.goal === null) this.lead(null);
     return this.goal;
   }
 

@@ -7,8 +7,9 @@ const LEVELS = { idle: "warn", "waiting for a small force": "warn", engaging: "w
 const FIGURES = [
   ["servo late p50 / p99", "µs", (d) => `${round(d.lateness_us_p50)} / ${round(d.lateness_us_p99)}`],
   ["servo late p99.9 / most", "µs", (d) => `${round(d.lateness_us_p999)} / ${round(d.lateness_us_max)}`],
-  ["ticks missed", "", (d) => `${d.missed} of ${d.ticks}`],
   ["tool's age p50 / p99", "ms", (d) => `${round(d.age_ms_p50)} / ${round(d.age_ms_p99)}`],
+  ["the above, of the last", "s", (d) => round(d.window_s)],
+  ["ticks missed", "", (d) => `${d.missed} of ${d.ticks}`],
   ["exchange", "", (d) => d.exchange_method],
   ["samples answered", "", (d) => `${d.exchange_answered} of ${d.exchange_sent}`],
 ];
@@ -28,6 +29,8 @@ export function showHealth(status, tuning) {
     item.dataset.level = node.level;
     return item;
   }));
+  const length = Number(driver?.values.window_s);
+  document.getElementById("age_window").textContent = length ? `, of the last ${round(length)} s` : "";
   showMargins(driver, tuning?.damping ?? []);
 }
 
@@ -46,7 +49,7 @@ function showState(driver) {
 
 function showProblem(status) {
   const banner = document.getElementById("banner");
-  if (banner.dataset.lost) return;
+  if (document.body.classList.contains("lost")) return;
   const silent = Object.keys(status.nodes).length === 0 ? "No node is heard of; start them, or wait." : "";
   banner.textContent = status.problem || silent;
   banner.hidden = !banner.textContent;

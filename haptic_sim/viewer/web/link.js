@@ -1,5 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The websocket to the viewer: opens again by itself for ever; the newest frame counts, older ones are not kept.
+// The websocket to the viewer: opens again by itself for ever; the newest frame counts, older ones are not kept. What
+// is asked for while there is no connection is answered here: it was not sent. Only what stops waits, and goes first.
+
+const STOPS = { estop: "E-STOP", disable: "Disable" };
+const SILENT = 4000; // ms without a word after which a connection is given up; the viewer speaks four times a second
+const UNANSWERED = 1000; // ms after which a stop that was sent is spoken of
 
 export class Link {
   constructor(onNews, onConnected) {
@@ -8,15 +13,21 @@ export class Link {
     this.frame = null;
     this.number = 0;
     this.received = 0;
+    this.stops = new Set(); // that no answer has come to
     this.open();
+    setInterval(() => this.listen(), 500);
   }
 
   open() {
     const address = new URL("socket", location.href);
     address.protocol = "ws:";
     address.search = address.hash = "";
+    this.heard = performance.now();
     this.socket = new WebSocket(address);
-    this.socket.onopen = () => this.onConnected(true, "");
+    this.socket.onopen = () => {
+      this.stops.forEach((service) => this.send({ do: "trigger", service }));
+      this.tell(true, "");
+    };
     this.socket.onmessage = (event) => this.take(JSON.parse(event.data));
     this.socket.onclose = () => this.again();
   }
@@ -24,21 +35,36 @@ export class Link {
   async again() {
     let sentence = "The viewer does not answer; trying again.";
     try {
-      const answer = await fetch("icon.svg", { cache: "no-store" });
+      const answer = await fetch("icon.svg", { cache: "no-store", signal: AbortSignal.timeout(SILENT) });
       if (answer.status === 403) sentence = "The viewer was started anew: open the address that it printed now.";
     } catch {
       // it is not there: said above
     }
-    this.onConnected(false, sentence);
+    this.tell(false, sentence);
     setTimeout(() => this.open(), 500);
   }
 
+  // A connection over which nothing comes is none.
+  listen() {
+    if (this.socket.readyState > WebSocket.OPEN || performance.now() < this.heard + SILENT) return;
+    this.socket.onopen = this.socket.onmessage = this.socket.onclose = null;
+    this.socket.close();
+    this.again();
+  }
+
+  tell(open, sentence) {
+    const waiting = [...this.stops].map((service) => ` ${STOPS[service]} has NOT been heard: it is sent as soon as there is a connection.`);
+    this.onConnected(open, open ? "" : sentence + waiting.join(""));
+  }
+
   take(message) {
+    this.heard = performance.now();
     if (message.kind === "frame") {
       this.frame = message.content;
       this.number = message.number;
       this.received += 1;
     } else {
+      if (message.kind.startsWith("answer")) this.stops.delete(message.content.to.service);
       this.onNews(message.kind.split(" ")[0], message.content);
     }
   }
@@ -47,11 +73,30 @@ export class Link {
   next() {
     const frame = this.frame;
     this.frame = null;
-    if (frame) this.say({ do: "seen", frame: this.number });
+    if (frame) this.send({ do: "seen", frame: this.number });
     return frame;
   }
 
+  // What a person asks for: sent, or answered that it was not.
   say(wish) {
-    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(wish));
+    const stops = wish.do === "trigger" && wish.service in STOPS;
+    if (stops) this.waitFor(wish.service);
+    if (this.send(wish)) return;
+    const sentence = stops ? `No connection: ${STOPS[wish.service]} is sent as soon as there is one.` : "Not sent: no connection to the viewer.";
+    if (wish.do === "aim") this.onNews("hint", sentence);
+    else this.onNews("answer", { to: wish, done: false, sentence });
+  }
+
+  waitFor(stop) {
+    this.stops.add(stop);
+    setTimeout(() => {
+      if (this.stops.has(stop)) this.onNews("hint", `${STOPS[stop]} has not been answered yet.`);
+    }, UNANSWERED);
+  }
+
+  send(wish) {
+    if (this.socket.readyState !== WebSocket.OPEN) return false;
+    this.socket.send(JSON.stringify(wish));
+    return true;
   }
 }

@@ -4,7 +4,7 @@
 import { Hand, turning } from "./hand.js";
 import { driverOf, showHealth } from "./health.js";
 import { Link } from "./link.js";
-import { Panels } from "./panels.js";
+import { Panels, shown, stretch } from "./panels.js";
 import { SceneView } from "./scene.js";
 import { Strip } from "./strips.js";
 import { dress } from "./theme.js";
@@ -28,7 +28,7 @@ const tuning = new Tuning(byId("sliders"), (name, value) => {
 });
 const panels = new Panels(link);
 const tone = new Tone(byId("tone"));
-const hand = new Hand(view, (wish) => (control ? link.say({ do: "aim", ...wish }) : hint("This page only looks on.")));
+const hand = new Hand(view, lead);
 const strips = [
   new Strip(byId("strip_force"), [{ label: "motor", colour: "force" }, { label: "felt", colour: "handle", dash: true }], 1),
   new Strip(byId("strip_energy"), [{ label: "to the operator", colour: "handle" }, { label: "to the tool", colour: "tool", dash: true }], 1),
@@ -71,12 +71,9 @@ function welcome(news) {
 
 function showValues(news) {
   tuningNews = news;
-  const driver = news.values.haptic_driver ?? {};
-  tuning.show(driver);
+  tuning.show(news.values.haptic_driver ?? {});
   panels.showValues(news);
-  const normals = driver["wall.normals"] ?? [];
-  const walls = (driver["wall.offsets"] ?? []).map((offset, i) => ({ normal: normals.slice(2 * i, 2 * i + 2), offset }));
-  view.setSurroundings(walls, news.workspace);
+  view.setSurroundings(news.walls, news.workspace);
 }
 
 function showStatus(news) {
@@ -93,14 +90,19 @@ function answered(answer) {
 
 function connected(open, sentence) {
   const banner = byId("banner");
-  if (open) delete banner.dataset.lost;
-  else banner.dataset.lost = "yes";
-  banner.textContent = sentence;
+  document.body.classList.toggle("lost", !open);
+  if (banner.textContent !== sentence) banner.textContent = sentence; // else it would be read out again
   banner.hidden = open;
   if (!open) {
     byId("state").textContent = "no viewer";
     byId("state").dataset.level = "bad";
   }
+}
+
+function lead(wish) {
+  if (!control) hint("This page only looks on.");
+  else if (wish === null) hint("There is no simulated hand to lead: haptic_loopback is not heard of.");
+  else link.say({ do: "aim", ...wish });
 }
 
 function hint(sentence) {
@@ -112,7 +114,10 @@ function hint(sentence) {
 function draw() {
   requestAnimationFrame(draw);
   const frame = link.next();
-  if (!frame) return;
+  if (!frame) {
+    view.keepUp();
+    return;
+  }
   view.draw(frame);
   record(frame);
   count += 1;
@@ -131,14 +136,19 @@ function record(frame) {
 
 function showNumbers(frame) {
   const force = frame.felt ?? frame.force;
-  put("force", force ? `${Math.hypot(force[0], force[1]).toFixed(2)} N` : "–");
-  put("torque", force ? `${(Math.round(1e3 * force[2]) / 1e3 + 0).toFixed(3)} N m` : "–");
-  const { handle, tool } = frame;
-  put("stretch", handle && tool ? `${(1e3 * Math.hypot(tool[0] - handle[0], tool[1] - handle[1])).toFixed(2)} mm` : "–");
+  put("force", withUnit(force && Math.hypot(force[0], force[1]), 2, "N"));
+  put("torque", withUnit(force && force[2], 3, "N m"));
+  put("stretch", withUnit(stretch(frame), 2, "mm"));
+  panels.showBeside(frame);
   const names = view.scene?.results ?? [];
   const place = byId("results");
   if (place.childElementCount !== names.length || place.dataset.names !== names.join()) build(place, names);
-  names.forEach((name, i) => put(`result_${name}`, (frame.results[i] ?? 0).toFixed(3)));
+  names.forEach((name, i) => put(`result_${name}`, shown(frame.results[i], 3)));
+}
+
+function withUnit(number, digits, unit) {
+  const text = shown(number, digits);
+  return text === "–" ? text : `${text} ${unit}`;
 }
 
 function build(place, names) {

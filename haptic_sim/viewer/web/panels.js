@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scene, exchange, recording, side by side: what they show and what they ask for.
 
-import { element } from "./tuning.js";
+import { element, limits, slider } from "./tuning.js";
 
 export class Panels {
   constructor(link) {
@@ -50,36 +50,57 @@ export class Panels {
   }
 
   showOffer(offer, values) {
+    const names = Object.keys(offer).join();
+    if (names !== this.names || !names) this.buildOffer(offer, values.haptic_driver?.["exchange.method"] ?? "–");
     const told = JSON.stringify(offer);
-    if (told === this.offered && told !== "{}") return;
+    if (told !== this.offered) for (const [name, { value }] of Object.entries(offer)) this.offers[name](value);
+    this.names = names;
     this.offered = told;
+  }
+
+  buildOffer(offer, method) {
+    this.offers = {};
     const rows = Object.entries(offer).map(([name, one]) => this.offerRow(name, one));
-    const method = values.haptic_driver?.["exchange.method"] ?? "–";
     const note = rows.length ? "A change starts the nodes again; the hand begins where the scene does."
       : `Method ${method}. It and a delay are fixed once the nodes run; haptic demo --view starts them again for it.`;
     byId("offers").replaceChildren(...rows, element("p", { className: "note", textContent: note }));
   }
 
-  offerRow(name, { value, choices, unit, low, high }) {
-    const row = element("p", { className: "row" });
+  offerRow(name, offered) {
     const id = `offer_${name.replaceAll(".", "_")}`;
-    const input = choices ? element("select", { id }) : element("input", { type: "number", id, min: low, max: high, step: "any" });
-    if (choices) fill(input, choices);
-    input.value = value;
-    input.addEventListener("change", () => this.ask("restart_answer", "the nodes start again",
-      { do: "restart", name, value: choices ? input.value : Number(input.value) }));
-    row.append(element("label", { htmlFor: id, textContent: unit ? `${name} [${unit}]` : name }), input);
+    const change = (value) => this.ask("restart_answer", "the nodes start again", { do: "restart", name, value });
+    const label = element("label", { htmlFor: id, textContent: offered.unit ? `${name} [${offered.unit}]` : name });
+    const row = element("div", { className: offered.choices ? "row" : "tuned" });
+    if (offered.choices) {
+      const input = element("select", { id });
+      fill(input, offered.choices);
+      input.addEventListener("change", () => change(input.value));
+      this.offers[name] = (value) => (input.value = value);
+      row.append(label, input);
+    } else {
+      const { inputs, show } = slider({ ...offered, name, kind: "number" }, id, change, true);
+      label.append(element("small", { textContent: limits(offered) }));
+      this.offers[name] = show;
+      row.append(label, ...inputs);
+    }
     return row;
   }
 
   showSecond(second) {
     byId("compare_off").disabled = !second;
-    const rows = (second?.differences ?? []).map(([name, first, other]) => {
-      const made = element("tr");
-      made.append(element("th", { textContent: name, scope: "row" }), element("td", { textContent: `${first} | ${other}` }));
-      return made;
-    });
-    document.querySelector("#compared tbody").replaceChildren(...rows);
+    const note = second?.note ?? "";
+    if (byId("compare_note").textContent !== note) say("compare_note", note, false);
+    byId("compared_settings").replaceChildren(...(second?.differences ?? []).map(pair));
+  }
+
+  // What the motor does and how far the coupling is stretched: of the running one, and of the second.
+  showBeside(frame) {
+    const both = frame.second ? [frame, frame.second] : [];
+    const rows = both.length && [
+      ["force of the motor [N]", ...both.map(({ force }) => shown(force && Math.hypot(force[0], force[1]), 2))],
+      ["coupling stretched [mm]", ...both.map((one) => shown(stretch(one), 2))],
+    ];
+    byId("compared_now").replaceChildren(...(rows || []).map(pair));
   }
 
   showRecorder(status) {
@@ -95,8 +116,25 @@ export class Panels {
     const place = { scene: "scene_answer", method: "scene_answer", start_scene: "scene_answer", mark: "record_answer",
       record: "record_answer", restart: "restart_answer", compare: "compare_answer" }[to.do];
     if (place) say(place, sentence, done);
+    if (to.do === "restart" && !done) this.offered = ""; // back to how it is
     return Boolean(place);
   }
+}
+
+function pair([name, first, other]) {
+  const made = element("tr");
+  made.append(element("th", { textContent: name, scope: "row" }), element("td", { textContent: `${first} | ${other}` }));
+  return made;
+}
+
+// mm, or null where handle or tool are not known.
+export function stretch({ handle, tool }) {
+  return handle && tool ? 1e3 * Math.hypot(tool[0] - handle[0], tool[1] - handle[1]) : null;
+}
+
+// A number with so many digits after its point; what is not known is a dash.
+export function shown(number, digits) {
+  return Number.isFinite(number) ? (Math.round(10 ** digits * number) / 10 ** digits + 0).toFixed(digits) : "–";
 }
 
 export function say(place, sentence, done) {

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The plane on the canvas: which part of the world is seen, and its axes in millimetres.
 
-const INSET = { side: 30, top: 64, bottom: 26 }; // CSS pixels for axes and read-outs
+import { line } from "./pen.js";
+
+const INSET = { side: 30, top: 64, bottom: 44 }; // CSS pixels for axes and read-outs
 
 export class Plane {
   constructor(canvas) {
@@ -79,13 +81,6 @@ export class Plane {
 export function niceStep(least) {
   const power = 10 ** Math.floor(Math.log10(least));
   return [1, 2, 5, 10].map((factor) => factor * power).find((step) => step >= least);
-}
-
-export function line(context, x1, y1, x2, y2) {
-  context.beginPath();
-  context.moveTo(x1, y1);
-  context.lineTo(x2, y2);
-  context.stroke();
 }
 
 function inMillimetres(metres) {

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Draws the scene: what stands still is painted once on a layer of its own, what moves with every frame.
 
-import { Plane, line } from "./plane.js";
+import { line, nearest, path, placed, zigzag } from "./pen.js";
+import { Plane } from "./plane.js";
 
 const PIXELS_PER_NEWTON = 6;
 const LONGEST_ARROW = 140;
@@ -60,11 +61,17 @@ export class SceneView {
     this.frame = frame;
     if (!frame) return;
     this.paintMoving(context, frame);
-    if (frame.second) this.paintSecond(context, frame.second);
     if (frame.handle && frame.tool) this.paintCoupling(context, frame.handle, frame.tool);
+    if (frame.second) this.paintSecond(context, frame.second);
     for (const contact of frame.contacts) this.paintContact(context, contact);
     if (frame.target) this.paintTarget(context, frame.target);
     if (frame.handle) this.paintHandle(context, frame);
+  }
+
+  // The last frame again, where the canvas or its colours have changed and no new one comes.
+  keepUp() {
+    if (this.plane.resize()) this.stale = true;
+    if (this.stale) this.draw(this.frame);
   }
 
   paintStill() {
@@ -94,7 +101,7 @@ export class SceneView {
     context.setLineDash([]);
   }
 
-  paintWall(context, { normal: [nx, ny], offset }) {
+  paintWall(context, [nx, ny, offset]) {
     const far = 2;
     const foot = [nx * offset, ny * offset];
     const ends = [far, -far].map((t) => this.plane.toPixels([foot[0] - ny * t, foot[1] + nx * t]));
@@ -115,8 +122,18 @@ export class SceneView {
     bodies.forEach((solid, i) => {
       if (!solid.fixed && frame.bodies[i]) this.paintSolid(context, solid, frame.bodies[i], this.colours.moving, 0.9);
     });
+    this.paintGrip(context, tool, frame.tool);
     this.paintSolid(context, tool, frame.tool, this.colours.tool, 0.85);
     this.paintJoints(context, frame);
+  }
+
+  // From the tool's grip, where the coupling holds it, to its nearest shape, if it does not lie in one.
+  paintGrip(context, { outlines }, pose) {
+    const end = nearest(outlines);
+    if (!end) return;
+    context.strokeStyle = this.colours.ink;
+    context.lineWidth = 2 * this.plane.ratio;
+    line(context, ...this.plane.toPixels(pose), ...this.plane.toPixels(placed(end, pose)));
   }
 
   paintSolid(context, solid, pose, colour, alpha) {
@@ -145,22 +162,25 @@ export class SceneView {
     }
   }
 
+  // Dashed upon a bright line, so that it stands out from what it lies upon.
   paintSecond(context, second) {
-    context.setLineDash([6, 4]);
-    context.strokeStyle = this.colours.second;
-    context.lineWidth = 2 * this.plane.ratio;
     const solids = this.scene?.solids ?? [];
-    [second.tool, ...second.bodies].forEach((pose, i) => {
-      if (!solids[i] || solids[i].fixed) return;
-      for (const outline of solids[i].outlines) {
-        this.trace(context, outline, pose);
-        context.stroke();
-      }
-    });
-    const [x, y] = this.plane.toPixels(second.handle);
-    context.beginPath();
-    context.arc(x, y, 9 * this.plane.ratio, 0, 2 * Math.PI);
-    context.stroke();
+    for (const [colour, width, dash] of [["panel", 4, []], ["second", 2.5, [7, 5]]]) {
+      context.setLineDash(dash.map((length) => length * this.plane.ratio));
+      context.strokeStyle = this.colours[colour];
+      context.lineWidth = width * this.plane.ratio;
+      [second.tool, ...second.bodies].forEach((pose, i) => {
+        if (!solids[i] || solids[i].fixed || !pose) return;
+        for (const outline of solids[i].outlines) {
+          this.trace(context, outline, pose);
+          context.stroke();
+        }
+      });
+      const [x, y] = this.plane.toPixels(second.handle);
+      context.beginPath();
+      context.arc(x, y, 10 * this.plane.ratio, 0, 2 * Math.PI);
+      context.stroke();
+    }
     context.setLineDash([]);
   }
 
@@ -170,6 +190,7 @@ export class SceneView {
     context.fillStyle = this.colours.panel;
     context.lineWidth = 1.5 * this.plane.ratio;
     for (const ends of this.scene.joints) {
+      if (ends.some(({ solid }) => solid && !poses[solid])) continue;
       const [a, b] = ends.map(({ solid, point }) => this.plane.toPixels(solid ? placed(point, poses[solid]) : point));
       if (ends[0].type === "spring") zigzag(context, a, b, 7 * this.plane.ratio);
       context.beginPath();
@@ -186,13 +207,13 @@ export class SceneView {
     zigzag(context, this.plane.toPixels(handle), this.plane.toPixels(tool), 6 * this.plane.ratio);
   }
 
-  paintContact(context, [, bodyB, x, y, , , fx, fy]) {
+  paintContact(context, [, , x, y, , , fx, fy]) {
     const place = this.plane.toPixels([x, y]);
     context.fillStyle = this.colours.contact;
     context.beginPath();
     context.arc(...place, 3.5 * this.plane.ratio, 0, 2 * Math.PI);
     context.fill();
-    if (bodyB >= 0) this.arrow(context, place, [fx, fy], this.colours.contact);
+    this.arrow(context, place, [fx, fy], this.colours.contact);
   }
 
   paintTarget(context, target) {
@@ -235,28 +256,4 @@ export class SceneView {
       [tx - ux * head + uy * head * 0.5, ty - uy * head - ux * head * 0.5]]);
     context.fill();
   }
-}
-
-function placed([px, py], [x, y, theta]) {
-  const [c, s] = [Math.cos(theta), Math.sin(theta)];
-  return [x + c * px - s * py, y + s * px + c * py];
-}
-
-function path(context, corners) {
-  context.beginPath();
-  corners.forEach((corner, i) => (i ? context.lineTo(...corner) : context.moveTo(...corner)));
-  context.closePath();
-}
-
-function zigzag(context, [x1, y1], [x2, y2], width) {
-  const length = Math.hypot(x2 - x1, y2 - y1);
-  const [ux, uy] = length > 0 ? [(x2 - x1) / length, (y2 - y1) / length] : [0, 0];
-  context.beginPath();
-  context.moveTo(x1, y1);
-  for (let i = 1; i < 12 && length > 2 * width; i += 1) {
-    const [along, side] = [(length * i) / 12, i % 2 ? width : -width];
-    context.lineTo(x1 + ux * along - uy * side, y1 + uy * along + ux * side);
-  }
-  context.lineTo(x2, y2);
-  context.stroke();
 }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Strips of the last seconds, with axes and units.
 
-import { niceStep, line } from "./plane.js";
+import { line } from "./pen.js";
+import { niceStep } from "./plane.js";
 
 const SECONDS = 10;
 

@@ -4,6 +4,7 @@
 const OPEN = ["coupling", "wall", "cancellation"];
 const STEPS = 1000;
 const PERIOD = 100; // ms between two values of a slider that is being drawn
+const SETTLED = 600; // ms that a slider whose value is dear must have been left alone: keys move it step by step
 
 export class Tuning {
   // set: (name, value) asks the driver.
@@ -39,8 +40,8 @@ export class Tuning {
       element("small", { textContent: declared.meaning + limits(declared) }));
     const answer = element("p", { className: "answer", id: `${id}_answer` });
     answer.setAttribute("role", "status");
-    const { inputs, show } = makers[declared.kind](declared, id, (value) => this.ask(declared.name, value));
-    row.append(label, ...inputs, answer);
+    const { inputs, show, parts = inputs } = makers[declared.kind](declared, id, (value) => this.ask(declared.name, value));
+    row.append(label, ...parts, answer);
     const field = { show, answer, inputs, edited: false };
     row.addEventListener("input", () => (field.edited = true));
     for (const name of ["change", "focusout"]) row.addEventListener(name, () => (field.edited = false));
@@ -86,7 +87,7 @@ const makers = {
     input.addEventListener("change", () => ask(input.value));
     return { inputs: [input], show: (value) => (input.value = value) };
   },
-  list: (declared, id, ask) => (/stiffness|damping/.test(declared.name) ? sliderOfAll : listed)(declared, id, ask),
+  list: (declared, id, ask) => (/stiffness|damping/.test(declared.name) ? sliders : listed)(declared, id, ask),
 };
 
 function listed(declared, id, ask) {
@@ -95,22 +96,35 @@ function listed(declared, id, ask) {
   return { inputs: [input], show: (value) => (input.value = value.join(", ")) };
 }
 
-// One slider for a number that each wall has; nothing where there is no wall.
-function sliderOfAll(declared, id, ask) {
-  let count = 0;
-  const made = slider(declared, id, (value) => ask(Array(count).fill(value)));
+// One slider for the number of each wall; nothing where there is no wall.
+function sliders(declared, id, ask) {
+  const place = element("div", { className: "wide walls" });
+  const inputs = []; // of all walls
+  let made = [];
+  let values = [];
+  const build = () => {
+    made = values.map((_, i) => slider({ ...declared, name: `${declared.name} of wall ${i + 1}` }, i ? `${id}_${i + 1}` : id, (value) => {
+      values = values.map((old, j) => (j === i ? value : old));
+      ask(values);
+    }));
+    made.forEach((one, i) => one.inputs[0].setAttribute("aria-label", `${declared.name} of wall ${i + 1}`));
+    place.replaceChildren(...made.flatMap((one, i) => [element("span", { textContent: `wall ${i + 1}` }), ...one.inputs]));
+    inputs.splice(0, inputs.length, ...made.flatMap((one) => one.inputs));
+  };
   return {
-    inputs: made.inputs,
-    show: (values) => {
-      count = values.length;
-      made.inputs[0].parentElement.hidden = !count;
-      if (count) made.show(values[0]);
+    inputs,
+    parts: [place],
+    show: (given) => {
+      values = given.slice();
+      if (values.length !== made.length) build();
+      place.parentElement.hidden = !values.length;
+      made.forEach((one, i) => one.show(values[i]));
     },
   };
 }
 
-// A slider, finer at small values, and the number itself beside it.
-function slider(declared, id, ask) {
+// A slider, finer at small values, and the number itself beside it. It asks while it is drawn, or, once: when let go.
+export function slider(declared, id, ask, once = false) {
   const { low, high, unit } = declared;
   const power = high - low > 50 ? 3 : 1;
   const range = element("input", { type: "range", id, min: 0, max: STEPS });
@@ -132,9 +146,15 @@ function slider(declared, id, ask) {
     number.value = valueOf();
     describe(number.value);
     clearTimeout(last);
+    if (once) return;
     if (performance.now() >= due) send();
     else last = setTimeout(send, due - performance.now());
   });
+  const wait = () => {
+    clearTimeout(last);
+    last = setTimeout(send, SETTLED);
+  };
+  if (once) range.addEventListener("change", wait);
   number.addEventListener("change", () => number.value !== "" && ask(Number(number.value)));
   return {
     inputs: [range, number],
@@ -146,7 +166,7 @@ function slider(declared, id, ask) {
   };
 }
 
-function limits({ low, high }) {
+export function limits({ low, high }) {
   return low === null || high === null ? "" : ` (${low} to ${high})`;
 }
 
