@@ -315,7 +315,7 @@ def test_another_scene_and_method_are_loaded_and_an_impossible_one_is_refused(ta
     assert "refused" in tab.page.get_attribute("#scene_answer", "class")
     tab.choose("method_name", "partitioned", "scene is wrench_on_nut")
     tab.page.focus("#scene")
-    for _ in range(8):
+    for _ in range(12):
         tab.page.keyboard.press("ArrowUp")
         tab.page.keyboard.press("q")
     tab.until("Number(document.getElementById('result_turned').textContent) > 0.3")
