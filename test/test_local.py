@@ -11,7 +11,7 @@ from haptic_device.analysis import exchange_search as adversary
 from haptic_device.device import load_device
 from haptic_device.law import contact, local, servo
 from haptic_device.node.declared import NODES
-from haptic_sim.cli.bench_local import NETWORKS, compare
+from haptic_sim.cli.local_felt import NETWORKS, compare
 from haptic_sim.lockstep import Network
 from haptic_sim.scene import load
 
