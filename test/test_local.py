@@ -14,6 +14,7 @@ from haptic_device.node.declared import NODES
 from haptic_sim.cli.local_felt import NETWORKS, compare
 from haptic_sim.lockstep import Network
 from haptic_sim.scene import load
+from haptic_sim.solid import Material
 
 BUDGET = 0.005  # [J]
 PRESS = {"start": (0.03, 0.0, 0.0), "target": (0.005, 0.0, 0.0), "duration": 1.5}
@@ -76,6 +77,19 @@ def test_a_task_is_felt_as_with_the_world_in_the_same_tick(scene, network):
     found = compare(scene, *NETWORKS[network])
     assert found["tool"] <= 0.05e-3 and found["mean"] == pytest.approx(1.0, abs=0.02)
     assert found["fallbacks"] == 0 and found["local"] > 0.98 and found["given"] <= BUDGET
+
+
+def test_a_wall_that_throws_the_tool_back_is_felt_as_with_the_world_in_the_same_tick():
+    scene = load("wall")
+    stone = {"stone": Material(restitution=0.5)}
+    bodies = tuple(body.model_copy(update={"material": "stone"}) for body in scene.bodies)
+    tool = scene.tool.model_copy(update={"material": "stone"})
+    motion = {"name": "tap", "start": [0.03, 0.0, 0.0], "target": [0.005, 0.0, 0.0], "duration": 2.0, "taps": 4}
+    found = compare(
+        scene.model_copy(update={"materials": stone, "bodies": bodies, "tool": tool, "motion": motion}),
+        *NETWORKS["3 ms"],
+    )
+    assert found["tool"] <= 0.05e-3 and found["force"] <= 0.01 and found["fallbacks"] == 0
 
 
 def test_what_the_hand_loses_in_an_impact_the_other_body_has_within_a_hundredth():

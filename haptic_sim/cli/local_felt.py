@@ -17,7 +17,7 @@ from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.method import Coupling
 from haptic_sim.method.registry import make
-from haptic_sim.scene import load
+from haptic_sim.scene import Scene, load
 from haptic_sim.simulation import Simulation
 from haptic_sim.tool_port import port_of
 
@@ -78,13 +78,14 @@ def measure(rate: float, method: str, live: bool = False, coupling: float | None
     )  # fmt: skip
 
 
-def compare(scene: str, network: Network, rate: float, live: bool = False) -> dict[str, float]:
+def compare(scene: str | Scene, network: Network, rate: float, live: bool = False) -> dict[str, float]:
     """A scene's own motion with `local` against the synchronous solution: the same handle, world and tool in one step.
 
     tool: RMS of the way between the two [m]; force: RMS of the difference at the handle, of the force's own; mean: of
     the forces' magnitudes, as a ratio; rough: RMS of the force above 100 Hz, of its own; smooth: of the reference's.
     """
-    motion = {f"motion.{key}": value for key, value in load(scene).motion.items()}
+    scene = load(scene) if isinstance(scene, str) else scene
+    motion = {f"motion.{key}": value for key, value in scene.motion.items()}
     seconds = float(motion["motion.duration"])
     ran = run(scene, "local", network, rate, {}, motion, seconds=seconds, live=live)
     rows = ran.rows
@@ -136,7 +137,7 @@ def operating_point() -> dict[str, dict]:
 def synchronous(scene, rows, period: float):
     """Place of the tool and force on the handle (n, 3) where the world is stepped with every tick of the servo."""
     gains = operating_point()["haptic_driver"]
-    world = make("partitioned", load(scene), period)
+    world = make("partitioned", scene, period)
     world.couple(Coupling(*(float(gains[f"coupling.{name}"]) for name in GAINS)))
     place, force = np.zeros((2, len(rows), 3))
     for k, (position, velocity) in enumerate(zip(rows.position.tolist(), rows.velocity.tolist(), strict=True)):
