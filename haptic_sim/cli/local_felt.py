@@ -78,16 +78,18 @@ def measure(rate: float, method: str, live: bool = False, coupling: float | None
     )  # fmt: skip
 
 
-def compare(scene: str | Scene, network: Network, rate: float, live: bool = False) -> dict[str, float]:
+def compare(scene: str | Scene, network: Network, rate: float, live: bool = False, axis: dict | None = None
+            ) -> dict[str, float]:  # fmt: skip
     """A scene's own motion with `local` against the synchronous solution: the same handle, world and tool in one step.
 
     tool: RMS of the way between the two [m]; force: RMS of the difference at the handle, of the force's own; mean: of
     the forces' magnitudes, as a ratio; rough: RMS of the force above 100 Hz, of its own; smooth: of the reference's.
+    axis: what the device's axes have otherwise.
     """
     scene = load(scene) if isinstance(scene, str) else scene
     motion = {f"motion.{key}": value for key, value in scene.motion.items()}
     seconds = float(motion["motion.duration"])
-    ran = run(scene, "local", network, rate, {}, motion, seconds=seconds, live=live)
+    ran = run(scene, "local", network, rate, {}, motion, axis, seconds, live)
     rows = ran.rows
     period = float(np.median(np.diff(rows.deadline))) * 1e-9
     place, force = synchronous(scene, rows, period)
@@ -135,13 +137,17 @@ def operating_point() -> dict[str, dict]:
 
 
 def synchronous(scene, rows, period: float):
-    """Place of the tool and force on the handle (n, 3) where the world is stepped with every tick of the servo."""
+    """Place of the tool and force on the handle (n, 3) where the world is stepped with every tick of the servo.
+
+    It begins when the simulation's own does, with the first tool sample.
+    """
     gains = operating_point()["haptic_driver"]
     world = make("partitioned", scene, period)
     world.couple(Coupling(*(float(gains[f"coupling.{name}"]) for name in GAINS)))
     place, force = np.zeros((2, len(rows), 3))
     for k, (position, velocity) in enumerate(zip(rows.position.tolist(), rows.velocity.tolist(), strict=True)):
-        world.step(position, velocity)
+        if rows.tool_age[k] >= 0.0:
+            world.step(position, velocity)
         place[k], force[k] = world.position, world.force_on_tool
     return place, -force
 

@@ -24,6 +24,7 @@ step: the row's diagonal gains 1/(h (c + h k)) and its b is gap k/(c + h k), whi
 
 Restitution asks G_n v⁺ ≥ −e G_n v⁻ instead. An impact at speed v₀ under a push f stays passive at the port iff
 v₀ ≥ 2 |f| h e/(m (1 − e²)); the push shows as |f| h/m = |G_n (v_free − v)|. A slower one gets e = 0.
+So does a step that gains energy by it all the same, as with a coupling that is stiff against m/h².
 """
 
 import math
