@@ -88,8 +88,9 @@ def compare(scene: str | Scene, network: Network, rate: float, live: bool = Fals
     """
     scene = load(scene) if isinstance(scene, str) else scene
     motion = {f"motion.{key}": value for key, value in scene.motion.items()}
-    seconds = float(motion["motion.duration"])
-    ran = run(scene, "local", network, rate, {}, motion, axis, seconds, live)
+    seconds, driver = float(motion["motion.duration"]), operating_point()["haptic_driver"]
+    soon = {name: driver[name] for name in PATIENT} if live else {}  # the tool is held before the motion begins
+    ran = run(scene, "local", network, rate, soon, motion, axis, seconds, live)
     rows = ran.rows
     period = float(np.median(np.diff(rows.deadline))) * 1e-9
     place, force = synchronous(scene, rows, period)
