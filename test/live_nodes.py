@@ -29,10 +29,11 @@ MODULES = {
 }
 
 
-def command(name, namespace="/haptic", **given):
-    """Command line of a node; parameters with `__` for a dot."""
+def command(name, namespace="/haptic", renamed=(), **given):
+    """Command line of a node; parameters with `__` for a dot; renamed: topics as old:=new."""
     words = [w for key, value in given.items() for w in ("-p", f"{key.replace('__', '.')}:={parameter_text(value)}")]
-    return [sys.executable, "-m", MODULES[name], "--ros-args", "-r", f"__ns:={namespace}", *words]
+    rules = [word for rule in renamed for word in ("-r", rule)]
+    return [sys.executable, "-m", MODULES[name], "--ros-args", "-r", f"__ns:={namespace}", *rules, *words]
 
 
 def refusal_of(process):

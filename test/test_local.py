@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tool in the servo: free and light, stiff at a wall whatever the network does, and never above its budget."""
 
+import math
+
 import numpy as np
 import pytest
 from exchange_systems import demo_system, three_axes
@@ -11,9 +13,10 @@ from haptic_device.analysis import exchange_search as adversary
 from haptic_device.device import load_device
 from haptic_device.law import contact, local, servo
 from haptic_device.node.declared import NODES
-from haptic_sim.cli.bench_local import NETWORKS, compare
+from haptic_sim.cli.local_felt import FINE, NETWORKS, compare
 from haptic_sim.lockstep import Network
 from haptic_sim.scene import load
+from haptic_sim.solid import Material
 
 BUDGET = 0.005  # [J]
 PRESS = {"start": (0.03, 0.0, 0.0), "target": (0.005, 0.0, 0.0), "duration": 1.5}
@@ -78,20 +81,49 @@ def test_a_task_is_felt_as_with_the_world_in_the_same_tick(scene, network):
     assert found["fallbacks"] == 0 and found["local"] > 0.98 and found["given"] <= BUDGET
 
 
-def test_what_the_hand_loses_in_an_impact_the_other_body_has_within_a_hundredth():
+def test_a_peg_with_50_um_of_play_goes_in_without_chatter_where_the_encoder_makes_none():
+    scene, wider = load("peg_in_hole"), 0.5 * (5e-5 - 2e-4)
+    hole = scene.bodies[0]
+    shapes = tuple(
+        shape.model_copy(update={"vertices": tuple(
+            (x + wider * math.copysign(1.0, x) if abs(x) < 0.05 else x, y) for x, y in shape.vertices)})
+        if shape.vertices else shape
+        for shape in hole.shapes
+    )  # fmt: skip
+    hole = hole.model_copy(update={"shapes": shapes})
+    assert hole.shapes[0].vertices[1][0] == pytest.approx(-0.010025)
+    found = compare(scene.model_copy(update={"bodies": (hole,)}), *NETWORKS["1 kHz"], axis=FINE)
+    assert found["rough"] <= 0.02 and found["tool"] <= 0.05e-3 and found["fallbacks"] == 0
+
+
+def test_a_wall_that_throws_the_tool_back_is_felt_as_with_the_world_in_the_same_tick():
+    scene = load("wall")
+    stone = {"stone": Material(restitution=0.5)}
+    bodies = tuple(body.model_copy(update={"material": "stone"}) for body in scene.bodies)
+    tool = scene.tool.model_copy(update={"material": "stone"})
+    motion = {"name": "tap", "start": [0.03, 0.0, 0.0], "target": [0.005, 0.0, 0.0], "duration": 2.0, "taps": 4}
+    found = compare(
+        scene.model_copy(update={"materials": stone, "bodies": bodies, "tool": tool, "motion": motion}),
+        *NETWORKS["3 ms"],
+    )
+    assert found["tool"] <= 0.05e-3 and found["force"] <= 0.01 and found["fallbacks"] == 0
+
+
+@pytest.mark.parametrize("mass, delay", [(0.3, 1e-3), (0.1, 3e-3), (0.03, 3e-3)])
+def test_what_the_hand_loses_in_an_impact_the_other_body_has_within_a_hundredth(mass, delay):
     """A free block is struck, pushed and let go by a handle that brakes: its momentum is the copy's impulse."""
     scene = load("push_block")
     smooth = {name: material.model_copy(update={"friction": 0.0}) for name, material in scene.materials.items()}
-    block = scene.bodies[1].model_copy(update={"pose": (0.0, 0.015, 0.0)})
+    block = scene.bodies[1].model_copy(update={"pose": (0.0, 0.015, 0.0), "mass": mass})
     free = scene.model_copy(update={"gravity": (0.0, 0.0), "bodies": (block,), "materials": smooth, "measure": {}})
     motion = {"start": (-0.05, 0.015, 0.0), "target": (0.02, 0.015, 0.0), "duration": 0.91}
-    system = demo_system("local", free, Network(1e-3), motion)
+    system = demo_system("local", free, Network(delay), motion)
     rows = system.run(1.5)
     acted = slice(int(np.flatnonzero(rows.local > 0.0)[0]), None)
     pulled = -rows.force_coupling[acted, 0].sum() * 250e-6
     gained = 0.1 * (rows.coupling_velocity[-1, 0] - rows.coupling_velocity[acted][0, 0])
-    has = 0.3 * system.simulation.method.bodies()[1][1][0]
-    assert rows.local_fallbacks[-1] == 0.0 and has > 0.05
+    has = mass * system.simulation.method.bodies()[1][1][0]
+    assert rows.local_fallbacks[-1] == 0.0 and has > 0.15 * mass
     assert pulled - gained == pytest.approx(has, rel=0.01)
 
 

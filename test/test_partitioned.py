@@ -146,6 +146,24 @@ def test_a_falling_rod_gets_the_impulse_of_its_end(degrees, restitution):
     assert speed(method, "rod")[2] == pytest.approx(-impulse * 0.5 * math.cos(theta) * 12.0, rel=1e-9)
 
 
+@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.8])
+def test_a_tool_on_its_coupling_rebounds_by_newtons_law_and_comes_to_rest(restitution):
+    """Pulled to 10 mm below the floor by 200 N/m; what the coupling changes in the step of the impact is left out."""
+    tool = {"mass": 0.1, "pose": [0.0, 0.04, 0.0], "shapes": [{"circle": {"radius": 0.01}}], "material": "m"}
+    method = world(250e-6, [], restitution=restitution, tool=tool)
+    method.couple(Coupling(200.0, 1.0, 0.0, 0.0))
+    speeds = []
+    for _ in range(8000):
+        method.step((0.0, 0.0, 0.0), STILL)
+        speeds.append(method.velocity[1])
+    struck = next(k for k in range(8000) if speeds[k] >= 0.0 or speeds[k] > 0.5 * speeds[k - 1] < -0.1)
+    assert speeds[struck - 1] < -0.5
+    if restitution > 0.0:
+        assert speeds[struck] == pytest.approx(-restitution * speeds[struck - 1], rel=1e-9)
+    assert max(speeds) == pytest.approx(restitution * -min(speeds), rel=0.02, abs=1e-9)
+    assert abs(speeds[-1]) < 1e-9 and method.position[1] == pytest.approx(0.01, abs=1e-9)
+
+
 @pytest.mark.parametrize("restitution", [0.3, 0.5, 0.8])
 def test_a_bouncing_ball_is_at_rest_after_zenos_time_and_not_before(restitution):
     end = math.sqrt(2.0 / G) * (1.0 + restitution) / (1.0 - restitution)

@@ -13,9 +13,10 @@ only the one that is most so (principal pivoting after Murty and Júdice & Pires
 so that mostly one solution is enough. Where the friction of (1) has several solutions any of them is taken; E > 0
 excludes none that matters: at 1e-9 m/N a force of 20 N is 0.02 µm.
 
-Their number is bounded. Pivoting with friction may go round in circles; after EXACT solutions friction is bounded by
-the normal impulses of the last tick, |λ_t| ≤ f, instead. That problem is convex, pivoting ends in practice always, and
-the answer is passive too: friction of any bound takes energy. Without an answer even so the caller has v = 0.
+Their number is bounded, by the caller's `most` too. Pivoting with friction may go round in circles; after EXACT
+solutions friction is bounded by the normal impulses of the last tick, |λ_t| ≤ f, instead. That problem is convex,
+pivoting ends in practice always, and the answer is passive too: friction of any bound takes energy. Without an answer
+even so the caller has v = 0.
 """
 
 import math
@@ -31,16 +32,16 @@ ROUNDING = 1e-9
 
 
 @kernel
-def solve(rows, mass, right, system, velocity):
+def solve(rows, mass, right, system, velocity, most):
     """Velocity (3) of (1), and the impulses in rows; returns the solutions it took, above EXACT if braked, or −1.
 
-    rows: (contacts, COLUMNS); mass, right: (3) A and r; system: (3, 4) to work in.
+    rows: (contacts, COLUMNS); mass, right: (3) A and r; system: (3, 4) to work in; most: solutions that it may take.
     """
-    turns = _pivot(rows, mass, right, system, velocity, False)
-    if turns < 0:
+    turns = _pivot(rows, mass, right, system, velocity, False, min(EXACT, most))
+    if turns < 0 and most > EXACT:
         for one in rows:
             one[SENSE] = 1.0 if one[MODE] == UP else (-1.0 if one[MODE] == DOWN else 0.0)
-        turns = _pivot(rows, mass, right, system, velocity, True)
+        turns = _pivot(rows, mass, right, system, velocity, True, min(BRAKED, most - EXACT))
         turns += EXACT if turns > 0 else 0
     for one in rows:
         one[BOUND] = one[MU] * one[IMPULSE]
@@ -48,9 +49,9 @@ def solve(rows, mass, right, system, velocity):
 
 
 @kernel
-def _pivot(rows, mass, right, system, velocity, braked):
+def _pivot(rows, mass, right, system, velocity, braked, most):
     fewest, patience = 4 * rows.shape[0], PATIENCE
-    for turn in range(BRAKED if braked else EXACT):
+    for turn in range(most):
         _assemble(rows, mass, right, system, braked)
         if not _eliminate(system, velocity):
             return -1

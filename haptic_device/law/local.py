@@ -35,6 +35,7 @@ AXES = 3
 KEPT = 64  # ticks for which the pushes against movable bodies are remembered
 LEAVING = 0.2  # β: share of an overlap that is left in a tick
 PUSH_OUT = 0.02  # [m/s] at most
+PATIENCE = 4.0  # ages in which an overlap with a body that gives way is left, or what that pushes comes back as another
 GRIP = 1e-3  # compliance of stiction, in that of the contact
 FIELDS = len(contact.EACH)
 LOCKED = 1e9  # mass of an axis that the device lacks
@@ -178,14 +179,20 @@ def _see_contacts(settings, memory, age):
             continue
         if row[complementarity.MODE] == complementarity.UNUSED:
             row[complementarity.MODE] = complementarity.OPEN
-        _fill(memory, near[i], memory.places[i], row, memory.pushed[i], period)
+        time = period / LEAVING
+        if near[i, contact.MOBILITY] > 0.0:
+            time = max(time, PATIENCE * age)
+        _fill(memory, near[i], memory.places[i], row, memory.pushed[i], period, time)
         row[complementarity.E_N] = soft + near[i, contact.MOBILITY]
         row[complementarity.E_T] = GRIP * soft + near[i, contact.SLIP_MOBILITY]
 
 
 @kernel
-def _fill(memory, near, place, row, pushed, period):
-    """Directions, rates and friction of one contact; pushed [m/s]: of the other body along −n, by the copy."""
+def _fill(memory, near, place, row, pushed, period, time):
+    """Directions, rates and friction of one contact; pushed [m/s]: of the other body along −n, by the copy.
+
+    time [s]: in which an overlap is left.
+    """
     nx, ny, ax, ay = place[contact.NX], place[contact.NY], place[contact.ARM_X], place[contact.ARM_Y]
     row[complementarity.N_X], row[complementarity.N_Y] = nx, ny
     row[complementarity.N_TURN] = ax * ny - ay * nx
@@ -193,7 +200,7 @@ def _fill(memory, near, place, row, pushed, period):
     row[complementarity.T_TURN] = ax * nx + ay * ny
     surface = nx * near[contact.VELOCITY_X] + ny * near[contact.VELOCITY_Y] - pushed
     gap = place[contact.GAP_NOW]
-    rate = gap / period if gap >= 0.0 else max(LEAVING * gap / period, -PUSH_OUT)
+    rate = gap / period if gap >= 0.0 else max(gap / time, -PUSH_OUT)
     rate = _rebound(memory, near, row, rate, surface, gap, period)
     row[complementarity.B_N] = rate - surface
     row[complementarity.B_T] = ny * near[contact.VELOCITY_X] - nx * near[contact.VELOCITY_Y]
@@ -217,9 +224,12 @@ def _rebound(memory, near, row, rate, surface, gap, period):
 
 @kernel
 def _solve(settings, memory, row):
-    """The copy's next velocity into memory.trial; False if pivoting found none. A spring at its limit is a force."""
-    clamped = False
-    turns = complementarity.solve(memory.rows, memory.mass, memory.right, memory.system, memory.trial)
+    """The copy's next velocity into memory.trial; False if pivoting found none. A spring at its limit is a force.
+
+    That makes two problems of one; both together may take no more solutions than one at most.
+    """
+    clamped, most = False, complementarity.EXACT + complementarity.BRAKED
+    turns = complementarity.solve(memory.rows, memory.mass, memory.right, memory.system, memory.trial, most)
     memory.pivots = turns
     if turns < 0:
         return False
@@ -232,7 +242,8 @@ def _solve(settings, memory, row):
             spring = settings.stiffness[i] * (row.position[i] - memory.copy[i])
             memory.right[i] -= settings.period * (spring + math.copysign(settings.coupling_limit[i], pull))
     if clamped:
-        turns = complementarity.solve(memory.rows, memory.mass, memory.right, memory.system, memory.trial)
+        most -= turns
+        turns = complementarity.solve(memory.rows, memory.mass, memory.right, memory.system, memory.trial, most)
         memory.pivots += max(0, turns)
     return turns > 0
 

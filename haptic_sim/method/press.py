@@ -24,6 +24,7 @@ step: the row's diagonal gains 1/(h (c + h k)) and its b is gap k/(c + h k), whi
 
 Restitution asks G_n v⁺ ≥ −e G_n v⁻ instead. An impact at speed v₀ under a push f stays passive at the port iff
 v₀ ≥ 2 |f| h e/(m (1 − e²)); the push shows as |f| h/m = |G_n (v_free − v)|. A slower one gets e = 0.
+So does a step that gains energy by it all the same, as with a coupling that is stiff against m/h².
 """
 
 import math
@@ -50,7 +51,7 @@ PASSES = 6
 def press(model, layout, work, h):
     """Advances the active linkages by one backward difference of h [s]; sets the force on the tool if it is one."""
     q, v, free = work.q, work.v, work.free_v
-    before = energy_held(model, layout, work)
+    before = energy_held(model, layout, work, work.q, work.v)
     x, y, angle = work.q[0, 0], work.q[0, 1], work.q[0, 2]
     free_velocity(model, layout, work, h)
     n = add_joints(model, layout, work, 0, q, v, 1e9, h)
@@ -62,10 +63,13 @@ def press(model, layout, work, h):
         if found == n and (n == 0 or _ > 0):
             break
         n = found
-        solve(model, layout, work, n, h)
+        solve(model, layout, work, n, h, 1.0)
     move(model, layout, work, h)
+    if rebounds(model, work, n) and gained(model, layout, work, h) > 0.0:
+        solve(model, layout, work, n, h, 0.0)
+        move(model, layout, work, h)
     take(model, layout, work, n)
-    reached = energy_held(model, layout, work)
+    reached = energy_held(model, layout, work, work.q, work.v)
     put_right(model, layout, work, n)
     if work.port[17] == 0.0:
         port, q = work.port, work.q
@@ -73,7 +77,7 @@ def press(model, layout, work, h):
         if work.active[layout.linkage[0]] == 0:
             supplied = 0.0
         brake(model, layout, work, before + supplied)
-    work.port[21] += energy_held(model, layout, work) - reached
+    work.port[21] += energy_held(model, layout, work, work.q, work.v) - reached
 
 
 @part
@@ -106,8 +110,8 @@ def move(model, layout, work, h):
 
 
 @part
-def solve(model, layout, work, n, h):
-    """Trial velocities with n rows."""
+def solve(model, layout, work, n, h, scale):
+    """Trial velocities with n rows; restitution times `scale`."""
     free = work.free_v
     place_shapes(model, layout, work, work.q)
     refresh(model, layout, work, work.q, work.v, n)
@@ -119,7 +123,7 @@ def solve(model, layout, work, n, h):
             work.b[r] += work.gap[r] * stiffness / (damping + h * stiffness)
             work.A[r, r] += 1.0 / (h * (damping + h * stiffness))
         elif work.kind[r] == NORMAL:
-            work.b[r] += max(rebound(model, work, r), min(max(work.gap[r], 0.0) / h, FAR))
+            work.b[r] += room(model, work, r, h, scale)
         else:
             work.b[r] -= wished(model, work, r)
         work.mode[r] = FREE
@@ -132,15 +136,51 @@ def solve(model, layout, work, n, h):
 
 
 @part
+def room(model, work, r, h, scale):
+    """What a normal row adds to its rate G v⁺: the way it has left, gap/h; in a step that would use it up a rebound."""
+    left = min(max(work.gap[r], 0.0) / h, FAR)
+    if rate_of(work, work.free_v, r) + left > 0.0:
+        return left
+    back = scale * rebound(model, work, r)
+    return -back if back > 0.0 else left
+
+
+@part
 def rebound(model, work, r):
-    """What restitution adds to w = G v⁺ of a normal row: e G v⁻ < 0 would hold it back, so its rebound is −e G v⁻."""
-    if work.source[r] != 0:
-        return -math.inf
+    """Rate −e G v⁻ [m/s] at which row r parts after an impact; 0 where it is none, or one too slow."""
+    if work.kind[r] != NORMAL or work.source[r] != 0:
+        return 0.0
     e, approach = model.pair_restitution[work.index[r]], -rate_of(work, work.v, r)
     change = abs(rate_of(work, work.free_v, r) + approach)
-    if e == 0.0 or approach <= RESTING or approach * (1.0 - e * e) < 2.0 * change * e:
-        return -math.inf
-    return -e * approach
+    return e * approach if approach > RESTING and approach * (1.0 - e * e) >= 2.0 * change * e else 0.0
+
+
+@part
+def rebounds(model, work, n):
+    """Whether any of n rows asks for a rebound."""
+    most = 0.0
+    for r in range(n):
+        most = max(most, rebound(model, work, r))
+    return most > 0.0
+
+
+@part
+def gained(model, layout, work, h):
+    """Energy [J] that the trial state has more than the present one and what the port supplies on the way to it."""
+    supplied = 0.0
+    if work.active[layout.linkage[0]] > 0:
+        for k in range(3):
+            supplied += pull(work, k) * (work.trial_q[0, k] - work.q[0, k])
+    held = energy_held(model, layout, work, work.trial_q, work.trial_v)
+    return held - energy_held(model, layout, work, work.q, work.v) - supplied
+
+
+@part
+def pull(work, k):
+    """Coupling's force on axis k of the tool in the trial state [N | N m]."""
+    port = work.port
+    stiffness, damping = (port[6], port[7]) if k < 2 else (port[8], port[9])
+    return stiffness * (port[k] - work.trial_q[0, k]) + damping * (port[3 + k] - work.trial_v[0, k])
 
 
 @part
@@ -154,8 +194,7 @@ def take(model, layout, work, n):
     port[20] -= 0.5 * (power(work, v, n) + power(work, work.trial_v, n))
     if work.active[layout.linkage[0]] > 0:
         for k in range(3):
-            stiffness, damping = (port[6], port[7]) if k < 2 else (port[8], port[9])
-            port[10 + k] = stiffness * (port[k] - work.trial_q[0, k]) + damping * (port[3 + k] - work.trial_v[0, k])
+            port[10 + k] = pull(work, k)
     copy(work.trial_v, v, model.bodies)
     copy(work.trial_q, q, model.bodies)
 
@@ -173,12 +212,12 @@ def put_right(model, layout, work, n):
 
 
 @part
-def energy_held(model, layout, work):
-    """Kinetic energy of the active linkages, their potential energy and that of all springs [J]."""
-    energy = kinetic(model, layout, work, work.v) + spring_energy(model, work.q, work.v, work.row)
+def energy_held(model, layout, work, q, v):
+    """Kinetic energy of the active linkages, their potential energy and that of all springs [J], at q, v."""
+    energy = kinetic(model, layout, work, v) + spring_energy(model, q, v, work.row)
     for b in range(model.bodies - 1):
         if work.active[layout.linkage[b]] > 0:
-            energy -= model.mass[b] * (model.gravity[0] * work.q[b, 0] + model.gravity[1] * work.q[b, 1])
+            energy -= model.mass[b] * (model.gravity[0] * q[b, 0] + model.gravity[1] * q[b, 1])
     return energy
 
 
@@ -193,7 +232,7 @@ def brake(model, layout, work, most):
     for j in range(model.joints):
         if model.joint_motor[j, 1] > 0.0:
             return
-    excess, moving = energy_held(model, layout, work) - most, kinetic(model, layout, work, work.v)
+    excess, moving = energy_held(model, layout, work, work.q, work.v) - most, kinetic(model, layout, work, work.v)
     if excess <= 0.0 or moving <= 0.0:
         return
     share = math.sqrt(max(moving - excess, 0.0) / moving)

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tool in the servo on live nodes: sets come over DDS, are taken and felt; without them set-position modulation."""
+
+import threading
+
+import pytest
+from live_nodes import Ear, Nodes
+
+from haptic_device.node import wire
+from haptic_sim.cli.local_felt import SHARE, measure
+
+pytestmark = pytest.mark.live
+
+RATE, BUDGET = 4000.0, 0.005  # [Hz], [J]
+OUT, IN = 0.02, 0.005  # [m] of the hand; the wall's tool touches at 0.01
+KICK = 1.0  # [N] in 10 ms
+
+
+@pytest.mark.timeout(300)
+def test_a_wall_is_as_stiff_as_the_coupling_and_free_space_freer_than_with_set_position_modulation(ros_domain):
+    local, pspm = (measure(RATE, method, live=True) for method in ("local", "pspm"))
+    assert local.sets > 1000 and local.local == 1.0
+    assert local.coupling == pytest.approx(SHARE * 2.0 * (3.0 - 0.5) * RATE)
+    assert local.stiffness == pytest.approx(local.coupling, rel=0.05)
+    assert abs(local.drag) <= min(0.05 * local.coupling * local.age, 0.25 * abs(pspm.drag))
+    assert local.mass == pytest.approx(0.1, rel=0.05)
+    assert local.given <= BUDGET
+
+
+@pytest.fixture
+def carrier(ros_domain, tmp_path):
+    """An ear that carries the sets from the simulation to the driver while `carrying` is set."""
+    ear, carrying = Ear(ros_domain), threading.Event()
+    publisher = ear.node.create_publisher(wire.PointCloud2, "local_contacts", wire.LATEST)
+    ear.node.create_subscription(
+        wire.PointCloud2, "far_local_contacts", lambda data: publisher.publish(data) if carrying.is_set() else None,
+        wire.LATEST, raw=True,
+    )  # fmt: skip
+    with Nodes(tmp_path) as nodes:
+        nodes.start("haptic_loopback", motion__name="follow", motion__start=(OUT, 0.0, 0.0))
+        nodes.start("haptic_simulation", scene="wall", exchange__method="local",
+                    renamed=("local_contacts:=far_local_contacts",))
+        nodes.start("haptic_driver", exchange__method="local", coupling__stiffness=2000.0, coupling__damping=2.0,
+                    auto_enable=True)  # fmt: skip
+        carrying.set()
+        yield ear, carrying
+    ear.close()
+
+
+def test_where_sets_stop_modulation_takes_over_without_a_kick_is_counted_and_gives_way_when_they_come_again(carrier):
+    ear, carrying = carrier
+
+    def said(condition):
+        return ear.news("haptic_driver", lambda level, message, values: values.get("local") and condition(values))[2]
+
+    said(lambda values: values["local"] == "acts")
+    ear.go_to(IN)
+    pressed = said(lambda values: values["local"] == "acts" and int(values["local_sets"]) > 100)
+    assert pressed["local_fallbacks"] == "0"
+    begin = len(ear.truths)
+    carrying.clear()
+    alone = said(lambda values: values["local"] != "acts")
+    assert alone["local_fallbacks"] == "1" and alone["fault"] == ""
+    carrying.set()
+    again = said(lambda values: values["local"] == "acts")
+    assert again["local_fallbacks"] == "1" and int(again["local_sets"]) > int(alone["local_sets"])
+    force = [float(ear.motor(truth)[0]) for truth in ear.truths[begin:]]
+    assert min(force) > 1.0 and max(abs(b - a) for a, b in zip(force, force[1:], strict=False)) < KICK
+    assert max(truth.position[2 * ear.axes] for truth in ear.truths) <= BUDGET
