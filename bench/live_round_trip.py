@@ -5,7 +5,7 @@ usage: python bench/live_round_trip.py [turns [seconds]]
        python bench/live_round_trip.py profile [turns [seconds]]   (where the time of a round trip goes)
 
 Both are what the driver's exchange measures at 1 kHz in free space, from composing a handle sample to its answer, which
-it looks for every 25 us (runtime/rcl.py: LOOK). The share of servo ticks whose tool sample is younger than 3 ms is
+it looks for every 10 us (runtime/rcl.py: LOOK). The share of servo ticks whose tool sample is younger than 3 ms is
 counted in the trace. The bare answerer waits for bytes as the simulation does, and sends
 them back with the few numbers that make them an answer.
 """

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from exchange_systems import demo_system
 
+from haptic_sim.cli import bench_local
 from haptic_sim.cli.bench_exchange import Case, measure
 from haptic_sim.lockstep import Network
 
@@ -36,6 +37,15 @@ def test_foretold_it_drags_by_less_than_a_fifth_of_that_and_the_wall_is_as_stiff
 def test_foretelling_does_not_pay_in_mass(felt, late):
     """A tool of 0.1 kg; first-order foretelling made 0.49 kg of one of 0.05 kg at 20 ms."""
     assert abs(felt["pspm", late].mass) <= 0.12
+
+
+@pytest.mark.parametrize("servo", [1000.0, 4000.0, 10_000.0])
+def test_a_coupling_as_stiff_as_the_device_covers_does_not_shake_a_free_tool_1_ms_away(servo):
+    """An old force of the tool, believed whole, is K · age of negative damping: it shook, and dragged by 61 N s/m."""
+    felt = bench_local.measure(servo, "pspm")
+    assert abs(felt.drag) <= 0.02 and 0.0 <= felt.mass <= 0.1
+    assert felt.stiffness == pytest.approx(felt.coupling, rel=1e-3)
+    assert felt.given <= BUDGET
 
 
 def test_with_no_delay_added_the_tool_is_as_near_the_handle_as_with_direct_exchange(felt):

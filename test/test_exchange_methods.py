@@ -78,9 +78,14 @@ def test_the_set_position_changes_the_stretch_by_no_more_than_the_handle_does_an
 def test_a_free_tool_is_foretold_beside_the_handle_as_far_as_its_agility_lets_it():
     straight = pspm.foretold(0.010, 0.1, 0.002, 0.03)
     assert straight == pytest.approx(0.0102)
-    assert pspm.beside(straight, 0.01021, 0.0, 0.002, 20.0) == pytest.approx(0.01021)
-    assert pspm.beside(straight, 0.02, 0.0, 0.002, 20.0) == pytest.approx(0.0102 + 4e-5)
+    assert pspm.beside(straight, 0.01021, 0.0, 0.002, 20.0, 0.004) == pytest.approx(0.01021)
+    assert pspm.beside(straight, 0.02, 0.0, 0.002, 20.0, 0.004) == pytest.approx(0.0102 + 4e-5)
     assert pspm.foretold(0.010, 0.1, 1.0, 0.03) == pytest.approx(0.013)
+
+
+@pytest.mark.parametrize(("trust", "share"), [(math.inf, 1.0), (0.002, 0.5), (0.0, 0.0)])
+def test_half_of_a_free_tools_force_is_believed_at_the_age_of_trust_and_none_where_nothing_damps(trust, share):
+    assert pspm.beside(0.01, 0.01, 1e-5, 0.002, 20.0, trust) == pytest.approx(0.01 - share * 1e-5, abs=1e-12)
 
 
 @given(spring=FORCE, rate=st.floats(-1.0, 1.0), incoming=FORCE, limit=st.floats(0.5, 50.0), k=st.floats(0.0, 2e4))

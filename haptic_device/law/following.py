@@ -177,7 +177,14 @@ def _foretold(settings, row, i):
         return straight
     stretch = row.tool_effort[i] / settings.stiffness[i]
     age = max(0.0, min(age, settings.exchange_horizon))
-    return pspm.beside(straight, row.position[i], stretch, age, settings.exchange_agility[i])
+    return pspm.beside(straight, row.position[i], stretch, age, settings.exchange_agility[i], _trust(settings, i))
+
+
+@kernel
+def _trust(settings, i):
+    """Age [s] at which half of a free tool's force is believed: (2 b + B)/K, of what of b is not cancelled."""
+    left = (1.0 - settings.cancellation_ratio) * settings.physical_damping[i] / settings.scale[i] ** 2
+    return max(0.0, 2.0 * left + settings.damping[i]) / settings.stiffness[i]
 
 
 @kernel

@@ -27,7 +27,6 @@ import math
 from haptic_device.kernel import kernel
 
 WINDOW = 16  # holds over which the dissipated energy is counted from one start
-TRUST = 0.004  # [s] age at which half of a free tool's last force is still believed
 
 
 @kernel
@@ -37,16 +36,17 @@ def foretold(position, velocity, age, horizon):
 
 
 @kernel
-def beside(straight, handle, stretch, age, agility):
+def beside(straight, handle, stretch, age, agility, trust):
     """Where a free tool is now: beside the handle, by the stretch of its last sample, which is believed less with age.
 
     A free tool goes where the handle goes, so that the handle's own motion foretells it without the error of
     acceleration · age²/2 that `straight`, the first-order place, is felt as a mass by. It stays within agility · age²/2
-    of that place: what a tool is given credit for to have turned aside since. An old force is no damping but a
-    resonance, the tool's own behind a delay: hence the trust 1/(1 + (age/TRUST)²).
+    of that place: what a tool is given credit for to have turned aside since. An old force is no damping but its
+    opposite, share · K · age between handle and tool, and a resonance where the dampers there are do not take that:
+    hence the share 1/(1 + (age/trust)²), with the trust [s] a damping over K.
     """
     reach = 0.5 * agility * age * age
-    wanted = handle - stretch / (1.0 + (age / TRUST) ** 2)
+    wanted = handle - stretch / (1.0 + (age / trust) ** 2) if trust > 0.0 else handle
     return min(straight + reach, max(straight - reach, wanted))
 
 

@@ -13,7 +13,7 @@ from numba import types
 from haptic_device.kernel import kernel
 from haptic_device.runtime import atomic, clock, exchange
 
-LOOK, POLL = 25_000, 100_000  # [ns] between looks for an answer: while it is due, and else
+LOOK, POLL = 10_000, 100_000  # [ns] between looks for an answer: while it is due, and else
 DUE = 300_000  # [ns] from a handle sample on, until its answer has come
 ROOM = 65536  # bytes for a message that comes in; librcl makes it larger for a larger one
 

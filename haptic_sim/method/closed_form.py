@@ -80,12 +80,24 @@ class ClosedForm:
                      end_velocity: Planar, count: int) -> Travel:
         """As `travel`, the handle drawn nearer as a tank of energy asks for (law/port, whose arrays these are)."""
         ways = [self._turned(vector) for vector in (start, start_velocity, end, end_velocity)]
-        return self._take(_advance_drawn(rules, memory, *self._state[:2], *ways, *self._gains, *self._settings, count))
+        return self._take(advance_drawn(rules, memory, *self._state[:2], *ways, *self._gains, *self._settings, count))
 
     def follow(self, path: np.ndarray, count: int) -> Travel:
         """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
         axes = self._x, self._y
         return self._take(_advance_along(*self._state[:2], axes, path, self._gains, self._settings, count))
+
+    def lend(self, record) -> None:
+        """State, gains and scene, in the axes of the walls, for haptic_sim/at_once.py to go on from."""
+        record["place"], record["rate"], record["pull"], record["push"] = *self._state[:3], (*self._state[3], 0.0)[:3]
+        record["stiffness"], record["damping"] = self._gains
+        record["mass"], record["gravity"], record["low"], record["high"], _ = self._settings
+        record["axis"] = self._x, self._y
+
+    def take_back(self, record) -> None:
+        """The state as that has left it."""
+        vectors = (tuple(record[name].tolist()) for name in ("place", "rate", "pull", "push"))
+        self._take((*vectors, 0.0, 0.0, 0.0))
 
     def _take(self, found):
         place, rate, force, push, supplied, most, taken = found
@@ -154,7 +166,7 @@ def _advance(place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low
 
 
 @kernel
-def _advance_drawn(rules, memory, place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low, high, h, count):
+def advance_drawn(rules, memory, place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low, high, h, count):
     """`_advance` with the handle of each sub-step as law/port drives it; what is supplied leaves the tank."""
     force = push = (0.0, 0.0, 0.0)
     supplied = most = taken = 0.0
