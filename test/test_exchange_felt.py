@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from exchange_systems import demo_system
 
-from haptic_sim.cli import bench_local
+from haptic_sim.cli import local_felt
 from haptic_sim.cli.bench_exchange import Case, measure
 from haptic_sim.lockstep import Network
 
@@ -42,7 +42,7 @@ def test_foretelling_does_not_pay_in_mass(felt, late):
 @pytest.mark.parametrize("servo", [1000.0, 4000.0, 10_000.0])
 def test_a_coupling_as_stiff_as_the_device_covers_does_not_shake_a_free_tool_1_ms_away(servo):
     """An old force of the tool, believed whole, is K · age of negative damping: it shook, and dragged by 61 N s/m."""
-    felt = bench_local.measure(servo, "pspm")
+    felt = local_felt.measure(servo, "pspm")
     assert abs(felt.drag) <= 0.02 and 0.0 <= felt.mass <= 0.1
     assert felt.stiffness == pytest.approx(felt.coupling, rel=1e-3)
     assert felt.given <= BUDGET
