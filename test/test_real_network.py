@@ -22,7 +22,8 @@ pytestmark = pytest.mark.live
 
 PRESSING = {"motion__name": "hold", "motion__start": [0.007, 0.0, 0.0]}  # 3 mm deep in the wall of the scene
 DRIVER = {
-    "auto_enable": True, "servo__rate": 2000.0, "coupling__stiffness": 2000.0, "coupling__damping": 2.0,
+    "auto_enable": True, "auto_enable_wait": 60.0, "servo__rate": 2000.0,
+    "coupling__stiffness": 2000.0, "coupling__damping": 2.0,
     "coupling__rotational_stiffness": 1.0, "coupling__rotational_damping": 0.002, "engage__force": 20.0,
 }  # fmt: skip
 SLEW, BUDGET = 0.5, 0.005  # [N/ms], [J]
