@@ -13,6 +13,7 @@ from haptic_device.analysis import exchange_search as adversary
 from haptic_device.device import load_device
 from haptic_device.law import contact, local, servo
 from haptic_device.node.declared import NODES
+from haptic_sim.cli import local_felt
 from haptic_sim.cli.local_felt import FINE, NETWORKS, compare
 from haptic_sim.lockstep import Network
 from haptic_sim.scene import load
@@ -81,7 +82,16 @@ def test_a_task_is_felt_as_with_the_world_in_the_same_tick(scene, network):
     assert found["fallbacks"] == 0 and found["local"] > 0.98 and found["given"] <= BUDGET
 
 
-def test_a_peg_with_50_um_of_play_goes_in_without_chatter_where_the_encoder_makes_none():
+@pytest.mark.parametrize("axis, velocity", [
+    (FINE, {}), (None, {"velocity.estimator": "lowpass"}),
+    (None, {"velocity.estimator": "adaptive_window", "coupling.damping": 1.0}),
+])  # fmt: skip
+def test_a_peg_with_50_um_of_play_goes_in_without_chatter_if_velocity_is_finer_than_a_step_in_a_tick(
+    axis, velocity, monkeypatch
+):
+    point = local_felt.operating_point()
+    point = point | {"haptic_driver": point["haptic_driver"] | velocity}
+    monkeypatch.setattr(local_felt, "operating_point", lambda: point)
     scene, wider = load("peg_in_hole"), 0.5 * (5e-5 - 2e-4)
     hole = scene.bodies[0]
     shapes = tuple(
@@ -92,7 +102,7 @@ def test_a_peg_with_50_um_of_play_goes_in_without_chatter_where_the_encoder_make
     )  # fmt: skip
     hole = hole.model_copy(update={"shapes": shapes})
     assert hole.shapes[0].vertices[1][0] == pytest.approx(-0.010025)
-    found = compare(scene.model_copy(update={"bodies": (hole,)}), *NETWORKS["1 kHz"], axis=FINE)
+    found = compare(scene.model_copy(update={"bodies": (hole,)}), *NETWORKS["1 kHz"], axis=axis)
     assert found["rough"] <= 0.02 and found["tool"] <= 0.05e-3 and found["fallbacks"] == 0
 
 
