@@ -79,22 +79,29 @@ def test_a_wall_at_95_per_cent_of_the_passive_stiffness_is_quiet_and_one_beyond_
 
 
 @pytest.mark.parametrize("shaking", [None, *range(len(PHASES))])
-def test_a_live_wall_shakes_if_any_touch_of_it_does_however_deep(monkeypatch, shaking):
+def test_a_live_wall_shakes_if_it_does_twice_at_any_depth(monkeypatch, shaking):
     """Friction calms small oscillations: one touch that stays still shows only its own phase."""
     depths = []
 
     def touch(self, stiffness, depth):
         depths.append(depth)
-        return len(depths) - 1 == shaking
+        return len(set(depths)) - 1 == shaking
 
     monkeypatch.setattr(Live, "_touch", touch)
     assert Live(None, 0.0, 1e-5).show(1000.0) is (shaking is not None)
-    assert len(set(depths)) == len(depths) == (len(PHASES) if shaking is None else shaking + 1)
+    assert len(set(depths)) == (len(PHASES) if shaking is None else shaking + 1)
+    assert len(depths) - len(set(depths)) == (shaking is not None)
+
+
+def test_a_live_wall_that_shakes_once_only_stands_still(monkeypatch):
+    answers = iter([False, True, False, *[False] * len(PHASES)])
+    monkeypatch.setattr(Live, "_touch", lambda self, stiffness, depth: next(answers))
+    assert not Live(None, 0.0, 1e-5).show(1000.0)
 
 
 @pytest.mark.parametrize("stalls", [0, 1, TRIES - 1])
 def test_a_touch_during_which_the_machine_stalled_says_nothing_and_is_tried_again(monkeypatch, stalls):
-    answers = iter([None] * stalls + [True])
+    answers = iter(([None] * stalls + [True]) * 2)
     monkeypatch.setattr(Live, "_try", lambda self, stiffness, depth: next(answers))
     assert Live(None, 0.0, 1e-5).show(1000.0)
     monkeypatch.setattr(Live, "_try", lambda self, stiffness, depth: None)
