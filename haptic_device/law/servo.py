@@ -145,7 +145,6 @@ _TABLES = {
 MEMORY = np.dtype(_MEMORY.descr + [(name, "f8", shape) for name, shape in _TABLES.items()])
 
 
-
 @kernel
 def tick(settings, memory, row):
     """One tick of the servo: records of SETTINGS, MEMORY, TICK; reads the inputs in row and writes its outputs."""

@@ -77,8 +77,8 @@ class LoopbackNode(ManagedNode):
         serving = (
             self.page.words, self._control, self._truth.words, session, self.plant, self.memory, self.motion, truth
         )
-        clock.unhurried(lambda: loopback.serve.compile(tuple(map(numba.typeof, serving))))
         try:
+            clock.unhurried(lambda: loopback.serve.compile(tuple(map(numba.typeof, serving))))
             self.realtime = clock.go_realtime(self.values["realtime"], PRIORITY)
         except PermissionError as refusal:
             self._refused = refusal
