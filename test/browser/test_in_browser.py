@@ -2,6 +2,7 @@
 """People before the page: a real Chromium, the live nodes behind it. Run by `make test-browser`, in this order."""
 
 import http.client
+import re
 import statistics
 import time
 from pathlib import Path
@@ -16,6 +17,7 @@ from haptic_sim.cli.check import problems
 
 pytestmark = pytest.mark.timeout(400)  # the second operating point may have to be compiled
 SERIOUS = ("serious", "critical")
+BEHIND = r"the second operating point is [0-9.]+ s behind: its process gets too little of the processor"
 E_STOP, UP, MOUSE = 0.150, 2.0, 0.040  # s, wanted
 
 
@@ -339,7 +341,8 @@ def test_a_second_operating_point_goes_along_as_a_ghost_and_its_end_is_said(syst
     tab.page.wait_for_timeout(1000.0)
     tab.page.locator("#compared").scroll_into_view_if_needed()
     tab.shot("beside")
-    assert tab.text("compare_note") == "" and serious(tab) == []
+    assert re.fullmatch(f"({BEHIND})?", tab.text("compare_note")), "nothing, or how far a busy machine leaves it behind"
+    assert serious(tab) == []
     [second] = [child for child in psutil.Process(system.process.pid).children(recursive=True)
                 if "haptic_sim.viewer.second" in child.cmdline()]  # fmt: skip
     second.kill()
