@@ -4,6 +4,7 @@
 import errno
 import os
 import resource
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -73,6 +74,29 @@ def test_the_mcap_library_finds_each_attachment_and_the_newest_state_counts(tmp_
     with open(tmp_path / "bag/bag_0.mcap", "rb") as stream:
         assert [found.data for found in make_reader(stream, validate_crcs=True).iter_attachments()] == [b"old", b"new"]
     assert load(tmp_path / "bag").attachments["made.yaml"] == b"new"
+
+
+def test_a_bag_costs_no_memory_for_what_it_holds(tmp_path):
+    bag = Bag(tmp_path / "bag")
+    channels = [bag.add_topic(f"/haptic/topic_{i}", JOINTS, []) for i in range(12)]
+    data = joints(["x"], np.zeros(1), 0)
+
+    def chunks(first, last):
+        for number in range(first, last):
+            for channel in channels:
+                bag.write(channel, data, number, number, number + 1)
+            bag.flush()
+        return tracemalloc.get_traced_memory()[0]
+
+    tracemalloc.start()
+    try:
+        before = chunks(0, 200)
+        assert chunks(200, 2200) - before < 2000  # bytes: less than one a chunk
+    finally:
+        tracemalloc.stop()
+    bag.close({})
+    with open(tmp_path / "bag" / "bag_0.mcap", "rb") as stream:
+        assert len(make_reader(stream).get_summary().chunk_indexes) == 2200
 
 
 def test_metadata_has_no_anchors_which_not_every_reader_knows(tmp_path):

@@ -4,9 +4,12 @@
 The `mcap` library's writer would do, at four times the time for a message; its records are used for all the rest.
 """
 
+import errno
 import os
 import struct
+import tempfile
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +22,7 @@ from haptic_device.mcapfile import MAGIC, RECORD
 from haptic_device.node.bag_index import Index, summary
 from haptic_device.node.bag_information import FileSpan
 
-CHUNK_BYTES = 4 * 2**20  # more than comes between two flushes at 10 kHz: a chunk costs memory until the file ends
+CHUNK_BYTES = 4 * 2**20  # more than comes between two flushes at 10 kHz
 _LEVEL = 1  # of zstd: a third of the time of its default for a tenth more bytes
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 _INDEX = struct.Struct("<BQHI")  # opcode, length, channel, bytes of the list of (log time, offset)
@@ -28,11 +31,36 @@ _UINT32, _FUTURE = 0xFFFFFFFF, 2**63
 
 
 class _Packed(bytes):
-    """A record of the summary, as it will stand there: a seventh of the object's memory."""
+    """Records of the summary, as they will stand there."""
 
     def write(self, builder: RecordBuilder) -> None:
         """As the library's records do."""
         builder.write(self)
+
+
+class _ChunkIndices:
+    """The chunks' records of the summary, in a file without a name beside the bag: memory does not grow with it."""
+
+    def __init__(self, folder: Path):
+        self._count, self._stream = 0, tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115
+
+    def append(self, record: records.ChunkIndex) -> None:
+        """Adds one. Raises OSError if the disk does not take it."""
+        content = _bytes(record)
+        if self._stream.write(content) < len(content):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        self._count += 1
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[_Packed]:
+        self._stream.seek(0)
+        yield _Packed(self._stream.read())
+
+    def close(self) -> None:
+        """Lets the file go."""
+        self._stream.close()
 
 
 class BagFile:
@@ -41,7 +69,8 @@ class BagFile:
     def __init__(self, path: Path):
         self.path, self.size = path, 0
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        self._index, self._compressor = Index(FileSpan(path.name)), zstandard.ZstdCompressor(level=_LEVEL)
+        self._chunks, self._compressor = _ChunkIndices(path.parent), zstandard.ZstdCompressor(level=_LEVEL)
+        self._index = Index(FileSpan(path.name), chunks=self._chunks)
         self._chunk, self._places = bytearray(), {}
         self._first, self._last, self._count = _FUTURE, 0, 0
         self._write(MAGIC + _bytes(records.Header("ros2", "haptic_display")))
@@ -115,6 +144,7 @@ class BagFile:
         """Closes the file as it is."""
         if self._descriptor >= 0:
             os.close(self._descriptor)
+            self._chunks.close()
         self._descriptor = -1
 
     def _write_chunk(self, content: bytes, chunk: records.Chunk, places: dict) -> None:
@@ -129,7 +159,7 @@ class BagFile:
             len(content), begin, "zstd", len(chunk.data), chunk.message_end_time, len(indices), offsets,
             chunk.message_start_time, chunk.uncompressed_size,
         )  # fmt: skip
-        self._index.chunks.append(_Packed(_bytes(index)))
+        self._chunks.append(index)
 
     def _write(self, data: bytes) -> None:
         left = memoryview(data)

@@ -8,6 +8,7 @@ the file as a private record, which every reader passes over.
 import io
 import struct
 import zlib
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -38,7 +39,7 @@ class Index:
     channels: dict[int, records.Channel] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
     lost: dict[int, int] = field(default_factory=dict)
-    chunks: list[records.ChunkIndex] = field(default_factory=list)
+    chunks: Collection[records.ChunkIndex] = field(default_factory=list)
     attachments: list[records.AttachmentIndex] = field(default_factory=list)
     metadata: list[records.MetadataIndex] = field(default_factory=list)
     damaged: list[int] = field(default_factory=list)
