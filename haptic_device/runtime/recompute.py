@@ -9,7 +9,7 @@ import numpy as np
 
 from haptic_device.kernel import kernel
 from haptic_device.law import contact, local, servo
-from haptic_device.runtime import atomic, clock, link, mailbox
+from haptic_device.runtime import link
 from haptic_device.runtime.loop import fill_contacts, fill_inputs
 
 
@@ -20,19 +20,6 @@ def _fields(prefix, dtype):
 SNAPSHOT = np.dtype([("tick", "f8"), *_fields("settings", servo.SETTINGS), *_fields("memory", servo.MEMORY)])
 
 NO_SETS = np.zeros(0, contact.SET).view(np.recarray)
-
-
-@kernel
-def capture(row_mail, row, memory, copy, period, scratch):
-    """Copies the running servo's memory as the tick in row has left it; False if the next tick may have begun.
-
-    The servo touches its memory from a deadline on until it has published that tick's row, and not before the next
-    deadline: nothing is asked of the servo, and it never waits. period [ns]; row, memory, copy: records of one.
-    """
-    if atomic.collect(row_mail, 0, mailbox.FIRST, row.view(np.int64)) <= 0:
-        return False
-    copy.view(np.int64)[:] = memory.view(np.int64)
-    return clock.now_ns(scratch) < np.int64(row[0].deadline) + period
 
 
 @kernel

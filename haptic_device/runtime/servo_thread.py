@@ -35,7 +35,7 @@ class ServoThread:
         self.realtime, self._refused, self._ready = "", None, threading.Event()
         self._resets, self._zero = 0, settings["zero"].copy()
         self.set(settings)
-        self.snapshot()  # compiled now: compiling holds the interpreter, which would disturb a running exchange
+        self.snapshot()  # what it calls is compiled now: that holds the interpreter, and would disturb an exchange
         self._thread = threading.Thread(target=self._run, name="servo")
 
     def start(self):
@@ -78,15 +78,16 @@ class ServoThread:
         self.control[loop.COMMAND] = self._resets * engage.RESET + (self.command & engage.CLUTCH)
 
     def snapshot(self):
-        """SNAPSHOT record of a tick just done, while the servo runs on; None if none could be had between two."""
-        row, memory, scratch = np.zeros(1, servo.TICK), np.zeros(1, servo.MEMORY), clock.scratch()
+        """SNAPSHOT record of a tick just done, while the servo runs on; None if none could be had between two.
+
+        The servo touches its memory from a deadline on until it has published that tick's row, and not before the next
+        deadline: nothing is asked of the servo, and it never waits.
+        """
         for _ in range(SNAPSHOT_ATTEMPTS):
-            settings = self.settings.get()[0]
-            period = round(settings.period * SECOND)
-            if not recompute.capture(self.row.words, row, self._memory, memory, period, scratch):
-                continue
-            if row["parameter_version"][0] == settings.version:
-                return recompute.snapshot_of(row["tick"][0], settings, memory[0])
+            settings, row, memory = self.settings.get()[0], self.row.get()[0], self._memory[0].copy()
+            whole = time.monotonic_ns() < int(row.deadline) + round(settings.period * SECOND)
+            if whole and row.parameter_version == settings.version:
+                return recompute.snapshot_of(row.tick, settings, memory)
         return None
 
     def _run(self):
