@@ -166,8 +166,9 @@ def _judge(frame, size, state, gains, now):
             return exchange.OTHER_NAMES
     count, axes = frame.count, int(state.axes)
     sample = np.empty(3 * count)
-    for block in range(3):
-        sample[block * count : (block + 1) * count] = frame.received[frame.first[block] : frame.first[block] + count]
+    for block in range(3):  # of slices it would compile numpy's refusal of other shapes, which is all of its strings
+        for i in range(count):
+            sample[block * count + i] = frame.received[frame.first[block] + i]
     peer = exchange.Peer(state.peer_session, state.peer_answered, state.peer_accepted)
     verdict = exchange.judge_tool(
         sample, axes, peer, state.session, state.sequence, state.method, gains.hash, now, SILENCE

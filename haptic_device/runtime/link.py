@@ -11,6 +11,7 @@ A link has `memory` (int64 array, its own), `read` and `write` (compiled with th
   write; the device zeroes it by itself when writes stop.
 """
 
+import functools
 from typing import Protocol
 
 import numpy as np
@@ -49,7 +50,7 @@ class PageLink:
         self.stale = self._page.stale
         self.memory = self._page.words
         self.memory[SESSION] = session
-        self.read, self.write = read, write
+        self.read, self.write = _compiled()
         self._scratch = clock.scratch()
 
     def present(self):
@@ -64,8 +65,7 @@ class PageLink:
 SESSION = page.WORDS - 1  # of the servo's run, kept for its writes
 
 
-@kernel(READ)
-def read(memory, deadline, give_up, sample):
+def _read(memory, deadline, give_up, sample):
     block, scratch = np.empty(page.DEVICE_WORDS, np.int64), np.empty(2, np.int64)
     fresh = page.read_device(memory, block, deadline, give_up, scratch)
     if fresh < 0 or block[1] > clock.now_ns(scratch) + AHEAD:  # it died while it wrote, or wrote nonsense
@@ -77,8 +77,13 @@ def read(memory, deadline, give_up, sample):
     return fresh
 
 
-@kernel(WRITE)
-def write(memory, written, next_deadline, period, engaged, motor):
+def _write(memory, written, next_deadline, period, engaged, motor):
     block = np.empty(page.SERVO_WORDS, np.int64)
     page.write_servo(memory, block, memory[SESSION], written, next_deadline, period, engaged, motor)
     return 0
+
+
+@functools.cache
+def _compiled():
+    """Both as function pointers; compiled where there is a link, not in each process that knows what a link is."""
+    return kernel(READ)(_read), kernel(WRITE)(_write)
