@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the device's nodes have in common: a managed node that starts by itself and ends well."""
 
+import gc
 import os
 import re
 import signal
@@ -16,6 +17,7 @@ from haptic_device.node.own_port import own_port
 from haptic_device.node.params import declare
 from haptic_device.parameter import Parameter
 
+YOUNG = 100_000  # objects between two collections: compiling makes millions, and few of them are garbage
 LOOK_UP = 0.05  # [s] longest time a signal waits
 MOST_SAID = 20  # different exceptions that are logged; all are counted
 
@@ -130,6 +132,7 @@ def _serve(executor, node):
 def run(make_node, name, args=None):
     """Runs a managed node until SIGINT, SIGTERM or SIGHUP; a refusal is printed as its sentence, exit code 1."""
     told, node = [], None
+    gc.set_threshold(YOUNG)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda received, frame: told.append(received))
     try:

@@ -11,7 +11,7 @@ from haptic_device.node import health, wire
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
-from haptic_device.runtime.clock import go_realtime, lift_threads, unhurried
+from haptic_device.runtime.clock import go_realtime, lift_threads
 from haptic_sim.at_once import compile_for
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.node.exchange_thread import ExchangeThread
@@ -45,7 +45,7 @@ class SimulationNode(ManagedNode):
     def configure(self) -> None:
         """Loads the scene."""
         lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)
-        self.simulation = unhurried(self._world)
+        self.simulation = self._world()
 
     def activate(self) -> None:
         """Starts answering."""
