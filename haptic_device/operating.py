@@ -145,6 +145,12 @@ def margins(settings, lateness):
     return by_axis, plane, float(by_axis[2]) if axes == 3 else math.inf
 
 
+def softer(wished, known, lateness):
+    """Whether gains need no more damping than the known ones in any direction, outside of walls and inside."""
+    pairs = zip(_needs(wished, lateness), _needs(known, lateness), strict=True)
+    return all(np.linalg.eigvalsh(old - new)[0] >= -1e-9 for new, old in pairs)
+
+
 def _needs(settings, lateness):
     """Damping that all gains together need, as matrices over x, y, theta: outside of walls, and inside."""
     outside, inside = np.zeros((2, 3, 3))

@@ -24,6 +24,7 @@ hypothesis.settings.load_profile("project")
 
 
 STOLEN = 0.02  # of all cores: as much may the host take of them while a live test runs, and its failure counts
+SHORT = 50.0  # [s] of a test that may be run again: both together have the time of one
 AGAIN = []
 
 
@@ -42,7 +43,7 @@ def pytest_runtest_protocol(item, nextitem):
     taken, began = stolen(), time.monotonic()
     reports = runtestprotocol(item, nextitem=nextitem, log=False)
     share = (stolen() - taken) / (time.monotonic() - began) / os.cpu_count()
-    if any(report.failed for report in reports) and share > STOLEN:
+    if any(report.failed for report in reports) and share > STOLEN and time.monotonic() - began < SHORT:
         AGAIN.append(f"{item.nodeid} was run again: it failed while the host took {share:.0%} of the processors")
         item._initrequest()
         reports = runtestprotocol(item, nextitem=nextitem, log=False)

@@ -10,6 +10,10 @@ pytestmark = pytest.mark.live
 
 SPACE = "/managed"
 NODES = tuple(MODULES)
+OF_ITS_OWN = {
+    "haptic_simulation": {"scene": "free_space"},  # its tool is where the handle is
+    "haptic_driver": {"auto_enable": True},
+}
 UNCONFIGURED, INACTIVE, ACTIVE = (
     State.PRIMARY_STATE_UNCONFIGURED,
     State.PRIMARY_STATE_INACTIVE,
@@ -21,8 +25,7 @@ UNCONFIGURED, INACTIVE, ACTIVE = (
 def nodes(ros_domain, tmp_path_factory):
     with Nodes(tmp_path_factory.mktemp("nodes")) as nodes:
         for name in NODES:
-            scene = {"scene": "free_space"} if name == "haptic_simulation" else {}  # its tool is where the handle is
-            nodes.start(name, namespace=SPACE, autostart=False, **scene)
+            nodes.start(name, namespace=SPACE, autostart=False, **OF_ITS_OWN.get(name, {}))
         yield nodes
 
 
@@ -58,6 +61,21 @@ def test_configured_they_hold_the_device_and_activated_they_run(ear):
         change(ear, name, Transition.TRANSITION_ACTIVATE, ACTIVE)
     ear.until(lambda: ear.trigger("enable")[0])
     ear.news("haptic_driver", lambda level, message, values: values["state"] == "engaged")
+
+
+def test_an_estop_outlives_a_deactivation_also_with_auto_enable(ear):
+    def again():
+        change(ear, "haptic_driver", Transition.TRANSITION_ACTIVATE, ACTIVE)
+        ear.news("haptic_driver", lambda level, message, values: values["fault"] == "estop")
+        assert ear.trigger("enable") == (False, "fault estop is latched; call ~/reset first")
+
+    assert ear.trigger("estop")[0]
+    change(ear, "haptic_driver", Transition.TRANSITION_DEACTIVATE, INACTIVE)
+    again()
+    assert ear.trigger("reset")[0]
+    change(ear, "haptic_driver", Transition.TRANSITION_DEACTIVATE, INACTIVE)
+    assert ear.trigger("estop") == (True, "e-stop latched for when the node is active again")
+    again()
 
 
 def test_deactivated_cleaned_up_and_shut_down_in_any_order_they_let_everything_go(ear):

@@ -107,6 +107,7 @@ def test_a_sample_from_the_future_is_not_believed(name):
 NONSENSE = [
     (2**62, 0, 1_000_000, 0.0),
     (0, 2**62, 1_000_000, 0.0),
+    (0, 500_000_000, 1_000_000, 0.5),  # the motor would be held for half a second, and no watchdog heard
     (-(2**62), 0, 1_000_000, 0.0),
     (0, 0, 0, 0.0),
     (0, 0, 2**62, 0.0),
@@ -157,6 +158,24 @@ def test_a_silent_servos_motor_is_cut_15_ms_after_its_last_write_by_the_plants_o
     driven = [truth.time * 1e9 for truth in seen if truth.motor_force[0] != 0.0]
     assert driven and max(driven) <= max(written, now + 20_000_000) + loopback.MOTOR_WATCHDOG + 1_000_000
     assert loopback.MOTOR_WATCHDOG == 15_000_000
+    device_link.close()
+
+
+def test_a_plant_that_stops_serving_has_its_motor_at_zero_and_says_so(served, name):
+    device_link, scratch = PageLink(name, 7), clock.scratch()
+    wait_for(device_link.present)
+
+    def driven():
+        now = int(clock.now_ns(scratch))
+        device_link.write(device_link.memory, now, now + 1_000_000, 1_000_000, 1, np.array([0.5, 0.0, 0.0]))
+        return served.truth.get()[0].motor_force[0] != 0.0
+
+    wait_for(driven)
+    served.control[loopback.STOP] = 1
+    served.thread.join()
+    truth = served.truth.get()[0]
+    assert truth.motor_force.tolist() == [0.0, 0.0, 0.0] and not truth.driven
+    assert served.memory["motor_force"].tolist() == [[0.0, 0.0, 0.0]]
     device_link.close()
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Local contacts over the wire: what a simulation packs the driver takes, once, and only if it belongs to its tool."""
 
+import random
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from haptic_device.law import contact
 from haptic_device.law import exchange as law
 from haptic_device.node import wire
 from haptic_device.runtime import exchange, mailbox
+from haptic_sim.cli.flood import mutated
 from haptic_sim.node.port import Port, Question
 from haptic_sim.simulation import HandleSample
 
@@ -74,6 +77,17 @@ def test_late_repeated_foreign_and_nonsensical_sets_are_refused_and_counted(ends
     assert driver.take(packed(port, 4.0)[:-8]) == contact.OTHER_LAYOUT
     assert driver.watch[exchange.SEEN] == 1 and driver.watch[exchange.UNSEEN :].sum() == 8
     assert driver.mail.get()[0].number == 3.0
+
+
+def test_whatever_is_wrong_with_a_set_what_counts_stays_finite(ends):
+    port, driver = ends
+    dice, whole = random.Random(7), packed(port)
+    verdicts = set()
+    for _ in range(20_000):
+        driver.state["near_answered"] = 0.0
+        verdicts.add(driver.take(mutated(whole, dice)))
+        assert np.isfinite(driver.near["table"]).all() and np.isfinite(driver.near["trust"]).all()
+    assert len(verdicts) >= 5, "the mutations reach many refusals"
 
 
 def test_contacts_of_a_scene_that_was_left_are_refused(ends):

@@ -47,6 +47,15 @@ def test_two_walls_of_one_direction_add_up_and_square_ones_do_not():
     assert operating.refusal(settings(**walls(5900.0, 0.05, 0.0, 90.0))) == ""
 
 
+def test_gains_are_softer_only_if_they_need_no_more_in_any_direction():
+    beyond = settings(**walls(12000.0, 0.05, 0.0))
+    less = settings(**walls(11000.0, 0.05, 0.0))
+    assert operating.softer(beyond, beyond, 0.0) and operating.softer(less, beyond, 0.0)
+    both = settings(**walls(12000.0, 0.05, 0.0, 90.0))
+    assert operating.margins(both, 0.0)[1] == pytest.approx(operating.margins(beyond, 0.0)[1])
+    assert not operating.softer(both, beyond, 0.0) and operating.softer(beyond, both, 0.0)
+
+
 def test_the_worst_direction_of_oblique_walls_counts():
     oblique = settings(**walls(4000.0, 0.0, 30.0, 60.0))
     expected = 0.8 - 0.5 * (1.0 + np.cos(np.radians(30.0)))

@@ -35,6 +35,7 @@ class DriverNode(ManagedNode):
     def __init__(self):
         super().__init__("haptic_driver", DRIVER)
         self.link = self.servo = self.exchange = self.telemetry = None
+        self._kept = {"fault": fault.NONE}
         self._version, self._enabled_once, self._said, self._margins = 0, False, set(), [math.inf, math.inf]
         self._watched, self._stall, self._rates, self._told = time.monotonic(), 0.0, health.Rates(), None
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
@@ -54,11 +55,11 @@ class DriverNode(ManagedNode):
             self.get_logger().warning("took over a stale page of a process that had died")
 
     def activate(self):
-        """Starts servo, exchange and telemetry; the motor stays at zero until enabled."""
+        """Starts servo, exchange and telemetry; the motor stays at zero until enabled, and a latched fault latched."""
         home = self.device.home if self.device.homing == "at_start" else None
         settings = operating.settings_from(self.device, self.values, self._version)
         self._judge(settings, self.values)
-        self.servo = ServoThread(self.link, settings, home, self.values["realtime"])
+        self.servo = ServoThread(self.link, settings, home, self.values["realtime"], self._kept)
         self.servo.gains.put(operating.gains_from(self.values))
         self._set_flag(engage.CLUTCH, self.values["clutch.open"])
         self.exchange = ExchangeThread(self, self.servo, len(self.device.axes), self.values)
@@ -75,6 +76,8 @@ class DriverNode(ManagedNode):
                 part.stop()
         if self.telemetry is not None:
             self._diagnose()
+        if self.servo is not None:
+            self._kept = self.servo.kept
         self.servo = self.exchange = self.telemetry = None
 
     def cleanup(self):
@@ -102,13 +105,14 @@ class DriverNode(ManagedNode):
     def _judge(self, settings, values):
         """Refuses (ValueError), says or takes gains beyond the device's damping, as passivity.policy wants it.
 
-        Gains that leave more than those in force are taken: a servo that runs late must not refuse softer ones.
+        Gains that need no more in any direction than those in force are taken, and said: a servo that runs late must
+        not refuse softer ones.
         """
         sentence = operating.refusal(settings[0], self._lateness()) if values["passivity.policy"] != "off" else ""
-        if sentence and self.servo is not None:
-            wished = operating.margins(settings[0], self._lateness())[1:]
-            sentence = "" if all(new >= old for new, old in zip(wished, self._in_force(), strict=True)) else sentence
-        if sentence and values["passivity.policy"] == "enforce":
+        softer = self.servo is not None and operating.softer(
+            settings[0], self.servo.settings.get()[0], self._lateness()
+        )
+        if sentence and values["passivity.policy"] == "enforce" and not softer:
             raise ValueError(sentence)
         if sentence:
             self._say("warning", sentence)
@@ -118,10 +122,6 @@ class DriverNode(ManagedNode):
         measured = self.telemetry.percentiles()[3, 1] if self.telemetry is not None else math.nan
         delays = self.device.sensing_delay + self.device.actuation_delay
         return delays + (0.0 if math.isnan(measured) else measured)
-
-    def _in_force(self):
-        """Margins of the gains in force at the measured lateness."""
-        return operating.margins(self.servo.settings.get()[0], self._lateness())[1:]
 
     def _follow_margin(self):
         """The margin of the gains in force, with the lateness as measured now."""
@@ -182,7 +182,11 @@ class DriverNode(ManagedNode):
 
     def _on_estop(self, request, response):
         flags = {"set_flags": engage.ESTOP, "clear_flags": engage.ENABLE}
-        if self.servo is not None and not self.servo.running:
+        if self.servo is None:
+            self._kept["fault"] = self._kept["fault"] or fault.ESTOP
+            response.success, response.message = True, "e-stop latched for when the node is active again"
+            return response
+        if not self.servo.running:
             self.servo.order(**flags)
             response.success, response.message = True, "e-stop latched for the device that is not there yet"
             return response

@@ -38,7 +38,11 @@ class ExchangeThread:
         self._compiled = threading.Event()
         self._thread = threading.Thread(target=self._run, name="exchange")
         self._thread.start()
-        self._compiled.wait()  # compiling holds the interpreter: done before the servo starts, it disturbs nobody
+        try:
+            self._compiled.wait()  # compiling holds the interpreter: done before the servo starts, it disturbs nobody
+        except KeyboardInterrupt:  # the node is told to end meanwhile
+            self.watch[exchange.STOP] = 1
+            raise
 
     def stop(self):
         """Ends the thread, then publisher and subscription."""

@@ -131,10 +131,16 @@ def _serve(executor, node):
 
 def run(make_node, name, args=None):
     """Runs a managed node until SIGINT, SIGTERM or SIGHUP; a refusal is printed as its sentence, exit code 1."""
-    told, node = [], None
+    told, node, starting = [], None, [True]
+
+    def hear(number, frame):
+        told.append(number)
+        if starting and len(told) == 1:
+            raise KeyboardInterrupt  # what compiles for many seconds looks at nothing
+
     gc.set_threshold(YOUNG)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda received, frame: told.append(received))
+        signal.signal(number, hear)
     try:
         with own_port(name):
             begin_ros(args)
@@ -142,11 +148,14 @@ def run(make_node, name, args=None):
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         _autostart(node)
+        starting.clear()
         while not told and rclpy.ok():
             _serve(executor, node)
     except (ValueError, OSError) as refusal:
         print(f"{name}: {' '.join(str(refusal).split())}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        return 0
     finally:
         if node is not None:
             node.finish()

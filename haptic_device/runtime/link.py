@@ -27,7 +27,7 @@ LATCHED, STATUS, COUNTS, DRAG, SAMPLE = 0, 1, 2, 5, 8
 
 
 LIVELY = 100_000_000  # [ns] since which a device that is there has written its page
-AHEAD = 1_000_000_000  # [ns] beyond which a sample from the future is nonsense
+AHEAD = 20_000_000  # [ns] beyond which a sample from the future is nonsense: it would hide a silent device so long
 
 
 class Link(Protocol):

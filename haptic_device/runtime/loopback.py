@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plant behind the page: integrates up to each announced deadline and latches, or runs free without a servo."""
 
+import math
+
 import numpy as np
 
 from haptic_device.kernel import kernel
@@ -10,7 +12,7 @@ from haptic_device.runtime import atomic, clock, link, mailbox, page
 MOTOR_WATCHDOG = 15_000_000  # [ns] without a write of the servo, after which a real drive cuts the motor
 FREE_STEP = 1_000_000  # [ns] between samples while there is no servo
 NEAR = 1_000_000_000  # [ns] from now within which the times of a write make sense
-PERIODS = 10_000, 100_000_000  # [ns] that a servo may have
+PERIODS = 10_000, 10_000_000  # [ns] that a servo may have
 STOP, LATE_WRITES, RUN_ON, TRIPS, REFUSED, CONTROLS = 0, 1, 2, 3, 4, 8  # words of control
 
 TRUTH = np.dtype(
@@ -69,6 +71,8 @@ def _begin(motion, engaged, now):
 def serve(words, control, truth_mail, session, device, memory, motion, truth):
     """Serves the page until control[STOP]: driven by the servo's writes, free and with motor zero without them.
 
+    When it returns the motor is zero, and the truth says so.
+
     Counts into control: LATE_WRITES (a write's time lay before what was integrated), RUN_ON (deadlines that passed
     without a write), TRIPS (of the motor watchdog, a servo that ended well not counted), REFUSED (writes of nonsense).
     """
@@ -108,15 +112,22 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
         page.write_device(words, outbox, session, announced, status, now, sample[link.COUNTS :], sample[link.DRAG :])
         _tell(truth_mail, memory[0], motion[0], truth, driven)
         clock.sleep_until(announced + (period // 4 if driven else FREE_STEP), scratch)
+    _cut_motor(device[0], memory[0], motion[0], max(clock.now_ns(scratch), memory[0].time), zero)
+    _tell(truth_mail, memory[0], motion[0], truth, False)
     return seen
 
 
 @kernel
 def _sensible(inbox, now):
-    """Whether a write's times lie near now, its period is one of a servo, and its motor values are numbers."""
+    """Whether a write's times lie near now, its period is one of a servo, and its motor values are numbers.
+
+    The next write may be announced for two periods ahead, and no further than the watchdog waits: up to then the plant
+    goes on with this motor value.
+    """
+    near = abs(inbox[1] - now) < NEAR and -NEAR < inbox[2] - now <= max(2 * inbox[3], MOTOR_WATCHDOG)
     motor = inbox.view(np.float64)[5:]
-    near = abs(inbox[1] - now) < NEAR and abs(inbox[2] - now) < NEAR
-    return near and PERIODS[0] <= inbox[3] <= PERIODS[1] and np.all(np.isfinite(motor))
+    finite = abs(motor[0]) < math.inf and abs(motor[1]) < math.inf and abs(motor[2]) < math.inf
+    return near and PERIODS[0] <= inbox[3] <= PERIODS[1] and finite
 
 
 @kernel

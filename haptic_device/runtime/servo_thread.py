@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from haptic_device.law import contact, engage, servo
+from haptic_device.law import contact, engage, fault, servo
 from haptic_device.runtime import clock, link, loop, recompute
 from haptic_device.runtime.exchange import GAINS
 from haptic_device.runtime.mailbox import Mailbox, Ring
@@ -22,16 +22,18 @@ class ServoThread:
     """Runs the servo against a link from start() to stop(), which returns with the motor at zero.
 
     settings: SETTINGS record to begin with. The device's counts at the start are taken as `home` [device units] where
-    that is given.
+    that is given. kept: what an earlier one left behind; its fault stays latched, and its motors warm.
     """
 
-    def __init__(self, device_link, settings, home=None, realtime="prefer"):
+    def __init__(self, device_link, settings, home=None, realtime="prefer", kept=None):
         self.link, self._home, self._wish = device_link, home, realtime
         self.settings, self.gains = Mailbox(servo.SETTINGS), Mailbox(GAINS)
         self.tool, self.row, self.ring = Mailbox(loop.TOOL), Mailbox(servo.TICK), Ring(servo.TICK, RING_ROWS)
         self.near = Mailbox(contact.SET)
         self.control = np.zeros(loop.CONTROLS, np.int64)
         self._memory = np.zeros(1, servo.MEMORY)
+        for name, value in (kept or {}).items():
+            self._memory[name] = value
         self.realtime, self._refused, self._ready = "", None, threading.Event()
         self._resets, self._zero = 0, settings["zero"].copy()
         self.set(settings)
@@ -54,6 +56,12 @@ class ServoThread:
         """These settings from the next tick on."""
         settings["zero"] = self._zero
         self.settings.put(settings)
+
+    @property
+    def kept(self):
+        """Latched fault and warmth of the motors, when it has stopped; an e-stop that no tick has taken is one."""
+        latched = int(self._memory["fault"][0]) or (fault.ESTOP if self.command & engage.ESTOP else fault.NONE)
+        return {"fault": latched, "warmth": self._memory["warmth"][0].copy()}
 
     @property
     def running(self):

@@ -113,7 +113,7 @@ def _row(event, several) -> Row:
         name for name, most in bounds.items()
         if most is not None and getattr(found, name) is not None and getattr(found, name) > most
     ]  # fmt: skip
-    wrong += [name for name in found.faults if name not in event.faults]
+    wrong += [name for name in found.faults if name not in event.faults] + list(found.wrong)
     wrong += ["safe"] if event.safe is not None and found.safe is None else []
     return Row(event.name, len(several), found, tuple(wrong))
 

@@ -17,6 +17,7 @@ from haptic_sim.cli.conductor import NODES, PATIENCE, Conductor
 FROZEN = 0.4  # s
 HEARD = 0.2  # [s] until everything that happened has been heard of
 ESTOPS = 7
+STOPPED = 2  # ticks with the e-stop until the motor must be at zero
 
 
 class Event(NamedTuple):
@@ -48,7 +49,7 @@ def stop_driver(conductor: Conductor) -> figures.Figures:
     safe = figures.motor_off(conductor.witness.heard().truths, last)
     conductor.release()
     conductor.thaw("haptic_driver")
-    return figures.figures(conductor.witness.heard(), safe, conductor.enable())
+    return _enabled(conductor, safe)
 
 
 def kill_simulation(conductor: Conductor) -> figures.Figures:
@@ -90,7 +91,7 @@ def stop_loopback(conductor: Conductor) -> figures.Figures:
     safe = figures.found_silent(conductor.witness.heard().rows)
     conductor.release()
     conductor.thaw("haptic_loopback")
-    return figures.figures(conductor.witness.heard(), safe, conductor.enable())
+    return _enabled(conductor, safe)
 
 
 def kill_recorder(conductor: Conductor) -> figures.Figures:
@@ -120,7 +121,8 @@ def estop(conductor: Conductor) -> figures.Figures:
         conductor.release()
     note = f"{ticks} tick after the driver has it; worst {max(times):.1f} ms"
     found = figures.worst([figures.figures(heard) for heard in heards])
-    return found._replace(safe=statistics.median(times), recovered=conductor.enable(), note=note)
+    wrong = ("ticks",) if ticks > STOPPED else ()
+    return found._replace(safe=statistics.median(times), recovered=conductor.enable(), note=note, wrong=wrong)
 
 
 def in_order(order: tuple[str, ...]) -> Callable[[Conductor], figures.Figures]:
@@ -135,8 +137,7 @@ def in_order(order: tuple[str, ...]) -> Callable[[Conductor], figures.Figures]:
         for name in order:
             conductor.start(name)
         conductor.witness.mark_session()
-        recovered = conductor.enable()
-        return figures.figures(conductor.witness.heard(), recovered=recovered)
+        return _enabled(conductor)
 
     return run
 
@@ -145,8 +146,16 @@ def _restarted(conductor, name, safe):
     began = time.monotonic()
     conductor.start(name)
     conductor.witness.mark_session()
+    return _enabled(conductor, safe, began)
+
+
+def _enabled(conductor, safe=None, began=None):
+    """Enables it again, and hears how the forces rise; recovered counts from `began` [s of the clock], or from now."""
+    began = began or time.monotonic()
     conductor.enable()
-    return figures.figures(conductor.witness.heard(), safe, time.monotonic() - began)
+    recovered = time.monotonic() - began
+    conductor.wait(figures.AFTER)
+    return figures.figures(conductor.witness.heard(), safe, recovered)
 
 
 def _rejoined(conductor, began):

@@ -15,7 +15,7 @@ AFTER = 0.3  # [s] that a force which has come back still counts as coming back
 class Figures(NamedTuple):
     """force [N]: largest of the motor; change [N/ms]: its fastest, contacts included; step [N/ms]: its fastest while
     forces fade, return or rise; energy [J]: most given since a session began; safe [ms]: event to safety; recovered
-    [s]: restart to engaged. None: there is no such figure."""
+    [s]: restart to engaged; wrong: what else is beyond a bound of the event. None: there is no such figure."""
 
     force: float
     change: float
@@ -25,9 +25,10 @@ class Figures(NamedTuple):
     recovered: float | None = None
     faults: tuple[str, ...] = ()
     note: str = ""
+    wrong: tuple[str, ...] = ()
 
 
-def figures(heard, safe=None, recovered=None, note="") -> Figures:
+def figures(heard, safe=None, recovered=None, note="", wrong=()) -> Figures:
     """The figures of what was heard."""
     codes = [code for code in np.unique(heard.rows["fault"]) if code]
     force = np.hypot(heard.truths["motor"][:, 0], heard.truths["motor"][:, 1])
@@ -40,6 +41,7 @@ def figures(heard, safe=None, recovered=None, note="") -> Figures:
         recovered=recovered,
         faults=tuple(name_of(code) for code in codes),
         note=note,
+        wrong=wrong,
     )
 
 
@@ -122,5 +124,7 @@ def worst(several: list[Figures]) -> Figures:
         return max(values) if values else None
 
     numbers = {name: most(name) for name in ("force", "change", "step", "energy", "safe", "recovered")}
-    faults = tuple(sorted({name for each in several for name in each.faults}))
-    return Figures(**numbers, faults=faults, note=several[-1].note)
+    faults, wrong = (
+        tuple(sorted({name for each in several for name in getattr(each, field)})) for field in ("faults", "wrong")
+    )
+    return Figures(**numbers, faults=faults, note=several[-1].note, wrong=wrong)

@@ -14,6 +14,7 @@ from haptic_sim.cli.flood import SENT
 HOGGED, FLOODED, STEPPED = 4.0, 4.0, 0.4  # s
 HOGS = 2  # a core
 FLOOD_RATE = 10_000.0  # Hz
+MOVED = 0.5  # [mm] of the handle during a flood: the hand's own play
 CLOCK_STEP = 2.0  # s
 BURN = "while True: pass"
 
@@ -37,7 +38,7 @@ def hogs(conductor: Conductor) -> figures.Figures:
 
 
 def flood(conductor: Conductor) -> figures.Figures:
-    """10 kHz of foreign, mutated and meaningless messages on every topic that is listened to; the hand holds still."""
+    """10 kHz of foreign, mutated and meaningless messages on the topics of the exchange; the hand holds still."""
     before = _refusals(conductor)
     flooding = _process([sys.executable, "-m", "haptic_sim.cli.flood", str(FLOOD_RATE), str(FLOODED)])
     flooding.wait(FLOODED + PATIENCE)
@@ -49,7 +50,9 @@ def flood(conductor: Conductor) -> figures.Figures:
     moved = 1e3 * float(abs(heard.truths["x"] - heard.truths["x"][0]).max())
     rate = sent / FLOODED
     note = f"{rate:.0f} messages/s; {refused} refused and counted; handle moved {moved:.3f} mm"
-    return figures.figures(heard, recovered=recovered, note=note)
+    bounds = {"rate": rate > 0.9 * FLOOD_RATE, "refused": refused > 0, "moved": moved < MOVED}
+    wrong = tuple(name for name, kept in bounds.items() if not kept)
+    return figures.figures(heard, recovered=recovered, note=note, wrong=wrong)
 
 
 def step_clock(conductor: Conductor) -> figures.Figures:
@@ -63,7 +66,8 @@ def step_clock(conductor: Conductor) -> figures.Figures:
     except PermissionError:
         note = "not allowed here"
     conductor.release()
-    return figures.figures(conductor.witness.heard(), recovered=conductor.enable(), note=note)
+    recovered = conductor.enable()
+    return figures.figures(conductor.witness.heard(), recovered=recovered, note=note)
 
 
 def _number(conductor, entry):

@@ -10,16 +10,27 @@ import random
 import sys
 import time
 
+import numpy as np
 import rclpy
 from rclpy.context import Context
 
-from haptic_device.law import exchange
-from haptic_device.node.wire import AXES, LATEST, JointLayout, JointState, String, exchange_names
+from haptic_device.law import contact, exchange
+from haptic_device.node.wire import (
+    AXES,
+    LATEST,
+    NEAR,
+    CloudLayout,
+    JointLayout,
+    JointState,
+    PointCloud2,
+    exchange_names,
+)
 from haptic_sim.cli.processes import NAMESPACE
 
 SENT = "sent "
 TOPICS = ("tool", "handle", "operator/target")
 KINDS = 64  # different messages a topic
+RARE = 20  # messages to one set of local contacts, which is ten times as long
 
 
 def mutations(layout: JointLayout, count: int, seed: int = 1) -> list[bytes]:
@@ -52,7 +63,15 @@ def _messages() -> dict[str, list[bytes]]:
     exchanged = JointLayout(exchange_names(3))
     targets = [JointLayout(names) for names in (AXES[:2], ("a", "b", "c"), AXES + ("x",), exchange.TAIL)]
     foreign = [message for layout in targets for message in mutations(layout, KINDS // 4)]
-    return {"tool": mutations(exchanged, KINDS), "handle": mutations(exchanged, KINDS, 2), "operator/target": foreign}
+    dice, contacts = random.Random(3), _contacts()
+    return {
+        "tool": mutations(exchanged, KINDS), "handle": mutations(exchanged, KINDS, 2), "operator/target": foreign,
+        "local_contacts": [mutated(contacts, dice) for _ in range(KINDS)],
+    }  # fmt: skip
+
+
+def _contacts() -> bytes:
+    return CloudLayout(NEAR).pack(0, np.zeros(contact.MOST, NEAR))
 
 
 def main() -> int:
@@ -63,13 +82,15 @@ def main() -> int:
     node = rclpy.create_node("flood", namespace=NAMESPACE, context=context)
     messages = _messages()
     publishers = [(node.create_publisher(JointState, topic, LATEST), messages[topic]) for topic in TOPICS]
-    publishers.append((node.create_publisher(String, "trace_of_nobody", LATEST), [b"\0\1\0\0\1\0\0\0\0"]))
+    contacts = node.create_publisher(PointCloud2, "local_contacts", LATEST)
     time.sleep(1.0)  # until the nodes have met
     began, sent = time.monotonic(), 0
     while (elapsed := time.monotonic() - began) < seconds:
         for _ in range(max(0, int(elapsed * rate) - sent)):
             publisher, kinds = publishers[sent % len(publishers)]
             publisher.publish(kinds[sent // len(publishers) % len(kinds)])
+            if sent % RARE == 0:
+                contacts.publish(messages["local_contacts"][sent // RARE % KINDS])
             sent += 1
         time.sleep(0.0005)
     print(f"{SENT}{sent}", flush=True)
