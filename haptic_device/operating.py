@@ -218,11 +218,15 @@ def _blames(settings, lateness):
         if settings["stiffness"][i] <= 0.0 and settings["damping"][i] <= 0.0:
             yield _blame_cancellation(settings, i, lateness)
             continue
-        name = "coupling.rotational_stiffness" if i == 2 else "coupling.stiffness"
-        yield _blame(name, settings["stiffness"][i], _coupling_damping(settings, i), there, settings, lateness)
+        name, counted = "coupling.rotational_" if i == 2 else "coupling.", _coupling_damping(settings, i)
+        told = f"{name}damping {settings['damping'][i]:.4g} {'N m s/rad' if i == 2 else 'N s/m'}"
+        if counted > abs(settings["damping"][i]):
+            told += f" and cancellation.ratio {settings['cancellation_ratio']:g}"
+        yield _blame(f"{name}stiffness", settings["stiffness"][i], counted, there, settings, lateness, told=told)
 
 
-def _blame(name, stiffness, damping, there, settings, lateness, price=1.0):
+def _blame(name, stiffness, damping, there, settings, lateness, price=1.0, told=""):
+    """told: which gains make the damping that counts, where it is not the wall's own."""
     period, counted = float(settings["period"]), damping * _switched(settings)
     need = price * passivity.least_damping(stiffness, counted, period, lateness)
     if need < there:
@@ -234,7 +238,7 @@ def _blame(name, stiffness, damping, there, settings, lateness, price=1.0):
     late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
     late += ", cancellation.band being narrower than a tick's travel" if price > 1.0 else ""
     return (
-        f"{name} {stiffness:.6g} {unit} with damping {damping:.4g} {damping_unit}{twice} "
+        f"{name} {stiffness:.6g} {unit} with {told or f'damping {damping:.4g} {damping_unit}'}{twice} "
         f"needs b > {need:.4g} {damping_unit} at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: "
         f"at most {math.floor(most):g} {unit}"
     )

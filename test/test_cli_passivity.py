@@ -20,6 +20,7 @@ PROMISED = {
     "mu_margin",
     "stiffness_max_passive",
     "stiffness_max_stable",
+    "stiffness_max_mu",
 }
 
 
@@ -106,6 +107,36 @@ def test_the_table_ends_with_a_sentence_that_says_what_to_change():
 )
 def test_the_sentence_names_what_is_lacking(display, words):
     assert words in advise(display, judge(display))
+
+
+def test_the_stiffness_that_is_promised_is_passive_as_a_coupling_too():
+    display = Display(100.0, 0.0, 0.5, 1e-3, delay_samples=1.0)
+    verdict = judge(display)
+    assert verdict.stiffness_max_passive == pytest.approx(1000.0 / 3.0)
+    assert verdict.stiffness_max_mu == pytest.approx(250.0)
+    assert "could rise to 250 N/m" in advise(display, verdict)
+
+
+@pytest.mark.parametrize("damping", [0.7, 0.05, 0.0, -0.05, -0.19])
+def test_the_largest_stiffness_of_a_coupling_is_the_root_of_its_closed_form(damping):
+    b, period = 0.8, 2.5e-4
+    half = b - damping if damping >= 0.0 else 0.5 * (b + math.sqrt(b**2 + 4.0 * b * damping))
+    assert judged(damping=damping)["stiffness_max_mu"] == pytest.approx(2.0 * half / period, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "damping, lag, delay", [(0.2, 0.0, 1.0), (0.2, 1e-3, 0.3), (-0.05, 2e-4, 0.5), (-0.1, 0.0, 0.0)]
+)
+def test_a_coupling_is_passive_just_below_its_largest_stiffness_and_active_just_above(damping, lag, delay):
+    others = {"damping": damping, "velocity-lag": lag, "delay-samples": delay}
+    limit = judged(**others)["stiffness_max_mu"]
+    assert limit > 0.0
+    assert judged(stiffness=0.999 * limit, **others)["b_required_mu"] < 0.8
+    assert judged(stiffness=1.001 * limit, **others)["b_required_mu"] > 0.8
+
+
+def test_no_stiffness_of_a_coupling_covers_a_negative_damping_beyond_a_quarter_of_the_devices():
+    assert judged(damping=-0.21)["stiffness_max_mu"] == 0.0
 
 
 def test_plot_writes_a_png(tmp_path):

@@ -12,12 +12,34 @@ from typer.testing import CliRunner
 from haptic_device import operating
 from haptic_device.analysis.excitation import shakes, twists
 from haptic_device.analysis.identify import NAMES, Trace, identify, resolution_of, trace_of
+from haptic_device.analysis.recording import Status
 from haptic_device.device import Axis, Device, load_device, plant_of
 from haptic_device.law import engage, operator, plant, servo
 from haptic_device.runtime import loop
 from haptic_sim.cli.identify import identify as command
 from haptic_sim.cli.identify import write
 from haptic_sim.cli.shaking import shake_handle, unbroken
+from haptic_sim.cli.tuning import refuse_other_device
+
+
+@pytest.mark.parametrize(
+    "name, damping, described, ours",
+    [("desktop", "3, 3, 0.004", True, True), ("desktop", "3, 3, 0.003", True, False),
+     ("desktop", "2", False, True), ("mine", "3, 3, 0.004", False, False)],
+)  # fmt: skip
+def test_a_driver_of_another_device_is_refused_by_name_and_where_damping_is_described_by_that(
+    name, damping, described, ours
+):
+    said = Status(0, 0, "", {"physical_damping": damping}, name)
+    if ours:
+        refuse_other_device(said, load_device("desktop"), described)
+        return
+    with pytest.raises(ValueError) as refused:
+        refuse_other_device(said, load_device("desktop"), described)
+    assert str(refused.value) == (
+        f"haptic_driver has the device {name}, physical damping {damping}, and --device is desktop, 3, 3, 0.004: "
+        "give the description that the driver has"
+    )
 
 
 def axis(mass, damping, coulomb, step, sign=1):

@@ -81,6 +81,15 @@ def test_cancellation_of_a_held_coupling_counts_where_it_outweighs_the_couplings
     assert cancelled == pytest.approx(0.8 - 0.25 - abs(0.2 - 0.9 * 0.8))
 
 
+@pytest.mark.parametrize("ratio, told", [(0.2, ""), (0.9, " and cancellation.ratio 0.9")])
+def test_refusal_of_a_coupling_names_its_damping_as_set_and_the_cancellation_where_that_is_what_counts(ratio, told):
+    gains = {"coupling__stiffness": 6000.0, "coupling__damping": 0.2, "coupling__rotational_damping": 0.0}
+    need = 0.75 + max(0.2, abs(0.2 - ratio * 0.8))
+    assert operating.refusal(settings(**gains, cancellation__ratio=ratio)).startswith(
+        f"coupling.stiffness 6000 N/m with coupling.damping 0.2 N s/m{told} needs b > {need:.4g} N s/m at T = 0.25 ms; "
+    )
+
+
 def test_late_cancellation_alone_is_refused_by_its_own_name_and_taken_at_what_the_sentence_allows():
     late = 0.1e-3  # of T = .25 ms: 0.9 b √1.4 > b
     refused = operating.refusal(settings(cancellation__ratio=0.9, **NO_COUPLING), late)

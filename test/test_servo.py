@@ -103,6 +103,19 @@ def test_a_tool_that_grows_old_loses_its_pull_and_a_fresh_one_gets_it_back_slowl
     assert np.max(np.diff(forces)) <= 0.5 * PERIOD / fade * 1.001 and forces[-1] == pytest.approx(0.5)
 
 
+def test_cancellation_changes_by_a_ticks_share_at_most_as_a_tool_with_the_coupling_stretched_comes_and_goes():
+    runner = Servo(coupling__stiffness=50.0, cancellation__ratio=0.9)
+    hold, fade = (float(runner.settings[name][0]) for name in ("exchange_hold", "exchange_fade"))
+    ticks = round(fade / PERIOD) + 2
+    assert runner.rows[-1]["cancellation_fade"] == 1.0
+    runner.tool((0.005, 0.0, 0.0))
+    came = [1.0, *(runner.tick().cancellation_fade for _ in range(ticks))]
+    left = [0.0, *(runner.tick(tool_age=hold + k * PERIOD).cancellation_fade for k in range(1, ticks))]
+    assert came[-1] == 0.0 and left[-1] == 1.0
+    assert np.abs(np.diff([*came, *left])).max() <= 1.001 * PERIOD / fade
+    assert runner.tick(tool_age=-1.0, tool_position=(math.nan,) * 3).cancellation_fade == 1.0
+
+
 def test_scaling_feels_a_world_stiffness_by_its_square():
     for scale in (0.5, 2.0):
         runner = Servo(scale=(scale, 1.0), coupling__stiffness=100.0)

@@ -21,7 +21,7 @@ from haptic_device.analysis.environment import kind_of, leak, leak_at_rest, supp
 from haptic_device.analysis.passivity import as_transfer, larger_of_rest, sharp_angles
 from haptic_device.analysis.quantity import positive
 from haptic_device.analysis.supremum import supremum
-from haptic_device.analysis.transfer import value_at_rest
+from haptic_device.analysis.transfer import value_at_rest, wall_transfer
 
 POLE = 1e12
 """A demand this many times T|H| is a pole of the closed form that rounding has made finite."""
@@ -39,6 +39,29 @@ def least_damping_for_any_simulation(transfer, period, environment="synchronous"
         lambda angle: _demand(angle, transfer, period, kind, delay_samples), sharp_angles(transfer)
     )
     return larger_of_rest(_demand_at_rest(transfer, period, kind, delay_samples), moving, angle, period)
+
+
+def largest_stiffness_for_any_simulation(physical_damping, damping, period, velocity_lag=0.0, delay_samples=0.0):
+    """Largest K of a coupling, in step, that a device with b shows with any passive simulation [N/m]; 0: there is none.
+
+    With H = K + V(z) the condition at each θ is quadratic in K, so between two roots. What keeps all of them lies
+    between the largest lower root and the smallest upper one.
+    """
+    positive("physical_damping", physical_damping, "N s/m")
+    damper, kind = wall_transfer(0.0, damping, period, velocity_lag), kind_of("synchronous")
+    near = sharp_angles(damper)
+
+    def roots(angle):
+        response = damper(np.exp(1j * angle))
+        given = 0.5 * period * leak(angle, kind, delay_samples)
+        return _between(given, response, physical_damping, supply(response, angle, kind))
+
+    value, slope = value_at_rest(damper)
+    given = 0.5 * period * leak_at_rest(kind, delay_samples)
+    resting = _between(given, value, physical_damping, supply_at_rest(value, slope, kind))
+    low = max(float(resting[0][0]), float(supremum(lambda angle: roots(angle)[0], near)[0]))
+    high = min(float(resting[1][0]), -float(supremum(lambda angle: -roots(angle)[1], near)[0]))
+    return high if high > max(low, 0.0) else 0.0
 
 
 def wall_damping_for_any_simulation(stiffness, damping, period):
@@ -72,6 +95,18 @@ def _demand_at_rest(transfer, period, environment, delay_samples):
     value, slope = value_at_rest(transfer)
     given = 0.5 * period * leak_at_rest(environment, delay_samples) * value**2
     return _ratio(given, supply_at_rest(value, slope, environment))
+
+
+def _between(given, response, physical_damping, kept):
+    """The two K between which given |K + V|² < b (K + kept); where there are none, infinite the wrong way round."""
+    linear = 2.0 * given * np.real(response) - physical_damping
+    constant = given * np.abs(response) ** 2 - physical_damping * kept
+    square = linear**2 - 4.0 * given * constant
+    larger = -0.5 * (linear + np.copysign(np.sqrt(np.maximum(square, 0.0)), linear))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first, second = larger / given, constant / larger
+    none = square < 0.0
+    return np.where(none, np.inf, np.fmin(first, second)), np.where(none, -np.inf, np.fmax(first, second))
 
 
 def _ratio(given, kept):

@@ -72,12 +72,13 @@ class Joints(NamedTuple):
 
 
 class Status(NamedTuple):
-    """One diagnostic status: time in ns of the system clock, level 0 fine, 1 warning, 2 error, 3 stale."""
+    """One diagnostic status: time in ns of the system clock, level 0 fine, 1 warning, 2 error, 3 stale; its device."""
 
     time: int
     level: int
     message: str
     values: dict[str, str]
+    hardware: str = ""
 
 
 class Mark(NamedTuple):
@@ -308,10 +309,12 @@ def statuses_of(data: bytes, time: int) -> dict[str, Status]:
 
 
 def _named_statuses(message, time: int) -> list[tuple[str, Status]]:
-    return [
-        (said.name, Status(time, int(said.level), said.message, {pair.key: pair.value for pair in said.values}))
-        for said in message.status
-    ]
+    return [(said.name, _status(said, time)) for said in message.status]
+
+
+def _status(said, time: int) -> Status:
+    values = {pair.key: pair.value for pair in said.values}
+    return Status(time, int(said.level), said.message, values, said.hardware_id)
 
 
 def _marks(topic: Topic | None, notes: list[str]) -> tuple[Mark, ...]:

@@ -5,7 +5,10 @@ from math import isfinite, tau
 from typing import NamedTuple
 
 from haptic_device.analysis.closed_forms import coulomb_friction_needed
-from haptic_device.analysis.coupling_damping import least_damping_for_any_simulation
+from haptic_device.analysis.coupling_damping import (
+    largest_stiffness_for_any_simulation,
+    least_damping_for_any_simulation,
+)
 from haptic_device.analysis.delay import largest_passive_stiffness, wall_damping_needed
 from haptic_device.analysis.mu import mu_margin
 from haptic_device.analysis.quantity import positive, within
@@ -57,6 +60,8 @@ class Verdict(NamedTuple):
     """Physical damping for any passive simulation in step behind a coupling with these gains [N s/m]."""
     stiffness_max_passive: float
     stiffness_max_stable: float
+    stiffness_max_mu: float
+    """Largest stiffness of a coupling to any passive simulation in step; friction is not asked here [N/m]."""
 
 
 def check_display(display):
@@ -92,6 +97,7 @@ def judge(display):
         b_required_mu=any_simulation,
         stiffness_max_passive=_largest_passive(display),
         stiffness_max_stable=largest_stable_stiffness(mass, physical_damping, damping, period, delay, lag),
+        stiffness_max_mu=largest_stiffness_for_any_simulation(physical_damping, damping, period, lag, delay),
     )
 
 
@@ -104,7 +110,8 @@ def advise(display, verdict):
     if not verdict.mu_passive:
         need = f"b > {verdict.b_required_mu:.4g} N s/m" if isfinite(verdict.b_required_mu) else "no b is enough"
         return f"Passive as a wall, with {spare}, but not as a coupling to any passive simulation ({need})."
-    return f"Passive with {spare}; the stiffness could rise to {verdict.stiffness_max_passive:.5g} N/m."
+    most = min(verdict.stiffness_max_passive, verdict.stiffness_max_mu)
+    return f"Passive with {spare}; the stiffness could rise to {most:.5g} N/m."
 
 
 def _lacks(display, verdict):

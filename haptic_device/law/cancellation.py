@@ -40,6 +40,16 @@ def cancellation_fade(clearance, band, stretch, stretch_limit):
 
 
 @kernel
+def share_beside_coupling(held, exchange_fade):
+    """Share left beside a coupling that would leave `held` of it and is faded: no jump as a tool comes or goes.
+
+    Passive: the coupling needs exchange_fade (KT/2 + |B|), and both that need and what is left of b are linear in the
+    fade, so what holds at 0 and at 1 holds between.
+    """
+    return 1.0 - exchange_fade * (1.0 - held)
+
+
+@kernel
 def cancellation_force(ratio, damping, velocity):
     """Force on the handle along its motion [N | N m] that cancels this part of the physical damping b."""
     return ratio * damping * velocity

@@ -45,7 +45,7 @@ TABLE = (
     ),
     Fault(VELOCITY, "velocity", "the handle was faster than the device's velocity limit", THIS_TICK, "~/reset"),
     Fault(
-        SATURATION, "saturation", "a motor was at its limit for longer than fault.saturation",
+        SATURATION, "saturation", "more than a motor's limit was wanted for longer than fault.saturation",
         "zero in the next tick", "~/reset",
     ),
     Fault(
@@ -72,7 +72,9 @@ PARAMETERS = (
     Parameter(
         "fault.silence", 0.02, "s", "time without an answer of the device that latches device_silent", 0.001, 1.0
     ),
-    Parameter("fault.saturation", 1.0, "s", "time at the motor limit that latches saturation", 0.01, 60.0, True),
+    Parameter(
+        "fault.saturation", 1.0, "s", "time of wanting more than the motor limit before saturation", 0.01, 60.0, True
+    ),
     Parameter(
         "fault.duty", 1.0, "", "share of the motor limit that may be held for ever; more latches duty", 0.01, 1.0, True
     ),

@@ -313,12 +313,8 @@ def _cancellation(settings, memory, row):
     for i in range(int(settings.walls)):
         nx, ny = settings.wall_x[i], settings.wall_y[i]
         clearance = min(clearance, -wall.wall_depth(nx, ny, settings.wall_offset[i], row.position[0], row.position[1]))
-    stretch = math.hypot(row.coupling_position[0] - row.position[0], row.coupling_position[1] - row.position[1])
-    twist = abs(row.coupling_position[2] - row.position[2]) if settings.axes > 2.0 else 0.0
-    if row.exchange_fade == 0.0:
-        stretch, twist = 0.0, 0.0
-    fade = cancellation.cancellation_fade(clearance, settings.cancellation_band, stretch, settings.cancellation_stretch)
-    fade *= cancellation.cancellation_fade(math.inf, 1.0, twist, settings.cancellation_twist)
+    fade = cancellation.cancellation_fade(clearance, settings.cancellation_band, 0.0, 1.0)
+    fade *= _left_by_coupling(settings, row)
     row.cancellation_fade = fade
     ratio = settings.cancellation_ratio * fade
     for i in range(int(settings.axes)):
@@ -328,6 +324,18 @@ def _cancellation(settings, memory, row):
         else:
             force = cancellation.cancellation_force(ratio, damping, velocity)
         row.force_cancellation[i] = force / settings.scale[i]
+
+
+@kernel
+def _left_by_coupling(settings, row):
+    """Share of the cancellation that the coupling leaves: all without a tool, which then need not be anywhere."""
+    if row.exchange_fade == 0.0:
+        return 1.0
+    stretch = math.hypot(row.coupling_position[0] - row.position[0], row.coupling_position[1] - row.position[1])
+    twist = abs(row.coupling_position[2] - row.position[2]) if settings.axes > 2.0 else 0.0
+    held = cancellation.cancellation_fade(math.inf, 1.0, stretch, settings.cancellation_stretch)
+    held *= cancellation.cancellation_fade(math.inf, 1.0, twist, settings.cancellation_twist)
+    return cancellation.share_beside_coupling(held, row.exchange_fade)
 
 
 @kernel

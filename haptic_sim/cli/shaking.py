@@ -9,7 +9,7 @@ import numpy as np
 from haptic_device.analysis.excitation import shakes, twists
 from haptic_device.analysis.identify import FEWEST, SEGMENT
 from haptic_device.law import engage
-from haptic_sim.cli.tuning import Tuning
+from haptic_sim.cli.tuning import Tuning, refuse_other_device
 
 WALLS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping")
 QUIET = ("coupling.stiffness", "coupling.damping", "cancellation.ratio")
@@ -24,6 +24,7 @@ def record(domain, namespace, check, device, seconds, force, torque):
     turned = len(device.axes) == 3
     with contextlib.closing(Tuning(domain, namespace, trace=True, tool=turned)) as tuning:
         tuning.wait_engaged(check)
+        refuse_other_device(tuning.statuses["haptic_driver"], device, described=False)
         with tuning.as_found((*WALLS, *QUIET, *TURNING)) as found:
             if found["wall.offsets"]:
                 raise ValueError(f"the driver shows {len(found['wall.offsets'])} walls; identify it in free space")

@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
-from haptic_device.analysis.recording import statuses_of
+from haptic_device.analysis.recording import Status, statuses_of
 from haptic_device.law.servo import TICK
 from haptic_device.node.tap import Tap
 from haptic_device.node.wire import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, truth_names
@@ -190,6 +190,16 @@ class Tuning:
             if future.done():
                 return future.result()
         raise ValueError(f"haptic_driver did not answer {name} within {PATIENCE:g} s")
+
+
+def refuse_other_device(said: Status, device, described: bool = True) -> None:
+    """ValueError unless the driver that said it has a device of this name, and if `described` of this damping."""
+    theirs, ours = said.values.get("physical_damping", ""), ", ".join(f"{axis.damping:g}" for axis in device.axes)
+    if said.hardware != device.name or (described and theirs != ours):
+        raise ValueError(
+            f"haptic_driver has the device {said.hardware}, physical damping {theirs}, and --device is {device.name}, "
+            f"{ours}: give the description that the driver has"
+        )
 
 
 @contextlib.contextmanager

@@ -12,7 +12,7 @@ import numpy as np
 from haptic_device.analysis import probe
 from haptic_device.law import fault
 from haptic_sim.cli.bench_nodes import running
-from haptic_sim.cli.tuning import Tuning
+from haptic_sim.cli.tuning import Tuning, refuse_other_device
 from haptic_sim.cli.zwidth_twin import DEPTH, HAND, LAG, OUT, PHASES, RADIUS, WALL, Twin
 
 TOUCHED = (
@@ -111,6 +111,7 @@ def measure(device, path, rate, damping, stiffness_max, domain, namespace, say):
     told = pair(path, rate)
     with running(domain, namespace, *told) as (number, room, check), contextlib.closing(Tuning(number, room)) as tuning:
         tuning.wait_engaged(check)
+        refuse_other_device(tuning.statuses["haptic_driver"], device)
         with tuning.as_found(TOUCHED):
             rate = float(tuning.get(["servo.rate"])["servo.rate"])
             live = Live(tuning, damping, 1.0 / device.axes[0].counts_per_unit, say)
