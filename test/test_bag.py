@@ -237,6 +237,58 @@ def test_recovery_counts_the_publishers_numbers_that_were_skipped(tmp_path):
     assert load(tmp_path / "bag").lost == {"/haptic/encoder": 4}
 
 
+def numbered(folder, topics, **limit):
+    """An open bag in which each topic has messages of these publishers' numbers, one a second."""
+    bag = Bag(folder, **limit)
+    channels = {topic: bag.add_topic(topic, JOINTS, []) for topic in topics}
+    for topic, sequences in topics.items():
+        for number, sequence in enumerate(sequences, 1):
+            bag.write(channels[topic], joints(("x",), [1], 0), number * SECOND, number * SECOND, sequence)
+            bag.flush()
+    return bag
+
+
+def test_recovery_counts_what_was_skipped_between_two_files_of_a_split_bag(tmp_path):
+    numbered(tmp_path / "bag", {"/haptic/encoder": (1, 2, 3, 7, 8, 9)}, split_seconds=2.0)
+    assert len(list((tmp_path / "bag").glob("*.mcap"))) >= 2
+    assert list(recovered(tmp_path / "bag"))
+    assert information(tmp_path / "bag")["custom_data"]["lost /haptic/encoder"] == "3"
+
+
+def test_recovery_invents_no_loss_where_the_numbers_of_several_publishers_interleave(tmp_path):
+    shared = {"/haptic/wrench": (1, 50, 2, 51, 3), "/diagnostics": (1, 9), "/haptic/encoder": (7, 8, 1, 3)}
+    numbered(tmp_path / "bag", shared)
+    assert list(recovered(tmp_path / "bag"))
+    said = information(tmp_path / "bag")["custom_data"]
+    assert said["lost /haptic/wrench"] == said["lost /diagnostics"] == "unknown, several publishers"
+    assert said["lost /haptic/encoder"] == "1"
+
+
+def test_metadata_names_no_file_that_recovery_left_out(tmp_path):
+    bag = numbered(tmp_path / "bag", {"/haptic/encoder": range(1, 10)}, split_seconds=2.0)
+    bag.close({"namespace": "/haptic"})
+    first, *rest = information(tmp_path / "bag")["relative_file_paths"]
+    (tmp_path / "bag" / first).write_bytes(b"")
+    assert "metadata.yaml is written" in list(recovered(tmp_path / "bag"))[-1]
+    assert information(tmp_path / "bag")["relative_file_paths"] == rest
+    assert information(tmp_path / "bag")["custom_data"]["namespace"] == "/haptic"
+    assert list(recovered(tmp_path / "bag"))[-1] == "metadata.yaml is there"
+
+
+def test_recovery_keeps_what_the_recorder_said_and_adds_what_the_files_lack(tmp_path):
+    bag = numbered(tmp_path / "bag", {"/haptic/encoder": (1, 2, 4, 5, 6)})
+    bag.close({"namespace": "/haptic", "participant": "P7", "lost /haptic/encoder": "1"})
+    file = tmp_path / "bag" / "bag_0.mcap"
+    with open(file, "rb") as stream:
+        damaged = make_reader(stream).get_summary().chunk_indexes[3]
+    data = bytearray(file.read_bytes())
+    data[damaged.chunk_start_offset + damaged.chunk_length // 2] ^= 0xFF
+    file.write_bytes(data)
+    assert list(recovered(tmp_path / "bag"))
+    said = {"namespace": "/haptic", "participant": "P7", "lost /haptic/encoder": "1", "missing /haptic/encoder": "2"}
+    assert information(tmp_path / "bag")["custom_data"] == said | {"recovered": "true"}
+
+
 def test_what_cannot_be_repaired_is_refused_and_a_stranger_in_the_folder_left_alone(tmp_path):
     (tmp_path / "notes.mcap").write_text("not a bag at all")
     with pytest.raises(ValueError, match="no file that could be repaired"):

@@ -75,6 +75,24 @@ def test_without_cyclictest_and_compiler_the_rest_is_measured_and_says_so(monkey
     assert "| 1000 Hz | prefer | alone |" in done.output
 
 
+def late(*microseconds):
+    return servo.Lateness(np.array(microseconds, float), 0, "test")
+
+
+def test_a_turn_without_cyclictest_takes_no_part_in_the_ratio_and_the_others_do():
+    found = bench_servo._medians([(late(8.0), None), (late(6.0), late(2.0)), (late(4.0), late(4.0))])
+    assert (found["p50"], found["cyclictest"]["p50"], found["p99_ratio"]) == (6.0, 3.0, 2.0)
+    assert bench_servo._medians([(late(8.0), None)])["p99_ratio"] is None
+
+
+def test_a_cyclictest_that_fails_is_told_from_one_that_is_not_there(monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert servo.why_missing() == servo.MISSING
+    (tmp_path / "cyclictest").write_text("#!/bin/sh\nexit 1\n")
+    (tmp_path / "cyclictest").chmod(0o755)
+    assert servo.cyclictest(1000.0, 0.2) is None and servo.why_missing() == servo.FAILED
+
+
 def test_histogram_of_cyclictest_with_late_ones_beyond_its_end():
     thread = {"histogram": {"2": 3, "5": 1}, "cycles": 5, "max": 700}
     found = servo._of_histogram(thread, 500)
@@ -127,6 +145,30 @@ def test_two_folders_of_results_are_compared_figure_by_figure(tmp_path):
     assert "| very first start, all nodes at work | 10 s | 5 s | 0.50 |" in done.output
     with pytest.raises(ValueError, match="holds no results"):
         results.compared(one, tmp_path)
+
+
+def test_the_table_has_the_worst_of_the_hard_cases_and_the_least_speed_ratio(tmp_path):
+    kept = folder(tmp_path / "kept", 10.0)
+    hard = {"world": "partitioned", "letters": "", "tried": 2, "survives": True}
+    cases = [hard | {"scene": "stack_20", "overlap_m": 2e-6, "created": 0.0},
+             hard | {"scene": "peg_tight", "overlap_m": 1e-6, "created": 1e-5},
+             {"scene": "zeno_ball", "world": "box2d", "letters": "N", "overlap_m": None, "created": None, "tried": 2,
+              "survives": False}]  # fmt: skip
+    run = {"scene": "wall", "kind": "single contact", "step_us": 1000, "created_j": 0.0, "scale_j": 1.0,
+           "penetration_m": 0.0, "status": "stable"}  # fmt: skip
+    runs = [run | {"method": "closed_form", "wall": 1e-5, "error": 1e-3},
+            run | {"method": "pymunk", "wall": 8e-5, "error": 1e-2},
+            run | {"method": "box2d", "wall": None, "error": None, "status": "cannot: a wall"}]  # fmt: skip
+    (kept / "hard_cases.json").write_text(json.dumps({"verdicts": cases}))
+    (kept / "speed_error.json").write_text(json.dumps({"runs": runs, "equal_error": [], "versions": {}}))
+    table = results.markdown(kept)
+    assert "| hard cases survived, partitioned | 2 of 2 | all |" in table
+    assert "| deepest overlap of these | 2 µm | ≤ 100 µm |" in table
+    assert "| energy created in these, of the largest about | 0.001 % | ≤ 1 % |" in table
+    assert "| least error, worst of 1 scenes | 0.1 % of the way |" in table
+    assert "| least speed ratio at equal error, single contact, to pymunk | 8 × | ≥ 5 |" in table
+    (kept / "hard_cases.json").write_text(json.dumps({"verdicts": [cases[0] | {"overlap_m": None, "survives": False}]}))
+    assert "| deepest overlap of these | – µm |" in results.markdown(kept)
 
 
 def test_all_measures_only_what_is_missing_and_puts_the_table_between_the_marks(tmp_path):

@@ -15,6 +15,8 @@ import pytest
 import rclpy
 import yaml
 from bag_of_a_run import joints
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -241,6 +243,41 @@ def test_a_bag_says_how_it_was_made(node, tmp_path):
     assert given["coupling.stiffness"] == 750.0
     information = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
     assert information["custom_data"]["participant"] == "P07"
+
+
+def test_each_bag_holds_the_parameters_that_a_node_has_while_it_is_written(node, tmp_path):
+    node.declare_parameter("coupling.stiffness", 750.0)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    switch = node.create_client(ChangeState, "haptic_recorder/change_state")
+
+    def until(condition):
+        wait_for(lambda: executor.spin_once(timeout_sec=0.05) or condition())
+
+    def order(number):
+        answer = switch.call_async(ChangeState.Request(transition=Transition(id=number)))
+        until(answer.done)
+        assert answer.result().success
+
+    def newest():
+        return max(tmp_path.glob("haptic_bags/*/*.mcap")).read_bytes()
+
+    process = subprocess.Popen(recorder("", autostart=False).command(), cwd=tmp_path)
+    try:
+        until(switch.service_is_ready)
+        order(Transition.TRANSITION_CONFIGURE)
+        for value in (750.0, 900.0):
+            node.set_parameters([rclpy.parameter.Parameter("coupling.stiffness", value=value)])
+            order(Transition.TRANSITION_ACTIVATE)
+            until(lambda: b"coupling.stiffness: " in newest())
+            order(Transition.TRANSITION_DEACTIVATE)
+            assert f"coupling.stiffness: {value}".encode() in newest()
+            time.sleep(1.1)  # the next bag's name is the next second's
+        assert b"coupling.stiffness: 750.0" not in newest()
+    finally:
+        process.terminate()
+        process.wait(20)
+    assert len(list(tmp_path.glob("haptic_bags/*/metadata.yaml"))) == 2
 
 
 def test_a_field_without_a_value_is_refused_in_a_sentence(domain, tmp_path):

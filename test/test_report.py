@@ -5,7 +5,8 @@ import re
 
 import numpy as np
 import pytest
-from bag_of_a_run import CLOUD, DIAGNOSTICS, JOINTS, PERIOD_NS, cloud, diagnostics, joints, swing, write_run
+import typer
+from bag_of_a_run import CLOUD, DIAGNOSTICS, JOINTS, PERIOD_NS, TYPES, cloud, diagnostics, joints, swing, write_run
 from matplotlib.image import imread
 
 from haptic_device.analysis import panel
@@ -13,6 +14,7 @@ from haptic_device.analysis.page import FIGURES, write_report
 from haptic_device.analysis.run import read_run
 from haptic_device.analysis.table import sections
 from haptic_device.node.bag import Bag
+from haptic_sim.cli.report import report
 
 TICKS = 8000
 
@@ -145,6 +147,48 @@ def cloud_of(rows):
     return CloudLayout(packed.dtype).pack(0, packed)
 
 
+def test_messages_lost_are_those_of_every_topic_and_unknown_where_several_publish(tmp_path):
+    bag = Bag(tmp_path / "gaps")
+    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), cloud(swing(400)), 1, 1, 1)
+    mark = bytes(TYPES.serialize_cdr(TYPES.types["std_msgs/msg/String"]("on"), "std_msgs/msg/String"))
+    for topic, kind, data, sequences in (
+        ("/haptic/snapshot", CLOUD, cloud(swing(1)), (1, 2, 5)),
+        ("/haptic/local_contacts", CLOUD, cloud(swing(1)), (1, 3)),
+        ("/haptic/mark", "std_msgs/msg/String", mark, (1, 2, 1, 4)),
+        ("/diagnostics", DIAGNOSTICS, diagnostics("haptic_driver", {}), (1, 5, 2)),
+    ):
+        channel = bag.add_topic(topic, kind, [])
+        for sequence in sequences:
+            bag.write(channel, data, 1, 1, sequence)
+    bag.close({})
+    lost = sections_of(tmp_path / "gaps")[0]["Recording"]["messages lost"]
+    assert lost == "snapshot 2, local_contacts 1, mark unknown, several publishers"
+
+
+def no_trace(folder):
+    """A bag with an encoder only."""
+    bag = Bag(folder)
+    bag.write(bag.add_topic("/haptic/encoder", JOINTS, []), joints(("x",), [1.0], 0), 1, 1, 1)
+    bag.close({})
+    return folder
+
+
+def test_bags_that_cannot_be_shown_are_left_out_of_the_page_which_says_so(bags, tmp_path, capsys):
+    with pytest.raises(typer.Exit) as ended:
+        report([no_trace(tmp_path / "encoder"), bags[0], tmp_path / "nowhere"], tmp_path / "report")
+    assert ended.value.exit_code == 1
+    page, said = (tmp_path / "report" / "report.html").read_text(encoding="utf-8"), capsys.readouterr().err
+    for sentence in ("encoder has no topic trace under /haptic", "nowhere does not exist"):
+        assert page.count(sentence) == said.count(sentence) == 1
+    assert "<h1>Haptic display: calm</h1>" in page and said.count("left out: ") == 2
+
+
+def test_where_no_bag_can_be_shown_nothing_is_written(tmp_path):
+    with pytest.raises(ValueError, match="encoder has no topic trace.*; bag .*nowhere does not exist"):
+        report([no_trace(tmp_path / "encoder"), tmp_path / "nowhere"], tmp_path / "report")
+    assert not (tmp_path / "report").exists()
+
+
 def test_without_a_trace_the_report_is_refused_in_a_sentence(tmp_path):
     bag = Bag(tmp_path / "encoder")
     bag.write(bag.add_topic("/haptic/encoder", JOINTS, []), joints(("x",), [1.0], 0), 1, 1, 1)
@@ -155,5 +199,7 @@ def test_without_a_trace_the_report_is_refused_in_a_sentence(tmp_path):
 
 
 def test_too_many_runs_side_by_side_are_refused(bags, tmp_path):
+    with pytest.raises(ValueError, match="7 bags are given; at most 6"):
+        report([tmp_path / "nowhere"] * 7, tmp_path)
     with pytest.raises(ValueError, match="at most 6"):
         write_report([read_run(bags[0])] * 7, tmp_path)

@@ -4,7 +4,7 @@
 import base64
 import html
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -60,12 +60,15 @@ FIGURES = (
 )
 
 
-def write_report(runs: list[Run], folder: Path) -> Path:
-    """Writes report.html and the figures into the folder; the path of the page. Raises ValueError for too many runs."""
+def write_report(runs: list[Run], folder: Path, left_out: Sequence[str] = ()) -> Path:
+    """Writes report.html and the figures into the folder; the path of the page. Raises ValueError for too many runs.
+
+    left_out: sentences about recordings that are not shown.
+    """
     if len(runs) > MOST:
         raise ValueError(f"{len(runs)} bags are given; at most {MOST} stand side by side")
     folder.mkdir(parents=True, exist_ok=True)
-    parts = [_head(runs), _table(runs), "<h2>Figures</h2>"]
+    parts = [_head(runs, left_out), _table(runs), "<h2>Figures</h2>"]
     for figure in FIGURES:
         picture = folder / f"{figure.name}.png"
         _draw(figure, runs, picture)
@@ -101,9 +104,10 @@ def _try(figure: Figure, part, run: Run) -> None:
             axes.set_axis_off()
 
 
-def _head(runs: list[Run]) -> str:
+def _head(runs: list[Run], left_out: Sequence[str]) -> str:
     names = ", ".join(html.escape(run.name) for run in runs)
-    notes = "".join(f"<p>{html.escape(run.name)}: {html.escape(note)}</p>" for run in runs for note in run.notes)
+    said = [*left_out, *(f"{run.name}: {note}" for run in runs for note in run.notes)]
+    notes = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in said)
     warning = f'<div class="notes">{notes}</div>' if notes else ""
     head = f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>{names}</title>'
     return f"{head}<style>{_STYLE}</style></head><body><h1>Haptic display: {names}</h1>{warning}"

@@ -17,6 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from haptic_device.analysis.bagfile import Keep, Topic, read
 from haptic_device.analysis.columns import CloudColumns, JointColumns
+from haptic_device.skipped import Skipped
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
 PORT_UNITS = {"position": "m | rad", "velocity": "m/s | rad/s", "effort": "N | N·m"}
@@ -92,8 +93,8 @@ class Mark(NamedTuple):
 class Recording:
     """The topics of one namespace by their short names, the diagnostics by name, and what was wrong with the bag.
 
-    pairs: times [ns] at once on the system clock and on CLOCK_MONOTONIC, for `monotonic`. counts, lost: of each topic
-    the messages, and the publisher's numbers that were skipped (several publishers' cannot be told apart).
+    pairs: times [ns] at once on the system clock and on CLOCK_MONOTONIC, for `monotonic`. counts, skipped: of each
+    topic the messages, and what its publisher's numbers say of those that never came.
     """
 
     bag: Path
@@ -104,7 +105,7 @@ class Recording:
     marks: tuple[Mark, ...]
     attachments: dict[str, bytes]
     counts: dict[str, int]
-    lost: dict[str, int]
+    skipped: dict[str, Skipped]
     pairs: tuple[np.ndarray, np.ndarray]
     notes: tuple[str, ...]
 
@@ -116,6 +117,11 @@ class Recording:
     def trace(self) -> np.ndarray:
         """Every servo tick, a structured array; units in TRACE_UNITS. Raises ValueError if it was not recorded."""
         return self._named(self.clouds, "trace")
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Of each topic the publisher's numbers that were skipped (several publishers' cannot be told apart)."""
+        return {name: skipped.lost for name, skipped in self.skipped.items()}
 
     @property
     def trace_rows_missing(self) -> int:
@@ -211,7 +217,7 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
         _marks(found.get(MARK), notes),
         contents.attachments,
         {name: len(topic) for name, topic in topics.items()},
-        {name: _lost(topic.times.sequence) for name, topic in topics.items()},
+        {name: _skipped(topic.times.sequence) for name, topic in topics.items()},
         _pairs(found.get("trace"), clouds.get("trace"), joints.get("operator/state")),
         tuple(notes),
     )
@@ -278,9 +284,11 @@ def _cloud(name: str, topic: Topic, notes: list[str]) -> np.ndarray:
     return columns.records()
 
 
-def _lost(sequence: np.ndarray) -> int:
+def _skipped(sequence: np.ndarray) -> Skipped:
+    """Skipped.count of them all."""
     steps = np.diff(sequence)
-    return int(np.sum(steps[steps > 1] - 1))
+    gaps, back = (steps > 1) & (sequence[:-1] > 0), (steps <= 0) & (sequence[1:] > 0)
+    return Skipped(int(sequence[-1]), int(np.sum(steps[gaps] - 1)), int(np.sum(back)))
 
 
 def _pairs(trace: Topic | None, rows: np.ndarray | None, state: Joints | None) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,6 @@ import numpy as np
 
 from haptic_device.analysis import summary
 from haptic_device.analysis.impedance import Estimate
-from haptic_device.analysis.recording import TOPICS
 from haptic_device.analysis.run import Run
 
 MISSING = "—"
@@ -142,8 +141,9 @@ def _recording(run: Run):
     yield "rows missing from the trace", str(run.recording.trace_rows_missing)
     driver = run.recording.last_values("haptic_driver")
     yield "rows that the servo had to drop", driver.get("trace_dropped", MISSING)
-    ours = {name.rsplit("/", 1)[-1]: name for name in run.recording.counts if name.endswith(TOPICS)}
-    lost = {short: run.recording.lost[name] for short, name in ours.items() if run.recording.lost[name]}
+    begin, skipped = f"{run.recording.namespace}/", run.recording.skipped
+    lost = {name.removeprefix(begin): found.told(name) for name, found in skipped.items()
+            if name.startswith(begin) and found.lost}  # fmt: skip
     yield "messages", str(sum(run.recording.counts.values()))
     yield "messages lost", ", ".join(f"{name} {count}" for name, count in lost.items()) or "none"
     for number, note in enumerate(run.notes, 1):

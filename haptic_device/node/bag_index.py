@@ -19,6 +19,7 @@ from mcap.opcode import Opcode
 
 from haptic_device.mcapfile import MAGIC, MESSAGE, RECORD, Record, Records, places, unpack
 from haptic_device.node.bag_information import FileSpan
+from haptic_device.skipped import Skipped
 
 PRIVATE = 0x80  # first opcode that the MCAP specification leaves to applications
 
@@ -27,8 +28,8 @@ PRIVATE = 0x80  # first opcode that the MCAP specification leaves to application
 class Index:
     """What one file holds, as its summary tells it; offsets in bytes.
 
-    counts, lost: messages by channel, and the publishers' numbers that were skipped. data_end: where the last whole
-    record of messages and attachments ends. torn: bytes after the last whole record. wrong: why it is not whole, or "".
+    counts: messages by channel. skipped: by topic, of the bag's files up to here. data_end: where the last whole record
+    of messages and attachments ends. torn: bytes after the last whole record. wrong: why it is not whole, or "".
     """
 
     span: FileSpan
@@ -38,30 +39,28 @@ class Index:
     schemas: dict[int, records.Schema] = field(default_factory=dict)
     channels: dict[int, records.Channel] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
-    lost: dict[int, int] = field(default_factory=dict)
+    skipped: dict[str, Skipped] = field(default_factory=dict)
     chunks: Collection[records.ChunkIndex] = field(default_factory=list)
     attachments: list[records.AttachmentIndex] = field(default_factory=list)
     metadata: list[records.MetadataIndex] = field(default_factory=list)
     damaged: list[int] = field(default_factory=list)
-    last: dict[int, int] = field(default_factory=dict)
 
     def message(self, channel: int, sequence: int, received: int) -> None:
         """Counts one message and the numbers that were skipped before it."""
-        before = self.last.get(channel, 0)
-        self.last[channel] = sequence
+        if described := self.channels.get(channel):
+            self.skipped.setdefault(described.topic, Skipped()).count(sequence)
         self.counts[channel] = self.counts.get(channel, 0) + 1
-        self.lost[channel] = self.lost.get(channel, 0) + (sequence - before - 1 if 0 < before < sequence else 0)
         self.span = self.span.with_message(received)
 
 
-def complete(path: Path) -> Index:
-    """Makes the file whole in place, if it is not; index of what it holds.
+def complete(path: Path, skipped: dict[str, Skipped] | None = None) -> Index:
+    """Makes the file whole in place, if it is not; index of what it holds. skipped: goes on from the files before.
 
     Bytes that are neither a whole record nor the beginning of one are kept beside it, in <name>.rest. Raises ValueError
     if the file is no MCAP file, OSError if it cannot be written.
     """
     with open(path, "r+b") as stream:
-        index = scan(stream, path.name)
+        index = scan(stream, path.name, skipped)
         if index.wrong.startswith("is damaged"):
             stream.seek(index.data_end)
             path.with_name(path.name + ".rest").write_bytes(stream.read())
@@ -75,9 +74,9 @@ def complete(path: Path) -> Index:
     return index
 
 
-def scan(stream: BinaryIO, name: str) -> Index:
+def scan(stream: BinaryIO, name: str, skipped: dict[str, Skipped] | None = None) -> Index:
     """What the file holds up to where it is cut off. Raises ValueError if it is no MCAP file."""
-    found, index, ended = Records(stream), Index(FileSpan(name)), False
+    found, index, ended = Records(stream), Index(FileSpan(name), skipped={} if skipped is None else skipped), False
     for record in found:
         ended = ended or record.opcode == Opcode.DATA_END
         if not ended:

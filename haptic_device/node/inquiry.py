@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Asks the nodes of a namespace for all their parameters, each node once, without ever waiting."""
+"""Asks the nodes of a namespace for all their parameters, once until told otherwise, without ever waiting."""
 
+import math
 import time
 from collections.abc import Callable
 
@@ -28,6 +29,11 @@ class Inquiry:
         for name in there - self._answered:
             if name not in self._asked or time.monotonic() > self._asked[name][0] + AGAIN:
                 self._ask(name)
+
+    def again(self) -> None:
+        """With the next look every node is asked anew."""
+        self._answered.clear()
+        self._asked = {name: (-math.inf, *clients) for name, (_, *clients) in self._asked.items()}
 
     def _ask(self, name: str) -> None:
         """With the same clients each time: a node that was busy answers old requests too, and for each whose client has

@@ -66,8 +66,7 @@ class Recorder(Node):
         self.tracks: dict[str, Track] = {}
         self.bag: Bag | None = None
         self.stopped = ""  # why recording ended by itself
-        self._made: dict[str, bytes] = {}  # attachments of every bag
-        self._fresh: dict[str, bytes] = {}  # of these, what the present bag does not hold yet
+        self._fresh: dict[str, bytes] = {}  # attachments that the present bag does not hold yet
         self._unknown: set[str] = set()
         self._next_discovery = self._next_flush = self._marks = 0
         self._inquiry = Inquiry(self, self._on_answer)
@@ -96,6 +95,8 @@ class Recorder(Node):
             self.get_logger().error(f"cannot record: {error}")
             return TransitionCallbackReturn.FAILURE
         self.stopped = ""
+        self._inquiry.again()  # parameters and scene may be others than in the bag before
+        self._next_discovery = 0
         self.get_logger().info(f"recording to {self.bag.folder}")
         return super().on_activate(state)
 
@@ -136,11 +137,12 @@ class Recorder(Node):
         try:
             for track in self.tracks.values():
                 self._take(track)
-            self._close(self.bag, Bag.close)
+            self.bag.close(self._facts())
         except OSError as error:
             self._end(f"the bag could not be written: {error.strerror}", Bag.abandon)
             return
         bag, self.bag = self.bag, None
+        self._restart()
         self.get_logger().info(f"{bag.messages} messages in {bag.folder}")
 
     def _open(self) -> Bag:
@@ -152,7 +154,7 @@ class Recorder(Node):
         bag = Bag(folder, int(given["split.size"] * _MEGA), given["split.duration"])
         now = time.time_ns()
         made = {"trial.yaml": dump(trial_of(given)).encode(), "made.yaml": dump(provenance.facts()).encode()}
-        for name, content in {**made, **self._made}.items():
+        for name, content in made.items():
             bag.attach(name, YAML, content, now)
         self._fresh = {}
         return bag
@@ -167,15 +169,19 @@ class Recorder(Node):
         """Ends the bag by itself; Bag.close or Bag.abandon is the way."""
         bag, self.bag = self.bag, None
         try:
-            self._close(bag, way)
+            way(bag, self._facts())
             kept = f"{bag.messages} messages are kept in {bag.folder}"
         except OSError as error:
             kept = f"{bag.folder} could not be ended ({error.strerror}): haptic recover {bag.folder}"
+        finally:
+            self._restart()
         self.stopped = f"recording stopped: {reason}; {kept}"
         self.get_logger().error(self.stopped)
 
-    def _close(self, bag: Bag, way) -> None:
-        way(bag, {"namespace": self.get_namespace(), **trial_of(self.parameters), **self._losses()})
+    def _facts(self) -> dict[str, str]:
+        return {"namespace": self.get_namespace(), **trial_of(self.parameters), **self._losses()}
+
+    def _restart(self) -> None:
         for track in self.tracks.values():
             track.restart()
 
@@ -188,9 +194,8 @@ class Recorder(Node):
 
     def _on_answer(self, node: str, values: dict) -> None:
         """Attaches a node's parameters, and the files that they name."""
-        made = {f"parameters/{node}.yaml": parameter_file(self.get_namespace(), node, values), **files_of(values)}
-        self._made |= made
-        self._fresh |= made
+        self._fresh[f"parameters/{node}.yaml"] = parameter_file(self.get_namespace(), node, values)
+        self._fresh |= files_of(values)
 
     def _attach_fresh(self) -> None:
         fresh, self._fresh = self._fresh, {}

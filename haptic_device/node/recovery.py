@@ -10,6 +10,7 @@ from haptic_device.analysis.bagfile import files
 from haptic_device.node.bag import RESERVE
 from haptic_device.node.bag_index import Index, complete
 from haptic_device.node.bag_information import METADATA, information, write_metadata
+from haptic_device.skipped import Skipped
 
 
 def recovered(bag: Path) -> Iterator[str]:
@@ -17,10 +18,10 @@ def recovered(bag: Path) -> Iterator[str]:
 
     A file that is empty or no MCAP file is left alone and out of metadata.yaml.
     """
-    indices = []
+    indices, skipped = [], {}
     for path in files(bag):
         try:
-            index = complete(path)
+            index = complete(path, skipped)
         except ValueError as error:
             yield f"{path.name} is left out: {error} ({path.stat().st_size} bytes)"
             continue
@@ -30,7 +31,7 @@ def recovered(bag: Path) -> Iterator[str]:
         raise ValueError(f"bag {bag} has no file that could be repaired")
     if bag.is_dir():
         (bag / RESERVE).unlink(missing_ok=True)
-        yield _metadata(bag, indices)
+        yield _metadata(bag, indices, skipped)
 
 
 def _what_was_done(index: Index) -> str:
@@ -42,19 +43,42 @@ def _what_was_done(index: Index) -> str:
     return " and ".join(done) or "whole"
 
 
-def _metadata(bag: Path, indices: list[Index]) -> str:
-    if (bag / METADATA).exists() and not any(index.wrong or index.damaged for index in indices):
+def _metadata(bag: Path, indices: list[Index], skipped: dict[str, Skipped]) -> str:
+    before = _said(bag / METADATA)
+    named = before.get("relative_file_paths") == [index.span.name for index in indices]
+    if named and not any(index.wrong or index.damaged for index in indices):
         return f"{METADATA} is there"
-    topics, counts, lost = _topics(indices)
-    custom = {"recovered": "true", **{f"lost {name}": str(number) for name, number in lost.items()}}
+    topics, counts = _topics(indices)
+    custom = _with_losses(before.get("custom_data"), {name: _told(skipped, name) for name in topics})
     spans = [index.span for index in indices]
     write_metadata(bag, information(spans, list(topics.values()), [counts[name] for name in topics], custom))
     return f"{METADATA} is written: {sum(counts.values())} messages in {len(indices)} files"
 
 
-def _topics(indices: list[Index]) -> tuple[dict[str, dict], dict[str, int], dict[str, int]]:
-    """Topics as metadata.yaml lists them, their messages, and the publishers' numbers that were skipped; by name."""
-    topics, counts, lost = {}, {}, {}
+def _said(path: Path) -> dict:
+    """What metadata.yaml says; empty if there is none, or it is none."""
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError, yaml.YAMLError):
+        return {}
+    said = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+    return said if isinstance(said, dict) else {}
+
+
+def _with_losses(before, lost: dict[str, str]) -> dict[str, str]:
+    """custom_data with what the files lack; `missing` beside a `lost` that the recorder itself has counted."""
+    custom = before if isinstance(before, dict) else {}
+    words = {name: "missing" if f"lost {name}" in custom else "lost" for name in lost}
+    return {**custom, "recovered": "true", **{f"{words[name]} {name}": told for name, told in lost.items()}}
+
+
+def _told(skipped: dict[str, Skipped], topic: str) -> str:
+    return skipped.get(topic, Skipped()).told(topic)
+
+
+def _topics(indices: list[Index]) -> tuple[dict[str, dict], dict[str, int]]:
+    """Topics as metadata.yaml lists them, and their messages; by name."""
+    topics, counts = {}, {}
     for index in indices:
         for number, channel in index.channels.items():
             schema = index.schemas.get(channel.schema_id)
@@ -65,6 +89,5 @@ def _topics(indices: list[Index]) -> tuple[dict[str, dict], dict[str, int], dict
                 "offered_qos_profiles": yaml.safe_load(channel.metadata.get("offered_qos_profiles", "[]")),
                 "type_description_hash": channel.metadata.get("topic_type_hash", ""),
             }
-            for sums, numbers in ((counts, index.counts), (lost, index.lost)):
-                sums[channel.topic] = sums.get(channel.topic, 0) + numbers.get(number, 0)
-    return topics, counts, lost
+            counts[channel.topic] = counts.get(channel.topic, 0) + index.counts.get(number, 0)
+    return topics, counts

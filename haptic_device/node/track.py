@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from haptic_device.node.tap import Tap
+from haptic_device.skipped import UNKNOWN
 
 _SECOND = 1_000_000_000
 
@@ -33,7 +34,7 @@ class Track:
     @property
     def losses(self) -> str:
         """How many messages were lost, as text; the numbers of several publishers cannot be told apart."""
-        return str(self.lost) if self.publishers <= 1 else "unknown, several publishers"
+        return str(self.lost) if self.publishers <= 1 else UNKNOWN
 
 
 def joining_qos(publishers: list, depth: int) -> QoSProfile:

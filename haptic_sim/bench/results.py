@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 MACHINE = "machine.json"
+DEFAULT = "partitioned"  # the method of whatever has no closed form
 
 
 class Figure(NamedTuple):
@@ -123,5 +124,39 @@ def _exchange(found):
             for one in found["cases"]]  # fmt: skip
 
 
+def _hard_cases(found):
+    from haptic_sim.bench.hard import CREATED, OVERLAP
+
+    tried = [one for one in found["verdicts"] if one["world"] == DEFAULT and one["tried"]]
+    if not tried:
+        return []
+    survived = sum(one["survives"] for one in tried)
+    return [
+        Figure(f"hard cases survived, {DEFAULT}", survived, f"of {len(tried)}", "all"),
+        Figure("deepest overlap of these", _worst(tried, "overlap_m", 1e6), "µm", f"≤ {1e6 * OVERLAP:g} µm"),
+        Figure("energy created in these, of the largest about", _worst(tried, "created", 100.0), "%",
+               f"≤ {100.0 * CREATED:g} %"),
+    ]  # fmt: skip
+
+
+def _worst(entries, name, scale):
+    """None if one of them blew up."""
+    values = [one[name] for one in entries]
+    return None if None in values else scale * max(values)
+
+
+def _speed_error(found):
+    from haptic_sim.bench.compare import OURS
+    from haptic_sim.bench.measure import Run
+    from haptic_sim.bench.table import scenes_of, summary
+
+    runs = [Run(**one) for one in found["runs"]]
+    ours = [one for one in runs if one.counts and one.method in OURS]
+    least = [min(one.error for one in ours if one.scene == scene) for scene in scenes_of(ours)]
+    lines = [Figure(f"least error, worst of {len(least)} scenes", 100.0 * max(least), "% of the way")] if least else []
+    return lines + [Figure(f"least speed ratio at equal error, {kind}, to {peer}", ratio, "×", f"≥ {wanted:g}")
+                    for kind, peer, ratio, wanted, _, _ in summary(runs)]  # fmt: skip
+
+
 READERS = {"start": _start, "servo": _servo, "round_trip": _round_trip, "load": _demo, "costs": _costs,
-           "exchange": _exchange}  # fmt: skip
+           "exchange": _exchange, "hard_cases": _hard_cases, "speed_error": _speed_error}  # fmt: skip

@@ -21,6 +21,7 @@ from haptic_device.runtime.still import StillLink
 
 RATES = (1000, 2000, 4000, 8000, 10000)  # [Hz]
 MISSING = "cyclictest is not installed (Debian, Ubuntu: apt install rt-tests)"
+FAILED = f"cyclictest failed, perhaps for want of permission; `cyclictest -q -t1 -l1000 -m -p {PRIORITY}` says why"
 COMMON = {  # 3 axes, 4 walls, coupling, cancellation, observer and controller, faults, trace: all that a tick can do
     "wall.normals": (1.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, -1.0), "wall.offsets": (-0.06, -0.06, 0.07, -0.15),
     "wall.stiffness": (500.0,) * 4, "wall.damping": (0.1,) * 4, "cancellation.ratio": 0.5,
@@ -78,7 +79,7 @@ def lateness_of(rows: np.ndarray, scheduling: str) -> Lateness:
 
 
 def cyclictest(rate: float, seconds: float, realtime: str = "prefer") -> Lateness | None:
-    """The same of cyclictest at the servo's priority; None if it is not installed or not permitted what is asked."""
+    """The same of cyclictest at the servo's priority; None if it is not installed or fails."""
     if shutil.which("cyclictest") is None:
         return None
     period = round(1e6 / rate)
@@ -91,6 +92,11 @@ def cyclictest(rate: float, seconds: float, realtime: str = "prefer") -> Latenes
             subprocess.run(command, capture_output=True, timeout=30.0 + 3.0 * seconds, check=True)
             return _of_histogram(json.loads(told.read_text())["thread"]["0"], period)
     return None
+
+
+def why_missing() -> str:
+    """Why there is nothing of cyclictest."""
+    return MISSING if shutil.which("cyclictest") is None else FAILED
 
 
 def _of_histogram(thread, period):

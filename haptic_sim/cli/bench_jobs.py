@@ -3,6 +3,7 @@
 
 import contextlib
 import json
+import os
 import sys
 import time
 from pathlib import Path
@@ -35,7 +36,9 @@ class Kept:
         if lines and json.loads(lines[0]) != of:
             raise ValueError(f"resume file {path} is of another sweep; delete it or name another")
         self.known = {key: values for key, values in map(json.loads, lines[1:])}
-        path.write_text("".join(f"{line}\n" for line in lines or [json.dumps(of)]), encoding="utf-8")
+        beside = path.with_name(path.name + ".part")  # no half file is ever under its name
+        beside.write_text("".join(f"{line}\n" for line in lines or [json.dumps(of)]), encoding="utf-8")
+        os.replace(beside, path)
 
     def keep(self, key: str, values) -> None:
         """Keeps what JSON can say of a run."""

@@ -92,13 +92,13 @@ def _under_demo(rate, seconds, realtime):
 
 def _medians(pairs):
     ours = [one.figures() for one, _ in pairs]
-    theirs = [other.figures() for _, other in pairs if other is not None]
+    both = [(one.figures(), other.figures()) for one, other in pairs if other is not None]
     found = {name: statistics.median(one[name] for one in ours) for name in QUANTITIES}
     found["scheduling"] = ours[0]["scheduling"]
-    if not theirs:
+    if not both:
         return found | {"cyclictest": None, "p99_ratio": None}
-    beside = {name: statistics.median(one[name] for one in theirs) for name in QUANTITIES}
-    ratio = statistics.median(a["p99"] / max(1.0, b["p99"]) for a, b in zip(ours, theirs, strict=True))
+    beside = {name: statistics.median(other[name] for _, other in both) for name in QUANTITIES}
+    ratio = statistics.median(a["p99"] / max(1.0, b["p99"]) for a, b in both)
     return found | {"cyclictest": beside, "p99_ratio": ratio}
 
 
@@ -140,11 +140,11 @@ def keep(cases: list[dict], samples: dict, out: Path) -> None:
 
 def _show(found):
     from haptic_sim.bench import c_twin
-    from haptic_sim.bench.servo import MISSING
+    from haptic_sim.bench.servo import why_missing
 
     typer.echo(table(found["lateness"]))
-    if all(case["cyclictest"] is None for case in found["lateness"]):
-        typer.echo(MISSING)
+    if any(case["cyclictest"] is None for case in found["lateness"]):
+        typer.echo(why_missing())
     if any("no SCHED_FIFO" in case["scheduling"] for case in found["lateness"]):
         typer.echo(next(one["scheduling"] for one in found["lateness"] if "no SCHED_FIFO" in one["scheduling"]))
     if found["compute"] is None:

@@ -19,10 +19,12 @@ def compare(
     namespace: Annotated[str | None, typer.Option(help="Where the bag holds several devices.")] = None,
 ) -> None:
     """Play the same motion at each operating point, in lock-step; a table, a bag of each, and a report of all."""
-    from haptic_device.analysis.page import write_report
+    from haptic_device.analysis.page import MOST, write_report
     from haptic_device.analysis.run import read_run
     from haptic_sim.cli.compared import figures_of, given_at, print_table, replayed
 
+    if len(points) > MOST:
+        raise ValueError(f"{len(points)} operating points are given; at most {MOST} stand side by side")
     out = out or Path("haptic_bags") / time.strftime("compare-%Y%m%d-%H%M%S")
     given = {f"{number}-{Path(point).stem}": given_at(point) for number, point in enumerate(points, 1)}
     for name, values in given.items():

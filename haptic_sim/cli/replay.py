@@ -27,10 +27,14 @@ def replay(
     namespace: Annotated[str | None, typer.Option(help="Where the bag holds several devices.")] = None,
 ) -> None:
     """Play a recorded hand motion in lock-step, into a new bag. With --check: exit code 1 if one bit differs."""
+    given = {"--as device": as_ is As.device, "--params": params is not None, "--delay": delay > 0.0,
+             "--out": out is not None}  # fmt: skip
     if check:
+        _refuse("--check", given | {"--live": live})
         _check(bag, namespace)
         return
     if live:
+        _refuse("--live", given)
         _play(bag, namespace)
         return
     from haptic_device.analysis.run import read_run
@@ -40,6 +44,11 @@ def replay(
     replayed(bag, namespace, as_ is As.device, given_at(params), delay, out)
     print_table({"recorded": figures_of(read_run(bag, namespace)), "replayed": figures_of(read_run(out))})
     typer.echo(f"bag {out}")
+
+
+def _refuse(mode: str, given: dict[str, bool]) -> None:
+    if chosen := [option for option, is_given in given.items() if is_given]:
+        raise ValueError(f"replay {mode} takes no {', '.join(chosen)}: leave it out, or leave {mode} out")
 
 
 def _play(bag: Path, namespace: str | None) -> None:

@@ -13,14 +13,38 @@ def report(
     out: Annotated[Path | None, typer.Option(help="Folder for page and figures [haptic_reports/TIME].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Where a bag holds several devices.")] = None,
 ) -> None:
-    """Write report.html (self-contained, offline) and its figures. What is wrong with a bag is said in it."""
-    from haptic_device.analysis.page import write_report
-    from haptic_device.analysis.run import read_run
+    """Write report.html (self-contained, offline) and its figures. What is wrong with a bag is said in it.
 
+    A bag that cannot be shown is left out, which is said too; the exit code is then 1.
+    """
+    from haptic_device.analysis.page import MOST, write_report
+
+    if len(bags) > MOST:
+        raise ValueError(f"{len(bags)} bags are given; at most {MOST} stand side by side")
     out = out or Path("haptic_reports") / time.strftime("%Y%m%d-%H%M%S")
-    runs = [read_run(bag, namespace) for bag in bags]
-    page = write_report(runs, out)
+    runs, left_out = _read(bags, namespace)
+    if not runs:
+        raise ValueError("; ".join(left_out))
+    said = [f"left out: {reason}" for reason in left_out]
+    page = write_report(runs, out, said)
     for run in runs:
         for note in run.notes:
             typer.echo(f"{run.name}: {note}", err=True)
     typer.echo(page)
+    for sentence in said:
+        typer.echo(sentence, err=True)
+    if said:
+        raise typer.Exit(1)
+
+
+def _read(bags: list[Path], namespace: str | None):
+    """The runs that can be shown, and why the others cannot."""
+    from haptic_device.analysis.run import read_run
+
+    runs, reasons = [], []
+    for bag in bags:
+        try:
+            runs.append(read_run(bag, namespace))
+        except (ValueError, OSError) as error:
+            reasons.append(str(error) if str(bag) in str(error) else f"{bag}: {error}")
+    return runs, reasons

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages that never came, by the numbers that their publisher gives them; those of several interleave."""
+
+from dataclasses import dataclass
+
+UNKNOWN = "unknown, several publishers"
+SHARED = ("/diagnostics", "/parameter_events", "/mark")  # ends of topics on which more than one publishes
+
+
+@dataclass
+class Skipped:
+    """Of one topic: the last number (0: none yet), how many were skipped, how often they did not go on."""
+
+    last: int = 0
+    lost: int = 0
+    back: int = 0
+
+    def count(self, sequence: int) -> None:
+        """The next message's number; 0 is none."""
+        if 0 < self.last < sequence:
+            self.lost += sequence - self.last - 1
+        self.back += 0 < sequence <= self.last
+        self.last = sequence
+
+    def told(self, topic: str) -> str:
+        """How many were lost, as text.
+
+        Going back once is a publisher that started anew; more often, or a gap where several publish, cannot be told
+        from numbers that interleave.
+        """
+        several = self.back > 1 or (self.lost > 0 and topic.endswith(SHARED))
+        return UNKNOWN if several else str(self.lost)

@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorder from one bag to the next, without a middleware: what ends a bag leaves nothing of it for the next one."""
+
+import errno
+import logging
+from types import SimpleNamespace
+
+import pytest
+from bag_of_a_run import JOINTS, joints
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.parameter import Parameter
+
+from haptic_device.node.bag import Bag
+from haptic_device.node.inquiry import Inquiry
+from haptic_device.node.recorder import Recorder
+from haptic_device.node.tap import Sample
+from haptic_device.node.track import Track
+
+
+class Deaf(Recorder):
+    """A recorder of one topic that hears what the test hands it."""
+
+    def __init__(self):
+        self.waiting = []
+        tap = SimpleNamespace(topic="/haptic/encoder", type_name=JOINTS, take=self._heard)
+        self.tracks, self.bag, self.stopped, self._unknown = {tap.topic: Track(tap)}, None, "", set()
+        self.parameters = {"trial.participant": "P7", "trial.condition": "", "trial.fields": []}
+
+    def _heard(self):
+        while self.waiting:
+            sequence = self.waiting.pop(0)
+            yield Sample(joints(("x",), [1.0], 0), sequence, sequence, sequence)
+
+    def get_namespace(self):
+        return "/haptic"
+
+    def get_logger(self):
+        return logging.getLogger("recorder")
+
+    def get_publishers_info_by_topic(self, topic):
+        return []
+
+
+@pytest.mark.parametrize("way", ["close", "abandon"])
+def test_a_bag_that_cannot_be_ended_leaves_the_next_one_whole(tmp_path, monkeypatch, way):
+    recorder, said = Deaf(), []
+
+    def refuse(bag, custom_data):
+        said.append(custom_data)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(Bag, way, refuse)
+        recorder.bag, recorder.waiting = Bag(tmp_path / "first"), [1, 2, 4]
+        recorder._take(recorder.tracks["/haptic/encoder"])
+        recorder.finish() if way == "close" else recorder._end("the disk is full", Bag.abandon)
+    assert recorder.bag is None and said[0]["lost /haptic/encoder"] == "1"
+    assert "recording stopped" in recorder.stopped
+    recorder.bag, recorder.waiting = Bag(tmp_path / "second"), [5, 6]
+    recorder.finish()
+    assert "message_count: 2\n" in (tmp_path / "second" / "metadata.yaml").read_text()
+
+
+def test_a_bag_that_only_its_abandoning_ends_still_says_what_was_lost(tmp_path, monkeypatch):
+    recorder = Deaf()
+    recorder.bag, recorder.waiting = Bag(tmp_path / "bag"), [1, 2, 4]
+
+    def refuse(bag, custom_data):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Bag, "close", refuse)
+    recorder.finish()
+    assert "lost /haptic/encoder: '1'" in (tmp_path / "bag" / "metadata.yaml").read_text()
+
+
+class Done:
+    """An answer that is there at once."""
+
+    def __init__(self, answer):
+        self._answer = answer
+
+    def add_done_callback(self, callback):
+        callback(self)
+
+    def result(self):
+        return self._answer
+
+
+class Graph:
+    """A recorder's node that sees one other, with one parameter."""
+
+    def __init__(self):
+        self.value, self.clients = 100.0, []
+
+    def get_name(self):
+        return "haptic_recorder"
+
+    def get_namespace(self):
+        return "/haptic"
+
+    def get_node_names_and_namespaces(self):
+        return [("haptic_recorder", "/haptic"), ("haptic_driver", "/haptic")]
+
+    def create_client(self, kind, name):
+        client = SimpleNamespace(service_is_ready=lambda: True, call_async=lambda request: Done(self._answer(kind)))
+        self.clients.append(client)
+        return client
+
+    def _answer(self, kind):
+        if kind is ListParameters:
+            answer = ListParameters.Response()
+            answer.result.names = ["coupling.stiffness"]
+            return answer
+        return GetParameters.Response(values=[Parameter("coupling.stiffness", value=self.value).get_parameter_value()])
+
+
+def test_nodes_are_asked_once_and_anew_by_the_same_clients_for_the_next_bag():
+    graph, told = Graph(), []
+    inquiry = Inquiry(graph, lambda node, values: told.append((node, values["coupling.stiffness"])))
+    inquiry.look()
+    graph.value = 200.0
+    inquiry.look()
+    assert told == [("haptic_driver", 100.0)]
+    inquiry.again()
+    inquiry.look()
+    assert told == [("haptic_driver", 100.0), ("haptic_driver", 200.0)] and len(graph.clients) == 2

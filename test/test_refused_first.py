@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands that take long say before they begin what they cannot do, and keep what they have done."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from haptic_sim.cli import bench_jobs
+from haptic_sim.cli.compare import compare
+from haptic_sim.cli.replay import As, replay
+
+BAG = Path("no such bag")
+
+
+def test_more_operating_points_than_a_page_shows_are_refused_before_the_first_is_played(tmp_path):
+    with pytest.raises(ValueError, match="7 operating points are given; at most 6"):
+        compare(BAG, ["demo"] * 7, As.target, 0.0, tmp_path / "out", None)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "option"),
+    [
+        ({"as_": As.device}, "--as device"),
+        ({"params": "demo"}, "--params"),
+        ({"delay": 0.01}, "--delay"),
+        ({"out": Path("out")}, "--out"),
+    ],
+)
+@pytest.mark.parametrize("mode", ["live", "check"])
+def test_what_a_mode_of_replay_does_not_take_is_refused_by_name(given, option, mode):
+    plain = {"as_": As.target, "check": False, "live": False, "params": None, "delay": 0.0, "out": None}
+    with pytest.raises(ValueError, match=f"replay --{mode} takes no {option}:"):
+        replay(BAG, **plain | {mode: True} | given, namespace=None)
+
+
+def test_an_interrupted_start_of_a_sweep_leaves_its_resume_file_as_it_was(tmp_path, monkeypatch):
+    file = tmp_path / "kept"
+    bench_jobs.Kept(file, "a sweep").keep("one", [1.0])
+    before = file.read_text() + '["two", [2.'
+    file.write_text(before)
+
+    def interrupted(source, target):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as stopped, pytest.raises(KeyboardInterrupt):
+        stopped.setattr(bench_jobs.os, "replace", interrupted)
+        bench_jobs.Kept(file, "a sweep")
+    assert file.read_text() == before
+    assert bench_jobs.Kept(file, "a sweep").known == {"one": [1.0]}
+    assert [json.loads(line) for line in file.read_text().splitlines()] == ["a sweep", ["one", [1.0]]]
