@@ -159,6 +159,8 @@ def _needs(settings, lateness):
         for need, damping in ((outside, _coupling_damping(settings, i)), (inside, abs(settings["damping"][i]))):
             stiffness = settings["stiffness"][i]
             need[i, i] = scale[i] ** 2 * passivity.least_damping(stiffness, damping * switched, period, lateness)
+        alone = passivity.least_damping(0.0, _cancelled(settings, i) * switched, period, lateness)  # with no tool
+        outside[i, i] = max(outside[i, i], scale[i] ** 2 * alone)
     for j in range(int(settings["walls"])):
         normal = scale * (settings["wall_x"][j], settings["wall_y"][j], 0.0)
         stiffness, damping = settings["wall_stiffness"][j], settings["wall_damping"][j] * switched
@@ -180,8 +182,13 @@ def _switch_price(settings, normal, lateness):
 
 def _coupling_damping(settings, axis):
     """Damping that counts for the coupling, held while damping cancellation is still on, perhaps."""
-    damping, cancelled = settings["damping"][axis], settings["cancellation_ratio"] * settings["physical_damping"][axis]
-    return max(abs(damping), abs(damping - cancelled))
+    damping = settings["damping"][axis]
+    return max(abs(damping), abs(damping - _cancelled(settings, axis)))
+
+
+def _cancelled(settings, axis):
+    """Damping that cancellation takes away, at the world's handle [N s/m | N m s/rad]."""
+    return settings["cancellation_ratio"] * settings["physical_damping"][axis] / settings["scale"][axis] ** 2
 
 
 def _switched(settings):
@@ -215,8 +222,8 @@ def _blames(settings, lateness):
         yield _blame("wall.stiffness", *gains, there, settings, lateness, price)
     for i in range(int(settings["axes"])):
         there = settings["physical_damping"][i] / settings["scale"][i] ** 2
+        yield _blame_cancellation(settings, i, lateness)
         if settings["stiffness"][i] <= 0.0 and settings["damping"][i] <= 0.0:
-            yield _blame_cancellation(settings, i, lateness)
             continue
         name, counted = "coupling.rotational_" if i == 2 else "coupling.", _coupling_damping(settings, i)
         told = f"{name}damping {settings['damping'][i]:.4g} {'N m s/rad' if i == 2 else 'N s/m'}"

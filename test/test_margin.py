@@ -47,6 +47,16 @@ def test_two_walls_of_one_direction_add_up_and_square_ones_do_not():
     assert operating.refusal(settings(**walls(5900.0, 0.05, 0.0, 90.0))) == ""
 
 
+def test_what_is_cancelled_counts_where_the_device_has_its_damping_and_with_no_tool_too():
+    for scale in (0.5, 1.0, 2.0):
+        cancelled = settings(scale=(scale, scale), cancellation__ratio=0.5, **NO_COUPLING)
+        assert operating.margins(cancelled, 0.0)[0][0] == pytest.approx(0.8 * 0.5)
+    windows = {"velocity__estimator": "adaptive_window", "velocity__window": 8, "coupling__stiffness": 0.0}
+    assert "cancellation.ratio 0.9 (twice" in operating.refusal(
+        settings(coupling__damping=0.35, cancellation__ratio=0.9, **windows)
+    )
+
+
 def test_gains_are_softer_only_if_they_need_no_more_in_any_direction():
     beyond = settings(**walls(12000.0, 0.05, 0.0))
     less = settings(**walls(11000.0, 0.05, 0.0))
