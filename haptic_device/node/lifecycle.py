@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the device's nodes have in common: a managed node that starts by itself and ends well."""
 
+import contextlib
 import gc
 import os
 import re
@@ -75,7 +76,8 @@ class ManagedNode(Node):
 
     def _try(self, action, after, state, undo=lambda: None):
         try:
-            action()
+            with _compiling():
+                action()
         except (ValueError, OSError) as refusal:
             self.refusal = str(refusal)
             self.get_logger().error(self.refusal)
@@ -86,6 +88,17 @@ class ManagedNode(Node):
             self.refusal = f"{type(error).__name__}: {error}"
             return TransitionCallbackReturn.ERROR
         return after(state)
+
+
+@contextlib.contextmanager
+def _compiling():
+    """Garbage is looked for seldom: each look then takes long, which an exchange that runs must not have."""
+    before = gc.get_threshold()
+    gc.set_threshold(YOUNG)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
 
 
 def _autostart(node):
@@ -138,7 +151,6 @@ def run(make_node, name, args=None):
         if starting and len(told) == 1:
             raise KeyboardInterrupt  # what compiles for many seconds looks at nothing
 
-    gc.set_threshold(YOUNG)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, hear)
     try:

@@ -19,6 +19,7 @@ STEP, ENERGY, RECOVERED = 0.5, 0.005, 3.0  # [N/ms], [J] of the default exchange
 SHORT = ("kill -9 driver", "SIGSTOP simulation", "e-stop")
 _EVENT = "Only events with this in their name; may be repeated."
 _CLOCK = "Step the wall clock of this machine by 2 s and back, too; needs CAP_SYS_TIME."
+WIDTH = 180  # columns of the table in a file or a pipe
 _SOAK = "Let the demo run undisturbed for the minutes, and watch memory, threads and descriptors of each node."
 
 
@@ -140,6 +141,8 @@ def _print(found) -> None:
     for row in rows:
         table.add_row(*(_text(row[head]) for head in heads))
     console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDTH)
     console.print(table)
     rest = {name: value for name, value in found.items() if name not in ("events", "nodes")}
     console.print(", ".join(f"{name} {_text(value) or 'none'}" for name, value in rest.items()))
