@@ -91,7 +91,7 @@ def run_realtime(
         if slot >= 0:
             mailbox.ring_push(ring)
         control[LATE_DEVICE] += 1 - fresh
-        delay = (written - deadline + late * period) * 1e-9  # from when the force was due, ticks left out included
+        delay = (written - deadline) * 1e-9
         compute = (clock.now_ns(scratch) - began) * 1e-9
         number, deadline = number + 1, deadline + period
     write(memory_of_link, clock.now_ns(scratch), deadline, period, 0, zero)
