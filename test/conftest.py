@@ -10,6 +10,7 @@ import time
 import domain_coordinator
 import hypothesis
 import pytest
+import pytest_timeout
 from _pytest.runner import runtestprotocol
 
 from haptic_device.runtime.process import die_with_parent
@@ -24,7 +25,6 @@ hypothesis.settings.load_profile("project")
 
 
 STOLEN = 0.02  # of all cores: as much may the host take of them while a live test runs, and its failure counts
-SHORT = 50.0  # [s] of a test that may be run again: both together have the time of one
 AGAIN = []
 
 
@@ -43,14 +43,22 @@ def pytest_runtest_protocol(item, nextitem):
     taken, began = stolen(), time.monotonic()
     reports = runtestprotocol(item, nextitem=nextitem, log=False)
     share = (stolen() - taken) / (time.monotonic() - began) / os.cpu_count()
-    if any(report.failed for report in reports) and share > STOLEN and time.monotonic() - began < SHORT:
+    if any(report.failed for report in reports) and share > STOLEN:
         AGAIN.append(f"{item.nodeid} was run again: it failed while the host took {share:.0%} of the processors")
-        item._initrequest()
+        _afresh(item)
         reports = runtestprotocol(item, nextitem=nextitem, log=False)
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)
     item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
     return True
+
+
+def _afresh(item):
+    """Makes a test ready to be run again: nodes and all that it had are ended, and it has its whole time once more."""
+    item.session._setupstate.teardown_exact(None)
+    item._initrequest()
+    item.ihook.pytest_timeout_cancel_timer(item=item)
+    item.ihook.pytest_timeout_set_timer(item=item, settings=pytest_timeout._get_item_settings(item))
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -15,7 +15,7 @@ from conftest import COMPILING, Cable, Tab
 
 from haptic_sim.cli.check import problems
 
-pytestmark = pytest.mark.timeout(400)  # the second operating point may have to be compiled
+pytestmark = [pytest.mark.live, pytest.mark.timeout(400)]  # the second operating point may have to be compiled
 SERIOUS = ("serious", "critical")
 BEHIND = r"the second operating point is [0-9.]+ s behind: its process gets too little of the processor"
 E_STOP, UP, MOUSE = 0.150, 2.0, 0.040  # s, wanted
