@@ -14,12 +14,13 @@ pytestmark = pytest.mark.live
 RATE, BUDGET = 4000.0, 0.005  # [Hz], [J]
 OUT, IN = 0.02, 0.005  # [m] of the hand; the wall's tool touches at 0.01
 KICK = 1.0  # [N] in 10 ms
+LATE = 48  # ticks of the 24000, a fifth of a per cent, whose forces were held for longer than the law knew
 
 
 @pytest.mark.timeout(300)
 def test_a_wall_is_as_stiff_as_the_coupling_and_free_space_as_free_as_the_tool_is_light(ros_domain):
     tries = (measure(RATE, "local", live=True) for _ in range(4))
-    local = next(felt for felt in tries if felt.local == 1.0)  # a machine that stands still makes it fall back
+    local = next(felt for felt in tries if felt.local == 1.0 and felt.missed < LATE)  # else the machine stood still
     assert local.sets > 1000
     assert local.coupling == pytest.approx(SHARE * 2.0 * (3.0 - 0.5) * RATE)
     assert local.stiffness == pytest.approx(local.coupling, rel=0.05)

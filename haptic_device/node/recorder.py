@@ -213,7 +213,7 @@ class Recorder(Node):
         return response
 
     def _report(self) -> None:
-        lossy = any(track.lost and track.publishers <= 1 for track in self.tracks.values())
+        lossy = any(track.skipped.lost and track.publishers <= 1 for track in self.tracks.values())
         level = "error" if self.stopped else "warn" if lossy else "ok"
         state = f"recording to {self.bag.folder}" if self.bag else self.stopped or "not recording"
         values = {
@@ -259,7 +259,7 @@ class Recorder(Node):
                 self._write(track, sample)
 
     def _write(self, track: Track, sample: Sample) -> None:
-        track.count(sample.sequence)
+        track.skipped.count(sample.sequence)
         self.bag.write(track.channel, sample.message, sample.received, sample.published, sample.sequence)
 
     def _channel(self, track: Track) -> int:

@@ -1,40 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """One recorded topic: the count of what never came, and the QoS that joins its publishers, as a bag names it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from haptic_device.node.tap import Tap
-from haptic_device.skipped import UNKNOWN
+from haptic_device.skipped import UNKNOWN, Skipped
 
 _SECOND = 1_000_000_000
 
 
 @dataclass
 class Track:
-    """A topic's tap, its channel in the bag (0: none yet) and its losses."""
+    """A topic's tap, its channel in the bag (0: none yet), and what its publisher's numbers skipped."""
 
     tap: Tap
     channel: int = 0
-    sequence: int = 0
-    lost: int = 0
     publishers: int = 0
-
-    def count(self, sequence: int) -> None:
-        """Counts the publisher's numbers that were skipped; a smaller number is a publisher that started anew."""
-        if 0 < self.sequence < sequence:
-            self.lost += sequence - self.sequence - 1
-        self.sequence = sequence
+    skipped: Skipped = field(default_factory=Skipped)
 
     def restart(self) -> None:
         """Makes it ready for another bag."""
-        self.channel = self.sequence = self.lost = 0
+        self.channel, self.skipped = 0, Skipped()
 
     @property
     def losses(self) -> str:
         """How many messages were lost, as text; the numbers of several publishers cannot be told apart."""
-        return str(self.lost) if self.publishers <= 1 else UNKNOWN
+        return str(self.skipped.lost) if self.publishers <= 1 else UNKNOWN
 
 
 def joining_qos(publishers: list, depth: int) -> QoSProfile:

@@ -39,8 +39,8 @@ PULLING = 2.0  # [s]
 
 class Felt(NamedTuple):
     """Stiffness felt at the wall and of the coupling [N/m]; drag [N s/m] and mass [kg] in free space; energy given
-    [J]; share of the time in which the servo's own tool was used; median age of the tool sample [s]; sets of local
-    contacts taken."""
+    [J]; share of the time in which the servo's own tool was used, from its first use on; median age of the tool sample
+    [s]; sets of local contacts taken; ticks missed."""
 
     stiffness: float
     coupling: float
@@ -50,6 +50,7 @@ class Felt(NamedTuple):
     local: float
     age: float
     sets: int
+    missed: int = 0
 
 
 class Ran(NamedTuple):
@@ -71,10 +72,11 @@ def measure(rate: float, method: str, live: bool = False, coupling: float | None
                     for scene, motion in (("wall", PRESS), ("free_space", CIRCLE)))  # fmt: skip
     held = pressed.rows[int(0.55 * len(pressed.rows)) : int(0.68 * len(pressed.rows))]
     felt = float(held.force_coupling[:, 0].mean() / (0.01 - held.position[:, 0].mean()))
-    acted = np.concatenate([held.local, led.rows.local[len(led.rows) // 2 :]])
+    acted = np.concatenate([rows.local[np.argmax(rows.local > 0.0) :] for rows in (pressed.rows, led.rows)])
     return Felt(
         felt, stiffness, *drag(led.rows), max(pressed.given, led.given), float(acted.mean()),
         float(np.median(led.rows.tool_age)), pressed.sets + led.sets,
+        sum(int(rows.missed[-1] - rows.missed[0]) for rows in (pressed.rows, led.rows)),
     )  # fmt: skip
 
 
