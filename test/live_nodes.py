@@ -20,6 +20,7 @@ from std_srvs.srv import Trigger
 
 from haptic_device.node import wire
 from haptic_device.runtime import page
+from haptic_device.runtime.process import die_with_parent
 from haptic_sim.cli.processes import parameter_text
 
 MODULES = {
@@ -79,11 +80,26 @@ class Nodes:
 
     def start(self, name, **given):
         self._count += 1
-        self._log = self._logs / f"{self._count}_{name}.log"
-        with open(self._log, "w") as log:
-            self.running[name] = subprocess.Popen(command(name, **given), stdout=log, stderr=log)
-        self.running[name].log = self._log
-        return self.running[name]
+        path, own = self._logs / f"{self._count}_{name}.log", os.getpid()
+        with open(path, "w") as log:
+            process = subprocess.Popen(
+                command(name, **given), stdout=log, stderr=log, preexec_fn=lambda: die_with_parent(own)
+            )
+        process.log, process.given = path, given
+        self.running[name] = process
+        return process
+
+    def have(self, name, **given):
+        """The node runs with these parameters, from now on or as before."""
+        if name in self.running and (self.running[name].poll() is not None or self.running[name].given != given):
+            self.end(name)
+        return self.running[name] if name in self.running else self.start(name, **given)
+
+    def lack(self, *names):
+        """These nodes do not run."""
+        for name in names:
+            if name in self.running:
+                self.end(name)
 
     def end(self, name, number=signal.SIGINT):
         """Signals a node and waits for its end; its exit code."""

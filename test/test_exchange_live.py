@@ -21,8 +21,6 @@ BUDGET = 0.005  # [J]
 def nodes(ros_domain, tmp_path_factory):
     with Nodes(tmp_path_factory.mktemp("nodes")) as nodes:
         nodes.start("haptic_loopback", motion__name="follow")
-        nodes.start("haptic_simulation", scene="free_space", exchange__method="wave")
-        nodes.start("haptic_driver", **DRIVER)
         yield nodes
 
 
@@ -31,6 +29,16 @@ def ear(ros_domain):
     ear = Ear(ros_domain)
     yield ear
     ear.close()
+
+
+@pytest.fixture
+def exchanging(nodes, ear):
+    """Values of the driver's diagnostics once it and the simulation exchange, and its forces are on."""
+    nodes.have("haptic_simulation", scene="free_space")
+    nodes.have("haptic_driver", **DRIVER)
+    ear.news("haptic_simulation", lambda level, message, values: int(values["answered"]) > 0)
+    ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 300)
+    return ear.news("haptic_driver", lambda level, message, values: values["state"] == "engaged")[2]
 
 
 def pushed(ear, begin):
@@ -53,6 +61,8 @@ def send(ear, publisher, message, condition, seconds=60.0):
 
 
 def test_an_exchange_method_that_differs_is_refused_in_a_sentence_and_the_handle_is_free(nodes, ear):
+    nodes.have("haptic_simulation", scene="free_space", exchange__method="wave")
+    nodes.have("haptic_driver", **DRIVER)
     said = "handle messages refused: other exchange method; set exchange.method alike on driver and simulation"
     level, message, values = ear.news("haptic_simulation", lambda level, message, values: said in message)
     assert level == WARN and int(values["refused.other exchange method"]) > 0 and values["answered"] == "0"
@@ -63,15 +73,11 @@ def test_an_exchange_method_that_differs_is_refused_in_a_sentence_and_the_handle
     assert pushed(ear, begin) == 0.0
 
 
-def test_the_same_method_on_both_sides_exchanges(nodes, ear):
-    nodes.end("haptic_simulation")
-    nodes.start("haptic_simulation", scene="free_space")
-    ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 300)
-    _, _, values = ear.news("haptic_driver", lambda level, message, values: values["state"] == "engaged")
-    assert values["fault"] == ""
+def test_the_same_method_on_both_sides_exchanges(exchanging):
+    assert exchanging["fault"] == "" and int(exchanging["exchange_answered"]) > 300
 
 
-def test_a_second_simulation_is_refused_counted_and_not_felt(nodes, ear):
+def test_a_second_simulation_is_refused_counted_and_not_felt(exchanging, ear):
     ear.hear_handles()
     ear.until(lambda: ear.handles)
     layout, names = wire.JointLayout(wire.exchange_names(3)), wire.exchange_names(3)
@@ -96,7 +102,7 @@ def test_a_second_simulation_is_refused_counted_and_not_felt(nodes, ear):
 
 
 @pytest.mark.parametrize("session", ["another", "wild numbers", "other names"])
-def test_a_second_driver_is_refused_and_counted_by_the_simulation_and_moves_no_tool(nodes, ear, session):
+def test_a_second_driver_is_refused_and_counted_by_the_simulation_and_moves_no_tool(exchanging, ear, session):
     publisher = ear.node.create_publisher(wire.JointState, "handle", wire.LATEST)
     names, gains = wire.exchange_names(3), (1000.0, 1.0, 1.0, 0.001)
     tail = dict.fromkeys(exchange.TAIL, 0.0) | {"layout_version": 1.0, "session": 99.0}
@@ -125,8 +131,10 @@ def test_a_second_driver_is_refused_and_counted_by_the_simulation_and_moves_no_t
     assert ear.last()["haptic_driver"][2]["fault"] == ""
 
 
-def test_wrong_stamps_and_jumps_of_the_simulation_that_is_accepted_give_no_energy_and_no_fault(nodes, ear):
-    nodes.end("haptic_simulation")
+def test_wrong_stamps_and_jumps_of_the_simulation_that_is_accepted_give_no_energy_and_no_fault(
+    exchanging, nodes, ear
+):
+    nodes.lack("haptic_simulation")
     ear.hear_handles()
     begin, heard, layout = len(ear.truths), len(ear.handles), wire.JointLayout(wire.exchange_names(3))
     ear.until(lambda: len(ear.handles) > heard)
@@ -156,7 +164,7 @@ def test_wrong_stamps_and_jumps_of_the_simulation_that_is_accepted_give_no_energ
 
 
 def test_stamps_of_the_past_and_future_from_the_driver_that_is_accepted_make_the_world_wait(nodes, ear):
-    nodes.end("haptic_driver")
+    nodes.lack("haptic_driver", "haptic_simulation")
     nodes.start("haptic_simulation", scene="free_space")
     publisher = ear.node.create_publisher(wire.JointState, "handle", wire.LATEST)
     names, gains, number = wire.exchange_names(3), (1000.0, 1.0, 1.0, 0.001), iter(range(1, 1 << 30))
@@ -174,7 +182,8 @@ def test_stamps_of_the_past_and_future_from_the_driver_that_is_accepted_make_the
         place = [0.1, 0.1, 0.0, *(tail | {"sequence": float(count)}).values()]
         return layout.pack(10**18 * (1 + count % 2), place, still, still)
 
-    heard, begin = ear.said["haptic_simulation"], len(ear.said["haptic_simulation"])
+    heard = ear.said.setdefault("haptic_simulation", [])
+    begin = len(heard)
     said = "handle samples over 20 ms apart, or going back"
     level, _, values = send(
         ear, publisher, forged, lambda: next((one for one in heard[begin:] if said in one[1]), None)

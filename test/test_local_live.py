@@ -17,16 +17,31 @@ KICK = 1.0  # [N] in 10 ms
 LATE = 48  # ticks of the 24000, a fifth of a per cent, whose forces were held for longer than the law knew
 
 
+def undisturbed():
+    """The first of four measurements in which the machine did not stand still; none gives energy beyond the budget."""
+    said = []
+    while len(said) < 4:
+        try:
+            felt = measure(RATE, "local", live=True)
+        except ValueError as error:
+            assert "device_watchdog" in str(error)
+            said.append(str(error))
+            continue
+        assert felt.given <= BUDGET
+        if felt.local == 1.0 and felt.missed < LATE:
+            return felt
+        said.append(f"{felt.missed} ticks missed, own tool {felt.local:.1%} of the time")
+    pytest.fail(f"the machine stood still: {'; '.join(said)}")
+
+
 @pytest.mark.timeout(300)
 def test_a_wall_is_as_stiff_as_the_coupling_and_free_space_as_free_as_the_tool_is_light(ros_domain):
-    tries = (measure(RATE, "local", live=True) for _ in range(4))
-    local = next(felt for felt in tries if felt.local == 1.0 and felt.missed < LATE)  # else the machine stood still
+    local = undisturbed()
     assert local.sets > 1000
     assert local.coupling == pytest.approx(SHARE * 2.0 * (3.0 - 0.5) * RATE)
     assert local.stiffness == pytest.approx(local.coupling, rel=0.05)
     assert abs(local.drag) <= 0.05 * local.coupling * local.age
     assert local.mass == pytest.approx(0.1, rel=0.05)
-    assert local.given <= BUDGET
 
 
 @pytest.fixture
