@@ -11,7 +11,7 @@ import numba
 from llvmlite import binding
 from numba import types
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import register_pass
 from numba.core.typed_passes import NativeLowering
 
@@ -76,10 +76,32 @@ class _PartLowering(NativeLowering):
         return True
 
 
+class _Flags(Flags):
+    """As numba's own, which asks sixty properties, one by one, whenever it looks whether it has met a call before."""
+
+    __slots__ = ()
+
+    def values(self):
+        return _DEFAULTS | self._values
+
+
+_DEFAULTS = {name: option.default for name, option in Flags.options.items()}
+_OF_NO_USE = {  # to what parts are written in: no closures, no `with`, no loops over literals; each pass takes its time
+    "WithLifting", "InlineClosureLikes", "InlineInlinables", "MakeFunctionToJitFunction", "FindLiterallyCalls",
+    "LiteralUnroll", "LiteralPropagationSubPipelinePass", "InlineOverloads", "DumpParforDiagnostics",
+}  # fmt: skip
+_OF_ARRAYS = {"NopythonRewrites"}  # of expressions of arrays, and those make some
+
+
 class _PartCompiler(CompilerBase):
+    def __init__(self, typing, target, library, args, return_type, flags, names):
+        super().__init__(typing, target, library, args, return_type, _Flags(flags), names)
+
     def define_pipelines(self):
+        skipped = _OF_NO_USE if self.state.flags.nrt else _OF_NO_USE | _OF_ARRAYS
         manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        manager.passes = [(_PartLowering if kind is NativeLowering else kind, text) for kind, text in manager.passes]
+        manager.passes = [(_PartLowering if kind is NativeLowering else kind, text) for kind, text in manager.passes
+                          if kind.__name__ not in skipped]  # fmt: skip
         manager._finalized = False
         manager.finalize()
         return [manager]
