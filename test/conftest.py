@@ -27,9 +27,10 @@ hypothesis.settings.load_profile("project")
 
 
 STOLEN = 0.05  # [s] of the processors' time: as much may the host take while a live test runs, and its failure counts
+WAKE = 10.0  # [s] before the test that are looked at as well: nodes shared with earlier tests remember a spell as long
 RUNS = 3  # of such a test, at most
 PATIENCE = 60.0  # [s] before each of them, at most, for the host to leave the processors alone
-AGAIN = []
+AGAIN, LOOKS = [], []
 
 
 def stolen():
@@ -45,7 +46,7 @@ def pytest_runtest_protocol(item, nextitem):
         return None
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     for left in reversed(range(RUNS)):
-        before = stolen()
+        before = _before()
         reports = runtestprotocol(item, nextitem=nextitem, log=False)
         taken = stolen() - before
         if not left or taken <= STOLEN or not any(report.failed for report in reports):
@@ -56,6 +57,13 @@ def pytest_runtest_protocol(item, nextitem):
         item.ihook.pytest_runtest_logreport(report=report)
     item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
     return True
+
+
+def _before():
+    """What was stolen up to a moment before now."""
+    now = time.monotonic()
+    LOOKS.append((now, stolen()))
+    return next((taken for when, taken in reversed(LOOKS) if when <= now - WAKE), LOOKS[0][1])
 
 
 def _afresh(item):
@@ -70,6 +78,7 @@ def _afresh(item):
     for before, following in itertools.pairwise(module):
         runtestprotocol(before, nextitem=following, log=False)
     _wait_for_the_host()
+    LOOKS.clear()
     item.ihook.pytest_timeout_set_timer(item=item, settings=pytest_timeout._get_item_settings(item))
 
 

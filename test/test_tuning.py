@@ -133,7 +133,7 @@ def test_a_tool_gives_way_to_somebody_else_who_changes_its_gains(pair):
     before, other = tuning.get(GAINS), Tuning(domain, namespace)
     try:
         with pytest.raises(ValueError, match="something else set wall.stiffness"), tuning.as_found(GAINS):
-            tuning.set(**WALL)
+            tuning.set(**WALL, passivity__policy="off")
             other.set(wall__stiffness=(250.0,))
             tuning.set(wall__stiffness=(400.0,))
     finally:
