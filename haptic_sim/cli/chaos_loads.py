@@ -59,15 +59,22 @@ def step_clock(conductor: Conductor) -> figures.Figures:
     """The wall clock steps ahead and back, where that is allowed."""
     conductor.press()
     try:
-        for step in (CLOCK_STEP, -CLOCK_STEP):
-            time.clock_settime(time.CLOCK_REALTIME, time.clock_gettime(time.CLOCK_REALTIME) + step)
+        _step(CLOCK_STEP)
+        try:
             conductor.wait(STEPPED)
+        finally:
+            _step(-CLOCK_STEP)
+        conductor.wait(STEPPED)
         note = f"stepped {CLOCK_STEP:g} s ahead and back"
     except PermissionError:
         note = "not allowed here"
     conductor.release()
     recovered = conductor.enable()
     return figures.figures(conductor.witness.heard(), recovered=recovered, note=note)
+
+
+def _step(seconds):
+    time.clock_settime(time.CLOCK_REALTIME, time.clock_gettime(time.CLOCK_REALTIME) + seconds)
 
 
 def _number(conductor, entry):
