@@ -14,7 +14,7 @@ from haptic_device.law import servo as law
 from haptic_device.runtime import machine
 from haptic_sim.bench import c_twin, results, servo
 from haptic_sim.bench.c_source import REAL, Program
-from haptic_sim.cli import bench_all, bench_servo, doctor
+from haptic_sim.cli import bench_all, bench_servo, demo, doctor
 from haptic_sim.cli.bench import group
 
 ROOT = Path(__file__).parents[1]
@@ -73,6 +73,16 @@ def test_without_cyclictest_and_compiler_the_rest_is_measured_and_says_so(monkey
     assert done.exit_code == 0, done.output
     assert servo.MISSING in done.output and c_twin.MISSING in done.output
     assert "| 1000 Hz | prefer | alone |" in done.output
+
+
+def test_under_the_demo_the_driver_is_started_at_a_rate_that_it_takes(monkeypatch):
+    def accepted(order):
+        [driver] = [each for each in demo.programs_of(order) if each.name == "haptic_driver"]
+        raise InterruptedError(driver.parameters["servo.rate"])
+
+    monkeypatch.setattr(demo, "play", accepted)
+    with pytest.raises(InterruptedError, match="1000.0"):
+        bench_servo._under_demo(1000, 1.0, "prefer")
 
 
 def late(*microseconds):

@@ -82,7 +82,7 @@ def _under_demo(rate, seconds, realtime):
         wish = {"realtime": realtime}
         given = {name: wish for name in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
         order = Order(
-            "peg_in_hole", seconds, Path(folder) / "run", None, rate, find("", "demo").absolute(), None, given
+            "peg_in_hole", seconds, Path(folder) / "run", None, float(rate), find("", "demo").absolute(), None, given
         )
         play(order)
         recording = load(order.out / "bag")
