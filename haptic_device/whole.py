@@ -77,7 +77,7 @@ class _PartLowering(NativeLowering):
 
 
 class _Flags(Flags):
-    """As numba's own, which asks sixty properties, one by one, whenever it looks whether it has met a call before."""
+    """As numba's own, which asks property after property whenever it looks whether it has met a call before."""
 
     __slots__ = ()
 
