@@ -143,6 +143,7 @@ def measure(domain, answerer, seconds):
         nodes.start(Program("haptic_driver", "haptic_device.node.driver", {"auto_enable": True}))
         with contextlib.closing(Tuning(domain, "/haptic", trace=True)) as tuning:
             tuning.wait_engaged(nodes.check)
+            tuning.wait_answered(nodes.check)
             tuning.rows.clear()
             tuning.watch(seconds)
             ages = np.concatenate([rows["tool_age"] for rows in tuning.rows])

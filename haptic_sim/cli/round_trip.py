@@ -53,6 +53,7 @@ def _once(domain, answerer, rate, seconds):
         nodes.start(Program("haptic_driver", "haptic_device.node.driver", driver))
         with contextlib.closing(Tuning(domain, "/haptic")) as tuning:
             tuning.wait_engaged(nodes.check)
+            tuning.wait_answered(nodes.check)
             names = ("haptic_loopback", "haptic_simulation", "haptic_driver")
             watched = {name: psutil.Process(nodes.pid(name)) for name in names}
             before, began = {name: _spent(one) for name, one in watched.items()}, time.monotonic()

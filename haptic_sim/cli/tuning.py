@@ -118,6 +118,16 @@ class Tuning:
             f"haptic_driver is {state}; start it with a loopback and enable it, or let this command start both"
         )
 
+    def wait_answered(self, check=lambda: None) -> None:
+        """Until a simulation answers the driver, whose first start compiles longer; ValueError if none does."""
+        end = time.monotonic() + APPEARANCE
+        while not int(self.said("exchange_answered") or 0):
+            if time.monotonic() > end:
+                raise ValueError(f"no simulation answered the driver within {APPEARANCE:g} s")
+            check()
+            self.look()
+            time.sleep(0.02)
+
     def recover(self) -> None:
         """Clears the driver's fault, and waits until it is engaged again."""
         self.trigger("reset")
