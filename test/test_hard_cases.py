@@ -54,7 +54,7 @@ def test_a_hard_case_stays_finite_apart_and_creates_no_energy(name, angle, phase
     if name in PUSHED:
         assert math.hypot(*outcome.simulation.method.force_on_tool[:2]) > PUSHED[name]
     if name == "spinning_wrench":
-        assert outcome.simulation.method.position[2] - angle > 18.0 * math.pi
+        assert outcome.simulation.method.position[2] - angle > 19.98 * math.pi
 
 
 def place(outcome, body, angle):
@@ -110,7 +110,7 @@ def test_ten_turns_of_a_wrench_are_counted_and_take_the_nut_along():
     outcome = attempt(scene, 7.0, look_every=20)
     nut, tool = (outcome.simulation.method.pose(body)[2] for body in ("nut", "tool"))
     play = math.radians(1.80058)
-    assert 18 * math.pi < tool < 20.1 * math.pi
+    assert 19.98 * math.pi < tool < 20.0 * math.pi
     assert tool - nut == pytest.approx(0.0, abs=1.05 * play + math.radians(0.01))
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The passivity margin of an operating point, and the refusal of gains beyond it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,6 +13,7 @@ from haptic_device import operating
 from haptic_device.analysis import closed_forms
 from haptic_device.analysis.switching import switched_cancellation_damping
 from haptic_device.law import passivity
+from haptic_device.node.driver import DriverNode
 
 NO_COUPLING = {"coupling__stiffness": 0.0, "coupling__damping": 0.0}
 
@@ -33,6 +36,18 @@ def test_refusal_names_the_wall_its_need_what_the_device_has_and_the_largest_sti
         "wall.stiffness 12000 N/m with damping 0.05 N s/m needs b > 1.55 N s/m at T = 0.25 ms; "
         "the device has 0.8: at most 6000 N/m"
     )
+
+
+@pytest.mark.parametrize(("policy", "levels"), [("enforce", None), ("warn", ["warning"]), ("off", [])])
+def test_gains_beyond_the_damping_are_refused_said_or_taken_as_the_policy_wants(policy, levels):
+    said, beyond = [], settings(**walls(7000.0, 0.05, 90.0))
+    node = SimpleNamespace(servo=None, _lateness=lambda: 0.0, _say=lambda *words: said.append(words))
+    if levels is None:
+        with pytest.raises(ValueError, match=r"^wall\.stiffness 7000 N/m .* at most 6000 N/m$"):
+            DriverNode._judge(node, [beyond], {"passivity.policy": policy})
+    else:
+        DriverNode._judge(node, [beyond], {"passivity.policy": policy})
+    assert said == [(level, operating.refusal(beyond)) for level in levels or []]
 
 
 def test_gains_just_within_the_damping_are_taken_and_just_beyond_refused():

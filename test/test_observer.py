@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from lockstep_systems import wall_system
 
 from haptic_device import operating
-from haptic_device.law import passivity
+from haptic_device.analysis import exchange_search
+from haptic_device.law import engage, fault, passivity, servo
 
 TICK = 1 / 4000.0
 ROUNDING = 1e-9  # [J] against stores of 10 to 100 mJ
@@ -65,6 +66,28 @@ def test_the_injected_damping_never_exceeds_the_physical_one():
     ).run(1.0)
     assert rows.injections[-1] > 0
     assert rows.injected[:, 1].max() == pytest.approx(0.2)
+
+
+def generated_on_the_way_in(lengths):
+    """Energy [J] that the observer finds as the handle goes 0.1 mm a tick into a wall of 0.9 of its bound, and the
+    ticks with damping injected; each is as many periods after the last one as `lengths` says."""
+    settings = wall_system(0.9 * 2.0 / TICK, 0.0, 0.0, counts=1e7, passivity__budget=1e-6).settings[0]
+    (memory, row), time = exchange_search.engaged(), 0.0
+    for k, length in enumerate(lengths):
+        time += length * TICK * 1e9
+        row["latched"] = row["deadline"] = time
+        row["command"], row["device_status"] = engage.ENABLE, fault.FRESH
+        row["counts"][0, 0] = -round(1e-4 * k * 1e7)
+        servo.tick(settings, memory[0], row[0])
+    return row["generated"][0, 0], row["injections"][0]
+
+
+def test_a_tick_later_than_the_period_that_the_margin_counts_on_is_the_observers_business():
+    """In a hold of 3 T the spring gives K dx²/2 = 0.9 b dx²/T too much, and the damper is sure of b dx²/(3 T) only."""
+    assert generated_on_the_way_in([1.0] * 12) == (0.0, 0)
+    found, injections = generated_on_the_way_in([1.0] * 11 + [3.0])
+    assert found == pytest.approx((0.9 - 1.0 / 3.0) * 1e-8 / TICK, rel=1e-3)
+    assert injections == 1
 
 
 @given(

@@ -50,7 +50,7 @@ ONE = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness": 
         ({"wall__normals": (1.0,)}, "wall.normals has 1 numbers; 1 walls need 2"),
         ({"wall__stiffness": (1.0, 2.0)}, "wall.stiffness has 2 numbers; 1 walls need 1"),
         ({"wall__damping": ()}, "wall.damping has 0 numbers; 1 walls need 1"),
-        ({"wall__offsets": (0.0,) * 9}, "wall.offsets names 9 walls; the limit is 8"),
+        ({"wall__offsets": (0.0,) * 65}, "wall.offsets names 65 walls; the limit is 64"),
         ({"wall__normals": (1.0, 1.0)}, "wall.normals of wall 0 is [1, 1], of length 1.41421; write a unit vector"),
         ({"wall__normals": (0.0, 0.0)}, "wall.normals of wall 0 is [0, 0], of length 0; write a unit vector"),
     ],

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from lockstep_systems import device, values
 
 from haptic_device import operating
-from haptic_device.law import engage, fault, servo
+from haptic_device.law import engage, fault, servo, wall
 from haptic_device.runtime import loop
 
 PERIOD = 1 / 4000.0
@@ -78,6 +78,18 @@ def test_a_wall_pushes_along_its_normal_by_its_stiffness_times_the_depth(angle):
     row = runner.move((*(-0.002 * normal), 0.0))
     assert row.force_on_handle[:2] == pytest.approx(4.0 * normal, abs=2 * 2000.0 / COUNTS)
     assert runner.move((*(0.001 * normal), 0.0)).force_on_handle[:2].tolist() == [0.0, 0.0]
+
+
+def test_sixty_four_walls_round_the_handle_each_push_by_their_own_depth():
+    turns = 2.0 * np.pi * np.arange(wall.MOST) / wall.MOST
+    normals, stiffness = -np.column_stack([np.cos(turns), np.sin(turns)]), np.linspace(500.0, 1500.0, wall.MOST)
+    ring = {"wall__normals": tuple(normals.ravel()), "wall__offsets": (-0.02,) * wall.MOST,
+            "wall__stiffness": tuple(stiffness), "wall__damping": (0.0,) * wall.MOST}  # fmt: skip
+    place = 0.021 * np.array([math.cos(0.3), math.sin(0.3)])
+    depth = np.maximum(0.0, -0.02 - normals @ place)
+    row = Servo(**ring, **FREE).move((*place, 0.0))
+    assert np.count_nonzero(depth) > 4
+    assert row.force_on_handle[:2] == pytest.approx((stiffness * depth) @ normals, abs=0.01)
 
 
 def test_the_coupling_pulls_the_handle_to_the_tool_and_swapping_the_two_turns_the_force():

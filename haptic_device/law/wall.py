@@ -4,7 +4,7 @@
 from haptic_device.kernel import kernel
 from haptic_device.parameter import Parameter
 
-MOST = 8
+MOST = 64  # walls; settings are a record of fixed size
 
 PARAMETERS = (
     Parameter("wall.normals", (), "", "outward unit normals of all walls, flat: nx, ny of each", -1.0, 1.0, True),
@@ -12,7 +12,7 @@ PARAMETERS = (
         "wall.offsets",
         (),
         "m",
-        "position of each wall along its normal; the handle is free beyond it",
+        f"position of each wall along its normal, at most {MOST} walls; the handle is free beyond it",
         -10.0,
         10.0,
         True,
