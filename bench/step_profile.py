@@ -48,7 +48,7 @@ def contacts(models, layouts, works, times):
     look_around(model, layout, work)
     n = add_met(model, layout, work, add_joints(model, layout, work, 0, work.q, work.v, 1e9, H))
     for _ in range(times):
-        solve(model, layout, work, n, H)
+        solve(model, layout, work, n, H, 1.0)
 
 
 @whole
