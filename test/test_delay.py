@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_device.analysis.closed_forms import delayed_wall_damping, fractionally_delayed_spring_damping
+from haptic_device.analysis.coupling_damping import largest_stiffness_for_any_simulation
 from haptic_device.analysis.delay import (
     delayed_demand,
     largest_passive_stiffness,
@@ -14,6 +15,7 @@ from haptic_device.analysis.delay import (
     wall_damping_needed,
 )
 from haptic_device.analysis.horizon import least_damping_over_horizon
+from haptic_device.analysis.stability import largest_stable_stiffness
 from haptic_device.analysis.transfer import wall_transfer
 
 TABLE = {0.1: 0.6354, 0.25: 0.8080, 0.5: 1.0590, 0.75: 1.2864, 1.0: 1.5}
@@ -139,3 +141,21 @@ def test_an_unstable_environment_stays_unpassive_however_late():
 def test_a_delay_that_is_none_is_refused(delay):
     with pytest.raises(ValueError, match="delay_samples is .* samples"):
         wall_damping_needed(1.0, 0.0, 1e-3, delay_samples=delay)
+
+
+def test_over_a_grid_of_gains_each_answer_is_that_of_its_own_gains():
+    stiffness, damping = np.array([100.0, 1000.0]), np.array([[-0.2], [0.0], [0.4]])
+    needed = wall_damping_needed(stiffness, damping, 1e-3, 2e-4, 1.5)
+    stiffest = {
+        "passive": largest_passive_stiffness(2.0, damping, 1e-3, delay_samples=np.array([0.0, 0.5])),
+        "stable": largest_stable_stiffness(0.1, 2.0, damping, 1e-3, np.array([0.0, 0.5])),
+        "any simulation": largest_stiffness_for_any_simulation(2.0, damping, 1e-3, 0.0, np.array([0.0, 0.5])),
+    }
+    for i, j in np.ndindex(3, 2):
+        one = wall_damping_needed(stiffness[j], damping[i, 0], 1e-3, 2e-4, 1.5)
+        assert (needed.damping[i, j], needed[1][i, j]) == tuple(one)
+        late = 0.5 * j
+        assert stiffest["passive"][i, j] == largest_passive_stiffness(2.0, damping[i, 0], 1e-3, delay_samples=late)
+        assert stiffest["stable"][i, j] == largest_stable_stiffness(0.1, 2.0, damping[i, 0], 1e-3, late)
+        alone = largest_stiffness_for_any_simulation(2.0, damping[i, 0], 1e-3, 0.0, late)
+        assert stiffest["any simulation"][i, j] == alone

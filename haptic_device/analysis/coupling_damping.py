@@ -19,7 +19,7 @@ import numpy as np
 
 from haptic_device.analysis.environment import kind_of, leak, leak_at_rest, supply, supply_at_rest
 from haptic_device.analysis.passivity import as_transfer, larger_of_rest, sharp_angles
-from haptic_device.analysis.quantity import positive
+from haptic_device.analysis.quantity import over_grids, positive
 from haptic_device.analysis.supremum import supremum
 from haptic_device.analysis.transfer import value_at_rest, wall_transfer
 
@@ -41,11 +41,12 @@ def least_damping_for_any_simulation(transfer, period, environment="synchronous"
     return larger_of_rest(_demand_at_rest(transfer, period, kind, delay_samples), moving, angle, period)
 
 
+@over_grids
 def largest_stiffness_for_any_simulation(physical_damping, damping, period, velocity_lag=0.0, delay_samples=0.0):
     """Largest K of a coupling, in step, that a device with b shows with any passive simulation [N/m]; 0: there is none.
 
-    With H = K + V(z) the condition at each θ is quadratic in K, so between two roots. What keeps all of them lies
-    between the largest lower root and the smallest upper one.
+    Arguments broadcast. With H = K + V(z) the condition at each θ is quadratic in K, so between two roots. What keeps
+    all of them lies between the largest lower root and the smallest upper one.
     """
     positive("physical_damping", physical_damping, "N s/m")
     damper, kind = wall_transfer(0.0, damping, period, velocity_lag), kind_of("synchronous")

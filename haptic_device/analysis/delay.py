@@ -15,6 +15,8 @@ is quadratic in b and gives, with θ = ωT and P̄ = 1 − s + s e^{−jθ} (the
 At s = 0 this is (1). For a spring alone it is largest at rest: b ≥ (KT/2) [½ + s + √(¼ + 2s)], more than K(T/2 + sT).
 """
 
+import functools
+
 import numpy as np
 from scipy.optimize import brentq
 
@@ -26,7 +28,7 @@ from haptic_device.analysis.passivity import (
     sharp_angles,
     unstable_pole,
 )
-from haptic_device.analysis.quantity import not_negative, positive
+from haptic_device.analysis.quantity import not_negative, over_grids, positive
 from haptic_device.analysis.supremum import supremum
 from haptic_device.analysis.transfer import delayed, value_at_rest, wall_transfer
 
@@ -58,15 +60,26 @@ def least_damping_delayed(transfer, period, delay_samples):
 
 
 def wall_damping_needed(stiffness, damping, period, velocity_lag=0.0, delay_samples=0.0):
-    """Least physical damping of a wall with a lagging velocity and any delay, whole or fractional [N s/m]."""
+    """Least physical damping of a wall with a lagging velocity and any delay, whole or fractional [N s/m].
+
+    Arguments broadcast.
+    """
+    found = _wall_damping_needed(stiffness, damping, period, velocity_lag, delay_samples)
+    return LeastDamping(*(one[()] for one in found))
+
+
+@functools.partial(np.vectorize, otypes=[float, float])
+def _wall_damping_needed(stiffness, damping, period, velocity_lag, delay_samples):
     return least_damping_delayed(wall_transfer(stiffness, damping, period, velocity_lag), period, delay_samples)
 
 
+@over_grids
 def largest_passive_stiffness(physical_damping, damping, period, velocity_lag=0.0, delay_samples=0.0):
     """Largest wall stiffness that a device with physical damping b still shows passively [N/m]; 0 if there is none.
 
-    The damping needed is a supremum of forms linear in K, hence convex in K; and it is at least KT/2, the mean of (1)
-    over θ for every delay and lag. So the passive stiffnesses form one interval that ends at 2b/T or below.
+    Arguments broadcast. The damping needed is a supremum of forms linear in K, hence convex in K; and it is at least
+    KT/2, the mean of (1) over θ for every delay and lag. So the passive stiffnesses form one interval that ends at 2b/T
+    or below.
     """
     positive("physical_damping", physical_damping, "N s/m")
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of the quantities that the analysis is given: one sentence with name, value, limit and unit, or silence."""
+"""Quantities that the analysis is given: refused in a sentence with name, value, limit and unit, or taken; or grids."""
+
+import functools
 
 import numpy as np
 
@@ -32,3 +34,9 @@ def _refuse_unless(good, name, value, limit, unit):
     if not np.all(good):
         unit = f" {unit}" if unit else ""
         raise ValueError(f"{name} is {value[~good].flat[0]:g}{unit}, but it {limit}{unit}")
+
+
+def over_grids(function):
+    """The same function of numbers for arrays of them, which broadcast; numbers give a number."""
+    many = np.vectorize(function, otypes=[float])
+    return functools.wraps(function)(lambda *given, **named: many(*given, **named)[()])

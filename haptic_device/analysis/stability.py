@@ -16,7 +16,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from haptic_device.analysis.delay import split_delay
-from haptic_device.analysis.quantity import finite, not_negative, positive
+from haptic_device.analysis.quantity import finite, not_negative, over_grids, positive
 from haptic_device.analysis.transfer import Transfer, wall_transfer
 
 
@@ -88,10 +88,11 @@ def stable_ranges(mass, physical_damping, damping, period, delay_samples=0.0, ve
     return ranges
 
 
+@over_grids
 def largest_stable_stiffness(mass, physical_damping, damping, period, delay_samples=0.0, velocity_lag=0.0):
     """The first stiffness at which stability is lost when K rises from 0 [N/m]; 0 if it is missing already there.
 
-    Stability may come back at larger K; `stable_ranges` tells.
+    Stability may come back at larger K; `stable_ranges` tells. Arguments broadcast.
     """
     ranges = stable_ranges(mass, physical_damping, damping, period, delay_samples, velocity_lag)
     return ranges[0][1] if ranges and ranges[0][0] == 0.0 else 0.0
