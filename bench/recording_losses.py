@@ -10,13 +10,13 @@ how two runs alike differ (median over all twos of runs with a recorder, and of 
 
 import argparse
 import contextlib
-import itertools
 import tempfile
 import time
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from paired import compared
 
 from haptic_device.analysis.recording import load
 from haptic_sim.cli.demo import Order, programs_of
@@ -86,11 +86,7 @@ def lost(bag):
 
 def verdict(rate, name, found):
     """A row: what the recorder adds to one figure of lateness, and how much two runs alike differ in it [us]."""
-    values = {recorded: [getattr(seen, name) for seen in runs] for recorded, runs in found.items()}
-    added = float(np.median(np.subtract(values[True], values[False])))
-    alike = [abs(a - b) for runs in values.values() for a, b in itertools.combinations(runs, 2)]
-    noise = float(np.median(alike)) if alike else float("nan")
-    within = "yes" if abs(added) <= noise else "NO" if alike else "one pair does not tell"
+    added, noise, within = compared(*([getattr(seen, name) for seen in found[recorded]] for recorded in (False, True)))
     return f"| {rate:.0f} | {name} | {added:+.1f} | {noise:.1f} | {within} |"
 
 

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the demo in pairs, without and with a viewer whose page a Chromium draws, and prints what the servo notices.
 
+For each figure median and range; how it differs with a page from that without, in the median over the pairs; and the
+noise, which is how two runs alike differ (median over all twos of runs with a page, and of runs without).
+
 python bench/viewer_disturbs.py [pairs] [seconds]   (needs the extra `browser` and a Chromium: make test-browser)
 """
 
@@ -15,6 +18,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import domain_coordinator
+from paired import compared
 from playwright.sync_api import sync_playwright
 
 sys.path.append(str(Path(__file__).parents[1] / "test" / "browser"))
@@ -22,11 +26,11 @@ from chromium import OPTIONS, find  # noqa: E402
 
 HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
 FIGURES = {
-    "missed ticks of 10000": lambda found: 1e4 * found["servo"]["missed"] / found["servo"]["ticks"],
-    "lateness p99 [us]": lambda found: found["servo"]["lateness_us"]["p99"],
-    "age p50 [ms]": lambda found: found["exchange"]["age_ms"]["p50"],
-    "age p99 [ms]": lambda found: found["exchange"]["age_ms"]["p99"],
-    "answered [%]": lambda found: 100.0 * found["exchange"]["answered"] / found["exchange"]["sent"],
+    "ticks missed of 10000": lambda found: 1e4 * found["servo"]["missed"] / found["servo"]["ticks"],
+    "lateness, 99 % [µs]": lambda found: found["servo"]["lateness_us"]["p99"],
+    "age of the tool sample, median [ms]": lambda found: found["exchange"]["age_ms"]["p50"],
+    "age of the tool sample, 99 % [ms]": lambda found: found["exchange"]["age_ms"]["p99"],
+    "samples answered [%]": lambda found: 100.0 * found["exchange"]["answered"] / found["exchange"]["sent"],
 }
 
 
@@ -59,6 +63,14 @@ def page(browser, domain, drawn):
         viewer.wait(20)
 
 
+def row(name, found):
+    """A figure without and with a page, what the page adds, and how much two runs alike differ."""
+    columns = [[FIGURES[name](one) for one in found[viewed]] for viewed in (False, True)]
+    shown = [f"{statistics.median(c):.2f} ({min(c):.2f} to {max(c):.2f})" for c in columns]
+    added, noise, within = compared(*columns)
+    return f"| {name} | {shown[0]} | {shown[1]} | {added:+.2f} | {noise:.2f} | {within} |"
+
+
 def main():
     pairs, seconds = (int(word) for word in [*sys.argv[1:], "6", "8"][:2])
     found, drawn = {False: [], True: []}, []
@@ -72,10 +84,8 @@ def main():
                     found[viewed].append(run(seconds, domain))
         browser.close()
     print(f"{pairs} pairs of {seconds} s in turn: median, and range")
-    for name, figure in FIGURES.items():
-        columns = [sorted(map(figure, found[viewed])) for viewed in (False, True)]
-        texts = [f"{statistics.median(c):8.3f} ({c[0]:.3f} to {c[-1]:.3f})" for c in columns]
-        print(f"{name:24} without page {texts[0]:32} with page {texts[1]}")
+    print("| what the servo notices | without page | with page | with less without | noise | within noise |")
+    print("\n".join(["|---|---|---|---|---|---|", *(row(name, found) for name in FIGURES)]))
     print(f"frames drawn per second at the end, viewer's share of a core [%]: {drawn}")
 
 

@@ -11,11 +11,17 @@ from haptic_device.analysis.cdr import cloud_layout, cloud_records
 from haptic_device.node.tap import Sample
 from haptic_device.node.wire import JointLayout
 from haptic_sim.node.showing import CONTACT, PERIOD_NS, Showing, state_names
-from haptic_sim.scene import Scene, load
+from haptic_sim.scene import Scene, load, parse
 from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.viewer import shapes
 from haptic_sim.viewer.feed import Feed
 
 GAINS = (2000.0, 2.0, 2.0, 0.002)
+GUIDED = {
+    "name": "guided",
+    "joints": [{"type": "slider", "bodies": ["world", "tool"], "at": [0.0, 0.0], "axis": [1.0, 0.0]}],
+    "tool": {"mass": 0.1, "shapes": [{"box": {"size": [0.02, 0.02]}}]},
+}  # fmt: skip
 
 
 class FakeNode:
@@ -119,6 +125,22 @@ def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
     FakeTap.waiting = {"scene": [types.SimpleNamespace(data="{no scene")]}
     feed.look()
     assert feed.scene is None and "cannot be read" in feed.problem and feed.frame()["tool"] is None
+
+
+def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns(monkeypatch):
+    simulation, handle = Simulation(parse(GUIDED, "guided")), (0.01, 0.0, 0.3)
+    for k in range(200):
+        simulation.exchange(HandleSample(1_000_000 * k, handle, (0.0, 0.0, 0.0), *GAINS))
+    node = FakeNode()
+    Showing(node).show(simulation, handle, 0)
+    monkeypatch.setattr("haptic_sim.viewer.feed.Tap", FakeTap)
+    feed = Feed(None)
+    FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
+    feed.look()
+    feed.statuses = {"haptic_driver": None}
+    frame = feed.frame()
+    assert frame["tool"] == pytest.approx((0.01, 0.0, 0.0), abs=1e-3)
+    assert frame["handle"] == handle and shapes.drawing(feed.scene)["joints"]
 
 
 def test_what_is_no_number_is_not_known(pressed, monkeypatch):

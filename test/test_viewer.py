@@ -3,8 +3,11 @@
 
 import asyncio
 import contextlib
+import itertools
 import json
 import math
+import subprocess
+import sys
 from socket import gethostname
 
 import aiohttp
@@ -247,6 +250,15 @@ def test_a_server_on_every_address_of_this_machine_is_found_at_the_address_that_
             return answer.status, no.status
 
     assert served(visit, host="0.0.0.0")[0] == (200, 403)
+
+
+@pytest.mark.parametrize(("host", "warned"), [("0.0.0.0", True), ("127.0.0.1", False)])
+def test_a_viewer_that_is_open_to_others_warns_before_it_prints_its_address(start, host, warned):
+    command = [sys.executable, "-m", "haptic_sim.cli.main", "view", "--host", host]
+    viewer = start(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    before = "".join(itertools.takewhile(lambda line: "open http" not in line, viewer.stdout))
+    assert viewer.poll() is None
+    assert (f"WARNING: it listens on {host}, in plain text" in before) is warned
 
 
 def test_tokens_are_new_each_time_and_long():

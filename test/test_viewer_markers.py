@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Markers show the scene where it is: outlines, poses, arrows as long as forces; messages carry the same numbers."""
 
+import importlib
 import math
+import sys
 import types
 
 import numpy as np
@@ -11,8 +13,7 @@ from haptic_device.node import wire_markers
 from haptic_sim.outline import Outline, combined
 from haptic_sim.scene import load, parse
 from haptic_sim.shape import turned
-from haptic_sim.viewer import markers, shapes, tuned
-from haptic_sim.viewer.beacon import Beacon
+from haptic_sim.viewer import beacon, markers, shapes, tuned
 
 SCENES = ("peg_in_hole", "wrench_on_nut", "four_bar", "zeno_ball", "wall", "ratchet", "slider", "hammer_nail")
 SPRUNG = {
@@ -134,13 +135,17 @@ def test_a_body_whose_place_is_not_known_is_left_out_with_its_joints():
 
 
 class Ear:
-    """In place of a node: `said` are the messages, while somebody listens."""
+    """In place of a node: `topics` are the messages of each, `said` the markers."""
 
     def __init__(self, listeners):
-        self.said, self._listeners = [], listeners
+        self.topics, self._listeners = {}, listeners
+
+    @property
+    def said(self):
+        return self.topics["markers"]
 
     def create_publisher(self, kind, topic, qos):
-        said = self.said if topic == "markers" else []
+        said = self.topics.setdefault(topic, [])
         return types.SimpleNamespace(publish=said.append, get_subscription_count=lambda: self._listeners)
 
 
@@ -160,14 +165,14 @@ def test_the_topic_shows_everything_that_is_known_and_nothing_that_is_not(known,
     bodies = [solid.pose for solid in shapes.solids(scene)[1:]]
     given = {"scene": scene, "walls": [(0.0, 1.0, 0.0)], "workspace": ((-0.1, 0.1), (-0.1, 0.1))} | known
     frame = {name: known.get(name, value) for name, value in {**FRAME, "bodies": bodies}.items()}
-    Beacon(ear, 30.0).show(given["scene"], frame, given["walls"], given["workspace"], 1.0)
+    beacon.Beacon(ear, 30.0).show(given["scene"], frame, given["walls"], given["workspace"], 1.0)
     assert {marker.ns for marker in ear.said[0].markers} == GROUPS - lacking
     assert len({(marker.ns, marker.id) for marker in ear.said[0].markers}) == len(ear.said[0].markers)
 
 
 def test_without_a_listener_no_marker_is_made():
     ear = Ear(0)
-    Beacon(ear, 30.0).show(load("peg_in_hole"), FRAME, [], None, 1.0)
+    beacon.Beacon(ear, 30.0).show(load("peg_in_hole"), FRAME, [], None, 1.0)
     assert ear.said == []
 
 
@@ -180,6 +185,53 @@ def test_the_message_carries_pose_points_and_colour():
     assert (message.pose.position.x, message.pose.position.y, turn) == pytest.approx((0.1, 0.2, 1.0))
     assert [(p.x, p.y, p.z) for p in message.points] == list(tool.points)
     assert message.color.a == pytest.approx(tool.colour[3])
+
+
+@pytest.fixture
+def tf(monkeypatch):
+    """tf(messages): as if `tf2_msgs.msg` were this module; None: as if it were not installed."""
+
+    def have(messages):
+        monkeypatch.setitem(sys.modules, "tf2_msgs.msg", messages)
+        _import_again()
+
+    yield have
+    monkeypatch.undo()
+    _import_again()
+
+
+def _import_again():
+    for module in (wire_markers, beacon):
+        importlib.reload(module)
+
+
+def carried(point, transform):
+    """Where a transform carries a point of the plane, by the rotation matrix of its quaternion."""
+    q, place = transform.rotation, transform.translation
+    c, s = q.w**2 - q.z**2, 2.0 * q.w * q.z
+    return (place.x + c * point[0] - s * point[1], place.y + s * point[0] + c * point[1])
+
+
+@pytest.mark.parametrize("handle", (FRAME["handle"], None))
+def test_frames_carry_the_tool_to_where_the_scene_has_it_and_leave_out_what_is_not_known(tf, handle):
+    tf(types.SimpleNamespace(TFMessage=types.SimpleNamespace))
+    ear, scene, pose = Ear(0), load("wrench_on_nut"), (0.1, 0.2, 2.5)
+    beacon.Beacon(ear, 30.0).show(scene, {**FRAME, "handle": handle, "tool": pose}, [], None, 1.0)
+    [message] = ear.topics["/tf"]
+    found = {one.child_frame_id: one.transform for one in message.transforms}
+    assert set(found) == {"haptic_base", "tool", *(["handle"] if handle else [])}
+    assert {one.header.frame_id for one in message.transforms} == {"haptic_world"}
+    assert carried((0.3, 0.4), found["haptic_base"]) == (0.3, 0.4)
+    for corner in (corner for outline in scene.tool.outlines for corner in outline.vertices):
+        assert carried(corner, found["tool"]) == pytest.approx(turned(corner, pose), abs=1e-12)
+
+
+def test_without_the_messages_of_tf_no_frame_is_made(tf):
+    tf(None)
+    ear = Ear(1)
+    beacon.Beacon(ear, 30.0).show(load("peg_in_hole"), {**FRAME, "bodies": [(0.0, 0.0, 0.0)]}, [], None, 1.0)
+    assert set(ear.topics) == {"markers"} and ear.said
+    assert wire_markers.frames(0, "haptic_world", {"tool": (0.0, 0.0, 0.0)}) is None
 
 
 @pytest.mark.parametrize("name", SCENES)

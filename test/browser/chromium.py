@@ -7,10 +7,10 @@ import subprocess
 import sys
 
 NAMES = ("chromium", "chromium-browser", "google-chrome-stable", "google-chrome")
-# A sandbox of its own needs rights that root in a container lacks; the rest keeps it from calling anybody.
+# A sandbox of its own needs rights that root in a container lacks; the rest keeps it from calling anybody, and silent.
 OPTIONS = (
     "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
+    "--disable-component-update", "--disable-sync", "--disable-audio-output",
 )  # fmt: skip
 
 

@@ -2,12 +2,15 @@
 """People before the page: a real Chromium, the live nodes behind it. Run by `make test-browser`, in this order."""
 
 import http.client
+import math
 import re
 import statistics
+import subprocess
 import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import numpy as np
 import psutil
 import pytest
 from axe_playwright_python.sync_playwright import Axe
@@ -163,6 +166,18 @@ def test_what_is_pressed_without_a_connection_is_said_and_a_stop_goes_with_the_n
     far.page.close()
 
 
+def test_the_tone_is_off_until_it_is_asked_for_and_then_as_loud_as_the_force(tab):
+    tone, force = "document.documentElement.dataset.tone", "parseFloat(document.getElementById('force').textContent)"
+    tab.engage()
+    tab.until(f"{tone} === ''")
+    tab.page.check("#tone")
+    tab.until(f"{tone} !== '' && Math.abs({tone} - 0.3 / 15 * {force}) < 0.004")
+    push_down(tab)
+    tab.until(f"{tone} > 0.03 && Math.abs({tone} - 0.3 / 15 * {force}) < 0.004")
+    tab.page.uncheck("#tone")
+    tab.until(f"{tone} === ''")
+
+
 def test_the_keyboard_alone_stops_resets_engages_and_turns(tab, listener):
     tab.engage()
     push_down(tab)
@@ -188,6 +203,17 @@ def test_the_keyboard_alone_stops_resets_engages_and_turns(tab, listener):
     tab.page.keyboard.down("Space")
     listener.until(lambda: listener.truths[-1][1].position[5] < before + 0.05)
     tab.page.keyboard.up("Space")
+
+
+def test_the_wheel_turns_the_hand_by_a_degree_a_notch_and_moves_it_nowhere(tab, listener):
+    tab.until_text("state", "^engaged$")
+    tab.page.wait_for_timeout(500.0)  # the hand rests
+    before = np.array(listener.truths[-1][1].position[3:6])
+    tab.page.mouse.move(*tab.middle())
+    for notches in (-3, 3):
+        tab.page.mouse.wheel(0, 100 * notches)
+        there = before + [0.0, 0.0, math.radians(max(0, -notches))]
+        listener.until(lambda there=there: np.abs(listener.truths[-1][1].position[3:6] - there).max() < 1e-6)
 
 
 def test_gains_beyond_the_damping_are_refused_with_the_drivers_sentence(tab):
@@ -286,6 +312,19 @@ def test_a_page_that_only_looks_on_shows_all_and_moves_nothing(system, chromium,
     })""")
     assert len(listener.targets) == heard
     tab.page.close()
+
+
+def test_a_simulation_that_is_killed_and_started_by_somebody_else_is_shown_again(system, tab, start):
+    tab.until_text("state", "^engaged$")
+    [simulation] = [child for child in psutil.Process(system.process.pid).children()
+                    if "haptic_sim.node.simulation" in child.cmdline()]  # fmt: skip
+    words, around = simulation.cmdline(), simulation.environ()
+    simulation.kill()
+    tab.until("document.getElementById('result_insertion_fraction').textContent === '–'")
+    tab.until_text("banner", "haptic_simulation ended with exit code -9")
+    start(words, env=around, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    tab.until("Number.isFinite(Number(document.getElementById('result_insertion_fraction').textContent))")
+    tab.until_text("state", "^engaged$")
 
 
 def test_nodes_that_start_again_are_found_again(tab, listener):

@@ -174,6 +174,6 @@ function showRates() {
   const received = link.received - receivedBefore;
   drawnBefore = count;
   receivedBefore = link.received;
-  Object.assign(document.documentElement.dataset, { drawn, received, cpu: own?.cpu ?? "" });
+  Object.assign(document.documentElement.dataset, { drawn, received, cpu: own?.cpu ?? "", tone: tone.gain ?? "" });
   put("rates", `${received} frames/s received, ${drawn} drawn; viewer takes ${own ? Math.round(100 * own.cpu) : "–"} % of a core, ${own?.pages ?? 0} pages`);
 }

@@ -23,6 +23,11 @@ export class Tone {
     this.voice = this.loudness = null;
   }
 
+  // Between 0 and 1; null while it is off.
+  get gain() {
+    return this.loudness?.gain.value ?? null;
+  }
+
   // force [N]
   set(force) {
     this.loudness?.gain.setTargetAtTime(Math.min(1, force / FULL) * 0.3, this.audio.currentTime, 0.02);
