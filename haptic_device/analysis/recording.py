@@ -7,7 +7,8 @@ Clocks: `deadline` in the trace is CLOCK_MONOTONIC [ns]; stamps, received and pu
 
 import functools
 import importlib
-from collections.abc import Iterable, Mapping
+import sys
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -321,7 +322,7 @@ def _named_statuses(message, time: int) -> list[tuple[str, Status]]:
 
 
 def _status(said, time: int) -> Status:
-    values = {pair.key: pair.value for pair in said.values}
+    values = {sys.intern(pair.key): pair.value for pair in said.values}  # the same few in thousands of messages
     return Status(time, int(said.level), said.message, values, said.hardware_id)
 
 
@@ -329,16 +330,17 @@ def _marks(topic: Topic | None, notes: list[str]) -> tuple[Mark, ...]:
     return tuple(Mark(time, message.data) for time, message in _messages(topic, notes, MARK))
 
 
-def _messages(topic: Topic | None, notes: list[str], name: str) -> list[tuple[int, Any]]:
+def _messages(topic: Topic | None, notes: list[str], name: str) -> Iterator[tuple[int, Any]]:
     """(received, message) of a topic whose messages were kept; those that cannot be read are noted and left out."""
     if topic is None or not isinstance(topic.collector, Keep):
-        return []
-    found, broken = [], 0
+        return
+    broken = 0
     for data, time in zip(topic.collector.data, topic.times.received.tolist(), strict=True):
         try:
-            found.append((time, _types().deserialize_cdr(data, topic.type_name)))
+            message = _types().deserialize_cdr(data, topic.type_name)
         except Exception:  # whatever a message of another version makes the decoder say
             broken += 1
+            continue
+        yield time, message
     if broken:
         notes.append(f"topic {name}: {broken} messages cannot be read")
-    return found
