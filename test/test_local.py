@@ -12,9 +12,13 @@ from haptic_device.analysis import contact_search
 from haptic_device.analysis import exchange_search as adversary
 from haptic_device.device import load_device
 from haptic_device.law import contact, local, servo
+from haptic_device.node import wire
+from haptic_device.node.bag import Bag
 from haptic_device.node.declared import NODES
+from haptic_device.runtime import recompute
 from haptic_sim.cli import local_felt
 from haptic_sim.cli.local_felt import FINE, NETWORKS, compare
+from haptic_sim.cli.replay import replay
 from haptic_sim.lockstep import Network
 from haptic_sim.scene import load
 from haptic_sim.solid import Material
@@ -172,3 +176,36 @@ def test_a_set_of_contacts_keeps_the_modes_of_those_that_were_there():
     new["table"][0, 3, contact.IDENTITY] = 7.0
     local.take(memory[0], new[0])
     assert memory["rows"][0, 0, 11] == 1.0 and memory["rows"][0, 3, 11] == 0.0
+
+
+def points_of(sets):
+    """What `local_contacts` carries of these sets."""
+    points = np.zeros((len(sets), contact.MOST), wire.NEAR)
+    for name in contact.COMMON:
+        points[name] = sets[name][:, None]
+    for place, name in enumerate(contact.EACH):
+        points[name] = sets["table"][:, :, place]
+    points["answered"] = sets["number"][:, None]
+    return points.ravel()
+
+
+def written(folder, **topics):
+    """A bag with one message of each topic's records."""
+    bag = Bag(folder)
+    for topic, records in topics.items():
+        channel = bag.add_topic(f"/haptic/{topic}", "sensor_msgs/msg/PointCloud2", [])
+        bag.write(channel, wire.CloudLayout(records.dtype).pack(0, records), 1, 1, 1)
+    bag.close({})
+    return folder
+
+
+def test_the_ticks_of_a_bag_are_computed_again_with_the_contacts_in_it_and_not_without(tmp_path, capsys):
+    system = demo_system("local", "wall", Network(1e-3), PRESS)
+    topics = {"snapshot": recompute.snapshot_of(-1, system.settings[0], system.memory[0])}
+    rows, sets = zip(*((system.run(250e-6), system.near.copy()) for _ in range(4000)), strict=True)
+    topics["trace"] = np.concatenate(rows)
+    assert topics["trace"]["local"][-1] == 1.0 and topics["trace"]["force_coupling"][-1, 0] > 1.0
+    replay(written(tmp_path / "whole", **topics, local_contacts=points_of(np.concatenate(sets))), check=True)
+    assert capsys.readouterr().out == "4000 ticks computed again are the same to the bit\n"
+    with pytest.raises(ValueError, match="ticks differ"):
+        replay(written(tmp_path / "bare", **topics), check=True)

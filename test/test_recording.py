@@ -19,8 +19,11 @@ from rosbags.highlevel import AnyReader
 from haptic_device.analysis import summary
 from haptic_device.analysis.cdr import joint_arrays, joint_layout
 from haptic_device.analysis.columns import Entries
-from haptic_device.analysis.recording import TRACE_UNITS, load
+from haptic_device.analysis.recording import ENTRY_UNITS, TRACE_UNITS, load
 from haptic_device.node.bag import Bag
+from haptic_device.node.wire import StampedLayout
+
+WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
 
 
 @pytest.fixture(scope="module")
@@ -278,6 +281,85 @@ def test_every_column_of_the_trace_has_its_unit_or_counts():
     counted += " cancellation_fade injections state fault warmth"
     counted += " local local_fallbacks local_stays local_pivots"
     assert plain == set(counted.split())
+
+
+def test_every_entry_of_a_joint_state_is_an_axis_or_has_its_unit_or_counts():
+    from haptic_device.node.wire import exchange_names, truth_names
+
+    others = {*exchange_names(3), *truth_names(3)} - {*AXES, *(f"motor_{axis}" for axis in AXES)}
+    counted = "layout_version session sequence answered_session answered exchange_method gains_hash contact motion_done"
+    assert others - set(ENTRY_UNITS) == set(counted.split())
+    assert (ENTRY_UNITS["energy_given"], ENTRY_UNITS["stiffness"], ENTRY_UNITS["damping"]) == ("J", "N/m", "N s/m")
+
+
+def stamped(kind, frame, stamp_ns, *numbers):
+    """A serialized WrenchStamped or PoseStamped with these numbers after its header."""
+    message = TYPES.deserialize_cdr(StampedLayout(len(numbers), frame).pack(stamp_ns, numbers), kind)
+    return bytes(TYPES.serialize_cdr(message, kind))
+
+
+@pytest.mark.parametrize("frame", ["", "haptic_base", "a"])
+def test_wrench_and_pose_come_back_by_the_names_of_their_fields(tmp_path, frame):
+    force, pose = np.arange(6) + 0.5, np.arange(7) - 0.25
+    bag = Bag(tmp_path / "run")
+    for topic, kind, numbers in (("wrench", WRENCH, force), ("pose", POSE, pose)):
+        channel = bag.add_topic(f"/haptic/{topic}", kind, [])
+        for sequence in (1, 2, 3):
+            bag.write(channel, stamped(kind, frame, sequence * 10**9 + 7, *sequence * numbers), 1, 1, sequence)
+    state = joints(("time",), [1.0], 0)
+    bag.write(bag.add_topic("/haptic/operator/state", JOINTS, []), state, 1, BOOT_TO_EPOCH + 10**9, 1)
+    bag.close({})
+    recording = load(tmp_path / "run")
+    wrench, place = recording.joint("wrench"), recording.joint("pose")
+    assert wrench.names[2:4] == ("force.z", "torque.x") and place.names[-1] == "orientation.w"
+    assert np.array_equal(wrench.effort, np.outer((1, 2, 3), force)) and wrench.position.size == 0
+    assert np.array_equal(place.position, np.outer((1, 2, 3), pose)) and place.velocity.size == 0
+    assert np.array_equal(place.stamp, [10**9 + 7, 2 * 10**9 + 7, 3 * 10**9 + 7])
+    assert set(recording.columns("wrench")) == {"time", *(f"{name}.effort" for name in wrench.names)}
+
+
+def test_a_wrench_cut_off_is_left_out_and_the_rest_is_read(tmp_path):
+    bag = Bag(tmp_path / "run")
+    bag.write(bag.add_topic("/haptic/wrench", WRENCH, []), stamped(WRENCH, "", 0, *range(6))[:-8], 1, 1, 1)
+    bag.write(bag.add_topic("/haptic/encoder", JOINTS, []), joints(("x",), [1.0], 0), 1, 1, 1)
+    bag.close({})
+    recording = load(tmp_path / "run")
+    assert set(recording.joints) == {"encoder"} and "topic /haptic/wrench is left out" in recording.notes[0]
+
+
+_WITHOUT_ROS = """
+import sys
+
+ROS = ("rclpy", "rpyutils", "rosidl", "ament", "domain_coordinator", "builtin_interfaces", "rcl_interfaces")
+
+class NoRos:
+    def find_spec(self, name, path=None, target=None):
+        top = name.split(".")[0]
+        if top.startswith(ROS) or top.endswith(("_msgs", "_srvs")):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, NoRos())
+for name in ("rclpy", "sensor_msgs"):
+    try:
+        __import__(name)
+    except ModuleNotFoundError:
+        continue
+    sys.exit(f"{name} can be imported all the same")
+from haptic_device.analysis.recording import load
+from haptic_sim.cli.main import main
+
+recording = load(sys.argv[1])
+assert recording.to_dataframe("trace")["position.x"].std() > 0 and recording.joint("handle").entry("stiffness")[0] > 0
+sys.argv[1:] = ["report", sys.argv[1], "--out", sys.argv[2]]
+main()
+"""
+
+
+def test_a_bag_is_read_and_reported_where_nothing_of_ros_can_be_imported(run, tmp_path):
+    words = [sys.executable, "-c", _WITHOUT_ROS, str(run), str(tmp_path / "report")]
+    ended = subprocess.run(words, capture_output=True, text=True, timeout=100)
+    assert ended.returncode == 0, ended.stderr
+    assert (tmp_path / "report" / "report.html").stat().st_size > 100_000
 
 
 def test_only_what_is_asked_for_is_read_and_in_the_type_asked_for(run):

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+PARTS = ("position", "velocity", "effort")
 _ENCAPSULATION = 4
 _FORMATS = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}  # sensor_msgs/PointField
 
@@ -74,6 +75,21 @@ def joint_layout(data: bytes) -> JointLayout:
     if any(count not in (0, len(names)) for _, count in arrays) or cursor.at > len(data):
         raise ValueError(f"a JointState of {len(names)} names has arrays of other lengths")
     return JointLayout(names, head, arrays, len(data))
+
+
+def stamped_layout(names: tuple[str, ...], part: str, data: bytes) -> JointLayout:
+    """Layout of a header and then one float64 for each name (a WrenchStamped, a PoseStamped), taken for one part."""
+    try:
+        cursor = _Cursor(data)
+        cursor.at += 8  # stamp
+        cursor.text()
+    except (struct.error, UnicodeDecodeError) as error:
+        raise ValueError(f"a message of {len(data)} bytes has no header ({error})") from error
+    head = data[_ENCAPSULATION + 8 : cursor.at]
+    cursor.align(8)
+    if cursor.at + 8 * len(names) > len(data):
+        raise ValueError(f"a message of {len(data)} bytes has not all of {', '.join(names)}")
+    return JointLayout(names, head, tuple((cursor.at, len(names) * (one == part)) for one in PARTS), len(data))
 
 
 class CloudLayout(NamedTuple):

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Collectors that turn serialized messages into arrays: JointStates by entry, clouds of records by column."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from haptic_device.analysis.cdr import (
+    PARTS,
+    JointLayout,
     cloud_layout,
     cloud_records,
     joint_arrays,
@@ -13,8 +16,6 @@ from haptic_device.analysis.cdr import (
     same_layout,
     stamp_of,
 )
-
-PARTS = ("position", "velocity", "effort")
 
 
 class Entries(NamedTuple):
@@ -27,20 +28,21 @@ class Entries(NamedTuple):
 class JointColumns:
     """Stamps and position, velocity, effort of a JointState topic; of the entries wanted, or of all.
 
-    kept: for each message whether it had the layout of the first; the others are left out.
+    layout_of: finds the layout in the first message. kept: for each message whether it had that layout too; the others
+    are left out.
     """
 
-    def __init__(self, entries: Entries | None = None):
-        self._wanted = entries
+    def __init__(self, entries: Entries | None = None, layout_of: Callable[[bytes], JointLayout] = joint_layout):
+        self._wanted, self._layout_of = entries, layout_of
         self._layout = None
         self._parts: list[np.ndarray] = []
         self._count = 0
         self._kept: list[np.ndarray] = []
 
     def add(self, data: list[bytes]) -> None:
-        """Takes the next messages. Raises ValueError if the first of all is no JointState."""
+        """Takes the next messages. Raises ValueError if the first of all has no such layout."""
         if self._layout is None:
-            self._layout = joint_layout(data[0])
+            self._layout = self._layout_of(data[0])
             everything = self._layout.names
             wanted = Entries(everything) if self._wanted is None else self._wanted
             self.names = tuple(name for name in everything if name in wanted.names)

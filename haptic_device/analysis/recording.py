@@ -7,7 +7,8 @@ Clocks: `deadline` in the trace is CLOCK_MONOTONIC [ns]; stamps, received and pu
 
 import functools
 import importlib
-from collections.abc import Iterable, Mapping
+import sys
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,11 +17,22 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
 from haptic_device.analysis.bagfile import Keep, Topic, read
-from haptic_device.analysis.columns import CloudColumns, JointColumns
+from haptic_device.analysis.cdr import stamped_layout
+from haptic_device.analysis.columns import CloudColumns, Entries, JointColumns
 from haptic_device.skipped import Skipped
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
 PORT_UNITS = {"position": "m | rad", "velocity": "m/s | rad/s", "effort": "N | N·m"}
+ENTRY_UNITS = {  # of a JointState's entries that are no axes, in their position; the others count
+    "energy_given": "J",
+    "time": "s, CLOCK_MONOTONIC",
+    "energy": "J",
+    "stiffness": "N/m",
+    "damping": "N s/m",
+    "rotational_stiffness": "N m/rad",
+    "rotational_damping": "N m s/rad",
+    **{f"orientation.{axis}": "1" for axis in "xyzw"},
+}
 TRACE_UNITS = {
     "deadline": "ns, CLOCK_MONOTONIC",
     "latched": "ns, CLOCK_MONOTONIC",
@@ -50,11 +62,21 @@ TRACE_UNITS = {
 MARK = "mark"
 _JOINT_STATE, _CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 _STRING = "std_msgs/msg/String"
+_STAMPED = {  # fields after the header, and the part of a Joints that they are
+    "geometry_msgs/msg/WrenchStamped": ("force.x force.y force.z torque.x torque.y torque.z", "effort"),
+    "geometry_msgs/msg/PoseStamped": (
+        "position.x position.y position.z orientation.x orientation.y orientation.z orientation.w", "position"
+    ),
+}  # fmt: skip
 _SECOND = 1_000_000_000
 
 
 class Joints(NamedTuple):
-    """A JointState topic: arrays (messages, names); times in ns of the system clock; units as PORT_UNITS."""
+    """A JointState topic: arrays (messages, names); times in ns of the system clock; units as PORT_UNITS, ENTRY_UNITS.
+
+    The position of `motor` is its command in motor units. `wrench` has an effort only and `pose` a position only, each
+    by the names of the message's fields.
+    """
 
     names: tuple[str, ...]
     stamp: np.ndarray
@@ -165,8 +187,9 @@ class Recording:
     def _flat_joints(self, topic: str) -> dict[str, np.ndarray]:
         joints = self.joint(topic)
         flat = {"time": self.monotonic(joints.stamp) * 1e-9}
+        parts = [part for part in PORT_UNITS if getattr(joints, part).shape[1]]  # those that were read
         for index, name in enumerate(joints.names):
-            flat |= {f"{name}.{part}": getattr(joints, part)[:, index] for part in PORT_UNITS}
+            flat |= {f"{name}.{part}": getattr(joints, part)[:, index] for part in parts}
         return flat
 
     def _named(self, found: dict, topic: str):
@@ -244,12 +267,19 @@ class _Guard:
 
 def _collector(topic: str, type_name: str, only, failed):
     short = next((name for name in only or () if topic.endswith(f"/{name}")), None)
-    kinds = {_JOINT_STATE: JointColumns, _CLOUD: CloudColumns}
     if topic == "/diagnostics" or type_name == _STRING:
         return Keep()
-    if type_name not in kinds or (only is not None and short is None):
+    if only is not None and short is None:
         return None
-    return _Guard(topic, kinds[type_name](only[short] if only else None), failed)
+    wanted = only[short] if only else None
+    if type_name == _JOINT_STATE:
+        return _Guard(topic, JointColumns(wanted), failed)
+    if type_name in _STAMPED:
+        fields, part = _STAMPED[type_name]
+        names = tuple(fields.split())
+        layout_of = functools.partial(stamped_layout, names, part)
+        return _Guard(topic, JointColumns(wanted or Entries(names, (part,)), layout_of), failed)
+    return _Guard(topic, CloudColumns(wanted), failed) if type_name == _CLOUD else None
 
 
 def _is(topic: Topic, kind: type) -> bool:
@@ -321,7 +351,7 @@ def _named_statuses(message, time: int) -> list[tuple[str, Status]]:
 
 
 def _status(said, time: int) -> Status:
-    values = {pair.key: pair.value for pair in said.values}
+    values = {sys.intern(pair.key): pair.value for pair in said.values}  # the same few in thousands of messages
     return Status(time, int(said.level), said.message, values, said.hardware_id)
 
 
@@ -329,16 +359,17 @@ def _marks(topic: Topic | None, notes: list[str]) -> tuple[Mark, ...]:
     return tuple(Mark(time, message.data) for time, message in _messages(topic, notes, MARK))
 
 
-def _messages(topic: Topic | None, notes: list[str], name: str) -> list[tuple[int, Any]]:
+def _messages(topic: Topic | None, notes: list[str], name: str) -> Iterator[tuple[int, Any]]:
     """(received, message) of a topic whose messages were kept; those that cannot be read are noted and left out."""
     if topic is None or not isinstance(topic.collector, Keep):
-        return []
-    found, broken = [], 0
+        return
+    broken = 0
     for data, time in zip(topic.collector.data, topic.times.received.tolist(), strict=True):
         try:
-            found.append((time, _types().deserialize_cdr(data, topic.type_name)))
+            message = _types().deserialize_cdr(data, topic.type_name)
         except Exception:  # whatever a message of another version makes the decoder say
             broken += 1
+            continue
+        yield time, message
     if broken:
         notes.append(f"topic {name}: {broken} messages cannot be read")
-    return found

@@ -150,7 +150,8 @@ class Run:
         for axis, (position, velocity, force) in parts.items():
             tool = self._held_to(AXES.index(axis), place)
             held = self._held(time, tool, position)
-            stretch = position - tool, velocity - np.gradient(tool, time)
+            with np.errstate(divide="ignore", invalid="ignore"):  # a state published twice: no number, and left out
+                stretch = position - tool, velocity - np.gradient(tool, time)
             for kind, chosen, way in (
                 ("contact", touch & held & engaged, stretch),
                 ("free", ~touch & engaged, (position, velocity)),

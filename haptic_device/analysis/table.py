@@ -158,7 +158,12 @@ def _trial(run: Run):
 
 def _three(found: dict, unit: str) -> str:
     values = [found[name] for name in ("p50", "p99", "max")]
-    return MISSING if None in values else ", ".join(f"{value:.3g}" for value in values) + f" {unit}"
+    return MISSING if None in values else ", ".join(map(_plain, values)) + f" {unit}"
+
+
+def _plain(value: float) -> str:
+    """Three digits, and whole numbers rather than a power of ten."""
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
 
 
 def _plus(estimate: Estimate, unit: str) -> str:

@@ -68,7 +68,7 @@ def _check(bag: Path, namespace: str | None) -> None:
     from haptic_device.analysis.recording import load
     from haptic_sim.recompute import verdict_on
 
-    recording = load(bag, namespace, {"trace": None, "snapshot": None})
+    recording = load(bag, namespace, dict.fromkeys(("trace", "snapshot", "local_contacts")))
     if "snapshot" not in recording.clouds:
         raise ValueError(f"bag {bag} has no snapshot of the servo's settings: its ticks cannot be computed again")
     found = verdict_on(recording.trace, recording.clouds["snapshot"], recording.clouds.get("local_contacts"))
