@@ -52,6 +52,11 @@ class Felt(NamedTuple):
     sets: int
     missed: int = 0
 
+    @property
+    def steady(self) -> bool:
+        """Whether the handle rested in the wall: no coupling is felt stiffer than it is."""
+        return 0.0 < self.stiffness <= 1.05 * self.coupling
+
 
 class Ran(NamedTuple):
     """Rows of a run's ticks; energy given to the operator [J]; sets of local contacts taken."""
@@ -80,22 +85,22 @@ def measure(rate: float, method: str, live: bool = False, coupling: float | None
     )  # fmt: skip
 
 
-def compare(scene: str | Scene, network: Network, rate: float, live: bool = False, axis: dict | None = None
-            ) -> dict[str, float]:  # fmt: skip
+def compare(scene: str | Scene, network: Network, rate: float, live: bool = False, axis: dict | None = None,
+            params: str = "demo") -> dict[str, float]:  # fmt: skip
     """A scene's own motion with `local` against the synchronous solution: the same handle, world and tool in one step.
 
     tool: RMS of the way between the two [m]; force: RMS of the difference at the handle, of the force's own; mean: of
     the forces' magnitudes, as a ratio; rough: RMS of the force above 100 Hz, of its own; smooth: of the reference's.
-    axis: what the device's axes have otherwise.
+    axis: what the device's axes have otherwise; params: operating point.
     """
     scene = load(scene) if isinstance(scene, str) else scene
     motion = {f"motion.{key}": value for key, value in scene.motion.items()}
-    seconds, driver = float(motion["motion.duration"]), operating_point()["haptic_driver"]
+    seconds, driver = float(motion["motion.duration"]), operating_point(params)["haptic_driver"]
     soon = {name: driver[name] for name in PATIENT} if live else {}  # the tool is held before the motion begins
-    ran = run(scene, "local", network, rate, soon, motion, axis, seconds, live)
+    ran = run(scene, "local", network, rate, soon, motion, axis, seconds, live, params=params)
     rows = ran.rows
     period = float(np.median(np.diff(rows.deadline))) * 1e-9
-    place, force = synchronous(scene, rows, period)
+    place, force = synchronous(scene, rows, period, driver)
     late = slice(len(rows) // 4, None)
     here, there = rows.force_coupling[late, :2], force[late, :2]
     return {
@@ -133,20 +138,19 @@ def _held(rows):
     return float(rows.position[:, 0].mean()), float(-rows.force_coupling[:, 0].mean())
 
 
-def operating_point() -> dict[str, dict]:
-    """Values of all nodes' parameters at the demo's operating point."""
-    stated = read_operating_point(find("", "demo"), NODES)
+def operating_point(params: str = "demo") -> dict[str, dict]:
+    """Values of all nodes' parameters at an operating point."""
+    stated = read_operating_point(find("", params), NODES)
     return {node: {one.name: one.default for one in NODES[node]} | stated.get(node, {}) for node in NODES}
 
 
-def synchronous(scene, rows, period: float):
+def synchronous(scene, rows, period: float, driver: dict):
     """Place of the tool and force on the handle (n, 3) where the world is stepped with every tick of the servo.
 
     It begins when the simulation's own does, with the first tool sample.
     """
-    gains = operating_point()["haptic_driver"]
     world = make("partitioned", scene, period)
-    world.couple(Coupling(*(float(gains[f"coupling.{name}"]) for name in GAINS)))
+    world.couple(Coupling(*(float(driver[f"coupling.{name}"]) for name in GAINS)))
     place, force = np.zeros((2, len(rows), 3))
     for k, (position, velocity) in enumerate(zip(rows.position.tolist(), rows.velocity.tolist(), strict=True)):
         if rows.tool_age[k] >= 0.0:
@@ -156,19 +160,19 @@ def synchronous(scene, rows, period: float):
 
 
 def run(scene, method, network, exchange_rate, given, motion, axis=None, seconds=SECONDS, live=False,
-        after=0.0) -> Ran:  # fmt: skip
-    """A motion in a scene, or in one by name, and some time after it [s], at the demo's operating point.
+        after=0.0, params="demo") -> Ran:  # fmt: skip
+    """A motion in a scene, or in one by name, and some time after it [s], at an operating point.
 
     axis: what the device's axes have otherwise. live: on running nodes, whose network is what it is; else in lock-step.
     """
-    values = operating_point()
+    values = operating_point(params)
     device = load_device(values["haptic_driver"]["device"])
     device = device.model_copy(update={"axes": tuple(one.model_copy(update=axis or {}) for one in device.axes)})
     scene = load(scene) if isinstance(scene, str) else scene
     motion = motion | {"motion.duration": seconds}
     asked = PATIENT | {"exchange.rate": exchange_rate} | given
     if live:
-        return Ran(*local_live.run(scene, method, device, asked, motion, seconds + after))
+        return Ran(*local_live.run(scene, method, device, asked, motion, seconds + after, params))
     driver = values["haptic_driver"] | asked | {"exchange.method": method}
     simulation = Simulation(scene, None, 0.5, port=port_of(method))
     system = Lockstep(device, driver, values["haptic_loopback"] | motion, simulation, network)
