@@ -35,12 +35,13 @@ SOFT = 1e-5  # [m/N] of the contacts in Fig. 5; at rest one is a spring of LEAVI
 HAND = 1.0  # [N m/rad] of the hand, behind which a rotation gain stands
 PULLS = (5e-5, 4.5e-4)  # [m] of the hand beyond the free play
 PULLING = 2.0  # [s]
+STEADY = 0.1  # RMS of a force about its mean, of that, below which it is a steady one
 
 
 class Felt(NamedTuple):
     """Stiffness felt at the wall and of the coupling [N/m]; drag [N s/m] and mass [kg] in free space; energy given
     [J]; share of the time in which the servo's own tool was used, from its first use on; median age of the tool sample
-    [s]; sets of local contacts taken; ticks missed."""
+    [s]; sets of local contacts taken; ticks missed; RMS of the force at the wall about its mean, of that."""
 
     stiffness: float
     coupling: float
@@ -51,11 +52,12 @@ class Felt(NamedTuple):
     age: float
     sets: int
     missed: int = 0
+    swing: float = 0.0
 
     @property
     def steady(self) -> bool:
-        """Whether the handle rested in the wall: no coupling is felt stiffer than it is."""
-        return 0.0 < self.stiffness <= 1.05 * self.coupling
+        """Whether the handle rested in the wall: force over depth is no stiffness where it shakes."""
+        return self.swing < STEADY
 
 
 class Ran(NamedTuple):
@@ -76,12 +78,14 @@ def measure(rate: float, method: str, live: bool = False, coupling: float | None
     pressed, led = (run(scene, method, *NETWORKS["1 kHz"], given, motion, FINE, live=live)
                     for scene, motion in (("wall", PRESS), ("free_space", CIRCLE)))  # fmt: skip
     held = pressed.rows[int(0.55 * len(pressed.rows)) : int(0.68 * len(pressed.rows))]
-    felt = float(held.force_coupling[:, 0].mean() / (0.01 - held.position[:, 0].mean()))
+    force = held.force_coupling[:, 0]
+    felt = float(force.mean() / (0.01 - held.position[:, 0].mean()))
     acted = np.concatenate([rows.local[np.argmax(rows.local > 0.0) :] for rows in (pressed.rows, led.rows)])
     return Felt(
         felt, stiffness, *drag(led.rows), max(pressed.given, led.given), float(acted.mean()),
         float(np.median(led.rows.tool_age)), pressed.sets + led.sets,
         sum(int(rows.missed[-1] - rows.missed[0]) for rows in (pressed.rows, led.rows)),
+        float(force.std() / abs(force.mean())),
     )  # fmt: skip
 
 
