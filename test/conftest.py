@@ -30,7 +30,7 @@ STOLEN = 0.05  # [s] of the processors' time: as much may the host take while a 
 WAKE = 10.0  # [s] before the test that are looked at as well: nodes shared with earlier tests remember a spell as long
 RUNS = 3  # of such a test, at most
 PATIENCE = 60.0  # [s] before each of them, at most, for the host to leave the processors alone
-AGAIN, LOOKS = [], []
+LAST_LINES, LOOKS = [], []
 
 
 def stolen():
@@ -51,7 +51,7 @@ def pytest_runtest_protocol(item, nextitem):
         taken = stolen() - before
         if not left or taken <= STOLEN or not any(report.failed for report in reports):
             break
-        AGAIN.append(f"{item.nodeid} was run again: it failed while the host took {taken:.2f} s of the processors")
+        LAST_LINES.append(f"{item.nodeid} was run again: it failed while the host took {taken:.2f} s of the processors")
         _afresh(item)
     for report in reports:
         item.ihook.pytest_runtest_logreport(report=report)
@@ -94,9 +94,15 @@ def _wait_for_the_host():
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Which tests were run again."""
-    for line in AGAIN:
+    """Which tests were run again, and what tests say of the machine."""
+    for line in dict.fromkeys(LAST_LINES):
         terminalreporter.write_line(line)
+
+
+@pytest.fixture
+def last_lines():
+    """Lines that end what the run prints, each once."""
+    return LAST_LINES
 
 
 @pytest.fixture(scope="session", autouse=True)

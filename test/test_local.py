@@ -20,11 +20,19 @@ from haptic_sim.cli import local_felt
 from haptic_sim.cli.local_felt import FINE, NETWORKS, compare
 from haptic_sim.cli.replay import replay
 from haptic_sim.lockstep import Network
-from haptic_sim.scene import load
+from haptic_sim.scene import load, parse
 from haptic_sim.solid import Material
 
 BUDGET = 0.005  # [J]
 PRESS = {"start": (0.03, 0.0, 0.0), "target": (0.005, 0.0, 0.0), "duration": 1.5}
+
+
+TILES = parse({  # two corners of each of nine meet the tool's face at once
+    "name": "tiles", "motion": {"name": "press_wall", **PRESS},
+    "bodies": [{"name": "wall", "fixed": True, "shapes": [
+        {"box": {"size": [0.01, 0.004], "center": [-0.005, 0.004 * k]}} for k in range(-4, 5)]}],
+    "tool": {"mass": 0.1, "pose": [0.03, 0.0, 0.0], "shapes": [{"box": {"size": [0.02, 0.04]}}]},
+}, "tiles")  # fmt: skip
 
 
 def pressed(network, **given):
@@ -78,6 +86,43 @@ def test_contacts_that_are_too_old_give_way_to_set_position_modulation_without_a
     assert again.local[-1] == 1.0 and np.abs(np.diff(again.force_coupling[:, 0])).max() < 0.2
 
 
+@pytest.mark.parametrize("cut", [False, True])
+def test_where_more_corners_meet_than_a_set_holds_modulation_takes_over_without_a_kick(cut):
+    """Also where nothing was heard since the tool was on its way there: the copy has left what it may trust."""
+    system = demo_system("local", TILES, Network(1e-3), PRESS, local__hold=2.0, exchange__hold=2.0)
+    assert system.run(0.6).local[-1] == 1.0
+    if cut:
+        system.network = Network(1e-3, 0.0, 1.0)
+    rows = system.run(0.7)
+    assert rows.local[0] == 1.0 and rows.local[-1] == 0.0 and rows.local_fallbacks[-1] == 1.0
+    assert np.abs(np.diff(rows.force_coupling[:, 0])).max() < 0.2  # [N] in a tick
+    assert system.plant_memory["energy_given"][0] <= BUDGET
+
+
+def test_how_far_the_tools_are_apart_is_in_every_row(near):
+    rows, _ = near
+    late = np.round(rows.tool_age / 250e-6).astype(int)
+    acted = np.flatnonzero(rows.local > 0.0)
+    acted = acted[rows.local[acted - late[acted]] > 0.0]
+    apart = np.hypot(*(rows.tool_position[acted] - rows.coupling_position[acted - late[acted]])[:, :2].T)
+    assert np.quantile(np.abs(rows.tools_apart[acted] - apart), 0.99) < 2e-6  # to first order: but for the impact
+
+
+def test_beyond_how_far_the_tools_may_be_apart_modulation_takes_over():
+    """A block pushed 20 ms away: the simulation's tool is elsewhere whenever the block speeds up."""
+    most = 1e-3
+    free, held = (demo_system("local", "push_block", Network(0.02), local__apart=one).run(3.0) for one in (5e-3, most))
+    beyond_free, beyond = (np.mean(rows.tools_apart[rows.local > 0.0] > most) for rows in (free, held))
+    assert free.local_fallbacks[-1] == 0.0 and free.tools_apart.max() <= 5e-3 and beyond_free > 0.03
+    assert held.local_fallbacks[-1] >= 1.0 and beyond < 0.01  # the ticks in which it is found
+
+
+@pytest.mark.parametrize("scene", ["wrench_on_nut", "push_block"])
+def test_a_nut_turned_and_a_block_pushed_3_ms_away_are_felt_within_a_tenth(scene):
+    found = compare(scene, *NETWORKS["3 ms"])
+    assert found["force"] <= 0.1 and found["mean"] == pytest.approx(1.0, abs=0.02) and found["fallbacks"] == 0
+
+
 @pytest.mark.parametrize("scene, network", [("peg_in_hole", "20 ms, 10 % lost"), ("wrench_on_nut", "1 kHz"),
                                             ("push_block", "1 kHz")])  # fmt: skip
 def test_a_task_is_felt_as_with_the_world_in_the_same_tick(scene, network):
@@ -95,7 +140,7 @@ def test_a_peg_with_50_um_of_play_goes_in_without_chatter_if_velocity_is_finer_t
 ):
     point = local_felt.operating_point()
     point = point | {"haptic_driver": point["haptic_driver"] | velocity}
-    monkeypatch.setattr(local_felt, "operating_point", lambda: point)
+    monkeypatch.setattr(local_felt, "operating_point", lambda params: point)
     scene, wider = load("peg_in_hole"), 0.5 * (5e-5 - 2e-4)
     hole = scene.bodies[0]
     shapes = tuple(

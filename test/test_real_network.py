@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Driver and loopback on one host, the simulation on another, a bad network between: two network namespaces.
 
-Where none can be made, the network is haptic_relay, stopped for the cut.
+Where none can be made, the network is haptic_relay, stopped for the cut; the last lines of the run say why.
 """
 
 import contextlib
@@ -63,14 +63,16 @@ class Relayed:
 
 
 @pytest.fixture
-def link(start):
-    """The link between two hosts, or what comes nearest to it here."""
+def link(start, last_lines):
+    """The link between two hosts, or what comes nearest to it here; the run's last lines say which, and why."""
     network = bad_link.Link(delay=4e-3, jitter=2e-3, loss=0.05, duplicates=0.05)
     with contextlib.ExitStack() as stack:
         try:
-            yield stack.enter_context(network)
-        except bad_link.NoNamespacesError:
-            yield Relayed(start)
+            joined, is_what = stack.enter_context(network), "two namespaces"
+        except bad_link.NoNamespacesError as reason:
+            joined, is_what = Relayed(start), f"a relay, because {reason}"
+        last_lines.append(f"network: {is_what}")
+        yield joined
 
 
 @pytest.fixture

@@ -120,7 +120,8 @@ def _demo(found):
 
 
 def _exchange(found):
-    return [Figure(f"stiffness felt, {one['method']}, {1e3 * one['delay']:g} ms", one["stiffness"], "N/m")
+    return [Figure(f"stiffness felt, {one['method']}, {1e3 * one['delay']:g} ms",
+                   one["stiffness"] if one.get("passive", True) else None, "N/m")
             for one in found["cases"]]  # fmt: skip
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import typer
 
 from haptic_device.device import load_device
-from haptic_device.law.exchange import METHODS
+from haptic_device.law.exchange import METHODS, PARAMETERS
 from haptic_device.parameter import read_operating_point
 from haptic_device.share import find
 from haptic_sim.cli.bench_jobs import RESUME, SCHEDULER, WORKERS, Crew, Kept, sweep
@@ -27,6 +27,7 @@ CIRCLE = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.radi
 SECONDS = 3.0
 _DELAYS, _RATES = "Round trip (ms) [0 1 2 5 10 20 50 100].", "Handle samples a second [1000]."
 _ROUND_TRIP = "Handle to tool to handle on running nodes at each rate [500 1000 2000], beside a bare ping-pong."
+BUDGET = next(one.default for one in PARAMETERS if one.name == "exchange.budget")  # [J]
 TURNING = 2.0 * np.pi * 3.0 / (0.9 * SECONDS)  # [rad/s] between easing in and out
 
 
@@ -56,6 +57,11 @@ class Figures(NamedTuple):
     def impedance_ratio(self) -> float:
         """Contact stiffness over free-space drag [1/s]."""
         return self.stiffness / max(1e-3, abs(self.damping))
+
+    @property
+    def passive(self) -> bool:
+        """Whether no more energy than the default of `exchange.budget` was given; the rest means little if not."""
+        return self.given <= BUDGET
 
 
 def exchange(
@@ -92,7 +98,8 @@ def exchange(
         from haptic_sim.cli.exchange_figure import save
 
         save(found, plot)
-    rows = [{**case._asdict(), **one._asdict(), "impedance_ratio": one.impedance_ratio} for case, one in found.items()]
+    rows = [{**case._asdict(), **one._asdict(), "impedance_ratio": one.impedance_ratio, "passive": one.passive}
+            for case, one in found.items()]  # fmt: skip
     if table is not None:
         _write_csv(rows, table)
     if as_json:
@@ -184,7 +191,13 @@ def _show(found, how):
     for head in heads:
         table.add_column(head, justify="right")
     for case, one in found.items():
-        numbers = (case.delay * 1e3, case.jitter * 1e3, case.loss, case.rate, one.stiffness, one.tool_error * 1e3,
-                   one.damping, one.mass, one.impedance_ratio, one.given, one.supplied, one.jump)  # fmt: skip
-        table.add_row(case.method, *(f"{number:.4g}" for number in numbers))
+        network = case.delay * 1e3, case.jitter * 1e3, case.loss, case.rate
+        felt = one.stiffness, one.tool_error * 1e3, one.damping, one.mass, one.impedance_ratio
+        energies = one.given, one.supplied, one.jump
+        felt = _shown(felt) if one.passive else ("active", *"––––")
+        table.add_row(case.method, *_shown(network), *felt, *_shown(energies))
     Console(width=None if Console().is_terminal else 170).print(table)
+
+
+def _shown(numbers):
+    return [f"{number:.4g}" for number in numbers]

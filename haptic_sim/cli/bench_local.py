@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from haptic_device.law.exchange import METHODS
 from haptic_sim.cli.bench_jobs import RESUME, Crew, Kept, deaths_told, sweep
 from haptic_sim.cli.local_felt import NETWORKS, Felt, compare, insertion, measure
 
@@ -17,12 +18,14 @@ DEPTHS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # [m] of the peg in Fig. 5
 ROTATION = (0.0, 1.0)  # [N m/rad] of the coupling
 LIVE_NETWORK = "1 kHz"
 _PARTS = "What to measure: felt, insertion, tasks; may be repeated [all]."
+_PARAMS = "Operating point of the tasks: a name in config or a YAML file."
 
 
 def local(
     rate: Annotated[list[float] | None, typer.Option(help="Servo rate (Hz) [1000 4000 10000].")] = None,
     task: Annotated[list[str] | None, typer.Option(help="Scene of the comparison; may be repeated [all].")] = None,
     only: Annotated[list[str] | None, typer.Option(help=_PARTS)] = None,
+    params: Annotated[str, typer.Option(help=_PARAMS)] = "demo",
     live: Annotated[bool, typer.Option("--live", help="On running nodes, not in lock-step.")] = False,
     plot: Annotated[Path | None, typer.Option(help="Write the figure to this PNG file.")] = None,
     resume: Annotated[Path | None, typer.Option(help=RESUME)] = None,
@@ -31,7 +34,7 @@ def local(
     """The tool in the servo: stiffness against drag for every method, Fig. 5, scenes against the synchronous world."""
     networks = (LIVE_NETWORK,) if live else tuple(NETWORKS)
     jobs = {
-        "felt": [(hertz, name) for hertz in rate or (1000.0, 4000.0, 10000.0) for name in ("direct", "pspm", "local")],
+        "felt": [(hertz, name) for hertz in rate or (1000.0, 4000.0, 10000.0) for name in METHODS],
         "insertion": [(deep, gain) for gain in ROTATION for deep in DEPTHS],
         "tasks": [(scene, name) for scene in task or TASKS for name in networks],
     }
@@ -39,9 +42,9 @@ def local(
         if part not in jobs:
             raise ValueError(f"--only {part}: it must be one of {', '.join(jobs)}")
     asked = {json.dumps([part, *job]): (part, *job) for part in only or jobs for job in jobs[part]}
-    kept = Kept(resume, f"local, live: {live}")
+    kept = Kept(resume, f"local at {params}, live: {live}")
     with deaths_told():
-        sweep(partial(_do, live), asked, Crew(1), kept)
+        sweep(partial(_do, live, params), asked, Crew(1), kept)
     found = {part: {tuple(job): kept.known[key] for key, (of, *job) in asked.items() if of == part} for part in jobs}
     if plot is not None:
         from haptic_sim.cli.local_figure import save
@@ -56,12 +59,12 @@ def local(
             show(found[part])
 
 
-def _do(live, part, *job):
+def _do(live, params, part, *job):
     """Numbers of one measurement; a fault that latched on live nodes stands in their place."""
     try:
         if part == "tasks":
             scene, name = job
-            return list(compare(scene, *NETWORKS[name], live=live).items())
+            return list(compare(scene, *NETWORKS[name], live=live, params=params).items())
         return {"felt": measure, "insertion": insertion}[part](*job, live=live)
     except ValueError as error:
         if not live:
@@ -78,10 +81,12 @@ def _show_felt(found):
             typer.echo(f"{hertz:8.0f}  {name:6} {numbers[0]}")
             continue
         one = Felt(*numbers)
-        typer.echo(f"{hertz:8.0f}  {name:6} {one.coupling:13.0f} {one.stiffness:9.0f}"
-                   f" {one.stiffness / one.coupling:6.3f} {one.drag:11.4f} {one.mass:8.4f}"
-                   f" {one.stiffness / max(1e-3, abs(one.drag)):10.3g}"
-                   f" {one.given * 1e3:9.3f} {one.local:6.3f} {one.age * 1e3:7.2f} {one.sets:5d}")  # fmt: skip
+        felt, share = f"{one.stiffness:9.0f}", f"{one.stiffness / one.coupling:6.3f}"
+        ratio = f"{one.stiffness / max(1e-3, abs(one.drag)):10.3g}"
+        if not one.steady:
+            felt, share, ratio = f"{'unsteady':>9}", f"{'–':>6}", f"{'–':>10}"
+        typer.echo(f"{hertz:8.0f}  {name:6} {one.coupling:13.0f} {felt} {share} {one.drag:11.4f} {one.mass:8.4f}"
+                   f" {ratio} {one.given * 1e3:9.3f} {one.local:6.3f} {one.age * 1e3:7.2f} {one.sets:5d}")  # fmt: skip
 
 
 def _show_insertion(found):

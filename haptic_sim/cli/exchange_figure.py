@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figure of `haptic bench exchange`: transparency and energy against the delay, one line a method."""
+"""Figure of `haptic bench exchange`: transparency and energy against the delay, one line a method.
+
+A cross is a case that gave more energy than the budget: what it felt like means little.
+"""
 
 from matplotlib.figure import Figure
 
-from haptic_device.law.exchange import PARAMETERS
+from haptic_sim.cli.bench_exchange import BUDGET
 
 PANELS = (  # and up to where the axis is straight, logarithmic beyond
     ("stiffness felt at a rigid wall [N/m]", lambda one: one.stiffness, None),
@@ -13,7 +16,6 @@ PANELS = (  # and up to where the axis is straight, logarithmic beyond
     ("energy given to the operator, largest [mJ]", lambda one: one.given * 1e3, 1.0),
     ("energy supplied to the tool, largest [mJ]", lambda one: one.supplied * 1e3, 1.0),
 )
-BUDGET = next(one.default for one in PARAMETERS if one.name == "exchange.budget") * 1e3  # [mJ]
 COLOURS = {"direct": "tab:red", "wave": "tab:blue", "pspm": "tab:green", "local": "tab:purple"}
 
 
@@ -30,7 +32,7 @@ def save(found: dict, path) -> None:
         axes.grid(alpha=0.3)
     figure.axes[0].set_ylim(bottom=0.0)  # an unstable wall has no stiffness
     figure.axes[0].legend()
-    line = figure.axes[4].axhline(BUDGET, color="black", linestyle=":")
+    line = figure.axes[4].axhline(BUDGET * 1e3, color="black", linestyle=":")
     figure.axes[4].legend([line], ["exchange.budget, the default"], loc="upper left")
     first = next(iter(found))
     figure.suptitle(f"Exchange methods in lock-step; jitter ± {first.jitter * 1e3:g} ms at the first delay, "
@@ -41,7 +43,10 @@ def save(found: dict, path) -> None:
 def _draw(axes, found, value):
     lines = sorted({case._replace(delay=0.0, jitter=0.0) for case in found})
     for line in lines:
-        points = [(case.delay * 1e3, value(one)) for case, one in found.items()
+        points = [(case.delay * 1e3, value(one), one.passive) for case, one in found.items()
                   if case._replace(delay=0.0, jitter=0.0) == line]  # fmt: skip
         name = line.method if len({(one.loss, one.rate) for one in lines}) == 1 else f"{line.method} {line.loss:g}"
-        axes.plot(*zip(*points, strict=True), "o-", color=COLOURS[line.method], label=name, alpha=1.0 - line.loss)
+        look = {"color": COLOURS[line.method], "alpha": 1.0 - line.loss}
+        axes.plot(*zip(*(point[:2] for point in points), strict=True), "-", label=name, **look)
+        for late, figure, passive in points:
+            axes.plot(late, figure, "o" if passive else "x", **look)

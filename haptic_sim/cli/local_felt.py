@@ -35,12 +35,13 @@ SOFT = 1e-5  # [m/N] of the contacts in Fig. 5; at rest one is a spring of LEAVI
 HAND = 1.0  # [N m/rad] of the hand, behind which a rotation gain stands
 PULLS = (5e-5, 4.5e-4)  # [m] of the hand beyond the free play
 PULLING = 2.0  # [s]
+STEADY = 0.1  # RMS of a force about its mean, of that, below which it is a steady one
 
 
 class Felt(NamedTuple):
     """Stiffness felt at the wall and of the coupling [N/m]; drag [N s/m] and mass [kg] in free space; energy given
     [J]; share of the time in which the servo's own tool was used, from its first use on; median age of the tool sample
-    [s]; sets of local contacts taken; ticks missed."""
+    [s]; sets of local contacts taken; ticks missed; RMS of the force at the wall about its mean, of that."""
 
     stiffness: float
     coupling: float
@@ -51,6 +52,12 @@ class Felt(NamedTuple):
     age: float
     sets: int
     missed: int = 0
+    swing: float = 0.0
+
+    @property
+    def steady(self) -> bool:
+        """Whether the handle rested in the wall: force over depth is no stiffness where it shakes."""
+        return self.swing < STEADY
 
 
 class Ran(NamedTuple):
@@ -71,31 +78,33 @@ def measure(rate: float, method: str, live: bool = False, coupling: float | None
     pressed, led = (run(scene, method, *NETWORKS["1 kHz"], given, motion, FINE, live=live)
                     for scene, motion in (("wall", PRESS), ("free_space", CIRCLE)))  # fmt: skip
     held = pressed.rows[int(0.55 * len(pressed.rows)) : int(0.68 * len(pressed.rows))]
-    felt = float(held.force_coupling[:, 0].mean() / (0.01 - held.position[:, 0].mean()))
+    force = held.force_coupling[:, 0]
+    felt = float(force.mean() / (0.01 - held.position[:, 0].mean()))
     acted = np.concatenate([rows.local[np.argmax(rows.local > 0.0) :] for rows in (pressed.rows, led.rows)])
     return Felt(
         felt, stiffness, *drag(led.rows), max(pressed.given, led.given), float(acted.mean()),
         float(np.median(led.rows.tool_age)), pressed.sets + led.sets,
         sum(int(rows.missed[-1] - rows.missed[0]) for rows in (pressed.rows, led.rows)),
+        float(force.std() / abs(force.mean())),
     )  # fmt: skip
 
 
-def compare(scene: str | Scene, network: Network, rate: float, live: bool = False, axis: dict | None = None
-            ) -> dict[str, float]:  # fmt: skip
+def compare(scene: str | Scene, network: Network, rate: float, live: bool = False, axis: dict | None = None,
+            params: str = "demo") -> dict[str, float]:  # fmt: skip
     """A scene's own motion with `local` against the synchronous solution: the same handle, world and tool in one step.
 
     tool: RMS of the way between the two [m]; force: RMS of the difference at the handle, of the force's own; mean: of
     the forces' magnitudes, as a ratio; rough: RMS of the force above 100 Hz, of its own; smooth: of the reference's.
-    axis: what the device's axes have otherwise.
+    axis: what the device's axes have otherwise; params: operating point.
     """
     scene = load(scene) if isinstance(scene, str) else scene
     motion = {f"motion.{key}": value for key, value in scene.motion.items()}
-    seconds, driver = float(motion["motion.duration"]), operating_point()["haptic_driver"]
+    seconds, driver = float(motion["motion.duration"]), operating_point(params)["haptic_driver"]
     soon = {name: driver[name] for name in PATIENT} if live else {}  # the tool is held before the motion begins
-    ran = run(scene, "local", network, rate, soon, motion, axis, seconds, live)
+    ran = run(scene, "local", network, rate, soon, motion, axis, seconds, live, params=params)
     rows = ran.rows
     period = float(np.median(np.diff(rows.deadline))) * 1e-9
-    place, force = synchronous(scene, rows, period)
+    place, force = synchronous(scene, rows, period, driver)
     late = slice(len(rows) // 4, None)
     here, there = rows.force_coupling[late, :2], force[late, :2]
     return {
@@ -133,20 +142,19 @@ def _held(rows):
     return float(rows.position[:, 0].mean()), float(-rows.force_coupling[:, 0].mean())
 
 
-def operating_point() -> dict[str, dict]:
-    """Values of all nodes' parameters at the demo's operating point."""
-    stated = read_operating_point(find("", "demo"), NODES)
+def operating_point(params: str = "demo") -> dict[str, dict]:
+    """Values of all nodes' parameters at an operating point."""
+    stated = read_operating_point(find("", params), NODES)
     return {node: {one.name: one.default for one in NODES[node]} | stated.get(node, {}) for node in NODES}
 
 
-def synchronous(scene, rows, period: float):
+def synchronous(scene, rows, period: float, driver: dict):
     """Place of the tool and force on the handle (n, 3) where the world is stepped with every tick of the servo.
 
     It begins when the simulation's own does, with the first tool sample.
     """
-    gains = operating_point()["haptic_driver"]
     world = make("partitioned", scene, period)
-    world.couple(Coupling(*(float(gains[f"coupling.{name}"]) for name in GAINS)))
+    world.couple(Coupling(*(float(driver[f"coupling.{name}"]) for name in GAINS)))
     place, force = np.zeros((2, len(rows), 3))
     for k, (position, velocity) in enumerate(zip(rows.position.tolist(), rows.velocity.tolist(), strict=True)):
         if rows.tool_age[k] >= 0.0:
@@ -156,19 +164,19 @@ def synchronous(scene, rows, period: float):
 
 
 def run(scene, method, network, exchange_rate, given, motion, axis=None, seconds=SECONDS, live=False,
-        after=0.0) -> Ran:  # fmt: skip
-    """A motion in a scene, or in one by name, and some time after it [s], at the demo's operating point.
+        after=0.0, params="demo") -> Ran:  # fmt: skip
+    """A motion in a scene, or in one by name, and some time after it [s], at an operating point.
 
     axis: what the device's axes have otherwise. live: on running nodes, whose network is what it is; else in lock-step.
     """
-    values = operating_point()
+    values = operating_point(params)
     device = load_device(values["haptic_driver"]["device"])
     device = device.model_copy(update={"axes": tuple(one.model_copy(update=axis or {}) for one in device.axes)})
     scene = load(scene) if isinstance(scene, str) else scene
     motion = motion | {"motion.duration": seconds}
     asked = PATIENT | {"exchange.rate": exchange_rate} | given
     if live:
-        return Ran(*local_live.run(scene, method, device, asked, motion, seconds + after))
+        return Ran(*local_live.run(scene, method, device, asked, motion, seconds + after, params))
     driver = values["haptic_driver"] | asked | {"exchange.method": method}
     simulation = Simulation(scene, None, 0.5, port=port_of(method))
     system = Lockstep(device, driver, values["haptic_loopback"] | motion, simulation, network)

@@ -12,7 +12,9 @@ from haptic_device.law.local import LEAVING
 from haptic_sim.bench import insertion as peg
 from haptic_sim.cli.local_felt import HAND, SOFT, Felt
 
-COLOURS = {"direct": "tab:red", "pspm": "tab:blue", "local": "tab:green"}
+LINES = {  # of the methods: colours that all eyes can tell apart (Okabe and Ito), and how the line is drawn
+    "direct": ("#D55E00", ":"), "wave": ("#CC79A7", "-."), "pspm": ("#0072B2", "--"), "local": ("#009E73", "-"),
+}  # fmt: skip
 MARKERS = ("o", "s", "^", "v", "D", "P")  # of the servo rates
 GAINS = ("tab:green", "tab:purple")  # of the rotation gains
 LEAST = 1e-4  # [N s/m] drag below which the axis ends
@@ -34,11 +36,12 @@ def save(found: dict, path, live: bool) -> None:
 
 def _display(axes, found):
     known = {job: Felt(*numbers) for job, numbers in found.items() if len(numbers) > 1}
+    known = {job: one for job, one in known.items() if one.steady}
     markers = dict(zip(sorted({rate for rate, _ in found}), MARKERS, strict=False))
-    for method, colour in COLOURS.items():
+    for method, (colour, style) in LINES.items():
         points = {rate: one for (rate, name), one in known.items() if name == method}
         drags = [max(LEAST, abs(one.drag)) for one in points.values()]
-        axes.plot(drags, [one.stiffness for one in points.values()], "-", color=colour, alpha=0.4)
+        axes.plot(drags, [one.stiffness for one in points.values()], style, color=colour, alpha=0.4)
         for (rate, one), drag in zip(points.items(), drags, strict=True):
             axes.plot(drag, one.stiffness, markers[rate], color=colour, label=f"{method}, {rate * 1e-3:g} kHz")
     axes.set(xscale="log", yscale="log", xlabel="drag in free space, net of the device's b [N s/m]",

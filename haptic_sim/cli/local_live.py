@@ -15,7 +15,7 @@ from haptic_sim.cli.demo import Order, play
 from haptic_sim.cli.processes import interruptible
 
 
-def run(scene, method: str, device, driver: dict, loopback: dict, seconds: float):
+def run(scene, method: str, device, driver: dict, loopback: dict, seconds: float, params: str):
     """Rows of the ticks from engaging on, for this time; energy given to the operator [J]; sets of contacts taken.
 
     Raises NodeDiedError, OSError, and ValueError with the name of a fault that latched.
@@ -28,8 +28,8 @@ def run(scene, method: str, device, driver: dict, loopback: dict, seconds: float
             "haptic_loopback": {**loopback, "device": hand},
             "haptic_simulation": {"max_catch_up": 0.5},
         }
-        params = find("", "demo").absolute()
-        play(Order(world, seconds + 0.3, Path(folder) / "run", method, None, params, None, given))
+        stated = find("", params).absolute()
+        play(Order(world, seconds + 0.3, Path(folder) / "run", method, None, stated, None, given))
         recording = load(Path(folder) / "run" / "bag")
         if latched := faults(recording):
             raise ValueError(f"{method}, {scene.name}: {', '.join(latched)}")
