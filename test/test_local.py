@@ -89,7 +89,7 @@ def test_contacts_that_are_too_old_give_way_to_set_position_modulation_without_a
 @pytest.mark.parametrize("cut", [False, True])
 def test_where_more_corners_meet_than_a_set_holds_modulation_takes_over_without_a_kick(cut):
     """Also where nothing was heard since the tool was on its way there: the copy has left what it may trust."""
-    system = demo_system("local", TILES, Network(1e-3), PRESS, local__hold=2.0, exchange__hold=2.0)
+    system = demo_system("local", TILES, Network(1e-3), PRESS, local__hold=2.0, exchange__hold=2.0, local__apart=1.0)
     assert system.run(0.6).local[-1] == 1.0
     if cut:
         system.network = Network(1e-3, 0.0, 1.0)
