@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from exchange_systems import demo_system
 
-from haptic_sim.cli import local_felt
-from haptic_sim.cli.bench_exchange import Case, measure
+from haptic_sim.bench import results
+from haptic_sim.cli import bench_exchange, bench_local, local_felt
+from haptic_sim.cli.bench_exchange import Case, Figures, measure
 from haptic_sim.lockstep import Network
 
 STIFFNESS = 2000.0  # [N/m] of the demo's operating point
@@ -37,6 +38,22 @@ def test_foretold_it_drags_by_less_than_a_fifth_of_that_and_the_wall_is_as_stiff
 def test_foretelling_does_not_pay_in_mass(felt, late):
     """A tool of 0.1 kg; first-order foretelling made 0.49 kg of one of 0.05 kg at 20 ms."""
     assert abs(felt["pspm", late].mass) <= 0.12
+
+
+@pytest.mark.parametrize(("given", "passive"), [(BUDGET, True), (1.001 * BUDGET, False)])
+def test_what_gave_more_than_the_budget_is_shown_as_active_and_not_as_stiff(given, passive, capsys):
+    one = Figures(STIFFNESS, 1e-4, 0.1, 0.1, given, 0.0, 1.0)
+    bench_exchange._show({Case("direct", 0.02, 0.0, 0.0, 1000.0): one}, "lock-step")
+    shown = capsys.readouterr().out
+    assert (one.passive, "active" in shown, "2000" in shown) == (passive, not passive, passive)
+    row = {**one._asdict(), "method": "direct", "delay": 0.02, "passive": passive}
+    assert [figure.value for figure in results._exchange({"cases": [row]})] == [STIFFNESS if passive else None]
+
+
+@pytest.mark.parametrize(("swing", "shown"), [(0.099, "2000"), (0.101, "unsteady")])
+def test_a_force_that_swings_by_more_than_a_tenth_of_its_mean_is_no_stiffness(swing, shown, capsys):
+    bench_local._show_felt({(1000.0, "wave"): [2000.0, 2000.0, 0.1, 0.1, 0.0, 0.0, 1e-3, 7, 0, swing]})
+    assert capsys.readouterr().out.splitlines()[-1].split()[3] == shown
 
 
 @pytest.mark.parametrize("servo", [1000.0, 4000.0, 10_000.0])

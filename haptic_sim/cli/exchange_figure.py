@@ -30,7 +30,7 @@ def save(found: dict, path) -> None:
         axes.set_xscale("symlog", linthresh=1.0)
         axes.set_xlim(left=0.0)
         axes.grid(alpha=0.3)
-    figure.axes[0].set_ylim(bottom=0.0)  # an unstable wall has no stiffness
+    figure.axes[0].set_ylim(bottom=0.0)  # what an active wall fits to may be negative
     figure.axes[0].legend()
     line = figure.axes[4].axhline(BUDGET * 1e3, color="black", linestyle=":")
     figure.axes[4].legend([line], ["exchange.budget, the default"], loc="upper left")

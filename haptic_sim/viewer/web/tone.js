@@ -23,7 +23,7 @@ export class Tone {
     this.voice = this.loudness = null;
   }
 
-  // Between 0 and 1; null while it is off.
+  // 0 to 0.3; null while it is off.
   get gain() {
     return this.loudness?.gain.value ?? null;
   }
