@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from haptic_device.analysis import exchange_search as adversary
 from haptic_device.analysis import port_search
 from haptic_device.law import coupling, engage, fault, port, servo
+from haptic_sim.bench import stalling
 from haptic_sim.lockstep import Network
 from haptic_sim.scene import load
 from haptic_sim.simulation import HandleSample, Simulation
@@ -251,6 +252,29 @@ def test_steady_motion_through_a_late_tick_costs_what_the_spring_may_gain_not_wh
     after(given, memory, row, late, -speed * late, fault.FRESH)
     assert before - memory["tank"][0] - energy(memory, row) <= 0.0  # the hand paid for it
     assert 2.0 / given["period"][0] * (speed * late) ** 2 > 5e-3  # any damper of 2 N s/m could
+
+
+@pytest.mark.parametrize("tank", [4e-3, 1e-3, -1e-3])
+def test_what_a_long_hold_leaves_owing_the_spring_pays_at_once_and_no_more(tank):
+    given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
+    memory, row, _ = pressed(given)
+    memory["tank"] = tank
+    stored, force = energy(memory, row), row["force_on_handle"][0, 0]
+    after(given, memory, row, 0.01, 0.0, fault.FRESH)
+    left = energy(memory, row)
+    assert memory["tank"][0] >= -1e-9
+    assert left == pytest.approx(min(stored, stored + tank), rel=1e-2)
+    assert row["force_on_handle"][0, 0] * force > 0.0 and abs(row["force_on_handle"][0, 0]) <= abs(force) * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("share, longest", [(0.05, 16), (0.02, 24), (0.05, 40)])
+@pytest.mark.parametrize("method", ["local", "pspm", "wave"])
+def test_missed_ticks_by_the_hundred_give_no_more_than_the_budget(method, share, longest):
+    """A tool at a wall, of 0.95 of what b covers at the period: a hold of two periods is beyond."""
+    given, rows = stalling.pressed(method, 0.95, share, longest)
+    assert np.count_nonzero(np.diff(rows.latched) == 0.0) > 1000  # ticks
+    assert np.abs(rows.force_coupling[:, 0]).max() > 1.5
+    assert given <= 0.005
 
 
 def energy(memory, row):

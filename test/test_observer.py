@@ -10,6 +10,7 @@ from lockstep_systems import wall_system
 from haptic_device import operating
 from haptic_device.analysis import exchange_search
 from haptic_device.law import engage, fault, passivity, servo
+from haptic_sim.bench import stalling
 
 TICK = 1 / 4000.0
 ROUNDING = 1e-9  # [J] against stores of 10 to 100 mJ
@@ -88,6 +89,43 @@ def test_a_tick_later_than_the_period_that_the_margin_counts_on_is_the_observers
     found, injections = generated_on_the_way_in([1.0] * 11 + [3.0])
     assert found == pytest.approx((0.9 - 1.0 / 3.0) * 1e-8 / TICK, rel=1e-3)
     assert injections == 1
+
+
+@pytest.mark.parametrize("share, longest", [(0.05, 16), (0.02, 40), (0.05, 40)])
+def test_walls_let_go_of_what_missed_ticks_gave_and_then_the_hand_gets_nothing(share, longest):
+    """A wall of 0.95 of its bound; a hold of two periods is beyond."""
+    given, rows = stalling.pressed("wall", 0.95, share, longest)
+    assert np.abs(rows.force_walls[:, 0]).max() > 1.5
+    assert given <= 0.001  # passivity.budget
+    if (share, longest) == (0.05, 40):
+        alone, _ = stalling.pressed("wall", 0.95, share, longest, control=False)
+        assert alone > 0.02
+
+
+def test_a_wall_that_a_missed_tick_left_owing_is_weaker_by_that_energy_and_whole_again_once_left():
+    stiffness, depth, step = 0.9 * 2.0 / TICK, 1e-3, 1e-4
+    settings = wall_system(stiffness, 0.0, 0.0, counts=1e7, passivity__budget=1e-6).settings[0]
+    (memory, row), time = exchange_search.engaged(), 0.0
+
+    def go(to, periods=1.0):
+        nonlocal time
+        time += periods * TICK * 1e9
+        row["latched"] = row["deadline"] = time
+        row["command"], row["device_status"] = engage.ENABLE, fault.FRESH
+        row["counts"][0, 0] = -round(to * 1e7)
+        servo.tick(settings, memory[0], row[0])
+        return float(row["force_walls"][0, 0])
+
+    for k in range(11):
+        assert go(step * k) == pytest.approx(stiffness * step * k)
+    made = 0.5 * stiffness * step**2 - step**2 / (3.0 * TICK)  # leak of the hold, less what the damper took for certain
+    stored, owed = 0.5 * stiffness * (depth + step) ** 2, made - 1e-6
+    weaker = stiffness * (depth + step) * (1.0 - owed / stored)
+    assert go(depth + step, 3.0) == pytest.approx(weaker, rel=1e-3)
+    assert row["generated"][0, 0] == pytest.approx(made, rel=1e-3)  # of the row before it was paid
+    assert go(depth + step) == pytest.approx(weaker, rel=1e-3)
+    assert go(-step) == 0.0
+    assert go(depth) == pytest.approx(stiffness * depth)
 
 
 @given(

@@ -23,6 +23,7 @@ from haptic_device.law import (
     kinematics,
     local,
     passivity,
+    tank,
     wall,
 )
 from haptic_device.parameter import Parameter
@@ -113,9 +114,11 @@ _MEMORY = _columns(
         "store*",
         "generated*",
         "injections",
+        "late*",
+        "walls_off",
     ),
     *("factor", "factor_held", "spring*", "clamp*", "push*", "damped*", "mixed*", "let_go"),  # of the coupling
-    *("filled", "version", "tank", "shipped", "returned", "tool_session", "tool_energy", "shortened"),
+    *("filled", "version", "tank", "owed", "shipped", "returned", "tool_session", "tool_energy", "shortened"),
     *("set*", "set_velocity*", "own_velocity*", "goal*", "stretch*", "stretched*"),
     *("midpoint*", "window_from*", "window_start", "window_holds", "counted*", "latched_before", "hold_before"),
     *("tool_answered", "oldest", "rate*", "wave*", "wave_store", "pending*", "come*", "sent*"),
@@ -150,7 +153,8 @@ def tick(settings, memory, row):
     """One tick of the servo: records of SETTINGS, MEMORY, TICK; reads the inputs in row and writes its outputs."""
     _sense(settings, memory, row)
     following.follow(settings, memory, row)
-    _walls(settings, row)
+    _let_go_walls(settings, memory, row)
+    _walls(settings, memory, row)
     _coupling(settings, row)
     _cancellation(settings, memory, row)
     _control_passivity(settings, memory, row)
@@ -223,6 +227,8 @@ def _book(settings, memory, row, elapsed):
         made = passivity.energy_generated(held, moved, grown, memory.credit * damping, elapsed)
         memory.generated[i] = max(0.0, memory.generated[i] + made + store - memory.store[i])
         memory.store[i] = store
+        excess = settings.passivity_control * max(0.0, memory.generated[i] - settings.passivity_budget)
+        memory.late[i] = excess if elapsed > tank.LONG * settings.period else min(memory.late[i], excess)
 
 
 @kernel
@@ -241,7 +247,7 @@ def _spring_growth(settings, memory, row):
         memory.growth[i] += memory.engage * settings.gravity[i] * -memory.moved[i]
     for j in range(int(settings.walls)):
         nx, ny, offset = settings.wall_x[j], settings.wall_y[j], settings.wall_offset[j]
-        stiffness = memory.engage * settings.wall_stiffness[j]
+        stiffness = memory.engage * (1.0 - memory.walls_off) * settings.wall_stiffness[j]
         start = wall.wall_store(stiffness, wall.wall_depth(nx, ny, offset, before[0], before[1]))
         corner = wall.wall_store(stiffness, wall.wall_depth(nx, ny, offset, now[0], before[1]))
         end = wall.wall_store(stiffness, wall.wall_depth(nx, ny, offset, now[0], now[1]))
@@ -281,7 +287,32 @@ def _to_world(settings, memory, row, i, before, position, velocity):
 
 
 @kernel
-def _walls(settings, row):
+def _let_go_walls(settings, memory, row):
+    """What a missed tick left beyond the observer's budget the walls' springs pay, at once: they let go of as much.
+
+    Walls that cannot pay are not there. All are whole again where the handle is off them and nothing is owed.
+    """
+    stored, owed = 0.0, 0.0
+    for i in range(AXES):
+        owed += memory.late[i]
+    for j in range(int(settings.walls)):
+        nx, ny, offset = settings.wall_x[j], settings.wall_y[j], settings.wall_offset[j]
+        depth = max(0.0, wall.wall_depth(nx, ny, offset, row.position[0], row.position[1]))
+        limit = min(settings.force_limit[0], settings.force_limit[1])
+        stored += coupling.spring_store(memory.engage * settings.wall_stiffness[j], limit, depth)
+    if stored == 0.0:
+        memory.walls_off = 0.0 if owed == 0.0 else 1.0
+    elif owed > 0.0:
+        paid = min(owed, (1.0 - memory.walls_off) * stored)
+        memory.walls_off += paid / stored
+        for i in range(AXES):
+            share = paid * memory.late[i] / owed
+            memory.generated[i] -= share
+            memory.late[i] -= share
+
+
+@kernel
+def _walls(settings, memory, row):
     """Sum of all walls' forces, x and y."""
     row.force_walls[:] = 0.0
     for i in range(int(settings.walls)):
@@ -289,6 +320,7 @@ def _walls(settings, row):
         depth = wall.wall_depth(nx, ny, settings.wall_offset[i], row.position[0], row.position[1])
         rate = -(nx * row.velocity[0] + ny * row.velocity[1])
         force = wall.wall_force(settings.wall_stiffness[i], settings.wall_damping[i], depth, rate)
+        force *= 1.0 - memory.walls_off
         row.force_walls[0] += nx * force
         row.force_walls[1] += ny * force
 
@@ -340,8 +372,11 @@ def _left_by_coupling(settings, row):
 
 @kernel
 def _control_passivity(settings, memory, row):
-    """Damping injected where the observer finds more energy generated than the budget; at most the physical damping."""
-    acted = 0.0
+    """Damping injected where the observer finds more energy generated than the budget; at most the physical damping.
+
+    A tick in which walls have let go counts too.
+    """
+    acted = 1.0 if memory.walls_off > 0.0 else 0.0
     for i in range(AXES):
         most = settings.physical_damping[i] if settings.passivity_control else 0.0
         velocity = memory.device_velocity[i]
@@ -446,6 +481,6 @@ def _remember_gains(settings, memory, row):
     for j in range(int(settings.walls)):
         nx, ny = settings.wall_x[j], settings.wall_y[j]
         depth = wall.wall_depth(nx, ny, settings.wall_offset[j], row.position[0], row.position[1])
-        damping = row.engage * settings.wall_damping[j] if depth > 0.0 else 0.0
+        damping = row.engage * (1.0 - memory.walls_off) * settings.wall_damping[j] if depth > 0.0 else 0.0
         memory.damper[0] += settings.scale[0] ** 2 * damping * (nx * nx + abs(nx * ny) * settings.cross)
         memory.damper[1] += settings.scale[1] ** 2 * damping * (ny * ny + abs(nx * ny) / settings.cross)

@@ -28,10 +28,12 @@ def fill(settings, memory, row):
     elif regained or max(hold, memory.hold_before) > LONG * settings.period:
         _count_drawn(settings, memory)
         _charge_long_hold(settings, memory, hold)
+        memory.owed = max(0.0, -memory.tank)
         _open_window(settings, memory, row)
     else:
         _count_drawn(settings, memory)
         _count_dissipated(settings, memory, row)
+        memory.owed = min(memory.owed, max(0.0, -memory.tank))
     memory.latched_before, memory.hold_before, memory.version = row.latched, hold, settings.version
 
 
@@ -131,9 +133,10 @@ def pay(settings, memory, row):
     """Moves the set position towards the goal; the tank takes what the spring lets go and pays what it gains.
 
     A tank without the reserve moves nothing of its own: then the set position stays, or goes along with the handle.
+    What a long hold left owing the spring pays, at once: it lets go of as much.
     """
     stored, kept = held(settings, memory, row), reserve(settings, memory)
-    available = stored + max(0.0, memory.tank - kept)  # a debt costs no stretch that is there
+    available = max(0.0, stored + max(0.0, memory.tank - kept) - memory.owed)
     left = memory.tank + stored - _reach_out(settings, memory, row, 1.0, available)
     if left < kept:
         left = memory.tank + stored - _reach_out(settings, memory, row, 0.0, available)
