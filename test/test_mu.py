@@ -179,3 +179,14 @@ def test_without_any_gain_between_them_every_device_is_passive():
 def test_unknown_environments_are_refused_with_the_names_there_are():
     with pytest.raises(ValueError, match="environment is 'implicit', but it must be one of synchronous, forward"):
         mu_margin(wall_transfer(1.0, 0.0, 1.0), 1.0, 1.0, "implicit")
+
+
+def test_a_callable_that_broadcasts_gives_the_margin_of_each_as_alone():
+    stiffness, damping, period = np.array([500.0, 1000.0, 2000.0]), np.array([0.2, 0.8, 2.0]), 1e-3
+
+    def springs(z):
+        return stiffness[:, None] + 0.1 * (z - 1.0) / (period * z)
+
+    alone = [mu_margin(wall_transfer(k, 0.1, period), period, b) for k, b in zip(stiffness, damping, strict=True)]
+    assert mu_margin(springs, period, damping[:, None]) == pytest.approx(alone, rel=1e-9)
+    assert alone[0] < 0.0 < alone[1]

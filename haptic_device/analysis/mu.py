@@ -48,7 +48,8 @@ def margin_of(matrix, angle):
 def mu_margin(transfer, period, physical_damping, environment="synchronous", delay_samples=0.0):
     """Smallest margin over 0 < ω ≤ π/T with b₀ = b: dimensionless, passive iff positive; −inf if D is not stable.
 
-    `transfer` as in `least_damping`, a callable being taken to give a stable D; `environment` one of ENVIRONMENTS;
+    `transfer` as in `least_damping`, a callable being taken to give a stable D; one that broadcasts parameters, period
+    and b with a trailing axis of length one gives an answer for each. `environment` one of ENVIRONMENTS;
     delay_samples lie in the display's own loop, fractions allowed. Refuses period ≤ 0 and b ≤ 0.
     """
     positive("period", period, "s")
