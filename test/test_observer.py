@@ -102,30 +102,60 @@ def test_walls_let_go_of_what_missed_ticks_gave_and_then_the_hand_gets_nothing(s
         assert alone > 0.02
 
 
+class Led:
+    """A servo whose handle goes where it is told, x = −depth [m], in a hold of so many periods."""
+
+    def __init__(self, stiffness, **driver):
+        self.settings = wall_system(stiffness, 0.0, 0.0, counts=1e7, **driver).settings[0]
+        (self.memory, self.row), self.time, self.depth, self.given = exchange_search.engaged(), 0.0, 0.0, 0.0
+
+    def go(self, depth, periods=1.0, status=fault.FRESH, command=engage.ENABLE):
+        """Force of the wall from then on [N]; given [J] goes on with the force that was held."""
+        self.given += float(self.row["force_on_handle"][0, 0]) * (self.depth - depth)
+        self.depth, self.time = depth, self.time + periods * TICK * 1e9
+        self.row["latched"] = self.row["deadline"] = self.time
+        self.row["command"], self.row["device_status"] = command, status
+        self.row["counts"][0, 0] = -round(depth * 1e7)
+        servo.tick(self.settings, self.memory[0], self.row[0])
+        return float(self.row["force_walls"][0, 0])
+
+
 def test_a_wall_that_a_missed_tick_left_owing_is_weaker_by_that_energy_and_whole_again_once_left():
     stiffness, depth, step = 0.9 * 2.0 / TICK, 1e-3, 1e-4
-    settings = wall_system(stiffness, 0.0, 0.0, counts=1e7, passivity__budget=1e-6).settings[0]
-    (memory, row), time = exchange_search.engaged(), 0.0
-
-    def go(to, periods=1.0):
-        nonlocal time
-        time += periods * TICK * 1e9
-        row["latched"] = row["deadline"] = time
-        row["command"], row["device_status"] = engage.ENABLE, fault.FRESH
-        row["counts"][0, 0] = -round(to * 1e7)
-        servo.tick(settings, memory[0], row[0])
-        return float(row["force_walls"][0, 0])
-
+    hand = Led(stiffness, passivity__budget=1e-6)
     for k in range(11):
-        assert go(step * k) == pytest.approx(stiffness * step * k)
+        assert hand.go(step * k) == pytest.approx(stiffness * step * k)
     made = 0.5 * stiffness * step**2 - step**2 / (3.0 * TICK)  # leak of the hold, less what the damper took for certain
     stored, owed = 0.5 * stiffness * (depth + step) ** 2, made - 1e-6
     weaker = stiffness * (depth + step) * (1.0 - owed / stored)
-    assert go(depth + step, 3.0) == pytest.approx(weaker, rel=1e-3)
-    assert row["generated"][0, 0] == pytest.approx(made, rel=1e-3)  # of the row before it was paid
-    assert go(depth + step) == pytest.approx(weaker, rel=1e-3)
-    assert go(-step) == 0.0
-    assert go(depth) == pytest.approx(stiffness * depth)
+    assert hand.go(depth + step, 3.0) == pytest.approx(weaker, rel=1e-3)
+    assert hand.row["generated"][0, 0] == pytest.approx(made, rel=1e-3)  # of the row before it was paid
+    assert hand.go(depth + step) == pytest.approx(weaker, rel=1e-3)
+    assert hand.go(-step) == 0.0
+    assert hand.go(depth) == pytest.approx(stiffness * depth)
+
+
+def test_a_wall_left_from_the_motors_limit_in_one_long_hold_gives_that_once_and_is_not_there_until_it_is_paid():
+    hand, given = Led(7000.0), []
+    for _ in range(4):
+        for depth in np.linspace(-1e-3, 3.4e-3, 200):
+            hand.go(depth)
+        hand.go(-1e-3, 40.0)
+        given.append(hand.given)
+    assert given[0] > 0.01 and max(given) == given[0]
+    assert hand.memory["walls_off"][0] == 1.0 and hand.go(3e-3) == 0.0
+
+
+def test_a_device_that_cut_its_motor_and_whoever_engages_anew_owe_nothing():
+    hand = Led(7000.0)
+    hand.go(1e-3)
+    hand.go(8e-3, 800.0, fault.FRESH | fault.WATCHDOG)
+    assert hand.row["fault"][0] == fault.DEVICE_WATCHDOG and hand.memory["late"][0] == 0.0
+    other = Led(7000.0)
+    other.go(1e-3)
+    assert other.go(8e-3, 40.0) == 0.0 and other.memory["late"][0] > other.settings["passivity_budget"]
+    other.go(8e-3, command=0)
+    assert other.go(8e-3, command=0) == pytest.approx(7000.0 * 8e-3) and other.row["engage"][0] == 0.0
 
 
 @given(

@@ -114,8 +114,10 @@ _MEMORY = _columns(
         "store*",
         "generated*",
         "injections",
-        "late*",
+        "late",
         "walls_off",
+        "walls_touched",
+        "walls_held*",
     ),
     *("factor", "factor_held", "spring*", "clamp*", "push*", "damped*", "mixed*", "let_go"),  # of the coupling
     *("filled", "version", "tank", "owed", "shipped", "returned", "tool_session", "tool_energy", "shortened"),
@@ -227,8 +229,33 @@ def _book(settings, memory, row, elapsed):
         made = passivity.energy_generated(held, moved, grown, memory.credit * damping, elapsed)
         memory.generated[i] = max(0.0, memory.generated[i] + made + store - memory.store[i])
         memory.store[i] = store
-        excess = settings.passivity_control * max(0.0, memory.generated[i] - settings.passivity_budget)
-        memory.late[i] = excess if elapsed > tank.LONG * settings.period else min(memory.late[i], excess)
+        memory.late = max(0.0, memory.late + min(0.0, made))
+    if elapsed > tank.LONG * settings.period and not int(row.device_status) & fault.WATCHDOG:
+        _book_long_hold(settings, memory, row, elapsed)
+
+
+@kernel
+def _book_long_hold(settings, memory, row, elapsed):
+    """What the walls gave over the hold of a missed tick, whose force grows no further than the motor's limit [J].
+
+    The device's damper is theirs where there are walls; the coupling's own is the tank's business (law/tank).
+    """
+    given = 0.0
+    for i in range(min(2, int(settings.axes))):
+        lost = memory.credit * settings.physical_damping[i] * memory.moved[i] ** 2 / elapsed
+        given += memory.walls_held[i] * settings.scale[i] * memory.moved[i] - lost
+    for j in range(int(settings.walls)):
+        nx, ny, offset = settings.wall_x[j], settings.wall_y[j], settings.wall_offset[j]
+        stiffness = memory.engage * (1.0 - memory.walls_off) * settings.wall_stiffness[j]
+        given -= _limited_store(settings, stiffness, wall.wall_depth(nx, ny, offset, memory.world[0], memory.world[1]))
+        given += _limited_store(settings, stiffness, wall.wall_depth(nx, ny, offset, row.position[0], row.position[1]))
+    memory.late = max(0.0, memory.late + settings.passivity_control * given)
+
+
+@kernel
+def _limited_store(settings, stiffness, depth):
+    """Energy in a wall [J] whose force goes no further than the motor's limit."""
+    return coupling.spring_store(stiffness, settings.coupling_limit[0], max(0.0, depth))
 
 
 @kernel
@@ -288,27 +315,36 @@ def _to_world(settings, memory, row, i, before, position, velocity):
 
 @kernel
 def _let_go_walls(settings, memory, row):
-    """What a missed tick left beyond the observer's budget the walls' springs pay, at once: they let go of as much.
+    """What missed ticks gave beyond the budget the walls' springs pay, at once: they let go of as much.
 
-    Walls that cannot pay are not there. All are whole again where the handle is off them and nothing is owed.
+    Walls that cannot pay, or whose force is at a limit, are not there. All are whole again once the handle is off them
+    all and nothing is owed; whoever engages anew owes nothing.
     """
-    stored, owed = 0.0, 0.0
-    for i in range(AXES):
-        owed += memory.late[i]
+    stored, touched, push_x, push_y = 0.0, 0.0, 0.0, 0.0
     for j in range(int(settings.walls)):
         nx, ny, offset = settings.wall_x[j], settings.wall_y[j], settings.wall_offset[j]
-        depth = max(0.0, wall.wall_depth(nx, ny, offset, row.position[0], row.position[1]))
-        limit = min(settings.force_limit[0], settings.force_limit[1])
-        stored += coupling.spring_store(memory.engage * settings.wall_stiffness[j], limit, depth)
-    if stored == 0.0:
+        depth = wall.wall_depth(nx, ny, offset, row.position[0], row.position[1])
+        if depth > 0.0:
+            touched = 1.0
+            stored += wall.wall_store(memory.engage * settings.wall_stiffness[j], depth)
+            push_x += abs(nx) * settings.wall_stiffness[j] * depth
+            push_y += abs(ny) * settings.wall_stiffness[j] * depth
+    if memory.engage == 0.0:
+        memory.late = 0.0
+    owed = max(0.0, memory.late - settings.passivity_budget)
+    if touched == 0.0 or memory.engage == 0.0:
         memory.walls_off = 0.0 if owed == 0.0 else 1.0
-    elif owed > 0.0:
+    elif owed > 0.0 and (push_x > settings.coupling_limit[0] or push_y > settings.coupling_limit[1]):
+        memory.walls_off = 1.0
+    elif owed > 0.0 and stored > 0.0:
         paid = min(owed, (1.0 - memory.walls_off) * stored)
         memory.walls_off += paid / stored
+        memory.late -= paid
         for i in range(AXES):
-            share = paid * memory.late[i] / owed
+            share = min(paid, memory.generated[i])
             memory.generated[i] -= share
-            memory.late[i] -= share
+            paid -= share
+    memory.walls_touched = touched
 
 
 @kernel
@@ -376,7 +412,7 @@ def _control_passivity(settings, memory, row):
 
     A tick in which walls have let go counts too.
     """
-    acted = 1.0 if memory.walls_off > 0.0 else 0.0
+    acted = 1.0 if memory.walls_off > 0.0 and memory.walls_touched > 0.0 else 0.0
     for i in range(AXES):
         most = settings.physical_damping[i] if settings.passivity_control else 0.0
         velocity = memory.device_velocity[i]
@@ -473,6 +509,8 @@ def _remember_gains(settings, memory, row):
     measured = settings.cancellation_source == cancellation.MEASURED
     memory.credit = 1.0 - ratio if measured else 1.0  # what cancels measured drag is paid by that drag, b or not
     for i in range(int(settings.axes)):
+        limit = settings.coupling_limit[i]
+        memory.walls_held[i] = row.engage * min(limit, max(-limit, row.force_walls[i]))
         memory.pulled[i] = row.coupling_position[i]
         squared = settings.scale[i] * settings.scale[i]
         memory.cancelled[i] = row.engage * settings.scale[i] * row.force_cancellation[i] if measured else 0.0

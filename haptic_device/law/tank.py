@@ -28,7 +28,7 @@ def fill(settings, memory, row):
     elif regained or max(hold, memory.hold_before) > LONG * settings.period:
         _count_drawn(settings, memory)
         _charge_long_hold(settings, memory, hold)
-        memory.owed = max(0.0, -memory.tank)
+        memory.owed = max(0.0, -memory.tank) if hold > LONG * settings.period else memory.owed
         _open_window(settings, memory, row)
     else:
         _count_drawn(settings, memory)
