@@ -29,12 +29,13 @@ def _records(dtype):
     return types.Array(numba.from_dtype(dtype), 1, "C")
 
 
-_REALTIME = types.int64(
-    types.FunctionType(link.READ),
-    types.FunctionType(link.WRITE),
-    *(_WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS),
-    *(_records(servo.SETTINGS), _records(servo.MEMORY), _records(servo.TICK), _records(TOOL), _records(contact.SET)),
-)
+def _signature(memory):
+    return types.int64(
+        types.FunctionType(link.READ),
+        types.FunctionType(link.WRITE),
+        *(_WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS),
+        *map(_records, (servo.SETTINGS, memory, servo.TICK, TOOL, contact.SET)),
+    )
 
 
 def run_realtime(
@@ -100,9 +101,12 @@ def run_realtime(
 
 
 @functools.cache
-def realtime():
-    """run_realtime compiled for links given as function pointers: any link runs the same cached machine code."""
-    return kernel(_REALTIME)(run_realtime)
+def realtime(memory):
+    """run_realtime compiled for this dtype of memory, and links given as function pointers.
+
+    So any link runs the same cached machine code.
+    """
+    return kernel(_signature(memory))(run_realtime)
 
 
 @kernel
