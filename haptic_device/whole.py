@@ -9,11 +9,12 @@ array.
 
 import numba
 from llvmlite import binding
-from numba import types
+from numba.core import types, typing
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder, Flags
 from numba.core.compiler_machinery import register_pass
 from numba.core.typed_passes import NativeLowering
+from numba.extending import lower_builtin
 
 from haptic_device import cache
 
@@ -27,6 +28,20 @@ def part(function, arrays=False):
     if not numba.config.DISABLE_JIT:
         _ignore_literals(made)
     return made
+
+
+def only_with(field, instead=None):
+    """Decorates a part, or a kernel, of records with this field: to a caller whose records lack it, it is `instead`.
+
+    So for what there is none of, neither that part nor any below it is typed and translated.
+    """
+
+    def decorate(made):
+        if not numba.config.DISABLE_JIT:
+            _leave_out(made, field, instead)
+        return made
+
+    return decorate
 
 
 def whole(function, *signature):
@@ -43,6 +58,24 @@ def _ignore_literals(made):
     template = made.get_call_template
     made.get_call_template = lambda given, named: template(
         [types.unliteral(kind) for kind in given], {name: types.unliteral(kind) for name, kind in named.items()})
+
+
+def _leave_out(made, field, value):
+    """To numba a call without the field is a constant, to be written down where the call is."""
+    template, overload, kind, key = made.get_call_template, made.get_overload, numba.typeof(value), object()
+    lower_builtin(key, types.VarArg(types.Any))(
+        lambda context, builder, call, given: context.get_constant_generic(builder, kind, value))
+
+    def has_it(given):
+        return any(field in getattr(one, "fields", ()) for one in given)
+
+    def get_call_template(given, named):
+        if has_it(given):
+            return template(given, named)
+        return typing.make_concrete_template("left_out", key, [typing.signature(kind, *given)]), None, given, named
+
+    made.get_call_template = get_call_template
+    made.get_overload = lambda given: overload(given) if has_it(given) else key
 
 
 class _PartLibrary(JITCodeLibrary):

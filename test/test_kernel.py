@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from haptic_device.law import servo
-from haptic_device.whole import part, whole
+from haptic_device.whole import only_with, part, whole
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -150,3 +150,24 @@ def test_a_part_has_no_machine_code_and_says_so():
     assert twice(0.0) == 0.0
     with pytest.raises(TypeError, match="not callable"):
         scaled(1.0, 2)
+
+
+SMALL = np.dtype([("x", "f8")])
+LARGE = np.dtype([("x", "f8"), ("y", "f8")])
+
+
+@only_with("y", 0.5)
+@part
+def y_of(record, factor):
+    return factor * record.y
+
+
+@whole
+def sum_in(records):
+    return records[0].x + y_of(records[0], 2)
+
+
+def test_a_part_is_left_out_of_what_is_compiled_for_records_without_its_field():
+    assert sum_in(np.array([(1.0, 2.0)], LARGE)) == 5.0 and sum_in(np.array([(1.0,)], SMALL)) == 1.5
+    sum_in.recompile()
+    assert [kinds[0].dtype for kinds in y_of.signatures] == [LARGE]

@@ -417,6 +417,24 @@ def replay(rows, settings):
     return again
 
 
+@pytest.mark.parametrize("method", ["direct", "pspm"])
+def test_in_the_memory_that_its_exchange_method_needs_the_servo_computes_the_same_bits(method):
+    whole, plain = (Servo(exchange__method=method, settled=False) for _ in range(2))
+    plain.memory = servo.memory_for(plain.settings)
+    for runner in (whole, plain):
+        runner.tool((0.0, 0.0, 0.0))
+        runner.run(1.0)
+        runner.tool((0.001, -0.002, 0.1), velocity=(0.1, 0.0, -1.0))
+        runner.move((0.003, 0.001, 0.0))
+    assert plain.memory.dtype == servo.PLAIN_MEMORY and abs(plain.rows[-1]["force_coupling"]).min() > 0.0
+    assert np.concatenate(whole.rows).tobytes() == np.concatenate(plain.rows).tobytes()
+
+
+@pytest.mark.parametrize("method", ["wave", "local"])
+def test_waves_and_local_contacts_have_all_of_the_memory(method):
+    assert servo.memory_for(Servo(exchange__method=method, settled=False).settings).dtype == servo.MEMORY
+
+
 @pytest.mark.parametrize("estimator", ["backward_difference", "lowpass", "adaptive_window"])
 def test_a_trace_holds_all_that_is_needed_to_compute_its_ticks_again_bit_for_bit(estimator):
     press = Press(velocity__estimator=estimator, cancellation__ratio=0.3)

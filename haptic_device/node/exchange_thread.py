@@ -89,15 +89,16 @@ class ExchangeThread:
         rcl.load_library()
         inbox, outbox = rcl.incoming_buffer(), rcl.outgoing_buffer(self.frame.outgoing)
         publisher, subscription = self._publisher.handle, self._tap.handle
-        near = np.zeros(1, contact.SET)
         near_handle = self._near.handle if self._near is not None else contextlib.nullcontext()
         records = row, gains, tool
         with publisher, subscription, near_handle:  # they live on while the loop has their addresses
+            near = None, None, None, None
+            if self._near is not None:
+                near = near_handle.pointer, self.near_frame, self._servo.near.words, np.zeros(1, contact.SET)
             for watch in (stopped(), self.watch):
                 rcl.run_exchange(
                     publisher.pointer, subscription.pointer, inbox, outbox, self._period, self.frame, self.state,
-                    watch, *mails, *records, near_handle.pointer if self._near is not None else 0, self.near_frame,
-                    self._servo.near.words, near,
+                    watch, *mails, *records, *near,
                 )  # fmt: skip
                 self._get_ready()
         rcl.free(inbox)

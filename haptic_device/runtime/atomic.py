@@ -3,7 +3,9 @@
 
 from numba import types
 from numba.core import cgutils
+from numba.core.imputils import impl_ret_borrowed
 from numba.extending import intrinsic
+from numba.np.arrayobj import make_array, populate_array
 
 from haptic_device.kernel import kernel
 
@@ -47,6 +49,21 @@ def fence(typing_context):
         return context.get_dummy_value()
 
     return types.void(), generate
+
+
+@intrinsic
+def words_of(typing_context, records):
+    """records.view(np.int64), which numba would compile from its Python source once for each kind of record."""
+    words = types.int64[::1]
+
+    def generate(context, builder, signature, arguments):
+        given, made = make_array(records)(context, builder, arguments[0]), make_array(words)(context, builder)
+        size, each = (context.get_constant(types.intp, number) for number in (8, records.dtype.size // 8))
+        data, count = builder.bitcast(given.data, made.data.type), builder.mul(given.nitems, each)
+        populate_array(made, data, [count], [size], size, given.meminfo, given.parent)
+        return impl_ret_borrowed(context, builder, words, made._getvalue())
+
+    return words(records), generate
 
 
 @kernel

@@ -123,9 +123,9 @@ def compose_handle(frame, state, row, gains, scratch):
 @kernel
 def next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
     """Composes the next handle sample from the servo's newest row; False if it has not run yet. Records of one."""
-    if atomic.collect(row_mail, 0, mailbox.FIRST, row.view(np.int64)) <= 0:
+    if atomic.collect(row_mail, 0, mailbox.FIRST, atomic.words_of(row)) <= 0:
         return False
-    known = gains.view(np.int64)
+    known = atomic.words_of(gains)
     atomic.collect_whole(gains_mail, 0, mailbox.FIRST, np.empty_like(known), known)
     compose_handle(frame, state[0], row[0], gains[0], scratch)
     return True
@@ -153,7 +153,7 @@ def take_in(frame, size, state, watch, gains, tool, tool_mail, now):
     state.peer_session, state.peer_answered, state.peer_accepted = record.session, record.answered, now
     state.round_trip[state.turns % REMEMBERED] = now - state.composed[int(record.answered) % REMEMBERED]
     state.turns += 1
-    atomic.publish(tool_mail, 0, mailbox.FIRST, tool.view(np.int64))
+    atomic.publish(tool_mail, 0, mailbox.FIRST, atomic.words_of(tool))
     return verdict
 
 
@@ -196,7 +196,7 @@ def take_in_contacts(frame, size, state, watch, near, near_mail):
     for i in range(contact.MOST):
         for k in range(EACH):
             record.table[i, k] = frame.numbers[i, COMMON + k]
-    atomic.publish(near_mail, 0, mailbox.FIRST, near.view(np.int64))
+    atomic.publish(near_mail, 0, mailbox.FIRST, atomic.words_of(near))
     return verdict
 
 

@@ -29,12 +29,13 @@ def _records(dtype):
     return types.Array(numba.from_dtype(dtype), 1, "C")
 
 
-_REALTIME = types.int64(
-    types.FunctionType(link.READ),
-    types.FunctionType(link.WRITE),
-    *(_WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS),
-    *(_records(servo.SETTINGS), _records(servo.MEMORY), _records(servo.TICK), _records(TOOL), _records(contact.SET)),
-)
+def _signature(memory):
+    return types.int64(
+        types.FunctionType(link.READ),
+        types.FunctionType(link.WRITE),
+        *(_WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS),
+        *map(_records, (servo.SETTINGS, memory, servo.TICK, TOOL, contact.SET)),
+    )
 
 
 def run_realtime(
@@ -48,9 +49,9 @@ def run_realtime(
     """
     scratch, sample = np.zeros(2, np.int64), np.zeros(link.SAMPLE)
     zero, motor = np.zeros(3), np.zeros(3)
-    settings_words, tool_words = settings.view(np.int64), tool.view(np.int64)
+    settings_words, tool_words = atomic.words_of(settings), atomic.words_of(tool)
     settings_staged, tool_staged = np.empty_like(settings_words), np.empty_like(tool_words)
-    near_words, near_turn = near.view(np.int64), -1
+    near_words, near_turn = atomic.words_of(near), -1
     near_staged = np.empty_like(near_words)
     tool_turn, missed, compute, delay, number = -1, 0, 0.0, 0.0, 0
     settings_turn = _take(control, settings_mail, settings_staged, settings_words, -1)
@@ -100,9 +101,12 @@ def run_realtime(
 
 
 @functools.cache
-def realtime():
-    """run_realtime compiled for links given as function pointers: any link runs the same cached machine code."""
-    return kernel(_REALTIME)(run_realtime)
+def realtime(memory):
+    """run_realtime compiled for this dtype of memory, and links given as function pointers.
+
+    So any link runs the same cached machine code.
+    """
+    return kernel(_signature(memory))(run_realtime)
 
 
 @kernel
@@ -116,7 +120,7 @@ def _command(control, unattended, now):
 @kernel
 def row_words(rows, slot):
     index = slot if slot >= 0 else rows.size - 1
-    return rows[index : index + 1].view(np.int64)
+    return atomic.words_of(rows[index : index + 1])
 
 
 @kernel

@@ -156,4 +156,4 @@ def _tell(mail, memory, motion, truth, driven):
         t.position[i], t.velocity[i] = memory.position[i], memory.velocity[i]
         t.operator_force[i], t.motor_force[i] = memory.operator_force[i], memory.motor_force[i]
         t.target[i], t.target_velocity[i] = memory.target[i], memory.target_velocity[i]
-    atomic.publish(mail, 0, mailbox.FIRST, truth.view(np.int64))
+    atomic.publish(mail, 0, mailbox.FIRST, atomic.words_of(truth))

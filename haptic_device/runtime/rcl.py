@@ -80,8 +80,8 @@ def run_exchange(
 ):
     """Sends a handle sample each period [ns] and takes what comes in between, until watch[STOP]; returns samples sent.
 
-    publisher, subscription: addresses of rcl entities, near_subscription too, or 0 for no local contacts; inbox,
-    outbox: the buffers above; records of one each.
+    publisher, subscription: addresses of rcl entities, near_subscription too; inbox, outbox: the buffers above; records
+    of one each. Without local contacts near_subscription and all after it are None, and nothing of theirs is compiled.
     """
     scratch = np.zeros(2, np.int64)
     deadline, due = clock.now_ns(scratch), np.int64(0)
@@ -98,10 +98,11 @@ def run_exchange(
             _memcpy(frame.incoming.ctypes.data, inbox[0], min(size, frame.incoming.size))
             exchange.take_in(frame, size, state[0], watch, gains[0], tool, tool_mail, clock.now_ns(scratch))
             due = np.int64(0) if state[0].peer_answered == state[0].sequence else due
-        while near_subscription != 0 and _take(near_subscription, inbox.ctypes.data, 0, 0) == 0:
-            size = inbox[1]
-            _memcpy(near_frame.incoming.ctypes.data, inbox[0], min(size, near_frame.incoming.size))
-            exchange.take_in_contacts(near_frame, size, state[0], watch, near, near_mail)
+        if near_subscription is not None:
+            while _take(near_subscription, inbox.ctypes.data, 0, 0) == 0:
+                size = inbox[1]
+                _memcpy(near_frame.incoming.ctypes.data, inbox[0], min(size, near_frame.incoming.size))
+                exchange.take_in_contacts(near_frame, size, state[0], watch, near, near_mail)
         now = clock.now_ns(scratch)
         clock.sleep_until(min(deadline, now + (LOOK if now < due else POLL)), scratch)
     return watch[exchange.SENT]

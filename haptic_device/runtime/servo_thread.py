@@ -31,7 +31,7 @@ class ServoThread:
         self.tool, self.row, self.ring = Mailbox(loop.TOOL), Mailbox(servo.TICK), Ring(servo.TICK, RING_ROWS)
         self.near = Mailbox(contact.SET)
         self.control = np.zeros(loop.CONTROLS, np.int64)
-        self._memory = np.zeros(1, servo.MEMORY)
+        self._memory = servo.memory_for(settings)
         for name, value in (kept or {}).items():
             self._memory[name] = value
         self.realtime, self._refused, self._ready = "", None, threading.Event()
@@ -106,7 +106,7 @@ class ServoThread:
             return
         finally:
             self._ready.set()
-        run = loop.realtime()
+        run = loop.realtime(self._memory.dtype)
         while not self.link.present():
             if self.control[loop.STOP]:
                 return

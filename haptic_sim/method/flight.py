@@ -97,7 +97,7 @@ def present_rows(model, layout, work, all_awake):
     """Rows of contacts that touch and do not part, with modes; returns how many, or UNSOLVED, or STRUCK."""
     q, v = work.q, work.v
     n = touching_contacts(model, layout, work)
-    n = add_joints(model, layout, work, n, q, v, TOUCHING, 1.0)
+    n += add_joints(model, layout, work, n, q, v, TOUCHING, 1.0)
     if n == 0:
         return 0
     refresh(model, layout, work, q, v, n)

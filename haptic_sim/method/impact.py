@@ -37,7 +37,7 @@ def impact(model, layout, work):
 def touching_rows(model, layout, work):
     """Rows of all contacts that touch, and of joints at a limit; returns how many."""
     n = touching_contacts(model, layout, work)
-    n = add_joints(model, layout, work, n, work.q, work.v, TOUCHING, 0.0)
+    n += add_joints(model, layout, work, n, work.q, work.v, TOUCHING, 0.0)
     refresh(model, layout, work, work.q, work.v, n)
     n = keep_rows(work, work.v, n, TOUCHING, math.inf)
     for i in range(layout.linkages):

@@ -11,10 +11,15 @@ arms from the mass centres to the anchors, × the planar cross product and n fix
 
 import math
 
-from haptic_device.whole import part, whole
+from haptic_device.whole import only_with, part, whole
 from haptic_sim.compile.model import PIN, SLIDER, SPRING
 
 ALONG, ACROSS = 0, 1
+
+
+def jointed(instead=None):
+    """Decorates a part that scenes with joints need; in one without, it is this value."""
+    return only_with("joint_kind", instead)
 
 
 @part
@@ -143,6 +148,13 @@ def applied_forces(model, q, v, damped, row, f):
     """Gravity and springs [N, N, N m]; with `damped` their dampers too (else these are left to an implicit solve)."""
     for b in range(model.bodies - 1):
         f[b, 0], f[b, 1], f[b, 2] = model.mass[b] * model.gravity[0], model.mass[b] * model.gravity[1], 0.0
+    push_springs(model, q, v, damped, row, f)
+
+
+@jointed()
+@part
+def push_springs(model, q, v, damped, row, f):
+    """Adds the forces of the joints' springs, with `damped` their dampers too."""
     for j in range(model.joints):
         for k in range(spring_rows(model, j)):
             force = -model.joint_spring[j, 0] * spring_row(model, q, v, j, k, row)
@@ -151,6 +163,7 @@ def applied_forces(model, q, v, damped, row, f):
             push(model, f, j, row, force)
 
 
+@jointed(0.0)
 @part
 def spring_energy(model, q, v, row):
     """Energy stored in the joints' springs [J]."""

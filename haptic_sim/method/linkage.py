@@ -21,7 +21,7 @@ import math
 
 from haptic_device.whole import part
 from haptic_sim.compile.model import SPRING
-from haptic_sim.method.joints import forbidden_row, spring_row, spring_rows
+from haptic_sim.method.joints import forbidden_row, jointed, spring_row, spring_rows
 
 REDUNDANT = 1e-10
 """Pivot, in the largest entry of J, below which a row says nothing new."""
@@ -30,11 +30,18 @@ REDUNDANT = 1e-10
 @part
 def reduce_linkage(model, layout, work, i, q, v, h):
     """Finds N, Y, a_p of linkage i at q, v; with h > 0 for a backward difference over h with the coupling."""
-    first, count = layout.body_start[i], layout.body_start[i + 1] - layout.body_start[i]
     if layout.joint_start[i + 1] == layout.joint_start[i]:
+        first = layout.body_start[i]
         free_body(model, work, i, layout.order[first], 3 * first, h)
-        return
-    columns = 3 * count
+    else:
+        reduce_joined(model, layout, work, i, q, v, h)
+
+
+@jointed()
+@part
+def reduce_joined(model, layout, work, i, q, v, h):
+    """The same of a linkage with joints."""
+    first, columns = layout.body_start[i], 3 * (layout.body_start[i + 1] - layout.body_start[i])
     eliminate(work, fill_rows(model, layout, work, i, q, v), columns)
     work.freedoms[i] = null_space(layout, work, first, columns)
     fill_mass(model, layout, work, i, q, v, h)

@@ -19,7 +19,7 @@ from haptic_sim.method.lcp import NORMAL
 from haptic_sim.method.linkage import reduce_linkage, respond
 from haptic_sim.method.press import settle
 from haptic_sim.method.rows import add_contact, add_joints, rate_of, refresh, wished
-from haptic_sim.method.smooth import close_joints, power
+from haptic_sim.method.smooth import power
 from haptic_sim.method.step import lead_handle, watch_contacts
 from haptic_sim.method.touch import GAP, evaluate, far_apart, gap_of, place_shapes, touch
 
@@ -59,7 +59,6 @@ def penalty_step(model, layout, work, h):
             q[b, k] += h * v[b, k]
     for i in range(layout.linkages):
         if layout.joint_start[i + 1] > layout.joint_start[i]:
-            close_joints(model, layout, work, i, q, v)
             settle(model, layout, work, i)
     port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
 
@@ -84,7 +83,7 @@ def push_contacts(model, layout, work, f, h):
         if far_apart(layout, work, s, u) < 0.0 and gap_of(model, work, s, u) < 0.0:
             for k in range(touch(model, work, s, u)):
                 n = add_contact(model, layout, work, n, p, work.features[k])
-    n = add_joints(model, layout, work, n, work.q, work.v, 0.0, 1.0)
+    n += add_joints(model, layout, work, n, work.q, work.v, 0.0, 1.0)
     refresh(model, layout, work, work.q, work.v, n)
     stiffness, damping = work.port[17], work.port[18]
     for r in range(n):

@@ -32,7 +32,7 @@ import math
 from haptic_device.whole import part
 from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows
 from haptic_sim.method.impact import RESTING, TOUCHING, kinetic
-from haptic_sim.method.joints import applied_forces, spring_energy
+from haptic_sim.method.joints import applied_forces, jointed, spring_energy
 from haptic_sim.method.lcp import FREE, FRICTION, NORMAL, solve_modes
 from haptic_sim.method.lemke import lemke
 from haptic_sim.method.linkage import reduce_linkage, respond
@@ -202,12 +202,10 @@ def take(model, layout, work, n):
 @part
 def put_right(model, layout, work, n):
     """Joints and overlaps that the turning of the rows has left, out of the positions; joints out of the velocities."""
-    q, v, port = work.q, work.v, work.port
     for i in range(layout.linkages):
         if work.active[i] > 0 and layout.joint_start[i + 1] > layout.joint_start[i]:
-            close_joints(model, layout, work, i, q, v)
             settle(model, layout, work, i)
-    if n > 0 and port[17] == 0.0:
+    if n > 0 and work.port[17] == 0.0:
         push_out(model, layout, work, n)
 
 
@@ -229,9 +227,8 @@ def brake(model, layout, work, most):
     most steps dissipate more than that, and where one does not this takes the difference from the motion. Velocities
     in one proportion still obey joints and contacts. Motors are there to give energy, and are not stopped so.
     """
-    for j in range(model.joints):
-        if model.joint_motor[j, 1] > 0.0:
-            return
+    if driven(model):
+        return
     excess, moving = energy_held(model, layout, work, work.q, work.v) - most, kinetic(model, layout, work, work.v)
     if excess <= 0.0 or moving <= 0.0:
         return
@@ -242,13 +239,25 @@ def brake(model, layout, work, most):
                 work.v[b, k] *= share
 
 
+@jointed(False)
+@part
+def driven(model):
+    """Whether there is a motor."""
+    most = 0.0
+    for j in range(model.joints):
+        most = max(most, model.joint_motor[j, 1])
+    return most > 0.0
+
+
+@jointed()
 @part
 def settle(model, layout, work, i):
-    """Velocities of a linkage onto what its joints allow at the new place, orthogonally in the sense of the masses.
+    """Closes a linkage's joints; then its velocities onto what they allow, orthogonally in the sense of the masses.
 
     Of all ways to do it this one never adds energy.
     """
     q, v, f = work.q, work.v, work.smooth
+    close_joints(model, layout, work, i, q, v)
     reduce_linkage(model, layout, work, i, q, v, 0.0)
     for m in range(layout.body_start[i], layout.body_start[i + 1]):
         b = layout.order[m]
