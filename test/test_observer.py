@@ -135,6 +135,21 @@ def test_a_wall_that_a_missed_tick_left_owing_is_weaker_by_that_energy_and_whole
     assert hand.go(depth) == pytest.approx(stiffness * depth)
 
 
+def test_walls_against_each_other_whose_sum_is_within_the_limit_owe_no_more_than_one_of_their_stiffness():
+    """Two of 1000 N/m, 50 mm deep each: 50 N that leave 2000 N/m about the middle; a hold of 3 T at 0.5 m/s."""
+    both = {"wall__normals": (1.0, 0.0, -1.0, 0.0), "wall__offsets": (0.05, 0.05)}
+    hand = Led(0.0, **both, wall__stiffness=(1000.0, 1000.0), wall__damping=(0.0, 0.0))
+    step, depth = 0.5 * TICK, 0.0
+    for _ in range(16):
+        depth += step
+        assert hand.go(depth) == pytest.approx(2000.0 * depth, rel=1e-3)
+    depth -= 3.0 * step
+    assert hand.go(depth, 3.0) == pytest.approx(2000.0 * depth, rel=1e-3)
+    leak = 0.5 * 2000.0 * (3.0 * step) ** 2 - (3.0 * step) ** 2 / (3.0 * TICK)
+    assert hand.memory["late"][0] == pytest.approx(max(0.0, leak), abs=1e-7)
+    assert hand.memory["walls_off"][0] == 0.0
+
+
 def test_a_wall_left_from_the_motors_limit_in_one_long_hold_gives_that_once_and_is_not_there_until_it_is_paid():
     hand, given = Led(7000.0), []
     for _ in range(4):

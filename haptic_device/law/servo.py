@@ -245,26 +245,36 @@ def _book(settings, memory, row, elapsed):
 
 @kernel
 def _book_long_hold(settings, memory, row, elapsed):
-    """What the walls gave over the hold of a missed tick, whose force grows no further than the motor's limit [J].
+    """What the walls gave over the hold of a missed tick [J], with forces up to the motor's limit.
 
     The device's damper is theirs where there are walls; the coupling's own is the tank's business (law/tank).
     """
-    given = 0.0
+    given, before, now = 0.0, memory.world, row.position
+    beyond = _beyond_limit(settings, memory, before) or _beyond_limit(settings, memory, now)
+    limit = settings.coupling_limit[0] if beyond else math.inf
     for i in range(min(2, int(settings.axes))):
         lost = memory.credit * settings.physical_damping[i] * memory.moved[i] ** 2 / elapsed
         given += memory.walls_held[i] * settings.scale[i] * memory.moved[i] - lost
     for j in range(int(settings.walls)):
         nx, ny, offset = settings.wall_x[j], settings.wall_y[j], settings.wall_offset[j]
         stiffness = memory.engage * (1.0 - memory.walls_off) * settings.wall_stiffness[j]
-        given -= _limited_store(settings, stiffness, wall.wall_depth(nx, ny, offset, memory.world[0], memory.world[1]))
-        given += _limited_store(settings, stiffness, wall.wall_depth(nx, ny, offset, row.position[0], row.position[1]))
+        start = max(0.0, wall.wall_depth(nx, ny, offset, before[0], before[1]))
+        end = max(0.0, wall.wall_depth(nx, ny, offset, now[0], now[1]))
+        given += coupling.spring_store(stiffness, limit, end) - coupling.spring_store(stiffness, limit, start)
     memory.late = max(0.0, memory.late + settings.passivity_control * given)
 
 
 @kernel
-def _limited_store(settings, stiffness, depth):
-    """Energy in a wall [J] whose force goes no further than the motor's limit."""
-    return coupling.spring_store(stiffness, settings.coupling_limit[0], max(0.0, depth))
+def _beyond_limit(settings, memory, position):
+    """Whether the springs of all walls together push beyond the motor's limit here, in x or in y."""
+    push_x, push_y = 0.0, 0.0
+    for j in range(int(settings.walls)):
+        nx, ny = settings.wall_x[j], settings.wall_y[j]
+        depth = max(0.0, wall.wall_depth(nx, ny, settings.wall_offset[j], position[0], position[1]))
+        force = memory.engage * (1.0 - memory.walls_off) * settings.wall_stiffness[j] * depth
+        push_x += nx * force
+        push_y += ny * force
+    return abs(push_x) > settings.coupling_limit[0] or abs(push_y) > settings.coupling_limit[1]
 
 
 @kernel
@@ -329,21 +339,19 @@ def _let_go_walls(settings, memory, row):
     Walls that cannot pay, or whose force is at a limit, are not there. All are whole again once the handle is off them
     all and nothing is owed; whoever engages anew owes nothing.
     """
-    stored, touched, push_x, push_y = 0.0, 0.0, 0.0, 0.0
+    stored, touched = 0.0, 0.0
     for j in range(int(settings.walls)):
         nx, ny, offset = settings.wall_x[j], settings.wall_y[j], settings.wall_offset[j]
         depth = wall.wall_depth(nx, ny, offset, row.position[0], row.position[1])
         if depth > 0.0:
             touched = 1.0
             stored += wall.wall_store(memory.engage * settings.wall_stiffness[j], depth)
-            push_x += abs(nx) * settings.wall_stiffness[j] * depth
-            push_y += abs(ny) * settings.wall_stiffness[j] * depth
     if memory.engage == 0.0:
         memory.late = 0.0
     owed = max(0.0, memory.late - settings.passivity_budget)
     if touched == 0.0 or memory.engage == 0.0:
         memory.walls_off = 0.0 if owed == 0.0 else 1.0
-    elif owed > 0.0 and (push_x > settings.coupling_limit[0] or push_y > settings.coupling_limit[1]):
+    elif owed > 0.0 and _beyond_limit(settings, memory, row.position):
         memory.walls_off = 1.0
     elif owed > 0.0 and stored > 0.0:
         paid = min(owed, (1.0 - memory.walls_off) * stored)
