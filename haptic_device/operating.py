@@ -198,7 +198,7 @@ def _switched(settings):
 
 
 def _cross(settings):
-    """λ with which the observer shares the cross term of oblique walls between x and y (law/servo)."""
+    """λ with which the observer shares the cross term of oblique walls between x and y (law/observer)."""
     left = settings["physical_damping"] - np.diag(_needs(settings, 0.0)[1])
     if int(settings["axes"]) < 2 or left[0] <= 0.0 or left[1] <= 0.0:
         return 1.0
