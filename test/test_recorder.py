@@ -104,6 +104,19 @@ def test_messages_that_the_queue_could_not_hold_are_counted_lost(node, tmp_path)
     assert lost > 0 and lost == kept[-1] - kept[0] + 1 - len(kept)
 
 
+@pytest.mark.parametrize("wish", ["prefer", "off"])
+def test_a_real_time_recorder_keeps_to_its_first_core_and_an_ordinary_one_may_run_on_all(domain, tmp_path, wish):
+    every = os.sched_getaffinity(0)
+    with Nodes(tmp_path / "log") as nodes:
+        nodes.start(recorder(tmp_path / "bag", realtime=wish))
+        wait_for(lambda: list(tmp_path.glob("bag/*.mcap")))
+        pid = nodes.pid("haptic_recorder")
+        urgent = os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
+        cores = [os.sched_getaffinity(int(thread)) for thread in os.listdir(f"/proc/{pid}/task")]
+    assert len(cores) > 1 and all(allowed == ({min(every)} if urgent else every) for allowed in cores)
+    assert wish == "prefer" or not urgent
+
+
 def test_a_killed_recorder_has_kept_all_but_the_last_second(node, tmp_path):
     bag = tmp_path / "bag"
     with Nodes(tmp_path / "log") as nodes:

@@ -5,7 +5,13 @@ from haptic_device.parameter import Parameter
 
 PARAMETERS = (
     Parameter("autostart", True, "", "configure and activate by itself at start"),
-    Parameter("realtime", "prefer", "", "SCHED_FIFO, so that no load starves it", choices=("require", "prefer", "off")),
+    Parameter(
+        "realtime",
+        "prefer",
+        "",
+        "SCHED_FIFO, so that no load starves it, and one core",
+        choices=("require", "prefer", "off"),
+    ),
     Parameter("bag", "", "", "folder of the bag, new or empty; if no name is given, haptic_bags/<date>-<time>"),
     Parameter("queue", 2000, "messages", "what each topic may hold between two looks", low=1, high=100000),
     Parameter("look_period", 0.04, "s", "time between two looks at the queues", low=0.001, high=0.5),
