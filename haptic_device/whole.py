@@ -7,6 +7,8 @@ the whole that calls it, or calls what calls it, takes it in. What a part may no
 array.
 """
 
+import os
+
 import numba
 from llvmlite import binding
 from numba.core import types, typing
@@ -47,7 +49,53 @@ def only_with(field, instead=None):
 def whole(function, *signature):
     """A kernel that Python calls; all the parts it calls are compiled with it. With a signature, at once."""
     numba.config.CACHE_DIR = cache.FOLDER
-    return numba.njit(*signature, cache=True, **_OPTIONS)(function)
+    made = numba.njit(cache=True, **_OPTIONS)(function)
+    if not numba.config.DISABLE_JIT:
+        _look_aside(made)
+        if signature:
+            made.compile(*signature)
+            made.disable_compile()
+    return made
+
+
+def compile_aside():
+    """From now on what is in no cache is compiled by a child of this process, which loads it as if it had been there.
+
+    So the memory that compiling took, some hundred MB, is given back; of this process it would be for good.
+    """
+    global _aside
+    _aside = True
+
+
+_aside = False
+
+
+def _look_aside(made):
+    load = made._cache.load_overload
+
+    def load_overload(signature, context):
+        found = load(signature, context)
+        if found is None and _aside:
+            _in_a_child(lambda: made.compile(signature))
+            found = load(signature, context)  # if that failed, it is compiled here, and says why
+        return found
+
+    made._cache.load_overload = load_overload
+
+
+def _in_a_child(task):
+    """Runs task() in a fork of this process that holds no file open, and so none of its locks."""
+    global _aside
+    child = os.fork()
+    if child:
+        os.waitpid(child, 0)
+        return
+    _aside = False
+    try:
+        os.closerange(3, os.sysconf("SC_OPEN_MAX"))
+        task()
+    finally:
+        os._exit(0)
 
 
 _OPTIONS = {"nogil": True, "error_model": ERROR_MODEL}

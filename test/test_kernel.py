@@ -113,6 +113,43 @@ def test_without_the_compiler_the_same_servo_and_plant_compute_the_same(tmp_path
         assert np.allclose(compiled[name], plain[name], rtol=1e-9, atol=1e-12), name
 
 
+BY_WHOM = """
+    import os
+    from haptic_device import whole
+    from haptic_device.law import wall
+
+    def depth(x):
+        return wall.wall_depth(1.0, 0.0, 0.0, x, 0.0)
+
+    def lost(x):
+        return unknown_name(x)
+
+    made, failing = whole.whole(depth), whole.whole(lost)
+    if ASIDE:
+        whole.compile_aside()
+    open_file = os.open(os.devnull, os.O_RDONLY)
+    assert abs(made(-0.25)) == 0.25
+    os.close(open_file)  # OSError if a child had closed it here too
+    print(sum(made.stats.cache_hits.values()), sum(made.stats.cache_misses.values()))
+    try:
+        failing(1.0)
+    except Exception as error:
+        print(type(error).__name__)
+    try:
+        os.waitpid(-1, 0)
+    except ChildProcessError:
+        print("childless")
+"""
+
+
+@pytest.mark.parametrize(("aside", "counted"), [(True, ["1", "0"]), (False, ["0", "1"])])
+def test_what_a_child_compiled_is_loaded_and_what_it_could_not_is_said_here(tmp_path, aside, counted):
+    path = tmp_path / "kernels.py"  # numba keeps nothing of a function that is in no file
+    path.write_text(f"ASIDE = {aside}\n" + textwrap.dedent(BY_WHOM))
+    told = python("import kernels", PYTHONPATH=f"{tmp_path}:{ROOT}", XDG_CACHE_HOME=str(tmp_path / "cache"))
+    assert told == [*counted, "TypingError", "childless"]
+
+
 @part
 def scaled(x, factor):
     return factor * x

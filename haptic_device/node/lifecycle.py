@@ -17,6 +17,7 @@ from rclpy.utilities import remove_ros_args
 from haptic_device.node.own_port import own_port
 from haptic_device.node.params import declare
 from haptic_device.parameter import Parameter
+from haptic_device.whole import compile_aside
 
 YOUNG = 100_000  # objects between two collections: compiling makes millions, and few of them are garbage
 LOOK_UP = 0.05  # [s] longest time a signal waits
@@ -115,6 +116,7 @@ def begin_ros(args):
         left = remove_ros_args(args=sys.argv if args is None else args)[1 if args is None else 0 :]
         if left:
             raise ValueError(f"{left[0]} is no argument of a node; ROS arguments begin with --ros-args")
+        compile_aside()
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl's own kinds are nowhere public; their text ends with places in its source
         raise ValueError(f"ROS does not take these arguments: {_plain(error)}") from None

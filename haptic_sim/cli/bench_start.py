@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic bench start`: seconds from starting device, driver and simulation to each doing its work."""
+"""`haptic bench start`: seconds from starting device, driver and simulation to each doing its work, and its memory."""
 
 import contextlib
 import json
@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from typing import Annotated
 
+import psutil
 import typer
 
 from haptic_sim.cli.bench_jobs import deaths_told
@@ -38,17 +39,20 @@ def start(
 
 
 def measure(scene: str = "peg_in_hole", again: int = 3) -> dict:
-    """{"first": {node: s}, "again": [{node: s}, …]}; ValueError for a scene that is none, NodeDiedError."""
+    """{"first": {node: s}, "first_pss_mb": {node: MB}, "again": [{node: s}, …]}, memory when the last node was at work.
+
+    ValueError for a scene that is none, NodeDiedError.
+    """
     from haptic_device.share import find
 
     path = str(find("scenes", scene).absolute())
     with tempfile.TemporaryDirectory(prefix="haptic_") as folder, _cache(Path(folder) / "cache"):
-        first, *others = (_once(Path(folder), path) for _ in range(1 + again))
-    return {"scene": scene, "first": first, "again": others}
+        (first, memory), *others = (_once(Path(folder), path) for _ in range(1 + again))
+    return {"scene": scene, "first": first, "first_pss_mb": memory, "again": [ready for ready, _ in others]}
 
 
 def _once(folder, scene):
-    """Seconds from the first process to each node at work; their diagnostics come every 0.5 s."""
+    """Seconds from the first process to each node at work (diagnostics come every 0.5 s); their memory [MB]."""
     programs = (
         Program("haptic_loopback", "haptic_device.node.loopback"),
         Program("haptic_simulation", "haptic_sim.node.simulation", {"scene": scene}),
@@ -69,7 +73,8 @@ def _once(folder, scene):
                 if time.monotonic() - began > PATIENCE:
                     raise ValueError(f"{', '.join(set(READY) - set(ready))} did not start within {PATIENCE:g} s")
                 time.sleep(LOOK)
-    return ready
+        memory = {name: psutil.Process(nodes.pid(name)).memory_full_info().pss / 1e6 for name in READY}
+    return ready, memory
 
 
 @contextlib.contextmanager
@@ -86,8 +91,8 @@ def _cache(folder):
 
 
 def _show(found):
-    typer.echo(f"{'node':20} {'very first start':>17} {'later (median)':>15}")
+    typer.echo(f"{'node':20} {'very first start':>17} {'later (median)':>15} {'memory, very first':>20}")
     for name in READY:
         later = statistics.median(one[name] for one in found["again"])
-        typer.echo(f"{name:20} {found['first'][name]:15.1f} s {later:13.2f} s")
+        typer.echo(f"{name:20} {found['first'][name]:15.1f} s {later:13.2f} s {found['first_pss_mb'][name]:17.0f} MB")
     typer.echo(f"wanted: {FIRST:g} s and {SECOND:g} s, diagnostics' period of 0.5 s included")
