@@ -7,7 +7,7 @@ the whole that calls it, or calls what calls it, takes it in. What a part may no
 array.
 """
 
-import os
+import importlib
 
 import numba
 from llvmlite import binding
@@ -19,6 +19,7 @@ from numba.core.typed_passes import NativeLowering
 from numba.extending import lower_builtin
 
 from haptic_device import cache
+from haptic_device.twin import Twin
 
 ERROR_MODEL = "numpy"  # division by zero follows IEEE 754, nothing raises
 
@@ -59,43 +60,43 @@ def whole(function, *signature):
 
 
 def compile_aside():
-    """From now on what is in no cache is compiled by a child of this process, which loads it as if it had been there.
+    """From now until `compiled_all` a twin of this process compiles what is in no cache; this one loads it from there.
 
-    So the memory that compiling took, some hundred MB, is given back; of this process it would be for good.
+    What compiling takes, some hundred MB, a process holds until it ends. Call it before there are other threads.
     """
-    global _aside
-    _aside = True
+    global _twin
+    _twin = Twin(_compile)
 
 
-_aside = False
+def compiled_all():
+    """Ends the twin, if there is one; what is compiled later this process compiles itself."""
+    global _twin
+    if _twin is not None:
+        _twin.end()
+    _twin = None
+
+
+_twin = None
 
 
 def _look_aside(made):
-    load = made._cache.load_overload
+    load, function = made._cache.load_overload, made.py_func
 
     def load_overload(signature, context):
         found = load(signature, context)
-        if found is None and _aside:
-            _in_a_child(lambda: made.compile(signature))
+        if found is None and _twin is not None:
+            _twin.ask((function.__module__, function.__name__, signature))
             found = load(signature, context)  # if that failed, it is compiled here, and says why
         return found
 
     made._cache.load_overload = load_overload
 
 
-def _in_a_child(task):
-    """Runs task() in a fork of this process that holds no file open, and so none of its locks."""
-    global _aside
-    child = os.fork()
-    if child:
-        os.waitpid(child, 0)
-        return
-    _aside = False
-    try:
-        os.closerange(3, os.sysconf("SC_OPEN_MAX"))
-        task()
-    finally:
-        os._exit(0)
+def _compile(request):
+    module, name, signature = request
+    known = getattr(importlib.import_module(module), name)
+    made = known if hasattr(known, "py_func") else whole(known)
+    made.compile(signature)
 
 
 _OPTIONS = {"nogil": True, "error_model": ERROR_MODEL}

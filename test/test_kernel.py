@@ -115,6 +115,7 @@ def test_without_the_compiler_the_same_servo_and_plant_compute_the_same(tmp_path
 
 BY_WHOM = """
     import os
+    import signal
     from haptic_device import whole
     from haptic_device.law import wall
 
@@ -124,17 +125,22 @@ BY_WHOM = """
     def lost(x):
         return unknown_name(x)
 
-    made, failing = whole.whole(depth), whole.whole(lost)
+    def more(x):
+        return x + 1.0
+
+    made, failing, afterwards = whole.whole(depth), whole.whole(lost), whole.whole(more)
     if ASIDE:
         whole.compile_aside()
-    open_file = os.open(os.devnull, os.O_RDONLY)
+        if KILLED:
+            os.kill(whole._twin._process, signal.SIGKILL)
     assert abs(made(-0.25)) == 0.25
-    os.close(open_file)  # OSError if a child had closed it here too
     print(sum(made.stats.cache_hits.values()), sum(made.stats.cache_misses.values()))
     try:
         failing(1.0)
     except Exception as error:
         print(type(error).__name__)
+    whole.compiled_all()
+    assert afterwards(1.0) == 2.0
     try:
         os.waitpid(-1, 0)
     except ChildProcessError:
@@ -142,10 +148,12 @@ BY_WHOM = """
 """
 
 
-@pytest.mark.parametrize(("aside", "counted"), [(True, ["1", "0"]), (False, ["0", "1"])])
-def test_what_a_child_compiled_is_loaded_and_what_it_could_not_is_said_here(tmp_path, aside, counted):
+@pytest.mark.parametrize(
+    ("aside", "killed", "counted"), [(True, False, ["1", "0"]), (True, True, ["0", "1"]), (False, False, ["0", "1"])]
+)
+def test_what_the_twin_compiled_is_loaded_and_what_it_could_not_is_said_here(tmp_path, aside, killed, counted):
     path = tmp_path / "kernels.py"  # numba keeps nothing of a function that is in no file
-    path.write_text(f"ASIDE = {aside}\n" + textwrap.dedent(BY_WHOM))
+    path.write_text(f"ASIDE, KILLED = {aside}, {killed}\n" + textwrap.dedent(BY_WHOM))
     told = python("import kernels", PYTHONPATH=f"{tmp_path}:{ROOT}", XDG_CACHE_HOME=str(tmp_path / "cache"))
     assert told == [*counted, "TypingError", "childless"]
 

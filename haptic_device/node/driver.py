@@ -20,7 +20,7 @@ from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
 from haptic_device.node.telemetry import Telemetry
-from haptic_device.runtime import clock, loop
+from haptic_device.runtime import clock, loop, rcl
 from haptic_device.runtime.link import PageLink
 from haptic_device.runtime.page import page_name
 from haptic_device.runtime.servo_thread import ServoThread
@@ -314,6 +314,7 @@ class DriverNode(ManagedNode):
 
 def main(args=None):
     """Runs haptic_driver until SIGINT, SIGTERM or SIGHUP."""
+    rcl.load_library()  # before there is a twin, which compiles for it
     return run(DriverNode, "haptic_driver", args)
 
 

@@ -86,12 +86,12 @@ class ExchangeThread:
         (self._run_rcl if self._path == "rcl" else self._run_rclpy)(mails, row, gains, tool)
 
     def _run_rcl(self, mails, row, gains, tool):
-        rcl.load_library()
-        inbox, outbox = rcl.incoming_buffer(), rcl.outgoing_buffer(self.frame.outgoing)
         publisher, subscription = self._publisher.handle, self._tap.handle
         near_handle = self._near.handle if self._near is not None else contextlib.nullcontext()
         records = row, gains, tool
         with publisher, subscription, near_handle:  # they live on while the loop has their addresses
+            rcl.load_library()
+            inbox, outbox = rcl.incoming_buffer(), rcl.outgoing_buffer(self.frame.outgoing)
             near = None, None, None, None
             if self._near is not None:
                 near = near_handle.pointer, self.near_frame, self._servo.near.words, np.zeros(1, contact.SET)
@@ -101,7 +101,7 @@ class ExchangeThread:
                     watch, *mails, *records, *near,
                 )  # fmt: skip
                 self._get_ready()
-        rcl.free(inbox)
+            rcl.free(inbox)
 
     def _get_ready(self):
         """Urgent from here on; a thread that still compiles would keep a core from everybody for seconds."""

@@ -17,7 +17,7 @@ from rclpy.utilities import remove_ros_args
 from haptic_device.node.own_port import own_port
 from haptic_device.node.params import declare
 from haptic_device.parameter import Parameter
-from haptic_device.whole import compile_aside
+from haptic_device.whole import compile_aside, compiled_all
 
 YOUNG = 100_000  # objects between two collections: compiling makes millions, and few of them are garbage
 LOOK_UP = 0.05  # [s] longest time a signal waits
@@ -42,7 +42,9 @@ class ManagedNode(Node):
 
     def on_activate(self, state):
         """Starts."""
-        return self._try(self.activate, super().on_activate, state, self.deactivate)
+        done = self._try(self.activate, super().on_activate, state, self.deactivate)
+        compiled_all()
+        return done
 
     def on_deactivate(self, state):
         """Stops; what must be zero is zero before it answers."""
@@ -116,7 +118,6 @@ def begin_ros(args):
         left = remove_ros_args(args=sys.argv if args is None else args)[1 if args is None else 0 :]
         if left:
             raise ValueError(f"{left[0]} is no argument of a node; ROS arguments begin with --ros-args")
-        compile_aside()
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl's own kinds are nowhere public; their text ends with places in its source
         raise ValueError(f"ROS does not take these arguments: {_plain(error)}") from None
@@ -157,6 +158,7 @@ def run(make_node, name, args=None):
         signal.signal(number, hear)
     try:
         with own_port(name):
+            compile_aside()
             begin_ros(args)
             node = _made(make_node)
         executor = SingleThreadedExecutor()
