@@ -152,6 +152,26 @@ def test_a_replayed_bag_is_like_a_live_one_and_its_ticks_are_the_same_again(bag)
     assert {"scene/wall.yaml", "device/desktop.yaml", "parameters/haptic_driver.yaml"} <= set(recording.attachments)
 
 
+@pytest.mark.parametrize("rate", [700.0, 1250.0, 9000.0])
+def test_at_a_rate_of_any_step_the_hand_moves_to_its_end(bag, tmp_path, rate):
+    before, after = read_run(bag), again(bag, tmp_path / "again", False, servo__rate=rate, coupling__stiffness=200.0)
+    assert len(after.recording.trace) == pytest.approx(before.seconds[-1] * rate, abs=1.0)
+
+
+def test_the_processors_share_is_without_what_compiles_before_the_first_tick(bag, tmp_path, monkeypatch):
+    run = Lockstep.run
+
+    def slow_at_first(system, seconds):
+        end = time.process_time() + (2.0 if system.ticks == 0 else 0.0)
+        while time.process_time() < end:
+            pass
+        return run(system, seconds)
+
+    monkeypatch.setattr(Lockstep, "run", slow_at_first)
+    after = again(bag, tmp_path / "again", False)
+    assert float(after.recording.last_values("haptic_replay")["cpu_share"]) < 0.8
+
+
 def test_the_same_hand_on_the_same_gains_ends_where_it_was(bag, tmp_path):
     before, after = read_run(bag), again(bag, tmp_path / "again", False)
     count = min(len(before.rows), len(after.rows))
