@@ -33,7 +33,8 @@ class LockstepBag:
         self._channels = {name: self._bag.add_topic(f"{NAMESPACE}/{name}", kind, []) for name, kind in topics.items()}
         self._channels["diagnostics"] = self._bag.add_topic("/diagnostics", DIAGNOSTICS, [])
         self._axes = tuple(axis.name for axis in point.device.axes)
-        self._point, self._rows, self._waiting, self._sequence = point, [], 0, 0
+        self._point, self._rows, self._waiting = point, [], 0
+        self._sequences = dict.fromkeys(self._channels, 0)  # of each topic, as a publisher counts
         self._attach()
         start = recompute.snapshot_of(-1, system.settings[0], system.memory[0])
         self._write("snapshot", self._cloud(start, EPOCH), EPOCH)
@@ -73,8 +74,8 @@ class LockstepBag:
             self._bag.attach(f"scene/{Path(self._point.simulation['scene']).stem}.yaml", YAML, scene, EPOCH)
 
     def _write(self, topic: str, data: bytes, now: int) -> None:
-        self._sequence += 1
-        self._bag.write(self._channels[topic], data, now, now, self._sequence)
+        self._sequences[topic] += 1
+        self._bag.write(self._channels[topic], data, now, now, self._sequences[topic])
 
     def _write_rows(self) -> None:
         if self._rows:

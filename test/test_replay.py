@@ -158,6 +158,10 @@ def test_at_a_rate_of_any_step_the_hand_moves_to_its_end(bag, tmp_path, rate):
     assert len(after.recording.trace) == pytest.approx(before.seconds[-1] * rate, abs=1.0)
 
 
+def test_a_replay_has_lost_no_message(bag):
+    assert not any(skipped.lost or skipped.back for skipped in load(bag).skipped.values())
+
+
 def test_the_processors_share_is_without_what_compiles_before_the_first_tick(bag, tmp_path, monkeypatch):
     run = Lockstep.run
 
