@@ -80,7 +80,7 @@ def energies(axes, run: Run) -> None:
     try:
         _line(axes, run.truth_seconds, run.truth.entry("energy_given") * 1e3, BLUE, "to the operator, truth")
     except ValueError:
-        axes.set_title("operator/state was not recorded: no truth", fontsize=8)
+        axes.plot([], [], color="none", label="operator/state was not recorded: no truth")
     _line(axes, run.seconds, run.tool_energy * 1e3, GREEN, "to the tool at its port", dashes=(1, 1))
     axes.axhline(0, color="0.6", linewidth=0.8)
     _finish(axes, _TIME, "energy [mJ]")
