@@ -8,6 +8,7 @@ messages of a chunk ten times as fast.
 
 import io
 import struct
+import zlib
 from collections.abc import Iterator
 from typing import BinaryIO, NamedTuple
 
@@ -23,6 +24,8 @@ RECORD = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; then the data
 LARGEST = 256 * 2**20  # bytes; a damaged length must not ask for the whole memory
 _OPCODES = range(1, 256)
+DAMAGE = (ValueError, struct.error, EndOfFile, OverflowError, MemoryError)  # what a damaged record makes a parser say
+_FOOTER = struct.Struct("<BQQQI8s")  # opcode, length, begin of the summary, of its offsets, checksum, magic
 
 
 class Record(NamedTuple):
@@ -85,7 +88,7 @@ def unpack(content: bytes) -> Chunk:
             raise ValueError(f"it claims {chunk.uncompressed_size} bytes")
         stream, size = get_chunk_data_stream(chunk, validate_crc=True)
         data = stream.read(size)
-    except (struct.error, EndOfFile, McapError, zstandard.ZstdError, RuntimeError) as error:
+    except (*DAMAGE, McapError, zstandard.ZstdError, RuntimeError) as error:
         raise ValueError(f"its content is damaged: {' '.join(str(error).split())}") from None
     return Chunk(chunk.message_start_time, chunk.message_end_time, chunk.compression, len(chunk.data), data)
 
@@ -102,3 +105,33 @@ def places(data: bytes) -> Iterator[tuple[int, int, int]]:
         if at > size:
             raise ValueError("its last record is cut off")
         yield opcode, begin, at
+
+
+def described(stream: BinaryIO) -> list[tuple[int, bytes]]:
+    """(opcode, content) of the schemas and channels in the summary; none if the file has no whole one.
+
+    They stand in a chunk too, but that may be damaged: without them the messages of all later ones mean nothing. Leaves
+    the stream at its beginning.
+    """
+    data = _summary(stream)
+    stream.seek(0)
+    try:
+        parts = list(places(data))
+    except ValueError:
+        return []
+    return [(opcode, data[begin:end]) for opcode, begin, end in parts if opcode in (Opcode.SCHEMA, Opcode.CHANNEL)]
+
+
+def _summary(stream: BinaryIO) -> bytes:
+    end = stream.seek(0, io.SEEK_END) - _FOOTER.size
+    stream.seek(max(0, end))
+    tail = stream.read()
+    if len(tail) < _FOOTER.size:
+        return b""
+    opcode, _, begin, _, checksum, magic = _FOOTER.unpack(tail)
+    if opcode != Opcode.FOOTER or magic != MAGIC or not 0 < begin <= end <= begin + LARGEST:
+        return b""
+    stream.seek(begin)
+    data = stream.read(end - begin)
+    checked = zlib.crc32(data + tail[: -len(MAGIC) - 4])
+    return data if checksum in (0, checked) else b""

@@ -12,11 +12,12 @@ import yaml
 from bag_of_a_run import JOINTS, joints, swing, write_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from haptic_device.analysis.recording import load
-from haptic_device.mcapfile import Records
+from haptic_device.mcapfile import Records, places, unpack
 from haptic_device.node import bag_file
 from haptic_device.node.bag import RESERVE, RESERVE_BYTES, Bag
 from haptic_device.node.bag_index import complete
@@ -217,13 +218,56 @@ def test_a_damaged_chunk_is_passed_over_by_every_reader_after_the_repair_and_sai
         last = chunks[-1]
     data[last.chunk_start_offset + last.chunk_length // 2] ^= 0xFF
     file.write_bytes(data)
-    assert "1 damaged chunks are passed over" in list(recovered(folder))[0]
+    assert "1 damaged records are passed over" in list(recovered(folder))[0]
     count = information(folder)["message_count"]
     with AnyReader([folder]) as reader:
         assert sum(1 for _ in reader.messages()) == count
     with open(file, "rb") as stream:
         assert make_reader(stream).get_summary().statistics.message_count == count
     assert load(folder).notes == ()
+
+
+@pytest.mark.parametrize("damaged", [0, 1])
+def test_after_the_repair_no_later_chunk_misses_its_topic_or_its_own_index(tmp_path, damaged):
+    folder = write_run(tmp_path / "run", swing(4000))
+    file = folder / "run_0.mcap"
+    data = bytearray(file.read_bytes())
+    with open(file, "rb") as stream:
+        chunk, other = (make_reader(stream).get_summary().chunk_indexes[i] for i in (damaged, 1 - damaged))
+        stream.seek(0)
+        whole = {record.offset: record for record in Records(stream) if record.opcode == Opcode.CHUNK}
+    parts = places(unpack(whole[chunk.chunk_start_offset].content).records)
+    lost = sum(opcode == Opcode.MESSAGE for opcode, *_ in parts)
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 0xFF
+    file.write_bytes(data)
+    before = information(folder)["message_count"]
+    assert sum(load(folder).counts.values()) == before - lost
+    assert list(recovered(folder))
+    assert sum(load(folder).counts.values()) == information(folder)["message_count"] == before - lost
+    with AnyReader([folder]) as reader:
+        assert sum(1 for _ in reader.messages()) == before - lost
+    with open(file, "rb") as stream:
+        left = make_reader(stream).get_summary().chunk_indexes
+    assert {one.chunk_start_offset: one for one in left}[other.chunk_start_offset] == other
+
+
+def test_a_damaged_attachment_is_passed_over_and_the_other_stays(tmp_path):
+    bag = Bag(tmp_path / "bag")
+    for name in ("made.yaml", "trial.yaml"):
+        bag.attach(name, "application/yaml", b"a: 1", 5)
+    fill(bag, 100)
+    bag.close({})
+    file = tmp_path / "bag/bag_0.mcap"
+    data = bytearray(file.read_bytes())
+    place = data.index(b"made.yaml")
+    data[place - 1] = 0xFF  # of the length of its name
+    file.write_bytes(data)
+    assert "damaged in 1 places" in load(tmp_path / "bag").notes[0]
+    assert "1 damaged records are passed over; 100 messages" in list(recovered(tmp_path / "bag"))[0]
+    found = load(tmp_path / "bag")
+    assert set(found.attachments) == {"trial.yaml"} and found.notes == ()
+    with open(file, "rb") as stream:
+        assert [one.name for one in make_reader(stream).iter_attachments()] == ["trial.yaml"]
 
 
 def test_recovery_counts_the_publishers_numbers_that_were_skipped(tmp_path):

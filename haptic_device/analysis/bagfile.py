@@ -6,7 +6,6 @@ memory of what is kept of it.
 """
 
 import io
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -14,10 +13,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from mcap import records
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 
-from haptic_device.mcapfile import MESSAGE, RECORD, Records, unpack
+from haptic_device.mcapfile import DAMAGE, MESSAGE, RECORD, Records, described, unpack
 
 _BATCH = 2**20  # bytes of one topic's messages that are decoded together
 
@@ -121,7 +119,7 @@ class _File:
     """One file being read: its own schemas and channels, the bag's topics."""
 
     def __init__(self, name, stream, contents, collector):
-        self._name, self._records = name, Records(stream)
+        self._name, self._described, self._records = name, described(stream), Records(stream)
         self._contents, self._collector = contents, collector
         self._types: dict[int, str] = {}
         self._channels: dict[int, Topic] = {}
@@ -129,6 +127,8 @@ class _File:
 
     def read(self) -> None:
         """Reads it to its end, or to where it is cut off."""
+        for opcode, content in self._described:
+            self._take(opcode, content)
         for record in self._records:
             if record.opcode == Opcode.DATA_END:
                 self._ended = True
@@ -153,7 +153,7 @@ class _File:
                 self._contents.attachments[found.name] = found.data
             else:
                 self._take_part(opcode, content)
-        except (ValueError, struct.error, EndOfFile):  # a text that is none is a ValueError too
+        except DAMAGE:
             self._damaged += 1
 
     def _take_chunk(self, data: bytes) -> None:
@@ -182,7 +182,8 @@ class _File:
             self._types[schema.id] = schema.name
         elif opcode == Opcode.CHANNEL:
             channel = records.Channel.read(_stream(content))
-            self._channels[channel.id] = self._topic(channel.topic, self._types.get(channel.schema_id, ""))
+            if channel.id not in self._channels:
+                self._channels[channel.id] = self._topic(channel.topic, self._types.get(channel.schema_id, ""))
         elif opcode == Opcode.MESSAGE and len(content) >= MESSAGE.size:  # of a file without chunks
             self._take_alone(content)
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ends an MCAP file that was cut off: a torn last record goes, the index that was never written is computed anew.
 
-Nothing is copied, so that a bag of many gigabytes is repaired where it lies. A damaged chunk in the middle stays in
-the file as a private record, which every reader passes over.
+Nothing is copied, so that a bag of many gigabytes is repaired where it lies. A damaged record in the middle stays in
+the file as a private one, which every reader passes over.
 """
 
 import io
@@ -17,7 +17,7 @@ from mcap import records
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
 
-from haptic_device.mcapfile import MAGIC, MESSAGE, RECORD, Record, Records, places, unpack
+from haptic_device.mcapfile import DAMAGE, MAGIC, MESSAGE, RECORD, Record, Records, described, places, unpack
 from haptic_device.node.bag_information import FileSpan
 from haptic_device.skipped import Skipped
 
@@ -76,12 +76,18 @@ def complete(path: Path, skipped: dict[str, Skipped] | None = None) -> Index:
 
 def scan(stream: BinaryIO, name: str, skipped: dict[str, Skipped] | None = None) -> Index:
     """What the file holds up to where it is cut off. Raises ValueError if it is no MCAP file."""
-    found, index, ended = Records(stream), Index(FileSpan(name), skipped={} if skipped is None else skipped), False
+    known, found = described(stream), Records(stream)
+    index, ended = Index(FileSpan(name), skipped={} if skipped is None else skipped), False
+    for opcode, content in known:
+        _note_part(index, opcode, content)
     for record in found:
         ended = ended or record.opcode == Opcode.DATA_END
         if not ended:
             index.data_end = record.end
-            _note(index, record)
+            try:
+                _note(index, record)
+            except DAMAGE:
+                index.damaged.append(record.offset)
     index.wrong = found.wrong
     index.torn = stream.seek(0, io.SEEK_END) - found.end if found.wrong else 0
     return index
@@ -90,10 +96,8 @@ def scan(stream: BinaryIO, name: str, skipped: dict[str, Skipped] | None = None)
 def _note(index: Index, record: Record) -> None:
     if record.opcode == Opcode.CHUNK:
         _note_chunk(index, record)
-    elif record.opcode == Opcode.MESSAGE_INDEX and index.chunks:
-        chunk, (channel,) = index.chunks[-1], struct.unpack_from("<H", record.content)
-        chunk.message_index_offsets[channel] = record.offset
-        chunk.message_index_length += record.end - record.offset
+    elif record.opcode == Opcode.MESSAGE_INDEX:
+        _note_message_index(index, record)
     elif record.opcode == Opcode.ATTACHMENT:
         found = records.Attachment.read(_stream(record.content))
         length, size = record.end - record.offset, len(found.data)
@@ -110,12 +114,8 @@ def _note(index: Index, record: Record) -> None:
 
 
 def _note_chunk(index: Index, record: Record) -> None:
-    try:
-        chunk = unpack(record.content)
-        parts = list(places(chunk.records))
-    except ValueError:
-        index.damaged.append(record.offset)
-        return
+    chunk = unpack(record.content)
+    parts = list(places(chunk.records))
     for opcode, begin, end in parts:
         _note_part(index, opcode, chunk.records[begin:end])
     index.chunks.append(
@@ -124,6 +124,15 @@ def _note_chunk(index: Index, record: Record) -> None:
             len(chunk.records),
         )
     )  # fmt: skip
+
+
+def _note_message_index(index: Index, record: Record) -> None:
+    """Of the last chunk, if it stands right behind that one: those of a damaged chunk belong to none."""
+    chunk = index.chunks[-1] if index.chunks else None
+    if chunk and record.offset == chunk.chunk_start_offset + chunk.chunk_length + chunk.message_index_length:
+        (channel,) = struct.unpack_from("<H", record.content)
+        chunk.message_index_offsets[channel] = record.offset
+        chunk.message_index_length += record.end - record.offset
 
 
 def _note_part(index: Index, opcode: int, content: bytes) -> None:

@@ -37,7 +37,7 @@ def recovered(bag: Path) -> Iterator[str]:
 def _what_was_done(index: Index) -> str:
     done = []
     if index.damaged:
-        done.append(f"{len(index.damaged)} damaged chunks are passed over")
+        done.append(f"{len(index.damaged)} damaged records are passed over")
     if index.wrong:
         done.append(f"{index.wrong}, {index.torn} bytes of a torn record are cut off and the index is written")
     return " and ".join(done) or "whole"
