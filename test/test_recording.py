@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from bag_of_a_run import AXES, BOOT_TO_EPOCH, JOINTS, PERIOD_NS, SAID, TYPES, joints, swing, write_run
+from bag_of_a_run import AXES, BOOT_TO_EPOCH, CLOUD, JOINTS, PERIOD_NS, SAID, TYPES, joints, swing, write_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
@@ -23,6 +23,7 @@ from haptic_device.analysis.recording import ENTRY_UNITS, TRACE_UNITS, load
 from haptic_device.node.bag import Bag
 from haptic_device.node.wire import StampedLayout
 
+STRING = "std_msgs/msg/String"
 WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
 
 
@@ -188,6 +189,22 @@ def test_what_is_no_bag_is_refused_in_a_sentence_that_names_it(tmp_path):
     for name in ("empty.mcap", "text.mcap", "folder", "silent", "foreign"):
         with pytest.raises(ValueError, match=name):
             load(tmp_path / name)
+
+
+@pytest.mark.parametrize("topic, type_name", [("handle", JOINTS), ("trace", CLOUD), ("mark", STRING)])
+def test_messages_without_content_and_strange_diagnostics_are_left_out_in_a_sentence(tmp_path, topic, type_name):
+    bag = Bag(tmp_path / "odd")
+    odd, channel = bag.add_topic(f"/haptic/{topic}", type_name, []), bag.add_topic("/haptic/encoder", JOINTS, [])
+    strange = bag.add_topic("/diagnostics", STRING, [])
+    for number in range(1, 4):
+        bag.write(odd, b"", number, number, number)
+        bag.write(channel, joints(("x",), [number], 0), number, number, number)
+        bag.write(strange, b"\0\1\0\0\2\0\0\0a\0", number, number, number)
+    bag.close({})
+    recording = load(tmp_path / "odd")
+    assert recording.joint("encoder").entry("x").tolist() == [1, 2, 3] and not recording.diagnostics
+    assert sum(f"topic {name}" in note for note in recording.notes for name in (f"/haptic/{topic}", topic)) == 1
+    assert any("diagnostics is left out: it is std_msgs/msg/String" in note for note in recording.notes)
 
 
 def test_several_devices_in_one_bag_need_a_namespace(tmp_path):

@@ -68,7 +68,7 @@ class Topic:
 
     def hand_on(self, least: int = 1) -> None:
         """Hands what waits to the collector, if it is at least so many bytes."""
-        if self.waiting and len(self.waiting) * len(self.waiting[0]) >= least:
+        if self.waiting and len(self.waiting) * max(1, len(self.waiting[-1])) >= least:
             self.collector.add(self.waiting)
             self.waiting = []
 

@@ -120,7 +120,7 @@ def cloud_layout(data: bytes) -> CloudLayout:
         record = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": step})
         size = cursor.at
         cursor.count()
-    except (struct.error, UnicodeDecodeError, KeyError, TypeError) as error:
+    except (struct.error, UnicodeDecodeError, KeyError, IndexError, TypeError) as error:
         raise ValueError(f"a message of {len(data)} bytes is no PointCloud2 of named fields ({error})") from error
     return CloudLayout(record, width, size, fixed)
 

@@ -61,7 +61,7 @@ TRACE_UNITS = {
 }
 MARK = "mark"
 _JOINT_STATE, _CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
-_STRING = "std_msgs/msg/String"
+_STRING, _DIAGNOSTICS = "std_msgs/msg/String", "diagnostic_msgs/msg/DiagnosticArray"
 _STAMPED = {  # fields after the header, and the part of a Joints that they are
     "geometry_msgs/msg/WrenchStamped": ("force.x force.y force.z torque.x torque.y torque.z", "effort"),
     "geometry_msgs/msg/PoseStamped": (
@@ -149,7 +149,7 @@ class Recording:
     def trace_rows_missing(self) -> int:
         """Ticks between first and last row of the trace that have no row."""
         steps = np.diff(self.trace["tick"])
-        return int(np.sum(steps[steps > 1] - 1))
+        return int(np.sum(steps[(steps > 1) & np.isfinite(steps)] - 1))
 
     def statuses(self, node: str) -> tuple[Status, ...]:
         """What the named node said on /diagnostics, oldest first; empty if it never spoke."""
@@ -195,7 +195,8 @@ class Recording:
     def _named(self, found: dict, topic: str):
         if topic not in found:
             there = ", ".join(found) or "none of its kind"
-            raise ValueError(f"bag {self.bag} has no topic {topic} under {self.namespace or '/'}; it has {there}")
+            why = "".join(f"; {note}" for note in self.notes)
+            raise ValueError(f"bag {self.bag} has no topic {topic} under {self.namespace or '/'}; it has {there}{why}")
         return found[topic]
 
 
@@ -326,7 +327,9 @@ def _pairs(trace: Topic | None, rows: np.ndarray | None, state: Joints | None) -
     if rows is not None and "deadline" in rows.dtype.names:
         columns = trace.collector.inner
         some = columns.begins < len(rows)
-        return columns.stamps[some], rows["deadline"][columns.begins[some]].round().astype(np.int64)
+        first = rows["deadline"][columns.begins[some]]
+        known = np.isfinite(first)
+        return columns.stamps[some][known], first[known].round().astype(np.int64)
     if state is not None and "time" in state.names:
         return state.published, np.round(state.entry("time") * 1e9).astype(np.int64)
     return np.empty(0, np.int64), np.empty(0, np.int64)
@@ -335,7 +338,7 @@ def _pairs(trace: Topic | None, rows: np.ndarray | None, state: Joints | None) -
 def _diagnostics(topic: Topic | None, notes: list[str]) -> dict[str, tuple[Status, ...]]:
     """Statuses by name, oldest first."""
     statuses: dict[str, list[Status]] = {}
-    for time, message in _messages(topic, notes, "diagnostics"):
+    for time, message in _messages(topic, notes, "diagnostics", _DIAGNOSTICS):
         for name, status in _named_statuses(message, time):
             statuses.setdefault(name, []).append(status)
     return {name: tuple(found) for name, found in statuses.items()}
@@ -343,7 +346,7 @@ def _diagnostics(topic: Topic | None, notes: list[str]) -> dict[str, tuple[Statu
 
 def statuses_of(data: bytes, time: int) -> dict[str, Status]:
     """Statuses by name, out of one serialized DiagnosticArray received at this time [ns of the system clock]."""
-    return dict(_named_statuses(_types().deserialize_cdr(data, "diagnostic_msgs/msg/DiagnosticArray"), time))
+    return dict(_named_statuses(_types().deserialize_cdr(data, _DIAGNOSTICS), time))
 
 
 def _named_statuses(message, time: int) -> list[tuple[str, Status]]:
@@ -356,12 +359,15 @@ def _status(said, time: int) -> Status:
 
 
 def _marks(topic: Topic | None, notes: list[str]) -> tuple[Mark, ...]:
-    return tuple(Mark(time, message.data) for time, message in _messages(topic, notes, MARK))
+    return tuple(Mark(time, message.data) for time, message in _messages(topic, notes, MARK, _STRING))
 
 
-def _messages(topic: Topic | None, notes: list[str], name: str) -> Iterator[tuple[int, Any]]:
+def _messages(topic: Topic | None, notes: list[str], name: str, type_name: str) -> Iterator[tuple[int, Any]]:
     """(received, message) of a topic whose messages were kept; those that cannot be read are noted and left out."""
     if topic is None or not isinstance(topic.collector, Keep):
+        return
+    if topic.type_name != type_name:
+        notes.append(f"topic {name} is left out: it is {topic.type_name}, not {type_name}")
         return
     broken = 0
     for data, time in zip(topic.collector.data, topic.times.received.tolist(), strict=True):
