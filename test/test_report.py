@@ -14,6 +14,7 @@ from haptic_device.analysis.page import FIGURES, write_report
 from haptic_device.analysis.run import read_run
 from haptic_device.analysis.table import sections
 from haptic_device.node.bag import Bag
+from haptic_sim.cli.compared import figures_of
 from haptic_sim.cli.report import report
 
 TICKS = 8000
@@ -101,6 +102,26 @@ def test_columns_that_are_no_numbers_are_named_and_the_rest_is_shown(tmp_path):
     assert "trace column position is no number in 100 of 4000 ticks" in notes
     assert found["Exchange"]["answered"].startswith("999")
     assert write_report([read_run(folder)], tmp_path / "report").exists()
+
+
+@pytest.mark.parametrize("column", ["tick", "deadline", "missed", "lateness", "compute", "tool_position", "margin"])
+def test_a_few_ticks_that_are_no_numbers_take_no_figure_with_them(tmp_path, column):
+    rows = swing(4000)
+    at, blocks = [0, *range(1001, 1010), 3999], range(0, 4000, 80)
+    bag = Bag(tmp_path / "some")
+    channel = bag.add_topic("/haptic/trace", CLOUD, [])
+    for begin in blocks:
+        part = rows[begin : begin + 80]
+        broken, data = part.copy(), cloud(part)
+        broken[column][[i - begin for i in at if begin <= i < begin + 80]] = np.nan
+        bag.write(channel, data.replace(part.tobytes(), broken.tobytes()), begin + 1, begin + 1, begin // 80 + 1)
+    bag.close({})
+    found, notes = sections_of(tmp_path / "some")
+    assert any("11" in note and column in note for note in notes)
+    assert found["Servo"]["rate"] == "4000 Hz" and found["Servo"]["missed ticks"] == "0"
+    assert found["Servo"]["lateness p50, p99, max"] == "8, 8, 8 µs"
+    assert not any("nan" in value for section in found.values() for value in section.values())
+    assert "nan" not in "".join(figures_of(read_run(tmp_path / "some")).values())
 
 
 def test_a_bag_with_a_trace_alone_still_has_its_servo_figures(tmp_path):

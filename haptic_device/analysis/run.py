@@ -50,6 +50,10 @@ class Run:
     def rows(self) -> np.ndarray:
         """The ticks from the first to the last with the motor engaged, or all if it never was."""
         trace = self.recording.trace
+        timed = np.isfinite(trace["deadline"])
+        if timed.any() and not timed.all():
+            self.notes.append(f"{np.sum(~timed)} ticks without a deadline are left out")
+            trace = trace[timed]
         if len(trace) < 2:
             raise ValueError(f"the trace has {len(trace)} ticks; two are needed")
         engaged = trace["engage"] > 0

@@ -28,16 +28,19 @@ def first_command(trace: np.ndarray) -> float:
 
 def period(rows: np.ndarray) -> float:
     """Servo period T [s], the median step of the deadlines."""
-    return float(np.median(np.diff(rows["deadline"]))) * 1e-9
+    steps = np.diff(rows["deadline"])
+    known = steps[np.isfinite(steps)]
+    return float(np.median(known)) * 1e-9 if len(known) else np.nan
 
 
 def servo_figures(rows: np.ndarray) -> dict:
     """Rate [Hz], ticks, missed ticks, lateness and compute time [us]."""
     compute = rows["compute"][1:] * _MICRO  # each row carries the time of the tick before it
+    steps = _grown(rows["tick"])
     return {
         "rate_hz": 1.0 / period(rows),
-        "ticks": int(rows["tick"][-1] - rows["tick"][0]) + 1,
-        "missed": int(rows["missed"][-1] - rows["missed"][0]),
+        "ticks": None if steps is None else steps + 1,
+        "missed": _grown(rows["missed"]),
         "lateness_us": _quantiles(rows["lateness"] * _MICRO, p50=50, p99=99, p999=99.9, max=100),
         "compute_us": _quantiles(compute, p50=50, p99=99, max=100),
     }
@@ -151,11 +154,19 @@ def _plane(columns: np.ndarray, topic: Joints | None = None) -> np.ndarray:
     return plane
 
 
+def _grown(count: np.ndarray) -> int | None:
+    """Last less first of the values that are numbers; None if there is none."""
+    known = count[np.isfinite(count)]
+    return int(known[-1] - known[0]) if len(known) else None
+
+
 def _rms(vectors: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
 
 
 def _quantiles(values: np.ndarray, **wanted: float) -> dict[str, float | None]:
+    """Of the values that are numbers."""
+    values = values[np.isfinite(values)]
     if len(values) == 0:
         return dict.fromkeys(wanted)
     return dict(zip(wanted, map(float, np.percentile(values, list(wanted.values()))), strict=True))

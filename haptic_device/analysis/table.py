@@ -62,7 +62,7 @@ def _what_ran(run: Run):
 def _servo(run: Run):
     found = summary.servo_figures(run.rows)
     yield "rate", f"{found['rate_hz']:.0f} Hz"
-    yield "missed ticks", str(found["missed"])
+    yield "missed ticks", MISSING if found["missed"] is None else str(found["missed"])
     for name, label in (("lateness_us", "lateness"), ("compute_us", "compute")):
         yield f"{label} p50, p99, max", _three(found[name], "µs")
 
@@ -72,21 +72,23 @@ def _exchange(run: Run):
     yield "handle samples", f"{found['sent']} at {found['rate_hz']:.0f} Hz"
     yield "answered", f"{found['answered']} ({100 * found['answered'] / max(1, found['sent']):.2f} %)"
     yield "age p50, p99, max", _three(found["age_ms"], "ms")
-    yield "handle to tool, RMS, largest", "{:.3g}, {:.3g} mm".format(*_apart(run))
+    yield "handle to tool, RMS, largest", _told("{:.3g}, {:.3g} mm", *_apart(run))
 
 
 def _apart(run: Run) -> tuple[float, float]:
     """RMS and largest distance from handle to tool [mm]."""
-    distance = run.distance
-    return float(np.sqrt(np.nanmean(distance**2, dtype=float))) * 1e3, float(np.nanmax(distance)) * 1e3
+    distance = run.distance[np.isfinite(run.distance)]
+    if not len(distance):
+        return np.nan, np.nan
+    return float(np.sqrt(np.mean(distance**2, dtype=float))) * 1e3, float(np.max(distance)) * 1e3
 
 
 def _energy(run: Run):
-    yield "given to the operator, servo's books, end", f"{run.rows['energy_given'][-1].sum() * 1e3:.3g} mJ"
+    yield "given to the operator, servo's books, end", _told("{:.3g} mJ", run.rows["energy_given"][-1].sum() * 1e3)
     yield "to the tool at its port, end", f"{run.tool_energy[-1] * 1e3:.3g} mJ"
     margin = np.fmin.reduce(run.rows["margin"], axis=0)
-    yield "least margin x, y, θ", "{:.4g} N s/m, {:.4g} N s/m, {:.4g} N m s/rad".format(*margin)
-    yield "ticks in which the controller acted", f"{run.rows['injections'][-1] - run.rows['injections'][0]:.0f}"
+    yield "least margin x, y, θ", _told("{:.4g} N s/m, {:.4g} N s/m, {:.4g} N m s/rad", *margin)
+    yield "ticks in which the controller acted", _told("{:.0f}", run.rows["injections"][-1] - run.rows["injections"][0])
     given = run.truth.entry("energy_given") * 1e3
     yield "given to the operator, truth, largest", f"{np.nanmax(given):.3g} mJ"
     yield "given to the operator, truth, end", f"{given[-1]:.3g} mJ"
@@ -164,6 +166,11 @@ def _three(found: dict, unit: str) -> str:
 def _plain(value: float) -> str:
     """Three digits, and whole numbers rather than a power of ten."""
     return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+
+
+def _told(text: str, *values: float) -> str:
+    """The text with its values, where every one is a number."""
+    return text.format(*values) if np.isfinite(values).all() else MISSING
 
 
 def _plus(estimate: Estimate, unit: str) -> str:

@@ -56,6 +56,14 @@ def _told(part, run: Run) -> str:
         return "—"
 
 
+def _known(values: np.ndarray) -> np.ndarray:
+    """Those that are numbers. Raises ValueError if there is none."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        raise ValueError("nothing of it is a number")
+    return known
+
+
 def _stiffness(run: Run) -> str:
     """Fitted in contact, in the axis that tells most."""
     found = [fitted for (kind, axis), fitted in run.impedances.items() if kind == "contact" and axis != "theta"]
@@ -65,15 +73,15 @@ def _stiffness(run: Run) -> str:
 
 def _error(run: Run) -> str:
     """RMS of the distance from handle to tool."""
-    return f"{np.sqrt(np.mean(run.distance**2, dtype=float)) * 1e3:.4f}"
+    return f"{np.sqrt(np.mean(_known(run.distance) ** 2, dtype=float)) * 1e3:.4f}"
 
 
 def _energy(run: Run) -> str:
     """Largest energy given to the operator: by the truth, or else by the servo's books."""
     try:
-        return f"{np.max(run.truth.entry('energy_given')) * 1e3:.3f}"
+        return f"{np.max(_known(run.truth.entry('energy_given'))) * 1e3:.3f}"
     except ValueError:
-        return f"{np.max(run.rows['energy_given'].sum(axis=1)) * 1e3:.3f} booked"
+        return f"{np.max(_known(run.rows['energy_given'].sum(axis=1))) * 1e3:.3f} booked"
 
 
 def _wave(run: Run) -> str:
@@ -82,7 +90,7 @@ def _wave(run: Run) -> str:
 
 
 def _margin(run: Run) -> str:
-    return f"{float(np.min(run.rows['margin'][:, :2])):.3f} N s/m"
+    return f"{float(np.min(_known(run.rows['margin'][:, :2]))):.3f} N s/m"
 
 
 def _cpu(run: Run) -> str:
