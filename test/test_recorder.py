@@ -161,7 +161,7 @@ def test_a_wrong_parameter_is_refused_in_a_sentence(domain, tmp_path, parameters
 def test_a_folder_in_use_is_not_written_into(domain, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     ended = subprocess.run(recorder(tmp_path).command(), capture_output=True, text=True, timeout=20)
-    assert ended.returncode == 1 and "is not empty" in ended.stderr
+    assert ended.returncode == 1 and "is not empty" in ended.stderr.splitlines()[-1]  # all that haptic record shows
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
 
 
@@ -200,6 +200,17 @@ def test_the_record_command_ends_on_ctrl_c_with_a_line_for_each_topic(node, tmp_
     said, _ = recording.communicate(timeout=15)
     assert recording.returncode == 0
     assert re.search(r"/haptic/motor +50 messages, lost: 0", said)
+
+
+def test_the_record_command_ended_before_it_began_says_that_there_is_no_bag(domain, tmp_path, monkeypatch):
+    from haptic_sim.cli import record
+
+    def interrupt(nodes, program):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(record.Nodes, "start", interrupt)
+    with pytest.raises(ValueError, match="no whole bag is in"):
+        record.record(tmp_path / "out")
 
 
 def run_main(*words, **given):

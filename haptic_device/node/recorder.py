@@ -93,7 +93,8 @@ class Recorder(Node):
         try:
             self.bag = self._open()
         except (ValueError, OSError) as error:
-            self.get_logger().error(f"cannot record: {error}")
+            self.stopped = f"cannot record: {error}"
+            self.get_logger().error(self.stopped)
             return TransitionCallbackReturn.FAILURE
         self.stopped = ""
         self._inquiry.again()  # parameters and scene may be others than in the bag before
@@ -279,7 +280,7 @@ def _record_until_told(node: Recorder, told: list) -> None:
     if node.parameters["autostart"]:
         node.trigger_configure()
         if node.trigger_activate() != TransitionCallbackReturn.SUCCESS:
-            raise ValueError("haptic_recorder could not start recording; the reason stands above")
+            raise ValueError(node.stopped)
     next_spin = 0.0
     while not told:
         node.look()

@@ -44,6 +44,9 @@ def record(
             typer.echo("", err=True)
         except NodeDiedError as error:
             raise ValueError(str(error)) from error
+    if not (bag / "metadata.yaml").exists():
+        reason = "it was ended before it began, or is to be repaired by haptic recover"
+        raise ValueError(f"no whole bag is in {bag}: {reason}; the log is in {out / 'log'}")
     _print_counts(bag)
 
 
