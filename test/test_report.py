@@ -124,6 +124,16 @@ def test_a_few_ticks_that_are_no_numbers_take_no_figure_with_them(tmp_path, colu
     assert "nan" not in "".join(figures_of(read_run(tmp_path / "some")).values())
 
 
+def test_of_two_runs_in_one_folder_the_first_is_shown_and_the_other_said(tmp_path):
+    later, earlier = swing(4000), swing(4000)
+    later["deadline"] += 100e9
+    folder = write_run(tmp_path / "two", later)
+    (write_run(tmp_path / "other", earlier) / "other_0.mcap").rename(folder / "two_1.mcap")
+    found, notes = sections_of(folder)
+    assert "after 4000 ticks the trace goes back in time: the other 4000 are left out" in notes
+    assert found["What ran"]["length"] == "1.000 s, 4000 ticks"
+
+
 def test_a_bag_with_a_trace_alone_still_has_its_servo_figures(tmp_path):
     bag = Bag(tmp_path / "bare")
     bag.write(bag.add_topic("/haptic/trace", CLOUD, []), cloud(swing(4000)), 1, 1, 1)

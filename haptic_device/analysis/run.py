@@ -54,6 +54,11 @@ class Run:
         if timed.any() and not timed.all():
             self.notes.append(f"{np.sum(~timed)} ticks without a deadline are left out")
             trace = trace[timed]
+        back = np.flatnonzero(np.diff(trace["deadline"]) < 0.0)
+        if len(back):
+            first, others = back[0] + 1, len(trace) - back[0] - 1
+            self.notes.append(f"after {first} ticks the trace goes back in time: the other {others} are left out")
+            trace = trace[:first]
         if len(trace) < 2:
             raise ValueError(f"the trace has {len(trace)} ticks; two are needed")
         engaged = trace["engage"] > 0
