@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -24,10 +25,16 @@ NOBODY = "tcp://127.0.0.1:9"  # the discard port: nothing listens there
 
 
 @pytest.fixture
-def cluster(start):
+def scheduler(start):
+    """(address, process) of a scheduler on this machine."""
+    process = _dask(start, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    return _said(process, "Scheduler at:").split()[-1], process
+
+
+@pytest.fixture
+def cluster(start, scheduler):
     """(address, processes) of a scheduler and two workers on this machine."""
-    scheduler = _dask(start, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
-    address = _said(scheduler, "Scheduler at:").split()[-1]
+    address, _ = scheduler
     workers = [_dask(start, "worker", address, "--no-dashboard", "--nthreads", "1", "--no-nanny") for _ in range(2)]
     for worker in workers:
         _said(worker, "Registered to:")
@@ -60,6 +67,42 @@ def test_a_cluster_maps_the_same_to_the_bit_though_a_worker_is_killed_in_the_mid
     assert far.done.all()
     for one, other in zip(far.outcome, near.outcome, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_a_scheduler_that_is_killed_in_the_middle_is_a_sentence_and_what_was_done_is_kept(
+    scheduler, cluster, tmp_path, caplog
+):
+    (address, process), file, seen = scheduler, tmp_path / "resume.npz", []
+
+    def kill(done):
+        seen.append(done)
+        if done == 3:
+            process.kill()
+
+    with pytest.raises(ValueError, match=f"the work was lost at {address} .*; what was done is kept"):
+        draw_map(SMALL._replace(setup=SMALL.setup._replace(seconds=20.0)), 1, file, kill, address)
+    assert 3 <= seen[-1] < 60
+    with np.load(file) as kept:
+        assert kept["done"].sum() == seen[-1]
+    assert not caplog.records
+
+
+@pytest.mark.parametrize("address", ["nonsense", "127.0.0.1", "http://127.0.0.1:8786", "tcp://127.0.0.1"])
+def test_what_is_no_address_of_a_scheduler_is_refused_before_anything_is_tried(address):
+    with pytest.raises(ValueError, match="must be an address such as tcp://host:8786"):
+        next(sweep.spread(len, {"job": ("",)}, 1, address))
+
+
+def test_processes_of_a_sweep_end_with_the_one_that_is_killed(start):
+    code = ("import os; from haptic_device.analysis.sweep import spread;"
+            "[print(pid, flush=True) or input() for _, pid in spread(os.getpid, {0: ()}, 1, processes=True)]")
+    process = start([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    worker = int(process.stdout.readline())
+    process.kill()
+    end = time.monotonic() + 10.0
+    while os.path.exists(f"/proc/{worker}") and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not os.path.exists(f"/proc/{worker}")
 
 
 def test_a_scheduler_that_is_not_there_is_a_sentence_and_loses_nothing(tmp_path, monkeypatch):

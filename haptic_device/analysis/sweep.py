@@ -2,14 +2,19 @@
 """Many independent runs on all cores, or on the machines behind a Dask scheduler: same jobs, same results."""
 
 import contextlib
+import logging
 import multiprocessing
+import os
+import re
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 
 from haptic_device import cache
+from haptic_device.runtime.process import die_with_parent
 
 PATIENCE = 5.0  # [s] for a scheduler to answer
 MISSING = "--scheduler needs Dask distributed: pip install 'haptic_display[sweep]'"
+ADDRESS = re.compile(r"(tcp|tls|ws|wss)://\S+:\d{1,5}")
 
 
 class SchedulerError(ValueError):
@@ -31,14 +36,19 @@ def spread(
 
 
 def _here(function, jobs, workers, processes):
-    made = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) if processes else None
-    with made or ThreadPoolExecutor(workers) as pool:
+    with _processes(workers) if processes else ThreadPoolExecutor(workers) as pool:
         waiting = {pool.submit(function, *arguments): key for key, arguments in jobs.items()}
         try:
             for done in as_completed(waiting):
                 yield waiting[done], done.result()
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def _processes(workers):
+    """They end with this process, however it ends: killed, it would leave them waiting for good."""
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(workers, context, initializer=die_with_parent, initargs=(os.getpid(),))
 
 
 def _by_cluster(function, jobs, scheduler):
@@ -48,10 +58,13 @@ def _by_cluster(function, jobs, scheduler):
         waiting = {client.submit(function, *arguments, pure=False): key for key, arguments in jobs.items()}
         try:
             for done, result in as_completed(waiting, loop=client.loop, with_results=True):
+                if done.cancelled():  # by a scheduler that went away; the result is then the error
+                    raise result
                 yield waiting[done], result
         except Exception as error:
             if type(error).__name__ in ("KilledWorker", "CancelledError", "FutureCancelledError", "CommClosedError"):
-                raise SchedulerError(f"the work was lost at {scheduler} ({error}); what was done is kept") from None
+                reason = str(error).partition("\n")[0].rstrip(".")
+                raise SchedulerError(f"the work was lost at {scheduler} ({reason}); what was done is kept") from None
             raise
 
 
@@ -61,13 +74,21 @@ def _client(scheduler):
         from distributed import Client
     except ModuleNotFoundError:
         raise SchedulerError(MISSING) from None
+    if not ADDRESS.fullmatch(scheduler):
+        raise SchedulerError(f"scheduler is {scheduler!r}; it must be an address such as tcp://host:8786")
     try:
         client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError):
         raise SchedulerError(f"no scheduler answers at {scheduler} within {PATIENCE:g} s; nothing is lost") from None
-    with client:
-        _check(client, scheduler)
-        yield client
+    logger = logging.getLogger("distributed.client")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL + 1)  # of a scheduler that went away it writes tracebacks
+    try:
+        with client:
+            _check(client, scheduler)
+            yield client
+    finally:
+        logger.setLevel(level)
 
 
 def _check(client, scheduler):
