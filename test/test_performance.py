@@ -75,6 +75,21 @@ def test_without_cyclictest_and_compiler_the_rest_is_measured_and_says_so(monkey
     assert "| 1000 Hz | prefer | alone |" in done.output
 
 
+@pytest.mark.parametrize("said", ["law.c:1:10: fatal error: math.h: No such file or directory", ""])
+def test_a_compiler_that_refuses_is_said_and_the_rest_is_kept(monkeypatch, tmp_path, said):
+    (tmp_path / "cc").write_text(f"#!/bin/sh\necho '{said}' >&2\nexit 1\n")
+    (tmp_path / "cc").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    words = ["servo", "--rate", "1000", "--seconds", "0.2", "--turns", "1", "--json", "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(group(), words)
+    assert done.exit_code == 0, done.output
+    assert f"cc does not compile the law, nothing to compare with: {said or 'exit code 1'}" in done.stderr
+    assert servo.MISSING in done.stderr
+    found = json.loads(done.stdout)
+    assert found["compute"] is None and found["lateness"][0]["ticks"] > 0
+    assert (tmp_path / "out" / "servo.csv").exists()
+
+
 def test_under_the_demo_the_driver_is_started_at_a_rate_that_it_takes(monkeypatch):
     def accepted(order):
         [driver] = [each for each in demo.programs_of(order) if each.name == "haptic_driver"]
@@ -108,6 +123,21 @@ def test_histogram_of_cyclictest_with_late_ones_beyond_its_end():
     found = servo._of_histogram(thread, 500)
     assert found.sorted_us.tolist() == [2.0, 2.0, 2.0, 5.0, 700.0]
     assert found.missed == 1
+    assert servo._of_histogram(thread, 200).missed == 3
+
+
+def test_cyclictest_is_asked_for_every_wake_up_within_twenty_milliseconds(monkeypatch, tmp_path):
+    (tmp_path / "cyclictest").write_text(f"""#!{sys.executable}
+import json, sys
+[most] = [int(word[2:]) for word in sys.argv if word.startswith("-h")]
+[told] = [word[7:] for word in sys.argv if word.startswith("--json=")]
+with open(told, "w") as file:
+    json.dump({{"thread": {{"0": {{"histogram": {{most - 1: 1}}, "cycles": 1, "max": 90000}}}}}}, file)
+""")
+    (tmp_path / "cyclictest").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    found = servo.cyclictest(1000.0, 0.2)
+    assert found.sorted_us.tolist() == [19_999.0] and found.missed == 19
 
 
 def trial(p999, compute=5.0):
@@ -179,6 +209,18 @@ def test_the_table_has_the_worst_of_the_hard_cases_and_the_least_speed_ratio(tmp
     assert "| least speed ratio at equal error, single contact, to pymunk | 8 × | ≥ 5 |" in table
     (kept / "hard_cases.json").write_text(json.dumps({"verdicts": [cases[0] | {"overlap_m": None, "survives": False}]}))
     assert "| deepest overlap of these | – µm |" in results.markdown(kept)
+
+
+def test_where_the_kernel_refused_real_time_priority_the_table_says_so(tmp_path):
+    case = {"rate": 1000.0, "load": "alone", "p99": 9.0, "p99_ratio": None}
+    had = ("prefer", "SCHED_FIFO 80, memory locked"), ("prefer", "no SCHED_FIFO 80: set"), ("off", "realtime off")
+    cases = [case | {"realtime": wish, "scheduling": said} for wish, said in had]
+    kept = folder(tmp_path / "kept", 10.0)
+    (kept / "servo.json").write_text(json.dumps({"lateness": cases, "compute": None}))
+    table = results.markdown(kept)
+    assert "| lateness p99 to cyclictest's, 1000 Hz, FIFO, alone | – × | ≤ 2 |" in table
+    assert "| lateness p99 to cyclictest's, 1000 Hz, FIFO refused, alone | – × |  |" in table
+    assert "| lateness p99 to cyclictest's, 1000 Hz, no FIFO, alone | – × |  |" in table
 
 
 def test_all_measures_only_what_is_missing_and_puts_the_table_between_the_marks(tmp_path):

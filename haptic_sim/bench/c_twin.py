@@ -39,18 +39,25 @@ static void keep(const char *path, const void *room, long size) {
 """
 
 
+class CompilerError(ValueError):
+    """No compiler of C, or none that compiles the law; one sentence."""
+
+
 def compiler() -> str | None:
     """The C compiler of this machine."""
     return next((name for name in COMPILERS if shutil.which(name)), None)
 
 
 def build(program: Program, main: str, folder: Path) -> Path:
-    """The program compiled at -O2; ValueError if the compiler refuses."""
+    """The program compiled at -O2; CompilerError if there is no compiler or it refuses."""
+    if (name := compiler()) is None:
+        raise CompilerError(MISSING)
     source, made = folder / "law.c", folder / "law"
     source.write_text(program.text() + _CLOCK + main)
-    done = subprocess.run([compiler(), "-O2", "-o", made, source, "-lm"], capture_output=True, text=True)
+    done = subprocess.run([name, "-O2", "-o", made, source, "-lm"], capture_output=True, text=True)
     if done.returncode:
-        raise ValueError(f"{compiler()} does not compile the law: {done.stderr.strip().splitlines()[-1]}")
+        [said] = done.stderr.strip().splitlines()[:1] or [f"exit code {done.returncode}"]
+        raise CompilerError(f"{name} does not compile the law, nothing to compare with: {said}")
     return made
 
 

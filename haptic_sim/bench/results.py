@@ -81,8 +81,9 @@ def _start(found):
 def _servo(found):
     lines = []
     for one in found["lateness"]:
-        where = f"{one['rate']:g} Hz, {'FIFO' if one['realtime'] == 'prefer' else 'no FIFO'}, {one['load']}"
-        limit = "≤ 2" if one["realtime"] == "prefer" and one["load"] == "alone" else ""
+        fifo = _fifo(one)
+        where = f"{one['rate']:g} Hz, {fifo}, {one['load']}"
+        limit = "≤ 2" if fifo == "FIFO" and one["load"] == "alone" else ""
         lines.append(Figure(f"lateness p99, {where}", one["p99"], "µs"))
         lines.append(Figure(f"lateness p99 to cyclictest's, {where}", one["p99_ratio"], "×", limit))
         if one["load"] == "demo":
@@ -93,6 +94,13 @@ def _servo(found):
         lines += [Figure(f"{name}", one["kernel_us"], "µs"),
                   Figure(f"{name} to the same in C -O2", one["ratio"], "×", limits[name])]  # fmt: skip
     return lines
+
+
+def _fifo(case):
+    """What it had, not what it preferred."""
+    if case["realtime"] != "prefer":
+        return "no FIFO"
+    return "FIFO refused" if "no SCHED_FIFO" in case["scheduling"] else "FIFO"
 
 
 def _round_trip(found):

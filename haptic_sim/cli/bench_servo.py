@@ -37,6 +37,8 @@ def servo(
         compute = twins(turns)
     if out is not None:
         keep(cases, samples, out)
+    for lack in _lacking(cases):
+        typer.echo(f"haptic bench: {lack}", err=True)
     found = {"lateness": cases, "compute": compute}
     typer.echo(json.dumps(found)) if as_json else _show(found)
 
@@ -103,15 +105,20 @@ def _medians(pairs):
 
 
 def twins(turns: int) -> dict | None:
-    """{kernel: times [us] of it and of its twin in C, and the median ratio of interleaved turns}; None: no compiler."""
+    """{kernel: times [us] of it and of its twin in C, and the median ratio of interleaved turns}.
+
+    None, and a sentence on standard error, where no compiler compiles it.
+    """
     from haptic_sim.bench import c_twin
 
-    if c_twin.compiler() is None:
-        return None
     with tempfile.TemporaryDirectory(prefix="haptic_") as folder:
         found = {}
         for name, make in (("tick", c_twin.TickTwin), ("sweep cell", c_twin.CellTwin)):
-            twin = make(Path(folder))
+            try:
+                twin = make(Path(folder))
+            except c_twin.CompilerError as error:
+                typer.echo(f"haptic bench: {error}", err=True)
+                return None
             pairs = [(twin.kernel() * 1e6, twin.c() * 1e6) for _ in range(turns)]
             ours, theirs = (statistics.median(column) for column in zip(*pairs, strict=True))
             found[name] = {"kernel_us": ours, "c_us": theirs, "ratio": statistics.median(a / b for a, b in pairs)}
@@ -138,17 +145,17 @@ def keep(cases: list[dict], samples: dict, out: Path) -> None:
     save(samples, out / "servo.png")
 
 
-def _show(found):
-    from haptic_sim.bench import c_twin
+def _lacking(cases):
+    """What there was no cyclictest or no real-time priority for, a sentence each."""
     from haptic_sim.bench.servo import why_missing
 
+    if any(case["cyclictest"] is None for case in cases):
+        yield why_missing()
+    yield from sorted({case["scheduling"] for case in cases if "no SCHED_FIFO" in case["scheduling"]})
+
+
+def _show(found):
     typer.echo(table(found["lateness"]))
-    if any(case["cyclictest"] is None for case in found["lateness"]):
-        typer.echo(why_missing())
-    if any("no SCHED_FIFO" in case["scheduling"] for case in found["lateness"]):
-        typer.echo(next(one["scheduling"] for one in found["lateness"] if "no SCHED_FIFO" in one["scheduling"]))
-    if found["compute"] is None:
-        typer.echo(c_twin.MISSING)
     for name, one in (found["compute"] or {}).items():
         typer.echo(f"{name}: {one['kernel_us']:.3f} us, in C -O2 {one['c_us']:.3f} us, ratio {one['ratio']:.2f}")
 
