@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled kernels: never a stale law, and the same arithmetic without the compiler."""
 
+import ast
 import os
 import shutil
 import subprocess
@@ -12,6 +13,7 @@ import numba
 import numpy as np
 import pytest
 
+from haptic_device.cache import BESIDE, ROOMS
 from haptic_device.law import servo
 from haptic_device.whole import only_with, part, whole
 
@@ -59,14 +61,32 @@ def test_an_edited_law_is_compiled_anew_and_an_old_one_is_never_run(tree, tmp_pa
 DIGEST = "from haptic_device import cache; print(cache.sources_digest())"
 
 
-@pytest.mark.parametrize(
-    "source", ["haptic_device/runtime/loop.py", "haptic_device/kernel.py", "haptic_device/whole.py"]
-)
+@pytest.mark.parametrize("source", ["haptic_device/runtime/loop.py", *BESIDE])
 def test_any_source_that_can_reach_a_kernel_changes_the_digest(tree, tmp_path, source):
     cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
     before = python(DIGEST, tree, **cache)
     (tree / source).write_text((tree / source).read_text() + "\n")
     assert python(DIGEST, tree, **cache) != before
+
+
+def kernels_in(file):
+    """The kernels of a source file, and {name: module} of what it imports from other files of the project."""
+    tree = ast.parse(file.read_text())
+    imports = {name.asname or name.name: node.module for node in tree.body if isinstance(node, ast.ImportFrom)
+               for name in node.names if node.module.startswith("haptic_")}  # fmt: skip
+    decorated = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.decorator_list]
+    return decorated, imports
+
+
+@pytest.mark.parametrize("file", [name for room in ROOMS for name in sorted((ROOT / room).glob("*.py"))],
+                         ids=lambda file: file.name)  # fmt: skip
+def test_whatever_a_kernel_takes_from_another_file_is_of_a_source_in_the_digest(file):
+    kernels, imports = kernels_in(file)
+    taken = {node.id for kernel in kernels for line in kernel.body for node in ast.walk(line)
+             if isinstance(node, ast.Name)} & set(imports)  # fmt: skip
+    for name in taken:
+        source = imports[name].replace(".", "/")
+        assert source.startswith(ROOMS) or f"{source}.py" in BESIDE, f"{file.name}: {name} of {imports[name]}"
 
 
 def test_folders_of_old_sources_are_removed_and_the_own_one_stays(tmp_path):
