@@ -100,6 +100,22 @@ def test_under_the_demo_the_driver_is_started_at_a_rate_that_it_takes(monkeypatc
         bench_servo._under_demo(1000, 1.0, "prefer")
 
 
+def test_a_demo_that_comes_to_nothing_is_said_and_what_else_was_measured_is_kept(monkeypatch, capsys):
+    def dies(rate, seconds, realtime):
+        if realtime == "off":
+            raise ValueError("no motor command came")
+        return late(2.0)
+
+    monkeypatch.setattr(bench_servo, "_alone", lambda *_: late(1.0))
+    monkeypatch.setattr(bench_servo, "_under_demo", dies)
+    monkeypatch.setattr(bench_servo, "_beside", lambda *_: None)
+    cases, samples = bench_servo.lateness([1000.0], 0.2, 1, demo=1.0)
+    assert [(one["realtime"], one["load"]) for one in cases] == [
+        ("prefer", "alone"), ("prefer", "demo"), ("off", "alone")]  # fmt: skip
+    assert len(samples) == 3
+    assert "no demo at 1000 Hz, realtime off: no motor command came" in capsys.readouterr().err
+
+
 def late(*microseconds):
     return servo.Lateness(np.array(microseconds, float), 0, "test")
 
