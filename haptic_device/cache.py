@@ -25,14 +25,9 @@ KEPT = 4  # folders; older ones are removed
 
 def sources_digest():
     """Digest of what the kernels are, and of the CPU that they are compiled for; 16 hexadecimal digits."""
-    return hashlib.sha256(f"{laws_digest()} {llvmlite.binding.get_host_cpu_name()}".encode()).hexdigest()[:16]
-
-
-def laws_digest():
-    """Digest of all kernel sources, numba and python: machines on which it is the same compute the same."""
     root = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256()
-    for part in (numba.__version__, sys.version):
+    for part in (numba.__version__, sys.version, llvmlite.binding.get_host_cpu_name()):
         digest.update(part.encode())
     rooms = (file for room in ROOMS for file in sorted((root / room).glob("*.py")))
     for source in (*(root / name for name in BESIDE), *rooms):

@@ -2,11 +2,13 @@
 """Sweeps: the same cells on threads, processes and a Dask cluster, whatever happens to its workers."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from haptic_sim.cli.bench_jobs import sweep as run_jobs
 pytestmark = pytest.mark.live
 
 SMALL = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(10.0, 1200.0, 40), np.linspace(-0.5, 1.0, 60))
+ROOT = Path(__file__).parents[1]
 NOBODY = "tcp://127.0.0.1:9"  # the discard port: nothing listens there
 
 
@@ -41,9 +44,9 @@ def cluster(start, scheduler):
     return address, workers
 
 
-def _dask(start, *words):
+def _dask(start, *words, **options):
     return start([sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]], stdout=subprocess.DEVNULL,
-                 stderr=subprocess.PIPE)  # fmt: skip
+                 stderr=subprocess.PIPE, **options)  # fmt: skip
 
 
 def _said(process, words):
@@ -85,6 +88,27 @@ def test_a_scheduler_that_is_killed_in_the_middle_is_a_sentence_and_what_was_don
     with np.load(file) as kept:
         assert kept["done"].sum() == seen[-1]
     assert not caplog.records
+
+
+@pytest.mark.parametrize(("edited", "old", "new"), [
+    ("haptic_sim/lockstep.py", "def ", "def  "), ("config/scenes/wall.yaml", "\n", "\n\n"), (None, "", ""),
+])  # fmt: skip
+def test_only_a_worker_with_the_same_sources_and_scenes_takes_part(start, scheduler, tmp_path, edited, old, new):
+    address, _ = scheduler
+    for folder in ("haptic_device", "haptic_sim", "config"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "package.xml", tmp_path)
+    if edited:
+        (tmp_path / edited).write_text((tmp_path / edited).read_text().replace(old, new, 1))
+    worker = _dask(start, "worker", address, "--no-dashboard", "--nthreads", "1", "--no-nanny", cwd=tmp_path,
+                   env={**os.environ, "PYTHONPATH": str(tmp_path)})  # fmt: skip
+    _said(worker, "Registered to:")
+    found = sweep.spread(len, {"job": ("four",)}, 1, address)
+    if edited is None:
+        assert list(found) == [("job", 4)]
+        return
+    with pytest.raises(ValueError, match="runs other sources or versions than this command"):
+        next(found)
 
 
 @pytest.mark.parametrize("address", ["nonsense", "127.0.0.1", "http://127.0.0.1:8786", "tcp://127.0.0.1"])

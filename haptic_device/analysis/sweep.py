@@ -2,15 +2,21 @@
 """Many independent runs on all cores, or on the machines behind a Dask scheduler: same jobs, same results."""
 
 import contextlib
+import hashlib
 import logging
 import multiprocessing
 import os
 import re
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from pathlib import Path
 
-from haptic_device import cache
+import numba
+import numpy as np
+
 from haptic_device.runtime.process import die_with_parent
+from haptic_device.share import find, names
 
 PATIENCE = 5.0  # [s] for a scheduler to answer
 MISSING = "--scheduler needs Dask distributed: pip install 'haptic_display[sweep]'"
@@ -91,14 +97,26 @@ def _client(scheduler):
         logger.setLevel(level)
 
 
+def sources() -> str:
+    """Digest of all that a run is made of: both packages, the descriptions in config, numba, numpy and Python."""
+    root, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
+    for part in (numba.__version__, np.__version__, sys.version):
+        digest.update(part.encode())
+    files = [file for package in ("haptic_device", "haptic_sim") for file in sorted((root / package).rglob("*.py"))]
+    for file in (*files, *(find(folder, name) for folder in ("", "devices", "scenes") for name in names(folder))):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
 def _check(client, scheduler):
     """Other sources would compute something else under the same name."""
     try:
-        digests = client.run(cache.laws_digest)
+        digests = client.run(sources)
     except Exception as error:
         raise SchedulerError(f"a worker of {scheduler} does not run haptic_display: {error}") from None
     if not digests:
         raise SchedulerError(f"the scheduler at {scheduler} has no workers: start some with `dask worker {scheduler}`")
-    other = [worker for worker, digest in digests.items() if digest != cache.laws_digest()]
+    own = sources()
+    other = [worker for worker, digest in digests.items() if digest != own]
     if other:
         raise SchedulerError(f"worker {other[0]} runs other sources or versions than this command; install the same")
