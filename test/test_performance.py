@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from typer.testing import CliRunner
 
@@ -248,6 +249,16 @@ def test_all_measures_only_what_is_missing_and_puts_the_table_between_the_marks(
     text = page.read_text()
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
     assert "| very first start, all nodes at work | 10 s | ≤ 15 s |" in text
+
+
+@pytest.mark.live
+def test_a_benchmark_ends_with_the_command_that_runs_all_of_them(start, tmp_path):
+    words = ["bench", "all", "--only", "servo", "--out", tmp_path / "kept"]
+    process = start([sys.executable, "-m", "haptic_sim.cli.main", *words], cwd=ROOT, stderr=subprocess.PIPE)
+    assert "haptic bench servo" in process.stderr.readline() and "1000 Hz" in process.stderr.readline()
+    [one] = psutil.Process(process.pid).children()
+    process.terminate()
+    assert psutil.wait_procs([one], timeout=10.0)[1] == []
 
 
 @pytest.mark.parametrize(("words", "sentence"), [

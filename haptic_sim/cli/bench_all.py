@@ -2,6 +2,7 @@
 """`haptic bench all`: every benchmark into one folder, one table made of it, and two folders compared."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -60,8 +61,10 @@ def _names(only):
 def measure(out: Path, short: bool, names: list[str]) -> None:
     """Runs the benchmarks that the folder lacks; one that fails is said and left out."""
     from haptic_device.provenance import facts
+    from haptic_device.runtime.process import die_with_parent
     from haptic_sim.bench.results import MACHINE
 
+    own = os.getpid()
     out.mkdir(parents=True, exist_ok=True)
     if not (out / MACHINE).exists():
         (out / MACHINE).write_text(json.dumps(facts() | {"length": "short" if short else "full"}), encoding="utf-8")
@@ -71,7 +74,7 @@ def measure(out: Path, short: bool, names: list[str]) -> None:
             continue
         print(f"haptic {' '.join(words)}", file=sys.stderr, flush=True)
         command = [sys.executable, "-m", "haptic_sim.cli.main", *words, *(few if short else many), "--json"]
-        done = subprocess.run(command, stdout=subprocess.PIPE, text=True)
+        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, preexec_fn=lambda: die_with_parent(own))
         if done.returncode == 0:
             file.write_text(done.stdout.strip().splitlines()[-1] + "\n", encoding="utf-8")
         else:
