@@ -15,7 +15,7 @@ from haptic_device.law import servo as law
 from haptic_device.runtime import machine
 from haptic_sim.bench import c_twin, results, servo
 from haptic_sim.bench.c_source import REAL, Program
-from haptic_sim.cli import bench_all, bench_servo, demo, doctor
+from haptic_sim.cli import bench_all, bench_servo, demo, doctor, round_trip
 from haptic_sim.cli.bench import group
 
 ROOT = Path(__file__).parents[1]
@@ -181,6 +181,15 @@ def test_every_check_of_the_machine_that_is_not_good_says_how_to_get_more():
     for check in checks:
         assert check.found
         assert check.good or check.advice
+
+
+def test_the_round_trip_is_kept_as_csv(monkeypatch, tmp_path):
+    rows = [{"rate": 500.0, "answerer": name, "ratio": 1.0, "p50_us": 50.0} for name in ("simulation", "bare")]
+    monkeypatch.setattr(round_trip, "measure", lambda rates: rows)
+    done = CliRunner().invoke(group(), ["exchange", "--round-trip", "--json", "--csv", str(tmp_path / "trips.csv")])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "trips.csv").read_text().splitlines() == [
+        "rate,answerer,ratio,p50_us", "500.0,simulation,1.0,50.0", "500.0,bare,1.0,50.0"]  # fmt: skip
 
 
 START = {"scene": "wall", "first": {"haptic_driver": 10.0}, "again": [{"haptic_driver": 2.0}, {"haptic_driver": 3.0}]}

@@ -85,7 +85,7 @@ def exchange(
     Two motions a case, of 3 s each: pressing a rigid wall, and a circle in free space.
     """
     if round_trip:
-        _round_trip(rate, as_json)
+        _round_trip(rate, table, as_json)
         return
     delays = [value * 1e-3 for value in delay or (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)]
     cases = [Case(name, late, jitter * late, lost, fast) for lost, fast, late, name in
@@ -108,10 +108,12 @@ def exchange(
         _show(found, "live" if live else "lock-step")
 
 
-def _round_trip(rates, as_json):
+def _round_trip(rates, path, as_json):
     from haptic_sim.cli import round_trip
 
     found = round_trip.measure(rates or round_trip.RATES)
+    if path is not None:
+        _write_csv(found, path)
     typer.echo(json.dumps(found) if as_json else round_trip.table(found))
 
 
