@@ -26,7 +26,7 @@ COMMON = {  # 3 axes, 4 walls, coupling, cancellation, observer and controller, 
     "wall.normals": (1.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, -1.0), "wall.offsets": (-0.06, -0.06, 0.07, -0.15),
     "wall.stiffness": (500.0,) * 4, "wall.damping": (0.1,) * 4, "cancellation.ratio": 0.5,
 }  # fmt: skip
-_FINEST = 20_000  # [us] of cyclictest's histogram; later ones are its maximum
+_LONGEST = 100_000  # [us] of cyclictest's histogram, which it locks in memory
 
 
 class Lateness(NamedTuple):
@@ -86,7 +86,7 @@ def cyclictest(rate: float, seconds: float, realtime: str = "prefer") -> Latenes
     policy = ("-p", str(PRIORITY), "-m") if realtime != "off" else ("--policy=other",)
     with tempfile.TemporaryDirectory() as folder:
         told = Path(folder) / "cyclictest.json"
-        command = ["cyclictest", "-q", "-t1", *policy, f"-i{period}", f"-l{round(seconds * rate)}", f"-h{_FINEST}",
+        command = ["cyclictest", "-q", "-t1", *policy, f"-i{period}", f"-l{round(seconds * rate)}", f"-h{_LONGEST}",
                    f"--json={told}"]  # fmt: skip
         with contextlib.suppress(subprocess.SubprocessError, OSError, ValueError, KeyError):
             subprocess.run(command, capture_output=True, timeout=30.0 + 3.0 * seconds, check=True)
@@ -102,6 +102,7 @@ def why_missing() -> str:
 def _of_histogram(thread, period):
     counts = {int(late): int(count) for late, count in thread["histogram"].items()}
     within = np.repeat(np.array(sorted(counts), float), [counts[late] for late in sorted(counts)])
-    beyond = max(0, int(thread["cycles"]) - len(within))
-    late = np.concatenate([within, np.full(beyond, float(thread["max"]))])
+    beyond = np.full(max(0, int(thread["cycles"]) - len(within)), float(_LONGEST))  # at least; the latest is known
+    beyond[-1:] = float(thread["max"])
+    late = np.concatenate([within, beyond])
     return Lateness(late, int(np.sum(late // period)), "cyclictest")  # it too goes on with the next that is to come
