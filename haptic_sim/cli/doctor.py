@@ -40,9 +40,14 @@ def examine(seconds: float) -> dict:
 def fastest(trials: dict) -> int:
     """The largest rate at which force is written within half a period but for one tick in a thousand, else the least.
 
-    Beyond half a period the damping that delay costs is no longer what theory says (docs/passivity.md).
+    A missed tick is one of these: it writes nothing. Beyond half a period the damping that delay costs is no longer
+    what theory says (docs/passivity.md).
     """
-    good = [rate for rate, one in trials.items() if one["p999"] + one["compute"] <= SHARE * 1e6 / rate]
+    good = [
+        rate
+        for rate, one in trials.items()
+        if one["p999"] + one["compute"] <= SHARE * 1e6 / rate and one["missed"] <= 1e-3 * one["ticks"]
+    ]
     return max(good, default=min(trials))
 
 
