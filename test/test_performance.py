@@ -157,14 +157,16 @@ with open(told, "w") as file:
     assert found.sorted_us.tolist() == [99_999.0] and found.missed == 99
 
 
-def trial(p999, compute=5.0):
-    return {"p999": p999, "compute": compute}
+def trial(p999, compute=5.0, missed=0):
+    return {"p999": p999, "compute": compute, "missed": missed, "ticks": 10000}
 
 
 def test_the_rate_chosen_is_the_last_whose_forces_are_written_within_half_a_period():
     assert doctor.fastest({1000: trial(20.0), 4000: trial(119.9), 10000: trial(50.1)}) == 4000
     assert doctor.fastest({1000: trial(20.0), 4000: trial(120.1), 10000: trial(50.1)}) == 1000
     assert doctor.fastest({1000: trial(9000.0), 4000: trial(9000.0)}) == 1000
+    assert doctor.fastest({1000: trial(20.0), 4000: trial(20.0, missed=10)}) == 4000
+    assert doctor.fastest({1000: trial(20.0), 4000: trial(20.0, missed=11)}) == 1000
 
 
 def test_the_exchange_is_no_faster_than_the_answers_the_servo_and_the_cores_allow():
@@ -247,6 +249,13 @@ def test_where_the_kernel_refused_real_time_priority_the_table_says_so(tmp_path)
     assert "| lateness p99 to cyclictest's, 1000 Hz, FIFO, alone | – × | ≤ 2 |" in table
     assert "| lateness p99 to cyclictest's, 1000 Hz, FIFO refused, alone | – × |  |" in table
     assert "| lateness p99 to cyclictest's, 1000 Hz, no FIFO, alone | – × |  |" in table
+
+
+def test_a_short_run_is_not_filled_up_with_benchmarks_of_a_full_one(tmp_path):
+    kept = folder(tmp_path / "kept", 10.0)
+    with pytest.raises(ValueError, match="has a short run; a full one needs a folder of its own"):
+        bench_all.measure(kept, False, ["start", "servo"])
+    assert not (kept / "servo.json").exists()
 
 
 def test_all_measures_only_what_is_missing_and_puts_the_table_between_the_marks(tmp_path):

@@ -56,7 +56,7 @@ def measure() -> list[Cost]:
     return [
         line("tick", "axis", (1, 2, 3), [tick(axes=n) for n in (1, 2, 3)]),
         line("tick", "wall", (0, 2, 4, 8), [tick(walls=n) for n in (0, 2, 4, 8)]),
-        line("tick of a recorded insertion", "tick", (2000, 8000), [insertion(n) for n in (2000, 8000)]),
+        line("tick of a recorded insertion", "tick", (2000, 4000, 8000), [insertion(n) for n in (2000, 4000, 8000)]),
         *(line(f"exchange of peg_in_hole, {method}", "sub-step", [1e-3 / step for step in SUB_STEPS],
                [exchange(load("peg_in_hole"), method, step) for step in SUB_STEPS]) for method in METHODS),
         *(line(f"exchange of a stack, {method}", "block (2 contacts)", BLOCKS,

@@ -59,19 +59,24 @@ def _names(only):
 
 
 def measure(out: Path, short: bool, names: list[str]) -> None:
-    """Runs the benchmarks that the folder lacks; one that fails is said and left out."""
+    """Runs the benchmarks that the folder lacks; one that fails is said and left out.
+
+    Raises ValueError if it lacks some of a run of another length.
+    """
     from haptic_device.provenance import facts
     from haptic_device.runtime.process import die_with_parent
     from haptic_sim.bench.results import MACHINE
 
     own = os.getpid()
     out.mkdir(parents=True, exist_ok=True)
+    length = "short" if short else "full"
     if not (out / MACHINE).exists():
-        (out / MACHINE).write_text(json.dumps(facts() | {"length": "short" if short else "full"}), encoding="utf-8")
-    for name in names:
+        (out / MACHINE).write_text(json.dumps(facts() | {"length": length}), encoding="utf-8")
+    known, missing = _known(out / MACHINE), [name for name in names if not (out / f"{name}.json").exists()]
+    if missing and known != length:
+        raise ValueError(f"folder {out} has a {known} run; a {length} one needs a folder of its own")
+    for name in missing:
         file, (words, few, many) = out / f"{name}.json", BENCHMARKS[name]
-        if file.exists():
-            continue
         print(f"haptic {' '.join(words)}", file=sys.stderr, flush=True)
         command = [sys.executable, "-m", "haptic_sim.cli.main", *words, *(few if short else many), "--json"]
         done = subprocess.run(command, stdout=subprocess.PIPE, text=True, preexec_fn=lambda: die_with_parent(own))
@@ -79,6 +84,10 @@ def measure(out: Path, short: bool, names: list[str]) -> None:
             file.write_text(done.stdout.strip().splitlines()[-1] + "\n", encoding="utf-8")
         else:
             print(f"haptic bench all: {name} came to nothing (exit code {done.returncode})", file=sys.stderr)
+
+
+def _known(machine: Path) -> str:
+    return json.loads(machine.read_text(encoding="utf-8"))["length"]
 
 
 def put(table: str, file: Path) -> None:

@@ -84,9 +84,9 @@ def _beside(rate, seconds, realtime):
 
 
 def _under_demo(rate, seconds, realtime):
-    """Of the driver of a whole demo, from its recording."""
+    """Of the driver of a whole demo, from its recording. Raises ValueError if a fault ended it before its time."""
     from haptic_device.analysis.recording import load
-    from haptic_device.analysis.summary import engaged_rows
+    from haptic_device.analysis.summary import engaged_rows, faults
     from haptic_device.share import find
     from haptic_sim.bench.servo import lateness_of
     from haptic_sim.cli.demo import Order, play
@@ -99,8 +99,10 @@ def _under_demo(rate, seconds, realtime):
         )
         play(order)
         recording = load(order.out / "bag")
-        said = recording.last_values("haptic_driver").get("realtime", "")
-        return lateness_of(engaged_rows(recording.trace), said)
+        said, rows = recording.last_values("haptic_driver").get("realtime", ""), engaged_rows(recording.trace)
+        if found := faults(recording):
+            raise ValueError(f"fault {', '.join(found)} after {len(rows) / rate:.1f} s of {seconds:g} s")
+        return lateness_of(rows, said)
 
 
 def _medians(pairs):
