@@ -16,10 +16,11 @@ class Twin:
     To be made before there are other threads: what locks they hold would stay locked in the fork for ever.
     """
 
-    def __init__(self, serve):
+    def __init__(self, serve, niceness=0):
         self._lock, (self._pipe, other) = threading.Lock(), Pipe()
         self._process = os.fork()
         if self._process == 0:
+            os.nice(niceness)
             _serve(serve, other.fileno(), other)
         other.close()
 

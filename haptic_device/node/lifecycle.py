@@ -145,8 +145,11 @@ def _serve(executor, node):
         node.survive(error)
 
 
-def run(make_node, name, args=None):
-    """Runs a managed node until SIGINT, SIGTERM or SIGHUP; a refusal is printed as its sentence, exit code 1."""
+def run(make_node, name, args=None, niceness=0):
+    """Runs a managed node until SIGINT, SIGTERM or SIGHUP; a refusal is printed as its sentence, exit code 1.
+
+    niceness is that of what compiles its kernels in a first start.
+    """
     told, node, starting = [], None, [True]
 
     def hear(number, frame):
@@ -158,7 +161,7 @@ def run(make_node, name, args=None):
         signal.signal(number, hear)
     try:
         with own_port(name):
-            compile_aside()
+            compile_aside(niceness)
             begin_ros(args)
             node = _made(make_node)
         executor = SingleThreadedExecutor()

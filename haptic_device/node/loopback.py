@@ -78,7 +78,7 @@ class LoopbackNode(ManagedNode):
             self.page.words, self._control, self._truth.words, session, self.plant, self.memory, self.motion, truth
         )
         try:
-            clock.unhurried(lambda: loopback.serve.compile(tuple(map(numba.typeof, serving))))
+            loopback.serve.compile(tuple(map(numba.typeof, serving)))
             self.realtime = clock.go_realtime(self.values["realtime"], PRIORITY)
         except PermissionError as refusal:
             self._refused = refusal
@@ -148,7 +148,7 @@ class LoopbackNode(ManagedNode):
 
 def main(args=None):
     """Runs haptic_loopback until SIGINT, SIGTERM or SIGHUP."""
-    return run(LoopbackNode, "haptic_loopback", args)
+    return run(LoopbackNode, "haptic_loopback", args, niceness=19)  # the others have more to compile
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ import ctypes
 import os
 import resource
 import threading
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numba import types
@@ -15,7 +14,6 @@ from haptic_device.kernel import kernel
 MONOTONIC, REALTIME = 1, 0
 TIMER_ABSTIME = 1
 PR_SET_TIMERSLACK = 29
-LOWEST = 19  # of the nice values
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 
 _gettime = types.ExternalFunction("clock_gettime", types.int32(types.int32, types.CPointer(types.int64)))
@@ -43,16 +41,6 @@ def sleep_until(deadline, scratch):
     """Sleeps to an absolute CLOCK_MONOTONIC time [ns]; returns at once if it has passed."""
     scratch[0], scratch[1] = deadline // 1_000_000_000, deadline % 1_000_000_000
     _nanosleep(MONOTONIC, TIMER_ABSTIME, scratch.ctypes, scratch.ctypes)
-
-
-def unhurried(task):
-    """Result of task(), run in a thread that lets all others go first: what compiles while another node must start."""
-
-    def give_way():
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LOWEST)
-
-    with ThreadPoolExecutor(1, initializer=give_way) as pool:
-        return pool.submit(task).result()
 
 
 def go_realtime(wish, priority):
