@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report of good and of bad recordings: one page that needs nothing else, and says what it could not show."""
 
+import contextlib
 import re
 
 import numpy as np
 import pytest
 import typer
 from bag_of_a_run import CLOUD, DIAGNOSTICS, JOINTS, PERIOD_NS, TYPES, cloud, diagnostics, joints, swing, write_run
+from matplotlib import pyplot
 from matplotlib.image import imread
+from mcap.reader import make_reader
 
 from haptic_device.analysis import panel
 from haptic_device.analysis.page import FIGURES, write_report
@@ -18,6 +21,7 @@ from haptic_sim.cli.compared import figures_of
 from haptic_sim.cli.report import report
 
 TICKS = 8000
+STRING = "std_msgs/msg/String"
 
 
 @pytest.fixture(scope="module")
@@ -196,37 +200,144 @@ def test_messages_lost_are_those_of_every_topic_and_unknown_where_several_publis
     assert lost == "snapshot 2, local_contacts 1, mark unknown, several publishers"
 
 
-def no_trace(folder):
-    """A bag with an encoder only."""
+def foreign(folder):
+    """A bag of somebody else, who has diagnostics too."""
     bag = Bag(folder)
-    bag.write(bag.add_topic("/haptic/encoder", JOINTS, []), joints(("x",), [1.0], 0), 1, 1, 1)
+    bag.write(bag.add_topic("/arm/joint_states", JOINTS, []), joints(("x",), [1.0], 0), 1, 1, 1)
+    bag.write(bag.add_topic("/diagnostics", DIAGNOSTICS, []), diagnostics("arm", {}), 1, 1, 1)
     bag.close({})
+    return folder
+
+
+def only(bag, folder, *topics):
+    """The bag again, with these topics alone."""
+    thin, channels = Bag(folder), {}
+    with open(next(bag.glob("*.mcap")), "rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages(topics):
+            if channel.topic not in channels:
+                channels[channel.topic] = thin.add_topic(channel.topic, schema.name, [])
+            times = message.log_time, message.publish_time, message.sequence
+            thin.write(channels[channel.topic], message.data, *times)
+    thin.close({})
     return folder
 
 
 def test_bags_that_cannot_be_shown_are_left_out_of_the_page_which_says_so(bags, tmp_path, capsys):
     with pytest.raises(typer.Exit) as ended:
-        report([no_trace(tmp_path / "encoder"), bags[0], tmp_path / "nowhere"], tmp_path / "report")
+        report([foreign(tmp_path / "arm"), bags[0], tmp_path / "nowhere"], tmp_path / "report")
     assert ended.value.exit_code == 1
     page, said = (tmp_path / "report" / "report.html").read_text(encoding="utf-8"), capsys.readouterr().err
-    for sentence in ("encoder has no topic trace under /haptic", "nowhere does not exist"):
+    for sentence in ("arm is of no haptic display", "nowhere does not exist"):
         assert page.count(sentence) == said.count(sentence) == 1
     assert "<h1>Haptic display: calm</h1>" in page and said.count("left out: ") == 2
 
 
 def test_where_no_bag_can_be_shown_nothing_is_written(tmp_path):
-    with pytest.raises(ValueError, match="encoder has no topic trace.*; bag .*nowhere does not exist"):
-        report([no_trace(tmp_path / "encoder"), tmp_path / "nowhere"], tmp_path / "report")
+    with pytest.raises(ValueError, match="arm is of no haptic display.*; bag .*nowhere does not exist"):
+        report([foreign(tmp_path / "arm"), tmp_path / "nowhere"], tmp_path / "report")
     assert not (tmp_path / "report").exists()
 
 
-def test_without_a_trace_the_report_is_refused_in_a_sentence(tmp_path):
-    bag = Bag(tmp_path / "encoder")
-    bag.write(bag.add_topic("/haptic/encoder", JOINTS, []), joints(("x",), [1.0], 0), 1, 1, 1)
-    bag.write(bag.add_topic("/diagnostics", DIAGNOSTICS, []), diagnostics("haptic_driver", {}), 1, 1, 1)
+NO_TRACE = "there is no trace"
+OTHERS = ("/haptic/handle", "/haptic/tool", "/haptic/operator/state", "/diagnostics")
+
+
+def drawn(run):
+    """Names of the figures that show something of the run."""
+    names = []
+    for figure in FIGURES:
+        shown, axes = pyplot.subplots(1, 2)
+        with contextlib.suppress(ValueError):
+            figure.draw(axes if figure.wide > 1 else axes[0], run)
+            names.append(figure.name)
+        pyplot.close(shown)
+    return names
+
+
+def test_without_a_trace_the_other_topics_are_shown_and_the_page_says_what_is_left_out(bags, tmp_path):
+    run = read_run(only(bags[0], tmp_path / "untraced", *OTHERS))
+    assert run.notes[0].startswith(f"{NO_TRACE}: servo, exchange, passivity margin, impedance and spectrum")
+    assert drawn(run) == ["positions", "angles", "path", "forces", "energies"]
+    found = sections(run)
+    assert found["Servo"] == found["Exchange"] == {"not shown": NO_TRACE}
+    assert found["What ran"]["length"] == "2.000 s, no trace" and found["What ran"]["K"] == "1000 N/m"
+    assert found["Energy"]["given to the operator, truth, end"] == "-2e+03 mJ"
+    assert found["Contact"]["deepest overlap"] == "30 µm"
+    assert found["Recording"]["messages of each topic"].startswith("handle 2000, tool 2000, operator/state 2000")
+    assert "tool_port_energy 0.125" in found["Said last on /diagnostics"]["haptic_simulation"]
+    text = write_report([run], tmp_path / "report").read_text(encoding="utf-8")
+    assert text.count("data:image/png;base64,") == len(FIGURES) and f"<p>untraced: {NO_TRACE}" in text
+
+
+def test_handle_and_tool_alone_show_where_they_went_in_time_from_the_first_message(bags, tmp_path):
+    run, traced = read_run(only(bags[0], tmp_path / "ports", "/haptic/handle", "/haptic/tool")), read_run(bags[0])
+    assert drawn(run) == ["positions", "angles", "path", "forces"]
+    (time, place), (ticks, there) = run.places(0)["handle"], traced.places(0)["handle"]
+    assert np.allclose(place, np.interp(time, ticks, there), atol=1e-4)
+    assert list(run.places(1)) == ["handle", "tool"] and list(run.forces(0)) == ["of the coupling"]
+    assert "operator/state" in sections(run)["Energy"]["not shown"]
+
+
+def test_contacts_without_a_trace_are_those_that_the_tool_says(tmp_path):
+    bag = Bag(tmp_path / "touching")
+    channel = bag.add_topic("/haptic/tool", JOINTS, [])
+    for number in range(1000):
+        touched = 200 <= number < 700
+        data = joints(("x", "y", "contact"), [0.0, 0.0, touched], 0, effort=[3.0 * touched, 4.0 * touched, 0.0])
+        bag.write(channel, data, number * 1_000_000, number * 1_000_000, number + 1)
     bag.close({})
-    with pytest.raises(ValueError, match="has no topic trace under /haptic"):
-        read_run(tmp_path / "encoder")
+    run = read_run(tmp_path / "touching")
+    [contact] = run.contacts
+    assert contact == pytest.approx((0.2, 0.699, 5.0))
+    assert sections(run)["Contact"]["time in contact"] == "50.0 %" and "contacts" in drawn(run)
+
+
+def test_diagnostics_or_markers_alone_are_what_the_page_shows(bags, tmp_path):
+    run = read_run(only(bags[0], tmp_path / "said", "/diagnostics"))
+    assert "max_penetration 3e-5" in sections(run)["Said last on /diagnostics"]["haptic_simulation"]
+    assert drawn(run) == [] and write_report([run], tmp_path / "report").exists()
+    bag = Bag(tmp_path / "marked")
+    channel = bag.add_topic("/haptic/mark", STRING, [])
+    for time, word in ((10**9, "begins"), (3 * 10**9, "lets go")):
+        bag.write(channel, bytes(TYPES.serialize_cdr(TYPES.types[STRING](word), STRING)), time, time, 1)
+    bag.close({})
+    found, _ = sections_of(tmp_path / "marked")
+    assert found["Trial and markers"] == {"mark at 0.000 s": "begins", "mark at 2.000 s": "lets go"}
+
+
+def test_a_trace_of_one_tick_is_told_from_none(bags, tmp_path):
+    bag = Bag(tmp_path / "short")
+    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), cloud(swing(1)), 1, 1, 1)
+    bag.write(bag.add_topic("/haptic/encoder", JOINTS, []), joints(("x",), [1.0], 0), 1, 1, 1)
+    bag.close({})
+    found, notes = sections_of(tmp_path / "short")
+    assert notes[0].startswith("the trace has 1 ticks; two are needed: servo,")
+    assert found["Servo"] == {"not shown": "the trace has 1 ticks; two are needed"}
+    assert found["Recording"]["messages of each topic"] == "trace 1, encoder 1"
+    with pytest.raises(ValueError, match="the trace has 1 ticks"):
+        read_run(only(tmp_path / "short", tmp_path / "nothing", "/haptic/trace"))
+
+
+def test_a_bag_of_which_nothing_of_ours_can_be_read_is_refused_in_a_sentence(bags, tmp_path):
+    bag = Bag(tmp_path / "odd")
+    bag.write(bag.add_topic("/haptic/handle", JOINTS, []), b"", 1, 1, 1)
+    bag.close({})
+    with pytest.raises(ValueError, match="no topic trace under /haptic.*topic /haptic/handle is left out"):
+        read_run(tmp_path / "odd")
+    with pytest.raises(ValueError, match="no topic trace under /other"):
+        read_run(bags[0], "/other")
+
+
+def test_beside_others_a_bag_without_a_trace_takes_nothing_from_them(bags, tmp_path, capsys):
+    untraced = only(bags[0], tmp_path / "untraced", *OTHERS)
+    report([untraced, bags[1], only(bags[0], tmp_path / "said", "/diagnostics")], tmp_path / "report")
+    said = capsys.readouterr().err.splitlines()
+    untold = [line.split(": servo")[0] for line in said if NO_TRACE in line]
+    assert untold == [f"untraced: {NO_TRACE}", f"said: {NO_TRACE}"]
+    text = (tmp_path / "report" / "report.html").read_text(encoding="utf-8")
+    rate, length = (re.search(f"<tr><th>{name}</th>(.*?)</tr>", text).group(1) for name in ("rate", "length"))
+    assert rate == "<td>—</td><td>4000 Hz</td><td>—</td>"
+    assert "<td>2.000 s, 8000 ticks</td>" in length and length.count("no trace") == 2
 
 
 def test_too_many_runs_side_by_side_are_refused(bags, tmp_path):

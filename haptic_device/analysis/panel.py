@@ -5,6 +5,8 @@ Colours are Okabe and Ito's, and every pair of lines differs by its dashes too, 
 line is drawn as the envelope of its ticks: no peak is lost.
 """
 
+import contextlib
+
 import numpy as np
 
 from haptic_device.analysis.run import Run
@@ -13,53 +15,55 @@ from haptic_device.analysis.summary import gains, period
 BLUE, ORANGE, GREEN, VERMILION, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7"
 COLOURS, NAMES = (BLUE, VERMILION, GREEN), ("x", "y", "θ")
 POINTS = 2000  # of one line; more than a page resolves
-_TIME = "time since first motor command [s]"
 _BACK = (4, 2)  # dashes
+_DASHES = {"handle": {}, "tool": {"dashes": _BACK}, "on handle": {}, "of the coupling": {"dashes": _BACK}}
 
 
 def positions(axes, run: Run) -> None:
     """Handle and tool, x and y over time."""
     for i in range(2):
-        _line(axes, run.seconds, run.rows["position"][:, i] * 1e3, COLOURS[i], f"handle {NAMES[i]}")
-        _line(axes, *_tool(run, i, 1e3), COLOURS[i], f"tool {NAMES[i]}", dashes=_BACK)
+        for what, (time, place) in run.places(i).items():
+            _line(axes, time, place * 1e3, COLOURS[i], f"{what} {NAMES[i]}", **_DASHES[what])
     _mark(axes, run)
-    _finish(axes, _TIME, "position [mm]")
+    _finish(axes, _time(run), "position [mm]")
 
 
 def distances(axes, run: Run) -> None:
     """Handle to tool in the plane, over time."""
     _line(axes, run.seconds[run.rows["tool_age"] >= 0], run.distance * 1e3, BLUE, "handle to tool")
-    _finish(axes, _TIME, "distance [mm]")
+    _finish(axes, _time(run), "distance [mm]")
 
 
 def angles(axes, run: Run) -> None:
     """Handle and tool, angle over time."""
-    _line(axes, run.seconds, np.degrees(run.rows["position"][:, 2]), GREEN, "handle θ")
-    _line(axes, *_tool(run, 2, 180 / np.pi), PURPLE, "tool θ", dashes=_BACK)
-    _finish(axes, _TIME, "angle [°],\ncounter-clockwise")
+    for what, (time, angle) in run.places(2).items():
+        colour = GREEN if what == "handle" else PURPLE
+        _line(axes, time, np.degrees(angle), colour, f"{what} θ", **_DASHES[what])
+    _finish(axes, _time(run), "angle [°],\ncounter-clockwise")
 
 
 def path(axes, run: Run) -> None:
     """Handle and tool in the plane, to scale."""
-    some = _stride(len(run.rows))
-    axes.plot(*(run.rows["position"][some, :2].T * 1e3), color=BLUE, linewidth=1, label="handle")
-    there = run.rows["tool_age"][some] >= 0
-    axes.plot(*(run.rows["tool_position"][some][there, :2].T * 1e3), color=VERMILION, dashes=_BACK, label="tool")
+    across, up = run.places(0), run.places(1)
+    for what, (time, x) in across.items():
+        some = _stride(len(time))
+        colour = BLUE if what == "handle" else VERMILION
+        axes.plot(x[some] * 1e3, up[what][1][some] * 1e3, color=colour, linewidth=1, label=what, **_DASHES[what])
     axes.set_aspect("equal", adjustable="datalim")
     _finish(axes, "x [mm]", "y [mm]")
 
 
 def forces(axes, run: Run) -> None:
     """Force on the handle, and the coupling's part of it, with the contacts shaded."""
-    for contact in run.contacts[:200]:
-        axes.axvspan(contact.begin, contact.end, color="0.9", linewidth=0)
-    for i in range(2):
-        _line(axes, run.seconds, run.rows["force_on_handle"][:, i], COLOURS[i], f"on handle, {NAMES[i]}")
-    for i, colour in enumerate((ORANGE, PURPLE)):
-        part = run.rows["force_coupling"][:, i]
-        _line(axes, run.seconds, part, colour, f"of the coupling, {NAMES[i]}", dashes=_BACK)
+    with contextlib.suppress(ValueError):  # nothing told of contacts
+        for contact in run.contacts[:200]:
+            axes.axvspan(contact.begin, contact.end, color="0.9", linewidth=0)
+    for what, colours in (("on handle", COLOURS), ("of the coupling", (ORANGE, PURPLE))):
+        for i in range(2):
+            if what in (there := run.forces(i)):
+                _line(axes, *there[what], colours[i], f"{what}, {NAMES[i]}", **_DASHES[what])
     _mark(axes, run)
-    _finish(axes, f"{_TIME}; grey: contact", "force [N]")
+    _finish(axes, f"{_time(run)}; grey: contact", "force [N]")
 
 
 def contact_events(axes, run: Run) -> None:
@@ -67,23 +71,27 @@ def contact_events(axes, run: Run) -> None:
     if not run.contacts:
         raise ValueError("nothing was touched")
     begins, ends, sizes = (np.array(column) for column in zip(*run.contacts, strict=True))
-    axes.bar(begins, sizes, np.maximum(ends - begins, run.seconds[-1] / 500), align="edge", color=BLUE, alpha=0.7)
-    axes.set_xlim(0, run.seconds[-1])
-    axes.set(xlabel=_TIME, ylabel="largest force\nof the contact [N]")
+    axes.bar(begins, sizes, np.maximum(ends - begins, run.length / 500), align="edge", color=BLUE, alpha=0.7)
+    axes.set_xlim(0, run.length)
+    axes.set(xlabel=_time(run), ylabel="largest force\nof the contact [N]")
     axes.grid(color="0.9")
 
 
 def energies(axes, run: Run) -> None:
     """Energy given to the operator by truth and by the servo's books, and what went through the other ports."""
-    booked = run.rows["energy_given"].sum(axis=1) * 1e3
-    _line(axes, run.seconds, booked, ORANGE, "to the operator, servo's books", dashes=_BACK)
+    if run.traced:
+        booked = run.rows["energy_given"].sum(axis=1) * 1e3
+        _line(axes, run.seconds, booked, ORANGE, "to the operator, servo's books", dashes=_BACK)
     try:
         _line(axes, run.truth_seconds, run.truth.entry("energy_given") * 1e3, BLUE, "to the operator, truth")
     except ValueError:
+        if not run.traced:
+            raise
         axes.plot([], [], color="none", label="operator/state was not recorded: no truth")
-    _line(axes, run.seconds, run.tool_energy * 1e3, GREEN, "to the tool at its port", dashes=(1, 1))
+    if run.traced:
+        _line(axes, run.seconds, run.tool_energy * 1e3, GREEN, "to the tool at its port", dashes=(1, 1))
     axes.axhline(0, color="0.6", linewidth=0.8)
-    _finish(axes, _TIME, "energy [mJ]")
+    _finish(axes, _time(run), "energy [mJ]")
 
 
 def margins(axes, run: Run) -> None:
@@ -96,7 +104,7 @@ def margins(axes, run: Run) -> None:
             share = run.rows["margin"][:, i] / damping[i] * 100
             _line(axes, run.seconds, share, COLOURS[i], NAMES[i], dashes=(4, i + 0.01))
     axes.axhline(0, color="black", linewidth=0.8)
-    _finish(axes, _TIME, "passivity margin\n[% of b left over]")
+    _finish(axes, _time(run), "passivity margin\n[% of b left over]")
 
 
 def lateness(axes, run: Run) -> None:
@@ -160,11 +168,8 @@ def _set_gains(run: Run) -> list[float]:
         return []
 
 
-def _tool(run: Run, axis: int, scale: float):
-    there = run.rows["tool_age"] >= 0
-    if there.all():
-        return run.seconds, run.rows["tool_position"][:, axis] * scale
-    return run.seconds[there], run.rows["tool_position"][there, axis] * scale
+def _time(run: Run) -> str:
+    return f"time since first {'motor command' if run.traced else 'message'} [s]"
 
 
 def _line(axes, time, values, colour, label, **style) -> None:

@@ -60,6 +60,7 @@ TRACE_UNITS = {
     **{f"force_{what}": PORT_UNITS["effort"] for what in ("passivity", "on_handle")},
 }
 MARK = "mark"
+_NODE = "haptic_"  # begins the name of every node of ours
 _JOINT_STATE, _CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 _STRING, _DIAGNOSTICS = "std_msgs/msg/String", "diagnostic_msgs/msg/DiagnosticArray"
 _STAMPED = {  # fields after the header, and the part of a Joints that they are
@@ -227,7 +228,8 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     contents = read(bag, lambda topic, type_name: _collector(topic, type_name, only, failed))
     notes = contents.notes + [f"topic {topic} is left out: {reason}" for topic, reason in failed.items()]
     topics = contents.topics
-    namespace = _only_namespace(topics, bag) if namespace is None else namespace.rstrip("/")
+    diagnostics = _diagnostics(topics.get("/diagnostics"), notes)
+    namespace = _only_namespace(topics, diagnostics, bag) if namespace is None else namespace.rstrip("/")
     ours = {name[len(namespace) + 1 :]: topic for name, topic in topics.items() if name.startswith(namespace + "/")}
     found = {name: topic for name, topic in ours.items() if f"{namespace}/{name}" not in failed}
     joints = {name: _joints(name, topic, notes) for name, topic in found.items() if _is(topic, JointColumns)}
@@ -237,7 +239,7 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
         namespace,
         joints,
         clouds,
-        _diagnostics(topics.get("/diagnostics"), notes),
+        diagnostics,
         _marks(found.get(MARK), notes),
         contents.attachments,
         {name: len(topic) for name, topic in topics.items()},
@@ -287,14 +289,21 @@ def _is(topic: Topic, kind: type) -> bool:
     return isinstance(topic.collector, _Guard) and isinstance(topic.collector.inner, kind)
 
 
-def _only_namespace(topics: Iterable[str], bag: Path) -> str:
-    found = {topic[: -len(name) - 1] for topic in topics for name in TOPICS if topic.endswith("/" + name)}
+def _only_namespace(topics: Iterable[str], diagnostics: Iterable[str], bag: Path) -> str:
+    """By our topics, else by the markers; none where our nodes spoke on /diagnostics only."""
+    found = _namespaces(topics, TOPICS) or _namespaces(topics, (MARK,))
+    if not found and any(name.startswith(_NODE) for name in diagnostics):
+        return ""
     if not found:
         there = ", ".join(sorted(topics))
         raise ValueError(f"bag {bag} is of no haptic display: it has {there}, no {', '.join(TOPICS)}")
     if len(found) > 1:
         raise ValueError(f"bag {bag} holds several devices, name one namespace: {', '.join(sorted(found))}")
     return found.pop()
+
+
+def _namespaces(topics: Iterable[str], names: Iterable[str]) -> set[str]:
+    return {topic[: -len(name) - 1] for topic in topics for name in names if topic.endswith("/" + name)}
 
 
 def _joints(name: str, topic: Topic, notes: list[str]) -> Joints:

@@ -13,7 +13,7 @@ from haptic_device.analysis.columns import Entries
 from haptic_device.analysis.contact import Contact, contacts, touching
 from haptic_device.analysis.impedance import Impedance, fit
 from haptic_device.analysis.oscillation import Spectrum, spectrum_of
-from haptic_device.analysis.recording import Joints, Recording, load
+from haptic_device.analysis.recording import TOPICS, Joints, Recording, load
 
 AXES = ("x", "y", "theta")
 TRACE = np.dtype(  # a tick in a third of its full size: ten minutes at 4 kHz then fit into half a gigabyte
@@ -31,6 +31,17 @@ ONLY = {
     "tool": Entries(("answered",), ("position",)),
     "operator/state": Entries((*AXES, *(f"motor_{name}" for name in AXES), "energy_given", "time")),
 }
+NO_TRACE = {  # where the trace cannot be had: every topic, and what of it stands for the trace's columns
+    **{name: Entries((), ()) for name in TOPICS if name != "trace"},
+    "handle": Entries((*HANDLE, *AXES), ("position", "effort")),
+    "tool": Entries((*AXES, "contact"), ("position", "effort")),
+    "motor": Entries(AXES, ("effort",)),
+    "operator/state": ONLY["operator/state"],
+}
+LEFT_OUT = (
+    "servo, exchange, passivity margin, impedance and spectrum are left out; positions, forces and contacts are those "
+    "of the topics, and time counts from the first message"
+)
 TELLING = 0.9  # share of the force that a fit in contact has to explain
 HELD_WINDOW = 0.05  # [s]
 HELD_SHARE = 0.1  # of the handle's way, up to which the tool counts as standing still
@@ -40,15 +51,26 @@ AVERAGED = 8  # ticks, where only the servo's own columns are there
 
 @dataclass
 class Run:
-    """A recording and what is computed of it, each thing once; a thing that cannot be had raises ValueError."""
+    """A recording and what is computed of it, each thing once; a thing that cannot be had raises ValueError.
+
+    no_trace: why there is none that can be shown. Topics then say what they can, in time from the first message.
+    """
 
     recording: Recording
     name: str
     notes: list[str] = field(default_factory=list)
+    no_trace: str = ""
+
+    @property
+    def traced(self) -> bool:
+        """Whether the servo's ticks can be shown."""
+        return not self.no_trace
 
     @cached_property
     def rows(self) -> np.ndarray:
         """The ticks from the first to the last with the motor engaged, or all if it never was."""
+        if self.no_trace:
+            raise ValueError(self.no_trace)
         trace = self.recording.trace
         timed = np.isfinite(trace["deadline"])
         if timed.any() and not timed.all():
@@ -73,9 +95,60 @@ class Run:
         return (self.rows["deadline"] - self.rows["deadline"][0]) * 1e-9
 
     @cached_property
+    def span(self) -> tuple[int, int]:
+        """When the first and the last message that was read came, without a trace [ns of the system clock]."""
+        recording = self.recording
+        times = [int(time) for joints in recording.joints.values() for time in joints.received[[0, -1]]]
+        times += [status.time for statuses in recording.diagnostics.values() for status in statuses]
+        times += [mark.time for mark in recording.marks]
+        return min(times), max(times)
+
+    @property
+    def length(self) -> float:
+        """From the first to the last tick, or message without a trace [s]."""
+        return float(self.seconds[-1]) if self.traced else (self.span[1] - self.span[0]) * 1e-9
+
+    def since(self, time: np.ndarray) -> np.ndarray:
+        """Times of the system clock [ns] as times from the first tick, or message without a trace [s]."""
+        if not self.traced:
+            return (time - self.span[0]) * 1e-9
+        return (self.recording.monotonic(time) - self.rows["deadline"][0]) * 1e-9
+
+    def places(self, axis: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Of handle and tool: times [s] and place [m | rad]. Raises ValueError if there is neither."""
+        if not self.traced:
+            return self._by_topic({"handle": "handle", "tool": "tool"}, "position", axis)
+        there = self.rows["tool_age"] >= 0
+        chosen = slice(None) if there.all() else there
+        return {
+            "handle": (self.seconds, self.rows["position"][:, axis]),
+            "tool": (self.seconds[chosen], self.rows["tool_position"][chosen, axis]),
+        }
+
+    def forces(self, axis: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """On the handle in all, and of the coupling: times [s] and force [N | N m]. Raises ValueError if neither."""
+        if not self.traced:
+            return self._by_topic({"on handle": "motor", "of the coupling": "handle"}, "effort", axis)
+        columns = {"on handle": "force_on_handle", "of the coupling": "force_coupling"}
+        return {name: (self.seconds, self.rows[column][:, axis]) for name, column in columns.items()}
+
+    def _by_topic(self, topics: dict[str, str], part: str, axis: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Times and values of one axis of the topics that there are, zero where a topic lacks it."""
+        found, name = {}, AXES[axis]
+        for label, topic in topics.items():
+            if joints := self.recording.joints.get(topic):
+                time = self.since(joints.published)
+                found[label] = time, joints.entry(name, part) if name in joints.names else np.zeros(len(time))
+        if not found:
+            raise ValueError(f"no topic {' or '.join(topics.values())} was recorded")
+        return found
+
+    @cached_property
     def truth(self) -> Joints:
         """`operator/state` while the ticks ran."""
         state = self.recording.joint("operator/state")
+        if not self.traced:
+            return state
         time = state.entry("time") - self.rows["deadline"][0] * 1e-9
         during = (time >= 0.0) & (time <= self.seconds[-1])
         first, count = int(np.argmax(during)), int(during.sum())
@@ -85,6 +158,8 @@ class Run:
     @cached_property
     def truth_seconds(self) -> np.ndarray:
         """Time of each truth [s] from the first tick."""
+        if not self.traced:
+            return self.since(self.truth.published)
         return self.truth.entry("time") - self.rows["deadline"][0] * 1e-9
 
     @cached_property
@@ -114,16 +189,21 @@ class Run:
         try:
             return summary.conditions(self.recording)
         except (ValueError, IndexError):
-            return {"T": f"{summary.period(self.rows) * 1e6:.0f} µs"}
+            return {"T": f"{summary.period(self.rows) * 1e6:.0f} µs"} if self.traced else {}
 
     @cached_property
     def touch(self) -> np.ndarray:
-        """Whether each tick was in contact."""
+        """Whether each tick was in contact; without a trace, the tool at each of its messages."""
+        if not self.traced:
+            return self.recording.joint("tool").entry("contact") > 0.0
         return touching(self.rows)
 
     @cached_property
     def contacts(self) -> list[Contact]:
-        """The contacts, in the order of time."""
+        """The contacts, in the order of time; without a trace those of the tool, by the coupling's force on it."""
+        if not self.traced:
+            parts = [self._by_topic({"tool": "tool"}, "effort", axis)["tool"] for axis in (0, 1)]
+            return contacts(parts[0][0], self.touch, np.stack([force for _, force in parts], axis=1))
         return contacts(self.seconds, self.touch, self.rows["force_on_handle"][:, :2])
 
     @cached_property
@@ -215,8 +295,7 @@ class Run:
     @cached_property
     def marks(self) -> list[tuple[float, str]]:
         """Markers: time from the first tick [s] and text."""
-        times = self.recording.monotonic(np.array([mark.time for mark in self.recording.marks], np.int64))
-        seconds = (times - self.rows["deadline"][0]) * 1e-9
+        seconds = self.since(np.array([mark.time for mark in self.recording.marks], np.int64))
         return [(float(time), mark.text) for time, mark in zip(seconds, self.recording.marks, strict=True)]
 
     def attached(self, name: str) -> dict:
@@ -229,14 +308,29 @@ class Run:
 
 
 def read_run(bag: Path | str, namespace: str | None = None) -> Run:
-    """The run in a bag. Raises FileNotFoundError or ValueError if there is no trace that could be shown."""
+    """The run in a bag. Raises FileNotFoundError or ValueError if nothing of it can be shown."""
     recording = load(bag, namespace, ONLY)
     run = Run(recording, _name(Path(bag)), list(recording.notes))
+    try:
+        rows = run.rows
+    except ValueError as error:
+        return _without_trace(run, error)
     missing = recording.trace_rows_missing
     if missing:
         run.notes.append(f"{missing} ticks are missing from the trace")
-    run.notes += _not_numbers(run.rows)
+    run.notes += _not_numbers(rows)
     return run
+
+
+def _without_trace(run: Run, error: ValueError) -> Run:
+    """The run as the other topics tell it. Raises the error, which the trace made, if none of them can be read."""
+    recording = load(run.recording.bag, run.recording.namespace, NO_TRACE)
+    ours = any(name.startswith(f"{recording.namespace}/") for name in recording.counts)
+    if not ours or not (recording.joints or recording.marks or recording.diagnostics):
+        raise error
+    reason = str(error) if "trace" in run.recording.clouds else "there is no trace"
+    notes = dict.fromkeys([f"{reason}: {LEFT_OUT}", *run.notes, *recording.notes])
+    return Run(recording, run.name, list(notes), reason)
 
 
 def _telling(kind: str, found: Impedance) -> bool:

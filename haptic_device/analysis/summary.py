@@ -114,8 +114,12 @@ def conditions(recording: Recording) -> dict[str, str]:
     units = {"stiffness": ("K", "N/m"), "damping": ("B", "N s/m")}
     units |= {"rotational_stiffness": ("Kθ", "N m/rad"), "rotational_damping": ("Bθ", "N m s/rad")}
     labels = {symbol: f"{gain[name]:g} {unit}" for name, (symbol, unit) in units.items()}
-    labels["T"] = f"{period(recording.trace) * 1e6:.0f} µs"
-    if damping := recording.last_values("haptic_driver").get("physical_damping"):
+    said = recording.last_values("haptic_driver")
+    if "trace" in recording.clouds:
+        labels["T"] = f"{period(recording.trace) * 1e6:.0f} µs"
+    elif rate := said.get("rate_hz"):
+        labels["T"] = f"{1e6 / float(rate):.0f} µs"
+    if damping := said.get("physical_damping"):
         labels["b"] = _with_units(damping.split(", "))
     return labels | {"exchange": METHODS[int(recording.joint("handle").entry("exchange_method")[-1])]}
 

@@ -22,17 +22,20 @@ MACHINE = ("processor", "cores", "system")
 def sections(run: Run) -> dict[str, dict[str, str]]:
     """{section: {name: text}} of one run."""
     parts = {
-        "What ran": _what_ran,
-        "Servo": _servo,
-        "Exchange": _exchange,
-        "Energy": _energy,
-        "Contact": _contact,
-        "Impedance added by the display": _impedance,
-        "Oscillation of the force": _oscillation,
-        "Recording": _recording,
-        "Trial and markers": _trial,
+        "What ran": [_what_ran],
+        "Servo": [_servo],
+        "Exchange": [_exchange],
+        "Energy": [_energy, _truth],
+        "Contact": [_contact, _overlap],
+        "Impedance added by the display": [_impedance],
+        "Oscillation of the force": [_oscillation],
+        "Said last on /diagnostics": [_said],
+        "Recording": [_recording],
+        "Trial and markers": [_trial],
     }
-    return {title: dict(_tried(part, run)) for title, part in parts.items()}
+    return {
+        title: {name: text for part in those for name, text in _tried(part, run)} for title, those in parts.items()
+    }
 
 
 def _tried(part: Callable[[Run], Iterator[tuple[str, str]]], run: Run) -> Iterator[tuple[str, str]]:
@@ -45,7 +48,7 @@ def _tried(part: Callable[[Run], Iterator[tuple[str, str]]], run: Run) -> Iterat
 
 def _what_ran(run: Run):
     yield "recording", run.name
-    yield "length", f"{run.seconds[-1]:.3f} s, {len(run.rows)} ticks"
+    yield "length", f"{run.length:.3f} s, " + (f"{len(run.rows)} ticks" if run.traced else "no trace")
     yield from run.conditions.items()
     for kind in ("scene", "device"):
         attached = [name.removeprefix(f"{kind}/") for name in run.recording.attachments if name.startswith(f"{kind}/")]
@@ -56,7 +59,7 @@ def _what_ran(run: Run):
     yield "versions", ", ".join(f"{name} {packages[name]}" for name in VERSIONS if packages.get(name)) or MISSING
     yield "machine", ", ".join(str(machine[name]) for name in MACHINE if machine.get(name)) or MISSING
     yield "real time", run.recording.last_values("haptic_driver").get("realtime", MISSING)
-    yield "faults", ", ".join(summary.faults(run.recording)) or "none"
+    yield "faults", (", ".join(summary.faults(run.recording)) or "none") if run.traced else MISSING
 
 
 def _servo(run: Run):
@@ -89,6 +92,9 @@ def _energy(run: Run):
     margin = np.fmin.reduce(run.rows["margin"], axis=0)
     yield "least margin x, y, θ", _told("{:.4g} N s/m, {:.4g} N s/m, {:.4g} N m s/rad", *margin)
     yield "ticks in which the controller acted", _told("{:.0f}", run.rows["injections"][-1] - run.rows["injections"][0])
+
+
+def _truth(run: Run):
     given = run.truth.entry("energy_given") * 1e3
     yield "given to the operator, truth, largest", f"{np.nanmax(given):.3g} mJ"
     yield "given to the operator, truth, end", f"{given[-1]:.3g} mJ"
@@ -101,6 +107,9 @@ def _contact(run: Run):
         strongest = max(run.contacts, key=lambda contact: contact.force)
         yield "first", f"at {run.contacts[0].begin:.3f} s"
         yield "strongest", f"{strongest.force:.3g} N, {strongest.begin:.3f} to {strongest.end:.3f} s"
+
+
+def _overlap(run: Run):
     said = run.recording.last_values("haptic_simulation")
     yield "deepest overlap", f"{float(said['max_penetration']) * 1e6:.3g} µm" if "max_penetration" in said else MISSING
 
@@ -139,14 +148,24 @@ def _oscillation(run: Run):
     yield "when", f"from {found.begin:.2f} s, {found.seconds:.2f} s in all"
 
 
+def _said(run: Run):
+    """Each node's last status, which without a trace is all that is known of the servo."""
+    for name in run.recording.diagnostics:
+        if not run.traced and ":" not in name:
+            last = run.recording.statuses(name)[-1]
+            yield name, "; ".join([last.message, *(f"{key} {value}" for key, value in last.values.items() if value)])
+
+
 def _recording(run: Run):
-    yield "rows missing from the trace", str(run.recording.trace_rows_missing)
+    yield "rows missing from the trace", str(run.recording.trace_rows_missing) if run.traced else MISSING
     driver = run.recording.last_values("haptic_driver")
     yield "rows that the servo had to drop", driver.get("trace_dropped", MISSING)
     begin, skipped = f"{run.recording.namespace}/", run.recording.skipped
     lost = {name.removeprefix(begin): found.told(name) for name, found in skipped.items()
             if name.startswith(begin) and found.lost}  # fmt: skip
     yield "messages", str(sum(run.recording.counts.values()))
+    topics = (f"{name.removeprefix(begin)} {count}" for name, count in run.recording.counts.items())
+    yield "messages of each topic", ", ".join(topics)
     yield "messages lost", ", ".join(f"{name} {count}" for name, count in lost.items()) or "none"
     for number, note in enumerate(run.notes, 1):
         yield f"note {number}", note
