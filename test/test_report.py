@@ -340,6 +340,16 @@ def test_beside_others_a_bag_without_a_trace_takes_nothing_from_them(bags, tmp_p
     assert "<td>2.000 s, 8000 ticks</td>" in length and length.count("no trace") == 2
 
 
+def test_lateness_that_is_zero_in_every_tick_was_not_measured(tmp_path):
+    rows = swing(4000)
+    rows["lateness"] = 0.0
+    run = read_run(write_run(tmp_path / "lockstep", rows))
+    servo = sections(run)["Servo"]
+    assert servo["lateness p50, p99, max"] == "not measured" and servo["compute p50, p99, max"] == "1, 1, 1 µs"
+    with pytest.raises(ValueError, match="lateness is 0 in every tick"):
+        panel.lateness(None, run)
+
+
 def test_too_many_runs_side_by_side_are_refused(bags, tmp_path):
     with pytest.raises(ValueError, match="7 bags are given; at most 6"):
         report([tmp_path / "nowhere"] * 7, tmp_path)

@@ -112,6 +112,8 @@ def lateness(axes, run: Run) -> None:
     late, compute = (np.maximum(_finite(run.rows[name]) * 1e6, 0.1) for name in ("lateness", "compute"))
     if not len(late) or not len(compute):
         raise ValueError("lateness and compute are no numbers")
+    if not run.rows["lateness"].any():
+        raise ValueError("it was not measured: lateness is 0 in every tick")
     bins = np.geomspace(0.1, max(late.max(), compute.max()) * 1.01, 80)
     axes.hist(late, bins, color=BLUE, alpha=0.8, label="wake-up after the deadline")
     axes.hist(compute, bins, color=ORANGE, histtype="step", linewidth=1.5, label="time of the tick's own work")
