@@ -292,6 +292,20 @@ def test_contacts_without_a_trace_are_those_that_the_tool_says(tmp_path):
     assert sections(run)["Contact"]["time in contact"] == "50.0 %" and "contacts" in drawn(run)
 
 
+def test_messages_that_are_no_numbers_are_counted_without_a_trace_too(tmp_path):
+    bag = Bag(tmp_path / "nan")
+    for topic, names in (("handle", ("x", "y")), ("operator/state", ("x", "energy_given", "time"))):
+        channel = bag.add_topic(f"/haptic/{topic}", JOINTS, [])
+        for number in range(1, 5):
+            place = [np.nan if number < 3 or topic != "handle" else 1.0] * len(names)
+            bag.write(channel, joints(names, place, 0), number, number, number)
+    bag.close({})
+    found, notes = sections_of(tmp_path / "nan")
+    assert "topic handle: 2 of 4 messages have values that are no numbers" in notes
+    assert found["Energy"]["given to the operator, truth, largest"] == "—"
+    assert write_report([read_run(tmp_path / "nan")], tmp_path / "report").exists()
+
+
 def test_diagnostics_or_markers_alone_are_what_the_page_shows(bags, tmp_path):
     run = read_run(only(bags[0], tmp_path / "said", "/diagnostics"))
     assert "max_penetration 3e-5" in sections(run)["Said last on /diagnostics"]["haptic_simulation"]

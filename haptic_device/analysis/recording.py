@@ -340,7 +340,8 @@ def _pairs(trace: Topic | None, rows: np.ndarray | None, state: Joints | None) -
         known = np.isfinite(first)
         return columns.stamps[some][known], first[known].round().astype(np.int64)
     if state is not None and "time" in state.names:
-        return state.published, np.round(state.entry("time") * 1e9).astype(np.int64)
+        known = np.isfinite(state.entry("time"))
+        return state.published[known], np.round(state.entry("time")[known] * 1e9).astype(np.int64)
     return np.empty(0, np.int64), np.empty(0, np.int64)
 
 

@@ -188,7 +188,7 @@ class Run:
         """Gains, T, b and method, as far as they were recorded."""
         try:
             return summary.conditions(self.recording)
-        except (ValueError, IndexError):
+        except (ValueError, IndexError, ZeroDivisionError):
             return {"T": f"{summary.period(self.rows) * 1e6:.0f} µs"} if self.traced else {}
 
     @cached_property
@@ -330,7 +330,14 @@ def _without_trace(run: Run, error: ValueError) -> Run:
         raise error
     reason = str(error) if "trace" in run.recording.clouds else "there is no trace"
     notes = dict.fromkeys([f"{reason}: {LEFT_OUT}", *run.notes, *recording.notes])
-    return Run(recording, run.name, list(notes), reason)
+    return Run(recording, run.name, [*notes, *_no_numbers_in(recording.joints)], reason)
+
+
+def _no_numbers_in(topics: dict[str, Joints]) -> list[str]:
+    """A sentence for each topic with values that are no numbers."""
+    counts = {name: np.isnan(np.hstack([j.position, j.velocity, j.effort])).any(axis=1) for name, j in topics.items()}
+    return [f"topic {name}: {np.sum(n)} of {len(n)} messages have values that are no numbers"
+            for name, n in counts.items() if n.any()]  # fmt: skip
 
 
 def _telling(kind: str, found: Impedance) -> bool:

@@ -97,8 +97,8 @@ def _energy(run: Run):
 
 def _truth(run: Run):
     given = run.truth.entry("energy_given") * 1e3
-    yield "given to the operator, truth, largest", f"{np.nanmax(given):.3g} mJ"
-    yield "given to the operator, truth, end", f"{given[-1]:.3g} mJ"
+    yield "given to the operator, truth, largest", _told("{:.3g} mJ", np.fmax.reduce(given))
+    yield "given to the operator, truth, end", _told("{:.3g} mJ", given[-1])
 
 
 def _contact(run: Run):
