@@ -2,12 +2,14 @@
 """A copy of this process that does what it is asked, and takes with it the memory that this took."""
 
 import contextlib
+import ctypes
 import os
 import signal
 import threading
 from multiprocessing import Pipe
 
 WENT = EOFError, OSError  # what a pipe raises whose other end is closed
+PR_SET_PDEATHSIG = 1
 
 
 class Twin:
@@ -21,7 +23,7 @@ class Twin:
         self._process = os.fork()
         if self._process == 0:
             os.nice(niceness)
-            _serve(serve, other.fileno(), other)
+            _serve(serve, other, self._pipe)
         other.close()
 
     def ask(self, request):
@@ -38,12 +40,14 @@ class Twin:
                 os.waitpid(self._process, 0)
 
 
-def _serve(serve, number, pipe):
+def _serve(serve, pipe, others):
     """The twin's whole life. It holds no file of the other's open, and so none of its locks."""
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the other, with which it ends
-        os.closerange(3, number)
-        os.closerange(number + 1, os.sysconf("SC_OPEN_MAX"))
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)  # at once: a request may take many seconds
+        others.close()  # its number may be below 3, where who started the other has closed those
+        os.closerange(3, pipe.fileno())
+        os.closerange(max(3, pipe.fileno() + 1), os.sysconf("SC_OPEN_MAX"))
         while True:
             request = pipe.recv()
             with contextlib.suppress(Exception):
