@@ -233,6 +233,17 @@ def test_a_record_whose_writer_does_not_end_is_not_taken_and_counted(served, nam
         thread.link.close()
 
 
+def test_a_servo_is_compiled_by_whoever_makes_it_and_not_by_its_urgent_thread(name, monkeypatch):
+    by, realtime = [], loop.realtime
+    monkeypatch.setattr(loop, "realtime", lambda memory: by.append(threading.current_thread().name) or realtime(memory))
+    thread = ServoThread(PageLink(name, 7), settings(), realtime="off")
+    thread.start()
+    time.sleep(0.05)
+    thread.stop()
+    thread.link.close()
+    assert by == [threading.main_thread().name]
+
+
 def test_a_servo_without_a_device_waits_and_can_be_stopped(name):
     thread = ServoThread(PageLink(name, 7), settings(), realtime="off")
     thread.start()

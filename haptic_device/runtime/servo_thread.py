@@ -38,6 +38,7 @@ class ServoThread:
         self._resets, self._zero = 0, settings["zero"].copy()
         self.set(settings)
         self.snapshot()  # what it calls is compiled now: that holds the interpreter, and would disturb an exchange
+        self._run_ticks = loop.realtime(self._memory.dtype)  # and not by the thread, which is urgent
         self._thread = threading.Thread(target=self._run, name="servo")
 
     def start(self):
@@ -106,7 +107,6 @@ class ServoThread:
             return
         finally:
             self._ready.set()
-        run = loop.realtime(self._memory.dtype)
         while not self.link.present():
             if self.control[loop.STOP]:
                 return
@@ -114,7 +114,7 @@ class ServoThread:
         self._take_home()
         settings = self.settings.get().view(np.ndarray).view(servo.SETTINGS)
         tool, near = np.zeros(1, loop.TOOL), np.zeros(1, contact.SET)
-        run(
+        self._run_ticks(
             self.link.read, self.link.write, self.link.memory, self.control, self.settings.words, self.tool.words,
             self.near.words, self.row.words, self.ring.words, settings, self._memory, self.ring.rows, tool, near,
         )  # fmt: skip
