@@ -2,28 +2,26 @@
 """A copy of this process that does what it is asked, and takes with it the memory that this took."""
 
 import contextlib
-import ctypes
 import os
 import signal
 import threading
 from multiprocessing import Pipe
 
 WENT = EOFError, OSError  # what a pipe raises whose other end is closed
-PR_SET_PDEATHSIG = 1
 
 
 class Twin:
-    """A fork that has imported what this process has, for requests that can be pickled; it ends with this process.
+    """A fork that has imported what this process has, for requests that can be pickled; it calls begin() first.
 
-    To be made before there are other threads: what locks they hold would stay locked in the fork for ever.
+    It ends when this process closes its end of the pipe, or on SIGTERM. To be made before there are other threads: what
+    locks they hold would stay locked in the fork for ever.
     """
 
-    def __init__(self, serve, niceness=0):
+    def __init__(self, serve, begin):
         self._lock, (self._pipe, other) = threading.Lock(), Pipe()
         self._process = os.fork()
         if self._process == 0:
-            os.nice(niceness)
-            _serve(serve, other, self._pipe)
+            _serve(serve, begin, other, self._pipe)
         other.close()
 
     def ask(self, request):
@@ -40,11 +38,12 @@ class Twin:
                 os.waitpid(self._process, 0)
 
 
-def _serve(serve, pipe, others):
+def _serve(serve, begin, pipe, others):
     """The twin's whole life. It holds no file of the other's open, and so none of its locks."""
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the other, with which it ends
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)  # at once: a request may take many seconds
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)  # at once: python would hear it after the request
+        begin()
         others.close()  # its number may be below 3, where who started the other has closed those
         os.closerange(3, pipe.fileno())
         os.closerange(max(3, pipe.fileno() + 1), os.sysconf("SC_OPEN_MAX"))

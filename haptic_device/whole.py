@@ -59,13 +59,14 @@ def whole(function, *signature):
     return made
 
 
-def compile_aside(niceness=0):
+def compile_aside(begin):
     """From now until `compiled_all` a twin of this process compiles what is in no cache; this one loads it from there.
 
-    What compiling takes, some hundred MB, a process holds until it ends. Call it before there are other threads.
+    The twin calls begin() first. What compiling takes, some hundred MB, a process holds until it ends. Call it before
+    there are other threads.
     """
     global _twin
-    _twin = Twin(_compile, niceness)
+    _twin = Twin(_compile, begin)
 
 
 def compiled_all():

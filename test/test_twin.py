@@ -11,9 +11,12 @@ ROOT = Path(__file__).resolve().parent.parent
 
 KILLED = """
     import os, signal, threading, time
+    from functools import partial
+    from haptic_device.runtime.process import die_with_parent
     from haptic_device.twin import Twin
 
-    twin = Twin(lambda request: (print("begun", flush=True), time.sleep(60.0)))
+    signal.signal(signal.SIGTERM, lambda number, frame: None)  # as a node hears it: between instructions
+    twin = Twin(lambda request: (print("begun", flush=True), time.sleep(60.0)), partial(die_with_parent, os.getpid()))
     threading.Thread(target=twin.ask, args=(None,), daemon=True).start()
     time.sleep(0.5)
     os.kill(os.getpid(), signal.SIGKILL)
@@ -24,7 +27,7 @@ WITHOUT_FILES = """
     from haptic_device.twin import Twin
 
     os.closerange(0, 3)
-    twin = Twin(lambda request: None)
+    twin = Twin(lambda request: None, lambda: None)
     twin.ask(None)
     twin.end()
     os._exit(0)

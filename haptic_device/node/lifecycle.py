@@ -7,6 +7,7 @@ import os
 import re
 import signal
 import sys
+from functools import partial
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -17,6 +18,7 @@ from rclpy.utilities import remove_ros_args
 from haptic_device.node.own_port import own_port
 from haptic_device.node.params import declare
 from haptic_device.parameter import Parameter
+from haptic_device.runtime.process import die_with_parent
 from haptic_device.whole import compile_aside, compiled_all
 
 YOUNG = 100_000  # objects between two collections: compiling makes millions, and few of them are garbage
@@ -123,6 +125,12 @@ def begin_ros(args):
         raise ValueError(f"ROS does not take these arguments: {_plain(error)}") from None
 
 
+def _begin_twin(node, niceness):
+    """It compiles for the process `node`, and ends with it; a kernel may take many seconds."""
+    os.nice(niceness)
+    die_with_parent(node)
+
+
 def _plain(error):
     """The text of one of rcl's errors without the places in its source."""
     heads = "failed to initialize rcl|Failed to parse ROS arguments|error creating node"
@@ -161,7 +169,7 @@ def run(make_node, name, args=None, niceness=0):
         signal.signal(number, hear)
     try:
         with own_port(name):
-            compile_aside(niceness)
+            compile_aside(partial(_begin_twin, os.getpid(), niceness))
             begin_ros(args)
             node = _made(make_node)
         executor = SingleThreadedExecutor()
