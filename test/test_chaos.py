@@ -125,6 +125,7 @@ def test_chaos_in_its_short_form_leaves_motor_safe_energy_within_budget_and_noth
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     process = start([*HAPTIC, "chaos", "--short", "--json"], cwd=ROOT, env=environment, **pipes)
     said, progress = process.communicate(timeout=115)
+    assert said, progress
     found = json.loads(said)
     assert found["tracebacks"] == 0 and found["left_over"] == [] and len(found["events"]) == 3, progress
     for event in found["events"]:
