@@ -1,4 +1,4 @@
-# make setup | demo | test | clean. demo and test run setup themselves; it is quick when nothing has changed.
+# make setup | demo | check | test | clean. demo and test run setup themselves; it is quick when nothing has changed.
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
@@ -11,13 +11,16 @@ BROWSER := $(VENV)/.browser
 # The environment in .venv is complete; a ROS 2 sourced in this shell must not mix with it, and the start-up guard of the
 # wheels must not be inherited from another environment.
 unexport PYTHONPATH PYTHONHOME LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+# Each of the many processes would read all sources again.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup demo test test-browser docs clean
+.PHONY: help setup check demo test test-browser docs clean
 
 help:
 	@echo "make setup   create .venv with everything (no root needed)"
 	@echo "make demo    peg into hole through three live nodes; options: make demo ARGS='--seconds 20'"
-	@echo "make test    lint, import contracts, tests, and a short live demo"
+	@echo "make check   lint, import contracts, and all tests that need no live node"
+	@echo "make test    make check, the tests of live nodes, and a short live demo"
 	@echo "make docs    write docs/parameters.md and docs/faults.md from the code"
 	@echo "make test-browser   the page in a real Chromium; as root it installs one if there is none"
 	@echo "make clean   remove .venv and everything built"
@@ -46,19 +49,22 @@ $(READY): setup.py setup.cfg constraints.txt
 	  echo "setup: pip could not install the packages above; the first setup needs the Python Package Index or a mirror (PIP_INDEX_URL), later runs need no network; the whole log is $(VENV)/setup.log" >&2; \
 	  exit 1; \
 	fi
+	@$(BIN)/haptic compile || echo "setup: what is not compiled now is compiled when it is first needed" >&2
 	@touch $@
 	@echo "setup: ready"
 
 demo: setup
 	@$(BIN)/haptic demo $(ARGS)
 
-test: setup
+check: setup
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/python -m pytest -m "not live" -n 2 --dist worksteal
+
+test: check
 	$(BIN)/python -m pytest -m live
-	$(BIN)/python -m pytest -m "not live" -n 2 --dist loadfile
 	@rm -rf build/test-demo
-	$(BIN)/haptic demo --seconds 6 --out build/test-demo
+	$(BIN)/haptic demo --seconds 6 --params test/busy.yaml --out build/test-demo
 
 test-browser: setup $(BROWSER)
 	$(BIN)/python test/browser/chromium.py

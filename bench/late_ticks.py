@@ -15,7 +15,7 @@ import numpy as np
 from haptic_sim.bench.stalling import pressed
 
 OF_BOUND = 0.95
-STALLS = ((0.0, 1), (0.05, 4), (0.2, 8), (0.05, 16), (0.5, 16), (0.02, 40), (0.05, 40))
+STALLS = ((0.0, 1), (0.05, 4), (0.2, 8), (0.05, 16), (0.5, 16), (0.02, 24), (0.02, 40), (0.05, 40))
 
 
 def main(presses):

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`@kernel`: a function that Python calls as a whole, and other kernels take in as a part (whole.py)."""
 
-import numba
-
-from haptic_device.whole import part, whole
+from haptic_device.whole import part_of, whole
 
 
 def kernel(*signature):
@@ -13,8 +11,4 @@ def kernel(*signature):
     """
     if not signature or not callable(signature[0]):
         return lambda function: whole(function, *signature)
-    made = whole(*signature)
-    if not numba.config.DISABLE_JIT:
-        below = part(made.py_func, arrays=True)
-        made.get_call_template, made.get_overload = below.get_call_template, below.get_overload
-    return made
+    return part_of(whole(*signature))

@@ -25,6 +25,7 @@ ADDRESSES = {"near": "10.77.0.1/24", "far": "10.77.0.2/24"}
 WAYS_IN = (["unshare", "-n"], ["unshare", "-rn"])  # as root, else with a user namespace
 END = "end0"  # of the pair, within its namespace
 ETH_ALL, ARP, OUTGOING = 0x0003, b"\x08\x06", 4
+CLONE_NEWNET = 0x40000000
 SIOCETHTOOL, SET_TX_CHECKSUM = 0x8946, 0x17
 
 
@@ -42,7 +43,7 @@ class Link:
     def __enter__(self):
         reasons = []
         for way in WAYS_IN:
-            command = [*way, sys.executable, __file__]
+            command = [*way, sys.executable, __file__, "emulate"]
             self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                              stderr=subprocess.PIPE, text=True)  # fmt: skip
             said = self._process.stdout.readline()
@@ -55,7 +56,11 @@ class Link:
 
     def __exit__(self, *exception):
         self._process.stdin.close()
-        self._process.wait(20.0)
+        try:
+            self._process.wait(20.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait(20.0)
         self._process.stdout.close()
         self._process.stderr.close()
 
@@ -106,19 +111,22 @@ def run(*command):
         raise OSError(f"{' '.join(command)}: {done.stderr.strip() or done.stdout.strip()}")
 
 
+def hold():
+    """In a network namespace of its own until standard input ends, as it does when who started it ends."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.unshare(CLONE_NEWNET) != 0:
+        raise OSError(f"unshare(CLONE_NEWNET) was refused: {os.strerror(ctypes.get_errno())}")
+    print("held", flush=True)
+    sys.stdin.read()
+
+
 def hold_namespace():
-    """A process that does nothing in a network namespace of its own, and ends with this one."""
-    read, write = os.pipe()
-    pid = os.fork()
-    if pid == 0:
-        libc = ctypes.CDLL(None)
-        libc.prctl(1, 9, 0, 0, 0)  # PR_SET_PDEATHSIG: SIGKILL
-        os.write(write, b"y" if libc.unshare(0x40000000) == 0 else b"n")  # CLONE_NEWNET
-        while True:
-            time.sleep(3600.0)
-    if os.read(read, 1) != b"y":
-        raise OSError("unshare(CLONE_NEWNET) was refused")
-    return pid
+    """A process that does nothing in a network namespace of its own."""
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    holder = subprocess.Popen([sys.executable, __file__, "hold"], text=True, **pipes)
+    if not holder.stdout.readline():
+        raise OSError(holder.communicate(timeout=20.0)[1].strip())
+    return holder
 
 
 def connect(name, pid):
@@ -147,11 +155,20 @@ def write_checksums(name):
 
 def emulate():
     """Until standard input ends; each line there is a JSON object of what changes."""
-    pids = {name: hold_namespace() for name in ADDRESSES}
-    near, far = (connect(name, pid) for name, pid in pids.items())
+    with contextlib.ExitStack() as stack:
+        pids = {}
+        for name in ADDRESSES:
+            holder = stack.enter_context(hold_namespace())  # its standard input is closed at the end, and it waited for
+            pids[name] = holder.pid
+        near, far = (connect(name, pid) for name, pid in pids.items())
+        print(json.dumps(pids), flush=True)
+        carry_on(near, far)
+
+
+def carry_on(near, far):
+    """Carries frames between the two ends until standard input ends."""
     ways = Way(near, far, 1), Way(far, near, 2)
     network = {"delay": 0.0, "jitter": 0.0, "loss": 0.0, "duplicates": 0.0, "cut": False}
-    print(json.dumps(pids), flush=True)
     while True:
         timeout = min(0.05, max(0.0, min(way.due for way in ways) - time.monotonic()))
         ready, _, _ = select.select([sys.stdin, near, far], [], [], timeout)
@@ -166,6 +183,6 @@ def emulate():
 
 if __name__ == "__main__":
     try:
-        write_checksums(sys.argv[2]) if sys.argv[1:2] == ["checksums"] else emulate()
+        {"checksums": write_checksums, "hold": hold, "emulate": emulate}[sys.argv[1]](*sys.argv[2:])
     except OSError as refusal:
         sys.exit(f"bad_link: {refusal}")

@@ -12,17 +12,19 @@ import numpy as np
 from haptic_device.runtime import clock, link
 
 PERIOD = 1_000_000  # [ns]
-PATIENCE = 60.0  # [s] the kernels may have to be compiled first
+LIMIT = 60_000_000_000  # [ns] for whatever is waited for; the kernels may have to be compiled first
+SHORTEST = 10 * PERIOD  # no watchdog of a device may be shorter
 SMALL = 0.01  # motor units
-SLACK = 50_000_000  # [ns] by which this test's own process may be held up
 
 
 def check(device_link):
     """Raises AssertionError with what a link does otherwise than runtime/link says; the link is closed afterwards."""
-    checks = has_its_signatures, answers, latches_at_deadlines, gives_up_in_time, counts_whole_steps, cuts_the_motor
-    for one in checks:
-        one(device_link)
-    device_link.close()
+    checks = has_its_signatures, answers, latches_at_deadlines, gives_up, counts_whole_steps, cuts_the_motor
+    try:
+        for one in checks:
+            one(device_link)
+    finally:
+        device_link.close()
 
 
 def has_its_signatures(device_link):
@@ -33,56 +35,60 @@ def has_its_signatures(device_link):
 
 
 def answers(device_link):
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + LIMIT * 1e-9
     while not device_link.present():
         assert time.monotonic() < end, "the device is not present"
         time.sleep(0.01)
 
 
 def drive(device_link, ticks, motor=0.0):
-    """Runs ticks as the servo would; returns [(deadline, fresh, sample)]."""
+    """Runs ticks as the servo would, but patiently; returns [(deadline, fresh, sample, time of the write before)]."""
     scratch, seen = clock.scratch(), []
-    deadline = int(clock.now_ns(scratch)) + PERIOD
-    device_link.write(device_link.memory, deadline - PERIOD, deadline, PERIOD, 0, np.zeros(3))
+    written = int(clock.now_ns(scratch))
+    deadline = written + PERIOD
+    device_link.write(device_link.memory, written, deadline, PERIOD, 0, np.zeros(3))
     for _ in range(ticks):
         clock.sleep_until(deadline, scratch)
         sample = np.zeros(link.SAMPLE)
-        fresh = device_link.read(device_link.memory, deadline, deadline + SLACK, sample)
-        seen.append((deadline, fresh, sample))
-        now = int(clock.now_ns(scratch))
-        deadline = max(deadline + PERIOD, now + PERIOD)
-        device_link.write(device_link.memory, now, deadline, PERIOD, 1, np.array([motor, 0.0, 0.0]))
+        fresh = device_link.read(device_link.memory, deadline, deadline + LIMIT, sample)
+        seen.append((deadline, fresh, sample, written))
+        written = int(clock.now_ns(scratch))
+        deadline = max(deadline + PERIOD, written + PERIOD)
+        device_link.write(device_link.memory, written, deadline, PERIOD, 1, np.array([motor, 0.0, 0.0]))
     return seen
 
 
+def is_cut(sample):
+    return bool(int(sample[link.STATUS]) & 2)
+
+
 def latches_at_deadlines(device_link):
-    seen = drive(device_link, 50, SMALL)
-    for deadline, fresh, sample in seen:
+    """Whoever waits gets the sample of his deadline; a motor is cut by silence only, judged by the latched times."""
+    driven, latest = False, 0.0
+    for deadline, fresh, sample, written in drive(device_link, 50, SMALL):
+        assert fresh == 1, "no sample of a deadline that had passed"
         assert np.isfinite(sample).all()
-        assert (sample[link.LATCHED] >= deadline) == bool(fresh)
-    late = sum(not fresh for _, fresh, _ in seen)
-    assert late < len(seen) / 2, f"{late} of {len(seen)} samples were old"
-    latched = [sample[link.LATCHED] for _, _, sample in seen]
-    assert np.all(np.diff(latched[2:]) >= 0.0), "time ran backwards"
-    written_on_time = np.diff([deadline for deadline, _, _ in seen]).max() < 10 * PERIOD
-    cut = any(int(sample[link.STATUS]) & 2 for _, fresh, sample in seen[5:] if fresh)
-    assert not (cut and written_on_time), "the motor was cut though writes came in time"
+        assert sample[link.LATCHED] >= deadline, "an old sample was called fresh"
+        assert sample[link.LATCHED] >= latest, "time ran backwards"
+        silent = sample[link.LATCHED] - written
+        assert not (driven and is_cut(sample)) or silent > SHORTEST, f"cut {silent} ns after a write"
+        driven, latest = driven or not is_cut(sample), sample[link.LATCHED]
+    assert driven, "the motor stayed cut though the servo wrote"
 
 
-def gives_up_in_time(device_link):
+def gives_up(device_link):
+    """A deadline that is an hour ahead is not waited for."""
     scratch, sample = clock.scratch(), np.zeros(link.SAMPLE)
     far = int(clock.now_ns(scratch)) + 3600 * 1_000_000_000
-    waits = []
     for patience in (0, 2 * PERIOD):
-        began = int(clock.now_ns(scratch))
-        assert device_link.read(device_link.memory, far, began + patience, sample) == 0
-        waits.append(int(clock.now_ns(scratch)) - began)
-    assert sample[link.LATCHED] < far
-    assert waits[0] < SLACK and waits[1] < 2 * PERIOD + SLACK, f"waited {waits} ns"
+        give_up = int(clock.now_ns(scratch)) + patience
+        assert device_link.read(device_link.memory, far, give_up, sample) == 0
+        assert int(clock.now_ns(scratch)) < far, "waited for the deadline"
+        assert sample[link.LATCHED] < far
 
 
 def counts_whole_steps(device_link):
-    _, _, sample = drive(device_link, 5)[-1]
+    sample = drive(device_link, 5)[-1][2]
     counts = sample[link.COUNTS : link.COUNTS + 3]
     assert np.array_equal(counts, np.round(counts))
 
@@ -90,9 +96,9 @@ def counts_whole_steps(device_link):
 def cuts_the_motor(device_link):
     """Silent for longer than the device's watchdog, the servo is told that the motor was cut; by writing it returns."""
     drive(device_link, 5, SMALL)
-    sample, end = np.zeros(link.SAMPLE), time.monotonic() + PATIENCE
-    while not int(sample[link.STATUS]) & 2:
+    sample, end = np.zeros(link.SAMPLE), time.monotonic() + LIMIT * 1e-9
+    while not is_cut(sample):
         assert time.monotonic() < end, "the device never cut the motor of a silent servo"
         time.sleep(0.002)
         device_link.read(device_link.memory, 0, 0, sample)
-    assert not int(drive(device_link, 20)[-1][2][link.STATUS]) & 2, "the device did not take the servo back"
+    assert not all(is_cut(sample) for _, _, sample, _ in drive(device_link, 20)), "the servo was not taken back"

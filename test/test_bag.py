@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import yaml
 from bag_of_a_run import JOINTS, joints, swing, write_run
-from hypothesis import given, settings
+from examples import few
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
@@ -123,7 +124,7 @@ def fills_at(capacity, folder, monkeypatch):
     monkeypatch.setattr(bag_file.os, "write", write)
 
 
-@settings(deadline=None, max_examples=15)
+@few(5)
 @given(capacity=st.integers(2_000, 200_000))
 def test_a_full_disk_keeps_every_whole_chunk_in_a_bag_that_opens(tmp_path_factory, capacity):
     folder = tmp_path_factory.mktemp("disk") / "bag"
@@ -142,7 +143,7 @@ def test_a_full_disk_keeps_every_whole_chunk_in_a_bag_that_opens(tmp_path_factor
         assert make_reader(stream, validate_crcs=True).get_summary().statistics.message_count == kept
 
 
-@settings(deadline=None, max_examples=15)
+@few(5)
 @given(limit=st.integers(30_000, 200_000))
 def test_a_file_that_may_not_grow_gives_chunks_up_for_its_index(tmp_path_factory, limit):
     folder = tmp_path_factory.mktemp("limit") / "bag"
@@ -162,7 +163,7 @@ def test_a_file_that_may_not_grow_gives_chunks_up_for_its_index(tmp_path_factory
         assert make_reader(stream, validate_crcs=True).get_summary().statistics.message_count == bag.messages
 
 
-@settings(deadline=None, max_examples=25)
+@few(8)
 @given(share=st.floats(0.01, 1.0, exclude_max=True))
 def test_a_file_cut_anywhere_is_made_whole_in_place_with_all_its_whole_chunks(tmp_path_factory, share):
     folder = write_run(tmp_path_factory.mktemp("cut") / "run", swing(1200))
@@ -186,7 +187,7 @@ def test_a_file_cut_anywhere_is_made_whole_in_place_with_all_its_whole_chunks(tm
     assert complete(file).wrong == "" and list(recovered(folder))[0].startswith("run_0.mcap: whole")
 
 
-@settings(deadline=None, max_examples=40)
+@few(15)
 @given(place=st.floats(0.0, 1.0, exclude_max=True), value=st.integers(1, 255))
 def test_a_flipped_byte_costs_at_most_its_own_record_and_never_a_traceback(tmp_path_factory, place, value):
     folder = write_run(tmp_path_factory.mktemp("flip") / "run", swing(800))

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from in_process import haptic
 
 from haptic_device.parameter import Parameter, check_value
 from haptic_sim.cli.check import problems
@@ -15,11 +16,6 @@ from haptic_sim.cli.params_doc import markdown
 
 ROOT = Path(__file__).resolve().parent.parent
 SHIPPED = sorted((ROOT / "config").rglob("*.yaml"))
-
-
-def haptic(*arguments):
-    command = [sys.executable, "-m", "haptic_sim.cli.main", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True)
 
 
 def broken(tmp_path, text):
@@ -41,7 +37,8 @@ def test_the_command_says_ok_and_exits_with_zero():
 
 def test_the_command_prints_each_mistake_and_exits_with_one(tmp_path):
     path = broken(tmp_path, "/**/haptic_driver: {ros__parameters: {autostart: 1, autostrat: true}}")
-    done = haptic("check", SHIPPED[0], path)
+    command = [sys.executable, "-m", "haptic_sim.cli.main", "check", SHIPPED[0], path]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 1
     assert done.stdout.splitlines() == [
         f"{SHIPPED[0]}: ok",

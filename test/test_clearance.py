@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import few
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
@@ -79,7 +80,7 @@ PLACE = ALIGNED | st.floats(-3.0, 3.0)
 ANGLE = ALIGNED | st.sampled_from([math.pi, math.pi / 2, -math.pi / 4]) | st.floats(-4.0, 4.0)
 
 
-@settings(max_examples=600, deadline=None)
+@few(100)
 @given(
     st.sampled_from(REGULAR), st.sampled_from(REGULAR), st.sampled_from([1.0, 2.0]) | st.floats(0.01, 10.0),
     PLACE, PLACE, ANGLE, st.sampled_from([0.0, -3.0]) | st.floats(-4.0, 0.0),

@@ -3,7 +3,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import few
+from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_device.analysis.closed_forms import delayed_wall_damping, fractionally_delayed_spring_damping
@@ -74,21 +75,21 @@ def test_energy_is_found_just_below_the_bound_and_none_just_above(delay, damping
     assert energy_given(*arguments, 1.02 * bound, delay) < 0.0
 
 
-@settings(max_examples=40, deadline=None)
+@few(12)
 @given(DAMPING, st.integers(0, 6))
 def test_whole_samples_agree_with_the_chebyshev_form(damping, samples):
     found = wall_damping_needed(1.0, damping, 1.0, delay_samples=float(samples)).damping
     assert found == pytest.approx(float(delayed_wall_damping(1.0, damping, 1.0, samples)), rel=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
+@few(12)
 @given(DELAY, st.floats(1.0, 1e5), st.floats(1e-4, 1e-2))
 def test_a_spring_alone_agrees_with_its_closed_form_for_any_delay(delay, stiffness, period):
     found = wall_damping_needed(stiffness, 0.0, period, delay_samples=delay).damping
     assert found == pytest.approx(fractionally_delayed_spring_damping(stiffness, period, delay), rel=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@few(8)
 @given(DAMPING, st.integers(0, 3))
 def test_the_damping_needed_is_continuous_where_a_fraction_becomes_a_whole_sample(damping, samples):
     before, whole, after = (
@@ -99,7 +100,7 @@ def test_the_damping_needed_is_continuous_where_a_fraction_becomes_a_whole_sampl
     assert after == pytest.approx(whole, rel=1e-6)
 
 
-@settings(max_examples=30, deadline=None)
+@few(10)
 @given(st.floats(0.05, 0.95), DAMPING, st.floats(0.05, 3.0))
 def test_the_demand_is_where_the_two_by_two_energy_form_loses_definiteness(fraction, damping, angle):
     demand = float(delayed_demand(wall_transfer(1.0, damping, 1.0), 1.0, fraction, np.array([angle]))[0])
@@ -115,7 +116,7 @@ def test_the_demand_is_where_the_two_by_two_energy_form_loses_definiteness(fract
     assert smallest(demand * 0.999 - 1e-9) < 0.0
 
 
-@settings(max_examples=25, deadline=None)
+@few(8)
 @given(st.floats(0.1, 5.0), st.floats(-0.09, 1.0), DELAY, st.sampled_from([0.0, 1e-3, 2e-2]))
 def test_the_largest_passive_stiffness_needs_exactly_the_damping_there_is(physical_damping, damping, delay, lag):
     largest = largest_passive_stiffness(physical_damping, damping, 1e-3, lag, delay)

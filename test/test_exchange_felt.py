@@ -10,6 +10,8 @@ from haptic_sim.cli import bench_exchange, bench_local, local_felt
 from haptic_sim.cli.bench_exchange import Case, Figures, measure
 from haptic_sim.lockstep import Network
 
+pytestmark = pytest.mark.timeout(600)  # kernels that nobody has used yet are compiled
+
 STIFFNESS = 2000.0  # [N/m] of the demo's operating point
 BUDGET = 0.005  # [J]
 
@@ -56,7 +58,7 @@ def test_a_force_that_swings_by_more_than_a_tenth_of_its_mean_is_no_stiffness(sw
     assert capsys.readouterr().out.splitlines()[-1].split()[3] == shown
 
 
-@pytest.mark.parametrize("servo", [1000.0, 4000.0, 10_000.0])
+@pytest.mark.parametrize("servo", [1000.0, 4000.0])  # `haptic bench local`: 10 kHz too
 def test_a_coupling_as_stiff_as_the_device_covers_does_not_shake_a_free_tool_1_ms_away(servo):
     """An old force of the tool, believed whole, is K · age of negative damping: it shook, and dragged by 61 N s/m."""
     felt = local_felt.measure(servo, "pspm")
@@ -79,7 +81,7 @@ def test_in_lock_step_samples_leave_and_are_found_at_their_own_tick(late):
 
 
 @pytest.mark.parametrize(
-    ("servo", "exchange"), [(1000.0, 100.0), (4000.0, 700.0), (3000.0, 1300.0), (10_000.0, 2000.0), (1000.0, 2000.0)]
+    ("servo", "exchange"), [(1000.0, 100.0), (3000.0, 1300.0), (10_000.0, 2000.0), (1000.0, 2000.0)]
 )
 def test_servo_and_exchange_run_at_any_rates_and_the_wall_stays_steady_stiff_and_passive(servo, exchange):
     motion = {"start": (0.03, 0.0, 0.0), "target": (0.004, 0.0, 0.0), "duration": 2.0}

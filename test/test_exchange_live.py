@@ -4,12 +4,12 @@
 import time
 
 import pytest
-from live_nodes import Ear, Nodes
+from live_nodes import CUT, LIMIT, Ear, Nodes
 
 from haptic_device.law import exchange
 from haptic_device.node import wire
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
 
 WARN = 1
 DRIVER = {"engage__time": 0.05, "exchange__fade": 0.05, "auto_enable": True}
@@ -36,9 +36,15 @@ def exchanging(nodes, ear):
     """Values of the driver's diagnostics once it and the simulation exchange, and its forces are on."""
     nodes.have("haptic_simulation", scene="free_space")
     nodes.have("haptic_driver", **DRIVER)
-    ear.news("haptic_simulation", lambda level, message, values: int(values["answered"]) > 0)
-    ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 300)
-    return ear.news("haptic_driver", lambda level, message, values: values["state"] == "engaged")[2]
+    ear.news("haptic_simulation", lambda level, message, values: int(values["answered"]) > 0, what="an answer")
+    ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 300, what="answers")
+    return engaged(ear)[2]
+
+
+def engaged(ear):
+    """The next news of a driver whose forces are on; a motor that the device cut, its servo held up, is enabled."""
+    said = ear.news("haptic_driver", lambda level, message, values: values["state"] == "engaged" or values["fault"])
+    return said if said[2]["state"] == "engaged" else ear.engaged()
 
 
 def pushed(ear, begin):
@@ -46,7 +52,12 @@ def pushed(ear, begin):
     return max(abs(ear.motor(truth)[:2]).max() for truth in ear.truths[begin:])
 
 
-def send(ear, publisher, message, condition, seconds=60.0):
+def no_fault_but_of_the_machine(ear):
+    """Nothing that came in has latched a fault; the device may have cut the motor of a servo that was held up."""
+    return ear.last()["haptic_driver"][2]["fault"] in ("", CUT)
+
+
+def send(ear, publisher, message, condition, what):
     """Publishes message() every few milliseconds until the condition holds."""
     asked = 0.0
 
@@ -57,7 +68,19 @@ def send(ear, publisher, message, condition, seconds=60.0):
             asked = time.monotonic()
         return condition()
 
-    return ear.until(done, seconds)
+    return ear.until(done, what, LIMIT)
+
+
+def send_until_said(ear, publisher, message, node, sentence):
+    """Publishes message() until the node says the sentence: level and values of what it then said."""
+    heard = ear.said.setdefault(node, [])
+    begin = len(heard)
+
+    def told():
+        return next((one for one in heard[begin:] if sentence in one[1]), None)
+
+    level, _, values = send(ear, publisher, message, told, f"{node} says: {sentence}")
+    return level, values
 
 
 def test_an_exchange_method_that_differs_is_refused_in_a_sentence_and_the_handle_is_free(nodes, ear):
@@ -66,7 +89,7 @@ def test_an_exchange_method_that_differs_is_refused_in_a_sentence_and_the_handle
     said = "handle messages refused: other exchange method; set exchange.method alike on driver and simulation"
     level, message, values = ear.news("haptic_simulation", lambda level, message, values: said in message)
     assert level == WARN and int(values["refused.other exchange method"]) > 0 and values["answered"] == "0"
-    level, message, values = ear.news("haptic_driver", lambda level, message, values: values["state"] == "engaged")
+    level, message, values = engaged(ear)
     assert (level, message) == (WARN, "no simulation: the handle is in free space")
     begin = len(ear.truths)
     ear.go_to(0.02)
@@ -74,12 +97,12 @@ def test_an_exchange_method_that_differs_is_refused_in_a_sentence_and_the_handle
 
 
 def test_the_same_method_on_both_sides_exchanges(exchanging):
-    assert exchanging["fault"] == "" and int(exchanging["exchange_answered"]) > 300
+    assert exchanging["exchange_method"] == "pspm" and int(exchanging["exchange_answered"]) > 300
 
 
 def test_a_second_simulation_is_refused_counted_and_not_felt(exchanging, ear):
     ear.hear_handles()
-    ear.until(lambda: ear.handles)
+    ear.until(lambda: ear.handles, "a handle sample")
     layout, names = wire.JointLayout(wire.exchange_names(3)), wire.exchange_names(3)
     still = [0.0] * len(names)
 
@@ -90,15 +113,11 @@ def test_a_second_simulation_is_refused_counted_and_not_felt(exchanging, ear):
         return layout.pack(0, [0.1, -0.1, 1.0, *tail.values()], still, still)
 
     begin = len(ear.truths)
-    key = "refused.second publisher"
-    known = len(ear.said["haptic_driver"])
     said = "tool messages refused: second publisher; end one of the two"
-    level, _, values = send(
-        ear, ear.tool, forged, lambda: next((one for one in ear.said["haptic_driver"][known:] if said in one[1]), None)
-    )
+    level, values = send_until_said(ear, ear.tool, forged, "haptic_driver", said)
     ear.hear_handles(False)
-    assert level == WARN and int(values[key]) > 0
-    assert values["fault"] == "" and pushed(ear, begin) < QUIET
+    assert level == WARN and int(values["refused.second publisher"]) > 0
+    assert no_fault_but_of_the_machine(ear) and pushed(ear, begin) < QUIET
 
 
 @pytest.mark.parametrize("session", ["another", "wild numbers", "other names"])
@@ -120,15 +139,10 @@ def test_a_second_driver_is_refused_and_counted_by_the_simulation_and_moves_no_t
         return layout.pack(stamp, [wild, wild, 0.0, *(tail | {"sequence": float(next(number))}).values()], still, still)
 
     begin = len(ear.truths)
-    heard, known = ear.said["haptic_simulation"], len(ear.said["haptic_simulation"])
-    said = f"handle messages refused: {key}"
-    level, _, values = send(
-        ear, publisher, forged, lambda: next((one for one in heard[known:] if said in one[1]), None)
-    )
+    level, values = send_until_said(ear, publisher, forged, "haptic_simulation", f"handle messages refused: {key}")
     ear.node.destroy_publisher(publisher)
     assert level == WARN and int(values[f"refused.{key}"]) > 0
-    assert pushed(ear, begin) < QUIET
-    assert ear.last()["haptic_driver"][2]["fault"] == ""
+    assert no_fault_but_of_the_machine(ear) and pushed(ear, begin) < QUIET
 
 
 def test_wrong_stamps_and_jumps_of_the_simulation_that_is_accepted_give_no_energy_and_no_fault(
@@ -137,7 +151,7 @@ def test_wrong_stamps_and_jumps_of_the_simulation_that_is_accepted_give_no_energ
     nodes.lack("haptic_simulation")
     ear.hear_handles()
     begin, heard, layout = len(ear.truths), len(ear.handles), wire.JointLayout(wire.exchange_names(3))
-    ear.until(lambda: len(ear.handles) > heard)
+    ear.until(lambda: len(ear.handles) > heard, "a handle sample")
     names, number = wire.exchange_names(3), iter(range(1, 1 << 30))
 
     def forged():
@@ -157,9 +171,9 @@ def test_wrong_stamps_and_jumps_of_the_simulation_that_is_accepted_give_no_energ
         return values["exchange_answered"] != known and all(int(values.get(key, "0")) > 20 for key in told)
 
     known = ear.last()["haptic_driver"][2]["exchange_answered"]
-    send(ear, ear.tool, forged, counted)
+    send(ear, ear.tool, forged, counted, "answers that are taken and others that are refused")
     ear.hear_handles(False)
-    assert ear.last()["haptic_driver"][2]["fault"] == ""
+    assert no_fault_but_of_the_machine(ear)
     assert max(truth.position[2 * ear.axes] for truth in ear.truths[begin:]) <= BUDGET
 
 
@@ -182,13 +196,9 @@ def test_stamps_of_the_past_and_future_from_the_driver_that_is_accepted_make_the
         place = [0.1, 0.1, 0.0, *(tail | {"sequence": float(count)}).values()]
         return layout.pack(10**18 * (1 + count % 2), place, still, still)
 
-    heard = ear.said.setdefault("haptic_simulation", [])
-    begin = len(heard)
     said = "handle samples over 20 ms apart, or going back"
-    level, _, values = send(
-        ear, publisher, forged, lambda: next((one for one in heard[begin:] if said in one[1]), None)
-    )
+    level, values = send_until_said(ear, publisher, forged, "haptic_simulation", said)
     assert level == WARN and int(values["rejoined"]) > 0 and int(values["sub_steps"]) == 0
-    ear.until(lambda: tools)
+    ear.until(lambda: tools, "an answer")
     assert max(abs(one.position[0]) for one in tools) < 1e-9  # at its home, not where it was called to
     ear.node.destroy_publisher(publisher)

@@ -3,7 +3,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import few
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
@@ -100,7 +101,7 @@ def noisy(rng, seconds=20.0, rate=4000.0):
     return np.cumsum(rng.normal(size=(count, 2)) * 1e-3, axis=0) + rng.normal(size=(count, 2)) * 0.01
 
 
-@settings(deadline=None, max_examples=20)
+@few(8)
 @given(frequency=st.floats(25.0, 1500.0), force=st.floats(0.1, 5.0), begin=st.floats(1.0, 12.0))
 def test_an_oscillation_is_named_with_its_frequency_force_and_time(frequency, force, begin):
     rate, data = 4000.0, noisy(np.random.default_rng(7))

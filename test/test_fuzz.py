@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
-from hypothesis import HealthCheck, given, settings
+from examples import few, tries
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message
 
@@ -21,7 +22,7 @@ from haptic_sim.cli.main import COMMANDS, _application
 from haptic_sim.node.port import Port
 
 SHIPPED = sorted((Path(__file__).resolve().parent.parent / "config").rglob("*.yaml"))
-MUTATED_FILES, MUTATED_MESSAGES = 400, 60_000
+MUTATED_FILES, MUTATED_MESSAGES = 60, tries(6_000)
 WORDS = (
     *("", ".nan", ".inf", "-1", "0", "1e400", "-1e-400", "99999999999999999999", "y", "~", "%", "ß", "x" * 4000),
     *("[]", "{}", "[[[]]]", "[" * 300, "{a: " * 200, "'", '"', ":", "- ", "*a", "&a", "!!python/x", "ros__parameters:"),
@@ -50,7 +51,7 @@ def edited(text, edits):
     return text
 
 
-@settings(max_examples=MUTATED_FILES, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@few(MUTATED_FILES, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(SHIPPED), st.lists(EDIT, min_size=1, max_size=4))
 def test_a_file_that_somebody_spoilt_is_right_or_refused_in_sentences(tmp_path, path, edits):
     file = tmp_path / "spoilt.yaml"
@@ -108,7 +109,7 @@ def test_of_many_spoilt_tool_messages_the_driver_takes_only_what_is_finite_and_a
     assert watch[exchange.ANSWERED] + refused == MUTATED_MESSAGES and watch[exchange.ANSWERED] < MUTATED_MESSAGES / 2
 
 
-@settings(max_examples=300)
+@few(100)
 @given(st.lists(st.sampled_from([*wire.AXES, "z", "", "x\u0000", "ß"]), max_size=5), st.lists(st.floats(), max_size=5))
 def test_a_target_is_taken_only_with_the_right_names_and_finite_numbers(names, position):
     target = wire.planar_target(wire.JointState(name=names, position=position), wire.AXES)
@@ -119,7 +120,7 @@ WISHES = st.sampled_from(["nan", "-1", "0", "1e400", "", "../..", "/dev/null", "
 OPTIONS = ("--seconds", "--rate", "--scene", "--params", "--domain", "--minutes", "--event", "--delay", "--nonsense")
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@few(30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(["check", "passivity", "report", "replay", "compare", "recover"]), st.data())
 def test_a_command_line_of_nonsense_is_refused_in_a_sentence(tmp_path, monkeypatch, name, data):
     monkeypatch.chdir(tmp_path)

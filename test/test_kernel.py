@@ -15,7 +15,7 @@ import pytest
 
 from haptic_device.cache import BESIDE, ROOMS
 from haptic_device.law import servo
-from haptic_device.whole import only_with, part, whole
+from haptic_device.whole import PLAIN, part, whole
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -133,51 +133,6 @@ def test_without_the_compiler_the_same_servo_and_plant_compute_the_same(tmp_path
         assert np.allclose(compiled[name], plain[name], rtol=1e-9, atol=1e-12), name
 
 
-BY_WHOM = """
-    import os
-    import signal
-    from haptic_device import whole
-    from haptic_device.law import wall
-
-    def depth(x):
-        return wall.wall_depth(1.0, 0.0, 0.0, x, 0.0)
-
-    def lost(x):
-        return unknown_name(x)
-
-    def more(x):
-        return x + 1.0
-
-    made, failing, afterwards = whole.whole(depth), whole.whole(lost), whole.whole(more)
-    if ASIDE:
-        whole.compile_aside(lambda: None)
-        if KILLED:
-            os.kill(whole._twin._process, signal.SIGKILL)
-    assert abs(made(-0.25)) == 0.25
-    print(sum(made.stats.cache_hits.values()), sum(made.stats.cache_misses.values()))
-    try:
-        failing(1.0)
-    except Exception as error:
-        print(type(error).__name__)
-    whole.compiled_all()
-    assert afterwards(1.0) == 2.0
-    try:
-        os.waitpid(-1, 0)
-    except ChildProcessError:
-        print("childless")
-"""
-
-
-@pytest.mark.parametrize(
-    ("aside", "killed", "counted"), [(True, False, ["1", "0"]), (True, True, ["0", "1"]), (False, False, ["0", "1"])]
-)
-def test_what_the_twin_compiled_is_loaded_and_what_it_could_not_is_said_here(tmp_path, aside, killed, counted):
-    path = tmp_path / "kernels.py"  # numba keeps nothing of a function that is in no file
-    path.write_text(f"ASIDE, KILLED = {aside}, {killed}\n" + textwrap.dedent(BY_WHOM))
-    told = python("import kernels", PYTHONPATH=f"{tmp_path}:{ROOT}", XDG_CACHE_HOME=str(tmp_path / "cache"))
-    assert told == [*counted, "TypingError", "childless"]
-
-
 @part
 def scaled(x, factor):
     return factor * x
@@ -194,6 +149,46 @@ def sum_of(x, count):
 @whole
 def twice(x):
     return sum_of(x, 3) + sum_of(x, 3)
+
+
+def test_the_installed_numba_is_one_that_parts_were_tested_with():
+    assert PLAIN == ""
+
+
+PLAINLY = """
+    import sys
+    if LACKING:
+        import numba.core.codegen
+        del numba.core.codegen.JITCodeLibrary
+    if OTHER:
+        import numba
+        numba.__version__ = "9.1.0"
+    from haptic_device import whole
+    from haptic_device.law import wall
+    print(whole.PLAIN)
+    print(wall.wall_depth(1.0, 0.0, 0.0, -0.25, 0.0))
+"""
+
+
+@pytest.mark.parametrize(
+    ("lacking", "other", "wanted", "why"),
+    [
+        (True, False, "", "numba 0.68.1 lacks an inner part"),
+        (False, True, "", "numba 9.1.0 is not one of the known versions"),
+        (False, False, "1", "HAPTIC_PLAIN_KERNELS is set"),
+    ],
+)
+def test_an_unknown_numba_or_one_that_lacks_a_part_compiles_plainly_and_says_why(tmp_path, lacking, other, wanted, why):
+    script = f"LACKING, OTHER = {lacking}, {other}\n" + textwrap.dedent(PLAINLY)
+    said = python(script, XDG_CACHE_HOME=str(tmp_path), HAPTIC_PLAIN_KERNELS=wanted)
+    assert " ".join(said[:-1]).startswith(why.replace("0.68.1", numba.__version__))
+    assert abs(float(said[-1])) == 0.25
+
+
+def test_compiled_plainly_or_as_one_kernels_give_the_same_bits():
+    done = subprocess.run([sys.executable, "bench/plain_njit.py", "--short"], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "2 calculations, 0 with other bits" in done.stdout.replace("  ", " ")
 
 
 def test_a_whole_computes_with_its_parts_and_compiles_each_once_for_all_integers():
@@ -215,24 +210,3 @@ def test_a_part_has_no_machine_code_and_says_so():
     assert twice(0.0) == 0.0
     with pytest.raises(TypeError, match="not callable"):
         scaled(1.0, 2)
-
-
-SMALL = np.dtype([("x", "f8")])
-LARGE = np.dtype([("x", "f8"), ("y", "f8")])
-
-
-@only_with("y", 0.5)
-@part
-def y_of(record, factor):
-    return factor * record.y
-
-
-@whole
-def sum_in(records):
-    return records[0].x + y_of(records[0], 2)
-
-
-def test_a_part_is_left_out_of_what_is_compiled_for_records_without_its_field():
-    assert sum_in(np.array([(1.0, 2.0)], LARGE)) == 5.0 and sum_in(np.array([(1.0,)], SMALL)) == 1.5
-    sum_in.recompile()
-    assert [kinds[0].dtype for kinds in y_of.signatures] == [LARGE]

@@ -3,7 +3,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import few
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
@@ -29,7 +30,7 @@ def largest_mu(stiffness, damping, physical_damping, environment="synchronous", 
 
 def test_for_positive_damping_mu_agrees_with_the_condition_of_the_wall_in_every_case():
     rng = np.random.default_rng(7)
-    for draw in range(1200):
+    for draw in range(120):  # bench/theory.py: 2000
         period = 10.0 ** rng.uniform(-4.0, -2.0)
         stiffness = 10.0 ** rng.uniform(0.0, 5.0)
         damping = stiffness * period * 10.0 ** rng.uniform(-3.0, 1.0) * (draw % 10 > 0)
@@ -95,7 +96,7 @@ def test_a_late_simulation_with_too_little_damping_is_never_passive():
     assert late_simulation_damping(1.0, 0.1, 1.0, 0.601) < np.inf
 
 
-@settings(max_examples=50, deadline=None)
+@few(20)
 @given(st.lists(st.complex_numbers(min_magnitude=0.05, max_magnitude=3.0), min_size=4, max_size=4))
 def test_the_formula_for_two_blocks_is_the_least_scaled_norm(entries):
     matrix = np.array(entries).reshape(2, 2)
@@ -127,7 +128,7 @@ def test_the_damping_of_reference_does_not_move_the_boundary(delay):
             assert bool(np.all(structured_singular_value(matrix) < 1.0)) is passive
 
 
-@settings(max_examples=40, deadline=None)
+@few(12)
 @given(st.floats(1.0, 1e5), st.floats(-0.49, 3.0), st.floats(1e-4, 1e-2))
 def test_the_closed_form_for_any_simulation_agrees_with_that_for_the_wall(stiffness, share, period):
     damping = share * stiffness * period
@@ -135,7 +136,7 @@ def test_the_closed_form_for_any_simulation_agrees_with_that_for_the_wall(stiffn
     assert found == pytest.approx(float(wall_damping_for_any_simulation(stiffness, damping, period)), rel=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@few(10)
 @given(st.floats(0.05, 0.95), st.integers(0, 2), st.floats(0.0, 2.0), st.floats(0.05, 3.0))
 def test_with_a_fractional_delay_the_sign_of_the_margin_is_that_of_the_energy_form(fraction, whole, damping, angle):
     """Positions at samples and switchings and the coupling's force, the environment taking energy: 3 × 3, exact."""

@@ -10,6 +10,8 @@ from bag_of_a_run import JOINTS, joints
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import Parameter
 
+from haptic_device.analysis.recording import load
+from haptic_device.node import recorder as module
 from haptic_device.node.bag import Bag
 from haptic_device.node.inquiry import Inquiry
 from haptic_device.node.recorder import Recorder
@@ -71,6 +73,25 @@ def test_a_bag_that_only_its_abandoning_ends_still_says_what_was_lost(tmp_path, 
     monkeypatch.setattr(Bag, "close", refuse)
     recorder.finish()
     assert "lost /haptic/encoder: '1'" in (tmp_path / "bag" / "metadata.yaml").read_text()
+
+
+def test_a_message_waits_for_the_disk_no_longer_than_the_flush_period_whatever_kills_the_recorder(
+    tmp_path, monkeypatch
+):
+    recorder, now, heard, folder = Deaf(), 0, [], tmp_path / "bag"
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: now, time_ns=lambda: now))
+    period, look = 250_000_000, 40_000_000  # [ns] as shipped
+    recorder.parameters |= {"flush_period": period * 1e-9, "disk_reserve": 0.0}
+    recorder._next_discovery, recorder._next_flush, recorder._fresh, recorder.bag = 10**18, 0, {}, Bag(folder)
+    written = []
+    for now in range(look, 40 * look, look):
+        heard.append(now)
+        recorder.waiting = [len(heard)]
+        recorder.look()
+        written.append(len(load(folder).joint("encoder").sequence))
+        assert written[-1] >= sum(each <= now - period for each in heard)
+    assert len(set(written)) < len(written) / 2  # and it is not written each time it is looked at
+    recorder.finish()
 
 
 class Done:

@@ -108,7 +108,7 @@ def test_closing_twice_is_closing_once(name):
 def test_a_killed_owner_leaves_a_page_that_is_recognised_as_stale_and_begun_anew(name, hold, role):
     process, _ = hold(role)
     os.kill(process.pid, signal.SIGKILL)
-    process.wait()
+    process.wait(60.0)
     assert there(name)
     after = Page(name, role)
     assert after.stale and after.words[MARK] == 0 and not after.peer_present()
@@ -121,12 +121,12 @@ def test_a_killed_servo_is_seen_by_the_device_which_keeps_the_page_for_the_next(
     process, stale = hold(SERVO)
     assert device.peer_present() and device.words[MARK] == 77 and not stale
     os.kill(process.pid, signal.SIGKILL)
-    process.wait()
+    process.wait(60.0)
     assert not device.peer_present()
     process, stale = hold(SERVO)
     assert not stale and device.peer_present()
     process.stdin.close()
-    assert process.wait(10.0) == 0 and there(name)
+    assert process.wait(60.0) == 0 and there(name)
     device.close()
     assert not there(name)
 
@@ -137,7 +137,7 @@ def test_an_owner_in_another_process_is_respected(name, hold):
         Page(name, DEVICE)
     servo = Page(name, SERVO)
     process.stdin.close()
-    process.wait(10.0)
+    process.wait(60.0)
     assert there(name)
     servo.close()
     assert not there(name)

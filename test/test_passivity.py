@@ -3,7 +3,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import few
+from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_device.analysis.closed_forms import (
@@ -116,7 +117,7 @@ def test_an_environment_unstable_by_itself_has_no_damping_that_is_enough():
     assert least_damping(([1.0], [1.0, -0.9999]), 1e-3).damping < np.inf
 
 
-@settings(max_examples=30, deadline=None)
+@few(10)
 @given(STIFFNESS, DAMPING, PERIOD, st.floats(0.1, 10.0))
 def test_scaling_all_gains_scales_the_damping_needed(stiffness, damping, period, factor):
     once = least_damping(wall_transfer(stiffness, damping, period), period).damping
@@ -124,7 +125,7 @@ def test_scaling_all_gains_scales_the_damping_needed(stiffness, damping, period,
     assert scaled == pytest.approx(factor * once, rel=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@few(10)
 @given(STIFFNESS, DAMPING, STIFFNESS, DAMPING, st.integers(0, 4))
 def test_two_walls_together_never_need_more_than_the_sum_of_both(first, damping, second, other, delay):
     period = 1e-3

@@ -11,11 +11,12 @@ import psutil
 import pytest
 from typer.testing import CliRunner
 
+from haptic_device.analysis import sweep
 from haptic_device.law import servo as law
 from haptic_device.runtime import machine
 from haptic_sim.bench import c_twin, results, servo
 from haptic_sim.bench.c_source import REAL, Program
-from haptic_sim.cli import bench_all, bench_servo, demo, doctor, round_trip
+from haptic_sim.cli import bench_all, bench_servo, demo, doctor, main, round_trip
 from haptic_sim.cli.bench import group
 
 ROOT = Path(__file__).parents[1]
@@ -60,7 +61,8 @@ def test_what_is_no_law_is_not_translated():
         Program().function(makes_an_array, [REAL])
 
 
-def test_the_servo_alone_ticks_at_its_rate_and_counts_what_it_missed():
+@pytest.mark.live
+def test_the_servo_alone_ticks_at_whole_periods_and_counts_what_it_missed():
     late, rows = servo.alone(1000.0, 0.3, "off")
     steps = np.diff(rows["deadline"])
     assert np.all(steps % 1_000_000 == 0)
@@ -266,7 +268,7 @@ def test_all_measures_only_what_is_missing_and_puts_the_table_between_the_marks(
     assert done.exit_code == 0, done.output
     text = page.read_text()
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
-    assert "| very first start, all nodes at work | 10 s | ≤ 15 s |" in text
+    assert "| very first start, all nodes at work | 10 s | ≤ 20 s |" in text
 
 
 @pytest.mark.live
@@ -276,15 +278,17 @@ def test_a_benchmark_ends_with_the_command_that_runs_all_of_them(start, tmp_path
     assert "haptic bench servo" in process.stderr.readline() and "1000 Hz" in process.stderr.readline()
     [one] = psutil.Process(process.pid).children()
     process.terminate()
-    assert psutil.wait_procs([one], timeout=10.0)[1] == []
+    assert psutil.wait_procs([one], timeout=60.0)[1] == []  # a limit; nobody would end it otherwise
 
 
 @pytest.mark.parametrize(("words", "sentence"), [
     (("all", "--only", "speed"), "benchmark is 'speed'; it must be one of doctor"),
     (("exchange", "--delay", "0", "--method", "direct", "--scheduler", "tcp://127.0.0.1:9"), "no scheduler answers"),
 ])  # fmt: skip
-def test_bad_input_is_refused_in_one_sentence(words, sentence):
-    command = [sys.executable, "-m", "haptic_sim.cli.main", "bench", *words]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100)
-    assert done.returncode == 1
-    assert sentence in done.stderr and "Traceback" not in done.stderr
+def test_bad_input_is_refused_in_one_sentence(monkeypatch, capsys, words, sentence):
+    monkeypatch.setattr(sweep, "PATIENCE", 0.5)
+    monkeypatch.setattr(sys, "argv", ["haptic", "bench", *words])
+    with pytest.raises(SystemExit) as refused:
+        main.main()
+    said = capsys.readouterr().err
+    assert refused.value.code == 1 and sentence in said and "Traceback" not in said

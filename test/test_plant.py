@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import few
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
@@ -59,7 +60,7 @@ def exact(mass, damping, stiffness, force, rate, position, velocity, time):
     return (expm(matrix * time) @ [position, velocity, force, rate])[:2]
 
 
-@settings(max_examples=300)
+@few(60)
 @given(
     mass=st.floats(1e-4, 1.0),
     damped=st.floats(0.0, 1.0),
@@ -227,7 +228,7 @@ def test_sensing_lags_by_whole_and_fractional_delays(delay):
     assert counts[0] * 1e-12 == pytest.approx(0.2 * 0.1 / 2.0 * -math.expm1(-2.0 / 0.1 * t), abs=2e-12)
 
 
-@settings(max_examples=50)
+@few(20)
 @given(st.floats(-0.1, 0.1), st.sampled_from([5e-6, -5e-6, 1e-4]), st.floats(-0.01, 0.01))
 def test_an_encoder_counts_to_the_nearest_step_with_sign_and_zero(position, per_count, zero):
     record = device(position_per_count=per_count, zero=zero)

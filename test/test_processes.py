@@ -17,15 +17,27 @@ from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.outcome import ANSWERED, INSERTED, job_done, nothing
 from haptic_sim.cli.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.timeout(900)]
 
 _STUBBORN = """
 import signal, time
 for number in (signal.SIGINT, signal.SIGTERM):
     signal.signal(number, signal.SIG_IGN)
 print("deaf", flush=True)
-time.sleep(60)
+time.sleep(600)
 """
+LIMIT = 240.0  # [s] for anything; no assertion
+# Interrupts who started it when it is asked to end, and ends only then.
+_TELLS = f"""
+import os, signal, sys, time
+def tell(number, frame):
+    os.kill({os.getpid()}, signal.SIGINT)
+    sys.exit()
+signal.signal(signal.SIGINT, tell)
+print("ready", flush=True)
+time.sleep(600)
+"""
+_PATIENT = "import time\nprint('ready', flush=True)\ntime.sleep(600)\n"
 _FALLS = "print('all is well')\nraise RuntimeError('the motor is gone')\n"
 
 
@@ -41,15 +53,15 @@ def program(tmp_path, monkeypatch):
     return make
 
 
-def wait_for(condition) -> None:
-    end = time.monotonic() + 10
+def wait_for(condition, what: str) -> None:
+    end = time.monotonic() + LIMIT
     while not condition():
-        assert time.monotonic() < end, "what was waited for did not come"
+        assert time.monotonic() < end, f"{what} did not come within {LIMIT:g} s"
         time.sleep(0.02)
 
 
-def last_line_is(nodes: Nodes, name: str, line: str):
-    return lambda: nodes.last_line(name) == line
+def wait_for_line(nodes: Nodes, name: str, line: str) -> None:
+    wait_for(lambda: nodes.last_line(name) == line, f"{line!r} of {name}")
 
 
 @given(
@@ -95,34 +107,36 @@ def test_a_domain_that_is_given_is_kept(tmp_path, monkeypatch):
 def test_a_node_that_dies_is_named_with_its_last_line(tmp_path, program):
     with Nodes(tmp_path / "log") as nodes:
         nodes.start(program("falling_node", _FALLS))
-        wait_for(last_line_is(nodes, "falling_node", "RuntimeError: the motor is gone"))
-        wait_for(lambda: psutil.Process(nodes.pid("falling_node")).status() == psutil.STATUS_ZOMBIE)
+        wait_for_line(nodes, "falling_node", "RuntimeError: the motor is gone")
+        fallen = psutil.Process(nodes.pid("falling_node"))
+        wait_for(lambda: fallen.status() == psutil.STATUS_ZOMBIE, "the end of the node")
         with pytest.raises(NodeDiedError, match="falling_node ended with exit code 1: RuntimeError: the motor is gone"):
             nodes.check()
 
 
 def test_a_deaf_node_is_killed_and_that_is_said(tmp_path, program, monkeypatch, capsys):
-    quick = ((signal.SIGINT, 0.1), (signal.SIGTERM, 0.1), (signal.SIGKILL, 2.0))
+    quick = ((signal.SIGINT, 0.1), (signal.SIGTERM, 0.1), (signal.SIGKILL, LIMIT))
     monkeypatch.setattr(processes, "_PATIENCE", quick)
     with Nodes(tmp_path / "log") as nodes:
         nodes.start(program("deaf_node", _STUBBORN))
-        wait_for(last_line_is(nodes, "deaf_node", "deaf"))
+        wait_for_line(nodes, "deaf_node", "deaf")
         pid = nodes.pid("deaf_node")
     assert not psutil.pid_exists(pid) and "deaf_node had to be killed" in capsys.readouterr().err
 
 
 def test_an_interrupt_while_nodes_end_waits_until_all_have_ended(tmp_path, program, monkeypatch):
-    monkeypatch.setattr(processes, "_PATIENCE", ((signal.SIGINT, 0.3), (signal.SIGKILL, 2.0)))
-    interrupt = f"import os, signal, time\ntime.sleep(0.2)\nos.kill({os.getpid()}, signal.SIGINT)\ntime.sleep(60)"
-    pids = []
-    with pytest.raises(KeyboardInterrupt), interruptible(), Nodes(tmp_path / "log") as nodes:
-        nodes.start(program("deaf_node", _STUBBORN))
-        wait_for(last_line_is(nodes, "deaf_node", "deaf"))
-        nodes.start(program("other_deaf_node", _STUBBORN.replace("time.sleep(60)", interrupt)))
-        wait_for(last_line_is(nodes, "other_deaf_node", "deaf"))
-        pids = [nodes.pid("deaf_node"), nodes.pid("other_deaf_node")]
-        os.kill(pids[0], 0)
-    assert pids and not any(psutil.pid_exists(pid) for pid in pids)
+    monkeypatch.setattr(processes, "_PATIENCE", ((signal.SIGINT, LIMIT), (signal.SIGKILL, LIMIT)))
+    nodes, pids = Nodes(tmp_path / "log"), []
+    with pytest.raises(KeyboardInterrupt), interruptible(), nodes:
+        for name, text in (
+            ("first_node", _PATIENT),
+            ("last_node", _TELLS),
+        ):  # the last is asked to end before the first
+            nodes.start(program(name, text))
+            wait_for_line(nodes, name, "ready")
+            pids.append(nodes.pid(name))
+    assert len(pids) == 2 and not any(psutil.pid_exists(pid) for pid in pids)
+    assert nodes.last_line("first_node") == "KeyboardInterrupt"  # it ended by what it was asked, as if nothing had come
 
 
 def outcome(faults=(), result=None, sent=1000, answered=1000) -> dict:

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import yaml
 from bag_of_a_run import AXES, BOOT_TO_EPOCH, CLOUD, JOINTS, PERIOD_NS, SAID, TYPES, joints, swing, write_run
-from hypothesis import given, settings
+from examples import few
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
@@ -149,7 +150,7 @@ def test_a_writer_killed_leaves_all_but_the_last_moment_readable(tmp_path, reque
     assert "ends without its index" in recording.notes[0] and not (bag / "metadata.yaml").exists()
 
 
-@settings(deadline=None, max_examples=40)
+@few(12)
 @given(st.floats(0, 1, exclude_max=True))
 def test_a_bag_cut_anywhere_gives_its_whole_blocks_or_one_sentence(run, fraction):
     data = (run / "run_0.mcap").read_bytes()

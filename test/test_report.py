@@ -12,6 +12,7 @@ from matplotlib import pyplot
 from matplotlib.image import imread
 from mcap.reader import make_reader
 
+from haptic_device.analysis import page as pages
 from haptic_device.analysis import panel
 from haptic_device.analysis.page import FIGURES, write_report
 from haptic_device.analysis.run import read_run
@@ -22,6 +23,12 @@ from haptic_sim.cli.report import report
 
 TICKS = 8000
 STRING = "std_msgs/msg/String"
+
+
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    """Figures with few pixels, of which most tests look at none; `page` is made once, with all of them."""
+    monkeypatch.setattr(pages, "DPI", 20)
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,7 @@ WALL = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness":
 FREE = {"coupling__stiffness": 0.0, "coupling__damping": 0.0, "coupling__rotational_stiffness": 0.0,
         "coupling__rotational_damping": 0.0}  # fmt: skip
 COUNTS = 1e7  # per metre
+SETTLED = {}  # memory and row after a second at rest, for each settings there were: the second is the same each time
 
 
 class Servo:
@@ -32,7 +33,15 @@ class Servo:
         self.position = np.zeros(3)
         self.rows = []
         if settled:
+            self._settle()
+
+    def _settle(self):
+        known = self.settings.tobytes()
+        if known not in SETTLED:
             self.run(1.0)
+            SETTLED[known] = self.memory.copy(), self.rows[-1], self.now
+        memory, row, self.now = SETTLED[known]
+        self.memory[:], self.rows = memory, [row.copy()]
 
     def tick(self, stale=False, **changes):
         """One tick; inputs in changes last for this tick only. The device is at self.position."""
@@ -272,7 +281,7 @@ PROVOKE = {name.removeprefix("_"): function for name, function in list(globals()
 
 
 def pressing():
-    runner = Servo(**WALL, **FREE)
+    runner = Servo(**WALL, **FREE, engage__time=0.1)
     assert runner.move((-0.002, 0.0, 0.0)).motor[0] == pytest.approx(2.0, rel=1e-3)
     return runner
 
@@ -292,7 +301,7 @@ def test_a_fault_zeroes_the_motor_in_its_tick_stays_latched_and_is_cleared_by_re
     runner.settings, runner.inputs = before, inputs
     runner.run(0.1)  # past a jump's own velocity
     runner.command = engage.ENABLE
-    for _ in range(400):
+    for _ in range(100):
         row = runner.tick()
         assert fault.name_of(row.fault) == entry.name and not row.motor.any() and row.state == engage.FAULT
     runner.position[:] = 0.0
@@ -300,7 +309,7 @@ def test_a_fault_zeroes_the_motor_in_its_tick_stays_latched_and_is_cleared_by_re
     runner.command = engage.RESET
     runner.run(0.1)
     runner.command = engage.RESET | engage.ENABLE
-    assert runner.run(1.0).state == engage.ENGAGED
+    assert runner.run(0.2).state == engage.ENGAGED
     assert runner.move((-0.002, 0.0, 0.0)).motor[0] == pytest.approx(2.0, rel=1e-3)
 
 
@@ -341,7 +350,7 @@ def test_a_cut_motor_is_no_fault_before_the_servo_has_engaged():
 @pytest.mark.parametrize("field", ["tool_position", "tool_velocity", "drag"])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_no_input_that_is_not_a_number_becomes_a_force(field, value):
-    runner = Servo(cancellation__ratio=0.5, cancellation__source="measured")
+    runner = Servo(cancellation__ratio=0.5, cancellation__source="measured", engage__time=0.1)
     runner.tool((0.0, 0.0, 0.0))
     runner.run(0.2)
     row = runner.tick(**{field: (0.0, value, 0.0)})
@@ -349,7 +358,7 @@ def test_no_input_that_is_not_a_number_becomes_a_force(field, value):
     runner.command = engage.RESET
     runner.run(0.01)
     runner.command |= engage.ENABLE
-    row = runner.run(1.0)
+    row = runner.run(0.2)
     assert row.state == engage.ENGAGED and np.isfinite(runner.memory["drag"]).all()
 
 
@@ -415,24 +424,6 @@ def replay(rows, settings):
     for row in again:
         servo.tick(settings[0], memory[0], row)
     return again
-
-
-@pytest.mark.parametrize("method", ["direct", "pspm"])
-def test_in_the_memory_that_its_exchange_method_needs_the_servo_computes_the_same_bits(method):
-    whole, plain = (Servo(exchange__method=method, settled=False) for _ in range(2))
-    plain.memory = servo.memory_for(plain.settings)
-    for runner in (whole, plain):
-        runner.tool((0.0, 0.0, 0.0))
-        runner.run(1.0)
-        runner.tool((0.001, -0.002, 0.1), velocity=(0.1, 0.0, -1.0))
-        runner.move((0.003, 0.001, 0.0))
-    assert plain.memory.dtype == servo.PLAIN_MEMORY and abs(plain.rows[-1]["force_coupling"]).min() > 0.0
-    assert np.concatenate(whole.rows).tobytes() == np.concatenate(plain.rows).tobytes()
-
-
-@pytest.mark.parametrize("method", ["wave", "local"])
-def test_waves_and_local_contacts_have_all_of_the_memory(method):
-    assert servo.memory_for(Servo(exchange__method=method, settled=False).settings).dtype == servo.MEMORY
 
 
 @pytest.mark.parametrize("estimator", ["backward_difference", "lowpass", "adaptive_window"])

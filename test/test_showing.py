@@ -16,6 +16,8 @@ from haptic_sim.simulation import HandleSample, Simulation
 from haptic_sim.viewer import shapes
 from haptic_sim.viewer.feed import Feed
 
+pytestmark = pytest.mark.timeout(600)  # kernels that nobody has used yet are compiled
+
 GAINS = (2000.0, 2.0, 2.0, 0.002)
 GUIDED = {
     "name": "guided",

@@ -6,7 +6,8 @@ import subprocess
 import sys
 
 import pytest
-from hypothesis import given, settings
+from examples import few
+from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_sim.scene import load
@@ -192,7 +193,7 @@ def test_what_a_free_tool_was_given_is_kinetic_or_lost_to_the_sub_steps_own_damp
     assert balance.supplied == pytest.approx(balance.kinetic + lost, rel=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@few(10)
 @given(st.lists(st.tuples(*[st.floats(-reach, reach) for reach in (5e-3, 5e-3, 0.2)]), min_size=5, max_size=40))
 def test_whatever_the_handle_does_a_free_tool_never_returns_more_than_it_was_given(handles):
     simulation = Simulation(load("free_space"))

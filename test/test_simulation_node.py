@@ -4,11 +4,13 @@
 import math
 import signal
 import subprocess
-import sys
+import threading
 import time
+import types
 
 import pytest
 import rclpy
+from live_nodes import LIMIT, Nodes, command
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -17,18 +19,23 @@ from std_srvs.srv import SetBool, Trigger
 
 from haptic_device.law import exchange
 from haptic_device.node import wire
+from haptic_sim.node import exchange_thread
+from haptic_sim.node.exchange_thread import RETURN_NS, ExchangeThread
 from haptic_sim.node.port import SILENCE_NS, Port
-from haptic_sim.simulation import ToolSample
+from haptic_sim.scene import load
+from haptic_sim.simulation import Simulation, ToolSample
+from haptic_sim.tool_port import port_of
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
+
 
 HOME = (0.001, 0.11, 0.02)
 GAINS = [2000.0, 2.0, 2.0, 0.002]
 TOOL = ToolSample((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), (7.0, 8.0, 9.0), True, 0.25)
 
 
-def handle(sequence=1.0, session=77.0, axes=3, position=HOME, stamp_ns=5_000_000_007, **tail):
-    """Bytes of a handle message."""
+def handle(sequence=1.0, session=77.0, axes=3, position=HOME, stamp_ns=5_000_000_007, speed=0.5, **tail):
+    """Bytes of a handle message; speed [m/s, rad/s] of each axis."""
     entries = dict.fromkeys(exchange.TAIL, 0.0)
     entries.update(layout_version=exchange.LAYOUT_VERSION, session=session, sequence=sequence)
     entries["gains_hash"] = exchange.gains_hash(*GAINS)
@@ -37,7 +44,7 @@ def handle(sequence=1.0, session=77.0, axes=3, position=HOME, stamp_ns=5_000_000
     entries.update(tail)
     zeros = [0.0] * (axes + len(entries))
     layout = wire.JointLayout(wire.exchange_names(axes))
-    return layout.pack(stamp_ns, [*position[:axes], *entries.values()], [*[0.5] * axes, *zeros[axes:]], zeros)
+    return layout.pack(stamp_ns, [*position[:axes], *entries.values()], [*[speed] * axes, *zeros[axes:]], zeros)
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3])
@@ -110,11 +117,55 @@ def test_the_answer_names_the_sample_it_answers_and_carries_its_stamp_and_gains(
     assert (tail["contact"], tail["energy"], tail["layout_version"]) == (1.0, 0.25, exchange.LAYOUT_VERSION)
 
 
+MS = 1_000_000  # [ns]
+
+
+@pytest.fixture
+def answering(monkeypatch):
+    """What the exchange thread does with a sample, without the thread: answer(milliseconds) is whether the sample of
+    that time is answered; `thread`, and `load(scene)`."""
+    clock, tools = types.SimpleNamespace(ns=0), []
+    clocks = types.SimpleNamespace(monotonic_ns=lambda: clock.ns, perf_counter_ns=lambda: clock.ns)
+    monkeypatch.setattr(exchange_thread, "time", clocks)
+    monkeypatch.setattr(exchange_thread, "is_for", lambda simulation: False)
+    thread = object.__new__(ExchangeThread)
+    thread.simulation, thread.port = Simulation(load("wall"), port=port_of("pspm")), Port((0.03, 0.0, 0.0))
+    thread._publisher, thread._near_publisher = types.SimpleNamespace(publish=tools.append), None
+    thread._showing = types.SimpleNamespace(is_due=lambda *_: False, show=lambda *_: None)
+    thread._wish, thread._granted, thread._at_once, thread._handle = None, threading.Event(), None, None
+    thread._silent_until_ns, thread._returned_ns, thread.paused = 0, 0, False
+    thread.answered, thread.compute_ns = 0, []
+
+    def answer(milliseconds, position=(0.02, 0.0, 0.0)):
+        clock.ns, before = milliseconds * MS, thread.answered
+        thread._answer(handle(float(milliseconds), position=position, stamp_ns=clock.ns))
+        return thread.answered > before
+
+    def another(scene):
+        thread._wish = lambda: thread._exchange_world(Simulation(load(scene), port=thread.simulation.port))
+        thread._grant()
+
+    return types.SimpleNamespace(answer=answer, load=another, thread=thread)
+
+
+def test_another_world_is_hidden_by_a_silence_and_its_gains_return_from_nothing(answering):
+    loaded, back = 10, 10 + exchange_thread.SILENCE_NS // MS
+    assert all(answering.answer(time) for time in range(1, loaded + 1))
+    answering.load("corner")
+    assert not any(answering.answer(time) for time in range(loaded + 1, back))
+    stiffness = []
+    for time_ms in range(back, back + RETURN_NS // MS):
+        assert answering.answer(time_ms)
+        stiffness.append(answering.thread.simulation._coupled.stiffness)
+    assert stiffness == sorted(stiffness)
+    assert 0.0 < stiffness[0] < 0.01 * GAINS[0] and stiffness[-1] == GAINS[0]
+
+
 class Peer:
-    """A device side in this process: sends handle samples, keeps what comes back."""
+    """A device side in this process: sends handle samples, keeps what comes back; `said` [(message, values)]."""
 
     def __init__(self, node):
-        self.node, self.tools, self.said = node, [], []
+        self.node, self.tools, self.said, self.sequence = node, [], [], 0
         self.executor = SingleThreadedExecutor(context=node.context)
         self.executor.add_node(node)
         self.handle = node.create_publisher(wire.JointState, "handle", wire.LATEST)
@@ -129,40 +180,64 @@ class Peer:
     def _take(self, data):
         self.tools.append(self.layout.unpack(data))
 
-    def _hear(self, message):
-        self.said += [{entry.key: entry.value for entry in status.values} for status in message.status
-                      if status.name == "haptic_simulation"]
+    def _hear(self, array):
+        self.said += [(status.message, {entry.key: entry.value for entry in status.values})
+                      for status in array.status if status.name == "haptic_simulation"]
 
-    def until(self, condition, seconds=20.0):
+    def _comes(self, condition, seconds):
         end = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < end, "what was waited for did not come"
+        while not (found := condition()) and time.monotonic() < end:
             self.executor.spin_once(timeout_sec=0.02)
+        return found
+
+    def until(self, what, condition):
+        found = self._comes(condition, LIMIT)
+        assert found, f"this did not come: {what}; last said: {self.said[-1:]}"
+        return found
+
+    def news(self, what, condition):
+        """Values of the next diagnostics for which condition(message, values) holds."""
+        begin = len(self.said)
+        return self.until(what, lambda: next((one for one in self.said[begin:] if condition(*one)), None))[1]
 
     def call(self, client, request):
-        done = client.call_async(request)
-        self.until(done.done)
-        return done.result()
+        self.until(f"the service {client.srv_name}", client.service_is_ready)
+        answer = client.call_async(request)
+        self.until(f"an answer of {client.srv_name}", answer.done)
+        return answer.result()
 
     def want_scene(self, name):
         wish = RosParameter("scene", value=name).to_parameter_msg()
         return self.call(self.set, SetParameters.Request(parameters=[wish])).results[0]
 
-    def ask(self, sequence, position=HOME):
-        """Send handle samples under the next numbers until one is answered; the last number."""
-        before, end = len(self.tools), time.monotonic() + 20.0
-        while len(self.tools) == before:
-            assert time.monotonic() < end, "no handle sample was answered"
-            sequence += 1
-            stamp_ns = int(sequence * 1_000_000)
-            self.handle.publish(handle(float(sequence), position=position, stamp_ns=stamp_ns))
-            patience = time.monotonic() + 0.1
-            while len(self.tools) == before and time.monotonic() < patience:
-                self.executor.spin_once(timeout_sec=0.02)
-        return sequence
+    def load_scene(self, name):
+        assert self.want_scene(name).successful
+        return self.call(self.load, Trigger.Request())
+
+    def send(self, position, step=1):
+        """One sample of a handle at rest, `step` ms after the one before."""
+        self.sequence += step
+        stamp_ns = self.sequence * MS
+        self.handle.publish(handle(float(self.sequence), position=position, stamp_ns=stamp_ns, speed=0.0))
+
+    def answered(self):
+        """Number of the sample that was answered last."""
+        return self.tools[-1].position[3 + exchange.ANSWERED] if self.tools else 0.0
+
+    def ask(self, position=HOME, times=1, step=1):
+        """Sends samples one by one, each until it is answered or, lost or in a silence, the next has to be sent: with
+        more and more patience, so that also on a slow machine none is left to be answered later."""
+        for _ in range(times):
+            patience = 0.05
+            self.send(position, step)
+            while not self._comes(lambda: self.answered() == self.sequence, patience):
+                assert patience < LIMIT, f"no handle sample was answered; last said: {self.said[-1:]}"
+                patience *= 1.5
+                self.send(position, step)
+        return self.tools[-1]
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def peer(ros_domain):
     context = Context()
     rclpy.init(context=context, domain_id=ros_domain)
@@ -172,91 +247,88 @@ def peer(ros_domain):
     rclpy.shutdown(context=context)
 
 
-def simulation(start, **parameters):
-    given = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-    command = [sys.executable, "-m", "haptic_sim.node.simulation", "--ros-args", *given]
-    return start(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+@pytest.fixture(scope="module")
+def nodes(ros_domain, tmp_path_factory):
+    with Nodes(tmp_path_factory.mktemp("nodes")) as nodes:
+        yield nodes
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_node_answers_resets_reports_and_ends_at_once_when_told(start, peer, number):
-    process = simulation(start, scene="wall")
-    sequence = 0
-    peer.until(lambda: peer.handle.get_subscription_count() == 1)
-    for _ in range(20):
-        sequence = peer.ask(sequence, (0.0, 0.0, 0.0))
-    assert peer.tools[-1].position[0] < 0.03
-    assert peer.tools[-1].stamp_ns == 1_000_000 * peer.tools[-1].position[3 + exchange.ANSWERED]
-    peer.until(lambda: peer.said and int(peer.said[-1]["answered"]) >= 20)
-    peer.until(lambda: float(peer.said[-1]["tool_port_energy"]) > 0.0)
-    done = peer.reset.call_async(Trigger.Request())
-    peer.until(done.done)
-    assert done.result().success
-    answers = len(peer.tools)
-    peer.ask(sequence, (0.0, 0.0, 0.0))
-    assert [0.03, 0.0, 0.0] in [tool.position[:3].tolist() for tool in peer.tools[answers:]]
-    process.send_signal(number)
-    assert process.wait(5.0) == 0
-    assert "Traceback" not in process.stderr.read()
+@pytest.fixture
+def world(nodes, peer):
+    """The node that all share, with the scene `wall` at its start."""
+    nodes.have("haptic_simulation", scene="wall")
+    assert peer.load_scene("wall").success
 
 
-def test_another_scene_is_loaded_behind_a_silence_and_starts_from_its_own_home(start, peer):
-    simulation(start, scene="wall")
-    peer.until(lambda: peer.handle.get_subscription_count() == 1)
-    sequence = peer.ask(0, (0.0, 0.0, 0.0))
+START = (0.03, 0.0, 0.0)  # of the tool in the scene `wall`
+
+
+def test_the_node_answers_reports_and_puts_the_tool_back_to_its_start(world, peer):
+    known = int(peer.news("any report", lambda message, values: True)["answered"])
+    last = peer.ask((0.0, 0.0, 0.0), times=20)
+    assert last.position[0] < START[0]
+    assert last.stamp_ns == MS * last.position[3 + exchange.ANSWERED]
+    peer.news("20 more answers", lambda message, values: int(values["answered"]) >= known + 20)
+    peer.news("energy at the tool port", lambda message, values: float(values["tool_port_energy"]) > 0.0)
+    assert peer.call(peer.reset, Trigger.Request()).success
+    assert peer.ask(START).position[:3].tolist() == list(START)
+
+
+def test_a_scene_that_cannot_be_read_is_refused_and_another_starts_from_its_own_home(world, peer):
     refused = peer.want_scene("nowhere")
     assert not refused.successful
     assert "nowhere is neither a file nor a name" in refused.reason
-    assert peer.want_scene("corner").successful
-    answered = peer.call(peer.load, Trigger.Request())
+    answered = peer.load_scene("corner")
     assert (answered.success, answered.message) == (True, "scene is corner")
-    changed = time.monotonic()
-    sequence = peer.ask(sequence, (0.03, 0.04, 0.0))
-    assert time.monotonic() - changed > 0.15
-    assert peer.tools[-1].position[:3].tolist() == [0.03, 0.04, 0.0]
-    for _ in range(5):
-        sequence = peer.ask(sequence, (0.02, 0.04, 0.0))
-    assert 0.02 < peer.tools[-1].position[0] < 0.03
+    assert peer.ask((0.03, 0.04, 0.0)).position[:3].tolist() == [0.03, 0.04, 0.0]
+    peer.until("the tool leaves its home", lambda: peer.ask((0.02, 0.04, 0.0)).position[0] < 0.03)
+    assert peer.tools[-1].position[0] > 0.02
 
 
-def test_paused_the_world_says_nothing_and_then_goes_on_from_where_it_was(start, peer):
-    simulation(start, scene="wall")
-    peer.until(lambda: peer.handle.get_subscription_count() == 1)
-    sequence = 0
-    for _ in range(5):
-        sequence = peer.ask(sequence, (0.02, 0.0, 0.0))
+def test_paused_the_world_says_nothing_and_then_goes_on_from_where_it_was(world, peer):
+    there = (0.02, 0.0, 0.0)
+    place = peer.ask(there, times=100, step=10).position[0]
+    assert place == pytest.approx(there[0], abs=1e-6)
     assert peer.call(peer.pause, SetBool.Request(data=True)).message == "paused"
-    answers, place = len(peer.tools), peer.tools[-1].position[0]
-    for _ in range(10):
-        sequence += 1
-        peer.handle.publish(handle(float(sequence), position=(0.0, 0.0, 0.0), stamp_ns=int(sequence * 1e6)))
+    answers, begin = len(peer.tools), len(peer.said)
+
+    def told_twice():
+        """Samples that would move the tool, until the node has said twice that it is paused."""
+        peer.send((0.0, 0.0, 0.0))
         peer.executor.spin_once(timeout_sec=0.02)
+        return [message for message, _ in peer.said[begin:]].count("paused") >= 2
+
+    peer.until("two reports of the pause", told_twice)
     assert len(peer.tools) == answers
     assert peer.call(peer.pause, SetBool.Request(data=False)).success
-    peer.ask(sequence, (0.02, 0.0, 0.0))
-    assert peer.tools[-1].position[0] == pytest.approx(place, abs=1e-3)
+    assert peer.ask(there, times=5).position[0] == pytest.approx(place, abs=1e-6)
 
 
-def test_the_last_word_at_the_end_is_how_things_then_stand(start, peer):
-    process = simulation(start, scene="peg_in_hole")
-    peer.until(lambda: peer.handle.get_subscription_count() == 1)
-    sequence = 0
-    for _ in range(5):
-        sequence = peer.ask(sequence)
-    process.send_signal(signal.SIGTERM)
-    peer.until(lambda: peer.said and int(peer.said[-1]["answered"]) >= 5)
-    assert float(peer.said[-1]["result.insertion_fraction"]) == pytest.approx(-0.5, abs=0.01)
-    assert {"max_contact_force", "max_penetration", "refused", "rejoined", "sub_steps"} <= peer.said[-1].keys()
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_told_to_end_the_node_says_how_things_then_stand_and_ends_well(nodes, peer, number):
+    nodes.lack("haptic_simulation")
+    process = nodes.start("haptic_simulation", scene="peg_in_hole")
+    peer.ask(times=5)
+    before = len(peer.said)
+    process.send_signal(number)
+    peer.until("the last word", lambda: peer.said[before:] and int(peer.said[-1][1]["answered"]) >= 5)
+    assert process.wait(LIMIT) == 0
+    _, values = peer.said[-1]
+    assert float(values["result.insertion_fraction"]) == pytest.approx(-0.5, abs=0.01)
+    assert {"max_contact_force", "max_penetration", "refused", "rejoined", "sub_steps"} <= values.keys()
+    assert "Traceback" not in process.log.read_text()
 
 
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [({"scene": "nowhere"}, ["nowhere", "peg_in_hole"]), ({"sub_step": "1.0"}, ["sub_step", "1.0 s", "at most"]),
-     ({"scen": "wall"}, ["scen is not", "did you mean scene"])],
-)
-def test_a_bad_parameter_ends_the_node_with_one_sentence(start, parameters, words):
-    process = simulation(start, **parameters)
-    assert process.wait(20.0) == 1
-    said = process.stderr.read().strip().splitlines()[-1]
-    assert said.startswith("haptic_simulation: ")
-    assert all(word in said for word in words), said
+BAD = [({"scene": "nowhere"}, ["nowhere", "peg_in_hole"]), ({"sub_step": 1.0}, ["sub_step", "1.0 s", "at most"]),
+       ({"scen": "wall"}, ["scen is not", "did you mean scene"])]  # fmt: skip
+
+
+def test_a_bad_parameter_ends_the_node_with_one_sentence(start):
+    """Each in a node of its own, all at the same time."""
+    pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+    ended = [start(command("haptic_simulation", **parameters), **pipes) for parameters, _ in BAD]
+    for process, (_, words) in zip(ended, BAD, strict=True):
+        said = process.communicate(timeout=LIMIT)[1].strip().splitlines()[-1]
+        assert process.returncode == 1
+        assert said.startswith("haptic_simulation: ")
+        assert all(word in said for word in words), said

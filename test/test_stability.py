@@ -3,7 +3,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import few
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
@@ -62,7 +63,7 @@ def test_a_run_in_time_dies_out_just_below_the_boundary_and_grows_just_above(dam
     assert late > early
 
 
-@settings(max_examples=60, deadline=None)
+@few(20)
 @given(MASS, PHYSICAL_DAMPING, st.floats(0.0, 20.0), PERIOD, DELAY, LAG)
 def test_poles_are_inside_the_unit_circle_just_below_every_boundary_and_outside_just_above(
     mass, physical_damping, damping, period, delay, lag
@@ -74,7 +75,7 @@ def test_poles_are_inside_the_unit_circle_just_below_every_boundary_and_outside_
             assert spectral_radius(low * (1.0 - 1e-4), *loop) > 1.0 > spectral_radius(low * (1.0 + 1e-4), *loop)
 
 
-@settings(max_examples=30, deadline=None)
+@few(10)
 @given(MASS, PERIOD, st.floats(0.01, 1.99))
 def test_without_physical_damping_the_boundary_has_a_closed_form(mass, period, share):
     damping = share * mass / period
@@ -90,7 +91,7 @@ def test_without_physical_damping_the_stiffest_stable_wall_has_beta_of_0_82843()
     assert undamped_stable_stiffness(1.0, 0.0, 1.0) == undamped_stable_stiffness(1.0, 2.5, 1.0) == 0.0
 
 
-@settings(max_examples=40, deadline=None)
+@few(15)
 @given(MASS, st.floats(0.0, 50.0), PERIOD, st.floats(0.0, 0.99))
 def test_the_held_plant_is_the_exact_response_to_a_force_switched_late(mass, physical_damping, period, fraction):
     matrix = np.array([[0.0, 1.0, 0.0], [0.0, -physical_damping / mass, 1.0 / mass], [0.0, 0.0, 0.0]])
@@ -101,7 +102,7 @@ def test_the_held_plant_is_the_exact_response_to_a_force_switched_late(mass, phy
     assert held_plant(mass, physical_damping, period, fraction)(z) == pytest.approx(expected, rel=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@few(10)
 @given(MASS, PHYSICAL_DAMPING, st.floats(-1.0, 5.0), PERIOD, DELAY)
 def test_what_is_passive_is_stable(mass, physical_damping, damping, period, delay):
     passive = largest_passive_stiffness(physical_damping, damping, period, 0.0, delay)

@@ -8,6 +8,8 @@ import json
 import math
 import subprocess
 import sys
+import threading
+import types
 from socket import gethostname
 
 import aiohttp
@@ -25,8 +27,9 @@ from haptic_sim.viewer.guard import Guard, is_loopback, reachable
 from haptic_sim.viewer.hand import Hand, Limits
 from haptic_sim.viewer.server import WEB, Server
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.timeout(300)]
 
+LIMIT = 60.0  # [s] that anything is waited for
 LIMITS = Limits(((-0.1, 0.1), (-0.2, 0.2), (-3.0, 3.0)), speed=1.0, turn=10.0)
 FLAT = Limits(LIMITS.workspace[:2], 1.0, 10.0)
 ORIGIN = {"good": lambda url: f"http://{url.split('/')[2]}", "bad": lambda url: "http://elsewhere.example"}
@@ -48,9 +51,9 @@ def served(visit, do=None, host="127.0.0.1"):
         await server.start()
         async with aiohttp.ClientSession() as session:
             try:
-                return await asyncio.wait_for(visit(server, session), 60.0)
+                return await asyncio.wait_for(visit(server, session), LIMIT)
             finally:
-                await server.stop()
+                await asyncio.wait_for(server.stop(), LIMIT)
 
     return asyncio.run(live()), done
 
@@ -63,7 +66,7 @@ def opened(session, server, control=True):
 async def hear(socket, kind):
     """Content of the next news of a kind."""
     while True:
-        news = json.loads((await socket.receive(20.0)).data)
+        news = json.loads((await socket.receive(LIMIT)).data)
         if news["kind"].split()[0] == kind:
             return news["content"]
 
@@ -128,7 +131,16 @@ def test_no_text_at_all_does_more_than_refuse(text):
         wishes.parse(text)
 
 
-def test_the_server_outlives_rubbish_floods_and_messages_too_long():
+@pytest.fixture
+def no_time_passes(monkeypatch):
+    """For the server's end of a page: it then takes no message beyond the burst, and gives up no silent page."""
+    monkeypatch.setattr(seat, "time", types.SimpleNamespace(monotonic=lambda: 100.0))
+    monkeypatch.setattr(seat, "EXCESS", 0.0)
+
+
+def test_the_server_outlives_rubbish_floods_and_messages_too_long(no_time_passes):
+    aim, stop = {"do": "aim", "x": 0.1}, {"do": "trigger", "service": "estop"}
+
     async def visit(server, session):
         async with opened(session, server) as socket:
             for text in BAD:
@@ -136,16 +148,18 @@ def test_the_server_outlives_rubbish_floods_and_messages_too_long():
             await socket.send_bytes(b"\0" * 100)
             hint = await hear(socket, "hint")
             for _ in range(3 * wishes.BURST):
-                await socket.send_str('{"do": "aim", "x": 0.1}')
-            await asyncio.sleep(seat.HINT_PERIOD)
+                await socket.send_str(json.dumps(aim))
+            await socket.send_str(json.dumps(stop))
+            stopped = await hear(socket, "answer")
             await socket.send_str("x" * (2 * wishes.LONGEST))
         async with opened(session, server) as socket:
             await socket.send_str('{"do": "mark", "text": "still there"}')
-            return hint, await hear(socket, "answer")
+            return hint, stopped, await hear(socket, "answer")
 
-    (hint, answer), done = served(visit)
+    (hint, stopped, answer), done = served(visit)
     assert hint and answer["to"]["text"] == "still there"
-    assert len(done) < 2 * wishes.BURST
+    assert 0 < done.count(aim) <= wishes.BURST - len(BAD)
+    assert stopped["to"] == stop and done.count(stop) == 1, "a stop is heard in a flood"
 
 
 def test_what_goes_wrong_is_the_answer():
@@ -161,7 +175,7 @@ def test_what_goes_wrong_is_the_answer():
     assert not answer["done"] and answer["sentence"] == "the driver says no"
 
 
-def test_frames_are_dropped_for_a_page_that_does_not_keep_up():
+def test_frames_are_dropped_for_a_page_that_does_not_keep_up(no_time_passes):
     async def visit(server, session):
         async with opened(session, server) as socket:
             await hear(socket, "hello")
@@ -171,7 +185,7 @@ def test_frames_are_dropped_for_a_page_that_does_not_keep_up():
             [page] = server.seats
             waiting, dropped = page.sent - page.seen, page.dropped
             for _ in range(page.sent):
-                last = json.loads((await socket.receive(20.0)).data)
+                last = json.loads((await socket.receive(LIMIT)).data)
             await socket.send_str(json.dumps({"do": "seen", "frame": last["number"]}))
             while page.seen < page.sent:
                 await asyncio.sleep(0.005)
@@ -188,7 +202,7 @@ def test_a_number_that_is_none_is_null_in_frames_and_in_news():
             await hear(socket, "hello")
             server.show({"results": [math.nan, 1.0], "energy": (math.inf,)})
             server.tell("values", {"values": {"haptic_driver": {"a": -math.inf, "b": 2.0}}})
-            heard = [json.loads((await socket.receive(20.0)).data, parse_constant=pytest.fail) for _ in range(2)]
+            heard = [json.loads((await socket.receive(LIMIT)).data, parse_constant=pytest.fail) for _ in range(2)]
             return {news["kind"]: news["content"] for news in heard}
 
     heard = served(visit)[0]
@@ -252,13 +266,18 @@ def test_a_server_on_every_address_of_this_machine_is_found_at_the_address_that_
     assert served(visit, host="0.0.0.0")[0] == (200, 403)
 
 
-@pytest.mark.parametrize(("host", "warned"), [("0.0.0.0", True), ("127.0.0.1", False)])
-def test_a_viewer_that_is_open_to_others_warns_before_it_prints_its_address(start, host, warned):
-    command = [sys.executable, "-m", "haptic_sim.cli.main", "view", "--host", host]
-    viewer = start(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    before = "".join(itertools.takewhile(lambda line: "open http" not in line, viewer.stdout))
-    assert viewer.poll() is None
-    assert (f"WARNING: it listens on {host}, in plain text" in before) is warned
+def test_a_viewer_that_is_open_to_others_warns_before_it_prints_its_address(start):
+    command = [sys.executable, "-m", "haptic_sim.cli.main", "view", "--host"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    viewers = {host: start([*command, host], **pipes) for host in ("0.0.0.0", "127.0.0.1")}
+    for host, viewer in viewers.items():
+        limit = threading.Timer(LIMIT, viewer.kill)
+        limit.start()
+        before = list(itertools.takewhile(lambda line: "open http" not in line, viewer.stdout))
+        limit.cancel()
+        assert viewer.poll() is None, f"no address came; it said {before}"
+        warned = f"WARNING: it listens on {host}, in plain text" in "".join(before)
+        assert warned is (host == "0.0.0.0")
 
 
 def test_tokens_are_new_each_time_and_long():

@@ -2,9 +2,11 @@
 """The second operating point is a process beside the viewer: it goes along, or the page is told why it does not."""
 
 import contextlib
+import itertools
 import json
 import os
 import signal
+import threading
 import time
 import types
 
@@ -16,7 +18,7 @@ from haptic_sim.viewer import second as module
 from haptic_sim.viewer import tuned
 from haptic_sim.viewer.second import Second
 
-pytestmark = pytest.mark.live
+pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
 PATIENCE = 180.0  # s: kernels that nobody has used yet are compiled
 PERIOD = 1.0 / 60.0  # s
 
@@ -32,64 +34,112 @@ def system(**other):
     }  # fmt: skip
 
 
-def until(found):
+FRAMES = itertools.count(1)  # the tests' own time: the hand is led by it, and each frame answered before the next
+
+
+def until(what, found):
     end = time.monotonic() + PATIENCE
     while not found():
-        assert time.monotonic() < end, "what was waited for did not come"
-        time.sleep(0.01)
+        assert time.monotonic() < end, f"not within {PATIENCE:g} s: {what}"
+        time.sleep(0.005)
 
 
 @contextlib.contextmanager
-def running(given=None):
-    second = Second(given or system())
-    try:
-        until(lambda: second.latest or second.problem)
-        yield second
-    finally:
-        second.close()
+def running(*systems):
+    """Second operating points, each ready or with a problem."""
+    with contextlib.ExitStack() as stack:
+        begun = [Second(one) for one in systems]
+        for one in begun:
+            stack.callback(one.close)
+        for one in begun:
+            until("a state or a sentence", lambda one=one: one.latest or one.problem)
+        yield begun
+
+
+@pytest.fixture(scope="module")
+def kept():
+    with contextlib.ExitStack() as stack:
+        yield stack, []
+
+
+@pytest.fixture
+def second(kept):
+    """One at the start of its scene; the tests share it while it lives."""
+    stack, begun = kept
+    if not begun or begun[-1].problem:
+        begun += stack.enter_context(running(system()))
+    begun[-1].start_again()
+    answered(begun[-1])
+    yield begun[-1]
+    begun[-1]._process.send_signal(signal.SIGCONT)  # a test that failed may have left it stopped
+
+
+def answered(second):
+    until("an answer to all that was asked", lambda: second._answered == second._asked or second.problem)
+
+
+def frames(second, count, target):
+    """So many frames in which nothing is waited for."""
+    for _ in range(count):
+        second.move(PERIOD * next(FRAMES), target)
 
 
 def lead(second, seconds, target):
     """The hand to a target, at the rate of frames."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        second.move(time.monotonic(), target)
-        time.sleep(PERIOD)
+    for _ in range(round(seconds / PERIOD)):
+        frames(second, 1, target)
+        answered(second)
 
 
-def test_its_handle_goes_where_the_hand_goes_and_begins_again_at_the_start():
-    with running() as second:
-        x, y, _ = second.system["start"]
-        lead(second, 1.5, (x + 0.02, y, 0.0))
-        until(lambda: second.latest["handle"][0] > x + 0.018)
-        assert second.note == ""
-        second.start_again()
-        until(lambda: abs(second.latest["handle"][0] - x) < 1e-3)
+def test_its_handle_goes_where_the_hand_goes_and_begins_again_at_the_start(second):
+    x, y, _ = second.system["start"]
+    lead(second, 1.5, (x + 0.02, y, 0.0))
+    assert second.latest["handle"][0] > x + 0.018 and second.note == ""
+    second.start_again()
+    answered(second)
+    assert second.latest["handle"][0] == pytest.approx(x, abs=1e-3)
 
 
 def test_however_much_it_writes_to_its_standard_error_it_goes_on(monkeypatch):
     """PYTHONVERBOSE makes some hundred kilobytes of every start, more than a pipe holds."""
     monkeypatch.setenv("PYTHONVERBOSE", "1")
-    with running() as second:
+    with running(system()) as [second]:
         second._errors.seek(0, os.SEEK_END)
         assert second.latest and second._errors.tell() > 100_000
 
 
-def test_its_death_is_one_sentence_and_it_is_shown_no_longer():
-    with running() as second:
-        os.kill(second._process.pid, signal.SIGKILL)
-        until(lambda: second.problem)
-        assert second.note == "the second operating point has ended by itself (signal 9)"
-        assert second.latest is None
-        lead(second, 0.1, (0.0, 0.0, 0.0))
-        second.start_again()
-        assert "signal 9" in second.note
+def test_one_that_stands_still_is_said_to_be_behind_and_holds_nobody_up(second):
+    place = second.system["start"]
+    lead(second, 0.3, place)
+    os.kill(second._process.pid, signal.SIGSTOP)
+    frames(second, 30, place)
+    assert "s behind" in second.note
+    asking = threading.Thread(target=frames, args=(second, 10_000, place), daemon=True)
+    asking.start()
+    asking.join(PATIENCE)
+    assert not asking.is_alive(), "whoever asks is held up"
+    assert second._asked - second._answered <= module.MOST_BEHIND
+    os.kill(second._process.pid, signal.SIGCONT)
+    answered(second)
+    lead(second, 0.2, place)
+    assert second.note == ""
 
 
-@pytest.mark.parametrize(("other", "sentence"), [({"driver": {}}, "KeyError"), ({"device": "none"}, "none is neither")])
-def test_what_it_cannot_do_is_one_sentence(other, sentence):
-    with running(system(**other)) as second:
-        assert sentence in second.note and "\n" not in second.note and second.latest is None
+def test_its_death_is_one_sentence_and_it_is_shown_no_longer(second):
+    os.kill(second._process.pid, signal.SIGKILL)
+    until("a sentence", lambda: second.problem)
+    assert second.note == "the second operating point has ended by itself (signal 9)"
+    until("that it is shown no longer", lambda: second.latest is None)
+    frames(second, 6, (0.0, 0.0, 0.0))
+    second.start_again()
+    assert "signal 9" in second.note
+
+
+def test_what_it_cannot_do_is_one_sentence():
+    with running(system(driver={}), system(device="none")) as begun:
+        for second, sentence in zip(begun, ("KeyError", "none is neither"), strict=True):
+            assert sentence in second.note and "\n" not in second.note
+            until("that it is shown no longer", lambda second=second: second.latest is None)
 
 
 @pytest.mark.parametrize("where", ("position", "bodies"))
@@ -102,19 +152,3 @@ def test_one_that_has_blown_up_says_so_in_a_sentence(where):
     ghost._simulation = types.SimpleNamespace(method=method, scene=types.SimpleNamespace(bodies=bodies))
     with pytest.raises(ValueError, match="blown up"):
         ghost.state()
-
-
-def test_one_that_stands_still_is_said_to_be_behind_and_holds_nobody_up():
-    with running() as second:
-        place = second.system["start"]
-        lead(second, 0.3, place)
-        os.kill(second._process.pid, signal.SIGSTOP)
-        lead(second, 0.5, place)
-        assert "s behind" in second.note
-        began = time.monotonic()
-        for _ in range(10_000):
-            second.move(time.monotonic(), place)
-        assert time.monotonic() - began < 5.0 and second._asked - second._answered <= module.MOST_BEHIND
-        os.kill(second._process.pid, signal.SIGCONT)
-        lead(second, 0.2, place)
-        until(lambda: lead(second, PERIOD, place) or second.note == "")

@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import few
+from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
@@ -63,7 +64,7 @@ def test_layouts_of_different_names_frames_or_sizes_do_not_match():
         assert [other.matches(data) for other in layouts] == [other is layout for other in layouts]
 
 
-@settings(max_examples=200)
+@few(60)
 @given(st.binary(max_size=600))
 def test_no_foreign_bytes_match(data):
     assert not wire.JointLayout(NAMES[2]).matches(data)

@@ -3,6 +3,9 @@
 
 import numpy as np
 import pytest
+from examples import few
+from hypothesis import given
+from hypothesis import strategies as st
 
 from haptic_device import operating
 from haptic_device.analysis.delay import largest_passive_stiffness
@@ -124,6 +127,51 @@ def test_friction_calms_what_an_encoder_step_keeps_alive():
     rough = Setup(0.1, 0.5, 1e-3, resolution=5e-5, seconds=4.0)
     assert run_cells(rough, PRESSED, 1100.0, 0.0).verdict == SHAKING
     assert run_cells(rough._replace(coulomb=0.1), PRESSED, 1100.0, 0.0).verdict == QUIET
+
+
+@pytest.mark.parametrize("resolution", (0.0, 5e-6))
+@pytest.mark.parametrize("name", ("none", "firm", "worst"))
+def test_a_handle_that_friction_holds_does_not_shake(name, resolution):
+    """Beside the equilibrium, where it shook by the energy that friction kept in the springs."""
+    setup = Setup(0.1, 3.0, 1e-3, coulomb=0.02, resolution=resolution)
+    assert np.all(run_cells(setup, operators_of(name), [100.0, 1000.0, 2500.0], 0.5).verdict == QUIET)
+
+
+def test_what_stands_still_has_no_vibration():
+    setup = Setup(0.1, 3.0, 1e-3, coulomb=0.5, resolution=5e-6)
+    outcome = run_cells(setup, PRESSED, [100.0, 1000.0, 1e4], 0.0)
+    assert np.all(outcome.growth == 0.0) and np.all(outcome.verdict == QUIET)
+
+
+@few(40)
+@given(
+    friction=st.floats(1e-3, 0.3),
+    physical_damping=st.floats(0.5, 5.0),
+    damping=st.floats(0.0, 1.0),
+    hand=st.sampled_from(("none", "firm")),
+)
+def test_friction_lowers_no_limit(friction, physical_damping, damping, hand):
+    smooth = Setup(0.1, physical_damping, 1e-3)
+    rough = smooth._replace(coulomb=friction)
+    limits = [boundary_stiffness(setup, operators_of(hand), damping, 2e4, 1e-2) for setup in (smooth, rough)]
+    assert limits[1] >= limits[0] - 0.02 * 2e4
+
+
+def test_energy_of_motion_is_above_the_place_where_friction_holds():
+    """Wall of 1000 N/m, hand of 200 N/m, push 3 N, friction 0.5 N: at rest from 2.083 to 2.917 mm."""
+    [cell] = record_of(Setup(0.1, 1.0, 1e-3), Operator(0.1, 0.0, 200.0, 3.0)).view(np.recarray)
+
+    def energy(friction, x, v=0.0):
+        return zwidth_cell._motion(cell, 1000.0, friction, x, v)
+
+    for x in (2.5e-3 - 0.4 / 1200.0, 2.5e-3, 2.5e-3 + 0.4 / 1200.0):
+        assert energy(0.5, x) == 0.0
+    assert energy(0.0, 4e-3) == pytest.approx(0.5 * 1200.0 * 1.5e-3**2)
+    assert energy(0.5, 4e-3) == pytest.approx(0.5 * (1200.0 * 1.5e-3 - 0.5) ** 2 / 1200.0)
+    assert energy(0.5, -1e-3) == pytest.approx(0.5 * 2.5**2 / 1200.0 + 2.5e-3 + 0.5 * 200.0 * 1e-6)
+    assert energy(3.4, -1e-3) == 0.0 and energy(3.4, -4e-3) == pytest.approx(0.5 * 200.0 * 2e-3**2)
+    assert energy(0.5, 2.5e-3, 0.3) == pytest.approx(0.5 * 0.2 * 0.09)
+    assert energy(0.5, 1e-9) == pytest.approx(energy(0.5, -1e-9), rel=1e-5)
 
 
 def test_lines_of_theory_lie_in_their_order():

@@ -9,13 +9,13 @@ gravity; how old all that is. Given to the operator is Σ f · Δx − b Δx²/T
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from haptic_device.analysis.exchange_search import engaged
+from haptic_device.kernel import kernel
 from haptic_device.law import complementarity, contact, coupling, engage, fault, servo
+from haptic_device.whole import part
 
-compiled = numba.njit(error_model="numpy")
 FEATURES = 4  # of the eight places
 OWN = 16  # genes of a feature
 MOVED, TOOL, AGES, LOST, WHOLE, FIRST = 0, 3, 9, 11, 12, 16  # handle; tool's place and velocity; mass, gravity, trust
@@ -33,7 +33,7 @@ class Found(NamedTuple):
     path: np.ndarray
 
 
-@compiled
+@kernel
 def energy_given(settings, memory, row, path, scale, loss, watched):
     """Largest energy given [J] at any tick of a path's second half. scale: of handle moves and of places near it."""
     record, one, period = row[0], memory[0], settings[0].period
@@ -62,7 +62,7 @@ def energy_given(settings, memory, row, path, scale, loss, watched):
     return most
 
 
-@compiled
+@part
 def _booked(settings, memory, record):
     """Energy [J] that the books say may still be given, or was shipped, less the budget."""
     stored = memory.tank + memory.shipped - memory.returned - settings.exchange_budget
@@ -72,7 +72,7 @@ def _booked(settings, memory, record):
     return stored
 
 
-@compiled
+@part
 def _tool(record, genes, scale, position, k):
     record.tool_session, record.tool_contact = 1.0, 0.0
     record.tool_answered = record.tool_sequence = k + 1.0
@@ -82,7 +82,7 @@ def _tool(record, genes, scale, position, k):
         record.tool_velocity[i] = genes[TOOL + 3 + i] * 0.1
 
 
-@compiled
+@part
 def _set(memory, genes, scale, k):
     memory.near_number, memory.near_fresh, memory.near_extent = k + 1.0, 1.0, 0.0
     memory.near_mass, memory.near_inertia = 0.1 * 10.0 ** (0.3 * genes[WHOLE]), 1e-4 * 10.0 ** (0.3 * genes[WHOLE])
@@ -94,7 +94,7 @@ def _set(memory, genes, scale, k):
         _feature(memory, genes[FIRST + f * OWN :], scale, f)
 
 
-@compiled
+@part
 def _feature(memory, own, scale, f):
     one, identity = memory.near[f], 1.0 + f + (FEATURES if own[0] > 1.0 else 0.0)
     identity = 0.0 if own[0] < -1.5 else identity

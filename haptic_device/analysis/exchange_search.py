@@ -14,12 +14,12 @@ some others it finds counts that are one period old.
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from haptic_device.kernel import kernel
 from haptic_device.law import complementarity, contact, coupling, engage, exchange, fault, servo
+from haptic_device.whole import part
 
-compiled = numba.njit(error_model="numpy")  # anew in each process: the cache knows the laws' rooms only
 MOVED, POSITION, VELOCITY, AGE, CONTACT, ENERGY, EFFORT, LOST, DEVICE = range(9)
 GENES = 9
 FREE = -1  # instead of a number of ticks
@@ -51,7 +51,7 @@ class Adversary(NamedTuple):
     books: int = 0
 
 
-@compiled
+@kernel
 def energy_given(settings, memory, row, path, scale, adversary, watched):
     """Largest energy given [J] at any tick of a path's second half; settings, memory and row are records of one.
 
@@ -90,7 +90,7 @@ def energy_given(settings, memory, row, path, scale, adversary, watched):
     return watched[2] if adversary.books else most
 
 
-@compiled
+@part
 def _booked(settings, memory, record):
     """Energy [J] that the books say may still be given, or was shipped, less the budget."""
     stretch = record.coupling_position[0] - record.position[0]
@@ -99,12 +99,12 @@ def _booked(settings, memory, record):
     return memory.tank + stored + away - settings.exchange_budget
 
 
-@compiled
+@part
 def _spring(settings, set_position, handle):
     return coupling.spring_force(settings[0].stiffness[0], settings[0].coupling_limit[0], set_position - handle)
 
 
-@compiled
+@part
 def _sample(record, path, k, scale, past, adversary, period):
     """The tool sample that the servo finds at tick k."""
     genes, late = path[k], adversary.late
@@ -128,7 +128,7 @@ def _sample(record, path, k, scale, past, adversary, period):
     record.tool_age = late * period
 
 
-@compiled
+@part
 def _contacts(memory, record, genes, scale, position, k):
     """Local contacts that say what they like: two planes anywhere, moving, giving way, rebounding, in turn renamed."""
     memory.near_number, memory.near_trust = k + 1.0, 1.0 if genes[AGE] < 2.5 else 0.0

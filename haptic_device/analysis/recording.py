@@ -7,7 +7,6 @@ Clocks: `deadline` in the trace is CLOCK_MONOTONIC [ns]; stamps, received and pu
 
 import functools
 import importlib
-import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from haptic_device.analysis.bagfile import Keep, Topic, read
 from haptic_device.analysis.cdr import stamped_layout
 from haptic_device.analysis.columns import CloudColumns, Entries, JointColumns
 from haptic_device.skipped import Skipped
+from haptic_device.status import Status, named_statuses
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
 PORT_UNITS = {"position": "m | rad", "velocity": "m/s | rad/s", "effort": "N | N·m"}
@@ -93,16 +93,6 @@ class Joints(NamedTuple):
         if name not in self.names:
             raise ValueError(f"the topic has no entry {name}; it has {', '.join(self.names)}")
         return getattr(self, part)[:, self.names.index(name)]
-
-
-class Status(NamedTuple):
-    """One diagnostic status: time in ns of the system clock, level 0 fine, 1 warning, 2 error, 3 stale; its device."""
-
-    time: int
-    level: int
-    message: str
-    values: dict[str, str]
-    hardware: str = ""
 
 
 class Mark(NamedTuple):
@@ -349,23 +339,9 @@ def _diagnostics(topic: Topic | None, notes: list[str]) -> dict[str, tuple[Statu
     """Statuses by name, oldest first."""
     statuses: dict[str, list[Status]] = {}
     for time, message in _messages(topic, notes, "diagnostics", _DIAGNOSTICS):
-        for name, status in _named_statuses(message, time):
+        for name, status in named_statuses(message, time):
             statuses.setdefault(name, []).append(status)
     return {name: tuple(found) for name, found in statuses.items()}
-
-
-def statuses_of(data: bytes, time: int) -> dict[str, Status]:
-    """Statuses by name, out of one serialized DiagnosticArray received at this time [ns of the system clock]."""
-    return dict(_named_statuses(_types().deserialize_cdr(data, _DIAGNOSTICS), time))
-
-
-def _named_statuses(message, time: int) -> list[tuple[str, Status]]:
-    return [(said.name, _status(said, time)) for said in message.status]
-
-
-def _status(said, time: int) -> Status:
-    values = {sys.intern(pair.key): pair.value for pair in said.values}  # the same few in thousands of messages
-    return Status(time, int(said.level), said.message, values, said.hardware_id)
 
 
 def _marks(topic: Topic | None, notes: list[str]) -> tuple[Mark, ...]:

@@ -86,15 +86,17 @@ def _client(scheduler):
         client = Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError):
         raise SchedulerError(f"no scheduler answers at {scheduler} within {PATIENCE:g} s; nothing is lost") from None
-    logger = logging.getLogger("distributed.client")
-    level = logger.level
-    logger.setLevel(logging.CRITICAL + 1)  # of a scheduler that went away it writes tracebacks
+    loggers = [logging.getLogger(name) for name in ("distributed.client", "tornado.application")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)  # of a scheduler that went away they write tracebacks
     try:
         with client:
             _check(client, scheduler)
             yield client
     finally:
-        logger.setLevel(level)
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def sources() -> str:

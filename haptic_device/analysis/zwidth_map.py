@@ -73,7 +73,9 @@ def draw_map(
 
 
 def boundaries(request: Request, plane: Plane, lateness: float = 0.0) -> dict[str, np.ndarray]:
-    """Largest K [N/m] over B: `quiet`, `not shaking` as run, up to the first cell that is otherwise, and theory's."""
+    """K [N/m] over B up to which all cells are `quiet`, and none shakes (`not shaking`), and the largest K of theory.
+
+    One cell that is otherwise hides all above it, which may be quiet again: the map shows them."""
     verdict = plane.outcome.verdict
     return {
         "quiet": _first(request.stiffness, verdict > 0),

@@ -52,7 +52,7 @@ TABLE = (
         DEVICE_WATCHDOG,
         "device_watchdog",
         "the device had cut the motor: the servo was silent too long",
-        "zero: cut by the device 15 ms after the last write, and kept so",
+        "zero: cut by the device when its watchdog (15 ms) was over, and kept so",
         "~/reset",
     ),
     Fault(

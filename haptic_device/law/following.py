@@ -9,7 +9,6 @@ import math
 
 from haptic_device.kernel import kernel
 from haptic_device.law import coupling, engage, exchange, local, pspm, tank, wave
-from haptic_device.whole import only_with
 
 AXES = 3
 CORRECTION = 2.0  # [1/s] at which the wave method's port is led back to where the tool is
@@ -188,7 +187,6 @@ def _trust(settings, i):
     return max(0.0, 2.0 * left + settings.damping[i]) / settings.stiffness[i]
 
 
-@only_with("wave")
 @kernel
 def _take_waves(settings, memory, row):
     """Port behind the coupling that the waves from the tool move, and the waves it sends back (law/wave)."""

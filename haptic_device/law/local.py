@@ -30,7 +30,6 @@ import math
 from haptic_device.kernel import kernel
 from haptic_device.law import complementarity, contact, coupling, tank
 from haptic_device.parameter import Parameter
-from haptic_device.whole import only_with
 
 AXES = 3
 KEPT = 64  # ticks for which the pushes against movable bodies are remembered
@@ -51,7 +50,6 @@ PARAMETERS = (
 )  # fmt: skip
 
 
-@only_with("near", False)
 @kernel
 def acts(settings, memory, row):
     """Whether the servo's own tool is to be used in this tick; counts when it no longer is."""
@@ -88,7 +86,6 @@ def apart(settings, memory, row):
     return math.hypot(dx, dy)
 
 
-@only_with("near")
 @kernel
 def take(memory, new):
     """Takes a set of contacts (record of contact.SET). Modes and pushes of contacts that were there go on."""
@@ -108,7 +105,6 @@ def take(memory, new):
             memory.near[i, k] = new.table[i, k]
 
 
-@only_with("near")
 @kernel
 def move(settings, memory, row):
     """One tick of the copy; fills in the coupling's position and velocity of the row."""

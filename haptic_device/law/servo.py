@@ -147,16 +147,6 @@ _TABLES = {
     "shifts": (contact.MOST, local.KEPT),
 }
 MEMORY = np.dtype(_MEMORY.descr + [(name, "f8", shape) for name, shape in _TABLES.items()])
-_OF_WAVES = "oldest", "rate", "wave", "wave_store", "pending", "come"
-PLAIN_MEMORY = np.dtype([field for field in _MEMORY.descr if field[0] not in _OF_WAVES])
-"""Without what only the exchange methods wave and local remember: where it is used, nothing of theirs is compiled."""
-
-
-def memory_for(settings):
-    """One record at the start: of PLAIN_MEMORY where the exchange method, which never changes, needs no more."""
-    plain = settings["exchange_method"] in (exchange.DIRECT, exchange.PSPM)
-    return np.zeros(1, PLAIN_MEMORY if plain else MEMORY)
-
 
 @kernel
 def tick(settings, memory, row):

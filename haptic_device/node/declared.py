@@ -27,6 +27,7 @@ DRIVER = (
 LOOPBACK = (
     *COMMON,
     *operator.PARAMETERS,
+    Parameter("motor_watchdog", 0.015, "s", "time without a write after which the motor is cut", 1e-3, 10.0),
     Parameter("publish.rate", 500.0, "Hz", "operator/state", 1.0, 1000.0),
     *health.parameters(health.LOOPBACK),
 )

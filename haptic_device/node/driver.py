@@ -10,6 +10,7 @@ import numpy as np
 from std_srvs.srv import Trigger
 
 from haptic_device import operating
+from haptic_device.compiling import have, servo_groups
 from haptic_device.device import load_device
 from haptic_device.law import engage, fault
 from haptic_device.law import servo as law
@@ -20,13 +21,13 @@ from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
 from haptic_device.node.telemetry import Telemetry
-from haptic_device.runtime import clock, loop, rcl
+from haptic_device.runtime import clock, loop
 from haptic_device.runtime.link import PageLink
 from haptic_device.runtime.page import page_name
 from haptic_device.runtime.servo_thread import ServoThread
 
 MIDDLEWARE_PRIORITY = 65  # below the servo, above the exchange
-PATIENCE = 0.1  # [s] that a service waits for the servo to have taken a command
+PATIENCE = 1.0  # [s] that a service waits for the servo to have taken a command
 
 
 class DriverNode(ManagedNode):
@@ -47,6 +48,7 @@ class DriverNode(ManagedNode):
 
     def configure(self):
         """Reads the device description and takes the device."""
+        have(*servo_groups(self.values["exchange.method"]))
         clock.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)
         self.device = load_device(self.values["device"])
         self._judge(operating.settings_from(self.device, self.values), self.values)
@@ -314,7 +316,6 @@ class DriverNode(ManagedNode):
 
 def main(args=None):
     """Runs haptic_driver until SIGINT, SIGTERM or SIGHUP."""
-    rcl.load_library()  # before there is a twin, which compiles for it
     return run(DriverNode, "haptic_driver", args)
 
 

@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the device's nodes have in common: a managed node that starts by itself and ends well."""
 
-import contextlib
-import gc
 import os
 import re
 import signal
 import sys
-from functools import partial
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -18,10 +15,7 @@ from rclpy.utilities import remove_ros_args
 from haptic_device.node.own_port import own_port
 from haptic_device.node.params import declare
 from haptic_device.parameter import Parameter
-from haptic_device.runtime.process import die_with_parent
-from haptic_device.whole import compile_aside, compiled_all
 
-YOUNG = 100_000  # objects between two collections: compiling makes millions, and few of them are garbage
 LOOK_UP = 0.05  # [s] longest time a signal waits
 MOST_SAID = 20  # different exceptions that are logged; all are counted
 
@@ -44,9 +38,7 @@ class ManagedNode(Node):
 
     def on_activate(self, state):
         """Starts."""
-        done = self._try(self.activate, super().on_activate, state, self.deactivate)
-        compiled_all()
-        return done
+        return self._try(self.activate, super().on_activate, state, self.deactivate)
 
     def on_deactivate(self, state):
         """Stops; what must be zero is zero before it answers."""
@@ -81,8 +73,7 @@ class ManagedNode(Node):
 
     def _try(self, action, after, state, undo=lambda: None):
         try:
-            with _compiling():
-                action()
+            action()
         except (ValueError, OSError) as refusal:
             self.refusal = str(refusal)
             self.get_logger().error(self.refusal)
@@ -93,17 +84,6 @@ class ManagedNode(Node):
             self.refusal = f"{type(error).__name__}: {error}"
             return TransitionCallbackReturn.ERROR
         return after(state)
-
-
-@contextlib.contextmanager
-def _compiling():
-    """Garbage is looked for seldom: each look then takes long, which an exchange that runs must not have."""
-    before = gc.get_threshold()
-    gc.set_threshold(YOUNG)
-    try:
-        yield
-    finally:
-        gc.set_threshold(*before)
 
 
 def _autostart(node):
@@ -123,12 +103,6 @@ def begin_ros(args):
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl's own kinds are nowhere public; their text ends with places in its source
         raise ValueError(f"ROS does not take these arguments: {_plain(error)}") from None
-
-
-def _begin_twin(node, niceness):
-    """It compiles for the process `node`, and ends with it; a kernel may take many seconds."""
-    os.nice(niceness)
-    die_with_parent(node)
 
 
 def _plain(error):
@@ -153,23 +127,19 @@ def _serve(executor, node):
         node.survive(error)
 
 
-def run(make_node, name, args=None, niceness=0):
-    """Runs a managed node until SIGINT, SIGTERM or SIGHUP; a refusal is printed as its sentence, exit code 1.
-
-    niceness is that of what compiles its kernels in a first start.
-    """
+def run(make_node, name, args=None):
+    """Runs a managed node until SIGINT, SIGTERM or SIGHUP; a refusal is printed as its sentence, exit code 1."""
     told, node, starting = [], None, [True]
 
     def hear(number, frame):
         told.append(number)
         if starting and len(told) == 1:
-            raise KeyboardInterrupt  # what compiles for many seconds looks at nothing
+            raise KeyboardInterrupt  # what waits for kernels looks at nothing
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, hear)
     try:
         with own_port(name):
-            compile_aside(partial(_begin_twin, os.getpid(), niceness))
             begin_ros(args)
             node = _made(make_node)
         executor = SingleThreadedExecutor()

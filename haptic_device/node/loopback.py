@@ -9,6 +9,7 @@ import numba
 import numpy as np
 
 from haptic_device import operating
+from haptic_device.compiling import have
 from haptic_device.device import load_device
 from haptic_device.law import operator
 from haptic_device.node import health, wire
@@ -39,6 +40,7 @@ class LoopbackNode(ManagedNode):
 
     def configure(self):
         """Reads device and script, and takes the page."""
+        have("loopback")
         self.device = load_device(self.values["device"])
         self.plant, self.memory, self.motion = operating.hand_from(self.device, self.values)
         self.layout = wire.JointLayout(wire.truth_names(len(self.device.axes)))
@@ -49,6 +51,7 @@ class LoopbackNode(ManagedNode):
     def activate(self):
         """Starts plant and telemetry."""
         self._control[:], self._refused = 0, None
+        self._control[loopback.WATCHDOG] = round(1e9 * self.values["motor_watchdog"])
         self._ready = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="plant")
         self._thread.start()
@@ -148,7 +151,7 @@ class LoopbackNode(ManagedNode):
 
 def main(args=None):
     """Runs haptic_loopback until SIGINT, SIGTERM or SIGHUP."""
-    return run(LoopbackNode, "haptic_loopback", args, niceness=19)  # the others have more to compile
+    return run(LoopbackNode, "haptic_loopback", args)
 
 
 if __name__ == "__main__":

@@ -75,7 +75,7 @@ class Recorder(Node):
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._realtime = clock.go_realtime(self.parameters["realtime"], PRIORITY)
         clock.lift_threads(self.parameters["realtime"], PRIORITY)
-        clock.stay_on_one_core()
+        self._realtime = clock.stay_on_one_core(self._realtime)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._report)
 
     def on_configure(self, state: State) -> TransitionCallbackReturn:

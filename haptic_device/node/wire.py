@@ -14,10 +14,12 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import String
 
 from haptic_device.law import contact, exchange
+from haptic_device.status import Status, named_statuses
 
 __all__ = [
     "CloudLayout", "DiagnosticArray", "JointLayout", "JointState", "PointCloud2", "PoseStamped", "StampedLayout",
@@ -243,6 +245,14 @@ def diagnostics(stamp_ns, name, hardware_id, level, message, values, figures=())
     array_message = DiagnosticArray(status=statuses)
     array_message.header.stamp = to_time(stamp_ns)
     return array_message
+
+
+def statuses_of(data: bytes, time: int) -> dict[str, Status]:
+    """Statuses by name, out of one serialized DiagnosticArray received at time [ns, system clock].
+
+    Bytes that are no such message raise whatever the decoder says.
+    """
+    return dict(named_statuses(deserialize_message(data, DiagnosticArray), time))
 
 
 def _status(hardware_id, name, level, message, values):

@@ -68,36 +68,42 @@ def try_fifo(priority):
 
 
 def lift_threads(wish, priority):
-    """Gives every thread of this process but the caller SCHED_FIFO at priority, where permitted and wished.
+    """Gives every thread of this process but the caller SCHED_RR at priority, where permitted and wished.
 
     Meant for the middleware's own threads, before ours are started: a real-time thread would otherwise wait for locks
-    that they hold while ordinary load keeps them from running (priority inversion).
+    that they hold while ordinary load keeps them from running (priority inversion). In turns and not SCHED_FIFO,
+    because some of them spin for one another: of two on one core the first would never let the other run.
     """
     if wish == "off":
         return
     for thread in os.listdir("/proc/self/task"):
         if int(thread) != threading.get_native_id():
             try:
-                os.sched_setscheduler(int(thread), os.SCHED_FIFO, os.sched_param(priority))
+                os.sched_setscheduler(int(thread), os.SCHED_RR, os.sched_param(priority))
             except (PermissionError, ProcessLookupError):
                 continue
 
 
-def stay_on_one_core():
-    """Keeps all threads of this process, and those they start, to the first of its cores, if the caller has SCHED_FIFO.
+def stay_on_one_core(has):
+    """Keeps all threads of this process, and those they start, to its first core, if the caller has SCHED_FIFO.
+
+    Takes the sentence of go_realtime, and returns what is true now. The threads take turns there (SCHED_RR), the caller
+    too: a thread of the middleware that spun for another one held this core for good with SCHED_FIFO.
 
     Meant for what wakes often and moves nothing. A more urgent thread that wakes where such a one runs puts it off, and
     stays; but if it may run nowhere else, the kernel wakes the urgent one on another core, from then on (Linux,
     kernel/sched/rt.c: select_task_rq_rt). There nobody spoils the caches of the servo.
     """
     if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK != os.SCHED_FIFO:
-        return
-    first = {min(os.sched_getaffinity(0))}
+        return has
+    first, priority = {min(os.sched_getaffinity(0))}, os.sched_getparam(0)
+    os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, priority)
     for thread in os.listdir("/proc/self/task"):
         try:
             os.sched_setaffinity(int(thread), first)
         except ProcessLookupError:
             continue
+    return has.replace("SCHED_FIFO", "SCHED_RR")
 
 
 def lock_memory():

@@ -50,7 +50,7 @@ class PageLink:
         self.stale = self._page.stale
         self.memory = self._page.words
         self.memory[SESSION] = session
-        self.read, self.write = _compiled()
+        self.read, self.write = compiled()
         self._scratch = clock.scratch()
 
     def present(self):
@@ -84,6 +84,6 @@ def _write(memory, written, next_deadline, period, engaged, motor):
 
 
 @functools.cache
-def _compiled():
+def compiled():
     """Both as function pointers; compiled where there is a link, not in each process that knows what a link is."""
     return kernel(READ)(_read), kernel(WRITE)(_write)

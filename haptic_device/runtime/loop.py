@@ -111,10 +111,13 @@ def realtime(memory):
 
 @kernel
 def _command(control, unattended, now):
-    """The command word; UNATTENDED is added where nobody has said for `unattended` [s] that he is there (0: never)."""
+    """The command word; UNATTENDED is added where nobody has said for `unattended` [s] that he is there (0: never).
+
+    Only where the motor may move: a node that was not enabled needs nobody to stop it.
+    """
     word = atomic.load(control, COMMAND)
     alone = unattended > 0.0 and now - atomic.load(control, ATTENDED) > unattended * 1e9
-    return word | engage.UNATTENDED if alone else word
+    return word | engage.UNATTENDED if alone and word & engage.ENABLE else word
 
 
 @kernel

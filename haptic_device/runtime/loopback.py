@@ -9,11 +9,10 @@ from haptic_device.kernel import kernel
 from haptic_device.law import engage, operator, plant
 from haptic_device.runtime import atomic, clock, link, mailbox, page
 
-MOTOR_WATCHDOG = 15_000_000  # [ns] without a write of the servo, after which a real drive cuts the motor
 FREE_STEP = 1_000_000  # [ns] between samples while there is no servo
 NEAR = 1_000_000_000  # [ns] from now within which the times of a write make sense
 PERIODS = 10_000, 10_000_000  # [ns] that a servo may have
-STOP, LATE_WRITES, RUN_ON, TRIPS, REFUSED, CONTROLS = 0, 1, 2, 3, 4, 8  # words of control
+STOP, LATE_WRITES, RUN_ON, TRIPS, REFUSED, WATCHDOG, CONTROLS = 0, 1, 2, 3, 4, 5, 8  # words of control
 
 TRUTH = np.dtype(
     [
@@ -71,7 +70,8 @@ def _begin(motion, engaged, now):
 def serve(words, control, truth_mail, session, device, memory, motion, truth):
     """Serves the page until control[STOP]: driven by the servo's writes, free and with motor zero without them.
 
-    When it returns the motor is zero, and the truth says so.
+    control[WATCHDOG]: time [ns] without a write after which the motor is cut, as a real drive does. When it returns the
+    motor is zero, and the truth says so.
 
     Counts into control: LATE_WRITES (a write's time lay before what was integrated), RUN_ON (deadlines that passed
     without a write), TRIPS (of the motor watchdog, a servo that ended well not counted), REFUSED (writes of nonsense).
@@ -79,14 +79,14 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
     scratch, zero, sample = np.zeros(2, np.int64), np.zeros(3), np.zeros(link.SAMPLE)
     inbox, outbox = np.zeros(page.SERVO_WORDS, np.int64), np.zeros(page.DEVICE_WORDS, np.int64)
     seen, driven, holding = page.read_servo(words, inbox), False, False
-    memory[0].time = clock.now_ns(scratch)
+    memory[0].time, watchdog = clock.now_ns(scratch), control[WATCHDOG]
     _cut_motor(device[0], memory[0], motion[0], memory[0].time, zero)
     announced, period, heartbeat = memory[0].time, np.int64(FREE_STEP), memory[0].time
     while atomic.load(control, STOP) == 0:
         turn, now = page.read_servo(words, inbox), clock.now_ns(scratch)
         fresh = turn >= 0 and turn != seen
         seen = turn if fresh else seen
-        if fresh and not _sensible(inbox, now):
+        if fresh and not _sensible(inbox, now, watchdog):
             control[REFUSED] += 1
         elif fresh:
             driven, holding = True, _holds(inbox)
@@ -94,10 +94,10 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
             control[LATE_WRITES] += heartbeat < memory[0].time
             plant.push_motor(device[0], memory[0], max(heartbeat, memory[0].time), inbox.view(np.float64)[5:])
             _begin(motion[0], inbox[4] != 0, heartbeat)
-        elif driven and now - heartbeat > MOTOR_WATCHDOG:
+        elif driven and now - heartbeat > watchdog:
             driven = False
             control[TRIPS] += holding
-            _cut_motor(device[0], memory[0], motion[0], heartbeat + MOTOR_WATCHDOG, zero)
+            _cut_motor(device[0], memory[0], motion[0], heartbeat + watchdog, zero)
         elif driven and now >= announced + period:
             announced += period
             control[RUN_ON] += 1
@@ -118,13 +118,13 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
 
 
 @kernel
-def _sensible(inbox, now):
+def _sensible(inbox, now, watchdog):
     """Whether a write's times lie near now, its period is one of a servo, and its motor values are numbers.
 
     The next write may be announced for two periods ahead, and no further than the watchdog waits: up to then the plant
     goes on with this motor value.
     """
-    near = abs(inbox[1] - now) < NEAR and -NEAR < inbox[2] - now <= max(2 * inbox[3], MOTOR_WATCHDOG)
+    near = abs(inbox[1] - now) < NEAR and -NEAR < inbox[2] - now <= max(2 * inbox[3], watchdog)
     motor = inbox.view(np.float64)[5:]
     finite = abs(motor[0]) < math.inf and abs(motor[1]) < math.inf and abs(motor[2]) < math.inf
     return near and PERIODS[0] <= inbox[3] <= PERIODS[1] and finite

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from haptic_device import cache
 from haptic_device.runtime import clock
+from haptic_device.whole import PLAIN
 
 _PR_GET_TIMERSLACK = 30
 _LIMITS = "/etc/security/limits.d"
@@ -35,7 +36,7 @@ def checks(priority: int) -> list[Check]:
     """Everything that sets how late a thread of this priority wakes."""
     return [
         _preemption(), _fifo(priority), _memory(), _slack(), _governor(), _cores(), _clock(), _virtual(), _throttle(),
-        _kernels(), _tool("cyclictest", "`apt install rt-tests`; haptic bench servo measures beside it"),
+        _kernels(), _compiler(), _tool("cyclictest", "`apt install rt-tests`; haptic bench servo measures beside it"),
         _tool("cc", "`apt install gcc`; haptic bench servo compares the tick with C"),
     ]  # fmt: skip
 
@@ -106,8 +107,13 @@ def _throttle():
 
 def _kernels():
     kept = len(list(Path(cache.FOLDER).rglob("*.nbi")))
-    return Check("compiled kernels", f"{kept} kept in {cache.FOLDER}", kept > 0,
-                 "the first start compiles for some seconds; haptic bench start says for how many")  # fmt: skip
+    advice = cache.NOTE or "haptic compile compiles all; else the first start of each does, for some seconds"
+    return Check("compiled kernels", f"{kept} kept in {cache.FOLDER}", kept > 0 and not cache.NOTE, advice)
+
+
+def _compiler():
+    found = "functions of a kernel compiled as one" if not PLAIN else "plain numba.njit"
+    return Check("compiler", found, not PLAIN, f"{PLAIN}; kernels are the same, and take longer to compile")
 
 
 def _tool(name, advice):

@@ -4,6 +4,7 @@
 import ctypes
 import os
 import signal
+import sys
 
 _PR_SET_PDEATHSIG = 1
 _libc = ctypes.CDLL(None, use_errno=True)
@@ -12,11 +13,24 @@ _libc = ctypes.CDLL(None, use_errno=True)
 def die_with_parent(parent: int) -> None:
     """Ask Linux to send this process SIGTERM when the process `parent` (a pid) ends, however it ends.
 
-    Called between fork and exec; the request survives exec, unless the program holds file capabilities. SIGTERM and
-    not SIGKILL, because a node that is asked still writes zero to the motor and removes its page.
-    Raises OSError if the kernel refuses.
+    The request survives exec, unless the program holds file capabilities. SIGTERM and not SIGKILL, because a node that
+    is asked still writes zero to the motor and removes its page. Raises OSError if the kernel refuses.
     """
     if _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0) != 0:
         raise OSError(ctypes.get_errno(), "prctl(PR_SET_PDEATHSIG) was refused")
     if os.getppid() != parent:  # it ended before the request stood
         os._exit(1)
+
+
+def ending_with_us(command: list[str]) -> list[str]:
+    """The command line that runs `command` as a process which ends with this one, however this one ends.
+
+    This file itself, run by a bare python, asks for it and then becomes the command, under the same pid: nothing of
+    ours runs between fork and exec, where a process that has threads may not run Python.
+    """
+    return [sys.executable, "-I", "-S", __file__, str(os.getpid()), *map(str, command)]
+
+
+if __name__ == "__main__":
+    die_with_parent(int(sys.argv[1]))
+    os.execvp(sys.argv[2], sys.argv[2:])

@@ -31,7 +31,7 @@ class ServoThread:
         self.tool, self.row, self.ring = Mailbox(loop.TOOL), Mailbox(servo.TICK), Ring(servo.TICK, RING_ROWS)
         self.near = Mailbox(contact.SET)
         self.control = np.zeros(loop.CONTROLS, np.int64)
-        self._memory = servo.memory_for(settings)
+        self._memory = np.zeros(1, servo.MEMORY)
         for name, value in (kept or {}).items():
             self._memory[name] = value
         self.realtime, self._refused, self._ready = "", None, threading.Event()
@@ -73,7 +73,8 @@ class ServoThread:
         return int(self.control[loop.COMMAND])
 
     def order(self, set_flags=0, clear_flags=0):
-        """Changes flags of the command word (law/engage); returns the word."""
+        """Changes flags of the command word (law/engage); returns the word. Who gives an order is there."""
+        self.attend()
         self.control[loop.COMMAND] = (self.command | set_flags) & ~clear_flags
         return self.command
 

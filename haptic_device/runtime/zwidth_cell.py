@@ -24,6 +24,7 @@ CELL = np.dtype(
 )
 OUTCOME = np.dtype([(name, "f8") for name in ("beginning", "vibration", "growth", "energy_given", "contact_lost")])
 DIVERGED = 1e6  # times the energy of the beginning: no need to look further
+TINY = 1e-300  # N/m
 FEWEST_TICKS = 8  # two in each quarter
 
 
@@ -39,10 +40,11 @@ def cells(setup, stiffness, damping, outcomes):
 def cell(setup, stiffness, damping, waiting, outcome):
     """One wall. waiting: room for the force of this tick and for each on its way through the delay.
 
-    beginning, vibration [J]: all mechanical energy above that of rest against the wall, the wall's spring included, at
-    the start and as the mean over the last quarter; growth: its ratio to that of the quarter before. energy_given [J]:
-    most that the operator ever had from the display, beyond what device and wall held at the start. contact_lost: share
-    of the last quarter.
+    beginning [J]: all mechanical energy of the start above that of rest against the wall, the wall's spring included.
+    vibration [J]: the same above that of the nearest place where friction holds the handle, 0 while it stands still, as
+    the mean over the last quarter; growth: its ratio to that of the quarter before. energy_given [J]: most that the
+    operator ever had from the display, beyond what device and wall held at the start. contact_lost: share of the last
+    quarter.
     """
     x, v = setup.position + setup.depth * _rest(setup, stiffness), setup.velocity
     own = 0.5 * (setup.mass * v * v + stiffness * max(0.0, x) ** 2)
@@ -51,17 +53,18 @@ def cell(setup, stiffness, damping, waiting, outcome):
     late = setup.delay_samples % 1.0 * setup.period
     ticks = max(FEWEST_TICKS, int(round(setup.seconds / setup.period)))
     quarter, before, last, lost = ticks // 4, 0.0, 0.0, 0.0
-    beginning = _energy(setup, stiffness, x, v)
+    beginning = _motion(setup, stiffness, 0.0, x, v)
     for k in range(ticks):
         reading = _read(setup, x)
         rate = encoder.velocity_of(rate, reading - seen, setup.period if k > 0 else 0.0, setup.velocity_lag)
         waiting[k % waiting.size] = -wall.wall_force(stiffness, damping, reading, rate)
         seen, force = reading, waiting[(k + 1) % waiting.size]
+        begun = x
         x, v, early = _hold(setup, held, x, v, late)
         x, v, gift = _hold(setup, force, x, v, setup.period - late)
         held, given = force, given + early + gift
         most = max(most, given)
-        energy = _energy(setup, stiffness, x, v)
+        energy = 0.0 if v == 0.0 and x == begun else _motion(setup, stiffness, setup.coulomb, x, v)
         if k >= ticks - quarter:
             last, lost = last + energy, lost + (x < 0.0)
         elif k >= ticks - 2 * quarter:
@@ -100,11 +103,19 @@ def _hold(setup, motor, x, v, time):
 
 
 @kernel
-def _energy(setup, stiffness, x, v):
-    """Mechanical energy [J] of device, operator and the wall's spring above that of rest against the wall."""
-    away, reach = x - _rest(setup, stiffness), min(0.0, x)
-    spring = (setup.operator_stiffness + stiffness) * away * away - stiffness * reach * reach
-    return 0.5 * ((setup.mass + setup.operator_mass) * v * v + spring)
+def _motion(setup, stiffness, friction, x, v):
+    """Mechanical energy [J] of device, operator and the wall's spring above that of the nearest place where this much
+    friction [N] holds the handle: where push and springs pull with no more. What it loses on its way there is no part.
+    """
+    kinetic, spring = 0.5 * (setup.mass + setup.operator_mass) * v * v, stiffness + setup.operator_stiffness
+    if spring <= 0.0:
+        return kinetic
+    pull = setup.push - friction  # of what is left of the push at the wall's surface
+    if x >= 0.0:
+        return kinetic + 0.5 * max(0.0, abs(spring * x - setup.push) - friction) ** 2 / spring
+    if pull >= 0.0:
+        return kinetic + 0.5 * pull * pull / spring - pull * x + 0.5 * setup.operator_stiffness * x * x
+    return kinetic + 0.5 * max(0.0, pull - setup.operator_stiffness * x) ** 2 / max(setup.operator_stiffness, TINY)
 
 
 @kernel

@@ -2,7 +2,6 @@
 """`haptic bench all`: every benchmark into one folder, one table made of it, and two folders compared."""
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -64,10 +63,9 @@ def measure(out: Path, short: bool, names: list[str]) -> None:
     Raises ValueError if it lacks some of a run of another length.
     """
     from haptic_device.provenance import facts
-    from haptic_device.runtime.process import die_with_parent
+    from haptic_device.runtime.process import ending_with_us
     from haptic_sim.bench.results import MACHINE
 
-    own = os.getpid()
     out.mkdir(parents=True, exist_ok=True)
     length = "short" if short else "full"
     if not (out / MACHINE).exists():
@@ -79,7 +77,7 @@ def measure(out: Path, short: bool, names: list[str]) -> None:
         file, (words, few, many) = out / f"{name}.json", BENCHMARKS[name]
         print(f"haptic {' '.join(words)}", file=sys.stderr, flush=True)
         command = [sys.executable, "-m", "haptic_sim.cli.main", *words, *(few if short else many), "--json"]
-        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, preexec_fn=lambda: die_with_parent(own))
+        done = subprocess.run(ending_with_us(command), stdout=subprocess.PIPE, text=True)
         if done.returncode == 0:
             file.write_text(done.stdout.strip().splitlines()[-1] + "\n", encoding="utf-8")
         else:

@@ -37,11 +37,13 @@ def load(
 def measure(seconds: float, scene: str = "peg_in_hole") -> dict:
     """{"cores": of all, "node_cores": {node: share of a core}, "pss_mb": {node: MB}}."""
     from haptic_sim.cli.domain import isolated_domain
+    from haptic_sim.cli.prepare import prepare
     from haptic_sim.cli.processes import Nodes
     from haptic_sim.cli.tuning import Tuning
 
     with tempfile.TemporaryDirectory(prefix="haptic_") as place, isolated_domain(Path(place)) as domain:
         programs = _programs(Path(place) / "bag", scene)
+        prepare(programs)
         with Nodes(Path(place) / "log") as nodes:
             for program in programs:
                 nodes.start(program)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from haptic_sim.cli.domain import isolated_domain
+from haptic_sim.cli.prepare import prepare
 from haptic_sim.cli.processes import NAMESPACE, Nodes, Program
 
 
@@ -27,6 +28,11 @@ def running(domain: int | None, namespace: str | None, driver: dict, loopback: d
 
 
 def _start(nodes: Nodes, driver: dict, loopback: dict) -> Callable[[], None]:
-    nodes.start(Program("haptic_loopback", "haptic_device.node.loopback", loopback))
-    nodes.start(Program("haptic_driver", "haptic_device.node.driver", {"auto_enable": True, **driver}))
+    programs = [
+        Program("haptic_loopback", "haptic_device.node.loopback", loopback),
+        Program("haptic_driver", "haptic_device.node.driver", {"auto_enable": True, **driver}),
+    ]
+    prepare(programs)
+    for program in programs:
+        nodes.start(program)
     return nodes.check

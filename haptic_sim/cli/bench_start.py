@@ -24,7 +24,7 @@ READY = {  # the diagnostic entry that a node counts up in once it does its work
 }
 LOOK = 0.02  # [s]
 PATIENCE = 180.0  # [s]
-FIRST, SECOND = 15.0, 3.0  # [s] that a person waits: the very first start, and every other
+FIRST, SECOND = 20.0, 3.0  # [s] that a person waits: a first start that compiles, and every other
 
 
 def start(

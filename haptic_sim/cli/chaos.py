@@ -74,14 +74,14 @@ def _programs(folder: Path, rate: float = 1000.0):
 
 
 def _chaos(minutes, events) -> dict:
-    from haptic_sim.cli.conductor import START, Conductor
+    from haptic_sim.cli.conductor import Conductor
 
     with tempfile.TemporaryDirectory(prefix="haptic_chaos_") as name:
         folder = Path(name)
         with isolated_domain(folder / "log") as domain:
             conductor = Conductor(_programs(folder), folder, domain)
             with conductor:
-                conductor.begin(START)
+                conductor.begin()
                 results = _play(conductor, events, minutes)
                 tracebacks = conductor.nodes.tracebacks()
             left = conductor.left_over()

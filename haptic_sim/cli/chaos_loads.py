@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 
-from haptic_device.runtime.process import die_with_parent
+from haptic_device.runtime.process import ending_with_us
 from haptic_sim.cli import chaos_figures as figures
 from haptic_sim.cli.conductor import PATIENCE, Conductor
 from haptic_sim.cli.flood import SENT
@@ -92,8 +92,7 @@ def _refusals(conductor):
 
 
 def _process(command):
-    own = os.getpid()
-    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=lambda: die_with_parent(own))
+    return subprocess.Popen(ending_with_us(command), stdout=subprocess.PIPE, text=True)
 
 
 def _end(processes):

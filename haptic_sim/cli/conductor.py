@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from haptic_device.runtime import page
+from haptic_sim.cli.prepare import prepare
 from haptic_sim.cli.processes import NAMESPACE, NodeDiedError, Nodes, Program
 from haptic_sim.cli.witness import Witness
 
 NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation")
 FREE, PRESSED = 0.03, -0.003  # [m] where the hand is in free space; and where it wants to be in the wall
 FORCE = 4.5  # [N] from which the wall is pressed
-START = 240.0  # [s] for the first start, which may compile the kernels on a busy machine
-PATIENCE = 40.0  # [s] for anything later
+PATIENCE = 240.0  # [s] for anything, on a machine that does much else
 SETTLED = 0.15  # [s] until a handle that has arrived stands still
 HELD = 0.4  # [s] that the wall is pressed before anything happens
 AGAIN = 0.2  # [s] between two attempts to enable
@@ -35,6 +35,7 @@ class Conductor:
         self._page = page.FOLDER / page.page_name(str(domain), NAMESPACE)
 
     def __enter__(self):
+        prepare(list(self.programs.values()))
         for program in self.programs.values():
             self.nodes.start(program)
         return self

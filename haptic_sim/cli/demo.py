@@ -150,6 +150,9 @@ def play(order: Order) -> bool:
 
 
 def _play(order: Order, programs: list[Program]) -> bool:
+    from haptic_sim.cli.prepare import prepare
+
+    prepare(programs)
     with isolated_domain(order.out / "log") as domain, Nodes(order.out / "log") as nodes:
         for program in programs:
             nodes.start(program)

@@ -30,6 +30,7 @@ from haptic_sim.cli.processes import NAMESPACE
 SENT = "sent "
 TOPICS = ("tool", "handle", "operator/target")
 KINDS = 64  # different messages a topic
+MEETING = 10.0  # [s] at most until every topic has a listener
 RARE = 20  # messages to one set of local contacts, which is ten times as long
 
 
@@ -83,7 +84,9 @@ def main() -> int:
     messages = _messages()
     publishers = [(node.create_publisher(JointState, topic, LATEST), messages[topic]) for topic in TOPICS]
     contacts = node.create_publisher(PointCloud2, "local_contacts", LATEST)
-    time.sleep(1.0)  # until the nodes have met
+    met = time.monotonic() + MEETING
+    while time.monotonic() < met and not all(one.get_subscription_count() for one, _ in publishers):
+        time.sleep(0.05)
     began, sent = time.monotonic(), 0
     while (elapsed := time.monotonic() - began) < seconds:
         for _ in range(max(0, int(elapsed * rate) - sent)):

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.live import Live
 
-START_LIMIT = 60.0  # s until the first motor command; the very first start compiles the kernels
+START_LIMIT = 180.0  # s until the first motor command, on a machine that does much else
 MOTION_LIMIT = 120.0  # s for a scripted motion to end
 AFTER_MOTION = 0.6  # s: the nodes' diagnostics come twice a second, the last one shall be of the end
 LOOK_PERIOD = 0.05  # s

@@ -9,6 +9,7 @@ import typer
 COMMANDS = {
     "bench": "haptic_sim.cli.bench:group",
     "check": "haptic_sim.cli.check:check",
+    "compile": "haptic_sim.cli.compile:compile",
     "chaos": "haptic_sim.cli.chaos:chaos",
     "compare": "haptic_sim.cli.compare:compare",
     "demo": "haptic_sim.cli.demo:demo",
@@ -33,7 +34,9 @@ ROS_MISSING = "ROS 2 Jazzy is missing: pip install '.[ros]' in the clone, or sou
 def main():
     """Entry point. Bad input ends in one sentence on standard error and exit code 1, never in a traceback."""
     try:
-        _application(sys.argv[1:2])(prog_name="haptic")
+        application = _application(sys.argv[1:2])
+        _prepare(sys.argv[1:])
+        application(prog_name="haptic")
     except KeyboardInterrupt:
         sys.exit(130)
     except (ValueError, OSError) as error:
@@ -56,6 +59,15 @@ def _application(wanted):
         else:
             app.command(name)(found)
     return app
+
+
+def _prepare(words):
+    """Kernels that a command calls itself; those of nodes are for who starts the nodes."""
+    if words and words[0] in ("compare", "identify", "replay", "zwidth") and "--help" not in words:
+        from haptic_device.compiling import have
+        from haptic_sim.cli.prepare import COMMANDS
+
+        have(*COMMANDS[words[0]])
 
 
 def _refuse(reason):

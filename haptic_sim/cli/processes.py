@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from haptic_device.runtime.process import die_with_parent
+from haptic_device.runtime.process import ending_with_us
 
 NAMESPACE = "/haptic"
 _PATIENCE = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))  # s after each
@@ -70,16 +70,14 @@ class Nodes:
 
     def start(self, program: Program) -> None:
         """Starts one node; it gets a session of its own, so that a terminal's Ctrl-C comes from us, in order."""
-        parent = os.getpid()
         with open(self._log(program.name), "ab") as log:
             self._running[program.name] = subprocess.Popen(
-                program.command(),
+                ending_with_us(program.command()),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 env={**os.environ, "ROS_LOG_DIR": str(self._logs.absolute()), "PYTHONUNBUFFERED": "1"},
                 start_new_session=True,
-                preexec_fn=lambda: die_with_parent(parent),
             )
 
     def check(self) -> None:

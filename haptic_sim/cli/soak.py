@@ -8,7 +8,7 @@ from pathlib import Path
 
 import psutil
 
-from haptic_sim.cli.conductor import FREE, PRESSED, START, Conductor
+from haptic_sim.cli.conductor import FREE, PRESSED, Conductor
 from haptic_sim.cli.domain import isolated_domain
 
 SETTLED = 60.0  # [s] after which memory must stay flat
@@ -24,7 +24,7 @@ def soak(minutes: float, programs) -> dict:
         with isolated_domain(folder / "log") as domain:
             conductor = Conductor(programs(folder), folder, domain)
             with conductor:
-                conductor.begin(START)
+                conductor.begin()
                 samples, faults = _watch(conductor, 60.0 * minutes)
                 tracebacks = conductor.nodes.tracebacks()
     rows = [_row(name, found) for name, found in samples.items()]

@@ -18,10 +18,10 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
-from haptic_device.analysis.recording import Status, statuses_of
 from haptic_device.law.servo import TICK
 from haptic_device.node.tap import Tap
-from haptic_device.node.wire import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, truth_names
+from haptic_device.node.wire import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, statuses_of, truth_names
+from haptic_device.status import Status
 from haptic_sim.cli.stand_in import StandIn
 
 PATIENCE = 15.0  # [s] for a service

@@ -79,6 +79,9 @@ class Company:
 def play(order, programs, relay, page: dict) -> bool:
     """Runs the nodes of the order with a page, until Ctrl-C or the order's seconds are over. page: host and port."""
     order = order._replace(given=HAND)
+    from haptic_sim.cli.prepare import prepare
+
+    prepare(programs(order))
     with isolated_domain(order.out / "log"), Nodes(order.out / "log") as nodes:
         company = Company(order, programs, relay, nodes)
         company.start()

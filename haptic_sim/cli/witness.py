@@ -11,10 +11,9 @@ import rclpy
 from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 
-from haptic_device.analysis.recording import statuses_of
 from haptic_device.law.servo import TICK
 from haptic_device.node.tap import Tap
-from haptic_device.node.wire import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, truth_names
+from haptic_device.node.wire import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, statuses_of, truth_names
 from haptic_sim.cli.commands import Commands
 from haptic_sim.cli.processes import NAMESPACE
 

@@ -215,8 +215,9 @@ def _show(found):
     from rich.console import Console
     from rich.table import Table
 
-    lines = found["stiffness_max"]
-    table = Table("B [N s/m]", *(f"{name.replace('_', ' ')} [N/m]" for name in lines), title="Largest stiffness")
+    lines, run = found["stiffness_max"], {"quiet": "all quiet up to", "not_shaking": "none shakes up to"}
+    heads = (f"{run.get(name, name.replace('_', ' '))} [N/m]" for name in lines)
+    table = Table("B [N s/m]", *heads, title="Largest stiffness: as run, up to the first cell that is otherwise")
     for i in np.linspace(0, len(found["damping"]) - 1, 9).astype(int):
         row = (found["damping"][i], *(line[i] for line in lines.values()))
         table.add_row(*("none" if value is None else f"{value:.5g}" for value in row))

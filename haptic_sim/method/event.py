@@ -11,7 +11,7 @@ from haptic_device.whole import part
 from haptic_sim.compile.model import SPRING
 from haptic_sim.method.effect import copy
 from haptic_sim.method.impact import TOUCHING
-from haptic_sim.method.joints import coordinate_row, jointed
+from haptic_sim.method.joints import coordinate_row
 from haptic_sim.method.lcp import FREE, LOW, NORMAL, SLIDING, limit_of
 from haptic_sim.method.rows import LIMIT, moves, rate_of, wished
 from haptic_sim.method.smooth import accelerate, advance
@@ -108,7 +108,6 @@ def is_held(work, n, p, feature):
     return False
 
 
-@jointed(math.inf)
 @part
 def limit_gap(model, layout, work, n, j):
     """Way left to the nearer limit of joint j that is not held."""

@@ -11,15 +11,10 @@ arms from the mass centres to the anchors, × the planar cross product and n fix
 
 import math
 
-from haptic_device.whole import only_with, part, whole
+from haptic_device.whole import part, whole
 from haptic_sim.compile.model import PIN, SLIDER, SPRING
 
 ALONG, ACROSS = 0, 1
-
-
-def jointed(instead=None):
-    """Decorates a part that scenes with joints need; in one without, it is this value."""
-    return only_with("joint_kind", instead)
 
 
 @part
@@ -151,7 +146,6 @@ def applied_forces(model, q, v, damped, row, f):
     push_springs(model, q, v, damped, row, f)
 
 
-@jointed()
 @part
 def push_springs(model, q, v, damped, row, f):
     """Adds the forces of the joints' springs, with `damped` their dampers too."""
@@ -163,7 +157,6 @@ def push_springs(model, q, v, damped, row, f):
             push(model, f, j, row, force)
 
 
-@jointed(0.0)
 @part
 def spring_energy(model, q, v, row):
     """Energy stored in the joints' springs [J]."""

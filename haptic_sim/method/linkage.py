@@ -21,7 +21,7 @@ import math
 
 from haptic_device.whole import part
 from haptic_sim.compile.model import SPRING
-from haptic_sim.method.joints import forbidden_row, jointed, spring_row, spring_rows
+from haptic_sim.method.joints import forbidden_row, spring_row, spring_rows
 
 REDUNDANT = 1e-10
 """Pivot, in the largest entry of J, below which a row says nothing new."""
@@ -37,7 +37,6 @@ def reduce_linkage(model, layout, work, i, q, v, h):
         reduce_joined(model, layout, work, i, q, v, h)
 
 
-@jointed()
 @part
 def reduce_joined(model, layout, work, i, q, v, h):
     """The same of a linkage with joints."""

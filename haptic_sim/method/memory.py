@@ -41,9 +41,6 @@ MODEL = np.dtype(_fields(
     joint_friction=_j, joint_motor=(_j, 2), joint_spring=(_j, 3), gravity=2,
 ))
 
-FREE_MODEL = np.dtype([field for field in MODEL.descr if not field[0].startswith("joint_")])
-"""Of a scene without joints: nothing of theirs is compiled for it (`joints.jointed`)."""
-
 LAYOUT = np.dtype(_fields(
     linkages=(), normals=(_v, 2), disc=_v, middle=(_s, 2), reach=_s, thickness=_s, pair_bodies=(_p, 2), linkage=_n,
     place_in=_n, body_start=_n + 1, order=_n, joint_start=_n + 1, joint_order=_j, extent=_n,
@@ -82,7 +79,7 @@ def records(model: Model):
             raise ValueError(f"the scene has {many} {what}; the compiled methods take at most {most}")
     names = "bodies", "shapes", "corners", "pair_count", "joints"
     counts = {name: many for name, (_, many, _) in zip(names, sizes, strict=True)}
-    fixed = _record(MODEL if counts["joints"] else FREE_MODEL, {**model._asdict(), **counts})
+    fixed = _record(MODEL, {**model._asdict(), **counts})
     laid = _record(LAYOUT, {**layout._asdict(), "linkages": len(layout.body_start) - 1})
     work = _record(WORK, {"q": model.pose, "v": model.velocity})
     return fixed, laid, work

@@ -32,7 +32,7 @@ import math
 from haptic_device.whole import part
 from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows
 from haptic_sim.method.impact import RESTING, TOUCHING, kinetic
-from haptic_sim.method.joints import applied_forces, jointed, spring_energy
+from haptic_sim.method.joints import applied_forces, spring_energy
 from haptic_sim.method.lcp import FREE, FRICTION, NORMAL, solve_modes
 from haptic_sim.method.lemke import lemke
 from haptic_sim.method.linkage import reduce_linkage, respond
@@ -239,7 +239,6 @@ def brake(model, layout, work, most):
                 work.v[b, k] *= share
 
 
-@jointed(False)
 @part
 def driven(model):
     """Whether there is a motor."""
@@ -249,7 +248,6 @@ def driven(model):
     return most > 0.0
 
 
-@jointed()
 @part
 def settle(model, layout, work, i):
     """Closes a linkage's joints; then its velocities onto what they allow, orthogonally in the sense of the masses.

@@ -9,7 +9,7 @@ import math
 
 from haptic_device.whole import part
 from haptic_sim.compile.model import SPRING
-from haptic_sim.method.joints import coordinate_row, jointed
+from haptic_sim.method.joints import coordinate_row
 from haptic_sim.method.lcp import FREE, FRICTION, NORMAL
 from haptic_sim.method.memory import MOST_ROWS
 from haptic_sim.method.touch import AX, AY, BX, BY, GAP, NX, NY, OWNER, PX, PY, ROUND, evaluate
@@ -26,7 +26,6 @@ def rate_of(work, v, r):
             + G[r, 3] * v[b, 0] + G[r, 4] * v[b, 1] + G[r, 5] * v[b, 2])
 
 
-@jointed(0.0)
 @part
 def wished(model, work, r):
     """Rate at which row r has no slip: a motor's speed, else 0."""
@@ -63,7 +62,6 @@ def add_contact(model, layout, work, r, pair, feature):
     return add_row(work, r + 1, a, b, FRICTION, r, model.pair_friction[pair], 0.0, 0, pair, 2 * key + 1)
 
 
-@jointed(0)
 @part
 def add_joints(model, layout, work, first, q, v, slack, friction_scale):
     """Rows of joints from `first` on; returns how many.
@@ -156,7 +154,6 @@ def contact_rows(work, q, v, r, tangent):
     work.place[r, 0], work.place[r, 1] = c[PX], c[PY]
 
 
-@jointed()
 @part
 def joint_coordinate(model, work, q, v, r):
     """A row along a joint's coordinate: towards the inside of a limit, or the coordinate itself."""

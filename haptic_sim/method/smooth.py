@@ -11,7 +11,7 @@ coordinates are then found again from the independent ones by Newton's method, s
 from haptic_device.whole import part
 from haptic_sim.method.effect import apply_rows, copy, respond_rows, zero
 from haptic_sim.method.formulas import SLOPES_4, SLOPES_8, WEIGHTS_4, WEIGHTS_8
-from haptic_sim.method.joints import applied_forces, jointed
+from haptic_sim.method.joints import applied_forces
 from haptic_sim.method.lcp import FREE, NORMAL, solve_linear
 from haptic_sim.method.linkage import eliminate, fill_rows, reduce_linkage, respond
 from haptic_sim.method.rows import rate_of, refresh, wished
@@ -134,7 +134,6 @@ def bring_back(model, layout, work, q, v, n):
         bring_back_contacts(model, layout, work, q, v, n)
 
 
-@jointed()
 @part
 def bring_back_linkage(model, layout, work, i, q, v):
     """Dependent coordinates and velocities of a linkage from the independent ones."""

@@ -7,12 +7,14 @@ import sys
 
 from std_srvs.srv import SetBool, Trigger
 
+from haptic_device.compiling import have
 from haptic_device.node import health, wire
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
 from haptic_device.runtime.clock import go_realtime, lift_threads
 from haptic_sim.at_once import compile_for
+from haptic_sim.compile.groups import groups_of
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.port import Port
@@ -97,8 +99,9 @@ class SimulationNode(ManagedNode):
 
     def _world(self):
         """A simulation as the parameters now say, at the tool port that there is."""
-        port = self.simulation.port if self.simulation else None
-        world = Simulation.by_parameters(load(self.values["scene"]), self.values, port)
+        port, scene = self.simulation.port if self.simulation else None, load(self.values["scene"])
+        have(*groups_of(scene, self.values["method"], self.values["exchange.method"]))
+        world = Simulation.by_parameters(scene, self.values, port)
         compile_for(world, wire.JointLayout(wire.exchange_names(1)))
         if self.values["exchange.method"] == "local":
             world.local_contacts.look(0.0)  # compiled here, not in the first exchange

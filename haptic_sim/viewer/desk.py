@@ -19,6 +19,8 @@ RECORDER = "haptic_recorder"
 UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
 CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
 STOPPING = ("estop", "disable")
+EDGE = 0.01  # of the workspace at either end is where a page leads no hand
+THERE = 1e-4  # [m, rad] from a place at which the hand's target is there
 BAG = 20.0  # s that a recorder may take to open or close a bag
 
 
@@ -50,15 +52,31 @@ class Desk:
         return not self.held_off and self.feed.said(DRIVER, "state", "idle") not in ("idle", "fault")
 
     @property
-    def limits(self) -> Limits:
-        """Workspace in the world and speeds; without a description of the device, a workspace of 1 m."""
+    def arrived(self) -> bool:
+        """Whether the hand's target, as the device last said it, is where a page wants it to be."""
+        truth, hand = self.feed.truth, self.hand
+        if truth is None or hand.goal is None:
+            return False
+        there = zip(self.feed.to_world(truth.target), hand.goal, range(self.feed.axes), strict=False)
+        return all(abs(place - goal) < THERE for place, goal, _ in there)
+
+    @property
+    def workspace(self) -> tuple[tuple[float, float], ...] | None:
+        """Of each axis, in the world [m, m, rad]; None without a description of the device."""
         if not isinstance(self.device, Device):
-            return Limits(((-0.5, 0.5),) * 2 + ((-100.0, 100.0),), *self._speeds)
+            return None
         length, angle = self.device.scale
-        scales = (length, length, angle)
-        ends = tuple(
-            tuple(scale * end for end in axis.workspace) for axis, scale in zip(self.device.axes, scales, strict=False)
-        )
+        axes = zip((length, length, angle), self.device.axes, strict=False)
+        return tuple((scale * axis.workspace[0], scale * axis.workspace[1]) for scale, axis in axes)
+
+    @property
+    def limits(self) -> Limits:
+        """Where the hand may go in the world, and speeds; without a description of the device, a workspace of 1 m.
+
+        It keeps off the ends, beyond which the driver has a fault: a hand swings past where it wants to be."""
+        if self.workspace is None:
+            return Limits(((-0.5, 0.5),) * 2 + ((-100.0, 100.0),), *self._speeds)
+        ends = tuple((low + EDGE * (high - low), high - EDGE * (high - low)) for low, high in self.workspace)
         return Limits(ends, *self._speeds)
 
     async def do(self, wish: dict) -> str:

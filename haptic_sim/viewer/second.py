@@ -17,7 +17,7 @@ import sys
 import tempfile
 import threading
 
-from haptic_device.runtime.process import die_with_parent
+from haptic_device.runtime.process import ending_with_us
 
 LONGEST = 0.1  # s of motion computed at once; a longer silence is left out
 MOST_BEHIND = 60  # answers outstanding, beyond which motion is left out
@@ -30,13 +30,12 @@ class Second:
     sentence if it has ended by itself; `system` what it was made of (Ghost)."""
 
     def __init__(self, system: dict):
-        own = os.getpid()
         self.system, self.latest, self.problem, self._closed = system, None, "", False
         self._asked, self._answered, self._now, self._then = 0, -1, 0.0, 0.0
         self._errors = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "haptic_sim.viewer.second"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=self._errors, text=True, preexec_fn=lambda: die_with_parent(own),
+            ending_with_us([sys.executable, "-m", "haptic_sim.viewer.second"]),
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, text=True,
         )  # fmt: skip
         threading.Thread(target=self._listen, name="second", daemon=True).start()
         self._say(system)

@@ -13,7 +13,7 @@ from haptic_sim.viewer.second import Second
 DRIVER, LOOPBACK, SIMULATION = "haptic_driver", "haptic_loopback", "haptic_simulation"
 READY = 180.0  # s that a second operating point may take to start: the first start compiles
 LOADING = 180.0  # s that a simulation may take to load: a method that nobody has used before is compiled
-ARRIVAL = 1.5  # s that the hand may take to the place where a scene begins
+ARRIVAL = 10.0  # s that the hand may take to the place where a scene begins
 REST = 0.2  # s that handle and tool are given there
 
 
@@ -44,6 +44,7 @@ class Stage:
         self.close()
         if not wish["on"]:
             return "the second operating point has ended"
+        await self._desk.poll()  # nodes that have just started again are asked first
         self._second = second = Second(self._system())
         end = time.monotonic() + READY
         while self._second is second and second.latest is None and not second.problem and time.monotonic() < end:
@@ -90,9 +91,13 @@ class Stage:
             await self._lead_to_start(change.get("scene"))
             try:
                 said = await self._change(change)
+            except ValueError:  # what there was goes on from its start: the tool cannot be far from the hand
+                await self._lead_to_start(None)
+                await self._quietly(self._desk.services.trigger(f"{SIMULATION}/reset_scene"))
+                raise
             finally:
                 if driven and not self._desk.held_off:
-                    await self._quietly("enable")
+                    await self._quietly(self._desk.order("enable"))
             await self._desk.poll()
         if self._second is not None and change:
             self.close()
@@ -122,13 +127,13 @@ class Stage:
         except (ValueError, AttributeError):
             return  # no hand that follows, or no scene
         end = time.monotonic() + ARRIVAL
-        while desk.hand.sent != desk.hand.goal and time.monotonic() < end:
+        while not desk.arrived and time.monotonic() < end:
             await asyncio.sleep(0.02)
         await asyncio.sleep(REST)
 
-    async def _quietly(self, service):
+    async def _quietly(self, asked):
         try:
-            await self._desk.order(service)
+            await asked
         except ValueError:
             return
 

@@ -107,7 +107,7 @@ class Viewer:
 
     def _surroundings(self):
         """The servo's walls, and the device's workspace in the world; None where it is not known."""
-        return tuned.walls(self.desk.values.get(DRIVER, {})), self.desk.limits.workspace if self.desk.device else None
+        return tuned.walls(self.desk.values.get(DRIVER, {})), self.desk.workspace
 
     def _tuning(self):
         device, (walls, workspace) = self.desk.device, self._surroundings()

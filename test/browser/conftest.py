@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A running demo with its page, a real Chromium before it, and an ear that keeps times of its own."""
+"""A running demo with its page, a real Chromium before it, and an ear that keeps what the others say."""
 
 import contextlib
-import os
 import re
+import signal
 import socket
 import subprocess
 import sys
@@ -24,16 +24,17 @@ from rclpy.parameter import Parameter
 
 from haptic_device.node.tap import Tap
 from haptic_device.node.wire import STREAM, JointLayout, truth_names
-from haptic_device.runtime.process import die_with_parent
+from haptic_device.runtime.process import ending_with_us
 
 SHOTS = Path(__file__).parents[2] / "build" / "browser"
 FIGURES = []
-PATIENCE, COMPILING = 60.0, 180.0  # s for what a busy machine does in one, and with kernels that nobody has used yet
+POINT = Path(__file__).parents[1] / "busy.yaml"
+PATIENCE, COMPILING = 120.0, 180.0  # s for what a busy machine does in one, and with kernels that nobody has used yet
 _JOINTS = "sensor_msgs/msg/JointState"
 
 
 def pytest_terminal_summary(terminalreporter):
-    """The figures that were measured."""
+    """The figures that were found."""
     for name, wanted, found in FIGURES:
         terminalreporter.write_line(f"{name:58} {found:>16}   wanted {wanted}")
 
@@ -45,28 +46,39 @@ def figure():
 
 
 class System:
-    """`haptic demo --view` as a process; `address` and `looking` as it printed them, `printed` [s] when it did."""
+    """`haptic demo --view` as a process; `address` and `looking` as it printed them."""
 
     def __init__(self, folder: Path):
-        own, self.folder = os.getpid(), folder
+        self.folder = folder
+        command = [sys.executable, "-m", "haptic_sim.cli.main", "demo", "--view", "--out", str(folder / "run")]
+        command += ["--params", str(POINT)]
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "haptic_sim.cli.main", "demo", "--view", "--out", str(folder / "run")],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder,
-            preexec_fn=lambda: die_with_parent(own),
-        )  # fmt: skip
-        self.address, self.looking = self._read("open"), self._read("only:")
-        self.printed = time.monotonic()
+            ending_with_us(command), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder
+        )
+        limit = threading.Timer(COMPILING, self.process.kill)
+        limit.start()
+        try:
+            self.address, self.looking = self._read("open"), self._read("only:")
+        finally:
+            limit.cancel()
         threading.Thread(target=self.process.stdout.read, daemon=True).start()
 
     def _read(self, word):
+        said = []
         for line in self.process.stdout:
+            said.append(line)
             if found := re.search(rf"{word} (http://\S+)", line):
                 return found.group(1)
-        raise AssertionError("haptic demo --view ended without an address")
+        self.process.wait(PATIENCE)
+        raise AssertionError(f"haptic demo --view ended without an address: {''.join(said)}")
 
     def end(self):
-        self.process.send_signal(2)
-        return self.process.wait(40.0)
+        """Its exit code; a process that does not end in time is killed."""
+        self.process.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return self.process.wait(PATIENCE)
+        self.process.kill()
+        return self.process.wait(PATIENCE)
 
 
 class Listener:
@@ -79,7 +91,7 @@ class Listener:
         self._truths = Tap(self._node, "operator/state", _JOINTS, STREAM, raw=True)
         self._targets = Tap(self._node, "operator/target", _JOINTS, STREAM)
         self._layout, self.truths, self.targets = JointLayout(truth_names(3)), [], []
-        self._thread, self._over = threading.Thread(target=self._listen), False
+        self._thread, self._over = threading.Thread(target=self._listen, daemon=True), False
         self._thread.start()
 
     def _listen(self):
@@ -96,18 +108,19 @@ class Listener:
         kind = Parameter.Type.DOUBLE_ARRAY
         parameters = [Parameter(f"wall.{name}", kind, value).to_parameter_msg() for name, value in values.items()]
         client = self._node.create_client(SetParametersAtomically, "haptic_driver/set_parameters_atomically")
-        assert client.wait_for_service(PATIENCE)
+        assert client.wait_for_service(PATIENCE), f"not within {PATIENCE:g} s: the driver's set_parameters_atomically"
         asked = client.call_async(SetParametersAtomically.Request(parameters=parameters))
         executor = SingleThreadedExecutor(context=self._context)
         executor.add_node(self._node)
         executor.spin_until_future_complete(asked, PATIENCE)
         executor.remove_node(self._node)
+        assert asked.done(), f"not within {PATIENCE:g} s: an answer of set_parameters_atomically"
         assert asked.result().result.successful, asked.result().result.reason
 
     def marked(self):
         """Namespaces of the next markers, with the frames they are in."""
         tap = Tap(self._node, "markers", "visualization_msgs/msg/MarkerArray", STREAM)
-        found = self.until(tap.latest).message.markers
+        found = self.until(tap.latest, "markers").message.markers
         tap.close()
         return {marker.ns for marker in found}, {marker.header.frame_id for marker in found}
 
@@ -115,17 +128,27 @@ class Listener:
         """(time, largest part of the motor's force) of everything heard."""
         return [(at, float(np.abs(truth.effort[3:6]).max())) for at, truth in list(self.truths)]
 
-    def until(self, found, seconds=PATIENCE):
-        """The first true answer of found()."""
+    def rested(self):
+        """Where the hand wants to be, once it has wanted nothing else in 250 truths from now on."""
+        begin = len(self.truths)
+
+        def still():
+            places = np.array([truth.position[3:6] for _, truth in self.truths[begin:][-250:]])
+            return [places[-1]] if len(places) == 250 and np.ptp(places, axis=0).max() < 1e-9 else None
+
+        return self.until(still, "the hand rests")[0]
+
+    def until(self, found, what, seconds=PATIENCE):
+        """The first true answer of found(); what: is waited for."""
         end = time.monotonic() + seconds
         while not (answer := found()):
-            assert time.monotonic() < end, "what was waited for did not come"
+            assert time.monotonic() < end, f"not within {seconds:g} s: {what}"
             time.sleep(0.005)
         return answer
 
     def close(self):
         self._over = True
-        self._thread.join()
+        self._thread.join(PATIENCE)
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
 
@@ -165,12 +188,13 @@ class Tab:
     def text(self, name):
         return self.page.text_content(f"#{name}")
 
-    def until(self, script, seconds=PATIENCE):
-        """Waits until the script's expression is true on the page. Playwright's own waiting needs eval, which the page
-        forbids."""
+    def until(self, script, seconds=PATIENCE, before=lambda: None):
+        """Waits until the script's expression is true on the page; calls before() ahead of each look. Playwright's own
+        waiting needs eval, which the page forbids."""
         end = time.monotonic() + seconds
-        while not self.page.evaluate(f"Boolean({script})"):
-            assert time.monotonic() < end, f"{script} did not come true; {self.page.text_content('body')[:2000]}"
+        while before() or not self.page.evaluate(f"Boolean({script})"):
+            shown = self.page.inner_text("body")[:4000] if time.monotonic() > end else None
+            assert shown is None, f"not within {seconds:g} s: {script}; {shown}"
             self.page.wait_for_timeout(30)
 
     def until_text(self, name, pattern, seconds=PATIENCE):
@@ -239,10 +263,9 @@ class Cable:
 
 @pytest.fixture(scope="session")
 def tab(chromium, system):
-    """The first page, with control; `up` [s] when it was."""
+    """The first page, with control."""
     tab = Tab(chromium)
     tab.page.goto(system.address)
     tab.until("document.querySelectorAll('.tuned').length > 0")
-    tab.up = time.monotonic()
     yield tab
     tab.page.close()

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A diagnostic status as this project reads it, live and out of a bag."""
+
+import sys
+from typing import NamedTuple
+
+
+class Status(NamedTuple):
+    """One diagnostic status: time in ns of the system clock, level 0 fine, 1 warning, 2 error, 3 stale; its device."""
+
+    time: int
+    level: int
+    message: str
+    values: dict[str, str]
+    hardware: str = ""
+
+
+def named_statuses(message, time: int) -> list[tuple[str, Status]]:
+    """(name, status) of each entry of a DiagnosticArray of rclpy or rosbags, received at time [ns, system clock]."""
+    return [(said.name, _status(said, time)) for said in message.status]
+
+
+def _status(said, time):
+    values = {sys.intern(pair.key): pair.value for pair in said.values}  # the same few in thousands of messages
+    level = said.level[0] if isinstance(said.level, bytes) else int(said.level)
+    return Status(time, level, said.message, values, said.hardware_id)

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How often a property is tried: seldom in every run, MANY times as often in bench/many_examples.py."""
+
+from hypothesis import settings
+
+MANY = 20
+
+
+def tries(count):
+    """So many, or MANY times as many where hypothesis' profile is to search."""
+    return count * MANY if settings.get_current_profile_name() == "search" else count
+
+
+def few(count, **more):
+    """Settings for so many examples."""
+    return settings(max_examples=tries(count), deadline=None, **more)

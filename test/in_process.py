@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The `haptic` command without a process of its own, which takes half a second to import what is here already."""
+
+import contextlib
+import io
+import subprocess
+import sys
+
+import pytest
+
+from haptic_sim.cli.main import main
+
+
+def haptic(*words):
+    """What `haptic` with these words exits with and prints; an exception that it lets through is let through here."""
+    code, printed, said = 0, io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["haptic", *map(str, words)])
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(said):
+            try:
+                main()
+            except SystemExit as ended:
+                code = ended.code or 0
+    return subprocess.CompletedProcess(words, code, printed.getvalue(), said.getvalue())
