@@ -43,12 +43,15 @@ SLOW = {
 LIMIT = 200.0  # [s] for whatever is waited for: a node that starts on a busy machine, or compiles first
 CUT = "device_watchdog"
 STEADY = {"motor_watchdog": 2.0}  # [s] of a loopback whose servo may be held up by whatever else the machine does
-ATTENDED = {"fault__unattended": 0.0}  # of a driver whose Python may be
+PATIENT = {"fault__silence": 1.0, "fault__unattended": 0.0}  # of a driver whose device and Python may be
+BEARS = {"haptic_loopback": STEADY, "haptic_driver": PATIENT}
+"""What nodes are started with if a test does not say otherwise: no fault only because a process stood still."""
 HOLDING = {"passivity__control": False}  # of one whose walls still push after a stall: else they let go for its energy
 
 
 def command(name, namespace="/haptic", renamed=(), **given):
-    """Command line of a node; parameters with `__` for a dot; renamed: topics as old:=new."""
+    """Command line of a node; parameters with `__` for a dot, and what it BEARS; renamed: topics as old:=new."""
+    given = BEARS.get(name, {}) | given
     words = [w for key, value in given.items() for w in ("-p", f"{key.replace('__', '.')}:={parameter_text(value)}")]
     rules = [word for rule in renamed for word in ("-r", rule)]
     return [sys.executable, "-m", MODULES[name], "--ros-args", "-r", f"__ns:={namespace}", *rules, *words]
@@ -282,13 +285,13 @@ class Ear:
 
     def cleared(self):
         """No fault is latched, and the motor is off."""
-        assert self.trigger("reset")[0]
+        assert (answer := self.trigger("reset"))[0], answer
 
     def engaged(self):
         """Enables, and waits until the driver says that its forces act; what it then said."""
         heard = self.said["haptic_driver"]
         begin = len(heard)
-        assert self.trigger("enable") == (True, "enabled")
+        assert (answer := self.trigger("enable")) == (True, "enabled"), answer
         return self.until(
             lambda: next((said for said in heard[begin:] if said[2]["state"] == "engaged"), None), "it is engaged"
         )

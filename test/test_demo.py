@@ -117,7 +117,7 @@ def wait_for(condition, what: str, said=lambda: "") -> None:
 
 def test_the_peg_goes_into_the_hole_every_figure_is_reported_and_no_node_compiles(demo, monkeypatch):
     monkeypatch.setenv("NUMBA_DEBUG_CACHE", "1")  # numba says what it loads, and what it had to compile
-    run = demo("--json")
+    run = demo("--json", "--params", str(ROOT / "test" / "busy.yaml"))
     assert run.ended() == 0, run.progress
     logs = {log.stem: log.read_text() for log in (run.out / "log").glob("haptic_*.log")}
     assert all("data loaded from" in logs[name] for name in ("haptic_driver", "haptic_loopback", "haptic_simulation"))

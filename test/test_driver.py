@@ -11,11 +11,9 @@ import pytest
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from live_nodes import (
-    ATTENDED,
     CUT,
     HOLDING,
     SLOW,
-    STEADY,
     Ear,
     Nodes,
     command,
@@ -31,9 +29,8 @@ from haptic_device.node import wire
 pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
 
 WALL = {"wall__normals": [1.0, 0.0], "wall__offsets": [-0.01], "wall__stiffness": [2000.0], "wall__damping": [0.0]}
-PATIENT = {"fault__silence": 1.0, **ATTENDED, **HOLDING}
-DEVICE = {"motion__name": "follow", **STEADY}
-DRIVER = {"engage__time": 0.05, "exchange__fade": 0.05, **PATIENT, **SLOW, **WALL}
+DEVICE = {"motion__name": "follow"}
+DRIVER = {"engage__time": 0.05, "exchange__fade": 0.05, **HOLDING, **SLOW, **WALL}
 WARN, ERROR = 1, 2
 
 
@@ -395,7 +392,7 @@ def test_an_estop_latches_even_before_the_device_is_there(nodes, ear):
     assert ear.news("haptic_driver", absent, what="it misses its device")[0] == WARN
     assert ear.trigger("enable") == (False, "the servo does not run: no device, or the node is not active")
     assert ear.trigger("estop") == (True, "e-stop latched for the device that is not there yet")
-    nodes.start("haptic_loopback", **STEADY)
+    nodes.start("haptic_loopback")
     said = ear.news("haptic_driver", lambda level, message, values: values["fault"], what="a fault")
     assert said[:2] == (ERROR, "fault estop") and said[2]["state"] == "fault"
     assert ear.trigger("reset")[0] and ear.trigger("enable") == (True, "enabled")

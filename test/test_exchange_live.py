@@ -4,7 +4,7 @@
 import time
 
 import pytest
-from live_nodes import CUT, LIMIT, Ear, Nodes
+from live_nodes import LIMIT, Ear, Nodes
 
 from haptic_device.law import exchange
 from haptic_device.node import wire
@@ -42,9 +42,8 @@ def exchanging(nodes, ear):
 
 
 def engaged(ear):
-    """The next news of a driver whose forces are on; a motor that the device cut, its servo held up, is enabled."""
-    said = ear.news("haptic_driver", lambda level, message, values: values["state"] == "engaged" or values["fault"])
-    return said if said[2]["state"] == "engaged" else ear.engaged()
+    """The next news of a driver whose forces are on."""
+    return ear.news("haptic_driver", lambda level, message, values: values["state"] == "engaged", what="it is engaged")
 
 
 def pushed(ear, begin):
@@ -52,9 +51,9 @@ def pushed(ear, begin):
     return max(abs(ear.motor(truth)[:2]).max() for truth in ear.truths[begin:])
 
 
-def no_fault_but_of_the_machine(ear):
-    """Nothing that came in has latched a fault; the device may have cut the motor of a servo that was held up."""
-    return ear.last()["haptic_driver"][2]["fault"] in ("", CUT)
+def no_fault(ear):
+    """Nothing that came in has latched a fault."""
+    return ear.last()["haptic_driver"][2]["fault"] == ""
 
 
 def send(ear, publisher, message, condition, what):
@@ -117,7 +116,7 @@ def test_a_second_simulation_is_refused_counted_and_not_felt(exchanging, ear):
     level, values = send_until_said(ear, ear.tool, forged, "haptic_driver", said)
     ear.hear_handles(False)
     assert level == WARN and int(values["refused.second publisher"]) > 0
-    assert no_fault_but_of_the_machine(ear) and pushed(ear, begin) < QUIET
+    assert no_fault(ear) and pushed(ear, begin) < QUIET
 
 
 @pytest.mark.parametrize("session", ["another", "wild numbers", "other names"])
@@ -142,7 +141,7 @@ def test_a_second_driver_is_refused_and_counted_by_the_simulation_and_moves_no_t
     level, values = send_until_said(ear, publisher, forged, "haptic_simulation", f"handle messages refused: {key}")
     ear.node.destroy_publisher(publisher)
     assert level == WARN and int(values[f"refused.{key}"]) > 0
-    assert no_fault_but_of_the_machine(ear) and pushed(ear, begin) < QUIET
+    assert no_fault(ear) and pushed(ear, begin) < QUIET
 
 
 def test_wrong_stamps_and_jumps_of_the_simulation_that_is_accepted_give_no_energy_and_no_fault(
@@ -173,7 +172,7 @@ def test_wrong_stamps_and_jumps_of_the_simulation_that_is_accepted_give_no_energ
     known = ear.last()["haptic_driver"][2]["exchange_answered"]
     send(ear, ear.tool, forged, counted, "answers that are taken and others that are refused")
     ear.hear_handles(False)
-    assert no_fault_but_of_the_machine(ear)
+    assert no_fault(ear)
     assert max(truth.position[2 * ear.axes] for truth in ear.truths[begin:]) <= BUDGET
 
 

@@ -7,7 +7,7 @@ What it feels like is judged in lock-step (test_local.py).
 import threading
 
 import pytest
-from live_nodes import CUT, Ear, Nodes
+from live_nodes import Ear, Nodes
 
 from haptic_device.node import wire
 
@@ -39,15 +39,12 @@ def carrier(ros_domain, tmp_path):
 
 
 def said(ear, what, condition):
-    """Values of the next diagnostics of an engaged driver for which the condition holds; a motor that the device cut,
-    its servo held up, is enabled again."""
+    """Values of the next diagnostics of an engaged driver for which the condition holds."""
 
     def good(level, message, values):
-        return values["fault"] == CUT or (values["state"] == "engaged" and condition(values))
+        return values["state"] == "engaged" and condition(values)
 
-    while (values := ear.news("haptic_driver", good, what=what)[2])["fault"]:
-        ear.engaged()
-    return values
+    return ear.news("haptic_driver", good, what=what)[2]
 
 
 def felt(ear, what):

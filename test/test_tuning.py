@@ -216,10 +216,7 @@ def test_identify_writes_what_it_found_of_a_live_device_and_tells_it_from_the_on
     app.command()(identify)
     words = ["--loopback", tmp_path / "other.yaml", "--out", tmp_path / "found.yaml", "--seconds", 4, "--rate", 1000]
     result = CliRunner().invoke(app, [*map(str, words), "--json"])
-    if result.exit_code:  # the trace has gaps wherever nobody was there to take it: then nothing is told from it
-        [sentence] = result.stderr.strip().splitlines()
-        assert result.exit_code == 2 and "trace" in sentence and not (tmp_path / "found.yaml").exists()
-        return
+    assert result.exit_code == 0, result.stderr
     axes, written = json.loads(result.stdout)["axes"], load_device(str(tmp_path / "found.yaml"))
     told, true = load_device("desktop"), load_device(str(tmp_path / "other.yaml"))
     for had, has, axis in zip(told.axes, true.axes, written.axes, strict=True):

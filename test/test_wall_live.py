@@ -5,7 +5,7 @@ How steady and stiff it is, and what `direct` gives in its place, is judged in l
 """
 
 import pytest
-from live_nodes import ATTENDED, STEADY, Ear, Nodes
+from live_nodes import Ear, Nodes
 
 from haptic_sim.cli.demo import FAR
 from haptic_sim.cli.processes import Program
@@ -27,9 +27,9 @@ def ear(ros_domain, start, tmp_path):
     ear = Ear(ros_domain)
     start(Program("haptic_relay", "haptic_sim.node.relay", NETWORK).command())
     with Nodes(tmp_path) as nodes:
-        nodes.start("haptic_loopback", motion__name="follow", motion__start=(OUT, 0.0, 0.0), **STEADY)
+        nodes.start("haptic_loopback", motion__name="follow", motion__start=(OUT, 0.0, 0.0))
         nodes.start("haptic_simulation", scene="wall", renamed=[f"{near}:={far}" for near, far in FAR.items()])
-        nodes.start("haptic_driver", **GAINS, **ATTENDED)
+        nodes.start("haptic_driver", **GAINS)
         yield ear
     ear.close()
 

@@ -159,7 +159,10 @@ def _enabled(conductor, safe=None, began=None):
 
 
 def _rejoined(conductor, began):
-    conductor.until(lambda: conductor.engaged, PATIENCE, "the simulation")
+    conductor.until(lambda: conductor.engaged or conductor.faulty, PATIENCE, "the simulation")
+    if conductor.faulty:
+        conductor.release()
+        conductor.enable()
     recovered = time.monotonic() - began
     conductor.wait(FROZEN)
     conductor.release()

@@ -53,9 +53,17 @@ class Conductor:
         self.witness.begin()
 
     def press(self) -> None:
-        """Has the hand press the wall, and hold on until that was heard of."""
+        """Has the hand press the wall, and hold on until that was heard of; begins again after a fault."""
+
+        def pressed():
+            if self.faulty:
+                self.release()
+                self.enable()
+                self.witness.aim(PRESSED)
+            return self.force > FORCE
+
         self.witness.aim(PRESSED)
-        self.until(lambda: self.force > FORCE, PATIENCE, f"{FORCE} N at the wall")
+        self.until(pressed, PATIENCE, f"{FORCE} N at the wall")
         self.wait(HELD)
 
     def release(self) -> None:
@@ -116,6 +124,11 @@ class Conductor:
         row, truth = self.witness.row, self.witness.truth
         told = truth is not None and time.monotonic() - truth[0] < 0.1
         return self.fresh and told and row["state"] == 3.0 and row["exchange_fade"] >= 1.0
+
+    @property
+    def faulty(self) -> bool:
+        """Whether a fault is latched: one that needs a hand that lets go before it can be enabled again."""
+        return self.witness.row is not None and self.witness.row["fault"] != 0.0
 
     @property
     def force(self) -> float:

@@ -63,7 +63,9 @@ def _identify(name, loopback, seconds, force, torque, rate, domain, namespace):
     _refuse_force(described, force)
     torque = _torque(described, torque)
     told = {"device": str(Path(find("devices", name)).absolute()), "servo.rate": rate, **dict.fromkeys(_COUPLING, 0.0)}
+    told |= {"fault.silence": 1.0, "fault.unattended": 0.0}  # nobody's hand is at this one
     true = {"device": str(Path(find("devices", loopback or name)).absolute()), **dict.fromkeys(_hand(), 0.0)}
+    true["motor_watchdog"] = 1.0
     with running(domain, namespace, told, true) as (number, room, check):
         rows = record(number, room, check, described, seconds, force, torque)
     return {axis.name: estimate(rows, i, axis) for i, axis in enumerate(described.axes)}, described
