@@ -40,7 +40,7 @@ def answer_barely(folder):
 
     from haptic_device.node.tap import Untouched
     from haptic_device.node.wire import LATEST, JointLayout, JointState, exchange_names
-    from haptic_device.runtime.clock import go_realtime
+    from haptic_device.runtime.realtime import go_realtime
 
     signal.signal(signal.SIGINT, lambda *_: sys.exit())
     times = Times(folder)

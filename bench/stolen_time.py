@@ -6,46 +6,46 @@ highest real-time priority, at intervals drawn around EVERY. Needs the right to 
 beside it: none may fail.
 """
 
-import multiprocessing
 import os
 import random
+import signal
+import subprocess
 import sys
 import time
 
-
-def hold(processor, begin, hole):
-    """Holds one processor from CLOCK_MONOTONIC `begin` [s] on, for `hole` [s]."""
-    time.sleep(max(0.0, begin - time.monotonic()))
-    while time.monotonic() < begin + hole:
-        pass
+from haptic_device.runtime.process import ending_with_us
 
 
-def worker(processor, hole, every, seed):
-    """One processor's part; the same seed in all gives the same moments."""
+def hold(processor, hole, every, begin):
+    """Holds one processor time after time; the same `begin` [s of CLOCK_MONOTONIC] in all gives the same moments."""
     os.sched_setaffinity(0, [processor])
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(os.sched_get_priority_max(os.SCHED_FIFO)))
-    drawn, begin = random.Random(seed), seed
+    drawn = random.Random(begin)
     while True:
         begin += hole + drawn.expovariate(1.0 / every)
-        hold(processor, begin, hole)
+        time.sleep(max(0.0, begin - time.monotonic()))
+        while time.monotonic() < begin + hole:
+            pass
 
 
 def main():
-    hole, every = float(sys.argv[1]), float(sys.argv[2])
-    ways = multiprocessing.get_context("spawn")
+    hole, every = map(float, sys.argv[1:3])
     begin = time.monotonic() + 1.0
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     workers = [
-        ways.Process(target=worker, args=(processor, hole, every, begin), daemon=True)
+        subprocess.Popen(ending_with_us([sys.executable, __file__, *map(str, (hole, every, processor, begin))]))
         for processor in sorted(os.sched_getaffinity(0))
     ]
-    for one in workers:
-        one.start()
     try:
-        for one in workers:
-            one.join()
+        for worker in workers:
+            worker.wait()
     except KeyboardInterrupt:
         print(f"took {hole:g} s about every {hole + every:g} s for {time.monotonic() - begin:.0f} s")
 
 
 if __name__ == "__main__":
-    main()
+    if len(sys.argv) > 3:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        hold(int(sys.argv[3]), *map(float, (*sys.argv[1:3], sys.argv[4])))
+    else:
+        main()

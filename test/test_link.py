@@ -11,7 +11,7 @@ import pytest
 
 from haptic_device.device import load_device, plant_of
 from haptic_device.law import operator, plant, servo
-from haptic_device.runtime import clock, link, loop, loopback, page
+from haptic_device.runtime import clock, link, loop, loopback, page, realtime
 from haptic_device.runtime.link import PageLink
 from haptic_device.runtime.mailbox import Mailbox
 from haptic_device.runtime.servo_thread import ServoThread
@@ -279,7 +279,7 @@ def test_realtime_that_is_required_but_not_permitted_is_a_sentence_and_no_servo(
     def forbidden(*arguments):
         raise PermissionError
 
-    monkeypatch.setattr(clock.os, "sched_setscheduler", forbidden)
+    monkeypatch.setattr(realtime.os, "sched_setscheduler", forbidden)
     thread = servo_thread(realtime="require")
     with pytest.raises(PermissionError, match="realtime is require: no SCHED_FIFO 80: set `rtprio 98`"):
         thread.start()

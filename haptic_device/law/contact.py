@@ -21,24 +21,10 @@ import math
 
 import numpy as np
 
+from haptic_device.entries import COMMON, EACH, MOST
 from haptic_device.kernel import kernel
 
-MOST = 8  # contacts in a set
 FLAT_THERE, FLAT_HERE, ROUND = 1, 2, 3
-COMMON = (
-    *("session", "sequence", "answered_session", "answered"),  # of the tool sample that it goes with
-    *("scene", "offered", "trust"),  # worlds loaded so far; contacts there were; way [m] within which no other matters
-    *("mass", "inertia", "extent"),  # of the tool; farthest point from its origin
-    *("gravity_x", "gravity_y", "tool_pose_x", "tool_pose_y", "tool_pose_theta"),
-)
-EACH = (
-    *("identity", "group", "kind", "gap"),  # identity 0: no contact in this place; group 0: of none
-    *("point_x", "point_y", "tool_x", "tool_y"),  # of the other body, in the world; of the tool, in its frame
-    *("normal_x", "normal_y", "low", "high"),  # in the world; FLAT_HERE: in the tool's frame
-    *("radius", "tool_radius", "friction", "restitution"),  # radius: ρ, both together
-    *("velocity_x", "velocity_y", "turn_rate"),  # of the other body at its point
-    *("mobility", "slip_mobility", "force"),  # of the other body along normal and tangent [1/kg]; on it already [N]
-)
 IDENTITY, GROUP, KIND, GAP, POINT_X, POINT_Y, TOOL_X, TOOL_Y, NORMAL_X, NORMAL_Y, LOW, HIGH = range(12)
 RADIUS, TOOL_RADIUS, FRICTION, RESTITUTION, VELOCITY_X, VELOCITY_Y, TURN_RATE = range(12, 19)
 MOBILITY, SLIP_MOBILITY, FORCE = range(19, 22)

@@ -2,31 +2,17 @@
 """What driver and simulation tell each other, and which of the other's samples a side accepts.
 
 A sample is a vector of 3 n numbers, n = axes + tail: the `position`, `velocity` and `effort` arrays of one JointState
-behind each other. The axes carry the port; each entry of TAIL carries one number in its position slot.
+behind each other. The axes carry the port; each entry of TAIL (entries.py) carries one number in its position slot.
 """
 
 import math
 from typing import NamedTuple
 
+from haptic_device.entries import TAIL
 from haptic_device.kernel import kernel
 from haptic_device.parameter import Parameter
 
 LAYOUT_VERSION = 1
-TAIL = (
-    "layout_version",
-    "session",  # of the sender's run, random 48 bits
-    "sequence",  # own, from 1
-    "answered_session",  # session and sequence of the sample this one answers; 0 where it answers none
-    "answered",
-    "exchange_method",
-    "gains_hash",
-    "stiffness",  # of the coupling, translation [N/m], [N s/m]
-    "damping",
-    "rotational_stiffness",  # [N m/rad], [N m s/rad]
-    "rotational_damping",
-    "contact",  # 1 while the tool touches something
-    "energy",  # [J] shipped by the sender so far, cumulative so that a lost sample loses none
-)
 LAYOUT, SESSION, SEQUENCE, ANSWERED_SESSION, ANSWERED, METHOD, GAINS, GAIN_0 = range(8)
 CONTACT, ENERGY = TAIL.index("contact"), TAIL.index("energy")
 METHODS = ("direct", "wave", "pspm", "local")

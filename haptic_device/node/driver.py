@@ -21,7 +21,7 @@ from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
 from haptic_device.node.telemetry import Telemetry
-from haptic_device.runtime import clock, loop
+from haptic_device.runtime import loop, realtime
 from haptic_device.runtime.link import PageLink
 from haptic_device.runtime.page import page_name
 from haptic_device.runtime.servo_thread import ServoThread
@@ -49,7 +49,7 @@ class DriverNode(ManagedNode):
     def configure(self):
         """Reads the device description and takes the device."""
         have(*servo_groups(self.values["exchange.method"]))
-        clock.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)
+        realtime.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)
         self.device = load_device(self.values["device"])
         self._judge(operating.settings_from(self.device, self.values), self.values)
         self.link = PageLink(self.page_name(page_name), secrets.randbits(48) | 1)

@@ -11,7 +11,7 @@ from haptic_device.law import contact, servo
 from haptic_device.law import exchange as law
 from haptic_device.node import wire
 from haptic_device.node.tap import Tap
-from haptic_device.runtime import clock, exchange, loop, rcl
+from haptic_device.runtime import clock, exchange, loop, rcl, realtime
 
 PRIORITY = 60
 
@@ -106,7 +106,7 @@ class ExchangeThread:
     def _get_ready(self):
         """Urgent from here on; a thread that still compiles would keep a core from everybody for seconds."""
         if self._realtime != "off" and not self._compiled.is_set():
-            clock.go_realtime("prefer", PRIORITY)
+            realtime.go_realtime("prefer", PRIORITY)
         self._compiled.set()
 
     def _run_rclpy(self, mails, row, gains, tool):

@@ -16,7 +16,7 @@ from haptic_device.node import health, wire
 from haptic_device.node.declared import LOOPBACK
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
-from haptic_device.runtime import clock, loopback
+from haptic_device.runtime import clock, loopback, realtime
 from haptic_device.runtime.mailbox import Mailbox
 from haptic_device.runtime.page import DEVICE, Page, page_name
 
@@ -82,7 +82,7 @@ class LoopbackNode(ManagedNode):
         )
         try:
             loopback.serve.compile(tuple(map(numba.typeof, serving)))
-            self.realtime = clock.go_realtime(self.values["realtime"], PRIORITY)
+            self.realtime = realtime.go_realtime(self.values["realtime"], PRIORITY)
         except PermissionError as refusal:
             self._refused = refusal
             return

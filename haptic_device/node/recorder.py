@@ -26,7 +26,7 @@ from haptic_device.node.recorder_parameters import PARAMETERS
 from haptic_device.node.tap import Sample, Tap
 from haptic_device.node.track import Track, joining_qos, offered_qos
 from haptic_device.node.wire import STATE, TRACE, DiagnosticArray, String, diagnostics
-from haptic_device.runtime import clock
+from haptic_device.runtime import realtime
 
 _JOINTS, _CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 KNOWN = {  # joined before their publishers exist, so that no first message is missed
@@ -73,9 +73,9 @@ class Recorder(Node):
         self._mark = self.create_publisher(String, "mark", TRACE)
         self.create_service(Trigger, "~/mark", self._on_mark)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._realtime = clock.go_realtime(self.parameters["realtime"], PRIORITY)
-        clock.lift_threads(self.parameters["realtime"], PRIORITY)
-        self._realtime = clock.stay_on_one_core(self._realtime)
+        self._realtime = realtime.go_realtime(self.parameters["realtime"], PRIORITY)
+        realtime.lift_threads(self.parameters["realtime"], PRIORITY)
+        self._realtime = realtime.stay_on_one_core(self._realtime)
         self.create_timer(_DIAGNOSTICS_PERIOD, self._report)
 
     def on_configure(self, state: State) -> TransitionCallbackReturn:

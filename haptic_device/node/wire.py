@@ -18,7 +18,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import String
 
-from haptic_device.law import contact, exchange
+from haptic_device.entries import COMMON, EACH, TAIL
 from haptic_device.status import Status, named_statuses
 
 __all__ = [
@@ -56,7 +56,7 @@ LEVELS = {"ok": DiagnosticStatus.OK, "warn": DiagnosticStatus.WARN, "error": Dia
 
 def exchange_names(axes):
     """Names of a handle or tool message with that many axes."""
-    return AXES[:axes] + exchange.TAIL
+    return AXES[:axes] + TAIL
 
 
 def truth_names(axes):
@@ -205,8 +205,8 @@ class CloudLayout:
         return whole + bytes(-len(whole) % 4)  # as it arrives: RTPS rounds a payload up to four bytes
 
 
-NEAR = np.dtype([(name, "f8") for name in contact.COMMON + contact.EACH])
-"""A point of `local_contacts`: what the whole set says, and one contact. A message has contact.MOST of them."""
+NEAR = np.dtype([(name, "f8") for name in COMMON + EACH])
+"""A point of `local_contacts`: what the whole set says, and one contact. A message has MOST (entries.py) of them."""
 
 
 class StampedLayout:

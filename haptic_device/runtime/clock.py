@@ -1,10 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time and the operating system's real-time facilities; the only file that asks what time it is."""
-
-import ctypes
-import os
-import resource
-import threading
+"""Time for kernels; with realtime.py the only file that asks what time it is."""
 
 import numpy as np
 from numba import types
@@ -13,8 +8,6 @@ from haptic_device.kernel import kernel
 
 MONOTONIC, REALTIME = 1, 0
 TIMER_ABSTIME = 1
-PR_SET_TIMERSLACK = 29
-MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 
 _gettime = types.ExternalFunction("clock_gettime", types.int32(types.int32, types.CPointer(types.int64)))
 _nanosleep = types.ExternalFunction(
@@ -41,81 +34,6 @@ def sleep_until(deadline, scratch):
     """Sleeps to an absolute CLOCK_MONOTONIC time [ns]; returns at once if it has passed."""
     scratch[0], scratch[1] = deadline // 1_000_000_000, deadline % 1_000_000_000
     _nanosleep(MONOTONIC, TIMER_ABSTIME, scratch.ctypes, scratch.ctypes)
-
-
-def go_realtime(wish, priority):
-    """Gives the calling thread what `wish` (require | prefer | off) asks for; returns one sentence of what it has.
-
-    SCHED_FIFO at priority, timer slack of 1 ns, and memory locked. Raises PermissionError with what is missing and
-    how to grant it if wish is `require`.
-    """
-    _libc().prctl(PR_SET_TIMERSLACK, ctypes.c_ulong(1), 0, 0, 0)
-    if wish == "off":
-        return "realtime off"
-    missing = [sentence for sentence in (try_fifo(priority), lock_memory()) if sentence]
-    if missing and wish == "require":
-        raise PermissionError("; ".join(missing))
-    return "; ".join(missing) or f"SCHED_FIFO {priority}, memory locked"
-
-
-def try_fifo(priority):
-    """Gives the calling thread SCHED_FIFO at this priority; returns what is missing, or ""."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
-    except PermissionError:
-        return f"no SCHED_FIFO {priority}: set `rtprio 98` for your group in /etc/security/limits.d and log in again"
-    return ""
-
-
-def lift_threads(wish, priority):
-    """Gives every thread of this process but the caller SCHED_RR at priority, where permitted and wished.
-
-    Meant for the middleware's own threads, before ours are started: a real-time thread would otherwise wait for locks
-    that they hold while ordinary load keeps them from running (priority inversion). In turns and not SCHED_FIFO,
-    because some of them spin for one another: of two on one core the first would never let the other run.
-    """
-    if wish == "off":
-        return
-    for thread in os.listdir("/proc/self/task"):
-        if int(thread) != threading.get_native_id():
-            try:
-                os.sched_setscheduler(int(thread), os.SCHED_RR, os.sched_param(priority))
-            except (PermissionError, ProcessLookupError):
-                continue
-
-
-def stay_on_one_core(has):
-    """Keeps all threads of this process, and those they start, to its first core, if the caller has SCHED_FIFO.
-
-    Takes the sentence of go_realtime, and returns what is true now. The threads take turns there (SCHED_RR), the caller
-    too: a thread of the middleware that spun for another one held this core for good with SCHED_FIFO.
-
-    Meant for what wakes often and moves nothing. A more urgent thread that wakes where such a one runs puts it off, and
-    stays; but if it may run nowhere else, the kernel wakes the urgent one on another core, from then on (Linux,
-    kernel/sched/rt.c: select_task_rq_rt). There nobody spoils the caches of the servo.
-    """
-    if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK != os.SCHED_FIFO:
-        return has
-    first, priority = {min(os.sched_getaffinity(0))}, os.sched_getparam(0)
-    os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, priority)
-    for thread in os.listdir("/proc/self/task"):
-        try:
-            os.sched_setaffinity(int(thread), first)
-        except ProcessLookupError:
-            continue
-    return has.replace("SCHED_FIFO", "SCHED_RR")
-
-
-def lock_memory():
-    """Locks pages as they are touched from now on; returns what is missing, or ""."""
-    limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
-    if _libc().mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT):
-        return f"memory not locked: memlock limit is {limit // 1024} KiB; set `memlock unlimited` in limits.d"
-    return ""
-
-
-def _libc():
-    return ctypes.CDLL(None, use_errno=True)
 
 
 def scratch():

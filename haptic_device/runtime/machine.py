@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from haptic_device import cache
-from haptic_device.runtime import clock
+from haptic_device.runtime import realtime
 from haptic_device.whole import PLAIN
 
 _PR_GET_TIMERSLACK = 30
@@ -51,7 +51,7 @@ def _preemption():
 
 def _fifo(priority):
     said = []
-    thread = threading.Thread(target=lambda: said.append(clock.try_fifo(priority)))
+    thread = threading.Thread(target=lambda: said.append(realtime.try_fifo(priority)))
     thread.start()
     thread.join()
     limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]

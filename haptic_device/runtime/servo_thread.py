@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from haptic_device.law import contact, engage, fault, servo
-from haptic_device.runtime import clock, link, loop, recompute
+from haptic_device.runtime import clock, link, loop, realtime, recompute
 from haptic_device.runtime.exchange import GAINS
 from haptic_device.runtime.mailbox import Mailbox, Ring
 
@@ -102,7 +102,7 @@ class ServoThread:
 
     def _run(self):
         try:
-            self.realtime = clock.go_realtime(self._wish, PRIORITY)
+            self.realtime = realtime.go_realtime(self._wish, PRIORITY)
         except PermissionError as refusal:
             self._refused = refusal
             return

@@ -23,9 +23,10 @@ def follow(seconds: float | None, domain: int, check: Callable[[], None]) -> boo
     """
     with contextlib.closing(Live(domain)) as live, keys() as pressed, _display() as show:
         check = _stopping(live, pressed, check)
-        began = _wait(lambda: live.motor_commanded, START_LIMIT, live, check, show)
-        if began is None:
+        if _wait(lambda: live.motor_commanded or _faulty(live), START_LIMIT, live, check, show) is None:
             raise ValueError(f"no motor command came within {START_LIMIT:.0f} s; {_reason(live)}")
+        if not live.motor_commanded:
+            raise ValueError(f"no motor command came; {_reason(live)}")
         if seconds is not None:
             _wait(lambda: False, seconds, live, check, show)
             return True
@@ -67,6 +68,11 @@ def _line(live: Live) -> str:
         if said := live.said("haptic_driver", name):
             parts.append(f"{label} {said}")
     return "   ".join(parts)
+
+
+def _faulty(live: Live) -> bool:
+    """Whether the driver waits for a person: after a fault it enables no more by itself."""
+    return "haptic_driver" in live.statuses and bool(live.said("haptic_driver", "fault"))
 
 
 def _reason(live: Live) -> str:

@@ -15,7 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from haptic_device.law import exchange
 from haptic_device.node.tap import Untouched
 from haptic_device.node.wire import AXES, LATEST, JointLayout, JointState, exchange_names
-from haptic_device.runtime.clock import go_realtime
+from haptic_device.runtime.realtime import go_realtime
 
 LOOK_UP_NS = 50_000_000
 PRIORITY = 60

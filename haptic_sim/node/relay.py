@@ -17,7 +17,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.tap import Tap
 from haptic_device.node.wire import LATEST, STREAM, JointState, PointCloud2
-from haptic_device.runtime.clock import go_realtime
+from haptic_device.runtime.realtime import go_realtime
 from haptic_sim.node.declared import RELAY
 
 LONGEST_WAIT_NS = 20_000_000

@@ -12,7 +12,7 @@ from haptic_device.node import health, wire
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
-from haptic_device.runtime.clock import go_realtime, lift_threads
+from haptic_device.runtime.realtime import go_realtime, lift_threads
 from haptic_sim.at_once import compile_for
 from haptic_sim.compile.groups import groups_of
 from haptic_sim.node.declared import PARAMETERS
