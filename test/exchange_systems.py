@@ -6,6 +6,7 @@ from collections import deque
 
 import numpy as np
 from lockstep_systems import device, values
+from ticks import tick
 
 from haptic_device import operating
 from haptic_device.analysis import exchange_search as adversary
@@ -70,7 +71,7 @@ def reference(method, late, seconds=6.0):
             record["tool_position"][0], record["tool_velocity"][0] = tool.position[0] - 0.01, tool.velocity[0]
             record["tool_effort"][0], record["tool_energy"] = tool.force_on_tool[0], tool.energy
             record["tool_contact"], record["tool_age"] = tool.contact, 2e-3 * late
-        servo.tick(settings[0], memory[0], record)
+        tick(settings, memory, row)
         force = record["force_on_handle"][0]
         port = (record["position"][0] + 0.01, 0.0, 0.0), (record["velocity"][0], 0.0, 0.0)
         shipped = (record["exchange_effort"][0], 0.0, 0.0), record["exchange_energy"]
@@ -100,7 +101,7 @@ def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, mi
             record["command"], record["device_status"] = engage.ENABLE, fault.FRESH
             record["counts"] = np.round(place * 1e9)
             _wild_sample(record, random, k, unit)
-            servo.tick(settings[0], memory[0], record)
+            tick(settings, memory, row)
             most = max(most, given + _books(settings[0], memory[0], record))
         if k % wide == 0:
             way = random.normal(size=3) * step

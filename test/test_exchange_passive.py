@@ -7,10 +7,11 @@ from examples import few
 from exchange_systems import GAINS, credited, demo_system, one_axis, reference
 from hypothesis import given
 from hypothesis import strategies as st
+from ticks import tick
 
 from haptic_device.analysis import exchange_search as adversary
 from haptic_device.analysis import port_search
-from haptic_device.law import coupling, engage, fault, port, servo
+from haptic_device.law import coupling, engage, fault, port
 from haptic_sim.bench import stalling
 from haptic_sim.lockstep import Network
 from haptic_sim.scene import load
@@ -89,7 +90,7 @@ def held_still(given, ages):
         row["latched"] = row["deadline"] = (k + 1) * given["period"][0] * 1e9
         row["command"], row["device_status"], row["counts"][0] = engage.ENABLE, fault.FRESH, round(-0.004 / step)
         row["tool_session"], row["tool_answered"], row["tool_contact"], row["tool_age"] = 1.0, k + 1.0, 1.0, age
-        servo.tick(given[0], memory[0], row[0])
+        tick(given, memory, row)
         if k == 0:
             memory["set"][0, 0] = 0.0  # as after a press that the tank has paid
             memory["tank"] = 0.5 * given["exchange_tank"][0]
@@ -214,12 +215,12 @@ def test_counts_that_are_old_pay_nothing_back_and_let_nothing_rise(enabled):
     memory, row, before = pressed(given)
     row["deadline"] += given["period"][0] * 1e9
     row["command"], memory["engage"] = (engage.ENABLE, 0.5) if enabled else (0, 1.0)
-    servo.tick(given[0], memory[0], row[0])
+    tick(given, memory, row)
     assert row["engage"][0] == (0.5 if enabled else 0.0)
     assert memory["tank"][0] <= (before if enabled else 0.0)
     row["deadline"] += given["period"][0] * 1e9
     row["latched"] = row["deadline"]
-    servo.tick(given[0], memory[0], row[0])
+    tick(given, memory, row)
     assert row["engage"][0] == pytest.approx(0.5 + given["period"][0] / given["engage_time"][0] if enabled else 0.0)
 
 
@@ -292,7 +293,7 @@ def after(given, memory, row, time, way, status):
     row["deadline"], row["device_status"] = row["latched"], status
     row["counts"][0, 0] += round(way / given["position_per_count"][0, 0])
     row["tool_answered"] += 1.0
-    servo.tick(given[0], memory[0], row[0])
+    tick(given, memory, row)
 
 
 def pressed(given):
@@ -304,7 +305,7 @@ def pressed(given):
         row["tool_session"], row["tool_answered"], row["tool_contact"] = 1.0, k + 1.0, 1.0
         if k == 1:
             memory["set"][0, 0], memory["tank"], memory["stretched"][0, 0] = 0.0, 0.02, 0.004
-        servo.tick(given[0], memory[0], row[0])
+        tick(given, memory, row)
     assert row["force_on_handle"][0, 0] > 1.0
     return memory, row, float(memory["tank"][0])
 
@@ -319,7 +320,7 @@ def test_the_fault_of_what_is_not_a_number_books_no_force(field):
         row["tool_position"][0, 0] = 1e3
     row["latched"] += given["period"][0] * 1e9
     row["deadline"] = row["latched"]
-    servo.tick(given[0], memory[0], row[0])
+    tick(given, memory, row)
     assert row["fault"][0] == fault.NOT_A_NUMBER and not row["motor"].any()
     assert row["engage"][0] == 0.0 and memory["factor"][0] == 0.0 and memory["spring"][0, 0] == 0.0
     assert memory["tank"][0] <= before + stored + 1e-9
@@ -361,6 +362,6 @@ def test_a_sample_that_is_not_a_number_stops_the_motor_and_leaves_the_tank_as_it
     row[field] = value
     row["latched"] += 1e6
     row["deadline"] = row["latched"]
-    servo.tick(given[0], memory[0], row[0])
+    tick(given, memory, row)
     assert not row["motor"].any() and np.isfinite(row["force_on_handle"]).all()
     assert memory["tank"][0] == tank

@@ -7,10 +7,11 @@ from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
 from lockstep_systems import wall_system
+from ticks import tick
 
 from haptic_device import operating
 from haptic_device.analysis import exchange_search
-from haptic_device.law import engage, fault, passivity, servo
+from haptic_device.law import engage, fault, passivity
 from haptic_sim.bench import stalling
 
 TICK = 1 / 4000.0
@@ -73,14 +74,14 @@ def test_the_injected_damping_never_exceeds_the_physical_one():
 def generated_on_the_way_in(lengths):
     """Energy [J] that the observer finds as the handle goes 0.1 mm a tick into a wall of 0.9 of its bound, and the
     ticks with damping injected; each is as many periods after the last one as `lengths` says."""
-    settings = wall_system(0.9 * 2.0 / TICK, 0.0, 0.0, counts=1e7, passivity__budget=1e-6).settings[0]
+    settings = wall_system(0.9 * 2.0 / TICK, 0.0, 0.0, counts=1e7, passivity__budget=1e-6).settings
     (memory, row), time = exchange_search.engaged(), 0.0
     for k, length in enumerate(lengths):
         time += length * TICK * 1e9
         row["latched"] = row["deadline"] = time
         row["command"], row["device_status"] = engage.ENABLE, fault.FRESH
         row["counts"][0, 0] = -round(1e-4 * k * 1e7)
-        servo.tick(settings, memory[0], row[0])
+        tick(settings, memory, row)
     return row["generated"][0, 0], row["injections"][0]
 
 
@@ -107,7 +108,7 @@ class Led:
     """A servo whose handle goes where it is told, x = −depth [m], in a hold of so many periods."""
 
     def __init__(self, stiffness, **driver):
-        self.settings = wall_system(stiffness, 0.0, 0.0, counts=1e7, **driver).settings[0]
+        self.settings = wall_system(stiffness, 0.0, 0.0, counts=1e7, **driver).settings
         (self.memory, self.row), self.time, self.depth, self.given = exchange_search.engaged(), 0.0, 0.0, 0.0
 
     def go(self, depth, periods=1.0, status=fault.FRESH, command=engage.ENABLE):
@@ -117,7 +118,7 @@ class Led:
         self.row["latched"] = self.row["deadline"] = self.time
         self.row["command"], self.row["device_status"] = command, status
         self.row["counts"][0, 0] = -round(depth * 1e7)
-        servo.tick(self.settings, self.memory[0], self.row[0])
+        tick(self.settings, self.memory, self.row)
         return float(self.row["force_walls"][0, 0])
 
 

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lockstep_systems import device, values
+from ticks import tick
 
 from haptic_device import operating
 from haptic_device.law import engage, fault, servo, wall
@@ -54,7 +55,7 @@ class Servo:
             given["latched"] = self.memory["latched"][0]
         for name, value in given.items():
             row[name] = value
-        servo.tick(self.settings[0], self.memory[0], row[0])
+        tick(self.settings, self.memory, row)
         self.rows.append(row)
         return row.view(np.recarray)[0]
 
@@ -421,8 +422,8 @@ def replay(rows, settings):
     inputs = [name for name in servo.TICK.names if name in {column.rstrip("*#^") for column in servo.INPUTS}]
     for name in inputs:
         again[name] = rows[name]
-    for row in again:
-        servo.tick(settings[0], memory[0], row)
+    for k in range(len(again)):
+        tick(settings, memory, again[k : k + 1])
     return again
 
 
