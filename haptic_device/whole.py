@@ -7,6 +7,9 @@ is an ordinary `numba.njit`: the same bits, some three times as long to compile 
 or is "".
 """
 
+import importlib
+import sys
+
 import numba
 
 from haptic_device import cache
@@ -15,6 +18,18 @@ KNOWN = ("0.68",)
 """Versions of numba that fused.py was tested with; setup.py names the same."""
 ERROR_MODEL = "numpy"  # division by zero follows IEEE 754, nothing raises
 _OPTIONS = {"nogil": True, "error_model": ERROR_MODEL}
+
+
+def _skip_blas():
+    """Has numba's array functions loaded without its search for BLAS: that imports scipy.linalg, 0.2 s of every node's
+    start, and no kernel multiplies matrices."""
+    blas = "scipy.linalg.cython_blas"
+    if blas not in sys.modules:
+        sys.modules[blas] = None
+        try:
+            importlib.import_module("numba.np.arraymath")
+        finally:
+            del sys.modules[blas]
 
 
 def _why_plain():
@@ -30,6 +45,7 @@ def _why_plain():
     return fused, ""
 
 
+_skip_blas()
 _fused, PLAIN = (None, "the compiler is off") if numba.config.DISABLE_JIT else _why_plain()
 
 
