@@ -15,10 +15,11 @@ from haptic_device import operating
 from haptic_device.analysis import exchange_search, port_search
 from haptic_device.analysis.exchange_search import FREE, Adversary
 from haptic_device.device import load_device
-from haptic_device.law.exchange import METHODS
 from haptic_device.node.declared import NODES
+from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_sim.port_limits import BUDGET
 from haptic_sim.simulation import HandleSample
-from haptic_sim.tool_port import BUDGET, port_of
+from haptic_sim.tool_port import port_of
 
 STIFFNESS, DAMPING, PERIOD, STEP = 1000.0, 0.25, 1e-3, 5e-6
 LEAST = STIFFNESS * PERIOD / 2.0 + DAMPING
@@ -48,7 +49,7 @@ def show(method, what, adversary, given, evaluations, seed):
 
 def main():
     evaluations = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
-    methods = sys.argv[2:] or METHODS
+    methods = sys.argv[2:] or EXCHANGE_METHODS
     budget = float(settings("pspm")["exchange_budget"][0])
     print(f"{evaluations} evaluations a row; budget {budget * 1e3:g} mJ")
     print("method  what            late  loss     given mJ  credited mJ  force N    N/ms")

@@ -13,8 +13,8 @@ import numpy as np
 from haptic_device import operating
 from haptic_device.device import load_device
 from haptic_device.law import engage, fault, servo
-from haptic_device.law.exchange import METHODS
 from haptic_device.node.declared import NODES
+from haptic_device.parameters import EXCHANGE_METHODS
 
 TICKS, TURNS = 20_000, 15
 
@@ -49,9 +49,9 @@ def timed(method):
 
 
 def main():
-    found = {method: [] for method in METHODS}
+    found = {method: [] for method in EXCHANGE_METHODS}
     for turn in range(TURNS + 1):
-        for method in METHODS:
+        for method in EXCHANGE_METHODS:
             work = timed(method)
             if turn > 0:  # the first compiles
                 found[method].append(work)

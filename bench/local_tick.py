@@ -17,8 +17,8 @@ import numpy as np
 from haptic_device import operating
 from haptic_device.device import load_device
 from haptic_device.law import complementarity, contact, engage, fault, local, servo
-from haptic_device.law.exchange import METHODS
 from haptic_device.node.declared import NODES
+from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.runtime import clock
 
 PERIOD_NS = 250_000
@@ -60,7 +60,7 @@ def slot():
 def main():
     ticks = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
     print("method   median us   p99.9 us   worst us    work us   systems: mean, most   acting")
-    for method in ("direct", METHODS[-1]):
+    for method in ("direct", EXCHANGE_METHODS[-1]):
         values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]}
         values |= {"exchange.method": method, "coupling.stiffness": 2000.0, "coupling.damping": 2.0,
                    "coupling.rotational_stiffness": 2.0, "coupling.rotational_damping": 0.002,

@@ -90,8 +90,8 @@ def exchanged(scene, method, port):
 def servo():
     """Rows of the servo in lock-step with a peg on its way into the hole, and the same ticks computed again."""
     from haptic_device.device import load_device
-    from haptic_device.law.exchange import METHODS
     from haptic_device.node.declared import NODES
+    from haptic_device.parameters import EXCHANGE_METHODS
     from haptic_device.runtime import recompute
     from haptic_sim.lockstep import Lockstep
     from haptic_sim.node.declared import PARAMETERS
@@ -101,7 +101,7 @@ def servo():
     found, scene = {}, load("peg_in_hole")
     values = {node: {one.name: one.default for one in declared} for node, declared in NODES.items()}
     hand = values["haptic_loopback"] | {f"motion.{key}": value for key, value in scene.motion.items()}
-    for method in METHODS:
+    for method in EXCHANGE_METHODS:
         driver = values["haptic_driver"] | {"exchange.method": method}
         world = {one.name: one.default for one in PARAMETERS} | {"exchange.method": method}
         system = Lockstep(load_device("desktop"), driver, hand, Simulation.by_parameters(scene, world))

@@ -20,7 +20,7 @@ import llvmlite.binding
 ROOMS = ("haptic_device/law", "haptic_device/runtime", "haptic_sim/method")
 BESIDE = (  # what compiles, and whose constants are compiled in
     "haptic_device/cache.py", "haptic_device/entries.py", "haptic_device/kernel.py", "haptic_device/whole.py",
-    "haptic_device/fused.py", "haptic_sim/compile/model.py",
+    "haptic_device/fused.py", "haptic_device/parameters.py", "haptic_sim/compile/model.py",
     "haptic_device/analysis/exchange_search.py", "haptic_device/analysis/contact_search.py",
 )  # fmt: skip
 KEPT = 4  # folders; older ones are removed

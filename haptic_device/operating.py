@@ -7,33 +7,15 @@ import numpy as np
 
 from haptic_device.device import plant_of, settings_of
 from haptic_device.law import (
-    cancellation,
-    coupling,
     encoder,
-    engage,
     exchange,
-    fault,
-    local,
     operator,
     passivity,
     plant,
-    servo,
-    wall,
 )
+from haptic_device.parameters import ESTIMATORS, EXCHANGE_METHODS, MOST_WALLS, SOURCES
 from haptic_device.runtime.exchange import GAINS
 
-PARAMETERS = (
-    *servo.PARAMETERS,
-    *coupling.PARAMETERS,
-    *wall.PARAMETERS,
-    *cancellation.PARAMETERS,
-    *encoder.PARAMETERS,
-    *engage.PARAMETERS,
-    *exchange.PARAMETERS,
-    *local.PARAMETERS,
-    *passivity.PARAMETERS,
-    *fault.PARAMETERS,
-)
 ARM = 0.05  # [m] between grip and tip, which turns accelerations into angular ones
 SWITCHED = 2.0
 """Times |B| that a damper may need whose velocity comes from windows of any lengths: |v̂| is at most the largest mean of
@@ -96,8 +78,8 @@ def settings_from(device, values, version=0):
     settings["version"], settings["period"] = version, 1.0 / values["servo.rate"]
     for name, field in DIRECT.items():
         settings[field] = values[name]
-    settings["velocity_estimator"] = encoder.ESTIMATORS.index(values["velocity.estimator"])
-    settings["cancellation_source"] = cancellation.SOURCES.index(values["cancellation.source"])
+    settings["velocity_estimator"] = ESTIMATORS.index(values["velocity.estimator"])
+    settings["cancellation_source"] = SOURCES.index(values["cancellation.source"])
     for name, field in (("stiffness", "stiffness"), ("damping", "damping")):
         settings[field][0, :2] = values[f"coupling.{name}"]
         settings[field][0, 2] = values[f"coupling.rotational_{name}"]
@@ -111,7 +93,7 @@ def settings_from(device, values, version=0):
 
 def _set_exchange(settings, values):
     """Settings of the exchange that follow from others."""
-    settings["exchange_method"] = exchange.METHODS.index(values["exchange.method"])
+    settings["exchange_method"] = EXCHANGE_METHODS.index(values["exchange.method"])
     settings["exchange_play"] = max(2.0 / values["servo.rate"], 1.0 / values["exchange.rate"])
     held = settings["device_limit"] - np.abs(settings["gravity"])
     settings["coupling_limit"] = np.maximum(0.0, np.minimum(settings["force_limit"], held / settings["scale"]))
@@ -278,8 +260,8 @@ def _together(settings, lateness):
 def _set_walls(settings, values):
     offsets, normals = values["wall.offsets"], values["wall.normals"]
     count = len(offsets)
-    if count > wall.MOST:
-        raise ValueError(f"wall.offsets names {count} walls; the limit is {wall.MOST}")
+    if count > MOST_WALLS:
+        raise ValueError(f"wall.offsets names {count} walls; the limit is {MOST_WALLS}")
     for name, per_wall in (("wall.normals", 2), ("wall.stiffness", 1), ("wall.damping", 1)):
         if len(values[name]) != per_wall * count:
             raise ValueError(f"{name} has {len(values[name])} numbers; {count} walls need {per_wall * count}")

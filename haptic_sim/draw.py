@@ -8,6 +8,7 @@ from matplotlib import patches
 from matplotlib.figure import Figure
 
 from haptic_device.law import operator
+from haptic_device.parameters import OPERATOR
 from haptic_sim.joint import WORLD
 from haptic_sim.scene import Scene
 from haptic_sim.shape import turned
@@ -38,7 +39,7 @@ def draw(scene: Scene, axes) -> None:
 
 def handle_way(scene: Scene) -> np.ndarray:
     """Places (x, y, theta) of the suggested motion's hand, evenly in time."""
-    values = {parameter.name: parameter.default for parameter in operator.PARAMETERS}
+    values = {parameter.name: parameter.default for parameter in OPERATOR}
     values |= {"motion.start": scene.tool.pose, "motion.target": scene.tool.pose}
     motion = operator.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
     way = np.empty((POINTS, 3))

@@ -11,6 +11,7 @@ import numpy as np
 
 from haptic_device import operating
 from haptic_device.law import contact, engage, exchange, local, servo
+from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.runtime import loop
 from haptic_sim.simulation import HandleSample, Simulation
 
@@ -52,7 +53,7 @@ class Lockstep:
         self.exchange_period = SECOND / driver["exchange.rate"]
         self.write_delay, self.command = round(write_delay * SECOND), engage.ENABLE
         self._random = np.random.default_rng(network.seed)
-        self.near, self._local = np.zeros(1, contact.SET), driver["exchange.method"] == exchange.METHODS[exchange.LOCAL]
+        self.near, self._local = np.zeros(1, contact.SET), driver["exchange.method"] == EXCHANGE_METHODS[exchange.LOCAL]
         self._sent, self._asked = 0, 0  # handle samples sent; the newest that the simulation has taken
         self._going, self._coming = [], []  # on their way: (arrival [ns], sequence, sent [ns], sample)
 

@@ -12,6 +12,7 @@ from haptic_device.node.bag import Bag
 from haptic_device.node.bag_information import dump
 from haptic_device.node.making import YAML
 from haptic_device.parameter import SECTION
+from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.runtime import recompute
 
 JOINTS, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
@@ -119,7 +120,7 @@ class LockstepBag:
         driver = self._point.driver
         gains = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
         known = {name: driver[f"coupling.{name}"] for name in gains} | {"layout_version": exchange.LAYOUT_VERSION}
-        known["exchange_method"] = exchange.METHODS.index(driver["exchange.method"])
+        known["exchange_method"] = EXCHANGE_METHODS.index(driver["exchange.method"])
         names = self._axes + exchange.TAIL
         zeros = np.zeros(len(names))
         return self._joints(names, [known.get(name, 0.0) for name in names], zeros, zeros, EPOCH)

@@ -19,6 +19,7 @@ from haptic_sim.outline import finest_feature
 from haptic_sim.shape import Number, Part, Point, above_zero
 from haptic_sim.solid import TOOL, Body, Material, Solid, Tool
 
+AUTO = "auto"  # of the parameter method: as the scene asks, or as fits it
 METHODS = ("impulse", "penalty_explicit", "penalty_implicit", "partitioned", "closed_form")
 """Simulation methods, by their file in haptic_sim/method."""
 Time = Annotated[Number, above_zero("s")]

@@ -15,11 +15,11 @@ from haptic_sim.local_contacts import LocalContacts
 from haptic_sim.method import Coupling
 from haptic_sim.method.registry import make
 from haptic_sim.method.stepwise import step_by_step, through_port
-from haptic_sim.scene import Scene
-from haptic_sim.tool_port import Direct, Limits, Modulated, Port, port_of
+from haptic_sim.port_limits import Limits
+from haptic_sim.scene import AUTO, Scene
+from haptic_sim.tool_port import Direct, Modulated, Port, port_of
 
 Planar = tuple[float, float, float]
-AUTO = "auto"  # of the parameter method: as the scene asks, or as fits it
 SECOND = 1_000_000_000
 
 

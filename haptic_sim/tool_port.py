@@ -4,26 +4,14 @@
 Each sub-step `drive` gives the handle that the method couples the tool with, and `book` takes what came of it.
 """
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from haptic_device.law import exchange, port, wave
+from haptic_device.law import port, wave
+from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim.method import Coupling, Planar
-
-BUDGET = 0.05
-"""Energy [J] the tool port may supply before any has been shipped, and keep; what is over goes back to the device."""
-
-
-class Limits(NamedTuple):
-    """Of what the device's samples make of the force on the tool: force [N], torque [N m], change of force [N/s]."""
-
-    force: float = 20.0
-    torque: float = 1.0
-    slew: float = 2000.0
-
-
-LIMITS = Limits()
+from haptic_sim.port_limits import BUDGET, LIMITS, Limits
 
 
 class Port(Protocol):
@@ -206,7 +194,7 @@ class Waves(Drawn):
 
 def port_of(method: str, budget: float = BUDGET, limits: Limits = LIMITS) -> Port:
     """The port of an exchange method; ValueError if there is none of this name."""
-    if method not in exchange.METHODS:
-        raise ValueError(f"exchange.method is {method}; there are {', '.join(exchange.METHODS)}")
+    if method not in EXCHANGE_METHODS:
+        raise ValueError(f"exchange.method is {method}; there are {', '.join(EXCHANGE_METHODS)}")
     made = {"direct": Direct, "wave": lambda: Waves(limits)}
     return made.get(method, lambda: Modulated(budget, limits))()

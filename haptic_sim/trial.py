@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_device.law import operator
+from haptic_device.parameters import OPERATOR
 from haptic_sim.clearance import body_distance
 from haptic_sim.compile import compile_scene
 from haptic_sim.joint import WORLD
@@ -39,7 +40,7 @@ class Outcome(NamedTuple):
 
 def hand(scene: Scene, angle: float = 0.0):
     """time [s] → where the suggested motion leads the handle (x, y, theta), the plane turned by `angle` [rad]."""
-    values = {parameter.name: parameter.default for parameter in operator.PARAMETERS}
+    values = {parameter.name: parameter.default for parameter in OPERATOR}
     values |= {"motion.start": scene.tool.pose, "motion.target": scene.tool.pose}
     motion = operator.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
     place = np.empty(3)

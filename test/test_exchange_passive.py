@@ -14,9 +14,10 @@ from haptic_device.analysis import port_search
 from haptic_device.law import coupling, engage, fault, port
 from haptic_sim.bench import stalling
 from haptic_sim.lockstep import Network
+from haptic_sim.port_limits import BUDGET, Limits
 from haptic_sim.scene import load
 from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.tool_port import BUDGET, Limits, port_of
+from haptic_sim.tool_port import port_of
 
 PASSIVE = ("wave", "pspm")
 BOUND = 0.005 + 1e-7  # [J] exchange.budget, and what rounding of a path of newtons makes of it

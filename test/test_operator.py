@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_device.law import operator
+from haptic_device.parameters import OPERATOR, SCRIPTS
 
 START, TARGET = (0.01, 0.05, 0.1), (0.03, -0.02, -0.2)
 
 
 def script(name, **given):
-    values = {parameter.name: parameter.default for parameter in operator.PARAMETERS}
+    values = {parameter.name: parameter.default for parameter in OPERATOR}
     values.update({"motion.name": name, "motion.start": START, "motion.target": TARGET})
     return operator.script(values | {f"motion.{key}": value for key, value in given.items()})[0]
 
@@ -51,7 +52,7 @@ def test_a_script_begins_and_ends_at_rest_and_its_velocity_has_no_step(name):
 
 
 def test_every_script_but_follow_is_here():
-    assert set(operator.SCRIPTS) == {*ENDS, "follow"}
+    assert set(SCRIPTS) == {*ENDS, "follow"}
 
 
 def test_between_waypoints_the_hand_moves_with_least_jerk():

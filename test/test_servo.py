@@ -11,7 +11,8 @@ from lockstep_systems import device, values
 from ticks import tick
 
 from haptic_device import operating
-from haptic_device.law import engage, fault, servo, wall
+from haptic_device.law import engage, fault, servo
+from haptic_device.parameters import MOST_WALLS
 from haptic_device.runtime import loop
 
 PERIOD = 1 / 4000.0
@@ -91,10 +92,10 @@ def test_a_wall_pushes_along_its_normal_by_its_stiffness_times_the_depth(angle):
 
 
 def test_sixty_four_walls_round_the_handle_each_push_by_their_own_depth():
-    turns = 2.0 * np.pi * np.arange(wall.MOST) / wall.MOST
-    normals, stiffness = -np.column_stack([np.cos(turns), np.sin(turns)]), np.linspace(500.0, 1500.0, wall.MOST)
-    ring = {"wall__normals": tuple(normals.ravel()), "wall__offsets": (-0.02,) * wall.MOST,
-            "wall__stiffness": tuple(stiffness), "wall__damping": (0.0,) * wall.MOST}  # fmt: skip
+    turns = 2.0 * np.pi * np.arange(MOST_WALLS) / MOST_WALLS
+    normals, stiffness = -np.column_stack([np.cos(turns), np.sin(turns)]), np.linspace(500.0, 1500.0, MOST_WALLS)
+    ring = {"wall__normals": tuple(normals.ravel()), "wall__offsets": (-0.02,) * MOST_WALLS,
+            "wall__stiffness": tuple(stiffness), "wall__damping": (0.0,) * MOST_WALLS}  # fmt: skip
     place = 0.021 * np.array([math.cos(0.3), math.sin(0.3)])
     depth = np.maximum(0.0, -0.02 - normals @ place)
     row = Servo(**ring, **FREE).move((*place, 0.0))

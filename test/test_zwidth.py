@@ -26,6 +26,7 @@ from haptic_device.analysis.zwidth import (
 from haptic_device.analysis.zwidth_map import Request, boundaries, draw_map, write_csv
 from haptic_device.device import Axis, Device, plant_of
 from haptic_device.law import engage, operator, plant, servo
+from haptic_device.parameters import DRIVER, OPERATOR
 from haptic_device.runtime import loop, zwidth_cell
 
 PRESSED = (Operator(pressed=True),)
@@ -39,7 +40,7 @@ def whole_servo(setup, start, stiffness, damping):
         mass=setup.mass, damping=setup.physical_damping, coulomb=setup.coulomb,
     )  # fmt: skip
     device = Device(name="one axis", axes=(axis,), gravity=(-start.push / setup.mass, 0.0), gravity_compensation=False)
-    values = {parameter.name: parameter.default for parameter in operating.PARAMETERS}
+    values = {parameter.name: parameter.default for parameter in DRIVER}
     values |= {"servo.rate": 1.0 / setup.period, "force.limit": 1e6, "velocity.lag": setup.velocity_lag}
     values |= {"velocity.estimator": "lowpass", "passivity.control": False}
     values |= {"coupling.stiffness": 0.0, "coupling.damping": 0.0, "fault.saturation": 60.0}
@@ -51,7 +52,7 @@ def whole_servo(setup, start, stiffness, damping):
     body, state = plant_of(device).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
     body.actuation_delay = round(setup.delay_samples * setup.period * 1e9)
     state.position[0, 0], state.velocity[0, 0] = -start.position, -start.velocity
-    motion = operator.script({p.name: p.default for p in operator.PARAMETERS}).view(np.recarray)
+    motion = operator.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
     tool, most, period = np.zeros(1, loop.TOOL).view(np.recarray), 0.0, round(setup.period * 1e9)
     for k in range(round(setup.seconds / setup.period) + 1):
         row = np.zeros(1, servo.TICK).view(np.recarray)

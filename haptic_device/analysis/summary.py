@@ -7,8 +7,8 @@ All figures are of the ticks with the motor engaged (`engage` > 0).
 import numpy as np
 
 from haptic_device.analysis.recording import Joints, Recording
-from haptic_device.law.exchange import METHODS
 from haptic_device.law.fault import name_of
+from haptic_device.parameters import EXCHANGE_METHODS
 
 _MICRO, _MILLI = 1e6, 1e3
 
@@ -121,7 +121,7 @@ def conditions(recording: Recording) -> dict[str, str]:
         labels["T"] = f"{1e6 / float(rate):.0f} µs"
     if damping := said.get("physical_damping"):
         labels["b"] = _with_units(damping.split(", "))
-    return labels | {"exchange": METHODS[int(recording.joint("handle").entry("exchange_method")[-1])]}
+    return labels | {"exchange": EXCHANGE_METHODS[int(recording.joint("handle").entry("exchange_method")[-1])]}
 
 
 def _with_units(damping: list[str]) -> str:

@@ -4,27 +4,9 @@
 import math
 
 from haptic_device.kernel import kernel
-from haptic_device.parameter import Parameter
 
-SOURCES = ("model", "measured")
 MODEL, MEASURED = range(2)
 GUARD = 2.0  # measured drag beyond this many times the described damping is not believed
-
-PARAMETERS = (
-    Parameter("cancellation.ratio", 0.0, "", "part of the physical damping cancelled in free space", 0.0, 0.98, True),
-    Parameter(
-        "cancellation.source",
-        "model",
-        "",
-        "drag as the device is described, or as measured",
-        live=True,
-        choices=SOURCES,
-    ),
-    Parameter("cancellation.filter", 0.002, "s", "time constant of the filter on measured drag", 0.0, 0.1, True),
-    Parameter("cancellation.band", 0.005, "m", "distance before a wall over which it fades out", 1e-5, 1.0, True),
-    Parameter("cancellation.twist", 0.01, "rad", "coupling twist at which it is faded out", 1e-5, 1.0, True),
-    Parameter("cancellation.stretch", 0.001, "m", "coupling stretch at which it is faded out", 1e-6, 1.0, True),
-)
 
 
 @kernel

@@ -4,14 +4,6 @@
 import math
 
 from haptic_device.kernel import kernel
-from haptic_device.parameter import Parameter
-
-PARAMETERS = (
-    Parameter("coupling.stiffness", 1000.0, "N/m", "stiffness K between handle and tool, x and y", 0.0, 1e5, True),
-    Parameter("coupling.damping", 1.0, "N s/m", "damping B between handle and tool, x and y", 0.0, 1e3, True),
-    Parameter("coupling.rotational_stiffness", 1.0, "N m/rad", "stiffness about theta", 0.0, 1e3, True),
-    Parameter("coupling.rotational_damping", 0.001, "N m s/rad", "damping about theta", 0.0, 10.0, True),
-)
 
 
 @kernel

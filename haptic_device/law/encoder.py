@@ -2,24 +2,9 @@
 """Encoder counts to position, and positions to velocity."""
 
 from haptic_device.kernel import kernel
-from haptic_device.parameter import Parameter
+from haptic_device.parameters import KEPT
 
-ESTIMATORS = ("backward_difference", "lowpass", "adaptive_window")
 BACKWARD_DIFFERENCE, LOWPASS, ADAPTIVE_WINDOW = range(3)
-KEPT = 33  # samples: windows of up to 32 ticks
-
-PARAMETERS = (
-    Parameter(
-        "velocity.estimator",
-        "backward_difference",
-        "",
-        "how velocity comes from position",
-        live=True,
-        choices=ESTIMATORS,
-    ),
-    Parameter("velocity.lag", 0.001, "s", "time constant of the lowpass estimate", 0.0, 0.1, True),
-    Parameter("velocity.window", 16, "ticks", "longest adaptive window", 1, KEPT - 1, True),
-)
 
 
 @kernel

@@ -2,17 +2,10 @@
 """Engaging: forces rise over a set time, and only after the wanted force has been small."""
 
 from haptic_device.kernel import kernel
-from haptic_device.parameter import Parameter
 
 IDLE, WAITING, ENGAGING, ENGAGED, FAULT = range(5)
 STATES = ("idle", "waiting for a small force", "engaging", "engaged", "fault")
 ENABLE, ESTOP, CLUTCH, UNATTENDED, RESET = 1, 2, 4, 8, 16  # the command word: flags, then resets in steps of RESET
-
-PARAMETERS = (
-    Parameter("engage.time", 0.5, "s", "time over which forces rise after enabling", 0.01, 10.0, True),
-    Parameter("engage.torque", 0.1, "N m", "and the wanted torque below this", 0.001, 10.0, True),
-    Parameter("engage.force", 1.0, "N", "engaging begins only while the wanted force is below this", 0.01, 100.0, True),
-)
 
 
 @kernel

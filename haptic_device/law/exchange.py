@@ -10,12 +10,10 @@ from typing import NamedTuple
 
 from haptic_device.entries import TAIL
 from haptic_device.kernel import kernel
-from haptic_device.parameter import Parameter
 
 LAYOUT_VERSION = 1
 LAYOUT, SESSION, SEQUENCE, ANSWERED_SESSION, ANSWERED, METHOD, GAINS, GAIN_0 = range(8)
 CONTACT, ENERGY = TAIL.index("contact"), TAIL.index("energy")
-METHODS = ("direct", "wave", "pspm", "local")
 DIRECT, WAVE, PSPM, LOCAL = range(4)
 LIMIT = 1e6  # [m, rad, m/s, N …] nothing real exceeds it; a sample beyond it is noise
 
@@ -30,18 +28,6 @@ REFUSALS = (
     "other coupling gains",
     "second publisher",
     "other axis names or size",
-)
-
-PARAMETERS = (
-    Parameter("exchange.rate", 1000.0, "Hz", "handle samples sent to the simulation per second", 100.0, 2000.0),
-    Parameter("exchange.method", "pspm", "", "what both sides do with each other's samples", choices=METHODS),
-    Parameter("exchange.hold", 0.06, "s", "age up to which a tool sample is held at full force", 0.001, 2.0, True),
-    Parameter("exchange.budget", 0.005, "J", "energy the coupling may give before the hand has paid any", 0.0, 1.0),
-    Parameter("exchange.tank", 0.05, "J", "energy kept to pay for set positions; the rest is shipped", 0.0, 10.0),
-    Parameter("exchange.horizon", 0.06, "s", "time over which the tool's motion is foretold, at most", 0.0, 0.5, True),
-    Parameter("exchange.slew", 400.0, "N/s", "fastest change of force by the tool's samples alone", 1.0, 1e6, True),
-    Parameter("exchange.agility", 20.0, "m/s^2", "acceleration that a free tool is given credit for", 0.0, 1e4, True),
-    Parameter("exchange.fade", 0.14, "s", "time over which the coupling then lets go, and returns", 0.001, 5.0, True),
 )
 
 

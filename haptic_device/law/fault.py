@@ -4,7 +4,6 @@
 from typing import NamedTuple
 
 from haptic_device.kernel import kernel
-from haptic_device.parameter import Parameter
 
 NONE, ESTOP, DEVICE_SILENT, NOT_A_NUMBER, ENCODER_JUMP, POSITION, VELOCITY, SATURATION, DEVICE_WATCHDOG = range(9)
 DUTY, UNATTENDED = 9, 10
@@ -67,27 +66,6 @@ TABLE = (
         "~/reset",
     ),
 )  # fmt: skip
-
-PARAMETERS = (
-    Parameter(
-        "fault.silence", 0.02, "s", "time without an answer of the device that latches device_silent", 0.001, 1.0
-    ),
-    Parameter(
-        "fault.saturation", 1.0, "s", "time of wanting more than the motor limit before saturation", 0.01, 60.0, True
-    ),
-    Parameter(
-        "fault.duty", 1.0, "", "share of the motor limit that may be held for ever; more latches duty", 0.01, 1.0, True
-    ),
-    Parameter("fault.duty_time", 20.0, "s", "time constant of a motor's warmth", 0.01, 3600.0, True),
-    Parameter(
-        "fault.unattended",
-        5.0,
-        "s",
-        "time without python, which hears services, that latches unattended; 0: never",
-        0.0,
-        3600.0,
-    ),
-)
 
 
 def name_of(code):

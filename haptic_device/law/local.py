@@ -29,7 +29,6 @@ import math
 
 from haptic_device.kernel import kernel
 from haptic_device.law import complementarity, contact, coupling, tank
-from haptic_device.parameter import Parameter
 
 AXES = 3
 KEPT = 64  # ticks for which the pushes against movable bodies are remembered
@@ -40,14 +39,6 @@ GRIP = 1e-3  # compliance of stiction, in that of the contact
 FIELDS = len(contact.EACH)
 LOCKED = 1e9  # mass of an axis that the device lacks
 AWAY, ACTING = 0.0, 1.0
-
-PARAMETERS = (
-    Parameter("local.compliance", 1e-9, "m/N", "of a contact in the servo", 1e-10, 1e-5, True),
-    Parameter("local.apart", 0.005, "m", "between the tools of servo and simulation, beyond which pspm takes over",
-              1e-4, 1.0, True),
-    Parameter("local.hold", 0.06, "s", "age up to which local contacts count", 0.001, 2.0, True),
-    Parameter("local.rejoin", 0.02, "s", "time for which all must be well before they count again", 0.0, 1.0, True),
-)  # fmt: skip
 
 
 @kernel

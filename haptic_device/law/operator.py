@@ -9,7 +9,6 @@ import math
 import numpy as np
 
 from haptic_device.kernel import kernel
-from haptic_device.parameter import Parameter
 
 MOST = 32  # waypoints
 WAYPOINTS, CIRCLE, FOLLOW, PATH = range(4)  # a path is waypoints joined by straight lines
@@ -26,25 +25,6 @@ MOTION = np.dtype(
         ("lag", "f8"),  # [s] of a followed target
         ("started", "i8"),  # [ns] on the device's clock; 0 = the hand still waits at the first point
     ]
-)
-
-SCRIPTS = ("hold", "insert_peg", "press_wall", "tap", "circle", "let_go", "follow")
-
-PARAMETERS = (
-    Parameter("hand.mass", 0.1, "kg", "mass of the hand that moves with the handle, x and y", 0.0, 10.0),
-    Parameter("hand.damping", 8.0, "N s/m", "damper between the hand's target and the handle", 0.0, 500.0),
-    Parameter("hand.stiffness", 500.0, "N/m", "spring between the hand's target and the handle", 0.0, 10000.0),
-    Parameter("hand.rotational_mass", 0.0001, "kg m^2", "inertia of the hand about theta", 0.0, 1.0),
-    Parameter("hand.rotational_damping", 0.02, "N m s/rad", "damper about theta", 0.0, 10.0),
-    Parameter("hand.rotational_stiffness", 1.0, "N m/rad", "spring about theta", 0.0, 1000.0),
-    Parameter("motion.name", "hold", "", "the hand's script; follow: it runs after operator/target", choices=SCRIPTS),
-    Parameter("motion.start", (0.0, 0.0, 0.0), "m, m, rad", "where handle and hand begin", -10.0, 10.0),
-    Parameter("motion.target", (0.0, 0.0, 0.0), "m, m, rad", "where the script leads", -1000.0, 1000.0),
-    Parameter("motion.duration", 4.0, "s", "time of the whole script", 0.1, 36000.0),
-    Parameter("motion.radius", 0.03, "m", "of the circle, whose rightmost point is motion.start", 0.0, 1.0),
-    Parameter("motion.turns", 4.0, "", "turns of the circle", 0.0, 10000.0),
-    Parameter("motion.taps", 5, "", "how often tap goes to the target and back", 1, 15),
-    Parameter("motion.lag", 0.01, "s", "time constant with which follow runs after the target", 0.001, 1.0),
 )
 
 

@@ -4,23 +4,6 @@
 import math
 
 from haptic_device.kernel import kernel
-from haptic_device.parameter import Parameter
-
-POLICIES = ("enforce", "warn", "off")
-PARAMETERS = (
-    Parameter(
-        "passivity.policy",
-        "enforce",
-        "",
-        "gains beyond the device's damping are refused (enforce), said (warn) or taken (off)",
-        live=True,
-        choices=POLICIES,
-    ),
-    Parameter("passivity.control", True, "", "inject damping when the observer finds energy generated", live=True),
-    Parameter(
-        "passivity.budget", 0.001, "J", "energy generated, per axis, before damping is injected", 0.0, 10.0, True
-    ),
-)
 
 
 @kernel

@@ -25,23 +25,14 @@ from haptic_device.law import (
     observer,
     wall,
 )
-from haptic_device.parameter import Parameter
+from haptic_device.parameters import MOST_WALLS
 
 AXES = 3  # x, y, theta; a device with fewer leaves the rest at zero
-
-PARAMETERS = (
-    Parameter("servo.rate", 4000.0, "Hz", "ticks of the servo loop per second", 500.0, 10000.0),
-    Parameter("force.limit", 20.0, "N", "largest force on the handle, each of x and y", 0.0, 1000.0, True),
-    Parameter("force.limit_rotational", 1.0, "N m", "largest torque on the handle", 0.0, 100.0, True),
-    Parameter(
-        "clutch.open", False, "", "let the device move without the handle in the world; no force meanwhile", live=True
-    ),
-)
 
 
 def _columns(*names):
     """Structured type of float64 columns; `name*` is one per axis, `name#` one per wall, `name^` a history."""
-    widths = {"*": AXES, "#": wall.MOST, "^": encoder.KEPT}
+    widths = {"*": AXES, "#": MOST_WALLS, "^": encoder.KEPT}
     return np.dtype([(n.rstrip("*#^"), "f8", (widths[n[-1]],)) if n[-1] in widths else (n, "f8") for n in names])
 
 

@@ -2,24 +2,6 @@
 """Half-plane wall at the handle: unilateral spring and damper (Colgate, Stanley & Brown 1995, section 3)."""
 
 from haptic_device.kernel import kernel
-from haptic_device.parameter import Parameter
-
-MOST = 64  # walls; settings are a record of fixed size
-
-PARAMETERS = (
-    Parameter("wall.normals", (), "", "outward unit normals of all walls, flat: nx, ny of each", -1.0, 1.0, True),
-    Parameter(
-        "wall.offsets",
-        (),
-        "m",
-        f"position of each wall along its normal, at most {MOST} walls; the handle is free beyond it",
-        -10.0,
-        10.0,
-        True,
-    ),
-    Parameter("wall.stiffness", (), "N/m", "stiffness K of each wall", 0.0, 1e6, True),
-    Parameter("wall.damping", (), "N s/m", "damping B of each wall, backward difference", 0.0, 1e4, True),
-)
 
 
 @kernel

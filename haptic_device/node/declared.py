@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of the device's nodes, gathered; readable without ROS."""
 
-from haptic_device import operating
-from haptic_device.law import operator
+from haptic_device import parameters
 from haptic_device.node import health, recorder_parameters
 from haptic_device.parameter import Parameter
 
@@ -13,7 +12,7 @@ COMMON = (
 )
 DRIVER = (
     *COMMON,
-    *operating.PARAMETERS,
+    *parameters.DRIVER,
     Parameter("auto_enable", False, "", "enable as soon as the device answers, as if ~/enable had been called"),
     Parameter("auto_enable_wait", 0.0, "s", "longest that auto_enable waits for a tool's first answer", 0.0, 600.0),
     Parameter(
@@ -26,7 +25,7 @@ DRIVER = (
 )
 LOOPBACK = (
     *COMMON,
-    *operator.PARAMETERS,
+    *parameters.OPERATOR,
     Parameter("motor_watchdog", 0.015, "s", "time without a write after which the motor is cut", 1e-3, 10.0),
     Parameter("publish.rate", 500.0, "Hz", "operator/state", 1.0, 1000.0),
     *health.parameters(health.LOOPBACK),

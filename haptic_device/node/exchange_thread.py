@@ -11,6 +11,7 @@ from haptic_device.law import contact, servo
 from haptic_device.law import exchange as law
 from haptic_device.node import wire
 from haptic_device.node.tap import Tap
+from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.runtime import clock, exchange, loop, rcl, realtime
 
 PRIORITY = 60
@@ -26,12 +27,12 @@ class ExchangeThread:
         self.frame = exchange.make_frame(layout.template, layout.fixed, layout.offsets, layout.count)
         self.state, self.watch = np.zeros(1, exchange.STATE), np.zeros(exchange.WATCHES, np.int64)
         self.state["session"], self.state["axes"] = secrets.randbits(48) | 1, axes
-        self.state["method"] = law.METHODS.index(values["exchange.method"])
+        self.state["method"] = EXCHANGE_METHODS.index(values["exchange.method"])
         self._node = node
         self._publisher = node.create_publisher(wire.JointState, "handle", wire.LATEST)
         self._tap = Tap(node, "tool", "sensor_msgs/msg/JointState", wire.LATEST, raw=True)
         self.near_frame = exchange.make_near_frame(*wire.CloudLayout(wire.NEAR).fixed(contact.MOST))
-        local = values["exchange.method"] == law.METHODS[law.LOCAL]
+        local = values["exchange.method"] == EXCHANGE_METHODS[law.LOCAL]
         self._near = (
             Tap(node, "local_contacts", "sensor_msgs/msg/PointCloud2", wire.LATEST, raw=True) if local else None
         )

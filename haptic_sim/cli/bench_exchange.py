@@ -12,8 +12,8 @@ import numpy as np
 import typer
 
 from haptic_device.device import load_device
-from haptic_device.law.exchange import METHODS, PARAMETERS
 from haptic_device.parameter import read_operating_point
+from haptic_device.parameters import EXCHANGE, EXCHANGE_METHODS
 from haptic_device.share import find
 from haptic_sim.cli.bench_jobs import RESUME, SCHEDULER, WORKERS, Crew, Kept, sweep
 from haptic_sim.cli.nodes import NODES
@@ -27,7 +27,7 @@ CIRCLE = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.radi
 SECONDS = 3.0
 _DELAYS, _RATES = "Round trip (ms) [0 1 2 5 10 20 50 100].", "Handle samples a second [1000]."
 _ROUND_TRIP = "Handle to tool to handle on running nodes at each rate [500 1000 2000], beside a bare ping-pong."
-BUDGET = next(one.default for one in PARAMETERS if one.name == "exchange.budget")  # [J]
+BUDGET = next(one.default for one in EXCHANGE if one.name == "exchange.budget")  # [J]
 TURNING = 2.0 * np.pi * 3.0 / (0.9 * SECONDS)  # [rad/s] between easing in and out
 
 
@@ -89,7 +89,7 @@ def exchange(
         return
     delays = [value * 1e-3 for value in delay or (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)]
     cases = [Case(name, late, jitter * late, lost, fast) for lost, fast, late, name in
-             itertools.product(loss or (0.0,), rate or (1000.0,), delays, method or METHODS)]  # fmt: skip
+             itertools.product(loss or (0.0,), rate or (1000.0,), delays, method or EXCHANGE_METHODS)]  # fmt: skip
     kept = Kept(resume, f"exchange at {params}, live: {live}")
     jobs = {json.dumps(case): (case, params, live) for case in cases}
     sweep(measure, jobs, Crew(1 if live else workers or len(os.sched_getaffinity(0)), scheduler), kept)

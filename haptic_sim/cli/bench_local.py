@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from haptic_device.law.exchange import METHODS
+from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim.cli.bench_jobs import RESUME, Crew, Kept, deaths_told, sweep
 from haptic_sim.cli.local_felt import NETWORKS, Felt, compare, insertion, measure
 
@@ -34,7 +34,7 @@ def local(
     """The tool in the servo: stiffness against drag for every method, Fig. 5, scenes against the synchronous world."""
     networks = (LIVE_NETWORK,) if live else tuple(NETWORKS)
     jobs = {
-        "felt": [(hertz, name) for hertz in rate or (1000.0, 4000.0, 10000.0) for name in METHODS],
+        "felt": [(hertz, name) for hertz in rate or (1000.0, 4000.0, 10000.0) for name in EXCHANGE_METHODS],
         "insertion": [(deep, gain) for gain in ROTATION for deep in DEPTHS],
         "tasks": [(scene, name) for scene in task or TASKS for name in networks],
     }

@@ -8,8 +8,8 @@ import typer
 
 from haptic_device import operating, ros_yaml
 from haptic_device.device import load_device
-from haptic_device.law import operator
 from haptic_device.parameter import SECTION, check_value, operating_point_problems, read_operating_point, unknown
+from haptic_device.parameters import OPERATOR
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.scene import load as load_scene
 
@@ -57,7 +57,7 @@ def _together(path):
 
 def _motion(motion):
     """What the loopback would refuse of a scene's suggested motion."""
-    known = {parameter.name: parameter for parameter in operator.PARAMETERS}
+    known = {parameter.name: parameter for parameter in OPERATOR}
     for key, value in motion.items():
         if f"motion.{key}" not in known:
             return [unknown(f"motion.{key}", "a parameter of haptic_loopback", known)]

@@ -7,6 +7,7 @@ from haptic_device import operating
 from haptic_device.analysis import probe
 from haptic_device.device import plant_of
 from haptic_device.law import engage, operator, plant, servo
+from haptic_device.parameters import DRIVER, OPERATOR
 from haptic_device.runtime import loop
 
 HAND = {"mass": 0.05, "damping": 0.5, "stiffness": 100.0}  # light: it calms little
@@ -22,7 +23,7 @@ class Twin:
 
     def __init__(self, device, rate, damping, write_delay=0.0):
         self.device, self.damping, self.delay = device, damping, int(write_delay * 1e9)
-        self.values = {parameter.name: parameter.default for parameter in operating.PARAMETERS}
+        self.values = {parameter.name: parameter.default for parameter in DRIVER}
         self.values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
         self.values |= {"passivity.control": False}
         self.period = round(1e9 / rate)
@@ -54,7 +55,7 @@ class Twin:
         memory = np.zeros(1, servo.MEMORY).view(np.recarray)
         memory.state, memory.engage = engage.ENGAGED, 1.0
         body, state = self._body(start)
-        motion = operator.script({p.name: p.default for p in operator.PARAMETERS} | {"motion.name": "follow"})
+        motion = operator.script({p.name: p.default for p in OPERATOR} | {"motion.name": "follow"})
         motion, tool = motion.view(np.recarray), np.zeros(1, loop.TOOL).view(np.recarray)
         ticks = max(1, round(EVERY * 1e9 / self.period))
         rows, samples = np.zeros(ticks, servo.TICK).view(np.recarray), []

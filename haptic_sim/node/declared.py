@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of haptic_simulation and haptic_relay."""
 
-from haptic_device.law.exchange import PARAMETERS as EXCHANGE
 from haptic_device.node import health
 from haptic_device.parameter import Parameter
-from haptic_sim.scene import METHODS
-from haptic_sim.simulation import AUTO
-from haptic_sim.tool_port import BUDGET, LIMITS
+from haptic_device.parameters import EXCHANGE
+from haptic_sim.port_limits import BUDGET, LIMITS
+from haptic_sim.scene import AUTO, METHODS
 
 PARAMETERS = (
     Parameter("autostart", True, "", "configure and activate by itself at start"),

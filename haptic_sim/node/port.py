@@ -13,6 +13,7 @@ import numpy as np
 
 from haptic_device.law import contact, exchange
 from haptic_device.node.wire import NEAR, CloudLayout, JointLayout, exchange_names
+from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim.simulation import HandleSample, Planar, ToolSample
 
 SILENCE_NS = 500_000_000
@@ -38,7 +39,7 @@ class Port:
     """
 
     def __init__(self, home: Planar, method: str = "pspm"):
-        self.home, self._method = home, float(exchange.METHODS.index(method))
+        self.home, self._method = home, float(EXCHANGE_METHODS.index(method))
         self.session = float(secrets.randbits(48) | 1)
         self.refused = dict.fromkeys(exchange.REFUSALS[1:], 0)
         self._layouts = {axes: JointLayout(exchange_names(axes)) for axes in (1, 2, 3)}

@@ -112,8 +112,7 @@ class Ghost:
         from haptic_device.device import load_device
         from haptic_device.law import operator
         from haptic_sim.lockstep import Lockstep, Network
-        from haptic_sim.node.declared import AUTO
-        from haptic_sim.scene import parse
+        from haptic_sim.scene import AUTO, parse
         from haptic_sim.simulation import Simulation
         from haptic_sim.tool_port import port_of
 

@@ -1,0 +1,18 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the tool port may do by default."""
+
+from typing import NamedTuple
+
+BUDGET = 0.05
+"""Energy [J] the tool port may supply before any has been shipped, and keep; what is over goes back to the device."""
+
+
+class Limits(NamedTuple):
+    """Of what the device's samples make of the force on the tool: force [N], torque [N m], change of force [N/s]."""
+
+    force: float = 20.0
+    torque: float = 1.0
+    slew: float = 2000.0
+
+
+LIMITS = Limits()
