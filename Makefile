@@ -57,6 +57,7 @@ demo: setup
 	@$(BIN)/haptic demo $(ARGS)
 
 check: setup
+	@$(BIN)/haptic compile  # what was edited since
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python -m pytest -m "not live" -n 2 --dist worksteal

@@ -4,8 +4,8 @@
 `python bench/cold_starts.py [COUNT [BUSY]]`: COUNT starts of `haptic demo --scene wall --seconds 1` (15), beside BUSY
 processes that do nothing but count (0). A line each: time to the first motor command and of the whole [s], lines that
 said what is compiled, processes left behind. Then SIGINT and SIGTERM while it compiles: time until everything has
-ended, and whether the next demo, on that cache, does its work. Exit code 1 if one stood still, left something behind or
-failed.
+ended, and whether the next demo, on that cache, does its work. Exit code 1 if one stood still, left something behind,
+failed, or ended late.
 """
 
 import contextlib
@@ -23,6 +23,7 @@ import psutil
 
 STILL = 600.0  # [s] after which a start stands still
 DEMO = [sys.executable, "-m", "haptic_sim.cli.main", "demo", "--scene", "wall", "--seconds", "1", "--json"]
+GONE = 1.0  # [s] after a signal, when nothing of it may be left
 COMPILING = "compiling the servo, once for this machine"
 
 
@@ -92,7 +93,7 @@ def main(count, busy):
                 seconds = interrupted(Path(folder), number)
                 line, fine, _ = whole(Path(folder), "after")
             print(f"{number.name} while it compiles: all ended after {seconds:.2f} s; then {line}", flush=True)
-            good = good and fine
+            good = good and fine and seconds <= GONE
     finally:
         for loop in loops:
             loop.kill()
