@@ -23,6 +23,11 @@ BESIDE = (  # what compiles, and whose constants are compiled in
     "haptic_device/fused.py", "haptic_device/parameters.py", "haptic_sim/compile/model.py",
     "haptic_device/analysis/exchange_search.py", "haptic_device/analysis/contact_search.py",
 )  # fmt: skip
+DECIDE = (  # which kernels of these sources a group compiles, and for what types
+    "haptic_device/device.py", "haptic_device/node/kernels.py", "haptic_device/node/wire.py",
+    "haptic_device/operating.py", "haptic_sim/at_once.py", "haptic_sim/kernels.py", "haptic_sim/local_contacts.py",
+    "haptic_sim/simulation.py", "haptic_sim/tool_port.py",
+)  # fmt: skip
 KEPT = 4  # folders; older ones are removed
 ROOM = 16 * 2**20  # bytes that must be free: all kernels take less
 MEMORY = Path("/dev/shm")  # where kernels are kept until the next restart if the user's cache cannot be written
@@ -48,8 +53,10 @@ def sources_digest():
 
 
 def stamp():
-    """Where the sources are and when they were written: numba looks at both. 16 hexadecimal digits."""
-    facts = [(str(source), source.stat().st_mtime_ns) for source in sources()]
+    """Where the sources are and when they were written: numba looks at both; and of what decides which kernels of them
+    are compiled. 16 hexadecimal digits."""
+    files = *sources(), *(ROOT / name for name in DECIDE)
+    facts = [(str(file), file.stat().st_mtime_ns) for file in files]
     return hashlib.sha256(repr(facts).encode()).hexdigest()[:16]
 
 

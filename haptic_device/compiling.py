@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from haptic_device import cache
-from haptic_device.runtime.process import ending_with_us
+from haptic_device.runtime.process import ending_with_us, own_environment, running_module
 
 GROUPS = (  # in one tuple: what shares a file of the cache, compiled one after the other; the longest come first
     ("methods", "methods of penalty"),
@@ -70,8 +70,10 @@ def have(*names):
     left = missing(names)
     if not left or os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
         return
-    command = [sys.executable, "-m", "haptic_device.compiling", *left]
-    with subprocess.Popen(ending_with_us(command), stdin=subprocess.DEVNULL, start_new_session=True) as process:
+    command = ending_with_us([*running_module("haptic_device.compiling"), *left])
+    with subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, start_new_session=True, env=own_environment()
+    ) as process:
         try:
             process.wait()
         finally:  # interrupted
@@ -98,7 +100,9 @@ def _stamp():
 
 def compile_groups(wanted, show):
     """Compiles these groups on all cores; returns sentences on those that could not be. show(Progress): how it goes."""
-    with _wish(wanted), _lock(show) as tell:
+    with _wish(wanted), _lock(wanted, show) as tell:
+        if not missing(wanted):  # somebody else has compiled them
+            return []
 
         def say(progress):
             show(progress)
@@ -137,14 +141,20 @@ def _wanted():
 
 
 @contextlib.contextmanager
-def _lock(show):
-    """Nobody else compiles for this cache meanwhile; yields a function that tells those who wait how it goes."""
+def _lock(wanted, show):
+    """Nobody else compiles for this cache meanwhile; yields a function that tells those who wait how it goes.
+
+    It yields None, without the lock, once somebody else has compiled all that is wanted.
+    """
     with open(Path(cache.FOLDER) / "compiling", "a+", encoding="utf-8") as file:
         while True:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 break
             except BlockingIOError:
+                if not missing(wanted):
+                    yield None
+                    return
                 file.seek(0)
                 with contextlib.suppress(ValueError, TypeError):  # just being written
                     show(Progress(*map(int, file.read().split())))
@@ -229,8 +239,8 @@ class _State(NamedTuple):
 
 @contextlib.contextmanager
 def _worker():
-    command = ending_with_us([sys.executable, "-m", "haptic_device.compiling", "--worker"])
-    worker = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    command = ending_with_us([*running_module("haptic_device.compiling"), "--worker"])
+    worker = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=own_environment())
     try:
         yield worker
     finally:
@@ -298,6 +308,9 @@ def main(wanted):
 
     if PLAIN:
         print(f"{PLAIN}: compiled by plain numba.njit, which takes longer", file=sys.stderr, flush=True)
+    if strangers := sorted({*wanted} - {*names()}):
+        print(f"no kernels are called {', '.join(strangers)}; there are {', '.join(names())}", file=sys.stderr)
+        return 1
     with _display() as show:
         wrong = compile_groups(wanted or names(), show)
     for sentence in wrong:

@@ -2,6 +2,7 @@
 """`haptic chaos` in its short form on live nodes; its figures on made-up records; `haptic status` and its keys."""
 
 import json
+import math
 import os
 import pty
 import signal
@@ -135,6 +136,7 @@ def test_chaos_in_its_short_form_leaves_energy_within_its_budget_only_known_faul
     for event in found["events"]:
         assert set(event["wrong"]) <= BY_THE_CLOCK, progress  # its faults and its energy were as they may be
         assert event["force"] > conductor.FORCE and event["runs"] == 1
+        assert event["safe"] is not None and math.isfinite(event["safe"])  # it went off, or let go, however late
     assert "estop" in found["events"][-1]["faults"], progress
 
 

@@ -17,6 +17,8 @@ from haptic_device.cache import BESIDE, ROOMS
 from haptic_device.law import servo
 from haptic_device.whole import PLAIN, part, whole
 
+pytestmark = pytest.mark.timeout(600)
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -34,6 +36,15 @@ def tree(tmp_path):
     for package in ("haptic_device", "haptic_sim"):
         shutil.copytree(ROOT / package, tmp_path / "tree" / package, ignore=shutil.ignore_patterns("__pycache__"))
     return tmp_path / "tree"
+
+
+@pytest.mark.parametrize("name", ["haptic_device/operating.py", "haptic_device/law/wall.py"])
+def test_after_an_edit_of_what_decides_which_kernels_there_are_nothing_is_said_to_be_compiled(tree, name):
+    ask = "from haptic_device import cache; print(cache.stamp())"
+    before = python(ask, tree)
+    assert python(ask, tree) == before
+    os.utime(tree / name, (1.0, 1.0))
+    assert python(ask, tree) != before
 
 
 ASK = """

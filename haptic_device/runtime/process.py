@@ -7,6 +7,7 @@ import signal
 import sys
 
 _PR_SET_PDEATHSIG = 1
+_ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
@@ -29,6 +30,20 @@ def ending_with_us(command: list[str]) -> list[str]:
     ours runs between fork and exec, where a process that has threads may not run Python.
     """
     return [sys.executable, "-I", "-S", __file__, str(os.getpid()), *map(str, command)]
+
+
+def running_module(module: str) -> list[str]:
+    """The beginning of a command line that runs a module of this very package, in `own_environment()`.
+
+    Without -P Python would look into the current folder first, where a clone may lie beside an installed package.
+    """
+    return [sys.executable, "-P", "-m", module]
+
+
+def own_environment() -> dict[str, str]:
+    """This environment, in which Python finds this very package first."""
+    others = os.environ.get("PYTHONPATH")
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([_ROOT, *([others] if others else [])])}
 
 
 if __name__ == "__main__":

@@ -63,7 +63,7 @@ def measure(out: Path, short: bool, names: list[str]) -> None:
     Raises ValueError if it lacks some of a run of another length.
     """
     from haptic_device.provenance import facts
-    from haptic_device.runtime.process import ending_with_us
+    from haptic_device.runtime.process import ending_with_us, own_environment, running_module
     from haptic_sim.bench.results import MACHINE
 
     out.mkdir(parents=True, exist_ok=True)
@@ -76,8 +76,8 @@ def measure(out: Path, short: bool, names: list[str]) -> None:
     for name in missing:
         file, (words, few, many) = out / f"{name}.json", BENCHMARKS[name]
         print(f"haptic {' '.join(words)}", file=sys.stderr, flush=True)
-        command = [sys.executable, "-m", "haptic_sim.cli.main", *words, *(few if short else many), "--json"]
-        done = subprocess.run(ending_with_us(command), stdout=subprocess.PIPE, text=True)
+        command = [*running_module("haptic_sim.cli.main"), *words, *(few if short else many), "--json"]
+        done = subprocess.run(ending_with_us(command), stdout=subprocess.PIPE, text=True, env=own_environment())
         if done.returncode == 0:
             file.write_text(done.stdout.strip().splitlines()[-1] + "\n", encoding="utf-8")
         else:

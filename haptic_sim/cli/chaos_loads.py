@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 
-from haptic_device.runtime.process import ending_with_us
+from haptic_device.runtime.process import ending_with_us, own_environment, running_module
 from haptic_sim.cli import chaos_figures as figures
 from haptic_sim.cli.conductor import PATIENCE, Conductor
 from haptic_sim.cli.flood import SENT
@@ -40,7 +40,7 @@ def hogs(conductor: Conductor) -> figures.Figures:
 def flood(conductor: Conductor) -> figures.Figures:
     """10 kHz of foreign, mutated and meaningless messages on the topics of the exchange; the hand holds still."""
     before = _refusals(conductor)
-    flooding = _process([sys.executable, "-m", "haptic_sim.cli.flood", str(FLOOD_RATE), str(FLOODED)])
+    flooding = _process([*running_module("haptic_sim.cli.flood"), str(FLOOD_RATE), str(FLOODED)])
     flooding.wait(FLOODED + PATIENCE)
     sent = int((flooding.stdout.read().split(SENT) + ["0"])[1] or 0)
     conductor.wait(0.6)
@@ -92,7 +92,7 @@ def _refusals(conductor):
 
 
 def _process(command):
-    return subprocess.Popen(ending_with_us(command), stdout=subprocess.PIPE, text=True)
+    return subprocess.Popen(ending_with_us(command), stdout=subprocess.PIPE, text=True, env=own_environment())
 
 
 def _end(processes):

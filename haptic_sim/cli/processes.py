@@ -2,7 +2,6 @@
 """The nodes as child processes: started on the loopback interface alone, watched, stopped in order, never orphaned."""
 
 import contextlib
-import os
 import signal
 import subprocess
 import sys
@@ -10,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from haptic_device.runtime.process import ending_with_us
+from haptic_device.runtime.process import ending_with_us, own_environment, running_module
 
 NAMESPACE = "/haptic"
 _PATIENCE = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))  # s after each
@@ -38,7 +37,7 @@ class Program(NamedTuple):
         given = [word for file in self.files for word in ("--params-file", str(file))]
         given += [word for key, value in self.parameters.items() for word in ("-p", f"{key}:={parameter_text(value)}")]
         given += [word for old, new in self.renamed.items() for word in ("-r", f"{old}:={new}")]
-        return [sys.executable, "-m", self.module, "--ros-args", *_QUIET, "-r", f"__ns:={self.namespace}", *given]
+        return [*running_module(self.module), "--ros-args", *_QUIET, "-r", f"__ns:={self.namespace}", *given]
 
 
 def parameter_text(value) -> str:
@@ -76,7 +75,7 @@ class Nodes:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, "ROS_LOG_DIR": str(self._logs.absolute()), "PYTHONUNBUFFERED": "1"},
+                env={**own_environment(), "ROS_LOG_DIR": str(self._logs.absolute()), "PYTHONUNBUFFERED": "1"},
                 start_new_session=True,
             )
 

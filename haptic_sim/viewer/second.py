@@ -17,7 +17,7 @@ import sys
 import tempfile
 import threading
 
-from haptic_device.runtime.process import ending_with_us
+from haptic_device.runtime.process import ending_with_us, own_environment, running_module
 
 LONGEST = 0.1  # s of motion computed at once; a longer silence is left out
 MOST_BEHIND = 60  # answers outstanding, beyond which motion is left out
@@ -34,7 +34,7 @@ class Second:
         self._asked, self._answered, self._now, self._then = 0, -1, 0.0, 0.0
         self._errors = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115
         self._process = subprocess.Popen(
-            ending_with_us([sys.executable, "-m", "haptic_sim.viewer.second"]),
+            ending_with_us(running_module("haptic_sim.viewer.second")), env=own_environment(),
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, text=True,
         )  # fmt: skip
         threading.Thread(target=self._listen, name="second", daemon=True).start()
