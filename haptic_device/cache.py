@@ -83,7 +83,8 @@ def _made(base, digest):
     folder.mkdir(parents=True, exist_ok=True)
     folder.touch()
     with tempfile.TemporaryFile(dir=folder) as file:
-        os.posix_fallocate(file.fileno(), 0, ROOM)
+        if not any(folder.glob("*.done")):  # what is there already needs no room
+            os.posix_fallocate(file.fileno(), 0, ROOM)
     for old in sorted((one for one in base.iterdir() if one.is_dir()), key=_last_used)[:-KEPT]:
         shutil.rmtree(old, ignore_errors=True)
     return folder

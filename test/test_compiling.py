@@ -161,6 +161,13 @@ def test_a_disk_without_room_for_the_kernels_is_refused_before_anything_is_compi
     assert refusal.value.errno in (errno.ENOSPC, errno.EFBIG)
 
 
+def test_kernels_that_are_there_already_serve_though_the_disk_is_full_now(tmp_path, monkeypatch):
+    folder = cache._made(tmp_path, "digest")
+    (folder / "servo-0123.done").touch()
+    monkeypatch.setattr(cache, "ROOM", 2**62)
+    assert cache._made(tmp_path, "digest") == folder
+
+
 @pytest.mark.parametrize("mode", [0o777, 0o750])
 def test_a_folder_that_others_can_write_is_no_place_for_code(tmp_path, mode):
     folder = tmp_path / "memory"

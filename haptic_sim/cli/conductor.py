@@ -29,13 +29,13 @@ class Conductor:
     """Starts the programs and holds them; as a context it leaves nothing behind."""
 
     def __init__(self, programs: list[Program], folder: Path, domain: int):
+        prepare(programs)  # before the witness has a thread that somebody must end
         self.programs = {program.name: program for program in programs}
         self.nodes, self.witness = Nodes(folder / "log"), Witness(domain)
         self.folder, self._bags = folder, 0
         self._page = page.FOLDER / page.page_name(str(domain), NAMESPACE)
 
     def __enter__(self):
-        prepare(list(self.programs.values()))
         for program in self.programs.values():
             self.nodes.start(program)
         return self
