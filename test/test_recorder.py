@@ -436,7 +436,8 @@ sys.exit(recorder.main())
 
 
 def test_a_disk_nearly_full_ends_the_bag(domain, tmp_path):
-    command = [sys.executable, "-c", _NEARLY_FULL, *recorder(tmp_path / "bag").command()[3:]]
+    words = recorder(tmp_path / "bag").command()
+    command = [sys.executable, "-c", _NEARLY_FULL, *words[words.index("--ros-args") :]]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT)
     assert ended.returncode == 1 and "Traceback" not in ended.stderr
     assert "the disk has 150 MB left, disk_reserve is 200 MB" in ended.stderr and "are kept in" in ended.stderr
