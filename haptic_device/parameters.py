@@ -148,7 +148,7 @@ OPERATOR = (
     Parameter("motion.taps", 5, "", "how often tap goes to the target and back", 1, 15),
     Parameter("motion.lag", 0.01, "s", "time constant with which follow runs after the target", 0.001, 1.0),
 )
-DRIVER = (
+OPERATING_POINT = (
     *SERVO,
     *COUPLING,
     *WALL,
@@ -160,4 +160,4 @@ DRIVER = (
     *PASSIVITY,
     *FAULT,
 )
-"""All of the operating point."""
+"""What a driver's servo is told, all tables together."""

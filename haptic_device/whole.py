@@ -7,6 +7,7 @@ is an ordinary `numba.njit`: the same bits, some three times as long to compile 
 or is "".
 """
 
+import contextlib
 import importlib
 import sys
 
@@ -26,10 +27,9 @@ def _skip_blas():
     blas = "scipy.linalg.cython_blas"
     if blas not in sys.modules:
         sys.modules[blas] = None
-        try:
+        with contextlib.suppress(ImportError):  # another numba may have it elsewhere, and then looks for BLAS
             importlib.import_module("numba.np.arraymath")
-        finally:
-            del sys.modules[blas]
+        del sys.modules[blas]
 
 
 def _why_plain():

@@ -31,6 +31,33 @@ PERIOD = 250_000  # ns
 BY_THE_CLOCK = {"recovered", "safe", "step", *STALLED}  # what other work on this machine moves
 
 
+class Pressing(conductor.Conductor):
+    """Of a display that has these faults, look by look, and is felt after the last."""
+
+    def __init__(self, *faults):
+        self.faults, self.told, self.witness = list(faults), [], self
+
+    row = property(lambda self: {"fault": self.faults.pop(0) if self.faults else 0.0})
+    force = property(lambda self: conductor.FORCE + 1.0 if not self.faults else 0.0)
+
+    def aim(self, place):
+        self.told.append(place)
+
+    def enable(self, limit=0.0):
+        self.told.append("enable")
+
+
+AGAIN = [conductor.FREE, "enable", conductor.PRESSED]
+
+
+@pytest.mark.parametrize(("faults", "again"), [((), []), ((0.0, 0.0, 2.0), AGAIN)])
+def test_a_hand_that_presses_lets_go_enables_and_presses_again_after_a_fault(faults, again, monkeypatch):
+    monkeypatch.setattr(conductor, "HELD", 0.0)
+    pressing = Pressing(*faults)
+    pressing.press()
+    assert pressing.told == [conductor.PRESSED, *again]
+
+
 def rows(forces, engage=1.0):
     """Ticks with these forces along x."""
     found = np.zeros(len(forces), ROW)

@@ -15,7 +15,7 @@ from haptic_device.analysis.identify import NAMES, Trace, identify, resolution_o
 from haptic_device.analysis.recording import Status
 from haptic_device.device import Axis, Device, load_device, plant_of
 from haptic_device.law import engage, operator, plant, servo
-from haptic_device.parameters import DRIVER, OPERATOR
+from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.runtime import loop
 from haptic_sim.cli.identify import identify as command
 from haptic_sim.cli.identify import write
@@ -57,7 +57,7 @@ def shaken(mass=0.1, damping=3.0, coulomb=0.02, step=5e-6, rate=2000.0, sensing=
         name="true", axes=(axis(mass, damping, coulomb, step, sign),), sensing_delay=sensing, actuation_delay=acting
     )
     told = Device(name="told", axes=(axis(0.05, 1.0, 0.0, step, sign),))
-    values = {p.name: p.default for p in DRIVER}
+    values = {p.name: p.default for p in OPERATING_POINT}
     values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
     memory = np.zeros(1, servo.MEMORY).view(np.recarray)
     memory.state, memory.engage = engage.ENGAGED, 1.0
@@ -111,7 +111,7 @@ def twisted(inertia=2e-4, damping=0.006, coulomb=3e-4, rate=2000.0, torque=0.05)
     told = load_device("desktop")
     theta = told.axes[2].model_copy(update={"mass": inertia, "damping": damping, "coulomb": coulomb})
     true = told.model_copy(update={"axes": (*told.axes[:2], theta), "actuation_delay": 2e-4})
-    values = {p.name: p.default for p in DRIVER}
+    values = {p.name: p.default for p in OPERATING_POINT}
     values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0, "exchange.hold": 2.0}
     values |= {"coupling.rotational_damping": 0.0}
     memory = np.zeros(1, servo.MEMORY).view(np.recarray)

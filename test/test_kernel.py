@@ -38,6 +38,18 @@ def tree(tmp_path):
     return tmp_path / "tree"
 
 
+def test_a_kernel_is_loaded_without_scipys_linear_algebra_which_can_be_imported_all_the_same():
+    said = python("""
+        import sys
+        from haptic_device.law import passivity
+        assert passivity.least_damping(1000.0, 1.0, 1e-3, 0.0) == 1.5
+        print("scipy.linalg" in sys.modules)
+        import scipy.linalg.cython_blas
+        print(sys.modules["scipy.linalg.cython_blas"] is not None)
+    """)
+    assert said == ["False", "True"]
+
+
 @pytest.mark.parametrize("name", ["haptic_device/operating.py", "haptic_device/law/wall.py"])
 def test_after_an_edit_of_what_decides_which_kernels_there_are_nothing_is_said_to_be_compiled(tree, name):
     ask = "from haptic_device import cache; print(cache.stamp())"

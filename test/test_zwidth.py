@@ -26,7 +26,7 @@ from haptic_device.analysis.zwidth import (
 from haptic_device.analysis.zwidth_map import Request, boundaries, draw_map, write_csv
 from haptic_device.device import Axis, Device, plant_of
 from haptic_device.law import engage, operator, plant, servo
-from haptic_device.parameters import DRIVER, OPERATOR
+from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.runtime import loop, zwidth_cell
 
 PRESSED = (Operator(pressed=True),)
@@ -40,7 +40,7 @@ def whole_servo(setup, start, stiffness, damping):
         mass=setup.mass, damping=setup.physical_damping, coulomb=setup.coulomb,
     )  # fmt: skip
     device = Device(name="one axis", axes=(axis,), gravity=(-start.push / setup.mass, 0.0), gravity_compensation=False)
-    values = {parameter.name: parameter.default for parameter in DRIVER}
+    values = {parameter.name: parameter.default for parameter in OPERATING_POINT}
     values |= {"servo.rate": 1.0 / setup.period, "force.limit": 1e6, "velocity.lag": setup.velocity_lag}
     values |= {"velocity.estimator": "lowpass", "passivity.control": False}
     values |= {"coupling.stiffness": 0.0, "coupling.damping": 0.0, "fault.saturation": 60.0}

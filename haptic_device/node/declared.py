@@ -12,7 +12,7 @@ COMMON = (
 )
 DRIVER = (
     *COMMON,
-    *parameters.DRIVER,
+    *parameters.OPERATING_POINT,
     Parameter("auto_enable", False, "", "enable as soon as the device answers, as if ~/enable had been called"),
     Parameter("auto_enable_wait", 0.0, "s", "longest that auto_enable waits for a tool's first answer", 0.0, 600.0),
     Parameter(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time for kernels; with realtime.py the only file that asks what time it is."""
+"""Time for kernels; the only file whose kernels ask what time it is."""
 
 import numpy as np
 from numba import types

@@ -128,7 +128,8 @@ class Conductor:
     @property
     def faulty(self) -> bool:
         """Whether a fault is latched: one that needs a hand that lets go before it can be enabled again."""
-        return self.witness.row is not None and self.witness.row["fault"] != 0.0
+        row = self.witness.row
+        return row is not None and row["fault"] != 0.0
 
     @property
     def force(self) -> float:

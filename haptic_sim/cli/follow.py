@@ -72,7 +72,7 @@ def _line(live: Live) -> str:
 
 def _faulty(live: Live) -> bool:
     """Whether the driver waits for a person: after a fault it enables no more by itself."""
-    return "haptic_driver" in live.statuses and bool(live.said("haptic_driver", "fault"))
+    return live.said("haptic_driver", "fault") != ""
 
 
 def _reason(live: Live) -> str:

@@ -78,13 +78,13 @@ def _live(name, period, damping, stiffness_max, domain, namespace, as_json):
     from haptic_device.analysis.quantity import finite, positive
     from haptic_device.device import load_device
     from haptic_device.parameter import check_value
-    from haptic_device.parameters import DRIVER
+    from haptic_device.parameters import OPERATING_POINT
     from haptic_device.share import find
     from haptic_sim.cli.processes import NodeDiedError
 
     positive("period", period, "s")
     finite("damping", damping, "N s/m")
-    declared = {parameter.name: parameter for parameter in DRIVER}
+    declared = {parameter.name: parameter for parameter in OPERATING_POINT}
     check_value(declared["servo.rate"], 1.0 / period)
     check_value(declared["wall.damping"], (damping,))
     stiffness_max = 1e6 if stiffness_max is None else stiffness_max

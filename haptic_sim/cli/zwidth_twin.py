@@ -7,7 +7,7 @@ from haptic_device import operating
 from haptic_device.analysis import probe
 from haptic_device.device import plant_of
 from haptic_device.law import engage, operator, plant, servo
-from haptic_device.parameters import DRIVER, OPERATOR
+from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.runtime import loop
 
 HAND = {"mass": 0.05, "damping": 0.5, "stiffness": 100.0}  # light: it calms little
@@ -23,7 +23,7 @@ class Twin:
 
     def __init__(self, device, rate, damping, write_delay=0.0):
         self.device, self.damping, self.delay = device, damping, int(write_delay * 1e9)
-        self.values = {parameter.name: parameter.default for parameter in DRIVER}
+        self.values = {parameter.name: parameter.default for parameter in OPERATING_POINT}
         self.values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
         self.values |= {"passivity.control": False}
         self.period = round(1e9 / rate)

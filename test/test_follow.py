@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How `haptic demo` follows a run, on statuses and a motor that the test makes up."""
+
+import pytest
+
+from haptic_device.status import Status
+from haptic_sim.cli import follow
+
+
+class Said:
+    """What is heard: in each look the next fault, and the force [N] of the motor."""
+
+    def __init__(self, *looks):
+        self.looks, self.statuses, self.motor_force = list(looks), {}, 0.0
+
+    def look(self):
+        fault, self.motor_force = self.looks.pop(0) if len(self.looks) > 1 else self.looks[0]
+        message = f"fault {fault}" if fault else "waiting"
+        driver, other = Status(0, 2 if fault else 0, message, {"fault": fault}), Status(0, 0, "serving", {})
+        self.statuses = {"haptic_driver": driver, "haptic_loopback": other, "haptic_simulation": other}
+
+    @property
+    def motor_commanded(self):
+        return self.motor_force != 0.0
+
+    def said(self, node, entry):
+        return self.statuses.get(node, Status(0, 0, "", {})).values.get(entry, "")
+
+    def close(self):
+        pass
+
+
+def followed(monkeypatch, *looks, limit=60.0):
+    monkeypatch.setattr(follow, "Live", lambda domain: Said(*looks))
+    monkeypatch.setattr(follow, "START_LIMIT", limit)
+    return follow.follow(0.1, 0, lambda: None)
+
+
+def test_a_driver_in_fault_before_its_first_command_ends_the_run_in_a_sentence_and_is_not_waited_for(monkeypatch):
+    with pytest.raises(ValueError, match="^no motor command came; haptic_driver says: fault device_silent$"):
+        followed(monkeypatch, ("", 0.0), ("device_silent", 0.0))
+
+
+def test_a_fault_after_the_first_command_does_not_end_the_run_early(monkeypatch):
+    assert followed(monkeypatch, ("", 0.0), ("", 1.0), ("estop", 0.0))
+
+
+def test_without_command_or_fault_the_limit_ends_the_run_in_a_sentence(monkeypatch):
+    with pytest.raises(ValueError, match="^no motor command came within 0 s; haptic_driver says: waiting$"):
+        followed(monkeypatch, ("", 0.0), limit=0.2)
