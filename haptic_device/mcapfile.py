@@ -125,7 +125,7 @@ def described(stream: BinaryIO) -> list[tuple[int, bytes]]:
 def _summary(stream: BinaryIO) -> bytes:
     end = stream.seek(0, io.SEEK_END) - _FOOTER.size
     stream.seek(max(0, end))
-    tail = stream.read()
+    tail = stream.read(_FOOTER.size)  # no more: a file that is still written may have grown by now
     if len(tail) < _FOOTER.size:
         return b""
     opcode, _, begin, _, checksum, magic = _FOOTER.unpack(tail)

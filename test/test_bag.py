@@ -2,6 +2,7 @@
 """The bag as it is written: split, with attachments, on a disk that fills, and repaired after its writer died."""
 
 import errno
+import io
 import os
 import resource
 import tracemalloc
@@ -18,7 +19,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from haptic_device.analysis.recording import load
-from haptic_device.mcapfile import Records, places, unpack
+from haptic_device.mcapfile import Records, described, places, unpack
 from haptic_device.node import bag_file
 from haptic_device.node.bag import RESERVE, RESERVE_BYTES, Bag
 from haptic_device.node.bag_index import complete
@@ -353,3 +354,18 @@ def test_records_end_where_the_file_does(tmp_path):
         found = Records(stream)
         ends = [record.end for record in found]
         assert found.wrong == "" and ends == sorted(ends) and ends[-1] == found.end
+
+
+@pytest.mark.parametrize("grown", [1, 40, 10_000])
+def test_a_file_that_grows_while_it_is_read_has_no_summary_yet(tmp_path, grown):
+    class Growing(io.BytesIO):
+        def seek(self, offset, whence=io.SEEK_SET):
+            place = super().seek(offset, whence)
+            if whence == io.SEEK_END:  # the writer goes on between the reader's look for the end and its reading
+                self.write(bytes(grown))
+            return place
+
+    whole = (write_run(tmp_path / "run", swing(400)) / "run_0.mcap").read_bytes()
+    assert described(io.BytesIO(whole)), "the summary of a whole file is found"
+    for size in (len(whole) // 2, 20):
+        assert described(Growing(whole[:size])) == []
