@@ -189,6 +189,17 @@ def cloud_of(rows):
     return CloudLayout(packed.dtype).pack(0, packed)
 
 
+@pytest.mark.parametrize("first", [1, 2**24 - 1000, 2**24 - 500, 2**24, 2**24 + 1])  # float32 counts up to 2**24
+def test_a_handle_sample_without_an_answer_is_counted_after_any_number_of_samples(tmp_path, first):
+    rows = swing(4000)
+    for column in ("handle_sequence", "tool_answered"):
+        rows[column] += first - 1
+    rows["tool_answered"][rows["tool_answered"] == first + 501] -= 1
+    found = sections_of(write_run(tmp_path / "long", rows))[0]["Exchange"]
+    answered = found["answered"].split()[0]
+    assert (found["handle samples"].split()[0], answered) == ("1000", "998")  # the run ends before the last's answer
+
+
 def test_messages_lost_are_those_of_every_topic_and_unknown_where_several_publish(tmp_path):
     bag = Bag(tmp_path / "gaps")
     bag.write(bag.add_topic("/haptic/trace", CLOUD, []), cloud(swing(400)), 1, 1, 1)
