@@ -235,7 +235,7 @@ def test_a_killed_recorder_has_kept_all_that_it_had_written_and_nothing_out_of_o
     assert 100 <= len(found) <= 150 and np.array_equal(found, np.arange(len(found)))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_recorder_asked_to_end_leaves_a_complete_bag(domain, start, tmp_path, number):
     process = start(recorder(tmp_path / "bag").command(), stderr=subprocess.PIPE)
     wait_for(lambda: files(tmp_path / "bag"), "the bag")
@@ -380,6 +380,22 @@ def test_a_bag_says_how_it_was_made(speaker, nodes, tmp_path):
     assert information["custom_data"]["participant"] == "P07"
 
 
+def test_a_recorder_that_is_shut_down_has_ended_its_bag_and_writes_no_more(newcomer, nodes, tmp_path):
+    bag = tmp_path / "bag"
+    nodes.start(recorder(bag))
+    newcomer.publish(bag, "encoder", 20)
+    shutdown = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVE_SHUTDOWN))
+    newcomer.ask(ChangeState, "change_state", shutdown)
+    state = newcomer.ask(GetState, "get_state", GetState.Request()).current_state
+    ended = sorted(path.name for path in bag.iterdir())
+    newcomer.say("encoder", *range(20, 30))
+    answer = newcomer.ask(Trigger, "mark", Trigger.Request())
+    nodes.check()
+    assert nodes.end("haptic_recorder")
+    assert state.id == State.PRIMARY_STATE_FINALIZED and ended == ["bag_0.mcap", "metadata.yaml"]
+    assert np.array_equal(numbers(bag, "encoder"), np.arange(20)) and not answer.success
+
+
 def test_each_bag_holds_the_parameters_that_a_node_has_while_it_is_written(newcomer, start, tmp_path):
     def order(number, wanted):
         """Asks for a transition once, and waits for its state: the answer may be lost."""
@@ -465,3 +481,29 @@ def test_a_disk_nearly_full_ends_the_bag(domain, tmp_path):
     assert ended.returncode == 1 and "Traceback" not in ended.stderr
     assert "the disk has 150 MB left, disk_reserve is 200 MB" in ended.stderr and "are kept in" in ended.stderr
     assert (tmp_path / "bag" / "metadata.yaml").exists()
+
+
+_FAILING = """
+import sys
+from pathlib import Path
+from haptic_device.node import inquiry, recorder, tap
+bag, name = Path(sys.argv.pop(1)), sys.argv.pop(1)
+owner = inquiry.Inquiry if name == "look" else tap.Tap
+does = getattr(owner, name)
+def fails(self):
+    if any(bag.glob("*.mcap")):
+        raise RuntimeError("nobody foresaw this")
+    return does(self)
+setattr(owner, name, fails)
+sys.exit(recorder.main())
+"""
+
+
+@pytest.mark.parametrize("part", ["look", "take"])  # of another node's parameters, and of a message
+def test_an_exception_that_nobody_foresaw_ends_the_recorder_and_its_bag(domain, tmp_path, part):
+    bag = tmp_path / "bag"
+    words = recorder(bag).command()
+    command = [sys.executable, "-c", _FAILING, str(bag), part, *words[words.index("--ros-args") :]]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT)
+    assert ended.returncode == 1 and "nobody foresaw this" in ended.stderr
+    assert sorted(path.name for path in bag.iterdir()) == ["bag_0.mcap", "metadata.yaml"]

@@ -114,6 +114,13 @@ class Recorder(Node):
         self.tracks.clear()
         return TransitionCallbackReturn.SUCCESS
 
+    def on_shutdown(self, state: State) -> TransitionCallbackReturn:
+        """Writes what has come, closes the bag and leaves all topics, from any state."""
+        self.finish()
+        return self.on_cleanup(state)
+
+    on_error = on_shutdown
+
     def look(self) -> None:
         """Takes what has come since the last look; to be called every `look_period`."""
         now = time.monotonic_ns()
@@ -142,6 +149,9 @@ class Recorder(Node):
             self.bag.close(self._facts())
         except OSError as error:
             self._end(f"the bag could not be written: {error.strerror}", Bag.abandon)
+            return
+        except Exception as error:  # what has been taken is in the bag, which ends well without the rest
+            self._end(f"{type(error).__name__}: {error}", Bag.close)
             return
         bag, self.bag = self.bag, None
         self._restart()
@@ -293,20 +303,23 @@ def _record_until_told(node: Recorder, told: list) -> None:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Runs haptic_recorder until SIGINT or SIGTERM; the bag is complete when it returns. Exit code 1 on a refusal."""
+    """Runs haptic_recorder until SIGINT, SIGTERM or SIGHUP; exit code 1 on a refusal. The bag is complete when it
+    returns or raises."""
     told: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
+    node = None
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda received, frame: told.append(received))
     try:
         with own_port("haptic_recorder"):
             begin_ros(args)
             node = Recorder()
         _record_until_told(node, told)
-        node.finish()
     except (ValueError, OSError) as error:
         print(f"haptic_recorder: {error}", file=sys.stderr)
         return 1
     finally:
+        if node is not None:
+            node.finish()
         rclpy.try_shutdown()
     return 0
 
