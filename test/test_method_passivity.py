@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from haptic_sim.joint import Motor
 from haptic_sim.method import Coupling
+from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.registry import METHODS, make
 from haptic_sim.method.stepwise import step_by_step
-from haptic_sim.scene import Scene
+from haptic_sim.scene import Scene, load
 
 H, STEPS = 1e-3, 3
 STILL = (0.0, 0.0, 0.0)
@@ -89,3 +91,28 @@ def test_every_method_says_whether_it_is_passive():
     assert {name: made(name, GAINS[0]).passive for name in METHODS} == {
         "impulse": False, "penalty_explicit": False, "penalty_implicit": False, "partitioned": True,
         "event_driven": False, "closed_form": True}
+
+
+def driven_four_bar(torque, speed, h):
+    """The four-bar linkage on a coupling without damping, its crank turned by a motor unless the torque is 0."""
+    scene = load("four_bar")
+    crank, *others = scene.joints
+    motor = Motor(speed=speed, max_torque=torque) if torque else None
+    method = Partitioned(scene.model_copy(update={"joints": (crank.model_copy(update={"motor": motor}), *others)}), h)
+    method.couple(Coupling(2000.0, 0.0, 0.0, 0.0))
+    return method
+
+
+@pytest.mark.parametrize("h", [0.25e-3, 2e-3])
+@pytest.mark.parametrize(("torque", "speed"), [(0.0, 0.0), (1e-12, 1e4), (0.02, 1e4), (0.02, -1e4), (1.0, 1e4)])
+def test_a_linkage_gains_no_more_than_the_port_supplies_and_its_motor_works(torque, speed, h):
+    """A motor that never reaches its speed works torque times angle; the handle jumps at random."""
+    rng, method, largest, worst = np.random.default_rng(1), driven_four_bar(torque, speed, h), 0.0, np.inf
+    for _ in range(300):
+        handle = rng.uniform(-0.08, 0.0), rng.uniform(-0.04, 0.04), 0.0
+        stored, angle = sum(method.energy()), method.pose("crank")[2]
+        given = method.travel(handle, STILL, handle, STILL, int(rng.integers(1, 8))).supplied
+        given += np.sign(speed) * torque * (method.pose("crank")[2] - angle)
+        gained = sum(method.energy()) - stored
+        largest, worst = max(largest, abs(given), abs(gained)), min(worst, given - gained)
+    assert worst >= -1e-12 * largest

@@ -123,6 +123,17 @@ def test_a_motor_holds_its_speed():
     assert speed(method, "crank")[2] == pytest.approx(2.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("speed", [5.0, -5.0])
+def test_a_motor_turns_a_held_tool_at_its_speed_as_far_as_its_torque_over_the_couplings_stiffness(speed):
+    pin = {"type": "pin", "bodies": ["world", "tool"], "at": [0.0, 1.0], "motor": {"speed": speed, "max_torque": 0.3}}
+    tool = {"mass": 0.1, "inertia": 1e-4, "pose": [0.0, 1.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
+    method = world(1e-3, [], joints=[pin], tool=tool)
+    method.couple(Coupling(2000.0, 2.0, 2.0, 0.002))
+    handle = 0.0, 1.0, 0.0
+    assert run(method, 20, handle).velocity[2] == pytest.approx(speed, rel=1e-9)
+    assert run(method, 2000, handle).position[2] == pytest.approx(math.copysign(0.3 / 2.0, speed), rel=1e-9)
+
+
 @pytest.mark.parametrize("ratio", [1e-3, 1.0, 1e6])
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_a_collinear_impact_keeps_momentum_and_newtons_law_to_a_billionth(ratio, restitution):

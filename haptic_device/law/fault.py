@@ -66,6 +66,7 @@ TABLE = (
         "~/reset",
     ),
 )  # fmt: skip
+NAMES = frozenset(fault.name for fault in TABLE)
 
 
 def name_of(code):

@@ -37,7 +37,7 @@ from haptic_sim.method.lcp import FREE, FRICTION, NORMAL, solve_modes
 from haptic_sim.method.lemke import lemke
 from haptic_sim.method.linkage import reduce_linkage, respond
 from haptic_sim.method.meet import add_met, look_around
-from haptic_sim.method.rows import add_joints, rate_of, recall, refresh, remember, wished
+from haptic_sim.method.rows import DRY, add_joints, rate_of, recall, refresh, remember, wished
 from haptic_sim.method.smooth import close_joints, power
 from haptic_sim.method.touch import place_shapes
 
@@ -69,6 +69,7 @@ def press(model, layout, work, h):
         solve(model, layout, work, n, h, 0.0)
         move(model, layout, work, h)
     take(model, layout, work, n)
+    given = motors_work(model, work, n)
     reached = energy_held(model, layout, work, work.q, work.v)
     put_right(model, layout, work, n)
     if work.port[17] == 0.0:
@@ -76,7 +77,7 @@ def press(model, layout, work, h):
         supplied = port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
         if work.active[layout.linkage[0]] == 0:
             supplied = 0.0
-        brake(model, layout, work, before + supplied)
+        brake(model, layout, work, before + supplied + given)
     work.port[21] += energy_held(model, layout, work, work.q, work.v) - reached
 
 
@@ -225,10 +226,8 @@ def brake(model, layout, work, most):
 
     What puts joints and contacts right after the step moves them against their forces, by an amount of second order;
     most steps dissipate more than that, and where one does not this takes the difference from the motion. Velocities
-    in one proportion still obey joints and contacts. Motors are there to give energy, and are not stopped so.
+    in one proportion still obey joints and contacts.
     """
-    if driven(model):
-        return
     excess, moving = energy_held(model, layout, work, work.q, work.v) - most, kinetic(model, layout, work, work.v)
     if excess <= 0.0 or moving <= 0.0:
         return
@@ -240,12 +239,13 @@ def brake(model, layout, work, most):
 
 
 @part
-def driven(model):
-    """Whether there is a motor."""
-    most = 0.0
-    for j in range(model.joints):
-        most = max(most, model.joint_motor[j, 1])
-    return most > 0.0
+def motors_work(model, work, n):
+    """Work of the motors among n rows [J]: impulse λ times the rate G v⁺ of the step's way, as at the port F · Δx."""
+    given = 0.0
+    for r in range(n):
+        if work.source[r] == DRY and model.joint_motor[work.index[r], 1] > 0.0:
+            given += work.lam[r] * rate_of(work, work.v, r)
+    return given
 
 
 @part
