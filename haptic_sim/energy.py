@@ -23,7 +23,8 @@ class Energy(NamedTuple):
     contacts: float
     """Taken by impacts, friction, stops and dry friction of joints; a motor gives. `impulse` has it under numerical."""
     correction: float
-    """Put in by putting joints and overlaps right; negative where the motion was slowed down to make up for it."""
+    """Put in by putting joints and overlaps right, with `impulse` under numerical too; negative where the motion was
+    slowed down to make up for it."""
     dissipated: float
     """All that is neither supplied and still there nor was there at the start."""
 

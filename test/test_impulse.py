@@ -9,7 +9,8 @@ import pytest
 from haptic_sim.method import Coupling
 from haptic_sim.method.chipmunk import SLOP
 from haptic_sim.method.impulse import Impulse
-from haptic_sim.scene import Scene
+from haptic_sim.scene import Scene, load
+from haptic_sim.trial import hand
 
 H = 0.25e-3
 M = 0.1
@@ -218,3 +219,19 @@ def test_a_dynamic_body_slides_to_rest_after_v_squared_over_two_mu_g():
     travelled = method.pose("block")[0] - left_at
     assert travelled == pytest.approx(speed**2 / (2 * 0.4 * 9.81), rel=5e-3)
     assert method.energy() == pytest.approx((0.0, 9.81 * (1.0 + 1e3) * 0.05), rel=1e-3, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["slider", "four_bar"])
+def test_joints_that_push_the_tool_are_no_contact(name):
+    scene = load(name)
+    method, lead = Impulse(scene, H), hand(scene)
+    method.couple(STIFF)
+    assert sum(hold(method, lead(k * 1e-3), 4).touching for k in range(1000)) == len(method.contacts()) == 0
+
+
+def test_a_tool_on_a_guide_touches_where_it_meets_a_wall_and_only_there():
+    guide = {"type": "slider", "bodies": ["world", "tool"], "at": [0.0, 0.0], "axis": [1.0, 0.0]}
+    method = world(pose=(0.001, 0.0, 0.0), joints=[guide])
+    assert not hold(method, (0.005, 0.002, 0.0), 400).touching and method.contacts() == []
+    assert hold(method, (-0.005, 0.002, 0.0), 400).touching
+    assert method.contacts()[0].force_on_a[0] == pytest.approx(2000.0 * 0.005, rel=2e-3)

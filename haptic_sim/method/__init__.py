@@ -58,7 +58,8 @@ class Method(Protocol):
 
     passive: bool
     """Whether it is discrete-time passive at the tool's port: Σ force_on_tool · Δx is never less than the world has
-    gained, whatever the handle does, beyond rounding: contact force times the 1e-12 m that count as touching."""
+    gained, whatever the handle does, beyond what its motors work and rounding: contact force times the 1e-12 m that
+    count as touching."""
     position: Planar
     """Tool's grip at the end of the sub-step [m, m, rad]."""
     velocity: Planar

@@ -29,7 +29,7 @@ Restitution. An impact at speed v₀ under a push f gives back energy at the por
 v₀ ≥ 2 |f| h e/(m (1 − e²)), the push taken over a sub-step h; a slower one gets e = 0.
 
 Neither Chipmunk's sweeps nor its push-out are exact, so this method is passive at the port only up to what the push-out
-of overlaps puts in: contact force times `Contact.depth`.
+of overlaps puts in: contact force times `Contact.depth`. What that and the contacts are cannot be told from the rest.
 """
 
 import math
@@ -71,6 +71,7 @@ class Impulse:
         self._order = {body: (name != TOOL, order.get(name, 0), name) for body, name in names.items()}
         self._tool = self._bodies[0]
         self._tool.velocity_func = self._couple_tool
+        self._jointed = bool(self._tool.constraints)
         self._elastic = any(shape.elasticity for shape in self._space.shapes)
         if self._elastic:
             self._space.on_collision(pre_solve=self._limit_rebound)
@@ -214,7 +215,12 @@ class Impulse:
         x, y, angle = x + h * vx, y + h * vy, angle + h * w
         self.force_on_tool = (stiffness * (hx - x) + damping * (hvx - vx), stiffness * (hy - y) + damping * (hvy - vy),
                               rotational_stiffness * (ht - angle) + rotational_damping * (hw - w))
-        self.touching = self.velocity != self._free
+        self.touching = self.velocity != self._free and (not self._jointed or self._pushed())
+
+    def _pushed(self):
+        """Whether a contact pushed the tool, which joints push too."""
+        return any(TOOL in (contact.body_a, contact.body_b) and contact.force_on_a != (0.0, 0.0)
+                   for contact in self.contacts())
 
     def _contact(self, whole, real):
         body_a, body_b, count = whole
