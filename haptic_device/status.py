@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A diagnostic status as this project reads it, live and out of a bag."""
+"""A diagnostic status as this project reads it, live and out of a bag; anybody's, whatever is in it."""
 
+import math
 import sys
 from typing import NamedTuple
 
+LEVELS = ("OK", "WARN", "ERROR", "STALE")
+
 
 class Status(NamedTuple):
-    """One diagnostic status: time in ns of the system clock, level 0 fine, 1 warning, 2 error, 3 stale; its device."""
+    """One diagnostic status: time in ns of the system clock, level as in LEVELS; its device."""
 
     time: int
     level: int
@@ -16,11 +19,22 @@ class Status(NamedTuple):
 
 
 def named_statuses(message, time: int) -> list[tuple[str, Status]]:
-    """(name, status) of each entry of a DiagnosticArray of rclpy or rosbags, received at time [ns, system clock]."""
+    """(name, status) of each entry of a DiagnosticArray of rclpy or rosbags, received at time [ns, system clock].
+
+    A level beyond LEVELS is taken for STALE.
+    """
     return [(said.name, _status(said, time)) for said in message.status]
 
 
 def _status(said, time):
     values = {sys.intern(pair.key): pair.value for pair in said.values}  # the same few in thousands of messages
     level = said.level[0] if isinstance(said.level, bytes) else int(said.level)
-    return Status(time, level, said.message, values, said.hardware_id)
+    return Status(time, min(level, len(LEVELS) - 1), said.message, values, said.hardware_id)
+
+
+def number(text: str) -> float:
+    """What a value of a status says; NaN where that is no number."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

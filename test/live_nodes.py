@@ -12,16 +12,19 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 from std_srvs.srv import Trigger
 
 from haptic_device.node import wire
@@ -96,6 +99,48 @@ def refusals_of(name, arguments):
 
 def page_path(namespace="/haptic"):
     return page.FOLDER / page.page_name(os.environ["ROS_DOMAIN_ID"], namespace)
+
+
+def _strange(name, level=0, **values):
+    """The bytes of a status as no node of ours says it."""
+    pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+    status = DiagnosticStatus(level=bytes([level]), name=name, message="[/x] [bold", values=pairs)
+    return bytes(serialize_message(DiagnosticArray(status=[status])))
+
+
+STRANGE = (
+    b"", b"\xff" * 40, _strange("cut short")[:-9], _strange("no text").replace(b"no text", b"no\xfftext"),
+    _strange("seven", 7), _strange("all bits", 255), _strange("[/x]", **{"[/x]": "[/x]"}),
+    _strange("haptic_driver", fault="overheated", state="[/x]", missed="[/x]", age_ms_p50="", exchange_answered="many",
+             exchange_sent="", realtime="[/x]"),
+    _strange("haptic_simulation", **{"result.insertion_fraction": "all of it", "result.[/x]": "", "refused.x": "often",
+                                     "tool_port_energy": "", "max_contact_force": "[/x]"}),
+)  # fmt: skip
+"""Serialized messages of /diagnostics that are broken, or foreign and named as ours."""
+
+
+@contextlib.contextmanager
+def strange_diagnostics():
+    """Says all that is STRANGE again and again, in this process's domain."""
+    context, stop = Context(), threading.Event()
+    rclpy.init(context=context)
+    node = rclpy.create_node("stranger", context=context)
+    publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 50)
+
+    def speak():
+        while not stop.wait(0.05):
+            for message in STRANGE:
+                publisher.publish(message)
+
+    speaking = threading.Thread(target=speak)
+    speaking.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        speaking.join()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
 
 
 class Write(NamedTuple):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic chaos` in its short form on live nodes; its figures on made-up records; `haptic status` and its keys."""
 
+import contextlib
 import json
 import math
 import os
@@ -9,17 +10,19 @@ import signal
 import subprocess
 import sys
 import time
+import types
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
 import pytest
+from live_nodes import STRANGE, strange_diagnostics
 
-from haptic_device.node import health
-from haptic_sim.cli import chaos, chaos_figures, conductor
+from haptic_device.node import health, wire
+from haptic_sim.cli import chaos, chaos_figures, chaos_loads, conductor
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.soak import _row
-from haptic_sim.cli.witness import ROW, TRUTH
+from haptic_sim.cli.witness import ROW, TRUTH, Witness
 from haptic_sim.cli.zwidth_live import STALLED
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(900)]
@@ -185,6 +188,38 @@ def test_status_shows_every_figure_of_a_running_system_and_says_by_its_exit_code
     assert code == int(any(said["level"] >= 2 for said in found.values()))
     node.send_signal(signal.SIGINT)
     assert node.wait(LIMIT) == 0
+
+
+def test_status_shows_strange_diagnostics_as_they_are_and_does_not_end():
+    def heard(*options):
+        done = subprocess.run([*HAPTIC, "status", *options], capture_output=True, text=True, timeout=LIMIT)
+        assert done.returncode == 1 and "Traceback" not in done.stderr
+        return all(name in done.stdout for name in ("seven", "all bits", "[/x]")) and done.stdout
+
+    with strange_diagnostics():
+        table = wait_for(heard, "a strange status")
+        said = wait_for(lambda: heard("--json"), "a strange status")
+    assert "[/x] [bold" in table and table.count("STALE") == 2
+    said = json.loads(said)
+    assert said["seven"]["level"] == said["all bits"]["level"] == 3 and said["[/x]"]["values"] == {"[/x]": "[/x]"}
+
+
+def test_the_witness_of_chaos_goes_on_hearing_among_strange_diagnostics(ros_domain):
+    with contextlib.closing(Witness(ros_domain)) as witness, strange_diagnostics():
+        wait_for(lambda: "[/x]" in witness.statuses, "a strange status")
+        for _ in range(3):
+            witness.statuses.clear()
+            wait_for(lambda: "[/x]" in witness.statuses, "the same again")
+        assert witness.levels["seven"] == 3
+
+
+def test_figures_of_chaos_leave_out_values_that_say_no_number():
+    heard = types.SimpleNamespace(statuses={}, said=lambda node, entry: heard.statuses[node].values[entry])
+    for message in STRANGE:
+        heard.statuses |= wire.statuses_of(message, 0)
+    heard.statuses["ours"] = heard.statuses["[/x]"]._replace(values={"refused.gains": "3", "refused.late": "4.0"})
+    among = types.SimpleNamespace(witness=heard)
+    assert chaos_loads._refusals(among) == 7 and chaos_loads._number(among, "missed") == 0.0
 
 
 def test_the_policy_for_sros2_names_every_topic_of_the_model_and_nothing_else():

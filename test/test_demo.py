@@ -14,6 +14,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from live_nodes import strange_diagnostics
 
 from haptic_device.analysis.recording import load
 from haptic_device.runtime import page
@@ -135,6 +136,14 @@ def test_the_peg_goes_into_the_hole_every_figure_is_reported_and_no_node_compile
     assert every.different == 0 and every.same > 0 and every.same + every.skipped == len(recording.trace)
     later = verdict_on(recording.trace[100:], recording.clouds["snapshot"])
     assert later.different == 0 and later.same > 0  # from memory that was copied while the servo ran
+
+
+def test_strange_diagnostics_neither_end_a_demo_nor_spoil_its_figures(demo):
+    with strange_diagnostics():
+        run = demo("--json", "--seconds", "1.0", "--params", str(ROOT / "test" / "busy.yaml"), scene="free_space")
+        assert run.ended() == 0, run.progress
+    found = json.loads(run.said.splitlines()[-1])
+    assert found["done"] and found["faults"] == [] and "Traceback" not in run.progress
 
 
 def running(processes):

@@ -4,7 +4,7 @@
 import pytest
 
 from haptic_device.status import Status
-from haptic_sim.cli import follow
+from haptic_sim.cli import follow, outcome
 
 
 class Said:
@@ -16,8 +16,10 @@ class Said:
     def look(self):
         fault, self.motor_force = self.looks.pop(0) if len(self.looks) > 1 else self.looks[0]
         message = f"fault {fault}" if fault else "waiting"
-        driver, other = Status(0, 2 if fault else 0, message, {"fault": fault}), Status(0, 0, "serving", {})
-        self.statuses = {"haptic_driver": driver, "haptic_loopback": other, "haptic_simulation": other}
+        said = {"fault": fault, "missed": "[/x]", "age_ms_p50": ""}
+        driver, other = Status(0, 2 if fault else 0, message, said), Status(0, 0, "serving", {})
+        simulation = Status(0, 0, "serving", {"result.insertion_fraction": "all of it"})
+        self.statuses = {"haptic_driver": driver, "haptic_loopback": other, "haptic_simulation": simulation}
 
     @property
     def motor_commanded(self):
@@ -48,3 +50,16 @@ def test_a_fault_after_the_first_command_does_not_end_the_run_early(monkeypatch)
 def test_without_command_or_fault_the_limit_ends_the_run_in_a_sentence(monkeypatch):
     with pytest.raises(ValueError, match="^no motor command came within 0 s; haptic_driver says: waiting$"):
         followed(monkeypatch, ("", 0.0), limit=0.2)
+
+
+def test_a_word_that_is_no_fault_of_ours_ends_no_run(monkeypatch):
+    assert followed(monkeypatch, ("overheated", 0.0), ("overheated", 1.0))
+
+
+def test_words_of_others_are_shown_as_they_are_on_a_terminal_and_in_the_table(monkeypatch, capsys):
+    monkeypatch.setattr("rich.console.Console.is_terminal", True)
+    assert followed(monkeypatch, ("", 1.0))
+    found = outcome.nothing() | {"scene": "[/x]", "done": False, "bag": None, "faults": ["[/x] says [bold"]}
+    outcome.print_table(found)
+    said = capsys.readouterr()
+    assert "missed ticks [/x]" in said.err and "[/x] says [bold" in said.out

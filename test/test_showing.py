@@ -6,6 +6,7 @@ import types
 
 import numpy as np
 import pytest
+from live_nodes import STRANGE
 
 from haptic_device.analysis.cdr import cloud_layout, cloud_records
 from haptic_device.node.tap import Sample
@@ -167,10 +168,11 @@ def test_rubbish_on_the_topics_of_the_page_is_not_shown_and_harms_nothing(presse
     feed = Feed(None)
     cut = types.SimpleNamespace(point_step=CONTACT.itemsize, data=bytes(CONTACT.itemsize + 1))
     FakeTap.waiting = {"scene": node.said["scene"], "scene/state": [b"", b"\0" * 500], "scene/contacts": [cut]}
-    FakeTap.waiting["operator/state"] = [b""]
+    FakeTap.waiting |= {"operator/state": [b""], "/diagnostics": STRANGE}
     feed.look()
     frame = feed.frame()
     assert feed.scene and frame["contacts"] == [] and frame["tool"] is None and frame["handle"] is None
+    assert {name: said.level for name, (said, _) in feed.statuses.items() if said.level} == {"seven": 3, "all bits": 3}
     FakeTap.waiting = {"scene": [types.SimpleNamespace(data="[" * 100_000)]}
     feed.look()
     assert feed.scene is None and "cannot be read" in feed.problem

@@ -8,10 +8,12 @@ import pytest
 from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
+from live_nodes import STRANGE
 from rclpy.serialization import deserialize_message, serialize_message
 
 from haptic_device.law import servo
 from haptic_device.node import wire
+from haptic_device.status import LEVELS, number
 
 NAMES = [wire.exchange_names(axes) for axes in (1, 2, 3)] + [wire.truth_names(axes) for axes in (1, 2, 3)]
 NAMES += [wire.AXES[:axes] for axes in (1, 2, 3)]
@@ -136,3 +138,18 @@ def test_diagnostics_carry_level_name_and_values_as_text():
     assert (status.name, status.hardware_id, status.message) == ("haptic_driver", "desktop", "no simulation")
     assert status.level == b"\x01"
     assert {entry.key: entry.value for entry in status.values} == {"missed": "3", "state": "idle"}
+
+
+def test_strange_diagnostics_are_read_as_far_as_they_go():
+    found = {}
+    for message in STRANGE:
+        found |= wire.statuses_of(message, STAMP)
+    assert {name: said.level for name, said in found.items() if "haptic" not in name} == {
+        "no\ufffdtext": 0, "seven": LEVELS.index("STALE"), "all bits": LEVELS.index("STALE"), "[/x]": 0,
+    }  # fmt: skip
+    assert found["[/x]"].values == {"[/x]": "[/x]"} and found["haptic_driver"].values["fault"] == "overheated"
+
+
+@pytest.mark.parametrize(("text", "value"), [("2.5", 2.5), ("-1", -1.0), ("", None), ("many", None), ("[/x]", None)])
+def test_a_value_that_says_no_number_is_nan(text, value):
+    assert math.isnan(number(text)) if value is None else number(text) == value

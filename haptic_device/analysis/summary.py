@@ -9,6 +9,7 @@ import numpy as np
 from haptic_device.analysis.recording import Joints, Recording
 from haptic_device.law.fault import name_of
 from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.status import number
 
 _MICRO, _MILLI = 1e6, 1e3
 
@@ -64,11 +65,11 @@ def energy_figures(recording: Recording, rows: np.ndarray) -> dict:
     """Energy given to the operator [J] by the loopback's truth, and supplied to the tool at its port by the end."""
     state = recording.joint("operator/state")
     given = state.entry("energy_given")[state.entry("time") * 1e9 <= rows["deadline"][-1]]
-    supplied = recording.last_values("haptic_simulation").get("tool_port_energy")
+    supplied = number(recording.last_values("haptic_simulation").get("tool_port_energy", ""))
     return {
         "given_to_operator_max": float(np.max(given)) if len(given) else None,
         "given_to_operator_end": float(given[-1]) if len(given) else None,
-        "tool_port_end": None if supplied is None else float(supplied),
+        "tool_port_end": None if np.isnan(supplied) else supplied,
     }
 
 

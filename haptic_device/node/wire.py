@@ -250,9 +250,13 @@ def diagnostics(stamp_ns, name, hardware_id, level, message, values, figures=())
 def statuses_of(data: bytes, time: int) -> dict[str, Status]:
     """Statuses by name, out of one serialized DiagnosticArray received at time [ns, system clock].
 
-    Bytes that are no such message raise whatever the decoder says.
+    None out of bytes that are no such message.
     """
-    return dict(named_statuses(deserialize_message(data, DiagnosticArray), time))
+    try:
+        message = deserialize_message(data, DiagnosticArray)
+    except Exception:  # whatever another vendor's node makes the decoder say
+        return {}
+    return dict(named_statuses(message, time))
 
 
 def _status(hardware_id, name, level, message, values):

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Events of `haptic chaos` that take no node away but its peace: processor time, the network, the wall clock."""
 
+import math
 import os
 import subprocess
 import sys
 import time
 
 from haptic_device.runtime.process import ending_with_us, own_environment, running_module
+from haptic_device.status import LEVELS, number
 from haptic_sim.cli import chaos_figures as figures
 from haptic_sim.cli.conductor import PATIENCE, Conductor
 from haptic_sim.cli.flood import SENT
@@ -32,7 +34,7 @@ def hogs(conductor: Conductor) -> figures.Figures:
     recovered = conductor.enable()
     rows = conductor.witness.heard().rows
     missed = _number(conductor, "missed") - before
-    level = ("OK", "WARN", "ERROR")[conductor.witness.levels.get("haptic_driver: margin", 0)]
+    level = LEVELS[conductor.witness.levels.get("haptic_driver: margin", 0)]
     note = f"{missed:.0f} ticks missed; margin down to {rows['margin'][:, 0].min():.3g} N s/m, which it calls {level}"
     return figures.figures(conductor.witness.heard(), recovered=recovered, note=note)
 
@@ -78,17 +80,18 @@ def _step(seconds):
 
 
 def _number(conductor, entry):
-    return float(conductor.witness.said("haptic_driver", entry) or 0.0)
+    return max(0.0, number(conductor.witness.said("haptic_driver", entry)))  # 0 where it says none
 
 
 def _refusals(conductor):
     """Everything that the nodes say they have refused."""
-    return sum(
-        int(float(value))
+    counts = (
+        number(value)
         for said in conductor.witness.statuses.values()
         for name, value in said.values.items()
         if name.startswith("refused") and name != "refused"
     )
+    return sum(int(count) for count in counts if math.isfinite(count))
 
 
 def _process(command):

@@ -7,6 +7,8 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
+from haptic_device.law.fault import NAMES
+from haptic_device.status import number
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.live import Live
 
@@ -60,10 +62,10 @@ def _wait(condition: Callable[[], bool], limit: float, live: Live, check, show) 
 
 
 def _line(live: Live) -> str:
-    insertion = live.said("haptic_simulation", "result.insertion_fraction")
+    insertion = number(live.said("haptic_simulation", "result.insertion_fraction"))
     parts = [f"motor {live.motor_force:6.2f} N"]
-    if insertion:
-        parts.append(f"insertion {100 * float(insertion):5.1f} %")
+    if math.isfinite(insertion):
+        parts.append(f"insertion {100 * insertion:5.1f} %")
     for label, name in (("missed ticks", "missed"), ("age [ms]", "age_ms_p50")):
         if said := live.said("haptic_driver", name):
             parts.append(f"{label} {said}")
@@ -72,7 +74,7 @@ def _line(live: Live) -> str:
 
 def _faulty(live: Live) -> bool:
     """Whether the driver waits for a person: after a fault it enables no more by itself."""
-    return live.said("haptic_driver", "fault") != ""
+    return live.said("haptic_driver", "fault") in NAMES
 
 
 def _reason(live: Live) -> str:
@@ -87,6 +89,7 @@ def _display() -> Iterator[Callable[[str], None]]:
     """On a terminal one line that is kept up to date; elsewhere a line a second."""
     from rich.console import Console
     from rich.live import Live as Display
+    from rich.text import Text
 
     began, last = time.monotonic(), -math.inf
     console = Console(stderr=True)
@@ -104,4 +107,4 @@ def _display() -> Iterator[Callable[[str], None]]:
         yield print_each_second
         return
     with Display(console=console, auto_refresh=False) as display:
-        yield lambda line: display.update(stamped(line), refresh=True)
+        yield lambda line: display.update(Text(stamped(line)), refresh=True)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What came of a run: its figures from the bag, whether its job was done, and both as a table."""
 
+import math
+
 from haptic_device.analysis.recording import Recording
 from haptic_device.analysis.summary import (
     energy_figures,
@@ -11,6 +13,7 @@ from haptic_device.analysis.summary import (
     residual_figures,
     servo_figures,
 )
+from haptic_device.status import number
 
 INSERTED = 0.95  # of the hole's depth
 ANSWERED = 0.9  # of the handle samples sent, for scenes without a goal of their own
@@ -59,10 +62,11 @@ def print_table(found: dict) -> None:
     """Prints the figures as a table on standard output."""
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text  # what nodes have said may look like markup
 
-    table = Table("figure", "value", title=f"{found['scene']}: {'done' if found['done'] else 'NOT done'}")
+    table = Table("figure", "value", title=Text(f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"))
     for name, value in _lines(found):
-        table.add_row(name, value)
+        table.add_row(Text(name), Text(value))
     console = Console()
     console.print(table)
     for name in ("bag", "report"):
@@ -86,8 +90,10 @@ def _text(value) -> str:
 
 
 def _result(values: dict[str, str]) -> dict[str, float]:
-    return {key.removeprefix("result."): float(value) for key, value in values.items() if key.startswith("result.")}
+    said = {key.removeprefix("result."): number(value) for key, value in values.items() if key.startswith("result.")}
+    return {key: value for key, value in said.items() if not math.isnan(value)}
 
 
 def _number(values: dict[str, str], key: str) -> float | None:
-    return float(values[key]) if key in values else None
+    value = number(values.get(key, ""))
+    return None if math.isnan(value) else value

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import psutil
 
+from haptic_device.law.fault import NAMES
 from haptic_sim.cli.conductor import FREE, PRESSED, Conductor
 from haptic_sim.cli.domain import isolated_domain
 
@@ -43,7 +44,7 @@ def _watch(conductor, seconds):
         for name, process in processes.items():
             with process.oneshot():
                 samples[name].append((age, process.memory_info().rss, process.num_threads(), process.num_fds()))
-        faults |= {conductor.witness.said("haptic_driver", "fault")} - {""}
+        faults |= {conductor.witness.said("haptic_driver", "fault")} & NAMES
         conductor.witness.begin()
         if int(age) % 60 == 0:
             print(f"haptic chaos: soak {age:.0f} s; {conductor.driver_says()}", file=sys.stderr, flush=True)

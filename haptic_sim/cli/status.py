@@ -10,9 +10,9 @@ from typing import Annotated
 
 import typer
 
+from haptic_device.status import LEVELS
 from haptic_sim.cli.keys import ESTOP, keys
 
-LEVELS = ("OK", "WARN", "ERROR", "STALE")
 STYLES = ("green", "yellow", "bold red", "magenta")
 STALE = 2.0  # [s] without news after which a status counts no more
 LISTENING = 2.0  # [s] that one look without a terminal takes
@@ -68,6 +68,7 @@ def _watch(live, domain) -> dict:
     """Until q or Ctrl-C; a key's answer is shown below the table."""
     from rich.console import Group
     from rich.live import Live as Display
+    from rich.text import Text
 
     answer = ""
     with contextlib.suppress(KeyboardInterrupt), keys() as pressed, Display(auto_refresh=False) as display:
@@ -76,7 +77,7 @@ def _watch(live, domain) -> dict:
                 success, message = live.commands.call(KEYS[key])
                 answer = f"{KEYS[key]}: {message}" if success else f"{KEYS[key]} refused: {message}"
             live.look()
-            display.update(Group(table(look(live), domain, live.motor_force), HELP, answer), refresh=True)
+            display.update(Group(table(look(live), domain, live.motor_force), HELP, Text(answer)), refresh=True)
             time.sleep(0.05)
     return look(live)
 
@@ -90,11 +91,12 @@ def _print(found, domain) -> None:
 def table(found: dict, domain: int, motor: float | None = None):
     """A row for each node and each of its figures; motor [N]: force on the handle, where the loopback tells it."""
     from rich.table import Table
+    from rich.text import Text  # what stands in statuses may look like markup
 
     title = f"ROS domain {domain}" + ("" if motor is None else f", motor {motor:.2f} N")
     rows = Table("node", "figure", "level", "", title=title, caption="" if found else "nothing heard yet")
     for name, entry in found.items():
         node, _, figure = name.partition(": ")
-        level = f"[{STYLES[entry['level']]}]{LEVELS[entry['level']]}[/]"
-        rows.add_row("" if figure else node, figure, level, entry["message"])
+        level = Text(LEVELS[entry["level"]], STYLES[entry["level"]])
+        rows.add_row(Text("" if figure else node), Text(figure), level, Text(entry["message"]))
     return rows

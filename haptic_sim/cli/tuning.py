@@ -18,10 +18,11 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
+from haptic_device.law.fault import NAMES
 from haptic_device.law.servo import TICK
 from haptic_device.node.tap import Tap
 from haptic_device.node.wire import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, statuses_of, truth_names
-from haptic_device.status import Status
+from haptic_device.status import Status, number
 from haptic_sim.cli.stand_in import StandIn
 
 PATIENCE = 15.0  # [s] for a service
@@ -97,7 +98,7 @@ class Tuning:
 
     def refuse_fault(self) -> None:
         """Raises ValueError if the driver is in fault."""
-        if name := self.said("fault"):
+        if (name := self.said("fault")) in NAMES:
             raise ValueError(f"haptic_driver is in fault {name}: clear it first (~/reset, then ~/enable)")
 
     def wait_engaged(self, check=lambda: None) -> None:
@@ -121,7 +122,7 @@ class Tuning:
     def wait_answered(self, check=lambda: None) -> None:
         """Until a simulation answers the driver, whose first start compiles longer; ValueError if none does."""
         end = time.monotonic() + APPEARANCE
-        while not int(self.said("exchange_answered") or 0):
+        while not number(self.said("exchange_answered")) > 0:
             if time.monotonic() > end:
                 raise ValueError(f"no simulation answered the driver within {APPEARANCE:g} s")
             check()

@@ -11,6 +11,7 @@ import numpy as np
 
 from haptic_device.analysis import probe
 from haptic_device.law import fault
+from haptic_device.status import number
 from haptic_sim.cli.bench_nodes import running
 from haptic_sim.cli.tuning import Tuning, refuse_other_device
 from haptic_sim.cli.zwidth_twin import DEPTH, HAND, LAG, OUT, PHASES, RADIUS, WALL, Twin
@@ -157,7 +158,7 @@ def _write_delay(tuning):
     """Median time from deadline to the servo's write [s]: its lateness and its work, as its diagnostics say."""
     tuning.watch(0.6)
     said = [tuning.said(f"{name}_us_p50") for name in ("lateness", "compute")]
-    return sum(max(0.0, float(value or 0.0)) for value in said) * 1e-6
+    return sum(max(0.0, number(value)) for value in said) * 1e-6
 
 
 def _truth(truths):

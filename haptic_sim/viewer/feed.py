@@ -74,10 +74,7 @@ class Feed:
             if sample is not None and read(sample.message):
                 self._heard[name] = now
         for sample in self._said.take():
-            try:
-                fresh = statuses_of(sample.message, sample.received)
-            except Exception:  # whatever another vendor's node makes the decoder say
-                continue
+            fresh = statuses_of(sample.message, sample.received)
             self.statuses |= {name: (status, now) for name, status in fresh.items()}
         self.statuses = {name: said for name, said in self.statuses.items() if now < said[1] + SILENT}
         self._forget(now)
