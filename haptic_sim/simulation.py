@@ -96,11 +96,11 @@ class Simulation:
         self.reset()
 
     @classmethod
-    def by_parameters(cls, scene: Scene, values: dict, port: Port | None = None) -> "Simulation":
-        """As the parameters of haptic_simulation say; at the port that there is, or a new one."""
+    def by_parameters(cls, scene: Scene, values: dict) -> "Simulation":
+        """As the parameters of haptic_simulation say, at a port of its own."""
         method = None if values["method"] == AUTO else values["method"]
         limits = Limits(*(values[f"port_{name}"] for name in Limits._fields))
-        port = port or port_of(values["exchange.method"], values["port_budget"], limits)
+        port = port_of(values["exchange.method"], values["port_budget"], limits)
         return cls(scene, values["sub_step"] or None, values["max_catch_up"], method, port)
 
     def reset(self) -> None:
@@ -109,6 +109,13 @@ class Simulation:
         self.ledger = Ledger(*self.method.energy())
         self.counters = Counters()
         self.rejoin()
+        self.port.restart()
+
+    def attach(self, port: Port) -> None:
+        """Begin at this port, which another world has left: the sums of that go on, its energy does not."""
+        self.port, self._coupled = port, None
+        self._travel = self._way()
+        port.restart()
 
     @property
     def handle(self) -> Planar | None:

@@ -18,7 +18,10 @@ class Port(Protocol):
     """One exchange method at the tool."""
 
     def rejoin(self) -> None:
-        """A new session of the device, or a world put back to its start: the next sample's sums are the new zero."""
+        """A new session of the device: the next sample's sums are the new zero."""
+
+    def restart(self) -> None:
+        """A world at its start: as `rejoin`, with the energy that a world begins with; what is sent goes on as a sum."""
 
     def receive(self, handle, sub_step: float) -> Coupling:
         """Take what a handle sample ships; the gains to couple with over the next sub-steps [s]."""
@@ -37,6 +40,9 @@ class Direct:
     """The handle as it is said to be, whatever that does to the energy."""
 
     def rejoin(self) -> None:
+        """Nothing is kept."""
+
+    def restart(self) -> None:
         """Nothing is kept."""
 
     def receive(self, handle, sub_step: float) -> Coupling:
@@ -106,6 +112,11 @@ class Modulated(Drawn):
         self._known = None
         self.memory[port.JOINED] = self.memory[port.PULL] = self.memory[port.PULL + 1] = 0.0
 
+    def restart(self) -> None:
+        """As `rejoin`, with the budget in the tank: what the world before had left, or had spent, is gone with it."""
+        self.rejoin()
+        self.memory[port.TANK], self._gains = self.budget, None  # the world may have another sub-step
+
     def receive(self, handle, sub_step: float) -> Coupling:
         """Energy shipped since the last sample goes into the tank."""
         known = handle.energy if self._known is None else self._known
@@ -151,6 +162,10 @@ class Waves(Drawn):
         """The next sample's sums are the new zero, and nothing of the old ones is still to come."""
         self._come, self._pending = None, [0.0] * 3
         self.memory[:] = 0.0
+
+    def restart(self) -> None:
+        """As `rejoin`."""
+        self.rejoin()
 
     def receive(self, handle, sub_step: float) -> Coupling:
         """What has come since the last sample is played over the time that the world now makes up."""

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from examples import few
 from exchange_systems import GAINS, credited, demo_system, one_axis, reference
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from ticks import tick
 
@@ -208,6 +208,30 @@ def test_a_pull_that_is_allowed_can_be_let_go_slowly_whatever_the_tool_takes(ene
         assert memory[port.TANK] >= -1e-12
         before = made
     assert abs(made) <= 1e-9
+
+
+@example(tank=-1e-30, pull=(0.0, 0.0, 0.0), stiffness=500.0)
+@example(tank=-1e-30, pull=(30.0, 0.0, 0.5), stiffness=500.0)
+@given(
+    tank=st.one_of(st.floats(-1e-2, 1e-2), st.floats(-1e-28, 1e-28)),
+    pull=st.tuples(*[st.floats(-reach, reach) for reach in (200.0, 200.0, 5.0)]),
+    stiffness=st.sampled_from([0.0, 500.0, 5000.0]),
+)
+def test_whatever_the_tank_holds_the_pull_is_a_finite_share_of_what_is_wanted(tank, pull, stiffness):
+    """A tank may lie below zero by rounding: from then on it pays for nothing, and says so in numbers."""
+    damping, h, still = 2.0, 0.25e-3, (0.0, 0.0, 0.0)
+    rules, memory = np.zeros(port.RULES), np.zeros(port.MEMORY)
+    rules[:3], rules[3:6], rules[6:8] = stiffness, damping, port.worst(stiffness, damping, h)
+    rules[8:10], rules[10:12], memory[port.TANK] = (40.0, 2.0), (500.0 * h, 25.0 * h), tank
+    aim = [one / stiffness if stiffness else 0.0 for one in pull]
+    speed = [0.0 if stiffness else one / damping for one in pull]
+    for _ in range(20):
+        port.drive(rules, memory, aim, speed, still)
+        made = stiffness * memory[port.AIM : port.AIM + 3] + damping * memory[port.SPEED : port.SPEED + 3]
+        assert 0.0 <= memory[port.SHARE] <= 1.0
+        for one, wanted in zip(made, pull, strict=True):
+            assert 0.0 <= one * np.sign(wanted) <= abs(wanted) * (1.0 + 1e-9)
+        assert tank > 0.0 or abs(made).max() < 1e-150  # whose energy is 0 in numbers
 
 
 @pytest.mark.parametrize("enabled", [True, False])

@@ -123,7 +123,7 @@ MS = 1_000_000  # [ns]
 @pytest.fixture
 def answering(monkeypatch):
     """What the exchange thread does with a sample, without the thread: answer(milliseconds) is whether the sample of
-    that time is answered; `thread`, and `load(scene)`."""
+    that time is answered; `thread`, `grant(wish)`, and `load(scene)`."""
     clock, tools = types.SimpleNamespace(ns=0), []
     clocks = types.SimpleNamespace(monotonic_ns=lambda: clock.ns, perf_counter_ns=lambda: clock.ns)
     monkeypatch.setattr(exchange_thread, "time", clocks)
@@ -141,11 +141,14 @@ def answering(monkeypatch):
         thread._answer(handle(float(milliseconds), position=position, stamp_ns=clock.ns))
         return thread.answered > before
 
-    def another(scene):
-        thread._wish = lambda: thread._exchange_world(Simulation(load(scene), port=thread.simulation.port))
+    def grant(wish):
+        thread._wish = wish
         thread._grant()
 
-    return types.SimpleNamespace(answer=answer, load=another, thread=thread)
+    def another(scene):
+        grant(lambda: thread._exchange_world(Simulation(load(scene), port=port_of("pspm"))))
+
+    return types.SimpleNamespace(answer=answer, load=another, grant=grant, thread=thread)
 
 
 def test_another_world_is_hidden_by_a_silence_and_its_gains_return_from_nothing(answering):
@@ -159,6 +162,21 @@ def test_another_world_is_hidden_by_a_silence_and_its_gains_return_from_nothing(
         stiffness.append(answering.thread.simulation._coupled.stiffness)
     assert stiffness == sorted(stiffness)
     assert 0.0 < stiffness[0] < 0.01 * GAINS[0] and stiffness[-1] == GAINS[0]
+
+
+@pytest.mark.parametrize("how", ["load", "reset"])
+def test_each_world_begins_with_its_budget_so_that_the_pull_is_that_of_the_first(answering, how):
+    """The handle stays 6 mm behind the wall, and the tool comes to it from its start again and again."""
+    began, pulls, thread = 0, [], answering.thread
+    lasts = (exchange_thread.SILENCE_NS + RETURN_NS) // MS + 200
+    for _ in range(13):
+        answering.load("wall") if how == "load" else answering.grant(thread.simulation.reset)
+        for time_ms in range(began + 1, began + lasts):
+            answering.answer(time_ms, (-0.006, 0.0, 0.0))
+        pulls.append(thread.simulation.method.force_on_tool[0])
+        began += lasts
+    assert pulls[0] < -1.0
+    assert pulls == pytest.approx([pulls[0]] * len(pulls), rel=0.02)
 
 
 class Peer:

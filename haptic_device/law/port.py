@@ -71,15 +71,16 @@ def _draw(memory, tool, i, share):
 def _allowed(rules, memory, line, turn):
     """Shares 0…1 of the pull in the plane and of the torque; SHARE says how much energy has left of either."""
     straight, around = min(line, rules[LIMIT]), min(turn, rules[LIMIT + 1])
+    tank = max(0.0, memory[TANK])  # rounding may leave it below 0, where a pull of none would be too much
     kept = _kept(rules, 0, straight) + _kept(rules, 1, around)
-    if kept > memory[TANK]:
-        share = math.sqrt(max(0.0, memory[TANK]) / kept)
+    if kept > tank:
+        share = math.sqrt(tank / kept)
         straight = min(straight, max(share * straight, memory[PULL] - rules[STEP]))
         around = min(around, max(share * around, memory[PULL + 1] - rules[STEP + 1]))
         memory[SHARE] = share
     most = rules[WORST] * straight * straight + rules[WORST + 1] * around * around
-    if most > memory[TANK]:  # the tool's own motion has made more of it
-        share = math.sqrt(max(0.0, memory[TANK]) / most)
+    if most > tank:  # the tool's own motion has made more of it
+        share = math.sqrt(tank / most)
         straight, around, memory[SHARE] = share * straight, share * around, share
     return straight / line if line > 0.0 else 1.0, around / turn if turn > 0.0 else 1.0
 

@@ -96,6 +96,7 @@ class ExchangeThread:
         return self._granted.wait(patience)
 
     def _exchange_world(self, simulation):
+        simulation.attach(self.simulation.port)  # not before: the world that runs pulls by it
         self.simulation, self.port.home = simulation, simulation.scene.tool.pose
         self.port.scene += 1
 

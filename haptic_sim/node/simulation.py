@@ -98,10 +98,10 @@ class SimulationNode(ManagedNode):
         return "ok", "answering"
 
     def _world(self):
-        """A simulation as the parameters now say, at the tool port that there is."""
-        port, scene = self.simulation.port if self.simulation else None, load(self.values["scene"])
+        """A simulation as the parameters now say."""
+        scene = load(self.values["scene"])
         have(*groups_of(scene, self.values["method"], self.values["exchange.method"]))
-        world = Simulation.by_parameters(scene, self.values, port)
+        world = Simulation.by_parameters(scene, self.values)
         compile_for(world, wire.JointLayout(wire.exchange_names(1)))
         if self.values["exchange.method"] == "local":
             world.local_contacts.look(0.0)  # compiled here, not in the first exchange
