@@ -41,7 +41,7 @@ GROUPS = (  # in one tuple: what shares a file of the cache, compiled one after 
 )
 SOURCES = ("haptic_device.node.kernels", "haptic_sim.kernels")  # modules with GROUPS: {name: function that compiles}
 LONGEST = 4096  # bytes; what a pipe takes in one piece (man 7 pipe: PIPE_BUF)
-LOOK = 0.1  # [s] between looks at another's progress
+LOOK = 0.1  # [s] between looks at another's progress, and at whether one shall end
 EACH_SECOND = 1.0  # [s] between lines where there is no terminal
 TEXT = "compiling the servo, once for this machine"
 
@@ -59,10 +59,11 @@ def servo_groups(exchange_method):
     return "servo", "exchange of contacts" if exchange_method == "local" else "exchange"
 
 
-def have(*names):
+def have(*names, told=()):
     """Returns when these groups are in the cache, compiled if need be by a process of its own, which says so.
 
-    What cannot be compiled there is compiled here when it is called, which then says why.
+    What cannot be compiled there is compiled here when it is called, which then says why. KeyboardInterrupt as soon as
+    there is anything in `told`, where somebody notes that this process shall end.
     """
     if cache.NOTE and not os.environ.get(_SAID):
         print(cache.NOTE, file=sys.stderr, flush=True)
@@ -75,9 +76,12 @@ def have(*names):
         command, stdin=subprocess.DEVNULL, start_new_session=True, env=own_environment()
     ) as process:
         try:
-            process.wait()
+            while process.poll() is None and not told:
+                time.sleep(LOOK)
         finally:  # interrupted
             process.kill()
+    if told:
+        raise KeyboardInterrupt
 
 
 def missing(names):

@@ -21,7 +21,7 @@ class Port(Protocol):
         """A new session of the device: the next sample's sums are the new zero."""
 
     def restart(self) -> None:
-        """A world at its start: as `rejoin`, with the energy that a world begins with; what is sent goes on as a sum."""
+        """A world at its start: as `rejoin`, with the energy that a world begins with; the sums sent go on."""
 
     def receive(self, handle, sub_step: float) -> Coupling:
         """Take what a handle sample ships; the gains to couple with over the next sub-steps [s]."""

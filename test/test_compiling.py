@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from live_nodes import MODULES
 
 from haptic_device import cache, compiling
 
@@ -88,6 +89,20 @@ def test_interrupted_in_the_middle_nothing_is_left_running_and_the_cache_still_s
     assert process.returncode == -number
     ended(asking(tmp_path, SMALL))
     assert ended(asking(tmp_path, SMALL)) == ("", "")
+
+
+@pytest.mark.live
+@pytest.mark.parametrize("module", MODULES.values())
+def test_a_node_told_to_end_while_its_kernels_compile_ends_well_and_so_does_all_that_compiled(tmp_path, start, module):
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    node = start([sys.executable, "-m", module], env=environment, stderr=subprocess.PIPE)
+    node.cache = str(tmp_path)
+    until(lambda: len(session(node)) >= 2, "a process that compiles")
+    node.send_signal(signal.SIGTERM)
+    said = node.communicate(timeout=LIMIT)[1]
+    assert node.returncode == 0 and "Traceback" not in said, said
+    until(lambda: not session(node), "the end of all that compiled")
+    assert compiling.TEXT in said and not list(tmp_path.rglob("*.done"))
 
 
 def test_what_is_compiled_is_of_the_package_that_asks_not_of_one_in_the_current_folder(tmp_path):

@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Managed nodes driven from outside, as `ros2 lifecycle` and a launch file do: each state is what it says."""
 
+import subprocess
+import sys
+
 import pytest
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from live_nodes import MODULES, SLOW, Ear, Nodes, page_path
+from live_nodes import LIMIT, MODULES, SLOW, Ear, Nodes, page_path
+
+from haptic_device.runtime.process import ending_with_us
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
 
@@ -85,3 +90,51 @@ def test_deactivated_cleaned_up_and_shut_down_in_any_order_they_let_everything_g
     assert not page_path(SPACE).exists()
     for name in NODES:
         change(ear, name, Transition.TRANSITION_UNCONFIGURED_SHUTDOWN, State.PRIMARY_STATE_FINALIZED)
+
+
+TOLD = """
+import gc, importlib, os, signal, sys, threading
+from haptic_device.node import lifecycle, own_port
+own_port.KINDS = ()  # a process can give a port of its own to one participant only
+module = importlib.import_module(sys.argv[1])
+[kind] = [one for one in vars(module).values() if isinstance(one, type) and lifecycle.ManagedNode in one.__bases__]
+MOMENTS = ((lifecycle, "begin_ros"), (kind, "__init__"), (lifecycle, "SingleThreadedExecutor"), (kind, "configure"),
+           (kind, "activate"), (threading.Thread, "start"), (threading.Event, "wait"), (kind, "finish"))
+
+def tell():
+    os.kill(os.getpid(), signal.SIGTERM)
+
+def telling(owner, name, before):
+    plain = getattr(owner, name)
+    def told(*given, **named):
+        if before:
+            tell()
+        try:
+            return plain(*given, **named)
+        finally:
+            tell()
+    setattr(owner, name, told)
+    return plain
+
+for before in (True, False):
+    for owner, name in MOMENTS:
+        plain = telling(owner, name, before)
+        if name == "finish":
+            active = telling(kind, "activate", False)
+        print(name, "before" if before else "after", flush=True)
+        print(module.main(["--ros-args", "-r", "__ns:=/told"]), flush=True)
+        setattr(owner, name, plain)
+        if name == "finish":
+            kind.activate = active
+        gc.collect()  # one participant at a time
+"""
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_a_node_told_to_end_at_any_moment_of_its_start_ends_as_it_always_does(name):
+    told = subprocess.run(
+        ending_with_us([sys.executable, "-c", TOLD, MODULES[name]]), capture_output=True, text=True, timeout=LIMIT
+    )
+    assert told.returncode == 0, (told.stdout, told.stderr)
+    assert {*told.stdout.split("\n")[1::2]} == {"0"}, told.stdout
+    assert "Traceback" not in told.stderr and "Exception" not in told.stderr, told.stderr

@@ -48,7 +48,7 @@ class DriverNode(ManagedNode):
 
     def configure(self):
         """Reads the device description and takes the device."""
-        have(*servo_groups(self.values["exchange.method"]))
+        have(*servo_groups(self.values["exchange.method"]), told=self.told)
         realtime.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)
         self.device = load_device(self.values["device"])
         self._judge(operating.settings_from(self.device, self.values), self.values)

@@ -5,6 +5,7 @@ import os
 import re
 import signal
 import sys
+from collections.abc import Sequence
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -27,6 +28,7 @@ class ManagedNode(Node):
         super().__init__(name, namespace="/haptic")
         self.values = declare(self, parameters)
         self.refusal, self.survived, self._said_of = "", 0, set()
+        self.told: Sequence[int] = ()  # signals that tell it to end, as they come: whoever waits long looks at them
 
     def page_name(self, page_name):
         """The device page of this node's ROS domain and namespace."""
@@ -68,8 +70,10 @@ class ManagedNode(Node):
 
     def finish(self):
         """Ends in the right order whatever has begun."""
-        self.deactivate()
-        self.cleanup()
+        try:
+            self.deactivate()
+        finally:
+            self.cleanup()
 
     def _try(self, action, after, state, undo=lambda: None):
         try:
@@ -90,6 +94,8 @@ def _autostart(node):
     if not node.values["autostart"]:
         return
     for trigger in (node.trigger_configure, node.trigger_activate):
+        if node.told:
+            return
         if trigger() != TransitionCallbackReturn.SUCCESS:
             raise ValueError(node.refusal)
 
@@ -128,34 +134,35 @@ def _serve(executor, node):
 
 
 def run(make_node, name, args=None):
-    """Runs a managed node until SIGINT, SIGTERM or SIGHUP; a refusal is printed as its sentence, exit code 1."""
-    told, node, starting = [], None, [True]
+    """Runs a managed node until SIGINT, SIGTERM or SIGHUP, exit code 0; a refusal is printed as its sentence, code 1.
 
-    def hear(number, frame):
-        told.append(number)
-        if starting and len(told) == 1:
-            raise KeyboardInterrupt  # what waits for kernels looks at nothing
-
+    A signal only sets a flag, also while the node starts: raised in the middle of anything it would leave threads that
+    wait on what is then destroyed.
+    """
+    told, node = [], None
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, hear)
+        signal.signal(number, lambda received, frame: told.append(received))
     try:
         with own_port(name):
             begin_ros(args)
             node = _made(make_node)
+        node.told = told
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         _autostart(node)
-        starting.clear()
         while not told and rclpy.ok():
             _serve(executor, node)
     except (ValueError, OSError) as refusal:
         print(f"{name}: {' '.join(str(refusal).split())}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
+    except KeyboardInterrupt:  # of compiling.have, which was waiting
         return 0
     finally:
-        if node is not None:
-            node.finish()
-            node.destroy_node()
-        rclpy.try_shutdown()
+        try:
+            if node is not None:
+                node.finish()
+        finally:
+            if node is not None:
+                node.destroy_node()
+            rclpy.try_shutdown()
     return 0

@@ -40,7 +40,7 @@ class LoopbackNode(ManagedNode):
 
     def configure(self):
         """Reads device and script, and takes the page."""
-        have("loopback")
+        have("loopback", told=self.told)
         self.device = load_device(self.values["device"])
         self.plant, self.memory, self.motion = operating.hand_from(self.device, self.values)
         self.layout = wire.JointLayout(wire.truth_names(len(self.device.axes)))

@@ -36,13 +36,13 @@ class Report(NamedTuple):
 
 
 class ExchangeThread:
-    """Owns the simulation while it runs: what others want of the world, they ask for.
+    """Owns the simulation from start() to stop(): what others want of the world, they ask for.
 
     While the world changes or is paused it says nothing: the driver's coupling fades out by age, and in again once it
     answers; meanwhile the world stands still, and its own coupling returns from zero gains.
 
     `prepare` is called first in the thread and says what scheduling it has (kept as `scheduling`); a PermissionError of
-    its own comes out of the constructor.
+    its own comes out of start().
     """
 
     def __init__(self, node, simulation: Simulation, port: Port, publishers, prepare):
@@ -58,21 +58,25 @@ class ExchangeThread:
         self.paused = False
         self._ready, self._refusal = threading.Event(), None
         self.scheduling = ""
+        self.report = Report({}, Counters(), 0.0)
         self.answered = 0
         self.compute_ns = deque(maxlen=TIMES_KEPT)
         self._showing, self._handle, self._at_once = Showing(node), None, None
-        self._say()
         self._thread = threading.Thread(target=self._run, name="exchange")
+
+    def start(self) -> None:
+        """Start the thread; an exception of `prepare` comes out of here, and the thread has ended."""
+        self._say()
         self._thread.start()
         self._ready.wait()
         if self._refusal is not None:
-            self.stop()
             raise self._refusal
 
     def stop(self) -> None:
-        """End the thread; returns when it has ended, at most one look-up and one exchange later."""
+        """End the thread, if it has been started; returns when it has, at most one look-up and one exchange later."""
         self._stop.set()
-        self._thread.join()
+        if self._thread.is_alive():
+            self._thread.join()
         self._node.destroy_subscription(self._subscription)
         self._showing.close()
 
@@ -125,12 +129,13 @@ class ExchangeThread:
         self._say()
 
     def _latest(self):
-        self._wait_set.clear_entities()
-        self._wait_set.add_subscription(self._subscription.handle)
-        self._wait_set.wait(LOOK_UP_NS)
-        latest = None
-        while (taken := self._subscription.handle.take_message(JointState, True)) is not None:
-            latest = taken[0]
+        latest, handle = None, self._subscription.handle
+        with handle, self._node.context.handle:  # they live on while it waits
+            self._wait_set.clear_entities()
+            self._wait_set.add_subscription(handle)
+            self._wait_set.wait(LOOK_UP_NS)
+            while (taken := handle.take_message(JointState, True)) is not None:
+                latest = taken[0]
         return latest
 
     def _answer(self, data):

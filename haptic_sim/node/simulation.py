@@ -54,14 +54,17 @@ class SimulationNode(ManagedNode):
         port = Port(self.simulation.scene.tool.pose, self.values["exchange.method"])
         self._refused, self._rejoined = Refusals("handle"), self.simulation.counters.rejoined
         self.exchange = ExchangeThread(self, self.simulation, port, (self._tool, self._near), self._prepare)
+        self.exchange.start()
         self.get_logger().info(f"scene {self.simulation.scene.name}; {self.exchange.scheduling}")
 
     def deactivate(self) -> None:
         """Stops answering and says once more how things stand."""
         if self.exchange is not None:
             self.exchange.stop()
-            self.diagnose()
-            self.exchange = None
+            try:
+                self.diagnose()
+            finally:
+                self.exchange = None
 
     def cleanup(self) -> None:
         """Forgets the scene."""
@@ -100,7 +103,7 @@ class SimulationNode(ManagedNode):
     def _world(self):
         """A simulation as the parameters now say."""
         scene = load(self.values["scene"])
-        have(*groups_of(scene, self.values["method"], self.values["exchange.method"]))
+        have(*groups_of(scene, self.values["method"], self.values["exchange.method"]), told=self.told)
         world = Simulation.by_parameters(scene, self.values)
         compile_for(world, wire.JointLayout(wire.exchange_names(1)))
         if self.values["exchange.method"] == "local":
