@@ -4,10 +4,12 @@
 import math
 import signal
 import subprocess
+import sys
 import threading
 import time
 import types
 
+import numpy as np
 import pytest
 import rclpy
 from live_nodes import LIMIT, Nodes, command
@@ -18,10 +20,13 @@ from rclpy.parameter import Parameter as RosParameter
 from std_srvs.srv import SetBool, Trigger
 
 from haptic_device.law import exchange
+from haptic_device.law import port as law_port
 from haptic_device.node import wire
 from haptic_sim.node import exchange_thread
+from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.node.exchange_thread import RETURN_NS, ExchangeThread
 from haptic_sim.node.port import SILENCE_NS, Port
+from haptic_sim.node.simulation import SimulationNode
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation, ToolSample
 from haptic_sim.tool_port import port_of
@@ -132,7 +137,8 @@ def answering(monkeypatch):
     thread.simulation, thread.port = Simulation(load("wall"), port=port_of("pspm")), Port((0.03, 0.0, 0.0))
     thread._publisher, thread._near_publisher = types.SimpleNamespace(publish=tools.append), None
     thread._showing = types.SimpleNamespace(is_due=lambda *_: False, show=lambda *_: None)
-    thread._wish, thread._granted, thread._at_once, thread._handle = None, threading.Event(), None, None
+    thread._wish, thread._granted, thread._granting = None, threading.Event(), threading.Lock()
+    thread._at_once, thread._handle, thread.failure = None, None, ""
     thread._silent_until_ns, thread._returned_ns, thread.paused = 0, 0, False
     thread.answered, thread.compute_ns = 0, []
 
@@ -177,6 +183,26 @@ def test_each_world_begins_with_its_budget_so_that_the_pull_is_that_of_the_first
         began += lasts
     assert pulls[0] < -1.0
     assert pulls == pytest.approx([pulls[0]] * len(pulls), rel=0.02)
+
+
+def test_a_load_that_was_refused_because_nothing_answered_in_time_does_not_come_about_later(answering):
+    thread = answering.thread
+    assert "did not answer" in thread.load(Simulation(load("corner"), port=port_of("pspm")), patience=0.0)
+    thread._grant()  # as soon as it looks
+    assert thread.simulation.scene.name == "wall"
+
+
+def test_a_world_that_is_being_built_leaves_the_pull_of_the_one_that_runs_as_it_is(answering):
+    node, thread = object.__new__(SimulationNode), answering.thread
+    node.simulation, node.told = thread.simulation, ()
+    values = {parameter.name: parameter.default for parameter in PARAMETERS} | {"scene": "wall"}
+    for time_ms in range(1, 400):
+        answering.answer(time_ms, (-0.006, 0.0, 0.0))
+    before = thread.simulation.port.memory.copy()
+    node._world(values)
+    assert np.array_equal(thread.simulation.port.memory, before) and before[law_port.PULL] > 1.0
+    answering.answer(400, (-0.006, 0.0, 0.0))
+    assert thread.simulation.port.memory[law_port.PULL] == pytest.approx(before[law_port.PULL], rel=0.02)
 
 
 class Peer:
@@ -335,6 +361,67 @@ def test_told_to_end_the_node_says_how_things_then_stand_and_ends_well(nodes, pe
     assert float(values["result.insertion_fraction"]) == pytest.approx(-0.5, abs=0.01)
     assert {"max_contact_force", "max_penetration", "refused", "rejoined", "sub_steps"} <= values.keys()
     assert "Traceback" not in process.log.read_text()
+
+
+HOOKED = """
+import sys, time
+from pathlib import Path
+from haptic_sim.node import exchange_thread, simulation
+plain, count, answer = simulation.have, [], exchange_thread.Port.answer
+
+def have(*names, **options):
+    count.append(names)
+    while len(count) == 2 and not Path("compiled").exists():  # the first load after the start compiles so long
+        if options.get("told"):
+            raise KeyboardInterrupt
+        time.sleep(0.01)
+    plain(*names, **options)
+
+def failing(port, *given):
+    if Path("fail").exists():
+        raise KeyError("nobody\\nforesaw this")
+    return answer(port, *given)
+
+simulation.have, exchange_thread.Port.answer = have, failing
+exchange_thread.is_for = lambda world: False
+sys.exit(simulation.main())
+"""
+
+
+@pytest.fixture
+def hooked(nodes, peer, start, tmp_path):
+    """A node in a folder: its first load takes until `compiled` is there; with `fail` its exchange comes to an end."""
+    nodes.lack("haptic_simulation")
+    words = [sys.executable, "-c", HOOKED, "--ros-args", "-r", "__ns:=/haptic", "-p", "scene:=wall"]
+    with open(tmp_path / "log", "w") as log:
+        node = start(words, cwd=tmp_path, stdout=log, stderr=log)
+    node.folder = tmp_path
+    peer.ask(START, times=5)
+    return node
+
+
+def test_an_exchange_that_an_exception_ends_is_said_to_have_ended_and_answers_and_claims_nothing(hooked, peer):
+    (hooked.folder / "fail").touch()
+    (hooked.folder / "compiled").touch()
+    sentence = "the exchange has ended by KeyError: 'nobody\\nforesaw this'"
+
+    def told():
+        peer.send(START)
+        peer.executor.spin_once(timeout_sec=0.02)
+        return [one for one in peer.said if one[0] == sentence]
+
+    peer.until("the error", told)
+    answers = len(peer.tools)
+    for client, request in ((peer.load, Trigger.Request()), (peer.reset, Trigger.Request()),
+                            (peer.pause, SetBool.Request(data=True))):
+        answer = peer.call(client, request)
+        assert (answer.success, answer.message) == (False, sentence)
+    peer.until("two more reports", lambda: len(told()) >= 3)
+    assert len(peer.tools) == answers
+    hooked.send_signal(signal.SIGTERM)
+    assert hooked.wait(LIMIT) == 0
+    said = (hooked.folder / "log").read_text()
+    assert said.count(sentence) == 1 and "Traceback" not in said, said
 
 
 BAD = [({"scene": "nowhere"}, ["nowhere", "peg_in_hole"]), ({"sub_step": 1.0}, ["sub_step", "1.0 s", "at most"]),

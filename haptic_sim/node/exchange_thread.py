@@ -9,8 +9,6 @@ import time
 from collections import deque
 from typing import NamedTuple
 
-from rclpy.exceptions import InvalidHandle
-from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from haptic_device.node.tap import Untouched
@@ -24,7 +22,6 @@ LOOK_UP_NS = 50_000_000  # longest time it does not look at what others ask of i
 SILENCE_NS = 250_000_000  # hides a change of the world: by default the driver's coupling has let go after 0.2 s
 RETURN_NS = 140_000_000  # time over which the coupling's gains then return, as the driver's own fade does
 TIMES_KEPT = 4096
-END = (InvalidHandle, ExternalShutdownException, rclpy_implementation.RCLError)
 
 
 class Report(NamedTuple):
@@ -41,8 +38,8 @@ class ExchangeThread:
     While the world changes or is paused it says nothing: the driver's coupling fades out by age, and in again once it
     answers; meanwhile the world stands still, and its own coupling returns from zero gains.
 
-    `prepare` is called first in the thread and says what scheduling it has (kept as `scheduling`); a PermissionError of
-    its own comes out of start().
+    `prepare` is called first in the thread and says what scheduling it has (kept as `scheduling`). An exception in what
+    follows ends the thread, and `failure` is then a sentence that says so: nothing answers any more.
     """
 
     def __init__(self, node, simulation: Simulation, port: Port, publishers, prepare):
@@ -54,10 +51,11 @@ class ExchangeThread:
         )
         self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
         self._stop, self._wish, self._granted = threading.Event(), None, threading.Event()
+        self._granting = threading.Lock()
         self._silent_until_ns, self._returned_ns = 0, 0
         self.paused = False
         self._ready, self._refusal = threading.Event(), None
-        self.scheduling = ""
+        self.scheduling = self.failure = ""
         self.report = Report({}, Counters(), 0.0)
         self.answered = 0
         self.compute_ns = deque(maxlen=TIMES_KEPT)
@@ -80,12 +78,12 @@ class ExchangeThread:
         self._node.destroy_subscription(self._subscription)
         self._showing.close()
 
-    def reset(self, patience: float = 1.0) -> bool:
-        """Put the world back to the scene's start; whether that was done within `patience` [s]."""
+    def reset(self, patience: float = 1.0) -> str:
+        """Put the world back to the scene's start; "" when that is done, or why it is not within `patience` [s]."""
         return self._ask(lambda: self.simulation.reset(), patience)
 
-    def load(self, simulation: Simulation, patience: float = 1.0) -> bool:
-        """Go on with another world; whether that was done within `patience` [s]."""
+    def load(self, simulation: Simulation, patience: float = 1.0) -> str:
+        """Go on with another world; "" when that is done, or why it is not within `patience` [s]."""
         return self._ask(lambda: self._exchange_world(simulation), patience)
 
     def pause(self, paused: bool) -> None:
@@ -95,9 +93,14 @@ class ExchangeThread:
         self.paused = paused
 
     def _ask(self, wish, patience):
+        """A wish that is not granted in time is withdrawn: nothing changes later, when nobody expects it."""
         self._granted.clear()
         self._wish = wish
-        return self._granted.wait(patience)
+        self._granted.wait(0.0 if self.failure else patience)
+        with self._granting:
+            late, self._wish = self._wish is not None, None
+        silent = f"the exchange did not answer within {patience:g} s: nothing was changed"
+        return self.failure or (silent if late else "")
 
     def _exchange_world(self, simulation):
         simulation.attach(self.simulation.port)  # not before: the world that runs pulls by it
@@ -110,23 +113,28 @@ class ExchangeThread:
     def _run(self):
         try:
             self.scheduling = self._prepare()
-        except PermissionError as refusal:
-            self._refusal = refusal
+        except Exception as error:
+            self._refusal, self.failure = error, str(error)
             return
         finally:
             self._ready.set()
-        while not self._stop.is_set():
-            try:
-                data = self._latest()
-            except END:
-                break
-            if data is not None:
-                self._answer(data)
-            if self._wish is not None:
-                self._grant()
-            if time.monotonic_ns() >= self._next_report_ns:
-                self._say()
-        self._say()
+        try:
+            while not self._stop.is_set():
+                self._turn()
+            self._say()
+        except Exception as error:
+            self.failure = f"the exchange has ended by {type(error).__name__}: {' '.join(str(error).split())}"
+            self._node.get_logger().error(self.failure)
+            self._granted.set()
+
+    def _turn(self):
+        data = self._latest()
+        if data is not None:
+            self._answer(data)
+        if self._wish is not None:
+            self._grant()
+        if time.monotonic_ns() >= self._next_report_ns:
+            self._say()
 
     def _latest(self):
         latest, handle = None, self._subscription.handle
@@ -196,10 +204,13 @@ class ExchangeThread:
         return handle._replace(**{name: (1.0 - missing) * gain for name, gain in handle.gains._asdict().items()})
 
     def _grant(self):
-        wish, self._wish = self._wish, None
-        self._learn()
-        self._at_once = None
-        wish()
+        with self._granting:
+            if self._wish is None:  # withdrawn
+                return
+            self._learn()
+            self._at_once = None
+            self._wish()
+            self._wish = None
         self._fall_silent()
         self._say()
         self._granted.set()

@@ -5,6 +5,7 @@ import gc
 import statistics
 import sys
 
+from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from haptic_device.compiling import have
@@ -47,7 +48,7 @@ class SimulationNode(ManagedNode):
     def configure(self) -> None:
         """Loads the scene."""
         lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)
-        self.simulation = self._world()
+        self.simulation = self._world(self.values)
 
     def activate(self) -> None:
         """Starts answering."""
@@ -74,7 +75,8 @@ class SimulationNode(ManagedNode):
         """Publishes counts, times and results of the active node."""
         if self.exchange is None:
             return
-        values = {"scene": self.simulation.scene.name, "method": self.simulation.method_name, **_values(self.exchange)}
+        world = self.exchange.simulation
+        values = {"scene": world.scene.name, "method": world.method_name, **_values(self.exchange)}
         values["survived"] = self.survived
         level, message = self._verdict()
         now_ns = self.get_clock().now().nanoseconds
@@ -86,6 +88,8 @@ class SimulationNode(ManagedNode):
         counters = self.exchange.report.counters
         known, self._rejoined = self._rejoined, counters.rejoined
         rejoined = self._rejoined - known
+        if self.exchange.failure:
+            return "error", self.exchange.failure
         if self.exchange.paused:
             return "warn", "paused"
         if left_out := counters.left_out:
@@ -100,15 +104,26 @@ class SimulationNode(ManagedNode):
             return "warn", f"the world waited {rejoined} times: handle samples over {late:g} ms apart, or going back"
         return "ok", "answering"
 
-    def _world(self):
-        """A simulation as the parameters now say."""
-        scene = load(self.values["scene"])
-        have(*groups_of(scene, self.values["method"], self.values["exchange.method"]), told=self.told)
-        world = Simulation.by_parameters(scene, self.values)
+    def _world(self, values):
+        """A simulation as these parameters say."""
+        scene = load(values["scene"])
+        have(*groups_of(scene, values["method"], values["exchange.method"]), told=self.told)
+        world = Simulation.by_parameters(scene, values)
         compile_for(world, wire.JointLayout(wire.exchange_names(1)))
-        if self.values["exchange.method"] == "local":
+        if values["exchange.method"] == "local":
             world.local_contacts.look(0.0)  # compiled here, not in the first exchange
         return world
+
+    def _build(self, values, built):
+        """`built` becomes the world, or a sentence on why there is none."""
+        try:
+            built.set_result(self._world(values))
+        except (ValueError, OSError) as refusal:
+            built.set_result(str(refusal))
+        except KeyboardInterrupt:
+            built.set_result("the node ends")
+        except Exception as error:
+            built.set_result(f"{type(error).__name__}: {error}")
 
     def _accept(self, values):
         """The parameter `scene` names what load_scene loads next; one that cannot be read is refused here."""
@@ -122,33 +137,39 @@ class SimulationNode(ManagedNode):
         return go_realtime(self.values["realtime"], self.values["realtime_priority"])
 
     def _on_reset_scene(self, request, response):
+        refusal = self._no_exchange()
         if self.exchange is not None:
-            response.success = self.exchange.reset()
+            refusal = self.exchange.reset()
         elif self.simulation is not None:
             self.simulation.reset()
-            response.success = True
-        response.message = "scene is at its start" if response.success else "there is no scene that answers"
-        return response
+            refusal = ""
+        return _answered(response, refusal, "scene is at its start")
 
     def _on_load_scene(self, request, response):
-        try:
-            world = self._world()
-        except (ValueError, OSError) as refusal:
-            response.success, response.message = False, str(refusal)
-            return response
-        response.success = self.exchange is None or self.exchange.load(world)
-        if response.success:
+        built = Future()
+        self._build(self.values, built)
+        world = built.result()
+        if isinstance(world, str):
+            return _answered(response, world, "")
+        refusal = self.exchange.load(world) if self.exchange is not None else ""
+        if not refusal:
             self.simulation = world
-        response.message = f"scene is {world.scene.name}" if response.success else "the exchange does not answer"
-        return response
+        return _answered(response, refusal, f"scene is {world.scene.name}")
 
     def _on_pause(self, request, response):
-        response.success = self.exchange is not None
-        if response.success:
+        refusal = self._no_exchange()
+        if not refusal:
             self.exchange.pause(request.data)
-        state = "paused" if request.data else "goes on"
-        response.message = state if response.success else "there is no scene that answers"
-        return response
+        return _answered(response, refusal, "paused" if request.data else "goes on")
+
+    def _no_exchange(self):
+        """Why nothing answers; "" if something does."""
+        return self.exchange.failure if self.exchange is not None else "there is no scene that answers"
+
+
+def _answered(response, refusal, done):
+    response.success, response.message = not refusal, refusal or done
+    return response
 
 
 def _values(exchange):
