@@ -400,6 +400,32 @@ def hooked(nodes, peer, start, tmp_path):
     return node
 
 
+def test_while_a_world_is_compiled_the_node_goes_on_serving_and_takes_no_second(hooked, peer):
+    assert peer.want_scene("corner").successful
+    loaded = peer.load.call_async(Trigger.Request())
+    peer.until("the refusal of a second", lambda: not peer.call(peer.load, Trigger.Request()).success)
+    assert peer.call(peer.load, Trigger.Request()).message == "another scene is being loaded"
+    assert peer.call(peer.pause, SetBool.Request(data=False)).success
+    assert peer.call(peer.reset, Trigger.Request()).success
+    assert peer.ask(START, times=5).position[:3].tolist() == list(START)
+    assert peer.news("how it goes meanwhile", lambda message, values: True)["scene"] == "wall"
+    assert not loaded.done()
+    (hooked.folder / "compiled").touch()
+    peer.until("an answer", loaded.done)
+    assert (loaded.result().success, loaded.result().message) == (True, "scene is corner")
+    peer.news("the other scene", lambda message, values: values["scene"] == "corner")
+    assert peer.load_scene("wall").message == "scene is wall"
+
+
+def test_told_to_end_while_a_world_is_compiled_the_node_ends_well(hooked, peer):
+    peer.load.call_async(Trigger.Request())
+    peer.until("the refusal of a second", lambda: not peer.call(peer.load, Trigger.Request()).success)
+    hooked.send_signal(signal.SIGTERM)
+    assert hooked.wait(LIMIT) == 0
+    said = (hooked.folder / "log").read_text()
+    assert "Traceback" not in said and "Exception" not in said, said
+
+
 def test_an_exchange_that_an_exception_ends_is_said_to_have_ended_and_answers_and_claims_nothing(hooked, peer):
     (hooked.folder / "fail").touch()
     (hooked.folder / "compiled").touch()

@@ -4,7 +4,9 @@
 import gc
 import statistics
 import sys
+import threading
 
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
@@ -34,6 +36,7 @@ class SimulationNode(ManagedNode):
         super().__init__("haptic_simulation", PARAMETERS)
         self.exchange: ExchangeThread | None = None
         self.simulation: Simulation | None = None
+        self._loading = False
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
         self._rates = health.Rates()
         self._tool = self.create_publisher(wire.JointState, "tool", wire.LATEST)
@@ -41,7 +44,8 @@ class SimulationNode(ManagedNode):
         self._near = self.create_publisher(wire.PointCloud2, "local_contacts", wire.LATEST) if local else None
         self.create_timer(DIAGNOSTICS_PERIOD, self.diagnose)
         self.create_service(Trigger, "~/reset_scene", self._on_reset_scene)
-        self.create_service(Trigger, "~/load_scene", self._on_load_scene)
+        beside = ReentrantCallbackGroup()  # while it waits for its world others are served
+        self.create_service(Trigger, "~/load_scene", self._on_load_scene, callback_group=beside)
         self.create_service(SetBool, "~/pause", self._on_pause)
         on_change(self, PARAMETERS, self._accept)
 
@@ -115,7 +119,7 @@ class SimulationNode(ManagedNode):
         return world
 
     def _build(self, values, built):
-        """`built` becomes the world, or a sentence on why there is none."""
+        """In a thread of its own: `built` becomes the world, or a sentence on why there is none."""
         try:
             built.set_result(self._world(values))
         except (ValueError, OSError) as refusal:
@@ -145,10 +149,15 @@ class SimulationNode(ManagedNode):
             refusal = ""
         return _answered(response, refusal, "scene is at its start")
 
-    def _on_load_scene(self, request, response):
+    async def _on_load_scene(self, request, response):
+        """Builds the world beside: that may have to compile first, and takes the tool's port only when it is there."""
+        if self._loading:
+            return _answered(response, "another scene is being loaded", "")
         built = Future()
-        self._build(self.values, built)
-        world = built.result()
+        threading.Thread(target=self._build, args=(self.values, built), name="loader").start()
+        self._loading = True
+        world = await built
+        self._loading = False
         if isinstance(world, str):
             return _answered(response, world, "")
         refusal = self.exchange.load(world) if self.exchange is not None else ""
