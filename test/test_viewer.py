@@ -134,7 +134,6 @@ def test_no_text_at_all_does_more_than_refuse(text):
 def no_time_passes(monkeypatch):
     """For the server's end of a page: it then takes no message beyond the burst, and gives up no silent page."""
     monkeypatch.setattr(seat, "time", types.SimpleNamespace(monotonic=lambda: 100.0))
-    monkeypatch.setattr(seat, "EXCESS", 0.0)
 
 
 def test_the_server_outlives_rubbish_floods_and_messages_too_long(no_time_passes):
@@ -159,6 +158,57 @@ def test_the_server_outlives_rubbish_floods_and_messages_too_long(no_time_passes
     assert hint and answer["to"]["text"] == "still there"
     assert 0 < done.count(aim) <= wishes.BURST - len(BAD)
     assert stopped["to"] == stop and done.count(stop) == 1, "a stop is heard in a flood"
+
+
+class Full:
+    """A page's socket with so much in its queue that it hands out one message after the other without a turn of the
+    event loop; `given` counts them."""
+
+    def __init__(self, texts):
+        self._texts, self.given = iter(texts), 0
+
+    def __aiter__(self):
+        return self
+
+    async def __anext__(self):
+        for text in self._texts:
+            self.given += 1
+            return aiohttp.WSMessage(aiohttp.WSMsgType.TEXT, text, None)
+        raise StopAsyncIteration
+
+    async def send_str(self, text):
+        pass
+
+
+def test_an_e_stop_waits_neither_for_the_excess_before_it_nor_for_what_comes_behind(no_time_passes, monkeypatch):
+    aim, stop = '{"do": "aim", "x": 0.1}', '{"do": "trigger", "service": "estop"}'
+    socket, slept, begun, turns = Full([aim] * 5000 + [stop] + [aim] * 5000), [], [], []
+    turn = asyncio.sleep
+
+    def sleep(seconds):
+        slept.append(seconds)
+        return turn(0.0)
+
+    async def do(wish):
+        if wish["do"] == "trigger":
+            begun.append(socket.given)
+
+    async def others():
+        while True:
+            turns.append(socket.given)
+            await turn(0.0)
+
+    async def live():
+        serving = asyncio.create_task(others())
+        await seat.Seat(socket, True, do).serve()
+        serving.cancel()
+
+    monkeypatch.setattr(seat.asyncio, "sleep", sleep)
+    asyncio.run(live())
+    assert sum(slept) == 0.0, "what is dropped holds up what comes behind it"
+    assert len(begun) == 1 and 5000 < begun[0] <= 5001 + seat.LAP
+    assert all(b - a <= seat.LAP for a, b in zip([0, *turns], turns, strict=False)), "other pages are served meanwhile"
+    assert turns[-1] > 10_000 - seat.LAP
 
 
 def test_what_goes_wrong_is_the_answer():
