@@ -75,6 +75,8 @@ async def hear(socket, kind):
     ("{address}main.js", {}, 200),
     ("{address}operating_point.yaml", {}, 200),
     ("{address}viewer.py", {}, 404),
+    ("{address}" + 8000 * "a" + ".js", {}, 404),
+    ("{address}" + 9000 * "a", {}, 400),
     ("{address}..%2Fviewer.py", {}, 404),
     ("{address}socket", {"Origin": "http://elsewhere.example"}, 403),
     ("{address}socket", {}, 403),

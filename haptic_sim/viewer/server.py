@@ -28,7 +28,7 @@ class Server:
         app = web.Application(middlewares=[self._guarded])
         app.router.add_get("/{token}/socket", self._open_socket)
         app.router.add_get("/{token}/operating_point.yaml", self._operating_point)
-        app.router.add_get("/{token}/{name:[a-z_]*(?:\\.[a-z]+)?}", self._file)
+        app.router.add_get("/{token}/{name:[a-z_]{0,40}(?:\\.[a-z]{1,4})?}", self._file)
         app.router.add_get("/{rest:.*}", self._nothing)
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
         await self._runner.setup()
