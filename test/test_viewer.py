@@ -21,7 +21,7 @@ from haptic_sim.cli.check import problems
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.node.showing import CONTACT, state_names
 from haptic_sim.scene import Scene, load
-from haptic_sim.viewer import seat, shapes, tuned, wishes
+from haptic_sim.viewer import door, seat, shapes, tuned, wishes
 from haptic_sim.viewer.guard import Guard, is_loopback, reachable
 from haptic_sim.viewer.hand import Hand, Limits
 from haptic_sim.viewer.server import WEB, Server
@@ -160,6 +160,57 @@ def test_the_server_outlives_rubbish_floods_and_messages_too_long(no_time_passes
     assert hint and answer["to"]["text"] == "still there"
     assert 0 < done.count(aim) <= wishes.BURST - len(BAD)
     assert stopped["to"] == stop and done.count(stop) == 1, "a stop is heard in a flood"
+
+
+async def knocked(server, said=b""):
+    """A connection that has said this; its (reader, writer)."""
+    host, port = server.address(True).split("/")[2].split(":")
+    reader, writer = await asyncio.open_connection(host, int(port))
+    writer.write(said)
+    return reader, writer
+
+
+async def turned_away(reader):
+    """Waits until the server closes the connection."""
+    with contextlib.suppress(ConnectionError):
+        while await asyncio.wait_for(reader.read(1000), LIMIT / 4):
+            pass
+
+
+ASKED = "GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+
+
+@pytest.mark.parametrize("said", ("", "GET / HT", ASKED, ASKED + "\r\n", ASKED + "\r\nGET"))
+def test_a_connection_that_asks_for_nothing_is_closed_and_an_open_page_stays(said, monkeypatch):
+    monkeypatch.setattr(door, "HANDSHAKE", 0.1)
+
+    async def visit(server, session):
+        async with opened(session, server) as page:
+            await hear(page, "hello")
+            path = "/" + server.address(True).split("/", 3)[3]
+            reader, _ = await knocked(server, said.format(path=path).encode())
+            await turned_away(reader)
+            await page.send_str('{"do": "mark", "text": "still there"}')
+            return await hear(page, "answer")
+
+    assert served(visit)[0]["done"]
+
+
+def test_an_address_has_so_many_connections_at_most_and_one_that_goes_makes_room():
+    async def visit(server, session):
+        async with opened(session, server) as page:
+            await hear(page, "hello")
+            idle = [await knocked(server) for _ in range(door.MOST_CONNECTIONS - 1)]
+            reader, _ = await knocked(server)
+            await turned_away(reader)
+            idle[0][1].close()
+            await idle[0][1].wait_closed()
+            await page.send_str('{"do": "mark", "text": "still there"}')
+            answer = await hear(page, "answer")
+            async with session.get(server.address(True)) as again:
+                return answer["done"], again.status
+
+    assert served(visit)[0] == (True, 200)
 
 
 class Full:

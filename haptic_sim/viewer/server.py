@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The web server: static files, a websocket a page, the operating point as a file. Everything behind a token."""
 
+import asyncio
 from importlib.resources import files
 
 from aiohttp import web
 
+from haptic_sim.viewer import door
 from haptic_sim.viewer.guard import HEADERS, Guard, reachable
 from haptic_sim.viewer.seat import Seat, encoded
 from haptic_sim.viewer.wishes import LONGEST
@@ -21,7 +23,7 @@ class Server:
     def __init__(self, host: str, port: int, welcome, do, save):
         self.guard, self.seats = Guard(host), []
         self._host, self._port, self._welcome, self._do, self._save = host, port, welcome, do, save
-        self._runner = None
+        self._runner = self._listener = self._door = None
 
     async def start(self) -> None:
         """Listens. OSError if the address is taken."""
@@ -30,14 +32,16 @@ class Server:
         app.router.add_get("/{token}/operating_point.yaml", self._operating_point)
         app.router.add_get("/{token}/{name:[a-z_]{0,40}(?:\\.[a-z]{1,4})?}", self._file)
         app.router.add_get("/{rest:.*}", self._nothing)
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0)
+        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=door.HANDSHAKE)
         await self._runner.setup()
-        site = web.TCPSite(self._runner, self._host, self._port)
-        await site.start()
-        self._port = self._runner.addresses[0][1]
+        self._door = door.Door(self._runner.server)
+        self._listener = await asyncio.get_running_loop().create_server(self._door, self._host, self._port)
+        self._port = self._listener.sockets[0].getsockname()[1]
 
     async def stop(self) -> None:
         """Closes all pages' connections."""
+        if self._listener is not None:
+            self._listener.close()
         if self._runner is not None:
             await self._runner.cleanup()
 
@@ -61,6 +65,7 @@ class Server:
 
     @web.middleware
     async def _guarded(self, request, handler):
+        self._door.heard(request.transport)
         try:
             self.guard.check_host(request.headers.get("Host", ""))
             self.guard.may_control(_token(request))
