@@ -13,18 +13,26 @@ from socket import gethostname
 
 import aiohttp
 import pytest
+import rclpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rclpy.context import Context
+from rclpy.signals import SignalHandlerOptions
 
+from haptic_device.node import wire
+from haptic_device.node.tap import Tap
 from haptic_device.ros_yaml import load as load_yaml
 from haptic_sim.cli.check import problems
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.node.showing import CONTACT, state_names
 from haptic_sim.scene import Scene, load
 from haptic_sim.viewer import door, seat, shapes, tuned, wishes
+from haptic_sim.viewer import hand as hand_of_a_page
 from haptic_sim.viewer.guard import Guard, is_loopback, reachable
-from haptic_sim.viewer.hand import Hand, Limits
+from haptic_sim.viewer.hand import SILENCE, Hand, Limits
+from haptic_sim.viewer.parameters import PARAMETERS
 from haptic_sim.viewer.server import WEB, Server
+from haptic_sim.viewer.viewer import Viewer
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(300)]
 
@@ -41,7 +49,7 @@ def served(visit, do=None, host="127.0.0.1"):
     """What visit(server, session) returns, with a server on this machine that answers `do`."""
     done = []
 
-    async def note(wish):
+    async def note(wish, page):
         done.append(wish)
         return "done"
 
@@ -242,7 +250,7 @@ def test_an_e_stop_waits_neither_for_the_excess_before_it_nor_for_what_comes_beh
         slept.append(seconds)
         return turn(0.0)
 
-    async def do(wish):
+    async def do(wish, page):
         if wish["do"] == "trigger":
             begun.append(socket.given)
 
@@ -265,7 +273,7 @@ def test_an_e_stop_waits_neither_for_the_excess_before_it_nor_for_what_comes_beh
 
 
 def test_what_goes_wrong_is_the_answer():
-    async def refuse(wish):
+    async def refuse(wish, page):
         raise ValueError("the driver says no")
 
     async def visit(server, session):
@@ -406,6 +414,91 @@ def test_a_silence_does_not_let_the_hand_jump():
     hand.aim({"x": 0.1}, LIMITS)
     x, *_ = hand.lead(100.0, LIMITS)
     assert x <= 0.1 * LIMITS.speed
+
+
+def test_a_hand_held_still_by_a_live_page_holds_and_one_whose_page_is_silent_lets_go():
+    hand, now = Hand(), 0.0
+    hand.take((0.0, 0.0, 0.0), now)
+    hand.aim({"x": 0.05}, LIMITS)
+    for heard in range(1, 1000):
+        hand.listen(now := now + 0.016, heard)
+    silent = now
+    while now < silent + SILENCE:
+        assert hand.goal == (0.05, 0.0, 0.0) and not hand.loose
+        hand.listen(now := now + 0.016, heard)
+    hand.listen(now + 0.016, heard)
+    assert hand.goal is None and hand.loose and hand.lead(now + 0.016, LIMITS) is None
+
+
+def test_what_the_viewer_itself_sleeps_through_is_no_silence_of_a_page():
+    hand = Hand()
+    hand.take((0.0, 0.0, 0.0), 0.0)
+    hand.listen(0.1, 1)
+    hand.listen(100.0, 1)
+    assert hand.goal is not None and not hand.loose
+
+
+def test_a_hand_that_has_let_go_gives_in_to_the_handle_until_it_has_rested_there():
+    hand, now, handle, target = Hand(), 0.0, 0.0, 0.05
+    hand.loose, said = True, []
+    while (place := hand.give_in(now := now + 0.016, (handle, 0.0, 0.0), (target, 0.0, 0.0))) is not None:
+        assert place == (handle, 0.0, 0.0), "wherever the handle is, the hand pulls at nothing"
+        said.append(now)
+        target, handle = handle, max(-0.02, handle - 0.0005)
+    assert handle == target == -0.02 and said[-1] > 40 * 0.016
+    hand.take((0.0, 0.0, 0.0), now)
+    assert not hand.loose
+
+
+class Pulled:
+    """A device whose handle does not follow its hand: it tells where that wants to be."""
+
+    def __init__(self, context):
+        self.target, self._node = (0.0, 0.0, 0.0), rclpy.create_node("pulled", namespace="/haptic", context=context)
+        self._targets = Tap(self._node, "operator/target", "sensor_msgs/msg/JointState", wire.LATEST)
+        self._layout = wire.JointLayout(wire.truth_names(3))
+        self._truths = self._node.create_publisher(wire.JointState, "operator/state", wire.STREAM)
+
+    async def wants_to_be_at(self, x):
+        while self.target[0] != x:
+            if sample := self._targets.latest():
+                self.target = tuple(sample.message.position)
+            self._truths.publish(self._layout.pack(0, (0.0,) * 3 + self.target + (0.0,) * 3, (0.0,) * 9, (0.0,) * 9))
+            await asyncio.sleep(0.01)
+
+
+@pytest.mark.parametrize("ends", ("gone", "silent"))
+def test_the_hand_lets_go_when_the_page_that_led_it_is(ends, ros_domain, monkeypatch):
+    monkeypatch.setattr(hand_of_a_page, "SILENCE", 0.2)
+
+    async def live(shown, device):
+        over = []
+        running = asyncio.create_task(shown.run(lambda: over))
+        while ":0/" in shown.server.address(True):
+            await asyncio.sleep(0.01)
+        async with aiohttp.ClientSession() as session, opened(session, shown.server) as other:
+            page = await opened(session, shown.server)
+            following = asyncio.create_task(device.wants_to_be_at(0.05))
+            while not following.done():
+                await page.send_str('{"do": "aim", "x": 0.05}')
+                await asyncio.sleep(0.05)
+            if ends == "gone":
+                await page.close()
+            following = asyncio.create_task(device.wants_to_be_at(0.0))
+            while not following.done():  # another page, which has not led the hand, is no reason to go on
+                await other.send_str('{"do": "seen", "frame": 0}')
+                await asyncio.sleep(0.05)
+            over.append(True)
+            await running
+
+    context = Context()
+    rclpy.init(context=context, domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node("haptic_viewer", namespace="/haptic", context=context)
+        shown = Viewer(node, {one.name: one.default for one in PARAMETERS})
+        asyncio.run(asyncio.wait_for(live(shown, Pulled(context)), LIMIT))
+    finally:
+        context.shutdown()
 
 
 @settings(max_examples=30)

@@ -11,7 +11,7 @@ from haptic_device.device import AXES, Device, load_device
 from haptic_device.node.wire import LATEST, TRACE, JointState, String
 from haptic_sim.viewer import tuned, wishes
 from haptic_sim.viewer.feed import Feed
-from haptic_sim.viewer.hand import Hand, Limits
+from haptic_sim.viewer.hand import THERE, Hand, Limits
 from haptic_sim.viewer.services import ANSWER, ATTEMPTS, Services
 from haptic_sim.viewer.stage import DRIVER, LOOPBACK, SIMULATION, Stage
 
@@ -20,7 +20,7 @@ UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
 CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
 STOPPING = ("estop", "disable")
 EDGE = 0.01  # of the workspace at either end is where a page leads no hand
-THERE = 1e-4  # [m, rad] from a place at which the hand's target is there
+LEADING = ("aim", "scene", "method", "start_scene", "compare")  # wishes that move the hand
 BAG = 20.0  # s that a recorder may take to open or close a bag
 
 
@@ -36,7 +36,7 @@ class Desk:
         self.feed, self.services, self.hand, self._company = feed, Services(node), Hand(), company
         self.values, self.device, self.problem, self.held_off = {}, None, "", False
         self.stage = Stage(self)
-        self._speeds, self._asked_device = speeds, None
+        self._speeds, self._asked_device, self._leader = speeds, None, None
         self._target = node.create_publisher(JointState, "operator/target", LATEST)
         self._marks = node.create_publisher(String, "mark", TRACE)
         self._does = {
@@ -79,8 +79,9 @@ class Desk:
         ends = tuple((low + EDGE * (high - low), high - EDGE * (high - low)) for low, high in self.workspace)
         return Limits(ends, *self._speeds)
 
-    async def do(self, wish: dict) -> str:
-        """Does it; returns the sentence that says what was done, "" if there is nothing to say."""
+    async def do(self, wish: dict, page) -> str:
+        """Does it for a page; returns the sentence that says what was done, "" if there is nothing to say."""
+        self._leader = page if wish["do"] in LEADING else self._leader
         return await self._does[wish["do"]](wish)
 
     async def poll(self) -> None:
@@ -97,10 +98,17 @@ class Desk:
             self._describe(named)
 
     def lead(self, now: float) -> None:
-        """Leads the hand on towards its goal; to be called often. now [s]."""
+        """Leads the hand on towards its goal, or lets go when the page that led it is silent; to be called often. now
+        [s]."""
         if not self.feed.axes:
             self.hand.release()
-        elif (place := self.hand.lead(now, self.limits)) is not None:
+            return
+        truth, to_world = self.feed.truth, self.feed.to_world
+        self.hand.listen(now, self._leader.heard if self._leader else 0)
+        place = self.hand.lead(now, self.limits)
+        if self.hand.loose:
+            place = self.hand.give_in(now, to_world(truth.position), to_world(truth.target))
+        if place is not None:
             axes = AXES[: self.feed.axes]
             self._target.publish(JointState(name=list(axes), position=list(place[: len(axes)])))
 

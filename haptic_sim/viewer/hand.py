@@ -6,6 +6,9 @@ from typing import NamedTuple
 
 Planar = tuple[float, float, float]
 AFTER = 0.3  # s, for which a target that has been reached is said again: a sample may be lost
+THERE = 1e-4  # [m, rad] from a place at which the hand's target is there
+SILENCE = 2.0  # s without a word of the page that leads it, after which the hand lets go
+LONGEST = 0.5  # s of silence that one look counts: what the viewer itself has slept through is none of the page's
 
 
 class Limits(NamedTuple):
@@ -17,21 +20,44 @@ class Limits(NamedTuple):
 
 
 class Hand:
-    """`goal` is what the page asked for, `sent` what the hand was told last; None before anybody took the hand."""
+    """`goal` is what the page asked for, `sent` what the hand was told last; None before anybody took the hand.
+
+    loose: it has let go, and gives in to the handle until it rests where that is."""
 
     def __init__(self):
         self.goal: Planar | None = None
         self.sent: Planar | None = None
+        self.loose = False
         self._moved = self._reached = -math.inf
+        self._heard, self._silent, self._listened = 0, 0.0, -math.inf
 
     def take(self, place: Planar, now: float) -> None:
         """Begins from where the hand's target is now [m, m, rad]; now [s]."""
         self.goal = self.sent = place
+        self.loose, self._silent = False, 0.0
         self._moved, self._reached = now, -math.inf
 
     def release(self) -> None:
         """Forgets everything: the device has gone."""
         self.goal = self.sent = None
+        self.loose = False
+
+    def listen(self, now: float, heard: int) -> None:
+        """Lets go after SILENCE. heard: messages so far of the page that leads it; now [s]."""
+        elapsed, self._listened = min(LONGEST, now - self._listened), now
+        self._silent = self._silent + elapsed if heard == self._heard else 0.0
+        self._heard = heard
+        if self.goal is not None and self._silent > SILENCE:
+            self.goal = self.sent = None
+            self.loose, self._reached = True, now
+
+    def give_in(self, now: float, handle: Planar, target: Planar) -> Planar | None:
+        """Loose, its next target, which is where the handle is: so it pulls at nothing. None once its target has been
+        there for AFTER, and when it is held. now [s]."""
+        if any(abs(a - b) > THERE for a, b in zip(handle, target, strict=True)):
+            self._reached = now
+        self.loose = self.loose and now < self._reached + AFTER
+        return handle if self.loose else None
 
     def aim(self, wish: dict[str, float], limits: Limits) -> str:
         """Sets the goal's coordinates that the wish names; returns a hint where it had to be clamped, else ""."""

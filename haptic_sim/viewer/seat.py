@@ -22,8 +22,8 @@ STOP = '"estop"'  # a message with this is always heard
 
 
 class Seat:
-    """`sent`, `seen` and `dropped` count frames, `heard` the page's messages. do: async (wish) → sentence, ValueError
-    to refuse."""
+    """`sent`, `seen` and `dropped` count frames, `heard` the page's messages. do: async (wish, seat) → sentence,
+    ValueError to refuse."""
 
     def __init__(self, socket: web.WebSocketResponse, control: bool, do):
         self.control, self._socket, self._do = control, socket, do
@@ -107,7 +107,7 @@ class Seat:
 
     async def _answer(self, wish):
         try:
-            sentence, done = await self._do(wish), True
+            sentence, done = await self._do(wish, self), True
         except (ValueError, OSError) as refusal:
             sentence, done = str(refusal), False
         if wish["do"] == "aim":

@@ -17,7 +17,7 @@ MOST_PAGES = 16
 
 
 class Server:
-    """welcome(seat) tells a page that has come what there is; do(wish) does what a page asks for; save() is the file
+    """welcome(seat) tells a page that has come what there is; do(wish, seat) does what it asks for; save() is the file
     of the operating point."""
 
     def __init__(self, host: str, port: int, welcome, do, save):

@@ -85,8 +85,8 @@ class Viewer:
             self.server.tell("values", self._tuning())
             await asyncio.sleep(POLL_PERIOD)
 
-    async def _do(self, wish):
-        sentence = await self.desk.do(wish)
+    async def _do(self, wish, page):
+        sentence = await self.desk.do(wish, page)
         if wish["do"] != "aim":
             self._tell_status(time.monotonic())  # before the answer, which is read in its light
             self.server.tell("values", self._tuning())
