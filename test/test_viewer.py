@@ -3,11 +3,14 @@
 
 import asyncio
 import contextlib
+import itertools
 import json
 import math
+import signal
 import subprocess
 import sys
 import threading
+import time
 import types
 from socket import gethostname
 
@@ -26,13 +29,12 @@ from haptic_sim.cli.check import problems
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.node.showing import CONTACT, state_names
 from haptic_sim.scene import Scene, load
-from haptic_sim.viewer import door, seat, shapes, tuned, wishes
+from haptic_sim.viewer import door, seat, shapes, tuned, viewer, wishes
 from haptic_sim.viewer import hand as hand_of_a_page
 from haptic_sim.viewer.guard import Guard, is_loopback, reachable
 from haptic_sim.viewer.hand import SILENCE, Hand, Limits
 from haptic_sim.viewer.parameters import PARAMETERS
 from haptic_sim.viewer.server import WEB, Server
-from haptic_sim.viewer.viewer import Viewer
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(300)]
 
@@ -380,16 +382,44 @@ def test_a_viewer_that_is_open_to_others_warns_before_it_prints_its_address(star
     command = [sys.executable, "-m", "haptic_sim.cli.main", "view", "--host"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     viewers = {host: start([*command, host], **pipes) for host in ("0.0.0.0", "127.0.0.1")}
-    for host, viewer in viewers.items():
-        limit = threading.Timer(LIMIT, viewer.kill)
+    for host, process in viewers.items():
+        limit = threading.Timer(LIMIT, process.kill)
         limit.start()
         said = ""
-        while "open http" not in said and (line := viewer.stdout.readline()):
+        while "open http" not in said and (line := process.stdout.readline()):
             said += line
         limit.cancel()
         assert "open http" in said, f"no address came within {LIMIT:g} s; it said {said}"
         warned = f"WARNING: it listens on {host}, in plain text" in said.partition("open http")[0]
         assert warned is (host == "0.0.0.0")
+
+
+@pytest.mark.parametrize("command", (["haptic_sim.cli.main", "view"], ["haptic_sim.viewer.viewer"]))
+def test_signals_that_come_while_a_viewer_ends_change_nothing_of_its_end(command, start):
+    process = start([sys.executable, "-m", *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    limit = threading.Timer(LIMIT, process.kill)
+    limit.start()
+    while "open http" not in (line := process.stdout.readline()):
+        assert line, process.stderr.read()
+    numbers = itertools.cycle((signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+    while process.poll() is None:
+        process.send_signal(next(numbers))
+        time.sleep(0.001)
+    limit.cancel()
+    assert (process.returncode, process.stderr.read()) == (0, "")
+
+
+def test_the_thread_of_a_viewer_has_ended_when_its_node_is_destroyed_which_is_before_ros_is_left(monkeypatch):
+    destroyed = []
+
+    class Kept(rclpy.node.Node):
+        def destroy_node(self):
+            destroyed.append(([one.name for one in threading.enumerate() if one.name == "services"], rclpy.ok()))
+            super().destroy_node()
+
+    monkeypatch.setattr(viewer, "Node", Kept)
+    viewer.serve(["--ros-args", "--disable-external-lib-logs"], iter((False, False, True)).__next__)
+    assert destroyed == [([], True)] and not rclpy.ok()
 
 
 def test_tokens_are_new_each_time_and_long():
@@ -495,7 +525,7 @@ def test_the_hand_lets_go_when_the_page_that_led_it_is(ends, ros_domain, monkeyp
     rclpy.init(context=context, domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node("haptic_viewer", namespace="/haptic", context=context)
-        shown = Viewer(node, {one.name: one.default for one in PARAMETERS})
+        shown = viewer.Viewer(node, {one.name: one.default for one in PARAMETERS})
         asyncio.run(asyncio.wait_for(live(shown, Pulled(context)), LIMIT))
     finally:
         context.shutdown()

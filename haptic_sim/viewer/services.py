@@ -5,8 +5,9 @@ import asyncio
 import threading
 
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 ANSWER = 0.4  # s until it is asked again: the first answer to a client just discovered may be lost
@@ -20,7 +21,9 @@ class Services:
         self._node, self._clients, self._loop = node, {}, None
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
-        self._thread = threading.Thread(target=self._spin, name="services", daemon=True)
+        self._over = Future()
+        spin = self._executor.spin_until_future_complete
+        self._thread = threading.Thread(target=spin, args=(self._over,), name="services")
 
     def start(self) -> None:
         """Begins, in the running event loop."""
@@ -28,9 +31,10 @@ class Services:
         self._thread.start()
 
     def stop(self) -> None:
-        """Ends the executor; the node can then be destroyed."""
-        self._executor.shutdown(timeout_sec=1.0)
-        self._thread.join(2.0)
+        """Ends thread and executor; the node can then be destroyed."""
+        self._over.set_result(None)
+        self._thread.join()
+        self._executor.shutdown()
 
     def prepare(self, kind, service: str) -> None:
         """Makes a client now, so that it knows its service when it is needed."""
@@ -85,12 +89,6 @@ class Services:
 
         if done.result() is not None:
             self._loop.call_soon_threadsafe(hand_over)
-
-    def _spin(self):
-        try:
-            self._executor.spin()
-        except ExternalShutdownException:
-            return
 
 
 def _plain(value):

@@ -2,6 +2,7 @@
 """haptic_viewer: looks at the running nodes, shows them to the pages, and passes on what the pages ask for."""
 
 import asyncio
+import atexit
 import contextlib
 import signal
 import sys
@@ -24,6 +25,7 @@ from haptic_sim.viewer.server import Server
 from haptic_sim.viewer.stage import DRIVER
 
 STATUS_PERIOD, POLL_PERIOD = 0.25, 1.0  # s
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Viewer:
@@ -154,18 +156,28 @@ class Viewer:
 def hear_the_end() -> list[int]:
     """From now on SIGINT, SIGTERM and SIGHUP are put into the list that is returned, and do nothing else."""
     told: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in ENDING:
         signal.signal(number, lambda received, frame: told.append(received))
+    atexit.register(_be_deaf)
     return told
+
+
+def _be_deaf():
+    """Python takes its handlers back while it ends: one signal more would be what a process that is done died of."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
 
 
 def serve(args: list[str] | None, told, company=None) -> None:
     """A viewer with these ROS arguments until told() is true. ValueError, OSError to refuse."""
+    node = None
     try:
         begin_ros(args)
         node = Node("haptic_viewer", namespace="/haptic")
         asyncio.run(Viewer(node, declare(node, PARAMETERS), company).run(told))
     finally:
+        if node is not None:
+            node.destroy_node()
         rclpy.try_shutdown()
 
 
