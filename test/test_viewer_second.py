@@ -17,6 +17,7 @@ from haptic_sim.scene import load
 from haptic_sim.viewer import second as module
 from haptic_sim.viewer import tuned
 from haptic_sim.viewer.second import Second
+from haptic_sim.viewer.stage import Stage
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
 PATIENCE = 180.0  # s: kernels that nobody has used yet are compiled
@@ -29,7 +30,8 @@ def system(**other):
     values = {node: {one.name: tuned._plain(one.default) for one in declared} for node, declared in tuned.NODES.items()}
     return {
         "scene": json.loads(scene.model_dump_json(by_alias=True, exclude_unset=True)), "device": "desktop",
-        "driver": values["haptic_driver"], "loopback": values["haptic_loopback"], "method": "auto",
+        "driver": values["haptic_driver"], "loopback": values["haptic_loopback"],
+        "simulation": values["haptic_simulation"], "method": "auto",
         "start": list(scene.tool.pose), "delay": 1e-3, **other,
     }  # fmt: skip
 
@@ -152,3 +154,17 @@ def test_one_that_has_blown_up_says_so_in_a_sentence(where):
     ghost._simulation = types.SimpleNamespace(method=method, scene=types.SimpleNamespace(bodies=bodies))
     with pytest.raises(ValueError, match="blown up"):
         ghost.state()
+
+
+def test_it_simulates_by_the_parameters_of_the_simulation_that_runs():
+    declared = system()["simulation"]
+    limits = {"port_budget": 0.02, "port_force": 3.0, "port_torque": 0.2, "port_slew": 50.0}
+    given = {"sub_step": 2e-4, "max_catch_up": 0.005, **limits}
+    assert not set(given) - set(declared)
+    feed = types.SimpleNamespace(scene=load("free_space"), said=lambda node, entry, otherwise: otherwise)
+    values = {f"haptic_{node}": system()[node] for node in ("driver", "loopback", "simulation")}
+    values["haptic_simulation"] = declared | given
+    desk = types.SimpleNamespace(feed=feed, values=values, device="desktop")
+    simulation = module.Ghost(json.loads(json.dumps(Stage(desk)._system())))._simulation
+    assert (simulation.sub_step_ns, simulation.max_catch_up_ns) == (200_000, 5_000_000)
+    assert (simulation.port.budget, *simulation.port.limits) == tuple(limits.values())

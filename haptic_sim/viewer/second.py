@@ -104,21 +104,19 @@ class Second:
 class Ghost:
     """The other end: a lock-step system whose hand goes where it is told.
 
-    system: scene (as JSON), device (name or file), driver and loopback (values of their parameters), method, start
-    (x, y, theta of handle and hand, in the world), delay (round trip of the exchange [s]).
+    system: scene (as JSON), device (name or file), driver, loopback and simulation (values of their parameters), method
+    (as it runs), start (x, y, theta of handle and hand, in the world), delay (round trip of the exchange [s]).
     """
 
     def __init__(self, system: dict):
         from haptic_device.device import load_device
         from haptic_device.law import operator
         from haptic_sim.lockstep import Lockstep, Network
-        from haptic_sim.scene import AUTO, parse
+        from haptic_sim.scene import parse
         from haptic_sim.simulation import Simulation
-        from haptic_sim.tool_port import port_of
 
-        method = None if system["method"] == AUTO else system["method"]
-        port = port_of(system["driver"]["exchange.method"])
-        simulation = Simulation(parse(system["scene"], "scene"), method=method, port=port)
+        values = system["simulation"] | {"method": system["method"]}
+        simulation = Simulation.by_parameters(parse(system["scene"], "scene"), values)
         loopback = system["loopback"] | {"motion.name": "follow", "motion.start": system["start"]}
         driver, network = system["driver"], Network(delay=system["delay"])
         self._lockstep = Lockstep(load_device(system["device"]), driver, loopback, simulation, network)

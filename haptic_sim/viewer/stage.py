@@ -146,6 +146,6 @@ class Stage:
         return {
             "scene": json.loads(feed.scene.model_dump_json(by_alias=True, exclude_unset=True)),
             "device": values[DRIVER]["device"], "driver": values[DRIVER], "loopback": values[LOOPBACK],
-            "method": feed.said(SIMULATION, "method", "auto"), "start": list(feed.scene.tool.pose),
-            "delay": float(feed.said(DRIVER, "age_ms_p50", "1")) * 1e-3,
+            "simulation": values[SIMULATION], "method": feed.said(SIMULATION, "method", "auto"),
+            "start": list(feed.scene.tool.pose), "delay": float(feed.said(DRIVER, "age_ms_p50", "1")) * 1e-3,
         }  # fmt: skip
