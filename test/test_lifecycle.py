@@ -5,11 +5,15 @@ import subprocess
 import sys
 
 import pytest
+import rclpy
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from live_nodes import LIMIT, MODULES, SLOW, Ear, Nodes, page_path
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.signals import SignalHandlerOptions
 
 from haptic_device.runtime.process import ending_with_us
+from haptic_sim.node.relay import RelayNode
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
 
@@ -138,3 +142,23 @@ def test_a_node_told_to_end_at_any_moment_of_its_start_ends_as_it_always_does(na
     assert told.returncode == 0, (told.stdout, told.stderr)
     assert {*told.stdout.split("\n")[1::2]} == {"0"}, told.stdout
     assert "Traceback" not in told.stderr and "Exception" not in told.stderr, told.stderr
+
+
+def test_a_relay_that_is_configured_and_cleaned_up_again_and_again_keeps_nothing():
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = RelayNode()
+
+        def entities():
+            return len(list(node.subscriptions)), len(list(node.publishers))
+
+        before = entities()
+        for _ in range(3):
+            assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+            assert entities() == (before[0] + 3, before[1] + 3)
+            assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+            assert entities() == before
+        node.finish()
+        node.destroy_node()
+    finally:
+        rclpy.shutdown()

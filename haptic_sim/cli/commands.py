@@ -21,15 +21,19 @@ class Commands:
 
     def call(self, name: str, patience: float = PATIENCE) -> tuple[bool, str]:
         """(success, message) of the driver's answer; a sentence of our own if none came in time [s]."""
-        end, asked, futures = time.monotonic() + patience, 0.0, []
-        while time.monotonic() < end:
-            if time.monotonic() - asked > AGAIN and self._clients[name].service_is_ready():
-                futures.append(self._clients[name].call_async(Trigger.Request()))
-                asked = time.monotonic()
-            self._executor.spin_once(timeout_sec=0.01)
+        end, asked, futures, client = time.monotonic() + patience, 0.0, [], self._clients[name]
+        try:
+            while time.monotonic() < end:
+                if time.monotonic() - asked > AGAIN and client.service_is_ready():
+                    futures.append(client.call_async(Trigger.Request()))
+                    asked = time.monotonic()
+                self._executor.spin_once(timeout_sec=0.01)
+                for future in futures:
+                    if future.done():
+                        return future.result().success, future.result().message
+        finally:
             for future in futures:
-                if future.done():
-                    return future.result().success, future.result().message
+                client.remove_pending_request(future)
         return False, f"haptic_driver did not answer ~/{name} within {patience:g} s"
 
     def close(self) -> None:

@@ -28,7 +28,7 @@ class Way:
     """One direction: what comes on one topic leaves on another when its time has come."""
 
     def __init__(self, node, source, target, kind, values, seed):
-        self.tap = Tap(node, source, f"sensor_msgs/msg/{kind.__name__}", STREAM, raw=True)
+        self._node, self.tap = node, Tap(node, source, f"sensor_msgs/msg/{kind.__name__}", STREAM, raw=True)
         self._publisher = node.create_publisher(kind, target, LATEST)
         self._values, self._random, self._number, self._flying = values, random.Random(seed), itertools.count(), []
 
@@ -46,6 +46,11 @@ class Way:
         while self.next_ns <= now_ns:
             self._publisher.publish(heapq.heappop(self._flying)[2])
 
+    def close(self):
+        """Ends both; what is on its way is lost."""
+        self.tap.close()
+        self._node.destroy_publisher(self._publisher)
+
     def _flight_ns(self):
         spread = self._values["jitter"] * (2.0 * self._random.random() - 1.0)
         return max(0, round(0.5e9 * (self._values["delay"] + spread)))
@@ -56,7 +61,7 @@ class RelayNode(ManagedNode):
 
     def __init__(self):
         super().__init__("haptic_relay", RELAY)
-        self._stop, self._thread = threading.Event(), None
+        self._stop, self._thread, self._ways = threading.Event(), None, []
 
     def configure(self):
         """Both ways."""
@@ -80,7 +85,10 @@ class RelayNode(ManagedNode):
         self._thread = None
 
     def cleanup(self):
-        """Nothing is kept."""
+        """Ends both ways."""
+        for way in self._ways:
+            way.close()
+        self._ways = []
 
     def _run(self):
         go_realtime("prefer", PRIORITY)
