@@ -156,15 +156,24 @@ def test_one_that_has_blown_up_says_so_in_a_sentence(where):
         ghost.state()
 
 
+def staged(said=(), **given):
+    """What a second operating point is made of beside a simulation with these parameters, by the words of the nodes."""
+    words = dict(said)
+    feed = types.SimpleNamespace(scene=load("free_space"), said=lambda node, entry, other="": words.get(entry, other))
+    values = {f"haptic_{node}": system()[node] for node in ("driver", "loopback", "simulation")}
+    values["haptic_simulation"] = values["haptic_simulation"] | given
+    return json.loads(json.dumps(Stage(types.SimpleNamespace(feed=feed, values=values, device="desktop"))._system()))
+
+
 def test_it_simulates_by_the_parameters_of_the_simulation_that_runs():
-    declared = system()["simulation"]
     limits = {"port_budget": 0.02, "port_force": 3.0, "port_torque": 0.2, "port_slew": 50.0}
     given = {"sub_step": 2e-4, "max_catch_up": 0.005, **limits}
-    assert not set(given) - set(declared)
-    feed = types.SimpleNamespace(scene=load("free_space"), said=lambda node, entry, otherwise: otherwise)
-    values = {f"haptic_{node}": system()[node] for node in ("driver", "loopback", "simulation")}
-    values["haptic_simulation"] = declared | given
-    desk = types.SimpleNamespace(feed=feed, values=values, device="desktop")
-    simulation = module.Ghost(json.loads(json.dumps(Stage(desk)._system())))._simulation
+    assert not set(given) - set(system()["simulation"])
+    simulation = module.Ghost(staged(**given))._simulation
     assert (simulation.sub_step_ns, simulation.max_catch_up_ns) == (200_000, 5_000_000)
     assert (simulation.port.budget, *simulation.port.limits) == tuple(limits.values())
+
+
+@pytest.mark.parametrize(("said", "delay"), [("2.5", 2.5e-3), ("nan", 1e-3), ("soon", 1e-3), ("-1", 1e-3), ("", 1e-3)])
+def test_its_delay_is_the_age_that_the_driver_tells_or_a_millisecond_where_that_is_no_time(said, delay):
+    assert staged([("age_ms_p50", said)])["delay"] == delay

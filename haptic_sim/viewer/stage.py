@@ -3,10 +3,12 @@
 
 import asyncio
 import json
+import math
 import time
 
 from haptic_device.device import AXES
 from haptic_device.share import names
+from haptic_device.status import number
 from haptic_sim.scene import load
 from haptic_sim.viewer.second import Second
 
@@ -143,9 +145,10 @@ class Stage:
         lacking = [node for node in (DRIVER, LOOPBACK, SIMULATION) if node not in values]
         if lacking or feed.scene is None or self._desk.device is None:
             raise ValueError(f"{lacking[0] if lacking else 'the scene'} is not known: nothing to be compared with")
+        age = number(feed.said(DRIVER, "age_ms_p50"))  # [ms]; none is known before a tool has answered
         return {
             "scene": json.loads(feed.scene.model_dump_json(by_alias=True, exclude_unset=True)),
             "device": values[DRIVER]["device"], "driver": values[DRIVER], "loopback": values[LOOPBACK],
             "simulation": values[SIMULATION], "method": feed.said(SIMULATION, "method", "auto"),
-            "start": list(feed.scene.tool.pose), "delay": float(feed.said(DRIVER, "age_ms_p50", "1")) * 1e-3,
+            "start": list(feed.scene.tool.pose), "delay": 1e-3 * (age if 0.0 <= age < math.inf else 1.0),
         }  # fmt: skip
