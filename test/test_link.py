@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page as a link, with a plant behind it in a thread of its own; and the loopback's motor watchdog."""
 
+import signal
 import threading
 import time
 import uuid
@@ -15,6 +16,7 @@ from haptic_device.runtime import clock, link, loop, loopback, page, realtime
 from haptic_device.runtime.link import PageLink
 from haptic_device.runtime.mailbox import Mailbox
 from haptic_device.runtime.servo_thread import ServoThread
+from haptic_device.runtime.still import StillLink
 
 pytestmark = pytest.mark.live
 
@@ -83,11 +85,12 @@ def device_link(name):
 
 @pytest.fixture
 def servo_thread(device_link):
-    """servo_thread(**how) makes a servo on the page, which has ended after the test."""
+    """servo_thread(**how) makes a servo on the page or another link, which has ended after the test."""
     made = []
 
-    def make(**how):
-        made.append(ServoThread(device_link, settings(), **{"realtime": "off", **how}))
+    def make(at=device_link, record=None, **how):
+        begin = settings() if record is None else record
+        made.append(ServoThread(at, begin, **{"realtime": "off", **how}))
         return made[-1]
 
     yield make
@@ -242,6 +245,24 @@ def test_the_servo_runs_on_the_page_takes_its_home_and_leaves_the_motor_at_zero(
     thread.link.close()
     wait_for("the plant is free", lambda: not served.truth.get()[0].driven)
     assert served.control[loopback.TRIPS] == 0
+
+
+def test_signals_neither_repeat_a_tick_nor_take_missed_ones_back(servo_thread):
+    before = signal.signal(signal.SIGUSR1, lambda number, frame: None)
+    try:
+        thread, rows = servo_thread(StillLink()), []
+        thread.start()
+        [servo] = [one for one in threading.enumerate() if one.name == "servo"]
+        end = time.monotonic() + 60.0
+        while sum(map(len, rows)) < 500:
+            assert time.monotonic() < end, "500 ticks"
+            signal.pthread_kill(servo.ident, signal.SIGUSR1)
+            time.sleep(0.0003)
+            rows.append(thread.ring.take(1000))
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    rows = np.concatenate(rows)
+    assert np.diff(rows["deadline"]).min() > 0 and np.diff(rows["missed"]).min() >= 0
 
 
 @pytest.mark.parametrize("mail", ["settings", "tool"])

@@ -8,6 +8,7 @@ from haptic_device.kernel import kernel
 
 MONOTONIC, REALTIME = 1, 0
 TIMER_ABSTIME = 1
+EINTR = 4  # of errno: a signal ended the wait
 
 _gettime = types.ExternalFunction("clock_gettime", types.int32(types.int32, types.CPointer(types.int64)))
 _nanosleep = types.ExternalFunction(
@@ -31,9 +32,10 @@ def now_ns(scratch):
 
 @kernel
 def sleep_until(deadline, scratch):
-    """Sleeps to an absolute CLOCK_MONOTONIC time [ns]; returns at once if it has passed."""
+    """Sleeps to an absolute CLOCK_MONOTONIC time [ns], whatever signals come; returns at once if it has passed."""
     scratch[0], scratch[1] = deadline // 1_000_000_000, deadline % 1_000_000_000
-    _nanosleep(MONOTONIC, TIMER_ABSTIME, scratch.ctypes, scratch.ctypes)
+    while _nanosleep(MONOTONIC, TIMER_ABSTIME, scratch.ctypes, scratch.ctypes) == EINTR:
+        pass
 
 
 def scratch():
