@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from haptic_device.device import load_device, plant_of
+from haptic_device.kernel import kernel
 from haptic_device.law import operator, plant, servo
 from haptic_device.runtime import clock, link, loop, loopback, page, realtime
 from haptic_device.runtime.link import PageLink
@@ -245,6 +246,65 @@ def test_the_servo_runs_on_the_page_takes_its_home_and_leaves_the_motor_at_zero(
     thread.link.close()
     wait_for("the plant is free", lambda: not served.truth.get()[0].driven)
     assert served.control[loopback.TRIPS] == 0
+
+
+HOME = (0.25, 0.5, 0.75)
+
+
+@kernel(link.READ)
+def read_later(memory, deadline, give_up, sample):
+    if memory[0] > 0:
+        memory[0] -= 1
+        return 0
+    sample[:] = 0.0
+    sample[link.LATCHED], sample[link.COUNTS] = deadline, 6000.0
+    return 1
+
+
+class LateLink(StillLink):
+    """Always there, at 6000 counts of x, but without a sample in so many reads."""
+
+    def __init__(self, without):
+        super().__init__()
+        self.memory[0], self.read = without, read_later
+
+
+def test_a_device_that_has_no_sample_at_first_is_at_home_where_its_first_sample_is(servo_thread):
+    thread = servo_thread(LateLink(without=3), home=HOME)
+    thread.start()
+    wait_for("5 ticks", lambda: thread.row.get()[0].tick > 5)
+    assert thread.row.get()[0].counts.tolist() == [6000.0, 0.0, 0.0]
+    assert thread.row.get()[0].position.tolist() == pytest.approx(HOME)
+
+
+def test_without_a_sample_there_is_no_home_and_no_tick_and_the_servo_can_be_stopped(servo_thread):
+    silent = LateLink(without=2**62)
+    thread = servo_thread(silent, home=HOME)
+    thread.start()
+    wait_for("10 reads", lambda: silent.memory[0] <= 2**62 - 10)
+    assert not thread.running
+    thread.stop()
+    assert thread.row.get()[0].tick == 0 and thread.row.get()[0].deadline == 0.0
+
+
+def test_settings_that_are_put_while_the_home_is_taken_are_not_lost(servo_thread, monkeypatch):
+    thread, newer, others = servo_thread(StillLink(), home=HOME), settings(), []
+    newer["version"], get = 7, thread.settings.get
+
+    def put_meanwhile():
+        known = get()
+        if threading.current_thread().name == "servo" and not others:
+            others.append(threading.Thread(target=thread.set, args=(newer,)))
+            others[0].start()
+            others[0].join(0.5)  # or longer: it may have to wait until the home is taken
+        return known
+
+    monkeypatch.setattr(thread.settings, "get", put_meanwhile)
+    thread.start()
+    wait_for("a tick", lambda: thread.row.get()[0].deadline > 0)
+    others[0].join()
+    wait_for("the newer settings", lambda: thread.row.get()[0].parameter_version == 7)
+    assert thread.row.get()[0].position.tolist() == pytest.approx(HOME)
 
 
 def test_signals_neither_repeat_a_tick_nor_take_missed_ones_back(servo_thread):

@@ -35,6 +35,7 @@ class ServoThread:
         for name, value in (kept or {}).items():
             self._memory[name] = value
         self.realtime, self._refused, self._ready = "", None, threading.Event()
+        self._writing = threading.Lock()  # of settings, one writer at a time
         self._resets, self._zero = 0, settings["zero"].copy()
         self.set(settings)
         self.snapshot()  # what it calls is compiled now: that holds the interpreter, and would disturb an exchange
@@ -55,8 +56,9 @@ class ServoThread:
 
     def set(self, settings):
         """These settings from the next tick on."""
-        settings["zero"] = self._zero
-        self.settings.put(settings)
+        with self._writing:
+            settings["zero"] = self._zero
+            self.settings.put(settings)
 
     @property
     def kept(self):
@@ -108,11 +110,10 @@ class ServoThread:
             return
         finally:
             self._ready.set()
-        while not self.link.present():
+        while not (self.link.present() and self._take_home()):
             if self.control[loop.STOP]:
                 return
             threading.Event().wait(LOOK_UP)
-        self._take_home()
         settings = self.settings.get().view(np.ndarray).view(servo.SETTINGS)
         tool, near = np.zeros(1, loop.TOOL), np.zeros(1, contact.SET)
         self._run_ticks(
@@ -121,12 +122,15 @@ class ServoThread:
         )  # fmt: skip
 
     def _take_home(self):
-        """The zero that makes the present position the home position."""
+        """Makes the present position the home position; False where the device has no sample that says what it is."""
         if self._home is None:
-            return
+            return True
         sample, scratch = np.zeros(link.SAMPLE), clock.scratch()
-        self.link.read(self.link.memory, 0, clock.now_ns(scratch) + SECOND // 10, sample)
-        settings = self.settings.get().view(np.ndarray).view(servo.SETTINGS)
-        counts = sample[link.COUNTS : link.COUNTS + 3]
-        self._zero = counts * settings["position_per_count"] - np.array(self._home)
-        self.set(settings)
+        if not self.link.read(self.link.memory, 0, clock.now_ns(scratch) + SECOND // 10, sample):
+            return False
+        with self._writing:
+            settings = self.settings.get().view(np.ndarray).view(servo.SETTINGS)
+            self._zero = sample[link.COUNTS : link.COUNTS + 3] * settings["position_per_count"] - np.array(self._home)
+            settings["zero"] = self._zero
+            self.settings.put(settings)
+        return True
