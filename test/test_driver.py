@@ -5,6 +5,7 @@ import math
 import os
 import signal
 import subprocess
+import sys
 import time
 
 import pytest
@@ -434,6 +435,26 @@ def test_a_wrong_file_ends_the_driver_with_one_sentence_and_exit_code_1(refused,
     code, text = refused[name]
     said, words = text.splitlines()[-1], YAML[name][1]
     assert code == 1 and said.startswith("haptic_driver: ") and all(word in said for word in words), text
+    assert not page_path("/wrong").exists()
+
+
+NO_ROOM = """
+import sys
+from haptic_device.runtime import rcl
+
+def none():
+    raise MemoryError("no room for incoming messages")
+
+rcl.incoming_buffer = none
+from haptic_device.node.driver import main
+sys.exit(main())
+"""
+
+
+def test_an_exchange_that_cannot_begin_is_a_refused_activation_and_not_waited_for(start):
+    words = [sys.executable, "-c", NO_ROOM, *command("haptic_driver", "/wrong")[3:]]
+    said = refusal_of(start(words, stderr=subprocess.PIPE))
+    assert said == "haptic_driver: the exchange cannot begin: MemoryError: no room for incoming messages"
     assert not page_path("/wrong").exists()
 
 

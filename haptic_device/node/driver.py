@@ -65,6 +65,7 @@ class DriverNode(ManagedNode):
         self.servo.gains.put(operating.gains_from(self.values))
         self._set_flag(engage.CLUTCH, self.values["clutch.open"])
         self.exchange = ExchangeThread(self, self.servo, len(self.device.axes), self.values)
+        self.exchange.start()
         self._refused = Refusals("tool")
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values)

@@ -18,7 +18,7 @@ PRIORITY = 60
 
 
 class ExchangeThread:
-    """Sends `handle` at the exchange rate and takes `tool`, from the constructor on until stop()."""
+    """Sends `handle` at the exchange rate and takes `tool`, from start() until stop()."""
 
     def __init__(self, node, servo_thread, axes, values):
         self._servo, self._path = servo_thread, values["exchange.path"]
@@ -36,19 +36,21 @@ class ExchangeThread:
         self._near = (
             Tap(node, "local_contacts", "sensor_msgs/msg/PointCloud2", wire.LATEST, raw=True) if local else None
         )
-        self._compiled = threading.Event()
+        self._compiled, self._error = threading.Event(), None
         self._thread = threading.Thread(target=self._run, name="exchange")
+
+    def start(self):
+        """Starts it; OSError, one sentence, if it cannot begin."""
         self._thread.start()
-        try:
-            self._compiled.wait()  # compiling holds the interpreter: done before the servo starts, it disturbs nobody
-        except KeyboardInterrupt:  # the node is told to end meanwhile
-            self.watch[exchange.STOP] = 1
-            raise
+        self._compiled.wait()  # compiling holds the interpreter: done before the servo starts, it disturbs nobody
+        if self._error is not None:
+            raise OSError(f"the exchange cannot begin: {type(self._error).__name__}: {self._error}")
 
     def stop(self):
         """Ends the thread, then publisher and subscription."""
         self.watch[exchange.STOP] = 1
-        self._thread.join()
+        if self._thread.is_alive():
+            self._thread.join()
         self._tap.close()
         if self._near is not None:
             self._near.close()
@@ -84,7 +86,14 @@ class ExchangeThread:
     def _run(self):
         row, gains, tool = np.zeros(1, servo.TICK), np.zeros(1, exchange.GAINS), np.zeros(1, loop.TOOL)
         mails = self._servo.row.words, self._servo.gains.words, self._servo.tool.words
-        (self._run_rcl if self._path == "rcl" else self._run_rclpy)(mails, row, gains, tool)
+        try:
+            (self._run_rcl if self._path == "rcl" else self._run_rclpy)(mails, row, gains, tool)
+        except Exception as error:
+            if self._compiled.is_set():
+                raise
+            self._error = error  # for start(), which waits
+        finally:
+            self._compiled.set()
 
     def _run_rcl(self, mails, row, gains, tool):
         publisher, subscription = self._publisher.handle, self._tap.handle
