@@ -161,6 +161,25 @@ def test_a_wrong_live_value_is_refused_with_its_reason(display, name, value, wor
     assert all(word in reason for word in words), reason
 
 
+def test_handle_encoder_and_motor_of_one_tick_bear_the_same_stamp(display):
+    layout, heard = wire.JointLayout(wire.AXES, "haptic_base"), {"encoder": set(), "motor": set()}
+
+    def hear(topic, stamps):
+        def note(data):
+            stamps.add(layout.unpack(data).stamp_ns)
+
+        return display.node.create_subscription(wire.JointState, topic, note, wire.STREAM, raw=True)
+
+    listening = [hear(topic, stamps) for topic, stamps in heard.items()]
+    display.hear_handles()
+    display.until(
+        lambda: {sample.stamp_ns for sample in display.handles}.intersection(*heard.values()), "one stamp on all three"
+    )
+    display.hear_handles(False)
+    for one in listening:
+        display.node.destroy_subscription(one)
+
+
 def test_foreign_tool_messages_move_nothing_are_refused_and_counted_by_reason(display):
     layout, count = wire.JointLayout(wire.exchange_names(3)), len(wire.exchange_names(3))
     still, wild = [0.0] * count, [math.nan] * count

@@ -155,8 +155,8 @@ class Recording:
     def monotonic(self, time: np.ndarray) -> np.ndarray:
         """System-clock times [ns] as CLOCK_MONOTONIC [ns], the one clock that deadlines and all nodes' data share.
 
-        The system clock may be slewed or set meanwhile: the offset is the median of each second's pairs. Raises
-        ValueError if the bag has neither a trace nor `operator/state`.
+        The offset is the median of each second's pairs: each activation of the driver has its own. Raises ValueError if
+        the bag has neither a trace nor `operator/state`.
         """
         system, monotonic = self.pairs
         if len(system) == 0:

@@ -69,6 +69,7 @@ class DriverNode(ManagedNode):
         self._refused = Refusals("tool")
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values)
+        self.telemetry.start()
         self._enabled_once = False
         self._alone_since = 0.0
 

@@ -27,6 +27,7 @@ class ExchangeThread:
         self.frame = exchange.make_frame(layout.template, layout.fixed, layout.offsets, layout.count)
         self.state, self.watch = np.zeros(1, exchange.STATE), np.zeros(exchange.WATCHES, np.int64)
         self.state["session"], self.state["axes"] = secrets.randbits(48) | 1, axes
+        self.state["clock_offset"] = servo_thread.clock_offset
         self.state["method"] = EXCHANGE_METHODS.index(values["exchange.method"])
         self._node = node
         self._publisher = node.create_publisher(wire.JointState, "handle", wire.LATEST)

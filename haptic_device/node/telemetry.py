@@ -22,7 +22,7 @@ FRAME = "haptic_base"
 
 
 class Telemetry:
-    """Publishes from the servo's mailboxes until stop()."""
+    """Publishes from the servo's mailboxes from start() until stop()."""
 
     def __init__(self, node, servo_thread, device, values):
         self._servo, self._device, self._values = servo_thread, device, values
@@ -40,15 +40,20 @@ class Telemetry:
         self._recent = np.zeros((WINDOW, 4))  # lateness, compute, age, write delay [s] of the last ticks
         self._judged, self._judged_at = np.full((4, 4), np.nan), -FRESH_ENOUGH
         self._ticks, self._latched, self._position = 0, 0.0, np.zeros(3)
+        self._told = {"axes": 0.0, "pose": 0.0}  # deadline of the tick that was published last
         self._row, self._settings = np.zeros(1, TICK), np.zeros(1, SETTINGS)
         self._wrench_layout, self._pose_layout = wire.StampedLayout(6, FRAME), wire.StampedLayout(7, FRAME)
         self._thread = threading.Thread(target=self._run, name="telemetry")
+
+    def start(self):
+        """Starts the thread."""
         self._thread.start()
 
     def stop(self):
         """Ends the thread with the last rows of the trace."""
         self._stopped = True
-        self._thread.join()
+        if self._thread.is_alive():
+            self._thread.join()
         self._trace.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED))  # else the last rows go with the publisher
         for publisher in (self._encoder, self._motor, self._wrench, self._pose, self._trace, self._snapshot):
             self._node.destroy_publisher(publisher)
@@ -80,19 +85,19 @@ class Telemetry:
         self._publish_trace(int(clock.now_ns(self._scratch)))
 
     def _stamp(self, deadline):
-        """ROS time [ns] of a deadline [ns of CLOCK_MONOTONIC]; both clocks are read at once."""
-        now = int(clock.read_clock(clock.REALTIME, self._scratch))
-        return now - int(clock.now_ns(self._scratch)) + int(deadline)
+        """ROS time [ns] of a deadline [ns of CLOCK_MONOTONIC]."""
+        return int(deadline) + self._servo.clock_offset
 
-    def _look(self):
-        """The newest row and settings; False before the first tick."""
+    def _look(self, teller):
+        """The newest row and settings; False where this teller has told that tick, and before the first."""
         self._servo.row.read(self._row)
         self._servo.settings.read(self._settings)
-        return self._row["deadline"][0] > 0.0
+        told, self._told[teller] = self._told[teller], self._row["deadline"][0]
+        return self._told[teller] > told
 
     def _publish_axes(self, now):
         """Encoder and motor in the device's own units."""
-        if not self._look():
+        if not self._look("axes"):
             return
         n, position, latched = len(self._device.axes), self._device_position(), self._row["latched"][0]
         elapsed = (latched - self._latched) * 1e-9
@@ -109,7 +114,7 @@ class Telemetry:
 
     def _publish_pose(self, now):
         """The operator's side: handle on the device, and the force the motor holds there."""
-        if self._look():
+        if self._look("pose"):
             stamp = self._stamp(self._row["deadline"][0])
             force = wire.wrench_numbers(self._row["force_on_handle"][0])
             self._wrench.publish(self._wrench_layout.pack(stamp, force))
@@ -136,8 +141,7 @@ class Telemetry:
         snapshot = self._servo.snapshot()
         if snapshot is not None:
             self._version, self._snapshot_due = version, now + SNAPSHOT_PERIOD
-            stamp = int(clock.read_clock(clock.REALTIME, self._scratch))
-            self._snapshot.publish(self._snapshot_layout.pack(stamp, snapshot))
+            self._snapshot.publish(self._snapshot_layout.pack(self._stamp(now), snapshot))
 
     def _remember(self, rows):
         index = np.arange(self._ticks, self._ticks + len(rows)) % WINDOW

@@ -23,6 +23,9 @@ class ServoThread:
 
     settings: SETTINGS record to begin with. The device's counts at the start are taken as `home` [device units] where
     that is given. kept: what an earlier one left behind; its fault stays latched, and its motors warm.
+
+    clock_offset [ns]: system clock less CLOCK_MONOTONIC, read once, so that the stamps of all who tell of this servo
+    differ as its deadlines do.
     """
 
     def __init__(self, device_link, settings, home=None, realtime="prefer", kept=None):
@@ -35,6 +38,7 @@ class ServoThread:
         for name, value in (kept or {}).items():
             self._memory[name] = value
         self.realtime, self._refused, self._ready = "", None, threading.Event()
+        self.clock_offset = time.time_ns() - time.monotonic_ns()
         self._writing = threading.Lock()  # of settings, one writer at a time
         self._resets, self._zero = 0, settings["zero"].copy()
         self.set(settings)
