@@ -23,9 +23,12 @@ from live_nodes import (
     refusal_of,
     refusals_of,
 )
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
 
 from haptic_device.law import exchange, fault
 from haptic_device.node import wire
+from haptic_device.node.params import MOST_AT_ONCE
 
 pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
 
@@ -159,6 +162,21 @@ def test_a_wrong_live_value_is_refused_with_its_reason(display, name, value, wor
     accepted, reason = display.set(name, value)
     assert not accepted and "\n" not in reason
     assert all(word in reason for word in words), reason
+
+
+@pytest.mark.parametrize("count", [MOST_AT_ONCE, MOST_AT_ONCE + 1])
+def test_as_many_parameters_as_are_taken_at_once_are_set_and_one_more_are_refused_all(display, count):
+    value = 0.25 if count > MOST_AT_ONCE else 0.5
+    entry = Parameter("fault.duty", value=value).to_parameter_msg()
+    each = display.ask("haptic_driver/set_parameters", SetParameters, SetParameters.Request(parameters=[entry] * count))
+    wish = SetParametersAtomically.Request(parameters=[entry] * count)
+    once = display.ask("haptic_driver/set_parameters_atomically", SetParametersAtomically, wish)
+    reason = "" if value == 0.5 else f"{count} parameters in one request; at most {MOST_AT_ONCE} are taken"
+    assert [(result.successful, result.reason) for result in each.results] == [(not reason, reason)] * count
+    assert (once.result.successful, once.result.reason) == (not reason, reason)
+    asked = display.ask("haptic_driver/get_parameters", GetParameters, GetParameters.Request(names=["fault.duty"]))
+    assert asked.values[0].double_value != 0.25
+    assert display.set("fault.duty", 1.0) == (True, "")
 
 
 def test_handle_encoder_and_motor_of_one_tick_bear_the_same_stamp(display):

@@ -32,7 +32,13 @@ def hold(*_):
     ctypes.PyDLL(None).read(taken, ctypes.create_string_buffer(1), 1)  # a C call that keeps the interpreter to itself
     os.write(given, b"free")
 
+def wait(*_):
+    os.write(given, b"held")
+    os.read(taken, 1)  # the main thread alone stands still: its executor serves nothing
+    os.write(given, b"free")
+
 signal.signal(signal.SIGUSR1, hold)
+signal.signal(signal.SIGUSR2, wait)
 from haptic_device.node.driver import main
 sys.exit(main())
 """
@@ -42,7 +48,7 @@ COUNTS = 200000.0  # per metre, of the device `desktop`
 
 
 class Driver:
-    """A driver whose Python stands still from hold() to free()."""
+    """A driver whose Python, or its main thread alone, stands still from hold() to free()."""
 
     def __init__(self, log):
         (self._heard, given), (taken, self._word) = os.pipe(), os.pipe()
@@ -53,9 +59,9 @@ class Driver:
         os.close(taken)
         self.held = False
 
-    def hold(self):
-        """Returns when its Python stands still."""
-        self._process.send_signal(signal.SIGUSR1)
+    def hold(self, what=signal.SIGUSR1):
+        """Returns when its Python stands still; SIGUSR2: its main thread."""
+        self._process.send_signal(what)
         self._hear(b"held")
         self.held = True
 
@@ -197,6 +203,16 @@ def test_while_python_stands_still_the_servo_goes_on_and_afterwards_that_is_said
         lambda: next((said for said in heard[begin:] if float(said[2]["value"]) >= stood), None), "the stall is told"
     )
     assert said[0] >= WARN and said[1].endswith(" s")
+
+
+def test_an_estop_is_answered_with_the_motor_at_zero_while_the_driver_serves_nothing_else(hands, driver, ear):
+    press(hands, ear)
+    driver.hold(signal.SIGUSR2)
+    try:
+        assert ear.trigger("estop") == (True, "e-stop latched, motor zero")
+        ear.until(lambda: hands.motor == 0.0, "the motor is off")
+    finally:
+        driver.free()
 
 
 def test_a_servo_that_nobody_could_stop_for_too_long_stops_itself(hands, driver, ear):

@@ -12,7 +12,7 @@ import pytest
 
 from haptic_device.device import load_device, plant_of
 from haptic_device.kernel import kernel
-from haptic_device.law import operator, plant, servo
+from haptic_device.law import engage, fault, operator, plant, servo
 from haptic_device.runtime import clock, link, loop, loopback, page, realtime
 from haptic_device.runtime.link import PageLink
 from haptic_device.runtime.mailbox import Mailbox
@@ -323,6 +323,20 @@ def test_signals_neither_repeat_a_tick_nor_take_missed_ones_back(servo_thread):
         signal.signal(signal.SIGUSR1, before)
     rows = np.concatenate(rows)
     assert np.diff(rows["deadline"]).min() > 0 and np.diff(rows["missed"]).min() >= 0
+
+
+def test_only_who_attends_keeps_an_enabled_servo_from_being_unattended(servo_thread):
+    alone = settings()
+    alone["unattended"] = 0.2
+    thread = servo_thread(StillLink(), alone)
+    thread.order(set_flags=engage.ENABLE)
+    thread.start()
+
+    def unattended():
+        thread.order(clear_flags=engage.CLUTCH)  # as a change of parameters does, again and again
+        return thread.row.get()[0].fault == fault.UNATTENDED
+
+    wait_for("the fault unattended", unattended)
 
 
 @pytest.mark.parametrize("mail", ["settings", "tool"])

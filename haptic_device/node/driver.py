@@ -4,6 +4,7 @@
 import math
 import secrets
 import sys
+import threading
 import time
 
 import numpy as np
@@ -20,6 +21,7 @@ from haptic_device.node.exchange_thread import ExchangeThread
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
+from haptic_device.node.service_thread import ServiceThread
 from haptic_device.node.telemetry import Telemetry
 from haptic_device.runtime import loop, realtime
 from haptic_device.runtime.link import PageLink
@@ -28,6 +30,7 @@ from haptic_device.runtime.servo_thread import ServoThread
 
 MIDDLEWARE_PRIORITY = 65  # below the servo, above the exchange
 PATIENCE = 1.0  # [s] that a service waits for the servo to have taken a command
+NOT_TAKEN = f"the servo did not take it within {PATIENCE} s"
 
 
 class DriverNode(ManagedNode):
@@ -40,16 +43,24 @@ class DriverNode(ManagedNode):
         self._version, self._enabled_once, self._said, self._margins = 0, False, set(), [math.inf, math.inf]
         self._watched, self._stall, self._rates, self._told = time.monotonic(), 0.0, health.Rates(), None
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
-        for name in ("enable", "disable", "estop", "reset"):
+        for name in ("enable", "disable", "reset"):
             self.create_service(Trigger, f"~/{name}", getattr(self, f"_on_{name}"))
+        self._changing = threading.Lock()  # held while the servo comes and goes: no e-stop falls in between
+        self._estop = ServiceThread(self, Trigger, "~/estop", self._on_estop)
         on_change(self, DRIVER, self._on_parameters)
         self.create_timer(0.5, self._diagnose)
         self.create_timer(0.02, self._watch)
+        self._estop.start()
+
+    def destroy_node(self):
+        """Ends the thread of the e-stop, then the node."""
+        self._estop.stop()
+        super().destroy_node()
 
     def configure(self):
         """Reads the device description and takes the device."""
         have(*servo_groups(self.values["exchange.method"]), told=self.told)
-        realtime.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)
+        realtime.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)  # that of the e-stop too
         self.device = load_device(self.values["device"])
         self._judge(operating.settings_from(self.device, self.values), self.values)
         self.link = PageLink(self.page_name(page_name), secrets.randbits(48) | 1)
@@ -61,7 +72,8 @@ class DriverNode(ManagedNode):
         home = self.device.home if self.device.homing == "at_start" else None
         settings = operating.settings_from(self.device, self.values, self._version)
         self._judge(settings, self.values)
-        self.servo = ServoThread(self.link, settings, home, self.values["realtime"], self._kept)
+        with self._changing:
+            self.servo = ServoThread(self.link, settings, home, self.values["realtime"], self._kept)
         self.servo.gains.put(operating.gains_from(self.values))
         self._set_flag(engage.CLUTCH, self.values["clutch.open"])
         self.exchange = ExchangeThread(self, self.servo, len(self.device.axes), self.values)
@@ -80,9 +92,11 @@ class DriverNode(ManagedNode):
                 part.stop()
         if self.telemetry is not None:
             self._diagnose()
-        if self.servo is not None:
-            self._kept = self.servo.kept
-        self.servo = self.exchange = self.telemetry = None
+        with self._changing:
+            if self.servo is not None:
+                self._kept = self.servo.kept
+            self.servo = None
+        self.exchange = self.telemetry = None
 
     def cleanup(self):
         """Lets the device go."""
@@ -185,16 +199,23 @@ class DriverNode(ManagedNode):
         return self._command(response, lambda: self.servo.order(clear_flags=engage.ENABLE), "motor zero")
 
     def _on_estop(self, request, response):
-        flags = {"set_flags": engage.ESTOP, "clear_flags": engage.ENABLE}
-        if self.servo is None:
-            self._kept["fault"] = self._kept["fault"] or fault.ESTOP
-            response.success, response.message = True, "e-stop latched for when the node is active again"
-            return response
-        if not self.servo.running:
-            self.servo.order(**flags)
-            response.success, response.message = True, "e-stop latched for the device that is not there yet"
-            return response
-        return self._command(response, lambda: self.servo.order(**flags), "e-stop latched, motor zero")
+        """In a thread of its own, while the node may be activated or deactivated."""
+        with self._changing:
+            servo = self.servo
+            if servo is None:
+                self._kept["fault"] = self._kept["fault"] or fault.ESTOP
+            else:
+                servo.order(set_flags=engage.ESTOP, clear_flags=engage.ENABLE)
+        response.success = True
+        if servo is None:
+            response.message = "e-stop latched for when the node is active again"
+        elif not servo.running:
+            response.message = "e-stop latched for the device that is not there yet"
+        else:
+            servo.attend()
+            response.success = self._taken(servo)
+            response.message = "e-stop latched, motor zero" if response.success else NOT_TAKEN
+        return response
 
     def _on_reset(self, request, response):
         self._said = {sentence for sentence in self._said if not sentence.startswith("fault")}
@@ -207,14 +228,16 @@ class DriverNode(ManagedNode):
         elif sentence := refusal():
             response.message = sentence
         else:
+            self.servo.attend()  # who gives a command is there
             act()
-            response.success = self._taken()
-            response.message = done if response.success else f"the servo did not take it within {PATIENCE} s"
+            response.success = self._taken(self.servo)
+            response.message = done if response.success else NOT_TAKEN
         return response
 
-    def _taken(self):
+    def _taken(self, servo):
+        """Whether it has taken its command in time, or ended, which leaves the motor at zero."""
         until = time.monotonic() + PATIENCE
-        while int(self.servo.row.get()[0].command) & ~engage.UNATTENDED != self.servo.command:
+        while servo.running and int(servo.row.get()[0].command) & ~engage.UNATTENDED != servo.command:
             if time.monotonic() > until:
                 return False
             time.sleep(0.0002)

@@ -5,12 +5,14 @@ import sys
 from collections.abc import Callable, Iterable
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from haptic_device.parameter import ROS_OWN, Parameter, check_value, unknown
 
 INT64 = (-(2**63), 2**63 - 1)
+MOST_AT_ONCE = 200  # entries of a request, more than any node has; each takes milliseconds, and others wait for all
 
 
 def declare(node: Node, parameters: Iterable[Parameter], known: Iterable[str] = ()) -> dict:
@@ -28,7 +30,10 @@ def declare(node: Node, parameters: Iterable[Parameter], known: Iterable[str] = 
 
 
 def on_change(node: Node, parameters: Iterable[Parameter], accept: Callable[[dict], None]) -> None:
-    """Calls accept with all values, wished ones merged in, before a live change; its ValueError refuses the change."""
+    """Calls accept with all values, wished ones merged in, before a live change; its ValueError refuses the change.
+
+    A request of more than MOST_AT_ONCE entries is refused as a whole before any of them is looked at.
+    """
     declared = {parameter.name: parameter for parameter in parameters}
 
     def decide(changes):
@@ -44,6 +49,25 @@ def on_change(node: Node, parameters: Iterable[Parameter], accept: Callable[[dic
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(decide)
+    for service in node.services:
+        if service.srv_type in (SetParameters, SetParametersAtomically):
+            service.callback = _bounded(service.callback)
+
+
+def _bounded(serve):
+    def decide(request, response):
+        count = len(request.parameters)
+        if count <= MOST_AT_ONCE:
+            return serve(request, response)
+        reason = f"{count} parameters in one request; at most {MOST_AT_ONCE} are taken"
+        refused = SetParametersResult(successful=False, reason=reason)
+        if isinstance(response, SetParameters.Response):
+            response.results = [refused] * count
+        else:
+            response.result = refused
+        return response
+
+    return decide
 
 
 def _refuse_unknown(node, declared, known):

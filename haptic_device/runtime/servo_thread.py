@@ -24,8 +24,8 @@ class ServoThread:
     settings: SETTINGS record to begin with. The device's counts at the start are taken as `home` [device units] where
     that is given. kept: what an earlier one left behind; its fault stays latched, and its motors warm.
 
-    clock_offset [ns]: system clock less CLOCK_MONOTONIC, read once, so that the stamps of all who tell of this servo
-    differ as its deadlines do.
+    set() and order() may be called by any thread. clock_offset [ns]: system clock less CLOCK_MONOTONIC, read once, so
+    that the stamps of all who tell of this servo differ as its deadlines do.
     """
 
     def __init__(self, device_link, settings, home=None, realtime="prefer", kept=None):
@@ -39,7 +39,7 @@ class ServoThread:
             self._memory[name] = value
         self.realtime, self._refused, self._ready = "", None, threading.Event()
         self.clock_offset = time.time_ns() - time.monotonic_ns()
-        self._writing = threading.Lock()  # of settings, one writer at a time
+        self._writing = threading.Lock()  # one writer at a time; the servo itself reads, and takes no lock
         self._resets, self._zero = 0, settings["zero"].copy()
         self.set(settings)
         self.snapshot()  # what it calls is compiled now: that holds the interpreter, and would disturb an exchange
@@ -79,10 +79,10 @@ class ServoThread:
         return int(self.control[loop.COMMAND])
 
     def order(self, set_flags=0, clear_flags=0):
-        """Changes flags of the command word (law/engage); returns the word. Who gives an order is there."""
-        self.attend()
-        self.control[loop.COMMAND] = (self.command | set_flags) & ~clear_flags
-        return self.command
+        """Changes flags of the command word (law/engage); returns the word."""
+        with self._writing:
+            self.control[loop.COMMAND] = (self.command | set_flags) & ~clear_flags
+            return self.command
 
     def attend(self):
         """Says that somebody is there who hears an e-stop: the servo goes on alone for fault.unattended only."""
@@ -90,8 +90,9 @@ class ServoThread:
 
     def reset(self):
         """Clears the latched fault, and what commands the handle: a new enable is needed."""
-        self._resets += 1
-        self.control[loop.COMMAND] = self._resets * engage.RESET + (self.command & engage.CLUTCH)
+        with self._writing:
+            self._resets += 1
+            self.control[loop.COMMAND] = self._resets * engage.RESET + (self.command & engage.CLUTCH)
 
     def snapshot(self):
         """SNAPSHOT record of a tick just done, while the servo runs on; None if none could be had between two.
