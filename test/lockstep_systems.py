@@ -24,7 +24,7 @@ def device(damping=1.0, counts=1e7, coulomb=0.0, axes=2, **changes):
 
 
 def wall_system(
-    stiffness, damping, angle=90.0, motion="tap", physical_damping=1.0, counts=1e7, loopback=None, **driver
+    stiffness, damping, angle=90.0, motion="tap", physical_damping=1.0, counts=1e7, loopback=None, axes=2, **driver
 ):
     """A handle that the hand moves from 10 mm before to 10 mm in one wall of this normal angle [°]; no tool."""
     normal = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle)), 0.0])
@@ -37,7 +37,7 @@ def wall_system(
         "motion__duration": 1.0,
     }  # fmt: skip
     return Lockstep(
-        device(physical_damping, counts),
+        device(physical_damping, counts, axes=axes),
         values("haptic_driver", **walls | driver),
         values("haptic_loopback", **hand | (loopback or {})),
         None,

@@ -107,8 +107,8 @@ def test_walls_let_go_of_what_missed_ticks_gave_and_then_the_hand_gets_nothing(s
 class Led:
     """A servo whose handle goes where it is told, x = −depth [m], in a hold of so many periods."""
 
-    def __init__(self, stiffness, **driver):
-        self.settings = wall_system(stiffness, 0.0, 0.0, counts=1e7, **driver).settings
+    def __init__(self, stiffness, angle=0.0, **system):
+        self.settings = wall_system(stiffness, 0.0, angle, counts=1e7, **system).settings
         (self.memory, self.row), self.time, self.depth, self.given = exchange_search.engaged(), 0.0, 0.0, 0.0
 
     def go(self, depth, periods=1.0, status=fault.FRESH, command=engage.ENABLE):
@@ -122,9 +122,10 @@ class Led:
         return float(self.row["force_walls"][0, 0])
 
 
-def test_a_wall_that_a_missed_tick_left_owing_is_weaker_by_that_energy_and_whole_again_once_left():
+@pytest.mark.parametrize("axes, angle", [(2, 0.0), (1, 0.0), (1, 360.0)])  # sin 360° is not 0 by rounding
+def test_a_wall_that_a_missed_tick_left_owing_is_weaker_by_that_energy_and_whole_again_once_left(axes, angle):
     stiffness, depth, step = 0.9 * 2.0 / TICK, 1e-3, 1e-4
-    hand = Led(stiffness, passivity__budget=1e-6)
+    hand = Led(stiffness, angle, axes=axes, passivity__budget=1e-6)
     for k in range(11):
         assert hand.go(step * k) == pytest.approx(stiffness * step * k)
     made = 0.5 * stiffness * step**2 - step**2 / (3.0 * TICK)  # leak of the hold, less what the damper took for certain

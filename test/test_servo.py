@@ -344,6 +344,15 @@ def test_a_motor_may_hold_its_duty_for_ever_and_a_little_more_until_it_is_warm(s
         assert held == pytest.approx(-time * math.log(1.0 - 1.0 / share**2), rel=0.01)
 
 
+def test_an_axis_that_the_device_lacks_is_not_saturated_by_a_wall_whose_normal_leans_by_rounding():
+    leaning = WALL | {"wall__normals": (1.0, math.sin(math.pi))}
+    runner = Servo(axes=1, **leaning, **FREE)
+    runner.move((-0.002, 0.0, 0.0))
+    row = runner.run(1.0 + 0.2)
+    assert row.force_walls[1] > 0.0 and fault.name_of(row.fault) == ""
+    assert row.force_on_handle == pytest.approx([2.0, 0.0, 0.0], rel=1e-3)
+
+
 def test_a_cut_motor_is_no_fault_before_the_servo_has_engaged():
     runner = Servo(settled=False, **FREE)
     assert runner.tick(device_status=fault.WATCHDOG).fault == fault.NONE

@@ -90,7 +90,8 @@ def _beyond_limit(settings, memory, position):
         force = memory.engage * (1.0 - memory.walls_off) * settings.wall_stiffness[j] * depth
         push_x += nx * force
         push_y += ny * force
-    return abs(push_x) > settings.coupling_limit[0] or abs(push_y) > settings.coupling_limit[1]
+    beyond_y = settings.axes > 1.0 and abs(push_y) > settings.coupling_limit[1]
+    return beyond_y or abs(push_x) > settings.coupling_limit[0]
 
 
 @kernel

@@ -339,7 +339,7 @@ def _command_motor(settings, memory, row):
         force = kinematics.to_device_force(row.engage * min(limit, max(-limit, total)), settings.scale[i])
         row.force_gravity[i] = settings.gravity[i] if row.engage > 0.0 else 0.0
         force += row.engage * row.force_gravity[i]
-        saturated |= abs(force) > settings.device_limit[i]
+        saturated |= i < settings.axes and abs(force) > settings.device_limit[i]
         memory.limited[i] = abs(total) > limit or abs(force) > settings.device_limit[i]
         memory.mixed[i] = memory.limited[i] and total != row.force_coupling[i]
         force = min(settings.device_limit[i], max(-settings.device_limit[i], force))
