@@ -12,7 +12,7 @@ from ticks import tick
 
 from haptic_device import operating
 from haptic_device.law import engage, fault, servo
-from haptic_device.parameters import MOST_WALLS
+from haptic_device.parameters import EXCHANGE_METHODS, MOST_WALLS
 from haptic_device.runtime import loop
 
 PERIOD = 1 / 4000.0
@@ -32,6 +32,7 @@ class Servo:
         self.settings = operating.settings_from(self.device, values("haptic_driver", **given))
         self.memory, self.now, self.command = np.zeros(1, servo.MEMORY), 10**12, engage.ENABLE
         self.inputs = {"tool_age": -1.0, "device_status": fault.FRESH}
+        self.left = {}  # in the outputs of each row, of a tick before
         self.position = np.zeros(3)
         self.rows = []
         if settled:
@@ -51,7 +52,7 @@ class Servo:
         self.now += round(PERIOD * 1e9)
         counts = np.round(self.position / self.settings["position_per_count"][0, :3].clip(1e-12))
         given = {"deadline": self.now, "latched": self.now, "counts": counts, "command": self.command}
-        given |= self.inputs | changes
+        given |= self.left | self.inputs | changes
         if stale:
             given["latched"] = self.memory["latched"][0]
         for name, value in given.items():
@@ -371,6 +372,30 @@ def test_no_input_that_is_not_a_number_becomes_a_force(field, value):
     runner.command |= engage.ENABLE
     row = runner.run(0.2)
     assert row.state == engage.ENGAGED and np.isfinite(runner.memory["drag"]).all()
+
+
+@pytest.mark.parametrize("axes", [1, 3])
+@pytest.mark.parametrize("method", EXCHANGE_METHODS)
+def test_a_row_that_is_used_again_keeps_nothing_of_the_tick_it_held_before(method, axes):
+    outputs = [column.rstrip("*#^") for column in servo.OUTPUTS]
+    outputs = [name for name in outputs if name not in ("margin", "surplus")]  # which recomputing takes from the row
+    quick = {"exchange__method": method, "engage__time": 0.01, "exchange__fade": 0.01}
+    clean, used = (Servo(axes=axes, settled=False, **WALL, **quick) for _ in range(2))
+    for runner, left in ((clean, 0.0), (used, math.nan)):
+        runner.left = {name: left for name in outputs}
+        runner.memory["near_number"] = runner.memory["near_mass"] = runner.memory["near_inertia"] = 1.0
+        runner.memory["near_trust"] = 1.0
+        runner.tool((0.001, 0.0, 0.0))
+        runner.inputs |= {"contact_set": 1.0, "contact_age": 0.001}
+        runner.run(0.05)
+        runner.tick(stale=True)
+        runner.tick(tool_position=(math.nan, 0.0, 0.0))
+        runner.inputs |= {"contact_age": 1e3}
+        runner.run(0.01)
+    acted = np.array([row["local"][0] for row in clean.rows])
+    assert acted.any() == (method == "local") and acted[-1] == 0.0
+    for one, other in zip(clean.rows, used.rows, strict=True):
+        assert [name for name in outputs if one[name].tobytes() != other[name].tobytes()] == []
 
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)

@@ -31,7 +31,7 @@ def follow(settings, memory, row):
     row.exchange_let_go = memory.let_go
     row.exchange_fade = memory.exchange_fade
     if settings.exchange_method == exchange.DIRECT or not _is_number(row):
-        _as_it_is(settings, row)
+        _as_it_is(settings, memory, row)
         return
     memory.factor = _risen(settings, memory) * row.exchange_fade
     tank.fill(settings, memory, row)
@@ -103,6 +103,8 @@ def _risen(settings, memory):
 def _stay(settings, memory, row):
     """A tick whose counts are those of the tick before: where the handle is now nobody knows, so nothing is moved."""
     row.exchange_fade, row.exchange_let_go, row.exchange_energy = memory.exchange_fade, memory.let_go, memory.shipped
+    if memory.acting == local.ACTING:
+        row.tools_apart = local.apart(settings, memory, row)
     for i in range(int(settings.axes)):
         row.coupling_position[i], row.coupling_velocity[i] = memory.set[i], memory.set_velocity[i]
         row.exchange_effort[i] = memory.sent[i]
@@ -133,12 +135,15 @@ def _is_number(row):
 
 
 @kernel
-def _as_it_is(settings, row):
+def _as_it_is(settings, memory, row):
     """The tool as it is said to be; where a method would have to book it, what is not a number becomes no place."""
     for i in range(AXES):
         row.coupling_position[i], row.coupling_velocity[i] = row.tool_position[i], row.tool_velocity[i]
         if settings.exchange_method != exchange.DIRECT:
-            row.coupling_position[i] = math.nan
+            row.coupling_position[i], row.exchange_effort[i] = math.nan, memory.sent[i]
+    if settings.exchange_method != exchange.DIRECT:
+        row.exchange_energy = memory.shipped
+        _keep(settings, memory, row)
 
 
 @kernel

@@ -142,6 +142,7 @@ MEMORY = np.dtype(_MEMORY.descr + [(name, "f8", shape) for name, shape in _TABLE
 @kernel
 def tick(settings, memory, row):
     """One tick of the servo: records of SETTINGS, MEMORY, TICK; reads the inputs in row and writes its outputs."""
+    _clear(settings, row)
     _sense(settings, memory, row)
     following.follow(settings, memory, row)
     observer.let_go_walls(settings, memory, row)
@@ -154,6 +155,15 @@ def tick(settings, memory, row):
     _command_motor(settings, memory, row)
     observer.remember(settings, memory, row)
     following.settle(settings, memory, row)
+
+
+@kernel
+def _clear(settings, row):
+    """Outputs that not every tick writes: rows are used again, and nothing of an old tick may stay in them."""
+    row.exchange_energy = row.exchange_tank = row.exchange_shortened = 0.0
+    row.local = row.local_fallbacks = row.local_stays = row.local_pivots = row.tools_apart = 0.0
+    for i in range(int(settings.axes), AXES):
+        row.position[i] = row.velocity[i] = row.force_cancellation[i] = row.exchange_effort[i] = row.warmth[i] = 0.0
 
 
 @kernel
