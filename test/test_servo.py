@@ -367,6 +367,7 @@ def test_no_input_that_is_not_a_number_becomes_a_force(field, value):
     runner.run(0.2)
     row = runner.tick(**{field: (0.0, value, 0.0)})
     assert fault.name_of(row.fault) == "not_a_number" and not row.motor.any()
+    assert row.state == engage.FAULT  # the device is told by it whether the display is engaged
     runner.command = engage.RESET
     runner.run(0.01)
     runner.command |= engage.ENABLE

@@ -356,6 +356,7 @@ def _command_motor(settings, memory, row):
         row.force_on_handle[i] = force
     if memory.fault != fault.NONE:
         row.engage = memory.engage = 0.0
+        row.state = memory.state = engage.FAULT
     for i in range(AXES):
         if memory.fault != fault.NONE or i >= settings.axes:
             row.force_on_handle[i] = 0.0
