@@ -333,6 +333,21 @@ def test_a_motor_that_grows_too_warm_is_a_fault(display):
         assert display.set("fault.duty", 1.0) == (True, "")
 
 
+def test_a_margin_about_theta_that_is_used_up_is_told_though_the_plane_has_some_left(display):
+    def used_up(level, message, values):
+        return float(values["value"]) < 0.0
+
+    try:
+        assert display.set("passivity.policy", "off") == (True, "")
+        assert display.set("coupling.rotational_stiffness", 100.0) == (True, "")
+        display.news("haptic_driver: margin_theta", used_up, what="the margin about theta is used up")
+        level, message, _ = display.said["haptic_driver: margin_theta"][-1]
+        assert level == ERROR and message.endswith(" N m s/rad")
+    finally:
+        assert display.set("coupling.rotational_stiffness", SLOW["coupling__rotational_stiffness"]) == (True, "")
+        assert display.set("passivity.policy", "enforce") == (True, "")
+
+
 def test_the_faults_above_are_all_but_those_that_test_fault_live_provokes():
     live = {"estop", "device_watchdog", "device_silent", "velocity", "position", "saturation", "duty"}
     assert {entry.name for entry in fault.TABLE} - live == {"not_a_number", "encoder_jump", "unattended"}

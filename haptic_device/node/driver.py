@@ -267,6 +267,8 @@ class DriverNode(ManagedNode):
         figures = {"margin": self._margins[0], "lateness": lateness, "compute": compute, "missed": rates["missed"]}
         figures |= {"age": age, "loss": lost, "energy": float(sum(row.energy_given))}
         figures |= {"warmth": float(max(row.warmth)), "stall": self._stall}
+        if math.isfinite(self._margins[1]):
+            figures["margin_theta"] = self._margins[1]
         self._stall = 0.0
         return health.statuses("haptic_driver", health.DRIVER, figures, self.values)
 

@@ -23,6 +23,7 @@ class Watched(NamedTuple):
 
 DRIVER = (
     Watched("margin", "N s/m", "physical damping left in the worst direction, at the measured lateness", 0.0, -1.0),
+    Watched("margin_theta", "N m s/rad", "the same about theta, of a device that turns", 0.0, -0.001),
     Watched("lateness", "s", "wake-up of the servo after its deadline, 99 %", 1e-4, 1e-3),
     Watched("compute", "s", "own work of a tick, 99 %", 5e-5, 1e-4),
     Watched("missed", "1/s", "ticks missed", 1.0, 100.0),
@@ -57,8 +58,8 @@ def _meaning(each, level):
 
 
 def statuses(node: str, watched: Iterable[Watched], figures: dict[str, float], values: dict) -> list[tuple]:
-    """(name, level, message, values) of each figure; NaN, where there is none yet, is ok."""
-    return [_status(node, each, figures[each.name], values) for each in watched]
+    """(name, level, message, values) of each figure that there is; NaN, where there is none yet, is ok."""
+    return [_status(node, each, figures[each.name], values) for each in watched if each.name in figures]
 
 
 def _status(node, each, figure, values):
