@@ -19,9 +19,11 @@ SMALL = 0.01  # motor units
 
 def check(device_link):
     """Raises AssertionError with what a link does otherwise than runtime/link says; the link is closed afterwards."""
-    checks = has_its_signatures, answers, latches_at_deadlines, gives_up, counts_whole_steps, cuts_the_motor
     try:
-        for one in checks:
+        for one in (
+            *(has_its_signatures, answers, latches_at_deadlines, gives_up, counts_whole_steps),
+            *(changes_counts_with_their_time_only, cuts_the_motor),
+        ):
             one(device_link)
     finally:
         device_link.close()
@@ -91,6 +93,21 @@ def counts_whole_steps(device_link):
     sample = drive(device_link, 5)[-1][2]
     counts = sample[link.COUNTS : link.COUNTS + 3]
     assert np.array_equal(counts, np.round(counts))
+
+
+def changes_counts_with_their_time_only(device_link):
+    """However often it is read: a way without a time could be booked nowhere."""
+    before, sample = drive(device_link, 5, SMALL)[-1][2], np.zeros(link.SAMPLE)
+    seen, end = 0, time.monotonic() + LIMIT * 1e-9
+    while seen < 10:
+        assert time.monotonic() < end, "no newer sample came"
+        device_link.read(device_link.memory, 0, 0, sample)
+        if sample[link.LATCHED] != before[link.LATCHED]:
+            seen += 1
+        else:
+            changed = sample[link.COUNTS : link.COUNTS + 3] != before[link.COUNTS : link.COUNTS + 3]
+            assert not changed.any(), "counts changed and the time they were latched at did not"
+        before = sample.copy()
 
 
 def cuts_the_motor(device_link):

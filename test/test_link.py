@@ -110,6 +110,23 @@ def test_the_page_keeps_every_promise_of_a_link(served, device_link):
     link_conformance.check(device_link)
 
 
+def test_a_link_whose_counts_run_ahead_of_their_time_does_not_conform(served, device_link):
+    link_conformance.answers(device_link)
+    link_conformance.changes_counts_with_their_time_only(device_link)
+    read, turn = device_link.read, 0.0
+
+    def restless(memory, deadline, give_up, sample):
+        nonlocal turn
+        turn += 1.0
+        fresh = read(memory, deadline, give_up, sample)
+        sample[link.COUNTS] += turn
+        return fresh
+
+    device_link.read = restless
+    with pytest.raises(AssertionError, match="counts changed and the time they were latched at did not"):
+        link_conformance.changes_counts_with_their_time_only(device_link)
+
+
 def test_without_a_device_there_is_nobody_and_reading_gives_up(device_link):
     assert not device_link.present()
     sample, scratch = np.zeros(link.SAMPLE), clock.scratch()

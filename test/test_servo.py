@@ -354,6 +354,30 @@ def test_an_axis_that_the_device_lacks_is_not_saturated_by_a_wall_whose_normal_l
     assert row.force_on_handle == pytest.approx([2.0, 0.0, 0.0], rel=1e-3)
 
 
+@pytest.mark.parametrize("back", [0.0, 0.4, 3.0])
+def test_counts_that_change_without_a_newer_time_move_nothing_and_their_way_is_booked_with_the_next(back):
+    runner, speed = pressing(), 1e-2
+    first, latched, held = runner.rows[-1], runner.memory["latched"][0], 3
+    for _ in range(held - 1):
+        runner.position = runner.position + [speed * PERIOD, 0.0, 0.0]
+        row = runner.tick(latched=latched - back * PERIOD * 1e9)
+        assert (row.position == first["position"]).all() and (row.motor == first["motor"]).all()
+        assert (row.energy_given == first["energy_given"]).all()
+    runner.position = runner.position + [speed * PERIOD, 0.0, 0.0]
+    row, force = runner.tick(), first["force_on_handle"][0, 0]
+    assert row.fault == fault.NONE and row.velocity[0] == pytest.approx(speed)
+    way = held * speed * PERIOD
+    booked = row.energy_given[0] - first["energy_given"][0, 0]
+    assert booked == pytest.approx(force * way - 3.0 * way**2 / (held * PERIOD), rel=1e-6)
+
+
+def test_a_device_whose_time_was_far_ahead_once_is_silent_from_then_on():
+    runner = pressing()
+    runner.tick(latched=runner.now + 10**9)
+    assert runner.run(0.02 - PERIOD).fault == fault.NONE
+    assert fault.name_of(runner.run(2 * PERIOD).fault) == "device_silent" and not runner.rows[-1]["motor"].any()
+
+
 def test_a_cut_motor_is_no_fault_before_the_servo_has_engaged():
     runner = Servo(settled=False, **FREE)
     assert runner.tick(device_status=fault.WATCHDOG).fault == fault.NONE

@@ -168,12 +168,16 @@ def _clear(settings, row):
 
 @kernel
 def _sense(settings, memory, row):
-    """Counts to handle position and velocity; books the energy of the hold that ends here."""
+    """Counts to handle position and velocity; books the energy of the hold that ends here.
+
+    Counts that change without a newer time move nothing: their way is booked when such a time has come.
+    """
     elapsed = (row.latched - memory.latched) * 1e-9 if memory.started else 0.0
     _keep_time(memory, row, elapsed)
     for i in range(int(settings.axes)):
-        position = encoder.position_of(row.counts[i], settings.position_per_count[i], settings.zero[i])
-        before = memory.device_position[i] if memory.started else position
+        seen = encoder.position_of(row.counts[i], settings.position_per_count[i], settings.zero[i])
+        before = memory.device_position[i] if memory.started else seen
+        position = before if memory.unseen > 0.0 else seen
         moved = position - before
         memory.moved[i] = moved
         velocity = _velocity(settings, memory, i, position, moved, elapsed)
@@ -185,7 +189,8 @@ def _sense(settings, memory, row):
     for i in range(AXES):
         row.energy_given[i], row.generated[i] = memory.energy_given[i], memory.generated[i]
         row.margin[i], row.surplus[i], memory.world[i] = settings.margin[i], settings.surplus[i], row.position[i]
-    memory.started, memory.latched = 1.0, row.latched
+    memory.latched = max(memory.latched, row.latched) if memory.started else row.latched
+    memory.started = 1.0
 
 
 @kernel
@@ -310,7 +315,7 @@ def _faults(settings, memory, row):
     if memory.fault == fault.NONE:
         if command & engage.ESTOP:
             memory.fault = fault.ESTOP
-        elif (row.deadline - row.latched) * 1e-9 > settings.silence:
+        elif max((row.deadline - row.latched) * 1e-9, memory.unseen * settings.period) > settings.silence:
             memory.fault = fault.DEVICE_SILENT
         elif int(row.device_status) & fault.WATCHDOG and memory.engage > 0.0:
             memory.fault = fault.DEVICE_WATCHDOG

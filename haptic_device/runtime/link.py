@@ -6,7 +6,7 @@ A link has `memory` (int64 array, its own), `read` and `write` (compiled with th
 
 * read(memory, deadline, give_up, sample) → 1 if the sample is of this deadline, 0 if it is older. It may wait for
   the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (8): latched [ns], status (bit 2: motor cut),
-  counts of x, y, theta, drag of x, y, theta [N | N m].
+  counts of x, y, theta, drag of x, y, theta [N | N m]. Counts change with latched only.
 * write(memory, written, next_deadline, period, engaged, motor) → 0. motor (3) in motor units, held until the next
   write; the device zeroes it by itself when writes stop.
 """
