@@ -249,6 +249,37 @@ def test_counts_that_are_old_pay_nothing_back_and_let_nothing_rise(enabled):
     assert row["engage"][0] == pytest.approx(0.5 + given["period"][0] / given["engage_time"][0] if enabled else 0.0)
 
 
+@pytest.mark.parametrize("way", [-3e-4, -1e-5, 0.0, 1e-5, 3e-4])
+def test_gains_that_change_on_old_counts_are_paid_for_whatever_the_handle_did_meanwhile(way):
+    for change in (0.5, 2.0):
+        given = one_axis("pspm", 1000.0, 1.0, 0.25e-3)
+        (memory, row, tank), period = pressed(given), given["period"][0]
+        before, forces = tank + energy(memory, row), [row["force_on_handle"][0, 0]]
+        given["stiffness"], given["version"] = change * given["stiffness"], 1.0
+        row["deadline"] += period * 1e9
+        tick(given, memory, row)
+        forces = np.array([*forces, row["force_on_handle"][0, 0]])
+        b, step = given["physical_damping"][0, 0], given["position_per_count"][0, 0]
+        moved = 0.5 * way + period * (forces - forces.mean()) / (2.0 * b)  # the hand's best
+        gained = forces @ moved - b * np.sum(moved**2) / period
+        row["latched"], row["deadline"] = row["deadline"], row["deadline"] + period * 1e9
+        after(given, memory, row, period, way, fault.FRESH)
+        assert abs(forces[1] - forces[0]) > 1.0 and row["fault"][0] == fault.NONE
+        assert before - memory["tank"][0] - energy(memory, row) >= gained - step * np.abs(forces).max()
+
+
+def test_a_push_that_was_let_go_on_old_counts_is_no_credit():
+    given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
+    memory, row, _ = pressed(given)
+    memory["push"][0, 0] = 1.0
+    row["deadline"] += given["period"][0] * 1e9
+    row["command"] = 0
+    tick(given, memory, row)
+    assert memory["tank"][0] == 0.0
+    after(given, memory, row, 2.0 * given["period"][0], -1e-4, fault.FRESH)
+    assert memory["tank"][0] <= 0.0
+
+
 @pytest.mark.parametrize("way", [-0.02, 0.02])
 def test_a_device_that_cut_its_motor_leaves_neither_debt_nor_credit_however_the_handle_moved_since(way):
     given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)

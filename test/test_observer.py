@@ -16,6 +16,7 @@ from haptic_sim.bench import stalling
 
 TICK = 1 / 4000.0
 ROUNDING = 1e-9  # [J] against stores of 10 to 100 mJ
+COUNTS = 1e9  # per metre, of a handle whose steps are not the matter
 
 
 @few(8)
@@ -174,6 +175,97 @@ def test_a_device_that_cut_its_motor_and_whoever_engages_anew_owe_nothing():
     assert other.go(8e-3, 40.0) == 0.0 and other.memory["late"][0] > other.settings["passivity_budget"]
     other.go(8e-3, command=0)
     assert other.go(8e-3, command=0) == pytest.approx(7000.0 * 8e-3) and other.row["engage"][0] == 0.0
+
+
+class OldCounts:
+    """A display whose tool says what is pulled with, and ticks that find no newer counts: there nobody sees the hand.
+
+    given: energy [J] that the hand got from the forces that were held, less what the device's damper took.
+    """
+
+    def __init__(self, damping=1.0, stiffness=1000.0, **driver):
+        direct = {"exchange__method": "direct", "coupling__stiffness": stiffness, "passivity__policy": "off", **driver}
+        self.settings = wall_system(0.0, 0.0, 0.0, physical_damping=damping, counts=COUNTS, **direct).settings
+        self.memory, self.row = exchange_search.engaged()
+        self.damping, self.stiffness, self.time, self.place, self.given = damping, stiffness, 0.0, 0.0, 0.0
+        self.tick(0.0, 1)
+
+    def tick(self, force, periods, fresh=True):
+        """The force [N] that is held from this tick on, which comes so many periods after the last one."""
+        self.time += periods * TICK * 1e9
+        self.row["deadline"], self.row["command"] = self.time, engage.ENABLE
+        if fresh:
+            self.row["latched"], self.row["counts"][0, 0] = self.time, round(self.place * COUNTS)
+        self.row["tool_age"] = 0.001
+        self.row["tool_position"][0, 0] = self.row["position"][0, 0] + force / self.stiffness
+        tick(self.settings, self.memory, self.row)
+        return float(self.row["force_on_handle"][0, 0])
+
+    def hold(self, forces, periods, ways):
+        """Forces held for so many periods each, all but the first on old counts; ways(forces, times) are the hand's.
+
+        The forces as they were, and the time [s] and the way [m] from one sample to the next.
+        """
+        lengths = [1, *periods[:-1]]  # until each tick, since the one before
+        held = np.array([self.tick(f, n, k == 0) for k, (f, n) in enumerate(zip(forces, lengths, strict=True))])
+        times = TICK * np.array(periods)
+        moved = ways(held, times)
+        moved[-1] += round((self.place + moved.sum()) * COUNTS) / COUNTS - self.place - moved.sum()
+        self.place += moved.sum()
+        self.given += float(held @ moved - self.damping * np.sum(moved**2 / times))
+        began = float(self.row["latched"][0])
+        self.tick(forces[-1], periods[-1])
+        return held, (self.time - began) * 1e-9, self.memory["moved"][0, 0]
+
+    def booked(self):
+        return self.row["energy_given"][0, 0], self.row["generated"][0, 0]
+
+
+def best_way(total, damping):
+    """The way that gives the hand most: faster while it is pushed, by (f − mean f)/2b."""
+
+    def ways(forces, times):
+        mean = forces @ times / times.sum()
+        return times * (total / times.sum() + (forces - mean) / (2.0 * damping))
+
+    return ways
+
+
+FORCES = st.lists(st.tuples(st.floats(-8.0, 8.0), st.integers(1, 3)), min_size=2, max_size=6)
+
+
+@given(holds=FORCES, total=st.floats(-2e-4, 2e-4), damping=st.sampled_from([0.3, 1.0, 8.0]))
+def test_whatever_the_force_does_over_old_counts_the_best_way_gives_what_is_booked(holds, total, damping):
+    display = OldCounts(damping)
+    forces, _, moved = display.hold(*zip(*holds, strict=True), best_way(total, damping))
+    given, generated = display.booked()
+    assert display.row["fault"][0] == fault.NONE
+    assert given == pytest.approx(display.given, rel=1e-6, abs=1e-9)
+    stored = 0.5 * display.stiffness * moved**2 - forces[-1] * moved  # by the spring, as it pulled last
+    assert generated == pytest.approx(max(0.0, display.given + stored), rel=1e-6, abs=1e-9)
+
+
+@given(holds=FORCES, path=st.lists(st.floats(-2e-4, 2e-4), min_size=6, max_size=6))
+def test_whatever_the_force_does_over_old_counts_no_way_gives_more_than_is_booked(holds, path):
+    display = OldCounts()
+    display.hold(*zip(*holds, strict=True), lambda forces, times: np.array(path[: len(forces)]))
+    assert display.booked()[0] >= display.given - 1e-12
+
+
+def test_a_hand_that_goes_with_a_force_which_changes_over_old_counts_gets_no_more_than_is_booked():
+    """Out while it is pushed, and back where it was by the next sample: the ends of a hold show nothing."""
+    display = OldCounts(passivity__control=False)
+    for _ in range(1000):
+        display.hold((0.5, -0.5), (1, 1), best_way(0.0, 1.0))
+    assert display.given > 0.03
+    assert display.booked()[0] == pytest.approx(display.given, rel=1e-6)
+
+
+@given(force=st.floats(-8.0, 8.0), ways=st.lists(st.floats(-2e-4, 2e-4), min_size=1, max_size=6))
+def test_a_force_that_stays_over_old_counts_is_booked_as_in_one_hold(force, ways):
+    display = OldCounts()
+    held, elapsed, moved = display.hold([force] * len(ways), [1] * len(ways), lambda forces, times: np.array(ways))
+    assert display.booked()[0] == passivity.energy_booked(held[0], moved, 1.0, elapsed)
 
 
 @given(

@@ -35,6 +35,25 @@ def energy_booked(held_force, displacement, physical_damping, elapsed):
 
 
 @kernel
+def energy_changed(change, square, displacement, physical_damping, elapsed):
+    """What a force that changes within a hold may have given [J] beyond its first force f₀ times the displacement.
+
+    change: Σ (f_j − f₀) τ_j [N s]; square: Σ (f_j − f₀)² τ_j [N² s], over the times τ_j for which each force f_j acted;
+    they add up to elapsed = T. Only the whole way Δx is known, not the ways Δx_j of the times. With the mean F̄ = f₀ +
+    change/T, and with the damper's least b Δx_j²/τ_j, the most that any path to the same Δx gives is
+
+        max Σ (f_j Δx_j − b Δx_j²/τ_j) = F̄ Δx − b Δx²/T + Σ (f_j − F̄)² τ_j / 4b,
+
+    by Δx_j = τ_j (Δx/T + (f_j − F̄)/2b). The last term is at most (largest − smallest f)² T/16b. It is assumed that
+    samples are latched at ticks and that a force acts from its tick to the next: one that acts late is not seen here.
+    """
+    if square == 0.0:
+        return 0.0
+    spread = max(0.0, square - change * change / elapsed)
+    return change * displacement / elapsed + spread / (4.0 * physical_damping)
+
+
+@kernel
 def energy_generated(held_force, displacement, stored, physical_damping, elapsed):
     """Energy [J] that one hold generated: work on the handle and growth of the springs' store, less the damper's share.
 

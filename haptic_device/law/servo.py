@@ -89,7 +89,8 @@ SETTINGS = _columns(
 _MEMORY = _columns(
     *("started", "latched", "unseen", "device_position*", "device_velocity*", "offset*"),
     *("history", "times^", "positions_x^", "positions_y^", "positions_theta^"),
-    *("held_force*", "energy_given*", "exchange_fade", "engage", "state", "fault", "resets", "saturated", "warmth*"),
+    *("deadline", "held_force*", "held_now*", "held_change*", "held_square*", "energy_given*"),  # of the hold
+    *("exchange_fade", "engage", "state", "fault", "resets", "saturated", "warmth*"),
     *(
         "drag*",
         "moved*",
@@ -365,8 +366,6 @@ def _command_motor(settings, memory, row):
     for i in range(AXES):
         if memory.fault != fault.NONE or i >= settings.axes:
             row.force_on_handle[i] = 0.0
-        mixed = memory.held_force[i] * memory.unseen + row.force_on_handle[i]
-        memory.held_force[i] = mixed / (memory.unseen + 1.0)  # mean over the ticks since the last fresh sample
         row.motor[i] = row.force_on_handle[i] * settings.motor_per_force[i]
     memory.saturated = memory.saturated + settings.period if saturated else 0.0
     _warm(settings, memory, row)

@@ -8,7 +8,7 @@ the spring gains when the set position, or a factor on the spring, moves. One ta
 import math
 
 from haptic_device.kernel import kernel
-from haptic_device.law import coupling, encoder, exchange, fault, pspm
+from haptic_device.law import coupling, encoder, exchange, fault, passivity, pspm
 
 DAMPER_SLEW = 0.25  # share of the slew that the set position's velocity may make on top of it
 LONG = 1.5  # periods: a hold beyond is one of a missed tick, which the device's damping was not chosen for
@@ -27,11 +27,13 @@ def fill(settings, memory, row):
         _open_window(settings, memory, row)
     elif regained or max(hold, memory.hold_before) > LONG * settings.period:
         _count_drawn(settings, memory)
+        _charge_changes(settings, memory, hold)
         _charge_long_hold(settings, memory, hold)
         memory.owed = max(0.0, -memory.tank) if hold > LONG * settings.period else memory.owed
         _open_window(settings, memory, row)
     else:
         _count_drawn(settings, memory)
+        _charge_changes(settings, memory, hold)
         _count_dissipated(settings, memory, row)
         memory.owed = min(memory.owed, max(0.0, -memory.tank))
     memory.latched_before, memory.hold_before, memory.version = row.latched, hold, settings.version
@@ -42,7 +44,20 @@ def _count_drawn(settings, memory):
     """What the set position's velocity gave the handle through the damper."""
     for i in range(int(settings.axes)):
         drawn = memory.push[i] * settings.scale[i] * memory.moved[i]
-        memory.tank -= max(0.0, drawn) if memory.limited[i] else drawn  # a force at its limit took less than it says
+        less = memory.limited[i] or memory.engage == 0.0  # at its limit, or let go on old counts, it took less
+        memory.tank -= max(0.0, drawn) if less else drawn
+
+
+@kernel
+def _charge_changes(settings, memory, hold):
+    """What new gains on old counts may have given beyond the force that the books of this hold are about.
+
+    Whoever let go in such a tick owes nothing more: tank and spring are empty (law/following, `_let_go_unseen`).
+    """
+    for i in range(int(settings.axes)):
+        change, square = memory.held_change[i], memory.held_square[i]
+        given = passivity.energy_changed(change, square, memory.moved[i], settings.physical_damping[i], hold)
+        memory.tank -= max(0.0, given) if memory.engage > 0.0 else 0.0
 
 
 @kernel
