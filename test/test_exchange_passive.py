@@ -223,8 +223,8 @@ def test_whatever_the_tank_holds_the_pull_is_a_finite_share_of_what_is_wanted(ta
     rules, memory = np.zeros(port.RULES), np.zeros(port.MEMORY)
     rules[:3], rules[3:6], rules[6:8] = stiffness, damping, port.worst(stiffness, damping, h)
     rules[8:10], rules[10:12], memory[port.TANK] = (40.0, 2.0), (500.0 * h, 25.0 * h), tank
-    aim = [one / stiffness if stiffness else 0.0 for one in pull]
-    speed = [0.0 if stiffness else one / damping for one in pull]
+    aim = tuple(one / stiffness if stiffness else 0.0 for one in pull)
+    speed = tuple(0.0 if stiffness else one / damping for one in pull)
     for _ in range(20):
         port.drive(rules, memory, aim, speed, still)
         made = stiffness * memory[port.AIM : port.AIM + 3] + damping * memory[port.SPEED : port.SPEED + 3]
