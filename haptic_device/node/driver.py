@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_driver: runs the servo on a device, exchanges samples with the simulation, and tells what happens."""
 
+import gc
 import math
 import secrets
 import sys
@@ -79,6 +80,8 @@ class DriverNode(ManagedNode):
         self.exchange = ExchangeThread(self, self.servo, len(self.device.axes), self.values)
         self.exchange.start()
         self._refused = Refusals("tool")
+        gc.collect()
+        gc.freeze()  # what is there now stays: no collection has to walk through it while an e-stop waits
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values)
         self.telemetry.start()
