@@ -198,7 +198,8 @@ def _blames(settings, lateness):
     """A sentence for each wall and each axis of the coupling that alone needs more than there is."""
     for j in range(int(settings["walls"])):
         normal = settings["scale"] * (settings["wall_x"][j], settings["wall_y"][j], 0.0)
-        there = 1.0 / np.sum(normal**2 / np.where(normal != 0.0, settings["physical_damping"], 1.0))
+        has = slice(int(settings["axes"]))  # a normal may lean by rounding towards an axis that is not there
+        there = 1.0 / np.sum(normal[has] ** 2 / settings["physical_damping"][has])
         gains = settings["wall_stiffness"][j], settings["wall_damping"][j]
         price = _switch_price(settings, normal, lateness)
         yield _blame("wall.stiffness", *gains, there, settings, lateness, price)

@@ -125,7 +125,7 @@ FAULT = (
         "fault.unattended",
         5.0,
         "s",
-        "time without python, which hears services, that latches unattended; 0: never",
+        "time for which the thread that serves the node stood still that latches unattended; 0: never",
         0.0,
         3600.0,
     ),

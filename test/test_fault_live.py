@@ -213,6 +213,7 @@ def test_an_estop_is_answered_with_the_motor_at_zero_while_the_driver_serves_not
         ear.until(lambda: hands.motor == 0.0, "the motor is off")
     finally:
         driver.free()
+    assert ear.news("haptic_driver", lambda level, message, values: values["fault"])[1] == "fault estop"
 
 
 def test_a_servo_that_nobody_could_stop_for_too_long_stops_itself(hands, driver, ear):

@@ -313,7 +313,7 @@ def test_settings_that_are_put_while_the_home_is_taken_are_not_lost(servo_thread
         if threading.current_thread().name == "servo" and not others:
             others.append(threading.Thread(target=thread.set, args=(newer,)))
             others[0].start()
-            others[0].join(0.5)  # or longer: it may have to wait until the home is taken
+            others[0].join(0.05)  # or longer: it may have to wait until the home is taken
         return known
 
     monkeypatch.setattr(thread.settings, "get", put_meanwhile)
@@ -385,6 +385,17 @@ def test_a_servo_without_a_device_waits_and_can_be_stopped(servo_thread):
     assert not thread.running
     thread.stop()
     assert thread.row.get()[0].tick == 0 and not thread.running
+
+
+def test_a_servo_that_cannot_begin_says_why_and_is_not_waited_for(servo_thread, monkeypatch):
+    def fails(*arguments):
+        raise MemoryError("no room for the servo's thread")
+
+    monkeypatch.setattr(realtime, "go_realtime", fails)
+    thread = servo_thread()
+    with pytest.raises(MemoryError, match="no room for the servo's thread"):
+        thread.start()
+    assert not thread.running
 
 
 def test_realtime_that_is_required_but_not_permitted_is_a_sentence_and_no_servo(servo_thread, monkeypatch):

@@ -38,6 +38,27 @@ def test_refusal_names_the_wall_its_need_what_the_device_has_and_the_largest_sti
     )
 
 
+def test_a_wall_that_leans_by_rounding_towards_an_axis_that_is_not_there_is_refused_as_one_that_does_not():
+    lean = values("haptic_driver", **walls(12000.0, 0.05, 180.0))  # sin 180° is 1.2e-16 here
+    assert operating.refusal(operating.settings_from(device(0.8, axes=1), lean)[0]).endswith(
+        "the device has 0.8: at most 6000 N/m"
+    )
+
+
+@pytest.mark.parametrize("heard", [True, False])
+def test_a_driver_whose_commands_nobody_hears_any_more_attends_no_longer(heard):
+    attended, row = [], SimpleNamespace(state=0, fault=0)
+    servo = SimpleNamespace(
+        running=True, realtime="", row=SimpleNamespace(get=lambda: [row]), attend=lambda: attended.append(True)
+    )
+    node = SimpleNamespace(
+        servo=servo, values={"servo.rate": 1000.0, "auto_enable": False}, _stall=0.0, _watched=0.0, _told=(0, 0),
+        _say=lambda *words: None, _commands=SimpleNamespace(running=heard),
+    )  # fmt: skip
+    DriverNode._watch(node)
+    assert attended == [True] * heard
+
+
 @pytest.mark.parametrize(("policy", "levels"), [("enforce", None), ("warn", ["warning"]), ("off", [])])
 def test_gains_beyond_the_damping_are_refused_said_or_taken_as_the_policy_wants(policy, levels):
     said, beyond = [], settings(**walls(7000.0, 0.05, 90.0))

@@ -483,12 +483,23 @@ def test_a_disk_nearly_full_ends_the_bag(domain, tmp_path):
     assert (tmp_path / "bag" / "metadata.yaml").exists()
 
 
+def test_a_bag_that_cannot_be_ended_is_said_to_be_so_and_the_recorder_has_failed(domain, start, tmp_path):
+    words = recorder(tmp_path / "bag").command()
+    command = [sys.executable, "-c", _FAILING, str(tmp_path / "bag"), "_facts", *words[words.index("--ros-args") :]]
+    process = start(command, stderr=subprocess.PIPE)
+    wait_for(lambda: files(tmp_path / "bag"), "the bag")
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=LIMIT)[1]
+    assert process.returncode == 1 and "could not be ended (nobody foresaw this): haptic recover" in said, said
+    assert "Traceback" not in said
+
+
 _FAILING = """
 import sys
 from pathlib import Path
 from haptic_device.node import inquiry, recorder, tap
 bag, name = Path(sys.argv.pop(1)), sys.argv.pop(1)
-owner = inquiry.Inquiry if name == "look" else tap.Tap
+owner = {"look": inquiry.Inquiry, "take": tap.Tap, "_facts": recorder.Recorder}[name]
 does = getattr(owner, name)
 def fails(self):
     if any(bag.glob("*.mcap")):

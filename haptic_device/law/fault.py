@@ -61,7 +61,7 @@ TABLE = (
     Fault(
         UNATTENDED,
         "unattended",
-        "nobody could have stopped it: the driver's python side stood still for fault.unattended",
+        "the thread that serves the driver, or the one that hears its commands, stood still for fault.unattended",
         THIS_TICK,
         "~/reset",
     ),

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_driver: runs the servo on a device, exchanges samples with the simulation, and tells what happens."""
 
-import gc
 import math
 import secrets
 import sys
@@ -9,7 +8,6 @@ import threading
 import time
 
 import numpy as np
-from std_srvs.srv import Trigger
 
 from haptic_device import operating
 from haptic_device.compiling import have, servo_groups
@@ -44,24 +42,23 @@ class DriverNode(ManagedNode):
         self._version, self._enabled_once, self._said, self._margins = 0, False, set(), [math.inf, math.inf]
         self._watched, self._stall, self._rates, self._told = time.monotonic(), 0.0, health.Rates(), None
         self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
-        for name in ("enable", "disable", "reset"):
-            self.create_service(Trigger, f"~/{name}", getattr(self, f"_on_{name}"))
         self._changing = threading.Lock()  # held while the servo comes and goes: no e-stop falls in between
-        self._estop = ServiceThread(self, Trigger, "~/estop", self._on_estop)
+        commands = {f"~/{name}": getattr(self, f"_on_{name}") for name in ("estop", "reset", "enable", "disable")}
+        self._commands = ServiceThread(self, commands, "an e-stop came first")
         on_change(self, DRIVER, self._on_parameters)
         self.create_timer(0.5, self._diagnose)
         self.create_timer(0.02, self._watch)
-        self._estop.start()
+        self._commands.start()
 
     def destroy_node(self):
-        """Ends the thread of the e-stop, then the node."""
-        self._estop.stop()
+        """Ends the thread of the commands, then the node."""
+        self._commands.stop()
         super().destroy_node()
 
     def configure(self):
         """Reads the device description and takes the device."""
         have(*servo_groups(self.values["exchange.method"]), told=self.told)
-        realtime.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)  # that of the e-stop too
+        realtime.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)  # that of the commands too
         self.device = load_device(self.values["device"])
         self._judge(operating.settings_from(self.device, self.values), self.values)
         self.link = PageLink(self.page_name(page_name), secrets.randbits(48) | 1)
@@ -80,8 +77,7 @@ class DriverNode(ManagedNode):
         self.exchange = ExchangeThread(self, self.servo, len(self.device.axes), self.values)
         self.exchange.start()
         self._refused = Refusals("tool")
-        gc.collect()
-        gc.freeze()  # what is there now stays: no collection has to walk through it while an e-stop waits
+        realtime.spare_collections()
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values)
         self.telemetry.start()
@@ -172,7 +168,8 @@ class DriverNode(ManagedNode):
         elif self.values["auto_enable"] and not self._enabled_once and self._met(now):
             self.servo.order(set_flags=engage.ENABLE)
             self._enabled_once = True
-        self.servo.attend()
+        if self._commands.running:  # else nobody could stop it
+            self.servo.attend()
 
     def _met(self, now):
         """Whether a tool has answered, or was waited for long enough."""
@@ -192,17 +189,16 @@ class DriverNode(ManagedNode):
             self.get_logger().info(sentence)
 
     def _on_enable(self, request, response):
-        def refusal():
-            row = self.servo.row.get()[0]
+        def refusal(servo):
+            row = servo.row.get()[0]
             return f"fault {fault.name_of(row.fault)} is latched; call ~/reset first" if row.fault else ""
 
-        return self._command(response, lambda: self.servo.order(set_flags=engage.ENABLE), "enabled", refusal)
+        return self._command(response, lambda servo: servo.order(set_flags=engage.ENABLE), "enabled", refusal)
 
     def _on_disable(self, request, response):
-        return self._command(response, lambda: self.servo.order(clear_flags=engage.ENABLE), "motor zero")
+        return self._command(response, lambda servo: servo.order(clear_flags=engage.ENABLE), "motor zero")
 
     def _on_estop(self, request, response):
-        """In a thread of its own, while the node may be activated or deactivated."""
         with self._changing:
             servo = self.servo
             if servo is None:
@@ -221,19 +217,21 @@ class DriverNode(ManagedNode):
         return response
 
     def _on_reset(self, request, response):
-        self._said = {sentence for sentence in self._said if not sentence.startswith("fault")}
-        return self._command(response, self.servo.reset if self.servo else None, "fault cleared; ~/enable to go on")
+        self._said = {sentence for sentence in tuple(self._said) if not sentence.startswith("fault")}
+        return self._command(response, lambda servo: servo.reset(), "fault cleared; ~/enable to go on")
 
-    def _command(self, response, act, done, refusal=lambda: ""):
-        """Gives the servo a command and answers when it has taken it."""
-        if self.servo is None or not self.servo.running:
+    def _command(self, response, act, done, refusal=lambda servo: ""):
+        """Gives the servo a command and answers when it has taken it; the node may be deactivated meanwhile."""
+        with self._changing:
+            servo = self.servo
+        if servo is None or not servo.running:
             response.message = "the servo does not run: no device, or the node is not active"
-        elif sentence := refusal():
+        elif sentence := refusal(servo):
             response.message = sentence
         else:
-            self.servo.attend()  # who gives a command is there
-            act()
-            response.success = self._taken(self.servo)
+            servo.attend()  # who gives a command is there
+            act(servo)
+            response.success = self._taken(servo)
             response.message = done if response.success else NOT_TAKEN
         return response
 

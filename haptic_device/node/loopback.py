@@ -56,8 +56,8 @@ class LoopbackNode(ManagedNode):
         self._thread = threading.Thread(target=self._serve, name="plant")
         self._thread.start()
         self._ready.wait()
-        if self._refused:
-            raise PermissionError(f"realtime is require: {self._refused}")
+        if self._refused is not None:
+            raise self._refused
         self._publisher = threading.Thread(target=self._publish, name="telemetry")
         self._publisher.start()
 
@@ -83,8 +83,8 @@ class LoopbackNode(ManagedNode):
         try:
             loopback.serve.compile(tuple(map(numba.typeof, serving)))
             self.realtime = realtime.go_realtime(self.values["realtime"], PRIORITY)
-        except PermissionError as refusal:
-            self._refused = refusal
+        except Exception as error:
+            self._refused = error
             return
         finally:
             self._ready.set()

@@ -183,8 +183,9 @@ class Recorder(Node):
         try:
             way(bag, self._facts())
             kept = f"{bag.messages} messages are kept in {bag.folder}"
-        except OSError as error:
-            kept = f"{bag.folder} could not be ended ({error.strerror}): haptic recover {bag.folder}"
+        except Exception as error:
+            why = getattr(error, "strerror", None) or error
+            kept = f"{bag.folder} could not be ended ({why}): haptic recover {bag.folder}"
         finally:
             self._restart()
         self.stopped = f"recording stopped: {reason}; {kept}"
@@ -303,25 +304,27 @@ def _record_until_told(node: Recorder, told: list) -> None:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Runs haptic_recorder until SIGINT, SIGTERM or SIGHUP; exit code 1 on a refusal. The bag is complete when it
-    returns or raises."""
+    """Runs haptic_recorder until SIGINT, SIGTERM or SIGHUP; every way out ends the bag.
+
+    Exit code 1 on a refusal, or if recording ended by itself.
+    """
     told: list[int] = []
-    node = None
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda received, frame: told.append(received))
     try:
         with own_port("haptic_recorder"):
             begin_ros(args)
             node = Recorder()
-        _record_until_told(node, told)
+        try:
+            _record_until_told(node, told)
+        finally:
+            node.finish()
     except (ValueError, OSError) as error:
         print(f"haptic_recorder: {error}", file=sys.stderr)
         return 1
     finally:
-        if node is not None:
-            node.finish()
         rclpy.try_shutdown()
-    return 0
+    return 1 if node.stopped else 0
 
 
 if __name__ == "__main__":

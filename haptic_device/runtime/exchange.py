@@ -114,8 +114,6 @@ def compose_handle(frame, state, row, gains, scratch):
     tail[exchange.GAIN_0], tail[exchange.GAIN_0 + 1] = gains.stiffness, gains.damping
     tail[exchange.GAIN_0 + 2], tail[exchange.GAIN_0 + 3] = gains.rotational_stiffness, gains.rotational_damping
     tail[exchange.CONTACT], tail[exchange.ENERGY] = 0.0, row.exchange_energy
-    if state.clock_offset == 0:
-        state.clock_offset = clock.read_clock(clock.REALTIME, scratch) - clock.read_clock(clock.MONOTONIC, scratch)
     stamp = np.int64(row.deadline) + state.clock_offset  # one offset a session: stamps differ as deadlines do
     frame.stamp[0], frame.stamp[1] = stamp // 1_000_000_000, stamp % 1_000_000_000
 

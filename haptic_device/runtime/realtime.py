@@ -2,6 +2,7 @@
 """The operating system's real-time facilities for threads of Python."""
 
 import ctypes
+import gc
 import os
 import resource
 import threading
@@ -21,8 +22,18 @@ def go_realtime(wish, priority):
         return "realtime off"
     missing = [sentence for sentence in (try_fifo(priority), lock_memory()) if sentence]
     if missing and wish == "require":
-        raise PermissionError("; ".join(missing))
+        raise PermissionError(f"realtime is require: {'; '.join(missing)}")
     return "; ".join(missing) or f"SCHED_FIFO {priority}, memory locked"
+
+
+def spare_collections():
+    """Keeps what is there now out of all later collections of garbage: they then hold the interpreter for no long time.
+
+    What was kept by an earlier call, and is garbage, goes with this one.
+    """
+    gc.unfreeze()
+    gc.collect()
+    gc.freeze()
 
 
 def try_fifo(priority):

@@ -24,8 +24,8 @@ class ServoThread:
     settings: SETTINGS record to begin with. The device's counts at the start are taken as `home` [device units] where
     that is given. kept: what an earlier one left behind; its fault stays latched, and its motors warm.
 
-    set() and order() may be called by any thread. clock_offset [ns]: system clock less CLOCK_MONOTONIC, read once, so
-    that the stamps of all who tell of this servo differ as its deadlines do.
+    set(), order() and reset() may be called by any thread. clock_offset [ns]: system clock less CLOCK_MONOTONIC, read
+    once, so that the stamps of all who tell of this servo differ as its deadlines do.
     """
 
     def __init__(self, device_link, settings, home=None, realtime="prefer", kept=None):
@@ -39,7 +39,7 @@ class ServoThread:
             self._memory[name] = value
         self.realtime, self._refused, self._ready = "", None, threading.Event()
         self.clock_offset = time.time_ns() - time.monotonic_ns()
-        self._writing = threading.Lock()  # one writer at a time; the servo itself reads, and takes no lock
+        self._writing = threading.Lock()  # one writer at a time; ticks take no lock
         self._resets, self._zero = 0, settings["zero"].copy()
         self.set(settings)
         self.snapshot()  # what it calls is compiled now: that holds the interpreter, and would disturb an exchange
@@ -47,11 +47,11 @@ class ServoThread:
         self._thread = threading.Thread(target=self._run, name="servo")
 
     def start(self):
-        """Starts it; PermissionError if `require` cannot be had."""
+        """Starts it; whatever keeps it from beginning is raised here, PermissionError if `require` cannot be had."""
         self._thread.start()
         self._ready.wait()
-        if self._refused:
-            raise PermissionError(f"realtime is require: {self._refused}")
+        if self._refused is not None:
+            raise self._refused
 
     def stop(self):
         self.control[loop.STOP] = 1
@@ -85,7 +85,7 @@ class ServoThread:
             return self.command
 
     def attend(self):
-        """Says that somebody is there who hears an e-stop: the servo goes on alone for fault.unattended only."""
+        """Says that the node is served and hears an e-stop: the servo goes on alone for fault.unattended only."""
         self.control[loop.ATTENDED] = time.monotonic_ns()
 
     def reset(self):
@@ -110,8 +110,8 @@ class ServoThread:
     def _run(self):
         try:
             self.realtime = realtime.go_realtime(self._wish, PRIORITY)
-        except PermissionError as refusal:
-            self._refused = refusal
+        except Exception as error:
+            self._refused = error
             return
         finally:
             self._ready.set()

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_simulation: a scene with a tool in it, answering every handle sample with a tool sample."""
 
-import gc
 import statistics
 import sys
 import threading
@@ -15,7 +14,7 @@ from haptic_device.node import health, wire
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
-from haptic_device.runtime.realtime import go_realtime, lift_threads
+from haptic_device.runtime.realtime import go_realtime, lift_threads, spare_collections
 from haptic_sim.at_once import compile_for
 from haptic_sim.compile.groups import groups_of
 from haptic_sim.node.declared import PARAMETERS
@@ -136,8 +135,7 @@ class SimulationNode(ManagedNode):
 
     def _prepare(self):
         sys.setswitchinterval(GIL_SWITCH)
-        gc.collect()
-        gc.freeze()  # what is there now stays: no collection has to walk through it between two exchanges
+        spare_collections()
         return go_realtime(self.values["realtime"], self.values["realtime_priority"])
 
     def _on_reset_scene(self, request, response):
