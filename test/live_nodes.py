@@ -112,9 +112,10 @@ STRANGE = (
     b"", b"\xff" * 40, _strange("cut short")[:-9], _strange("no text").replace(b"no text", b"no\xfftext"),
     _strange("seven", 7), _strange("all bits", 255), _strange("[/x]", **{"[/x]": "[/x]"}),
     _strange("haptic_driver", fault="overheated", state="[/x]", missed="[/x]", age_ms_p50="", exchange_answered="many",
-             exchange_sent="", realtime="[/x]"),
+             exchange_sent="", realtime="[/x]", physical_damping="[/x], 2", rate_hz=""),
     _strange("haptic_simulation", **{"result.insertion_fraction": "all of it", "result.[/x]": "", "refused.x": "often",
-                                     "tool_port_energy": "", "max_contact_force": "[/x]"}),
+                                     "tool_port_energy": "", "max_contact_force": "[/x]",
+                                     "max_penetration": ""}),
 )  # fmt: skip
 """Serialized messages of /diagnostics that are broken, or foreign and named as ours."""
 

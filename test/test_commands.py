@@ -62,7 +62,7 @@ def test_no_request_is_kept_that_was_asked_again_before_one_was_answered(asked, 
 
     def counted(request):
         sent.append(ask(request))
-        if len(sent) == 5:
+        if len(sent) >= 5:
             driver.serve()
         return sent[-1]
 

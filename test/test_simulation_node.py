@@ -12,6 +12,8 @@ import types
 import numpy as np
 import pytest
 import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from live_nodes import LIMIT, Nodes, command
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
@@ -397,6 +399,7 @@ def hooked(nodes, peer, start, tmp_path):
         node = start(words, cwd=tmp_path, stdout=log, stderr=log)
     node.folder = tmp_path
     peer.ask(START, times=5)
+    peer.until("the service", peer.load.service_is_ready)
     return node
 
 
@@ -415,6 +418,20 @@ def test_while_a_world_is_compiled_the_node_goes_on_serving_and_takes_no_second(
     assert (loaded.result().success, loaded.result().message) == (True, "scene is corner")
     peer.news("the other scene", lambda message, values: values["scene"] == "corner")
     assert peer.load_scene("wall").message == "scene is wall"
+
+
+def test_a_node_that_is_cleaned_up_while_a_world_is_compiled_takes_no_world(hooked, peer):
+    states = peer.node.create_client(ChangeState, "haptic_simulation/change_state")
+    loaded = peer.load.call_async(Trigger.Request())
+    peer.until("the refusal of a second", lambda: not peer.call(peer.load, Trigger.Request()).success)
+    for number in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
+        assert peer.call(states, ChangeState.Request(transition=Transition(id=number))).success
+    (hooked.folder / "compiled").touch()
+    peer.until("an answer", loaded.done)
+    assert (loaded.result().success, loaded.result().message) == (
+        False, "the node was cleaned up meanwhile: nothing was changed"
+    )  # fmt: skip
+    assert peer.call(peer.reset, Trigger.Request()).message == "there is no scene that answers"
 
 
 def test_told_to_end_while_a_world_is_compiled_the_node_ends_well(hooked, peer):

@@ -192,7 +192,7 @@ ASKED = "GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n"
 
 @pytest.mark.parametrize("said", ("", "GET / HT", ASKED, ASKED + "\r\n", ASKED + "\r\nGET"))
 def test_a_connection_that_asks_for_nothing_is_closed_and_an_open_page_stays(said, monkeypatch):
-    monkeypatch.setattr(door, "HANDSHAKE", 0.1)
+    monkeypatch.setattr(door, "HANDSHAKE", 1.0)
 
     async def visit(server, session):
         async with opened(session, server) as page:

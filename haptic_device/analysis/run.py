@@ -14,6 +14,7 @@ from haptic_device.analysis.contact import Contact, contacts, touching
 from haptic_device.analysis.impedance import Impedance, fit
 from haptic_device.analysis.oscillation import Spectrum, spectrum_of
 from haptic_device.analysis.recording import TOPICS, Joints, Recording, load
+from haptic_device.status import number
 
 AXES = ("x", "y", "theta")
 TRACE = np.dtype(  # a tick in a fifth of its full size: ten minutes at 4 kHz then fit into half a gigabyte
@@ -216,7 +217,7 @@ class Run:
     def physical_damping(self) -> np.ndarray:
         """b of each axis [N s/m, N m s/rad] as the driver says it; NaN where it does not."""
         said = self.recording.last_values("haptic_driver").get("physical_damping", "")
-        values = [float(word) for word in said.split(",") if word.strip()]
+        values = [number(word) for word in said.split(",") if word.strip()]
         return np.array((values + [np.nan] * 3)[:3])
 
     @cached_property

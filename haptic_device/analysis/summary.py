@@ -118,8 +118,8 @@ def conditions(recording: Recording) -> dict[str, str]:
     said = recording.last_values("haptic_driver")
     if "trace" in recording.clouds:
         labels["T"] = f"{period(recording.trace) * 1e6:.0f} µs"
-    elif rate := said.get("rate_hz"):
-        labels["T"] = f"{1e6 / float(rate):.0f} µs"
+    elif (rate := number(said.get("rate_hz", ""))) > 0.0:
+        labels["T"] = f"{1e6 / rate:.0f} µs"
     if damping := said.get("physical_damping"):
         labels["b"] = _with_units(damping.split(", "))
     return labels | {"exchange": EXCHANGE_METHODS[int(recording.joint("handle").entry("exchange_method")[-1])]}

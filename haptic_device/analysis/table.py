@@ -8,6 +8,7 @@ import numpy as np
 from haptic_device.analysis import summary
 from haptic_device.analysis.impedance import Estimate
 from haptic_device.analysis.run import Run
+from haptic_device.status import number
 
 MISSING = "—"
 VERSIONS = ("haptic_display", "numba", "numpy", "ros-rclpy")  # of what was attached, those that a reader looks for
@@ -111,8 +112,8 @@ def _contact(run: Run):
 
 
 def _overlap(run: Run):
-    said = run.recording.last_values("haptic_simulation")
-    yield "deepest overlap", f"{float(said['max_penetration']) * 1e6:.3g} µm" if "max_penetration" in said else MISSING
+    deepest = number(run.recording.last_values("haptic_simulation").get("max_penetration", ""))
+    yield "deepest overlap", MISSING if np.isnan(deepest) else f"{deepest * 1e6:.3g} µm"
 
 
 def _impedance(run: Run):
@@ -168,8 +169,8 @@ def _recording(run: Run):
     topics = (f"{name.removeprefix(begin)} {count}" for name, count in run.recording.counts.items())
     yield "messages of each topic", ", ".join(topics)
     yield "messages lost", ", ".join(f"{name} {count}" for name, count in lost.items()) or "none"
-    for number, note in enumerate(run.notes, 1):
-        yield f"note {number}", note
+    for place, note in enumerate(run.notes, 1):
+        yield f"note {place}", note
 
 
 def _trial(run: Run):

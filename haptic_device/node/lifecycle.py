@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the device's nodes have in common: a managed node that starts by itself and ends well."""
 
+import atexit
 import os
 import re
 import signal
@@ -18,6 +19,7 @@ from haptic_device.node.params import declare
 from haptic_device.parameter import Parameter
 
 LOOK_UP = 0.05  # [s] longest time a signal waits
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 MOST_SAID = 20  # different exceptions that are logged; all are counted
 
 
@@ -133,15 +135,28 @@ def _serve(executor, node):
         node.survive(error)
 
 
+def hear_the_end():
+    """From now on SIGINT, SIGTERM and SIGHUP are put into the list that is returned, and do nothing else."""
+    told = []
+    for number in ENDING:
+        signal.signal(number, lambda received, frame: told.append(received))
+    atexit.register(_be_deaf)
+    return told
+
+
+def _be_deaf():
+    """Python takes its handlers back while it ends: one signal more would be what a process that is done died of."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
+
+
 def run(make_node, name, args=None):
     """Runs a managed node until SIGINT, SIGTERM or SIGHUP, exit code 0; a refusal is printed as its sentence, code 1.
 
     A signal only sets a flag, also while the node starts: raised in the middle of anything it would leave threads that
     wait on what is then destroyed.
     """
-    told, node = [], None
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda received, frame: told.append(received))
+    told, node = hear_the_end(), None
     try:
         with own_port(name):
             begin_ros(args)

@@ -2,7 +2,6 @@
 """haptic_recorder: every topic of the system, as it came, into a rosbag2 folder."""
 
 import shutil
-import signal
 import sys
 import time
 from itertools import islice
@@ -18,7 +17,7 @@ from haptic_device import provenance
 from haptic_device.node.bag import RESERVE_BYTES, Bag
 from haptic_device.node.bag_information import dump
 from haptic_device.node.inquiry import Inquiry
-from haptic_device.node.lifecycle import begin_ros
+from haptic_device.node.lifecycle import begin_ros, hear_the_end
 from haptic_device.node.making import YAML, files_of, parameter_file, trial_of
 from haptic_device.node.own_port import own_port
 from haptic_device.node.params import declare, on_change
@@ -308,9 +307,7 @@ def main(args: list[str] | None = None) -> int:
 
     Exit code 1 on a refusal, or if recording ended by itself.
     """
-    told: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda received, frame: told.append(received))
+    told = hear_the_end()
     try:
         with own_port("haptic_recorder"):
             begin_ros(args)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from haptic_device.analysis.run import Run
+from haptic_device.status import number
 
 COLUMNS = ("stiffness N/m", "error mm", "energy given mJ", "oscillation", "margin", "CPU %")
 
@@ -95,7 +96,7 @@ def _margin(run: Run) -> str:
 
 def _cpu(run: Run) -> str:
     """In lock-step the share of a core that plant, servo and simulation would need in real time."""
-    said = run.recording.last_values("haptic_replay")
-    if "cpu_share" not in said:
+    share = number(run.recording.last_values("haptic_replay").get("cpu_share", ""))
+    if np.isnan(share):
         raise ValueError("a live run")
-    return f"{100 * float(said['cpu_share']):.1f}"
+    return f"{100 * share:.1f}"

@@ -200,6 +200,7 @@ class Tuning:
             self._executor.spin_until_future_complete(future, PATIENCE / ATTEMPTS)
             if future.done():
                 return future.result()
+            client.remove_pending_request(future)
         raise ValueError(f"haptic_driver did not answer {name} within {PATIENCE:g} s")
 
 

@@ -4,7 +4,6 @@
 It waits for bytes as the simulation does, and computes nothing: the least round trip that this middleware has.
 """
 
-import signal
 import struct
 import sys
 
@@ -13,6 +12,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from haptic_device.law import exchange
+from haptic_device.node.lifecycle import hear_the_end
 from haptic_device.node.tap import Untouched
 from haptic_device.node.wire import AXES, LATEST, JointLayout, JointState, exchange_names
 from haptic_device.runtime.realtime import go_realtime
@@ -24,9 +24,7 @@ SESSION = 4711.0
 
 def main() -> int:
     """Answers until SIGINT or SIGTERM."""
-    told = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *received: told.append(received))
+    told = hear_the_end()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("haptic_simulation", namespace="/haptic")
     publisher = node.create_publisher(JointState, "tool", LATEST)

@@ -151,13 +151,15 @@ class SimulationNode(ManagedNode):
         """Builds the world beside: that may have to compile first, and takes the tool's port only when it is there."""
         if self._loading:
             return _answered(response, "another scene is being loaded", "")
-        built = Future()
+        built, before = Future(), self.simulation
         threading.Thread(target=self._build, args=(self.values, built), name="loader").start()
         self._loading = True
         world = await built
         self._loading = False
         if isinstance(world, str):
             return _answered(response, world, "")
+        if self.simulation is not before:
+            return _answered(response, "the node was cleaned up meanwhile: nothing was changed", "")
         refusal = self.exchange.load(world) if self.exchange is not None else ""
         if not refusal:
             self.simulation = world

@@ -7,10 +7,10 @@ import threading
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 ANSWER = 0.4  # s until it is asked again: the first answer to a client just discovered may be lost
+LOOK_UP = 0.05  # s, longest time until the thread finds out that it shall end
 ATTEMPTS = 12  # a busy machine may hold a node up for seconds
 
 
@@ -21,9 +21,8 @@ class Services:
         self._node, self._clients, self._loop = node, {}, None
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
-        self._over = Future()
-        spin = self._executor.spin_until_future_complete
-        self._thread = threading.Thread(target=spin, args=(self._over,), name="services")
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._spin, name="services")
 
     def start(self) -> None:
         """Begins, in the running event loop."""
@@ -32,9 +31,16 @@ class Services:
 
     def stop(self) -> None:
         """Ends thread and executor; the node can then be destroyed."""
-        self._over.set_result(None)
+        self._over.set()
         self._thread.join()
         self._executor.shutdown()
+
+    def _spin(self):
+        while not self._over.is_set():
+            try:
+                self._executor.spin_once(timeout_sec=LOOK_UP)
+            except Exception as error:  # one answer that cannot be read is not the end of all others
+                self._node.get_logger().error(f"an answer could not be taken: {type(error).__name__}: {error}")
 
     def prepare(self, kind, service: str) -> None:
         """Makes a client now, so that it knows its service when it is needed."""

@@ -2,16 +2,14 @@
 """haptic_viewer: looks at the running nodes, shows them to the pages, and passes on what the pages ask for."""
 
 import asyncio
-import atexit
 import contextlib
-import signal
 import sys
 import time
 
 import rclpy
 from rclpy.node import Node
 
-from haptic_device.node.lifecycle import begin_ros
+from haptic_device.node.lifecycle import begin_ros, hear_the_end
 from haptic_device.node.params import declare
 from haptic_device.share import names
 from haptic_sim.scene import METHODS
@@ -25,7 +23,6 @@ from haptic_sim.viewer.server import Server
 from haptic_sim.viewer.stage import DRIVER
 
 STATUS_PERIOD, POLL_PERIOD = 0.25, 1.0  # s
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Viewer:
@@ -151,21 +148,6 @@ class Viewer:
                   "network can move the handle", file=sys.stderr, flush=True)  # fmt: skip
         print(f"haptic_viewer: open {self.server.address(True)}", flush=True)
         print(f"haptic_viewer: to look on only: {self.server.address(False)}", flush=True)
-
-
-def hear_the_end() -> list[int]:
-    """From now on SIGINT, SIGTERM and SIGHUP are put into the list that is returned, and do nothing else."""
-    told: list[int] = []
-    for number in ENDING:
-        signal.signal(number, lambda received, frame: told.append(received))
-    atexit.register(_be_deaf)
-    return told
-
-
-def _be_deaf():
-    """Python takes its handlers back while it ends: one signal more would be what a process that is done died of."""
-    for number in ENDING:
-        signal.signal(number, signal.SIG_IGN)
 
 
 def serve(args: list[str] | None, told, company=None) -> None:
