@@ -90,8 +90,9 @@ def sentence_of(process):
     """Exit code and the one line that the command says at its end."""
     said, complained = process.communicate(timeout=LIMIT)
     assert said == ""
-    [sentence] = complained.strip().splitlines()
-    return process.returncode, sentence
+    sentences = complained.strip().splitlines()
+    assert len(sentences) == 1, complained
+    return process.returncode, sentences[0]
 
 
 def test_zwidth_live_interrupted_at_a_wall_leaves_the_gains_as_found(pair, start):
