@@ -387,6 +387,13 @@ def test_a_servo_without_a_device_waits_and_can_be_stopped(servo_thread):
     assert thread.row.get()[0].tick == 0 and not thread.running
 
 
+def test_a_reset_takes_the_wish_to_be_enabled_back(servo_thread):
+    thread = servo_thread()
+    thread.order(set_flags=engage.ENABLE | engage.ESTOP)
+    thread.reset()
+    assert thread.command == engage.RESET
+
+
 def test_a_servo_that_cannot_begin_says_why_and_is_not_waited_for(servo_thread, monkeypatch):
     def fails(*arguments):
         raise MemoryError("no room for the servo's thread")

@@ -45,20 +45,6 @@ def test_a_wall_that_leans_by_rounding_towards_an_axis_that_is_not_there_is_refu
     )
 
 
-@pytest.mark.parametrize("heard", [True, False])
-def test_a_driver_whose_commands_nobody_hears_any_more_attends_no_longer(heard):
-    attended, row = [], SimpleNamespace(state=0, fault=0)
-    servo = SimpleNamespace(
-        running=True, realtime="", row=SimpleNamespace(get=lambda: [row]), attend=lambda: attended.append(True)
-    )
-    node = SimpleNamespace(
-        servo=servo, values={"servo.rate": 1000.0, "auto_enable": False}, _stall=0.0, _watched=0.0, _told=(0, 0),
-        _say=lambda *words: None, _commands=SimpleNamespace(running=heard),
-    )  # fmt: skip
-    DriverNode._watch(node)
-    assert attended == [True] * heard
-
-
 @pytest.mark.parametrize(("policy", "levels"), [("enforce", None), ("warn", ["warning"]), ("off", [])])
 def test_gains_beyond_the_damping_are_refused_said_or_taken_as_the_policy_wants(policy, levels):
     said, beyond = [], settings(**walls(7000.0, 0.05, 90.0))

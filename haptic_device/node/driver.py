@@ -70,6 +70,7 @@ class DriverNode(ManagedNode):
         home = self.device.home if self.device.homing == "at_start" else None
         settings = operating.settings_from(self.device, self.values, self._version)
         self._judge(settings, self.values)
+        self._enabled_once, self._alone_since = False, 0.0
         with self._changing:
             self.servo = ServoThread(self.link, settings, home, self.values["realtime"], self._kept)
         self.servo.gains.put(operating.gains_from(self.values))
@@ -81,8 +82,6 @@ class DriverNode(ManagedNode):
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values)
         self.telemetry.start()
-        self._enabled_once = False
-        self._alone_since = 0.0
 
     def deactivate(self):
         """Stops the servo first: the motor is zero when this returns."""
@@ -151,7 +150,7 @@ class DriverNode(ManagedNode):
         self.servo.order(**({"set_flags": flag} if wanted else {"clear_flags": flag}))
 
     def _watch(self):
-        """Enables once by itself if asked to, drops the wish to be enabled on a fault, and says what is new."""
+        """Enables once by itself if asked to, and says what is new."""
         now = time.monotonic()
         self._stall, self._watched = max(self._stall, now - self._watched), now
         if self.servo is None or not self.servo.running:
@@ -161,9 +160,7 @@ class DriverNode(ManagedNode):
         if self._told != (told := (int(row.state), int(row.fault))):
             self._told = told
             self._report(row)  # without figures: a rate needs its half second
-        if row.fault:
-            self.servo.order(clear_flags=engage.ENABLE)
-            self._enabled_once = True  # after a fault a person enables
+        if row.fault:  # its reset takes the wish to be enabled back: here it could already be the next one
             self._say("error", f"fault {fault.name_of(row.fault)}: motor off")
         elif self.values["auto_enable"] and not self._enabled_once and self._met(now):
             self.servo.order(set_flags=engage.ENABLE)
@@ -218,7 +215,12 @@ class DriverNode(ManagedNode):
 
     def _on_reset(self, request, response):
         self._said = {sentence for sentence in tuple(self._said) if not sentence.startswith("fault")}
-        return self._command(response, lambda servo: servo.reset(), "fault cleared; ~/enable to go on")
+
+        def act(servo):
+            self._enabled_once |= bool(servo.row.get()[0].fault)  # after a fault a person enables
+            servo.reset()
+
+        return self._command(response, act, "fault cleared; ~/enable to go on")
 
     def _command(self, response, act, done, refusal=lambda servo: ""):
         """Gives the servo a command and answers when it has taken it; the node may be deactivated meanwhile."""
