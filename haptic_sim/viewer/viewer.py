@@ -11,6 +11,7 @@ from rclpy.node import Node
 
 from haptic_device.node.lifecycle import begin_ros, hear_the_end
 from haptic_device.node.params import declare
+from haptic_device.runtime.realtime import spare_collections
 from haptic_device.share import names
 from haptic_sim.scene import METHODS
 from haptic_sim.viewer import shapes, tuned
@@ -43,6 +44,7 @@ class Viewer:
         self.desk.services.start()
         try:
             await self.server.start()
+            spare_collections()  # one of them would hold up an e-stop
             self._announce()
             polling = asyncio.create_task(self._poll())
             await self._look_on(told)
