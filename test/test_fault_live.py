@@ -152,7 +152,9 @@ def press(hands, ear):
 
     ear.until(lambda: ear.said.get("haptic_driver"), "the driver says something")
     hands.drag = hands.goal = hands.x = 0.0
-    ear.until(lambda: ear.trigger("reset")[0] and ear.trigger("enable")[0], "enabled")  # 0 is a jump away
+    seen = len(hands.writes)
+    ear.until(lambda: len(hands.writes) > seen + 3, "the servo has seen that")  # 0 may be a jump away, which is a fault
+    ear.until(lambda: ear.trigger("reset")[0] and ear.trigger("enable")[0], "enabled")
     ear.news("haptic_driver", lambda level, message, values: values["state"] == "engaged", what="it is engaged")
     hands.press()
     ear.until(lambda: hands.motor > 4.9, "5 N")
