@@ -9,16 +9,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from haptic_sim.bench.figure import LOOKS
-from haptic_sim.bench.orders import PROBLEMS, errors, order
+from haptic_sim.bench.orders import PROBLEMS, errors, order, steps_of
 
 
 def main(path):
     figure = Figure(figsize=(18.0, 7.6), layout="constrained")
     panels = figure.subplots(2, -(-len(PROBLEMS) // 2)).flat
     for (name, problem), axes in zip(PROBLEMS.items(), panels, strict=False):
-        steps = np.array(problem.steps)
         for method, expected in problem.orders.items():
-            found = errors(name, method)
+            steps, found = np.array(steps_of(name, method)), errors(name, method)
             slope, (color, mark) = order(steps, found), LOOKS[method]
             print(f"{name:16} {method:17} order {slope:5.2f}, expected {expected:g}; errors "
                   + ", ".join(f"{error:.2e}" for error in found) + " m")
@@ -26,6 +25,7 @@ def main(path):
                       label=f"{method}: order {slope:.2f}")
             axes.plot(1e3 * steps, found[-1] * (steps / steps[-1]) ** expected, "-", color=color, linewidth=0.8)
         axes.set(xscale="log", yscale="log", xlabel="step [ms]", ylabel="error [m]", title=problem.what)
+        steps = np.array(problem.steps)
         axes.set_xticks(1e3 * steps, [f"{1e3 * step:.3g}" for step in steps])
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(alpha=0.3)

@@ -37,7 +37,6 @@ GROUPS = (  # in one tuple: what shares a file of the cache, compiled one after 
     ("wall maps",),
     ("identification",),
     ("local contacts",),
-    ("impulse guard",),
 )
 SOURCES = ("haptic_device.node.kernels", "haptic_sim.kernels")  # modules with GROUPS: {name: function that compiles}
 LONGEST = 4096  # bytes; what a pipe takes in one piece (man 7 pipe: PIPE_BUF)

@@ -39,44 +39,9 @@ def distance(a: Outline, pose_a: Pose, b: Outline, pose_b: Pose) -> float:
     return _core_distance(placed_a, placed_b) - a.radius - b.radius
 
 
-MOST_LOOKS = 4000
-BISECTIONS = 12
-
-
-def meeting(a: Outline, move_a, b: Outline, move_b, look: float, near: float, more: float) -> float:
-    """Share of two straight moves (start, end) after which a and b overlap by `near` [m]; 1 if they do not meet.
-
-    If they touch at the start, after which they overlap by `more` [m] than there. Looked at after every `look` of the
-    moves (a share), within which no point may come farther than a quarter of the thicknesses: then no overlap begins
-    and ends between two looks.
-    """
-
-    def gap(share):
-        return distance(a, _between(*move_a, share), b, _between(*move_b, share))
-
-    looks = min(math.ceil(1.0 / look), MOST_LOOKS)
-    high = next((k / looks for k in range(1, looks + 1) if gap(k / looks) < -near), None)
-    if high is None:
-        return 1.0
-    low = high - 1.0 / looks
-    level = -0.5 * near
-    if low <= 0.0 and (start := gap(0.0)) <= 0.0:
-        level = start - more
-        if gap(high) > level:
-            return high
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if gap(middle) > level else (low, middle)
-    return high
-
-
 def body_distance(outlines_a, pose_a: Pose, outlines_b, pose_b: Pose) -> float:
     """Distance between two compounds of outlines [m]: the least over all pairs of their parts."""
     return min(distance(a, pose_a, b, pose_b) for a in outlines_a for b in outlines_b)
-
-
-def _between(start, end, share):
-    return tuple(p + share * (q - p) for p, q in zip(start, end, strict=True))
 
 
 def _core_distance(a, b):

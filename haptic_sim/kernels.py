@@ -9,7 +9,6 @@ from haptic_sim.simulation import Simulation
 
 FREE, JOINTED, IN_CLOSED_FORM = "push_block", "ratchet", "wall"  # a scene of each kind
 SUB_STEP = 1e-3  # [s]
-STILL = 0.0, 0.0, 0.0
 
 
 def methods():
@@ -39,16 +38,9 @@ def local_contacts():
         Simulation(load(scene), method="impulse").local_contacts.look(0.0)
 
 
-def impulse():
-    """The guard of the pymunk world."""
-    for scene in (FREE, JOINTED):
-        make("impulse", load(scene), SUB_STEP).step(STILL, STILL)
-
-
 GROUPS = {
     "methods": methods,
     "methods of penalty": penalty,
     "closed form": closed_form,
     "local contacts": local_contacts,
-    "impulse guard": impulse,
 }

@@ -14,7 +14,7 @@ from haptic_sim.energy import Ledger
 from haptic_sim.local_contacts import LocalContacts
 from haptic_sim.method import Coupling
 from haptic_sim.method.registry import make
-from haptic_sim.method.stepwise import step_by_step, through_port
+from haptic_sim.method.stepwise import through_port
 from haptic_sim.port_limits import Limits
 from haptic_sim.scene import AUTO, Scene
 from haptic_sim.tool_port import Direct, Modulated, Port, port_of
@@ -130,7 +130,7 @@ class Simulation:
 
     def exchange(self, handle: HandleSample) -> ToolSample:
         """Advance to the handle's time and answer. ValueError if a gain is negative or not finite."""
-        gains = self.port.receive(handle, self.sub_step_ns / SECOND)
+        gains = self.port.receive(handle, self.sub_step_ns / SECOND, self.method.inner)
         if gains != self._coupled:
             self.method.couple(gains)
             self._coupled = gains
@@ -176,7 +176,7 @@ class Simulation:
             return partial(self.method.travel_drawn, self.port.rules, self.port.memory)
         if not isinstance(self.port, Direct):
             return partial(through_port, self.method, self.port)
-        return getattr(self.method, "travel", None) or partial(step_by_step, self.method)
+        return self.method.travel
 
     def _sub_steps_until(self, time_ns):
         if self._last is None:

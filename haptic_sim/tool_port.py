@@ -23,14 +23,14 @@ class Port(Protocol):
     def restart(self) -> None:
         """A world at its start: as `rejoin`, with the energy that a world begins with; the sums sent go on."""
 
-    def receive(self, handle, sub_step: float) -> Coupling:
-        """Take what a handle sample ships; the gains to couple with over the next sub-steps [s]."""
+    def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
+        """Take what a handle sample ships; the gains to couple with over the next sub-steps [s] of `inner` steps."""
 
     def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
         """Handle position and velocity for the sub-step that starts with the tool there."""
 
-    def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
-        """Take the sub-step's force on the tool [N, N, N m] and the tool's way."""
+    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """Take the sub-step's energy supplied [J], mean force on the tool [N, N, N m] and the tool's way."""
 
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The effort and energy of the tool sample."""
@@ -45,7 +45,7 @@ class Direct:
     def restart(self) -> None:
         """Nothing is kept."""
 
-    def receive(self, handle, sub_step: float) -> Coupling:
+    def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
         """The device's gains."""
         return handle.gains
 
@@ -53,7 +53,7 @@ class Direct:
         """The handle as it is."""
         return position, velocity
 
-    def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
         """Nothing is booked."""
 
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
@@ -79,13 +79,19 @@ class Drawn:
         found = self.memory[port.AIM : port.AIM + 6].tolist()
         return tuple(found[:3]), tuple(found[3:])
 
-    def _rule(self, gains, sub_step):
-        """Rules for these gains and this sub-step [s]; a torque may change as fast as a force does for its limit."""
+    def _rule(self, gains, sub_step, inner):
+        """Rules for these gains and this sub-step [s]; a torque may change as fast as a force does for its limit.
+
+        Over a sub-step of n steps a spring supplies more than over one: as one of (n + 1)/2n of its stiffness at most.
+        """
+        eased = (inner + 1) / (2 * inner)
         stiff, damping, turning, turning_damping = gains
         force, torque, slew = self.limits
         self.rules[:] = (
             *(stiff, stiff, turning, damping, damping, turning_damping),
-            *(port.worst(stiff, damping, sub_step), port.worst(turning, turning_damping, sub_step), force, torque),
+            port.worst(eased * stiff, damping, sub_step),
+            port.worst(eased * turning, turning_damping, sub_step),
+            *(force, torque),
             *(slew * sub_step, slew * sub_step * torque / force),
         )
 
@@ -117,7 +123,7 @@ class Modulated(Drawn):
         self.rejoin()
         self.memory[port.TANK], self._gains = self.budget, None  # the world may have another sub-step
 
-    def receive(self, handle, sub_step: float) -> Coupling:
+    def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
         """Energy shipped since the last sample goes into the tank."""
         known = handle.energy if self._known is None else self._known
         self.memory[port.TANK] += max(0.0, handle.energy - known)
@@ -125,7 +131,7 @@ class Modulated(Drawn):
         gains = handle.gains
         if gains != self._gains:
             self._gains = gains
-            self._rule(gains, sub_step)
+            self._rule(gains, sub_step, inner)
         return gains
 
     def lend(self, record) -> None:
@@ -136,10 +142,9 @@ class Modulated(Drawn):
         """The sums as that has left them."""
         self._known, self.returned = float(record["known"]), float(record["returned"])
 
-    def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
         """What the coupling supplied leaves the tank."""
-        (fx, fy, torque), (x0, y0, angle0), (x1, y1, angle1) = force_on_tool, before, after
-        self.memory[port.TANK] -= fx * (x1 - x0) + fy * (y1 - y0) + torque * (angle1 - angle0)
+        self.memory[port.TANK] -= supplied
 
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The force on the tool, and all that was sent back so far: what the tank holds above the budget."""
@@ -167,7 +172,7 @@ class Waves(Drawn):
         """As `rejoin`."""
         self.rejoin()
 
-    def receive(self, handle, sub_step: float) -> Coupling:
+    def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
         """What has come since the last sample is played over the time that the world now makes up."""
         if self._come is None:
             self._come, self._energy_come = handle.effort, handle.energy
@@ -179,7 +184,7 @@ class Waves(Drawn):
         self._come, self._energy_come = handle.effort, max(handle.energy, self._energy_come)
         line, turning = wave.impedance(handle.stiffness), wave.impedance(handle.rotational_stiffness)
         self._impedance, self._sub_step = (line, line, turning), sub_step
-        self._rule((0.0, line, 0.0, turning), sub_step)
+        self._rule((0.0, line, 0.0, turning), sub_step, inner)
         return Coupling(0.0, line, 0.0, turning)
 
     def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
@@ -194,7 +199,7 @@ class Waves(Drawn):
             self.memory[port.TANK] -= wave.power(made[i] * z, z) * self._sub_step
         return tool, made
 
-    def book(self, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
         """The waves that go back: q = u − z v."""
         for i in range(3):
             z = self._impedance[i]

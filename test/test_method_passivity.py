@@ -10,7 +10,6 @@ from haptic_sim.method import Coupling
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.registry import METHODS, make
-from haptic_sim.method.stepwise import step_by_step
 from haptic_sim.scene import Scene, load
 
 H, STEPS = 1e-3, 3
@@ -50,9 +49,7 @@ def least_loss(method, places):
     stored, least = sum(method.energy()), np.inf
     for x, y, angle in places:
         handle = 0.1 * x, 0.1 * y, 2.0 * angle
-        travel = getattr(method, "travel", None)
-        going = (handle, STILL, handle, STILL, STEPS)
-        supplied = (travel(*going) if travel else step_by_step(method, *going)).supplied
+        supplied = method.travel(handle, STILL, handle, STILL, STEPS).supplied
         before, stored = stored, sum(method.energy())
         least = min(least, supplied - (stored - before))
     return least

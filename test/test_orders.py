@@ -3,7 +3,7 @@
 
 import pytest
 
-from haptic_sim.bench.orders import PROBLEMS, errors, order
+from haptic_sim.bench.orders import PROBLEMS, errors, order, steps_of
 
 CLAIMED = [(problem, method) for problem, of in PROBLEMS.items() for method in of.orders]
 
@@ -12,7 +12,7 @@ CLAIMED = [(problem, method) for problem, of in PROBLEMS.items() for method in o
 def test_errors_fall_with_the_step_at_the_order_of_the_method(problem, method):
     """First order from both sides; a high one may be exceeded while errors of lower order are out of sight."""
     claimed, found = PROBLEMS[problem].orders[method], errors(problem, method)
-    slope = order(PROBLEMS[problem].steps, found)
+    slope = order(steps_of(problem, method), found)
     assert slope > 0.85 * claimed
     assert slope < (1.2 if claimed == 1 else 1.3 * claimed)
 

@@ -22,19 +22,25 @@ class Supplied(NamedTuple):
     path: np.ndarray
 
 
-def oversupply(port, sample, path, sub_step):
-    """Most energy supplied beyond what was shipped [J]. sample(number, position, velocity, effort, energy)."""
+def oversupply(port, sample, path, sub_step, inner=1):
+    """Most energy supplied beyond what was shipped [J]. sample(number, position, velocity, effort, energy).
+
+    inner: steps in which the world takes a sub-step, the tool's velocity the same in all.
+    """
     tool, supplied, shipped, effort, first, most = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for number, (place, rate, energy, wave, *moves) in enumerate((path * SCALE).tolist()):
         shipped, effort = shipped + abs(energy), effort + wave
         first = shipped if number == 0 else first
-        gains = port.receive(sample(number, place, rate, effort, shipped), sub_step)
+        gains = port.receive(sample(number, place, rate, effort, shipped), sub_step, inner)
         for velocity in moves:
             (aim, _, _), (speed, _, _) = port.drive((place, 0.0, 0.0), (rate, 0.0, 0.0), (tool, 0.0, 0.0))
-            after = tool + sub_step * velocity
-            force = gains.stiffness * (aim - after) + gains.damping * (speed - velocity)
-            port.book((force, 0.0, 0.0), (tool, 0.0, 0.0), (after, 0.0, 0.0))
-            supplied, tool = supplied + force * (after - tool), after
+            before, made, mean = tool, 0.0, 0.0
+            for _ in range(inner):
+                tool += sub_step / inner * velocity
+                force = gains.stiffness * (aim - tool) + gains.damping * (speed - velocity)
+                made, mean = made + force * velocity * sub_step / inner, mean + force / inner
+            port.book(made, (mean, 0.0, 0.0), (before, 0.0, 0.0), (tool, 0.0, 0.0))
+            supplied += made
             most = max(most, supplied - (shipped - first))
         port.send((force, 0.0, 0.0), supplied)
     return most
@@ -59,17 +65,17 @@ def _pulls(port, sample, path, sub_step):
         for _ in moves:
             (aim, _, _), (speed, _, _) = port.drive((place, 0.0, 0.0), (rate, 0.0, 0.0), still)
             force = gains.stiffness * aim + gains.damping * speed
-            port.book((force, 0.0, 0.0), still, still)
+            port.book(0.0, (force, 0.0, 0.0), still, still)
             yield force
 
 
-def search(port_of, sample, sub_step=0.25e-3, exchanges=12, evaluations=500, seed=0):
+def search(port_of, sample, sub_step=0.25e-3, exchanges=12, evaluations=500, seed=0, inner=1):
     """Evolution strategy with one parent and one child against ports made by port_of(). Returns Supplied."""
     random = np.random.default_rng(seed)
     best, score, size = np.zeros((exchanges, len(SCALE))), -np.inf, 0.5
     for _ in range(evaluations):
         child = np.clip(best + size * random.normal(size=best.shape) * (random.random(best.shape) < 0.2), -3.0, 3.0)
-        value = oversupply(port_of(), sample, child, sub_step)
+        value = oversupply(port_of(), sample, child, sub_step, inner)
         better = value > score
         size = min(2.0, max(0.02, size * (1.5 if better else 0.97)))
         best, score = (child, value) if better else (best, score)

@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_sim.method import Coupling
-from haptic_sim.method.impulse import Impulse
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
 from haptic_sim.scene import Scene
+from haptic_sim.world import World
 
 HEIGHT, WIDTH, DEPTH = 0.1, 0.02, 0.25
 """Handle above the mouth, width of the peg, depth of the hole [m]."""
@@ -32,7 +32,7 @@ INSERTIONS = (0.005, 0.01, 0.02, 0.035, 0.05, 0.075, 0.1, 0.15, 0.2)
 STEP, SETTLING = 1e-4, 0.6
 """s."""
 PENALTY = {"penalty_explicit": PenaltyExplicit, "penalty_implicit": PenaltyImplicit}
-RIGID = {"impulse": Impulse, "partitioned": Partitioned}
+RIGID = {"impulse": World, "partitioned": Partitioned}
 _STILL = (0.0, 0.0, 0.0)
 
 

@@ -23,6 +23,7 @@ from haptic_sim.scene import Scene, load
 
 FINE, COARSE = (0.5e-3, 0.25e-3, 0.125e-3, 0.0625e-3), (50e-3, 25e-3, 12.5e-3)
 LED = 10e-3, 5e-3, 2.5e-3
+SHORT = 50e-6, 25e-6, 12.5e-6  # for `impulse`, which takes longer ones in several
 CONTACT = 1e4, 5.0
 """Stiffness [N/m] and damping [N s/m] of the elastic contact."""
 
@@ -51,11 +52,16 @@ PROBLEMS = {
 def errors(problem: str, method: str) -> list[float]:
     """Largest distance of the moving bodies from the answer at the end of the problem [m], a step each."""
     solve = {"elastic_contact": _elastic, "sliding_rod": _sliding, "spring": _drawn}.get(problem)
-    steps = PROBLEMS[problem].steps
+    steps = steps_of(problem, method)
     if solve:
         return [solve(method, step) for step in steps]
     name = {"coupling": "free_space", "rigid_contact": "wall"}.get(problem, "four_bar_free")
     return [_of_case(case(name), method, step) for step in steps]
+
+
+def steps_of(problem: str, method: str) -> tuple[float, ...]:
+    """Steps [s] in which a method takes a problem."""
+    return SHORT if method == "impulse" else PROBLEMS[problem].steps
 
 
 def order(steps, found) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 from haptic_sim.method import Coupling, Planar
 from haptic_sim.method.registry import METHODS
 from haptic_sim.method.registry import make as make_method
-from haptic_sim.method.stepwise import step_by_step
 from haptic_sim.scene import Scene
 
 PEERS = {
@@ -101,4 +100,4 @@ class _Own:
             return
         rows = [(tuple(row[:3]), tuple(row[3:])) for row in path.tolist()]
         for start, end in zip(rows, rows[1:], strict=False):
-            self.supplied += step_by_step(self._method, *start, *end, count).supplied
+            self.supplied += self._method.travel(*start, *end, count).supplied

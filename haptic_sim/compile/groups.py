@@ -12,7 +12,7 @@ def groups_of(scene: Scene, method: str, exchange_method: str) -> tuple[str, ...
     method = compile_scene(scene).method if method == "auto" else method
     own = {
         "closed_form": (),
-        "impulse": ("impulse guard",),
+        "impulse": (),
         "penalty_explicit": ("methods", "methods of penalty"),
         "penalty_implicit": ("methods", "methods of penalty"),
     }.get(method, ("methods",))

@@ -51,21 +51,22 @@ class Travel(NamedTuple):
 class Method(Protocol):
     """A world with a tool in it that is advanced sub-step by sub-step, the coupling solved within.
 
-    One that is compiled as a whole also offers `travel(start, start_velocity, end, end_velocity, count) -> Travel`:
-    `count` sub-steps in one call, the handle going on a straight line from start (exclusive) to end; and `follow(path,
-    count) -> Travel`, the same from each row of a path (n, 6: position, velocity) to the next.
+    One that is compiled as a whole also offers `follow(path, count) -> Travel`: `travel` from each row of a path (n, 6:
+    position, velocity) to the next.
     """
 
     passive: bool
     """Whether it is discrete-time passive at the tool's port: Σ force_on_tool · Δx is never less than the world has
     gained, whatever the handle does, beyond what its motors work and rounding: contact force times the 1e-12 m that
     count as touching."""
+    inner: int
+    """Equal steps that it takes within a sub-step."""
     position: Planar
     """Tool's grip at the end of the sub-step [m, m, rad]."""
     velocity: Planar
     """Tool's velocity at the end of the sub-step [m/s, m/s, rad/s]."""
     force_on_tool: Planar
-    """What the coupling applied to the tool over the sub-step [N, N, N m]."""
+    """What the coupling applied to the tool over the sub-step, its mean [N, N, N m]."""
     touching: bool
     """Whether a contact pushed the tool during the sub-step."""
 
@@ -77,6 +78,9 @@ class Method(Protocol):
 
     def step(self, handle_position: Planar, handle_velocity: Planar) -> None:
         """Advance one sub-step; the arguments are the handle's at its end."""
+
+    def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
+        """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last sub-step, in an order that depends on the motion alone."""

@@ -30,7 +30,7 @@ _STILL = (0.0, 0.0, 0.0)
 class ClosedForm:
     """A round tool among half-planes, stepped by `sub_step` [s]. Implements `Method`; ValueError for other scenes."""
 
-    passive = True
+    passive, inner = True, 1
 
     def __init__(self, scene: Scene, sub_step: float):
         axes = compile_scene(scene).needs.axes

@@ -19,6 +19,7 @@ class PlanarWorld:
     `stiffness` [N/m] and `damping` [N s/m] of a contact; stiffness 0 is rigid.
     """
 
+    inner = 1
     by_events = False
     """Whether the tool too goes from event to event, with the coupling as a force along its way."""
 

@@ -7,7 +7,7 @@ from haptic_sim.method import Method
 from haptic_sim.scene import Scene
 
 METHODS = {
-    "impulse": "haptic_sim.method.impulse:Impulse",
+    "impulse": "haptic_sim.world:World",
     "penalty_explicit": "haptic_sim.method.penalty_explicit:PenaltyExplicit",
     "penalty_implicit": "haptic_sim.method.penalty_implicit:PenaltyImplicit",
     "partitioned": "haptic_sim.method.partitioned:Partitioned",

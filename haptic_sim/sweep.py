@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bodies of a pymunk Space that are so fast that a step could take them through something go up to it instead.
+
+In one step a body may come a quarter of the least width of what it can meet, at no more than 1 m/s. One that would
+come farther is swept: the middle of each of its shapes as the disc that fits in, its corners as points, along straight
+ways. It goes to the first hit, where the next step finds the contact, and loses the rest of the step.
+"""
+
+import math
+
+import numpy as np
+import pymunk
+
+from haptic_sim.shape import turned
+
+SHARE, FAST = 0.25, 1.0
+"""Of the least width, that a step may take; m/s."""
+ALL, FIXED = pymunk.ShapeFilter(), pymunk.Body.STATIC
+
+
+class Sweep:
+    """Moves of a space's bodies, between two steps of h [s]; `moves` are the times of those that differ from h.
+
+    `near` [m] is the overlap at which a hit ends a move. model and layout: as compiled from the scene.
+    """
+
+    def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body], model, layout, h: float, near: float):
+        self._space, self._bodies, self._h, self._near = space, bodies, h, near
+        self._shapes = [_shapes(model, layout, b) for b in range(len(bodies))]
+        self._meets = [_met(model, layout, b, bodies) for b in range(len(bodies))]
+        self._limits = [min(SHARE * width, FAST * h) for _, width in self._meets]
+        self._extents = layout.extent[:-1].tolist()
+        # A body that is hit may leave with twice the speed of what hits it.
+        self._wary = 0.5 * np.array(self._limits) / h
+        self._tool_wary = float(self._wary.min())
+        self.moves, self._fast = {}, ()
+
+    def times(self):
+        """Times of the next move [s] (n, 1)."""
+        times = np.full((len(self._bodies), 1), self._h)
+        for b, move in self.moves.items():
+            times[b] = move
+        return times
+
+    def watch(self, velocities: np.ndarray) -> None:
+        """Take note of who is fast: velocities (n, 3)."""
+        speeds = np.hypot(velocities[:, 0], velocities[:, 1]) + np.abs(velocities[:, 2]) * self._extents
+        self._fast = np.flatnonzero(speeds > self._wary).tolist()
+
+    def look(self, vx: float, vy: float, turn: float) -> float:
+        """Plans the next moves, the tool having this velocity after the step; returns the time of its own."""
+        if abs(vx) + abs(vy) + abs(turn) * self._extents[0] > self._tool_wary:
+            self._plan(range(len(self._bodies)))
+        elif self._fast:
+            self._plan(self._fast)
+        else:
+            self.moves = {}
+        return self.moves.get(0, self._h)
+
+    def set_out(self) -> None:
+        """Puts bodies where Chipmunk's move over h takes them to the end of theirs."""
+        for b, move in self.moves.items():
+            body = self._bodies[b]
+            body.position += (move - self._h) * body.velocity
+            body.angle += (move - self._h) * body.angular_velocity
+
+    def _plan(self, some):
+        """Fills in `moves` of some bodies."""
+        self.moves, h = {}, self._h
+        for b in some:
+            body = self._bodies[b]
+            (x, y), (vx, vy), angle, turn = body.position, body.velocity, body.angle, body.angular_velocity
+            if h * (math.hypot(vx, vy) + abs(turn) * self._extents[b]) > self._limits[b]:
+                share = self._free(b, (x, y, angle), (x + h * vx, y + h * vy, angle + h * turn))
+                if share < 1.0:
+                    self.moves[b] = share * h
+
+    def _free(self, b, here, there):
+        """Share of a body's move that hits nothing: 1, or less."""
+        share = 1.0
+        for (middle, reach), points in self._shapes[b]:
+            if self._space.segment_query_first(turned(middle, here), turned(middle, there), reach, ALL):
+                for point, radius in points:
+                    start, end = turned(point, here), turned(point, there)
+                    way = math.dist(start, end)
+                    if way > self._limits[b]:
+                        share = min([share, *(alpha + self._near / way for alpha in self._hits(b, start, end, radius))])
+        return share
+
+    def _hits(self, b, start, end, radius):
+        """Shares of a disc's way at which it meets what body b can meet; where it overlaps at the start is no hit."""
+        others = self._meets[b][0]
+        found = [hit for hit in self._space.segment_query(start, end, radius, ALL) if hit.alpha > 0.0]
+        return [hit.alpha for hit in found if (None if hit.shape.body.body_type == FIXED else hit.shape.body) in others]
+
+
+def _shapes(model, layout, b):
+    """Of each shape of a body the disc that holds it, and the discs that stand for it: (place in its frame, radius)."""
+    found = []
+    for s in np.flatnonzero(model.shape_body == b):
+        corners = model.vertices[model.shape_start[s]:model.shape_start[s + 1]].tolist()
+        if model.radius[s] > 0.0:
+            points = [(corners[0], float(model.radius[s]))]
+        else:
+            middle = np.mean(corners, axis=0).tolist()
+            points = [(middle, _fits(corners, middle)), *((corner, 0.0) for corner in corners)]
+        found.append(((layout.middle[s].tolist(), float(layout.reach[s])), points))
+    return found
+
+
+def _fits(corners, middle):
+    """Radius of the disc about `middle` that fits into a convex polygon."""
+    edges = zip(corners, corners[1:] + corners[:1], strict=True)
+    return min(abs((bx - ax) * (middle[1] - ay) - (by - ay) * (middle[0] - ax)) / math.hypot(bx - ax, by - ay)
+               for (ax, ay), (bx, by) in edges)
+
+
+def _met(model, layout, b, bodies):
+    """Bodies that a body can meet, None for what is fixed, and the least width of their shapes [m]."""
+    here = layout.pair_bodies == b
+    others = model.pairs[here.any(axis=1)][~here[here.any(axis=1)]]
+    met = {bodies[o] if o < len(bodies) else None for o in model.shape_body[others].tolist()}
+    return met, float(layout.thickness[others].min(initial=math.inf))

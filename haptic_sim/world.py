@@ -1,0 +1,343 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The method `impulse`: the scene as a pymunk Space in short equal steps, the coupling solved together with contacts.
+
+The coupling, by backward difference. Over a step h the tool (mass m, velocity v, position x at its start) obeys
+
+    m (v⁺ − v) = h m g + h [K (x_h⁺ − x⁺) + B (v_h⁺ − v⁺)] + J,        x⁺ = x + h v⁺                    (1)
+
+with the handle x_h⁺, v_h⁺ at the END of the step and J the impulse of contacts and joints. Insert x⁺ and collect v⁺:
+
+    m_e (v⁺ − v) = h [m g + K (x_h⁺ − x − h v) + B (v_h⁺ − v)] + J,     m_e = m + h B + h² K              (2)
+
+So the tool enters Chipmunk's solver with the mass m_e and the force in brackets: impulses act through 1/m_e, which is
+what the coupling lets the tool move. No term of (1) is explicit, so no K, B, h makes it unstable. Rotation likewise
+with I, K_θ, B_θ; the grip is the mass centre, so the two do not mix. Limits: K = B = 0 is the free body; h → 0 is
+m v̇ = m g + K (x_h − x) + B (v_h − v) + f_contact; h²K ≫ m gives x⁺ = x_h⁺. Over a step (1) loses ½ m |v⁺ − v|²: the
+price of first order, ω h/2 of a mode ω, and what makes it passive at the port for every K, B, h.
+
+Short steps. Chipmunk sees a contact only where shapes overlap. A sub-step is taken in equal steps of at most `STEP`,
+so that an overlap is no deeper than the way of one, and the error of (1) shrinks with it. Equal, because Chipmunk
+scales the impulses that it remembers by the ratio of two steps, which creates energy. Only what is so fast that it
+would come through something within a step is swept.
+
+Chipmunk's own order. `Space.step` first moves bodies with the velocity of the step before (and its push-out velocity),
+then finds contacts there, then updates velocities, then solves. The end of our step, x⁺ = x + h v⁺, is therefore where
+the next one will look; push-out of overlaps enters as x of the next step.
+
+Passivity. The work of the coupling is booked with the force of (1) and the way that the tool really came. Where push-
+out moves the tool against that force it gives energy at the port: no more than ½ m |v⁺ − v|² has lost there before,
+the rest of the overlap stays. A rebound from v₀ under a push f gives back what the port did not get unless
+v₀ ≥ 2 |f| h e/(m (1 − e²)); a slower one gets e = 0.
+"""
+
+import math
+
+import numpy as np
+import pymunk
+from pymunk import batch
+
+from haptic_sim.compile import compile_scene
+from haptic_sim.joints import add_joints, stored
+from haptic_sim.method import Contact, Coupling, Planar, Travel
+from haptic_sim.method.layout import lay_out
+from haptic_sim.scene import Scene
+from haptic_sim.shape import turned
+from haptic_sim.solid import TOOL
+from haptic_sim.sweep import Sweep
+
+STEP, STEP_PER_BODY = 51e-6, 10e-6
+"""s; longest step, and the longest for each movable body where that is more: the time for them is the same."""
+SWEEPS = 30
+"""Of Chipmunk's solver, for any number of bodies."""
+SLOP, SLOP_SHARE = 3e-6, 0.01
+"""Overlap that is left alone [m], at most this share of the finest feature: keeps a resting contact alive."""
+BIAS = 1e-300
+"""Chipmunk asks for the share of an overlap left after a second; less underflows to 0, which takes all back at once."""
+ASLEEP, SLOW = 0.2, 1e-4
+"""s below m/s after which bodies at rest are left out until something touches them."""
+TOUCH = 1e-12
+"""N s; impulse on the tool that is more than rounding."""
+
+_BODY = batch.BodyFields
+_PLACES = _BODY.BODY_ID | _BODY.POSITION | _BODY.ANGLE | _BODY.VELOCITY | _BODY.ANGULAR_VELOCITY
+_PAIR = batch.ArbiterFields
+_TOUCH = _PAIR.POINT_A_1 | _PAIR.POINT_B_1 | _PAIR.DISTANCE_1 | _PAIR.POINT_A_2 | _PAIR.POINT_B_2 | _PAIR.DISTANCE_2
+_FIELDS = _PAIR.BODY_A_ID | _PAIR.BODY_B_ID | _PAIR.CONTACT_COUNT | _PAIR.TOTAL_IMPULSE | _PAIR.NORMAL | _TOUCH
+
+
+class World:
+    """The scene as `space`, a pymunk.Space, stepped by `sub_step` [s]. It belongs to one thread. Implements `Method`.
+
+    What is added to the space moves with it: bodies, constraints, collision callbacks. `body` gives the scene's own.
+    """
+
+    passive = False
+
+    def __init__(self, scene: Scene, sub_step: float):
+        self.scene, self.sub_step = scene, sub_step
+        self._compiled = compile_scene(scene)
+        count = len(self._compiled.model.mass) - 1
+        self.inner = math.ceil(sub_step / max(STEP, count * STEP_PER_BODY) - 1e-9)
+        self._h = sub_step / self.inner
+        self._gravity, (self._mass, self._inertia, _) = scene.gravity, scene.tool.mass_properties
+        self._slop = min(SLOP, SLOP_SHARE * scene.feature)
+        self._layout = lay_out(self._compiled.model)
+        self._gains = Coupling()
+        self._pairs, self._places = batch.Buffer(), batch.Buffer()
+        self.reset()
+
+    def reset(self) -> None:
+        """Everything back to the scene's start, with the same gains; what was added to the space is gone with it."""
+        self.space = space = pymunk.Space()
+        space.gravity, space.iterations = self._gravity, SWEEPS
+        space.collision_slop, space.collision_bias = self._slop, BIAS
+        # A contact that returns within the persistence would keep an impulse it no longer applies, and could pull.
+        space.collision_persistence = 1
+        model = self._compiled.model
+        if not np.any(model.joint_motor):  # a slow motor would fall asleep
+            space.sleep_time_threshold, space.idle_speed_threshold = ASLEEP, SLOW
+        self._bodies = [self._movable(b) for b in range(len(model.mass) - 1)]
+        self._fill()
+        add_joints(space, self.scene, self._compiled, self._bodies)
+        self._tool = self._bodies[0]
+        self._jointed = bool(self._tool.constraints)
+        if np.any(model.pair_restitution):
+            space.on_collision(pre_solve=self._limit_rebound)
+        self._sweep = Sweep(space, self._bodies, model, self._layout, self._h, 0.5 * self._slop)
+        self._index = {body.id: b for b, body in enumerate(self._bodies)}
+        self._spare = 0.0  # J, lost at the tool and not yet given back by push-out
+        self.position: Planar = self.scene.tool.pose
+        self.velocity: Planar = self.scene.tool.velocity
+        self.force_on_tool: Planar = (0.0, 0.0, 0.0)
+        self.touching = False
+        self._state, self._energy, self._ids, self._rows = None, None, None, None
+        self._set_effective_mass()
+
+    def body(self, name: str) -> pymunk.Body:
+        """The body of the space that a movable body of the scene belongs to; its position is its mass centre's."""
+        return self._bodies[self._compiled.places[name].body]
+
+    def couple(self, coupling: Coupling) -> None:
+        """Take these gains from the next sub-step on; ValueError if one is negative or not finite."""
+        for name, gain in zip(Coupling._fields, coupling, strict=True):
+            if not 0.0 <= gain < math.inf:
+                raise ValueError(f"coupling {name} is {gain}; it must be finite and at least 0")
+        self._gains = coupling
+        self._set_effective_mass()
+
+    def step(self, handle_position: Planar, handle_velocity: Planar) -> None:
+        """Advance one sub-step; the arguments are the handle's at its end."""
+        self.travel(handle_position, handle_velocity, handle_position, handle_velocity, 1)
+
+    def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
+        """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
+        before = sum(self.energy())
+        self._tool.activate()
+        pull, last = self._pull(start, start_velocity), self._pull(end, end_velocity)
+        supplied = numerical = correction = force = 0.0
+        touched, whole = False, count * self.inner
+        rise = [(b - a) / whole for a, b in zip(pull, last, strict=True)]
+        for _ in range(count):
+            work, lost, put_in, pushed, self.touching = self._sub_step(pull, rise)
+            pull = [a + self.inner * b for a, b in zip(pull, rise, strict=True)]
+            supplied, numerical, correction = supplied + work, numerical + lost, correction + put_in
+            touched, force = touched or self.touching, max(force, pushed)
+        if self._jointed:
+            self.touching = touched = any(TOOL in one[:2] and one.force_on_a != (0.0, 0.0) for one in self.contacts())
+        pressed = self.contacts() if touched else ()
+        force = max([force, *(math.hypot(*one.force_on_a) for one in pressed)])
+        taken = supplied - (sum(self.energy()) - before) + correction - numerical
+        return Travel(supplied, touched, force, max((one.depth for one in pressed), default=0.0), 0, taken, correction)
+
+    def _pull(self, handle, velocity):
+        """K x_h + B v_h of each axis."""
+        (hx, hy, angle), (vx, vy, turn) = handle, velocity
+        stiff, damping, turning, turning_damping = self._gains
+        return stiff * hx + damping * vx, stiff * hy + damping * vy, turning * angle + turning_damping * turn
+
+    def _sub_step(self, pull, rise):
+        """Equal steps of one sub-step; `pull` of the handle before it, and by how much it changes in a step.
+
+        Returns what the coupling supplied, what it lost by backward difference while nothing else pushed the tool, what
+        push-out put in [J], the contacts' mean force on the tool [N], and whether there was any.
+        """
+        h, tool, sweep, space_step = self._h, self._tool, self._sweep, self.space.step
+        stiff, damping, turning, turning_damping = self._gains
+        mass, inertia, (gx, gy), (less_x, less_y) = self._mass, self._inertia, self._gravity, self._less
+        spring, rotor = h * stiff + damping, h * turning + turning_damping
+        (pull_x, pull_y, pull_t), (rise_x, rise_y, rise_t) = pull, rise
+        (x, y, angle), (vx, vy, w) = self.position, self.velocity
+        supplied = numerical = correction = sum_x = sum_y = sum_t = push_x = push_y = 0.0
+        touched = False
+        for _ in range(self.inner):
+            pull_x, pull_y, pull_t = pull_x + rise_x, pull_y + rise_y, pull_t + rise_t
+            # K (x_h - x) + B v_h
+            rest_x, rest_y, rest_t = pull_x - stiff * x, pull_y - stiff * y, pull_t - turning * angle
+            tool.force, tool.torque = (rest_x - spring * vx - less_x, rest_y - spring * vy - less_y), rest_t - rotor * w
+            if sweep.moves:
+                sweep.set_out()
+            space_step(h)
+            (ux, uy), turn = tool.velocity, tool.angular_velocity
+            fx, fy, torque = rest_x - spring * ux, rest_y - spring * uy, rest_t - rotor * turn
+            ax, ay, aw = ux - vx, uy - vy, turn - w
+            lost = 0.5 * (mass * (ax * ax + ay * ay) + inertia * aw * aw)
+            jx, jy, jw = mass * (ax - h * gx) - h * fx, mass * (ay - h * gy) - h * fy, inertia * aw - h * torque
+            if abs(jx) + abs(jy) > TOUCH or abs(jw) > TOUCH:
+                touched, push_x, push_y = True, push_x + jx, push_y + jy
+                numerical += lost if self._jointed else 0.0
+                self._spare += max(0.0, lost - max(0.0, jx * ux + jy * uy + jw * turn))
+            else:
+                numerical += lost
+                self._spare += lost
+            (px, py), to = tool.position, tool.angle
+            if px != x or py != y or to != angle:
+                px, py, to = self._push_out((x, y, angle), (px, py, to), (fx, fy, torque))
+                correction -= (fx + mass * gx) * (px - x) + (fy + mass * gy) * (py - y) + torque * (to - angle)
+            move = sweep.look(ux, uy, turn)
+            px, py, to = px + move * ux, py + move * uy, to + move * turn
+            supplied += fx * (px - x) + fy * (py - y) + torque * (to - angle)
+            if move < h:  # the way that is lost was paid for
+                supplied += max(0.0, (h - move) * (fx * ux + fy * uy + torque * turn))
+            sum_x, sum_y, sum_t = sum_x + fx, sum_y + fy, sum_t + torque
+            x, y, angle, vx, vy, w = px, py, to, ux, uy, turn
+        self.position, self.velocity, self._state = (x, y, angle), (vx, vy, w), None
+        self.force_on_tool = sum_x / self.inner, sum_y / self.inner, sum_t / self.inner
+        pushed = 0.0 if self._jointed else math.hypot(push_x, push_y) / self.sub_step
+        return supplied, numerical, correction, pushed, touched
+
+    def _push_out(self, wanted, found, force):
+        """Where the tool is left that Chipmunk has pushed out to `found`: it gives no more at the port than it lost."""
+        out = [b - a for a, b in zip(wanted, found, strict=True)]
+        gives = -sum(f * d for f, d in zip(force, out, strict=True))
+        if gives > self._spare:
+            share, gives = self._spare / gives, self._spare
+            found = tuple(a + share * d for a, d in zip(wanted, out, strict=True))
+            self._tool.position, self._tool.angle = found[:2], found[2]
+        self._spare -= max(0.0, gives)
+        return found
+
+    def contacts(self) -> list[Contact]:
+        """Contacts of the last step, sorted by bodies and place; bodies asleep have none."""
+        self._pairs.clear()
+        batch.get_space_arbiters(self.space, _FIELDS, self._pairs)
+        whole = memoryview(self._pairs.int_buf()).cast("P").tolist()
+        real = memoryview(self._pairs.float_buf()).cast("d").tolist()
+        each = ((whole[3 * i:3 * i + 3], real[14 * i:14 * i + 14]) for i in range(len(whole) // 3))
+        return sorted(self._contact(*one) for one in each if one[0][2] and {*one[0][:2]} <= self._order.keys())
+
+    def bodies(self) -> list[tuple[Planar, Planar]]:
+        """Pose and velocity of every moving body's mass centre, as in the compiled model."""
+        return [(tuple(row[:3]), tuple(row[3:])) for row in self._now().tolist()]
+
+    def pose(self, body: str) -> Planar:
+        """Pose of a body's frame at the end of the sub-step."""
+        index, pose = self._compiled.places[body]
+        if index == len(self._bodies):
+            return pose
+        x, y, angle = self._now()[index, :3].tolist()
+        return *turned(pose[:2], (x, y, angle)), angle + pose[2]
+
+    def energy(self) -> tuple[float, float]:
+        """Kinetic and potential energy of the scene's bodies and springs [J]; gravity's is 0 at the origin."""
+        if self._state is None or self._energy is None:
+            self._energy = self._energy_of(self._now())
+        return self._energy
+
+    def _energy_of(self, state):
+        model = self._compiled.model
+        mass, inertia = model.mass[:-1], model.inertia[:-1]
+        kinetic = 0.5 * float(mass @ (state[:, 3] ** 2 + state[:, 4] ** 2) + inertia @ state[:, 5] ** 2)
+        potential = -float(mass @ (state[:, :2] @ model.gravity))
+        if len(model.joint_kind):
+            potential += stored(model, [tuple(row) for row in state[:, :3].tolist()])
+        return kinetic, potential
+
+    def _now(self):
+        """Mass centres and velocities (n, 6) of the movable bodies at the end of the sub-step."""
+        if self._state is None:
+            self._places.clear()
+            batch.get_space_bodies(self.space, _PLACES, self._places)
+            ids = memoryview(self._places.int_buf()).cast("P").tolist()
+            if ids != self._ids:  # the order changes with who is asleep
+                rank = {number: row for row, number in enumerate(ids)}
+                self._ids, self._rows = ids, [rank[body.id] for body in self._bodies]
+            self._energy, self._state = None, np.frombuffer(self._places.float_buf()).reshape(-1, 6)[self._rows]
+            state = self._state
+            state[:, :3] += self._sweep.times() * state[:, 3:]
+            self._sweep.watch(state[:, 3:])
+        return self._state
+
+    def _movable(self, b):
+        """Body b of the model, where Chipmunk's first move takes it to its start."""
+        model = self._compiled.model
+        body = pymunk.Body(float(model.mass[b]), float(model.inertia[b]))
+        (x, y, angle), (vx, vy, turn) = model.pose[b].tolist(), model.velocity[b].tolist()
+        body.position, body.angle = (x - self._h * vx, y - self._h * vy), angle - self._h * turn
+        body.velocity, body.angular_velocity = (vx, vy), turn
+        self.space.add(body)
+        return body
+
+    def _fill(self):
+        """All shapes of the scene."""
+        rank, self._order = {body.name: k for k, body in enumerate(self.scene.bodies)}, {}
+        for solid in (self.scene.tool, *self.scene.bodies):
+            place = self._compiled.places[solid.name]
+            if place.body < len(self._bodies):
+                body = self._bodies[place.body]
+            else:
+                body = pymunk.Body(body_type=pymunk.Body.STATIC)
+                self.space.add(body)
+            self._order.setdefault(body.id, (solid.name != TOOL, rank.get(solid.name, 0), solid.name))
+            self._add_shapes(solid, body, place.pose)
+
+    def _add_shapes(self, solid, body, pose):
+        material, layers = self.scene.material(solid), sum(1 << layer % 32 for layer in solid.layers)
+        turn = pymunk.Transform.translation(pose[0], pose[1]) @ pymunk.Transform.rotation(pose[2])
+        for vertices, radius in solid.outlines:
+            placed = [turn @ vertex for vertex in vertices]
+            shape = pymunk.Circle(body, radius, placed[0]) if radius > 0.0 else pymunk.Poly(body, placed)
+            # Chipmunk multiplies the two coefficients of a pair: the roots make it their geometric mean.
+            shape.friction, shape.elasticity = math.sqrt(material.friction), math.sqrt(material.restitution)
+            shape.filter = pymunk.ShapeFilter(categories=layers, mask=layers)
+            self.space.add(shape)
+
+    def _set_effective_mass(self):
+        stiffness, damping, rotational_stiffness, rotational_damping = self._gains
+        h = self._h
+        extra = h * damping + h * h * stiffness
+        self._tool.mass = self._mass + extra
+        self._less = extra * self._gravity[0], extra * self._gravity[1]  # Chipmunk's gravity pulls m_e
+        self._tool.moment = self._inertia + h * rotational_damping + h * h * rotational_stiffness
+
+    def _limit_rebound(self, arbiter, _space, _data):
+        """Restitution 0 where the push over this time would make the port active; called by Chipmunk for each pair."""
+        e = arbiter.restitution
+        if e == 0.0:
+            return
+        normal, point = arbiter.normal, arbiter.contact_point_set.points[0].point_a
+        approach = change = 0.0
+        for body, sign in zip(arbiter.bodies, (1.0, -1.0), strict=True):
+            approach += sign * body.velocity_at_world_point(point).dot(normal)
+            change += sign * self._change(body, point).dot(normal)
+        if approach * (1.0 - e * e) < 2.0 * abs(change) * e:
+            arbiter.restitution = 0.0
+
+    def _change(self, body, point):
+        """What forces without contacts add to the velocity of a body's point over a step."""
+        if body.body_type != pymunk.Body.DYNAMIC:
+            return pymunk.Vec2d(0.0, 0.0)
+        arm, turn = point - body.position, body.torque / body.moment
+        return self._h * (self.space.gravity + body.force / body.mass + turn * arm.perpendicular())
+
+    def _contact(self, whole, real):
+        body_a, body_b, count = whole
+        points = [real[4:8], real[9:13]][:count]
+        x = sum(ax + bx for ax, _, bx, _ in points) / (2 * count)
+        y = sum(ay + by for _, ay, _, by in points) / (2 * count)
+        depth = -min((real[8], real[13])[:count])
+        a, b = self._order[body_a], self._order[body_b]
+        sign = 1.0 if a < b else -1.0
+        push = sign / self._h
+        normal = sign * real[2], sign * real[3]
+        force_on_a = push * real[0], push * real[1]
+        return Contact(min(a, b)[2], max(a, b)[2], (x, y), normal, force_on_a, depth)
