@@ -136,6 +136,7 @@ class World:
         low, high = joint.limits or (0.0, 0.0)
         if joint.type == "pin":
             speed, most = (joint.motor.speed, joint.motor.max_torque) if joint.motor else (0.0, joint.friction)
+        speed, most = joint.drive if joint.motor else (0.0, joint.friction)
             self._world.CreateRevoluteJoint(
                 **common, enableLimit=bool(joint.limits), lowerAngle=low, upperAngle=high, enableMotor=most > 0.0,
                 motorSpeed=speed, maxMotorTorque=most / self._unit**2)
@@ -144,8 +145,8 @@ class World:
         elif joint.type == "slider" and not (joint.stiffness or joint.damping):
             self._world.CreatePrismaticJoint(
                 **common, axis=joint.axis, enableLimit=bool(joint.limits), lowerTranslation=low / self._unit,
-                upperTranslation=high / self._unit, enableMotor=joint.friction > 0.0, motorSpeed=0.0,
-                maxMotorForce=joint.friction / self._unit)
+                upperTranslation=high / self._unit, enableMotor=most > 0.0,
+                motorSpeed=speed / self._unit, maxMotorForce=most / self._unit)
         else:
             raise Impossible(f"no {joint.type} with these properties is written for Box2D here")
 

@@ -115,8 +115,9 @@ def _about_pin(joint, a, b):
     if joint.limits:
         yield pymunk.RotaryLimitJoint(a, b, start + joint.limits[0], start + joint.limits[1])
     if joint.friction or joint.motor:
-        motor = pymunk.SimpleMotor(a, b, -joint.motor.speed if joint.motor else 0.0)
-        motor.max_force = joint.motor.max_torque if joint.motor else joint.friction
+        speed, torque = joint.drive
+        motor = pymunk.SimpleMotor(a, b, -speed)
+        motor.max_force = torque or joint.friction
         yield motor
     if joint.stiffness or joint.damping:
         yield pymunk.DampedRotarySpring(a, b, -(start + (joint.rest or 0.0)), joint.stiffness, joint.damping)
@@ -127,6 +128,8 @@ def _along_slider(joint, a, b, place):
         raise Impossible("no spring along a groove")
     low, high = joint.limits or (-FAR, FAR)
     length = math.hypot(*joint.axis)
+    if joint.motor:
+        raise Impossible("no motor along a groove")
     ends = [a.world_to_local((place[0] + way * joint.axis[0] / length, place[1] + way * joint.axis[1] / length))
             for way in (low, high)]
     parts = [pymunk.GrooveJoint(a, b, *ends, b.world_to_local(place)), pymunk.GearJoint(a, b, b.angle - a.angle, 1.0)]

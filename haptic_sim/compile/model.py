@@ -64,7 +64,7 @@ class Model(NamedTuple):
     joint_friction: np.ndarray
     """(j) Coulomb friction against the joint coordinate [N m | N]."""
     joint_motor: np.ndarray
-    """(j, 2) speed wished [rad/s] and largest torque [N m]; without a motor 0, 0."""
+    """(j, 2) speed wished [rad/s | m/s] and largest torque or force [N m | N]; without a motor 0, 0."""
     joint_spring: np.ndarray
     """(j, 3) stiffness, damping, rest on the coordinate; a SPRING's is the anchors' distance, with rest 0 a vector."""
     gravity: np.ndarray
@@ -155,6 +155,5 @@ def _joint(joint, solids, places, pose):
     if joint.type == "slider":
         length = math.hypot(*joint.axis)
         axis = framed((joint.axis[0] / length, joint.axis[1] / length), (0.0, 0.0, frames[0][2]))
-    motor = (joint.motor.speed, joint.motor.max_torque) if joint.motor else (0.0, 0.0)
     return (_KINDS[joint.type], bodies, (framed(on_a, frames[0]), framed(on_b, frames[1])), axis,
-            frames[1][2] - frames[0][2], joint.limits or _UNLIMITED, joint.friction, motor, spring)
+            frames[1][2] - frames[0][2], joint.limits or _UNLIMITED, joint.friction, joint.drive, spring)
