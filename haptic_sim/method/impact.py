@@ -1,5 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One impact: all contacts that touch at an instant, solved together."""
+"""One impact: all contacts that touch at an instant, solved together.
+
+The law (Moreau 1988; Glocker & Pfeiffer 1995): every contact that touches, be it struck or only at rest, obeys
+
+    0 ≤ λ_n ⟂ G_n v⁺ + e min(G_n v⁻, 0) ≥ 0,     |λ_t| ≤ μ λ_n against the slip after,     v⁺ = v⁻ + W Gᵀ λ
+
+Three equal discs in a row with e = 1, two of them touching, struck by the third at speed 1, leave with −1/3, 2/3, 2/3.
+It keeps momentum, since λ is mutual. It never creates energy: without friction T⁺ − T⁻ = Σ ½ (1 − e) λ_n G_n v⁻ ≤ 0
+unless some contact parts already; in that case, and with friction, `impact` gives restitution up where it would gain.
+And it invents no order of impacts, of which rigid bodies know nothing.
+
+Its limit: it is not continuous. The same discs with any gap strike one after the other and leave with 0, 0, 1. No law
+could be: as gaps vanish the outcome tends to different limits for different orders of impact (Ivanov 1995), and only
+the bodies' elasticity, which is not modelled, could tell which one is right. A Newton's cradle is a scene with gaps of
+1 nm or more (TOUCHING is 1 pm) among bodies that the coupling does not hold: for a backward difference (`press`) all
+that is struck within one step is struck at once.
+"""
 
 import math
 
