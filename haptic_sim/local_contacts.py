@@ -43,7 +43,8 @@ class LocalContacts:
         self._moving = [body for body in range(1, len(model.mass)) if not model.fixed[body]]
         self._dry = {int(body) for joint, bodies in enumerate(model.joint_bodies) if model.joint_friction[joint] > 0.0
                      for body in bodies}  # fmt: skip
-        self._held_by_joint = any(0 in bodies for bodies in model.joint_bodies.tolist())
+        of_tool = model.shape_body[model.pairs[:, 0]] == 0
+        self._stands_in = not (model.joint_bodies == 0).any() and not model.pair_surface[of_tool].any()
         self._extent = max(
             math.hypot(x, y) + radius
             for shape, radius in enumerate(model.radius)
@@ -82,8 +83,8 @@ class LocalContacts:
         self._expected = self._pose[0] + lead * self._velocity[0]
         self.offered = count
         self.trust = nearby.choose(self._candidates, count, self.table[:, contact.IDENTITY].copy(), self.table)
-        if self._held_by_joint or count >= nearby.MOST:
-            self.trust = 0.0  # the servo cannot stand for this tool, or knows too little
+        if not self._stands_in or count >= nearby.MOST:
+            self.trust = 0.0  # the servo knows no joints and no belts, or too little
         if self._moving:
             self._give_way()
 

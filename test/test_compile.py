@@ -132,6 +132,15 @@ def test_joints_carry_their_numbers_into_the_model():
     assert model.joint_anchor[0, 1] == pytest.approx([-0.1, 0.0])
 
 
+def test_a_belt_carries_the_velocity_of_its_surface_as_it_stands_in_the_plane_to_its_pairs_alone():
+    belt = {**STOP, "pose": [0.0, -0.1, math.pi / 2], "surface_velocity": [0.3, -0.4]}
+    needs = compiled(bodies=[BAR, belt], gravity=[0.0, -9.81])
+    assert needs.needs.moving == ("tool", "bar")
+    found = dict(zip(needs.needs.touching, needs.model.pair_surface.tolist(), strict=True))
+    assert found == {("tool", "bar"): [0.0, 0.0], ("tool", "stop"): pytest.approx([0.4, 0.3]),
+                     ("bar", "stop"): pytest.approx([0.4, 0.3])}
+
+
 @pytest.mark.parametrize(("parts", "axes"), [
     ({}, ()),
     ({"bodies": [WALL]}, ((1.0, 0.0),)),

@@ -150,6 +150,14 @@ def test_wherever_the_tool_goes_within_the_trust_a_set_touches_where_the_shapes_
             assert (gaps[shown > 0.0, 0].min() < 0.0) == (apart <= 0.0)
 
 
+@pytest.mark.parametrize("speed, stands_in", [(0.0, True), (1e-3, False)])
+def test_a_tool_that_can_touch_a_belt_is_not_trusted_to_the_servo(speed, stands_in):
+    scene = load("push_block")
+    belt, block = scene.bodies
+    scene = scene.model_copy(update={"bodies": (belt.model_copy(update={"surface_velocity": (speed, 0.0)}), block)})
+    assert (LocalContacts(scene, make("partitioned", scene, 1e-3)).trust > 0.0) == stands_in
+
+
 def test_a_nut_on_its_bolt_gives_way_by_turning_alone():
     scene = load("wrench_on_nut")
     near = LocalContacts(scene, make("partitioned", scene, 1e-3))

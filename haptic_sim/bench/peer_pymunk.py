@@ -91,6 +91,8 @@ def _add(space, scene, solid):
         shape = pymunk.Circle(body, radius, vertices[0]) if radius > 0.0 else pymunk.Poly(body, vertices)
         shape.friction, shape.elasticity = math.sqrt(material.friction), math.sqrt(material.restitution)
         shape.filter = pymunk.ShapeFilter(categories=bits, mask=bits)
+        if solid.name != TOOL:
+            shape.surface_velocity = turned(solid.surface_velocity, (0.0, 0.0, solid.pose[2]))
         space.add(shape)
     return body
 
@@ -126,10 +128,10 @@ def _about_pin(joint, a, b):
 def _along_slider(joint, a, b, place):
     if joint.stiffness or joint.damping:
         raise Impossible("no spring along a groove")
-    low, high = joint.limits or (-FAR, FAR)
-    length = math.hypot(*joint.axis)
     if joint.motor:
         raise Impossible("no motor along a groove")
+    low, high = joint.limits or (-FAR, FAR)
+    length = math.hypot(*joint.axis)
     ends = [a.world_to_local((place[0] + way * joint.axis[0] / length, place[1] + way * joint.axis[1] / length))
             for way in (low, high)]
     parts = [pymunk.GrooveJoint(a, b, *ends, b.world_to_local(place)), pymunk.GearJoint(a, b, b.angle - a.angle, 1.0)]

@@ -5,6 +5,7 @@ import math
 
 from haptic_sim.compile.reach import can_touch, reaches
 from haptic_sim.joint import WORLD
+from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
 
 
@@ -46,7 +47,7 @@ def moving_bodies(scene, groups):
 
 
 def touching_pairs(scene, groups):
-    """Pairs of shapes that can touch (indices in the order of the groups) with their materials; names; the rest."""
+    """Pairs of shapes that can touch (indices in the order of the groups) with their surfaces; names; the rest."""
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     discs = reaches(scene, set(groups[-1]))
     shapes = [(rank, name) for rank, group in enumerate(groups) for name in group if name != WORLD
@@ -60,6 +61,8 @@ def touching_pairs(scene, groups):
                 apart += 1
                 continue
             one, two = scene.material(solids[a]), scene.material(solids[b])
-            pairs.append((i, j, math.sqrt(one.friction * two.friction), math.sqrt(one.restitution * two.restitution)))
+            surface = turned(solids[b].surface_velocity, (0.0, 0.0, solids[b].pose[2]))
+            pairs.append((i, j, math.sqrt(one.friction * two.friction), math.sqrt(one.restitution * two.restitution),
+                          surface))
             touching[a, b] = None
     return pairs, tuple(touching), apart

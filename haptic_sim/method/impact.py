@@ -24,7 +24,7 @@ from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_ro
 from haptic_sim.method.lcp import NORMAL, solve_modes
 from haptic_sim.method.lemke import lemke
 from haptic_sim.method.linkage import reduce_linkage
-from haptic_sim.method.rows import add_contact, add_joints, keep_rows, moves, rate_of, refresh
+from haptic_sim.method.rows import add_contact, add_joints, drives_work, keep_rows, moves, rate_of, refresh, wished
 from haptic_sim.method.touch import far_apart, gap_of, place_shapes, touch
 
 TOUCHING = 1e-12
@@ -42,7 +42,8 @@ def impact(model, layout, work):
         return
     copy(work.v, work.trial_v, model.bodies)
     strike(model, layout, work, n, 1.0)
-    if kinetic(model, layout, work, work.v) > before * (1.0 + 1e-12):
+    given = drives_work(model, work, work.v, n)
+    if kinetic(model, layout, work, work.v) - given - before > 1e-12 * (before + abs(given)):
         copy(work.trial_v, work.v, model.bodies)
         strike(model, layout, work, n, 0.0)
     note_impulses(work, n, 1.0)
@@ -82,7 +83,7 @@ def touching_contacts(model, layout, work):
 def strike(model, layout, work, n, scale):
     """v⁺ with the pairs' restitution times `scale`."""
     for r in range(n):
-        work.b[r] = rate_of(work, work.v, r)
+        work.b[r] = rate_of(work, work.v, r) - wished(model, work, r)
         if work.kind[r] == NORMAL and work.source[r] == 0 and work.b[r] < -RESTING:
             work.b[r] *= 1.0 + scale * model.pair_restitution[work.index[r]]
     if solve_modes(work, n, 1.0, 60) < 0:
