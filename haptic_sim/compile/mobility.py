@@ -29,7 +29,10 @@ def groups_of(scene, fixed):
 
 
 def moving_bodies(scene, groups):
-    """Names that something can move: a force, a start velocity, or a touch or joint of one that moves."""
+    """Names that something can move: a force, a start velocity, or a touch or joint of one that moves.
+
+    A belt moves only what is pressed upon it, and what presses is one of these.
+    """
     group_of = {name: tuple(group) for group in groups for name in group}
     movable = [body for body in (scene.tool, *scene.bodies) if WORLD not in group_of[body.name]]
     discs = reaches(scene, set(group_of) - {body.name for body in movable})
