@@ -3,9 +3,9 @@
 
 Work supplied at the tool port is Σ force_on_tool · Δx, with the force really applied over a sub-step and the
 displacement over that same sub-step; positive goes into the world. What is neither kinetic nor potential has been
-dissipated: by contacts and stops, friction of joints with them; by the sub-step's own damping (½ Δvᵀ M Δv by backward
-difference) and dampers of springs; less what putting constraints right has put in. A negative `dissipated` is energy
-the method has created.
+dissipated: by contacts and stops, friction of joints with them, less what motors and belts give; by the sub-step's own
+damping (½ Δvᵀ M Δv by backward difference) and dampers of springs; less what putting constraints right has put in. A
+negative `dissipated` is energy the method has created, or a motor or a belt has given.
 
     supplied = Δkinetic + Δpotential + dissipated,      dissipated = contacts + numerical − correction
 """
@@ -21,7 +21,8 @@ class Energy(NamedTuple):
     supplied: float
     """By the coupling, at the tool's port."""
     contacts: float
-    """Taken by impacts, friction, stops and dry friction of joints; a motor gives. `impulse` has it under numerical."""
+    """Taken by impacts, friction, stops and dry friction of joints; motors and belts give. `impulse` has it under
+    numerical."""
     correction: float
     """Put in by putting joints and overlaps right, with `impulse` under numerical too; negative where the motion was
     slowed down to make up for it."""

@@ -17,21 +17,27 @@ WORLD = "world"
 TOGETHER = 1e-6  # m; anchors nearer than this count as met: a scene file rounds its poses
 
 Torque = Annotated[Number, above_zero("N m")]
+Force = Annotated[Number, above_zero("N")]
 Positive = Annotated[Number, Field(ge=0.0)]
 _OWN = {
     "pin": ("limits", "friction_torque", "motor", "stiffness", "damping", "rest"),
-    "slider": ("axis", "limits", "friction_force", "stiffness", "damping", "rest"),
+    "slider": ("axis", "limits", "friction_force", "motor", "stiffness", "damping", "rest"),
     "weld": (),
     "spring": ("stiffness", "damping", "rest"),
 }
+_STRENGTH = {"pin": "max_torque", "slider": "max_force"}
 _GENERAL = ("type", "name", "bodies", "at", "anchors", "collide")
 
 
 class Motor(Part):
-    """Turns body b against body a at `speed` [rad/s] with at most `max_torque` [N m]."""
+    """Moves body b against body a at `speed` along the joint's coordinate.
+
+    Of a pin in rad/s with at most `max_torque` [N m], of a slider in m/s with at most `max_force` [N].
+    """
 
     speed: Number
-    max_torque: Torque
+    max_torque: Torque | None = None
+    max_force: Force | None = None
 
 
 class Joint(Part):
@@ -66,6 +72,10 @@ class Joint(Part):
             raise ValueError("needs exactly one of at (a point of the plane) and anchors (a point of each body)")
         if self.bodies[0] == self.bodies[1]:
             raise ValueError(f"joins {self.bodies[0]!r} to itself; name two bodies")
+        given = {key for key in _STRENGTH.values() if getattr(self.motor, key, None) is not None}
+        if self.motor and given != {_STRENGTH[self.type]}:
+            raise ValueError(f"the motor of a {self.type} is given by speed and {_STRENGTH[self.type]}, not by "
+                             f"{' and '.join(sorted(given)) or 'speed alone'}")
         return self
 
     @model_validator(mode="after")
@@ -86,6 +96,11 @@ class Joint(Part):
             return self.at, self.at
         return tuple(turned(anchor, solid.pose) if solid else anchor
                      for anchor, solid in zip(self.anchors, (a, b), strict=True))
+
+    @property
+    def drive(self) -> tuple[float, float]:
+        """Speed of the motor [rad/s | m/s] and its largest torque or force [N m | N]; without a motor 0, 0."""
+        return (self.motor.speed, self.motor.max_torque or self.motor.max_force) if self.motor else (0.0, 0.0)
 
     @property
     def friction(self) -> float:

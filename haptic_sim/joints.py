@@ -22,7 +22,8 @@ def add_joints(space: pymunk.Space, scene, compiled, bodies: list[pymunk.Body]) 
         for joint in _joint(compiled.model, j, [*bodies, space.static_body]):
             joint.collide_bodies = _may_collide(scene, compiled, j)
             stops = np.any(np.isfinite(compiled.model.joint_limit[j]))
-            joint.error_bias = STOP_BIAS if stops else space.collision_bias
+            if joint.max_bias > 1e9:  # else a drive, which has no error
+                joint.error_bias = STOP_BIAS if stops else space.collision_bias
             space.add(joint)
 
 
@@ -40,7 +41,7 @@ def _joint(model, j, bodies):
     on_a, on_b = (tuple(anchor) for anchor in model.joint_anchor[j].tolist())
     kind, (low, high) = model.joint_kind[j], model.joint_limit[j].tolist()
     stiffness, damping, rest = model.joint_spring[j].tolist()
-    friction, (speed, torque), start = float(model.joint_friction[j]), model.joint_motor[j].tolist(), float(
+    friction, (speed, strength), start = float(model.joint_friction[j]), model.joint_motor[j].tolist(), float(
         model.joint_angle[j])
     if kind == SPRING:
         yield pymunk.DampedSpring(a, b, on_a, on_b, rest, stiffness, damping)
@@ -51,24 +52,45 @@ def _joint(model, j, bodies):
             yield pymunk.RotaryLimitJoint(a, b, start + low, start + high)
         if stiffness or damping:
             yield pymunk.DampedRotarySpring(a, b, -(start + rest), stiffness, damping)
-        if torque > 0.0 or friction > 0.0:
+        if strength > 0.0 or friction > 0.0:
             # Chipmunk's rate is that of a against b.
-            yield _bounded(pymunk.SimpleMotor(a, b, -speed if torque > 0.0 else 0.0), max(torque, friction))
+            yield _bounded(pymunk.SimpleMotor(a, b, -speed), max(strength, friction))
     if kind == SLIDER:
         yield from _slider(a, b, on_a, on_b, model.joint_axis[j].tolist(), (low, high))
         yield pymunk.GearJoint(a, b, start, 1.0)
         if stiffness or damping:
             yield pymunk.DampedSpring(a, b, on_a, on_b, rest, stiffness, damping)
-        if friction > 0.0:
-            drag = _bounded(pymunk.PivotJoint(a, b, on_a, on_b), friction)
-            drag.max_bias = 0.0  # against motion only, not back to where it began
-            yield drag
+        if strength > 0.0 or friction > 0.0:
+            yield _drive(a, b, on_a, on_b, model.joint_axis[j].tolist(), speed, max(strength, friction))
 
 
 def _slider(a, b, on_a, on_b, axis, limits):
     low, high = (max(min(limit, REACH), -REACH) for limit in limits)
     ends = [(on_a[0] + way * axis[0], on_a[1] + way * axis[1]) for way in (low, high)]
     yield pymunk.GrooveJoint(a, b, *ends, on_b)
+
+
+def _drive(a, b, on_a, on_b, axis, speed, most):
+    """Motor of a slider, or with speed 0 its friction: a pivot of bounded force towards a point far ahead on its axis.
+
+    What it takes back of an error is bounded by the speed. The point is fixed in a body that does not turn; if both
+    can, it is set anew in each step, one step ahead, since elsewhere it would hold b across the axis too.
+    """
+    drive = _bounded(pymunk.PivotJoint(a, b, on_a, on_b), most)
+    drive.max_bias, drive.error_bias = abs(speed), 0.0
+    ahead = math.copysign(REACH, speed) if speed else 0.0
+    if a.body_type == pymunk.Body.STATIC:
+        drive.anchor_a = on_a[0] + ahead * axis[0], on_a[1] + ahead * axis[1]
+    elif b.body_type == pymunk.Body.STATIC:
+        x, y = turned(axis, (0.0, 0.0, a.angle - b.angle))
+        drive.anchor_b = on_b[0] - ahead * x, on_b[1] - ahead * y
+    else:
+        def set_ahead(_drive, space):
+            way = space.current_time_step * speed
+            x, y = a.world_to_local(b.local_to_world(on_b))
+            drive.anchor_a = x + way * axis[0], y + way * axis[1]
+        drive.pre_solve = set_ahead
+    return drive
 
 
 def _bounded(joint, most):

@@ -2,8 +2,8 @@
 """The contacts that a simulation sends along with its tool: what the servo's own tool may touch until the next set.
 
 Features and their ranking: method/nearby. What another body gives way by comes from its mass and its joints. One that
-the tool presses on already, or that dry friction holds in a joint, gives way by nothing: it moves as the simulation
-says.
+the tool presses on already, or that dry friction or a motor holds in a joint, gives way by nothing: it moves as the
+simulation says.
 """
 
 import math
@@ -41,9 +41,10 @@ class LocalContacts:
         self._candidates = np.zeros((nearby.MOST, nearby.COLUMNS))
         self._free = [_mobility(model, body) for body in range(len(model.mass))]
         self._moving = [body for body in range(1, len(model.mass)) if not model.fixed[body]]
-        self._dry = {int(body) for joint, bodies in enumerate(model.joint_bodies) if model.joint_friction[joint] > 0.0
-                     for body in bodies}  # fmt: skip
-        self._held_by_joint = any(0 in bodies for bodies in model.joint_bodies.tolist())
+        kept = (model.joint_friction > 0.0) | (model.joint_motor[:, 1] > 0.0)
+        self._kept = {int(body) for body in model.joint_bodies[kept].ravel()}
+        of_tool = model.shape_body[model.pairs[:, 0]] == 0
+        self._stands_in = not (model.joint_bodies == 0).any() and not model.pair_surface[of_tool].any()
         self._extent = max(
             math.hypot(x, y) + radius
             for shape, radius in enumerate(model.radius)
@@ -82,8 +83,8 @@ class LocalContacts:
         self._expected = self._pose[0] + lead * self._velocity[0]
         self.offered = count
         self.trust = nearby.choose(self._candidates, count, self.table[:, contact.IDENTITY].copy(), self.table)
-        if self._held_by_joint or count >= nearby.MOST:
-            self.trust = 0.0  # the servo cannot stand for this tool, or knows too little
+        if not self._stands_in or count >= nearby.MOST:
+            self.trust = 0.0  # the servo knows no joints and no belts, or too little
         if self._moving:
             self._give_way()
 
@@ -120,7 +121,7 @@ class LocalContacts:
                 for f in pressed
                 if f.body_b == name and math.dist(f.point, place) < NEAR
             )
-            held = body in self._dry or (name in rubbed and any(f.body_b == name for f in pressed))
+            held = body in self._kept or (name in rubbed and any(f.body_b == name for f in pressed))
             one[contact.FORCE] *= held
             one[contact.MOBILITY] = 0.0 if held else self._mobility_along(body, place, nx, ny)
             one[contact.SLIP_MOBILITY] = 0.0 if held else self._mobility_along(body, place, -ny, nx)

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from pydantic import Field, model_validator
 
 from haptic_sim.outline import Outline, combined
-from haptic_sim.shape import Number, Part, Pose, Shape, above_zero
+from haptic_sim.shape import Number, Part, Point, Pose, Shape, above_zero
 
 TOOL = "tool"
 
@@ -51,13 +51,16 @@ class Solid(Part):
 class Body(Solid):
     """A body: fixed, or dynamic with a mass.
 
-    The mass is spread evenly over the shapes unless `inertia`, about the mass centre, is given.
+    The mass is spread evenly over the shapes unless `inertia`, about the mass centre, is given. `surface_velocity`
+    [m/s, m/s], in the body's frame, makes a belt of a fixed body: its surface runs at that while the body stands still,
+    and friction drags what touches it that way. Only the part along the surface counts.
     """
 
     name: str
     fixed: bool = False
     mass: Mass | None = None
     inertia: Inertia | None = None
+    surface_velocity: Point = (0.0, 0.0)
 
     @model_validator(mode="after")
     def _mass_if_dynamic(self):
@@ -65,6 +68,9 @@ class Body(Solid):
             raise ValueError("needs a mass in kg, or fixed: true")
         if self.fixed and self.velocity != (0.0, 0.0, 0.0):
             raise ValueError(f"is fixed, so its velocity cannot be {list(self.velocity)}; leave one of the two out")
+        if not self.fixed and self.surface_velocity != (0.0, 0.0):
+            raise ValueError(f"has the surface_velocity {list(self.surface_velocity)} m/s, which only a fixed body can "
+                             "have; write fixed: true or leave it out")
         if not self.fixed and any(shape.half_plane for shape in self.shapes):
             raise ValueError("has a half_plane, which only a fixed body can have; write fixed: true or take a box")
         return self

@@ -94,7 +94,7 @@ class World:
         # A contact that returns within the persistence would keep an impulse it no longer applies, and could pull.
         space.collision_persistence = 1
         model = self._compiled.model
-        if not np.any(model.joint_motor):  # a slow motor would fall asleep
+        if not np.any(model.joint_motor) and not np.any(model.pair_surface):  # slow ones would fall asleep
             space.sleep_time_threshold, space.idle_speed_threshold = ASLEEP, SLOW
         self._bodies = [self._movable(b) for b in range(len(model.mass) - 1)]
         self._fill()
@@ -299,6 +299,8 @@ class World:
             # Chipmunk multiplies the two coefficients of a pair: the roots make it their geometric mean.
             shape.friction, shape.elasticity = math.sqrt(material.friction), math.sqrt(material.restitution)
             shape.filter = pymunk.ShapeFilter(categories=layers, mask=layers)
+            if solid.name != TOOL:
+                shape.surface_velocity = turned(solid.surface_velocity, (0.0, 0.0, solid.pose[2]))
             self.space.add(shape)
 
     def _set_effective_mass(self):

@@ -118,17 +118,27 @@ def test_welded_bodies_are_one_with_the_inertia_of_the_whole():
 
 def test_joints_carry_their_numbers_into_the_model():
     spring = {"type": "spring", "bodies": ["tool", "bar"], "anchors": [[0, 0], [0.2, 0]], "stiffness": 5.0}
-    rail = {"type": "slider", "bodies": ["world", "tool"], "at": [0.5, 0.0], "axis": [0.0, 3.0], "friction_force": 2.0}
+    rail = {"type": "slider", "bodies": ["world", "tool"], "at": [0.5, 0.0], "axis": [0.0, 3.0], "friction_force": 2.0,
+            "motor": {"speed": -0.5, "max_force": 7.0}}
     motor = PINNED | {"friction_torque": 0.5, "motor": {"speed": 3.0, "max_torque": 2.0}, "limits": [-1.0, 2.0]}
     model = compiled(bodies=[BAR], joints=[motor, rail, spring]).model
     assert model.joint_kind.tolist() == [PIN, SLIDER, SPRING]
     assert model.joint_bodies.tolist() == [[2, 1], [2, 0], [0, 1]]
     assert model.joint_friction.tolist() == [0.5, 2.0, 0.0]
-    assert model.joint_motor[0].tolist() == [3.0, 2.0]
+    assert model.joint_motor.tolist() == [[3.0, 2.0], [-0.5, 7.0], [0.0, 0.0]]
     assert model.joint_limit[0].tolist() == [-1.0, 2.0]
     assert model.joint_axis[1] == pytest.approx([0.0, 1.0])
     assert model.joint_spring[2] == pytest.approx([5.0, 0.0, 0.3])
     assert model.joint_anchor[0, 1] == pytest.approx([-0.1, 0.0])
+
+
+def test_a_belt_carries_the_velocity_of_its_surface_as_it_stands_in_the_plane_to_its_pairs_alone():
+    belt = {**STOP, "pose": [0.0, -0.1, math.pi / 2], "surface_velocity": [0.3, -0.4]}
+    needs = compiled(bodies=[BAR, belt], gravity=[0.0, -9.81])
+    assert needs.needs.moving == ("tool", "bar")
+    found = dict(zip(needs.needs.touching, needs.model.pair_surface.tolist(), strict=True))
+    assert found == {("tool", "bar"): [0.0, 0.0], ("tool", "stop"): pytest.approx([0.4, 0.3]),
+                     ("bar", "stop"): pytest.approx([0.4, 0.3])}
 
 
 @pytest.mark.parametrize(("parts", "axes"), [

@@ -10,7 +10,7 @@ from haptic_device.law import contact
 from haptic_sim.clearance import body_distance
 from haptic_sim.local_contacts import LocalContacts
 from haptic_sim.method.registry import make
-from haptic_sim.scene import load
+from haptic_sim.scene import load, parse
 
 
 def one(**given):
@@ -148,6 +148,26 @@ def test_wherever_the_tool_goes_within_the_trust_a_set_touches_where_the_shapes_
             contact.hide_others(near.table, gaps, shown)
             apart = body_distance(here.tool.outlines, tuple(there), here.bodies[0].outlines, here.bodies[0].pose)
             assert (gaps[shown > 0.0, 0].min() < 0.0) == (apart <= 0.0)
+
+
+@pytest.mark.parametrize("speed, stands_in", [(0.0, True), (1e-3, False)])
+def test_a_tool_that_can_touch_a_belt_is_not_trusted_to_the_servo(speed, stands_in):
+    scene = load("push_block")
+    belt, block = scene.bodies
+    scene = scene.model_copy(update={"bodies": (belt.model_copy(update={"surface_velocity": (speed, 0.0)}), block)})
+    assert (LocalContacts(scene, make("partitioned", scene, 1e-3)).trust > 0.0) == stands_in
+
+
+@pytest.mark.parametrize("more, mobility", [
+    ({}, 0.5), ({"motor": {"speed": 0.0, "max_force": 1.0}}, 0.0), ({"friction_force": 1.0}, 0.0)])
+def test_what_a_slider_carries_gives_way_by_its_mass_unless_a_motor_or_friction_holds_it(more, mobility):
+    load_ = {"name": "load", "mass": 2.0, "pose": [0.021, 0.0, 0.0], "shapes": [{"box": {"size": [0.02, 0.02]}}]}
+    guide = {"type": "slider", "bodies": ["world", "load"], "at": [0.021, 0.0], "axis": [1.0, 0.0], **more}
+    tool = {"mass": 0.1, "shapes": [{"circle": {"radius": 0.01}}]}
+    scene = parse({"name": "t", "bodies": [load_], "joints": [guide], "tool": tool}, "t")
+    near = LocalContacts(scene, make("partitioned", scene, 1e-3))
+    assert near.table[:, contact.IDENTITY].any()
+    assert near.table[:, contact.MOBILITY].max() == pytest.approx(mobility)
 
 
 def test_a_nut_on_its_bolt_gives_way_by_turning_alone():

@@ -55,6 +55,21 @@ def test_dry_friction_of_a_guide_is_booked_with_the_contacts(method):
     assert simulation.ledger.balance.contacts >= force * way * (1.0 - 1e-6)
 
 
+@pytest.mark.parametrize("method", ["partitioned", "event_driven"])
+def test_a_belt_gives_a_block_what_it_has_of_motion_when_it_goes_along(method):
+    """½ m v² by the contacts, as much again becomes heat at the belt and is in no account; nothing else is lost."""
+    scene = load("push_block")
+    belt, block, *_ = scene.bodies
+    bodies = belt.model_copy(update={"surface_velocity": (0.2, 0.0)}), block
+    tool = scene.tool.model_copy(update={"layers": frozenset({7})})
+    simulation = Simulation(scene.model_copy(update={"bodies": bodies, "tool": tool}), 0.25e-3, method=method)
+    for k in range(400):
+        simulation.exchange(HandleSample(k * EXCHANGE_NS, tool.pose, STILL, 0.0, 0.0, 0.0, 0.0))
+    balance = simulation.ledger.balance
+    assert balance.contacts == pytest.approx(-0.5 * block.mass * 0.2**2, rel=1e-9)
+    assert balance.dissipated == pytest.approx(balance.contacts, rel=1e-6)
+
+
 def test_backward_difference_pays_half_the_square_of_what_it_changes_and_flight_pays_nothing():
     held, free = (led("free_space", method, 1.0).ledger.balance for method in ("partitioned", "event_driven"))
     assert held.numerical > 0.0

@@ -90,6 +90,29 @@ def test_every_method_says_whether_it_is_passive():
         "event_driven": False, "closed_form": True}
 
 
+@pytest.mark.parametrize("gains", GAINS)
+@pytest.mark.parametrize("speed", [0.5, -20.0])
+def test_a_crowd_on_a_belt_gains_no_more_than_the_port_supplies_and_the_belt_works(speed, gains):
+    """A belt works the force that drags the crowd times its own speed; the handle jumps at random."""
+    scene = crowded()
+    belt, *others = scene.bodies
+    belt = belt.model_copy(update={"surface_velocity": (speed, 0.0)})
+    method = Partitioned(scene.model_copy(update={"bodies": (belt, *others)}), H)
+    method.couple(gains)
+    rng, largest, worst, works = np.random.default_rng(3), 0.0, np.inf, 0.0
+    for _ in range(300):
+        handle = rng.uniform(-0.1, 0.1), rng.uniform(-0.05, 0.05), rng.uniform(-1.0, 1.0)
+        for _ in range(int(rng.integers(1, 8))):
+            stored = sum(method.energy())
+            given = method.travel(handle, STILL, handle, STILL, 1).supplied
+            work = sum(H * speed * one.force_on_a[0] for one in method.contacts() if one.body_b == "floor")
+            gained = sum(method.energy()) - stored
+            largest = max(largest, abs(given + work), abs(gained), 1.0)
+            worst, works = min(worst, given + work - gained), works + abs(work)
+    assert works > 0.01
+    assert worst >= -1e-9 * largest
+
+
 def driven_four_bar(torque, speed, h):
     """The four-bar linkage on a coupling without damping, its crank turned by a motor unless the torque is 0."""
     scene = load("four_bar")

@@ -8,23 +8,27 @@ import pytest
 from scipy.special import ellipk
 
 from haptic_sim.method import Coupling
+from haptic_sim.method.event_driven import EventDriven
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.scene import Scene
 
 G = 9.81
 DOWN = [0.0, -G]
 STILL = (0.0, 0.0, 0.0)
+BOTH = [Partitioned, EventDriven]
 SLIM = [{"vertices": [[-0.5, 0.0], [0.0, -0.001], [0.5, 0.0], [0.0, 0.001]]}]  # a rod of 1 m, pointed
 FAR_TOOL = {"mass": 0.1, "pose": [50.0, 50.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
 
 
-def world(h, bodies, friction=0.0, restitution=0.0, **more):
-    """Bodies over a floor at y = 0, all of one material; the tool is far off unless given."""
-    floor = {"name": "floor", "fixed": True, "shapes": [{"box": {"size": [40, 2], "center": [0, -1]}}]}
+def world(h, bodies, friction=0.0, restitution=0.0, kind=Partitioned, belt=0.0, **more):
+    """Bodies over a floor at y = 0, all of one material, whose top runs at `belt` [m/s]; the tool is far off unless
+    given."""
+    floor = {"name": "floor", "fixed": True, "pose": [0.0, 0.0, math.pi], "surface_velocity": [-belt, 0.0],
+             "shapes": [{"box": {"size": [40, 2], "center": [0, 1]}}]}
     materials = {"m": {"friction": friction, "restitution": restitution}}
     solids = [{"material": "m", **body} for body in (floor, *bodies)]
-    return Partitioned(Scene.model_validate({"name": "t", "materials": materials, "bodies": solids, "tool": FAR_TOOL,
-                                             **more}), h)
+    return kind(Scene.model_validate({"name": "t", "materials": materials, "bodies": solids, "tool": FAR_TOOL, **more}),
+                h)
 
 
 def run(method, count, handle=STILL):
@@ -144,6 +148,15 @@ def test_a_collinear_impact_keeps_momentum_and_newtons_law_to_a_billionth(ratio,
     assert (speed(method, "a")[0], speed(method, "b")[0]) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.parametrize("kind", BOTH)
+@pytest.mark.parametrize(("gap", "speeds"), [(0.0, (-1 / 3, 2 / 3, 2 / 3)), (1e-9, (0.0, 0.0, 1.0))])
+def test_touching_discs_are_struck_at_once_and_those_a_nanometre_apart_one_by_one(kind, gap, speeds):
+    row = [ball(name=name, pose=[x, 5.0, 0.0]) for name, x in (("a", 0.0), ("b", 0.21), ("c", 0.41 + gap))]
+    row[0]["velocity"] = [1.0, 0.0, 0.0]
+    method = run(world(1e-3, row, restitution=1.0, kind=kind), 100)
+    assert tuple(speed(method, name)[0] for name in "abc") == pytest.approx(speeds, abs=1e-9)
+
+
 @pytest.mark.parametrize("restitution", [0.0, 0.4])
 @pytest.mark.parametrize("degrees", [10.0, 30.0, 60.0])
 def test_a_falling_rod_gets_the_impulse_of_its_end(degrees, restitution):
@@ -211,6 +224,56 @@ def test_a_block_slides_to_rest_after_v_squared_over_two_mu_g_and_stays():
     method = run(world(1e-3, [block(velocity=[2.0, 0.0, 0.0])], 0.4, gravity=DOWN), 1500)
     assert method.pose("block")[0] == pytest.approx(4.0 / (2.0 * 0.4 * G), rel=1e-9)
     assert speed(method, "block") == pytest.approx(STILL, abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", BOTH)
+@pytest.mark.parametrize("belt", [0.5, -0.5])
+def test_a_block_on_a_belt_has_its_speed_after_v_over_mu_g_and_keeps_it(kind, belt):
+    method, drag = world(1e-3, [block()], 0.4, kind=kind, belt=belt, gravity=DOWN), 0.4 * G
+    assert abs(run(method, 100).pose("block")[0]) == pytest.approx(0.5 * drag * 0.1**2, rel=1e-9)
+    assert run(method, 400).pose("block")[0] == pytest.approx(belt * (0.5 - 0.5 * abs(belt) / drag), rel=1e-9)
+    assert speed(method, "block") == pytest.approx((belt, 0.0, 0.0), abs=1e-9)
+
+
+def test_errors_on_a_belt_under_a_plate_that_turns_fall_with_the_fourth_power_of_the_step():
+    """What sticks to a running corner turns against it, and the part of the belt's velocity along it changes."""
+    corner = {"name": "corner", "fixed": True, "surface_velocity": [0.3, 0.2], "pose": [0.0, 9.0, 0.0],
+              "shapes": [{"vertices": [[-0.1, -0.2], [0.1, -0.2], [0.0, 0.0]]}]}
+    plate = block(pose=[0.01, 9.05, 0.0], shapes=[{"box": {"size": [1.0, 0.1]}}])
+    exact, *ends = (run(world(0.2 / n, [corner, plate], 2.0, gravity=DOWN), n).pose("block") for n in (800, 20, 80))
+    errors = [math.dist(end, exact) for end in ends]
+    assert abs(exact[2]) > 0.02 and errors[0] / errors[1] > 2.0**7
+
+
+def test_a_ball_that_falls_on_a_belt_is_spun_by_it_and_by_no_more_than_its_friction():
+    """μ m v (1 + e) while it slides; a disc that ends rolling has a third of the belt's speed."""
+    falling = ball(pose=[0.0, 0.1 + 1e-4, 0.0], velocity=[0.0, -1.0, 0.0])
+    for belt, given in ((3.0, 0.2 * 1.0 * 1.5), (0.3, 0.1)):
+        method = run(world(1e-3, [falling], 0.2, 0.5, belt=belt), 2)
+        assert speed(method, "ball") == pytest.approx((given, 0.5, given / 0.05), rel=1e-9)
+
+
+def test_a_tool_on_a_belt_goes_with_it_until_its_coupling_pulls_as_hard_as_friction():
+    tool = {"mass": 0.1, "inertia": 1e-4, "pose": [0.0, 0.01, 0.0], "material": "m",
+            "shapes": [{"box": {"size": [0.04, 0.02]}}]}
+    method = world(1e-3, [], 0.3, belt=0.1, tool=tool)
+    method.couple(Coupling(2000.0, 20.0, 50.0, 0.5))
+    handle = 0.0, 0.0, 0.0
+    assert run(method, 10, handle).velocity[0] == pytest.approx(0.1, rel=1e-9)
+    assert run(method, 2000, handle).position[:2] == pytest.approx((0.3 * 0.01, 0.01), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", BOTH)
+@pytest.mark.parametrize(("part", "rises"), [(1.01, True), (0.99, False)])
+def test_a_sliders_motor_lifts_its_load_at_its_speed_if_its_force_is_more_than_the_weight(kind, part, rises):
+    """On a guide of 30°, up from its stop: a = (part − 1) g sin 30° until the speed is reached."""
+    guide = {"type": "slider", "bodies": ["world", "block"], "at": [0.0, 5.0], "axis": [math.sqrt(3.0), 1.0],
+             "limits": [0.0, 1.0], "motor": {"speed": 0.02, "max_force": part * 0.5 * G}}
+    method = run(world(1e-3, [block(pose=[0.0, 5.0, math.pi / 6])], kind=kind, joints=[guide], gravity=DOWN), 1000)
+    start = 0.02 / (0.01 * 0.5 * G)
+    x, y, _ = method.pose("block")
+    assert math.hypot(x, y - 5.0) == pytest.approx(0.02 * (1.0 - 0.5 * start) if rises else 0.0, rel=1e-6, abs=1e-9)
+    assert np.hypot(*speed(method, "block")[:2]) == pytest.approx(0.02 if rises else 0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(("width", "tips"), [(0.039, True), (0.041, False)])

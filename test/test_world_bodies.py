@@ -7,6 +7,7 @@ import pytest
 from scipy.special import ellipk
 
 from haptic_sim.method import Coupling
+from haptic_sim.method.registry import make
 from haptic_sim.scene import Scene
 from haptic_sim.world import World
 
@@ -150,3 +151,61 @@ def test_an_impact_rebounds_only_above_the_speed_that_keeps_the_port_passive(par
     method.couple(Coupling(stiffness))
     method.step((-0.0105 + stretch, 0.0, 0.0), STILL)
     assert (method.velocity[0] < -1e-3) == rebounds
+
+
+@pytest.mark.parametrize("speed", [0.5, -0.5])
+def test_a_block_on_a_belt_has_its_speed_after_v_over_mu_g_and_keeps_it(speed):
+    belt = {"name": "belt", "fixed": True, "pose": [0.0, 0.0, math.pi], "surface_velocity": [-speed, 0.0],
+            "shapes": [{"box": {"size": [10.0, 2.0], "center": [0.0, 1.0]}}]}
+    block = {"name": "block", "mass": 1.0, "pose": [0.0, 0.05, 0.0], "shapes": [{"box": {"size": [0.2, 0.1]}}]}
+    method, drag = world([belt, block], friction=0.4, gravity=[0.0, -G]), 0.4 * G
+    assert abs(run(method, 400).pose("block")[0]) == pytest.approx(0.5 * drag * 0.1**2, rel=1e-3)
+    assert run(method, 1600).pose("block")[0] == pytest.approx(speed * (0.5 - 0.5 * abs(speed) / drag), rel=1e-3)
+    assert method.bodies()[1][1][0] == pytest.approx(speed, rel=1e-9)
+
+
+def test_a_slow_belt_does_not_fall_asleep():
+    belt = {"name": "belt", "fixed": True, "surface_velocity": [5e-5, 0.0], "material": "m",
+            "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
+    block = {"name": "block", "mass": 1.0, "pose": [0.0, 0.05, 0.0], "shapes": [{"box": {"size": [0.2, 0.1]}}]}
+    method = run(world([belt, block], friction=0.4, gravity=[0.0, -G]), 4000)
+    assert method.pose("block")[0] == pytest.approx(5e-5, rel=1e-3)
+
+
+@pytest.mark.parametrize("turned_round", [False, True])
+@pytest.mark.parametrize(("part", "rises"), [(1.01, True), (0.99, False)])
+def test_a_sliders_motor_lifts_its_load_at_its_speed_if_its_force_is_more_than_the_weight(part, rises, turned_round):
+    """On a guide of 30°, up from its stop: a = (part − 1) g sin 30° until the speed is reached."""
+    load = {"name": "load", "mass": 1.0, "pose": [0.0, 5.0, math.pi / 6], "shapes": [{"box": {"size": [0.1, 0.1]}}]}
+    sign, bodies = (-1.0, ["load", "world"]) if turned_round else (1.0, ["world", "load"])
+    guide = {"type": "slider", "bodies": bodies, "at": [0.0, 5.0], "axis": [math.sqrt(3.0), 1.0],
+             "limits": [-1.0, 0.0] if turned_round else [0.0, 1.0],
+             "motor": {"speed": sign * 0.02, "max_force": part * 0.5 * G}}
+    method = run(world([load], joints=[guide], gravity=[0.0, -G]), 4000)
+    x, y, _ = method.pose("load")
+    start = 0.02 / (0.01 * 0.5 * G)
+    assert math.hypot(x, y - 5.0) == pytest.approx(0.02 * (1.0 - 0.5 * start) if rises else 0.0, rel=1e-4, abs=1e-9)
+    assert math.hypot(*method.bodies()[1][1][:2]) == pytest.approx(0.02 if rises else 0.0, rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("drive", [{"motor": {"speed": 0.3, "max_force": 1.0}}, {"friction_force": 0.1}])
+def test_a_slider_between_two_that_turn_is_driven_and_braked_along_its_axis_alone(drive):
+    """A load on a carrier that spins, without gravity, against the direct solver: no part of the force goes across."""
+    box = {"layers": [1], "shapes": [{"box": {"size": [0.1, 0.1]}}]}
+    carrier = {"name": "carrier", "mass": 2.0, "inertia": 0.02, "velocity": [0.0, 0.0, 2.0], **box}
+    load = {"name": "load", "mass": 1.0, "pose": [0.2, 0.0, 0.0], "velocity": [0.0, 0.4, 2.0], "inertia": 0.01, **box}
+    method = world([carrier, load], joints=[{"type": "slider", "bodies": ["carrier", "load"], "at": [0.2, 0.0],
+                                             "axis": [1.0, 0.0], **drive}])
+    exact = make("partitioned", method.scene, H)
+    for name in ("carrier", "load"):
+        assert run(method, 400 if name == "carrier" else 0).pose(name) == pytest.approx(
+            run(exact, 400 if name == "carrier" else 0).pose(name), abs=2e-5)
+
+
+@pytest.mark.parametrize(("gap", "speeds"), [(-1e-10, (-1 / 3, 2 / 3, 2 / 3)), (1e-9, (0.0, 0.0, 1.0))])
+def test_touching_discs_are_struck_at_once_and_those_a_nanometre_apart_one_by_one(gap, speeds):
+    row = [{"name": name, "mass": 1.0, "pose": [x, 5.0, 0.0], "shapes": [{"circle": {"radius": 0.1}}],
+            "velocity": [1.0 if name == "a" else 0.0, 0.0, 0.0]}
+           for name, x in (("a", 0.0), ("b", 0.21), ("c", 0.41 + gap))]
+    method = run(world(row, restitution=1.0), 400)
+    assert [velocity[0] for _, velocity in method.bodies()[1:]] == pytest.approx(speeds, abs=1e-9)

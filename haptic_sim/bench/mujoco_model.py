@@ -46,6 +46,8 @@ class Builder:
         """A tree from the world along pins and sliders; bodies out of its reach are planar; the rest closes loops."""
         for name, solid in self.solids.items():
             if name not in self.moving:
+                if any(solid.surface_velocity):
+                    raise Impossible("no belt is written for MuJoCo here")
                 _add_shapes(self.spec, self.spec.worldbody, solid, solid.pose)
                 self._made[name], self.turns[name] = self.spec.worldbody, []
         left = list(self.scene.joints)

@@ -99,6 +99,8 @@ class World:
 
     def _add(self, solid):
         fixed = solid.name != TOOL and solid.fixed
+        if fixed and any(solid.surface_velocity):
+            raise Impossible("no belt is written for Box2D here")
         kind = Box2D.b2_staticBody if fixed else Box2D.b2_dynamicBody
         body = self._world.CreateBody(type=kind, position=self._scaled(solid.pose[:2]), angle=solid.pose[2],
                                       bullet=not fixed)
@@ -134,8 +136,8 @@ class World:
         place = self._scaled(joint.places(*(solids.get(name) for name in joint.bodies))[0])
         common = {"bodyA": a, "bodyB": b, "anchor": place, "collideConnected": joint.collide}
         low, high = joint.limits or (0.0, 0.0)
+        speed, most = joint.drive if joint.motor else (0.0, joint.friction)
         if joint.type == "pin":
-            speed, most = (joint.motor.speed, joint.motor.max_torque) if joint.motor else (0.0, joint.friction)
             self._world.CreateRevoluteJoint(
                 **common, enableLimit=bool(joint.limits), lowerAngle=low, upperAngle=high, enableMotor=most > 0.0,
                 motorSpeed=speed, maxMotorTorque=most / self._unit**2)
@@ -144,8 +146,8 @@ class World:
         elif joint.type == "slider" and not (joint.stiffness or joint.damping):
             self._world.CreatePrismaticJoint(
                 **common, axis=joint.axis, enableLimit=bool(joint.limits), lowerTranslation=low / self._unit,
-                upperTranslation=high / self._unit, enableMotor=joint.friction > 0.0, motorSpeed=0.0,
-                maxMotorForce=joint.friction / self._unit)
+                upperTranslation=high / self._unit, enableMotor=most > 0.0,
+                motorSpeed=speed / self._unit, maxMotorForce=most / self._unit)
         else:
             raise Impossible(f"no {joint.type} with these properties is written for Box2D here")
 

@@ -91,6 +91,8 @@ def _add(space, scene, solid):
         shape = pymunk.Circle(body, radius, vertices[0]) if radius > 0.0 else pymunk.Poly(body, vertices)
         shape.friction, shape.elasticity = math.sqrt(material.friction), math.sqrt(material.restitution)
         shape.filter = pymunk.ShapeFilter(categories=bits, mask=bits)
+        if solid.name != TOOL:
+            shape.surface_velocity = turned(solid.surface_velocity, (0.0, 0.0, solid.pose[2]))
         space.add(shape)
     return body
 
@@ -115,8 +117,9 @@ def _about_pin(joint, a, b):
     if joint.limits:
         yield pymunk.RotaryLimitJoint(a, b, start + joint.limits[0], start + joint.limits[1])
     if joint.friction or joint.motor:
-        motor = pymunk.SimpleMotor(a, b, -joint.motor.speed if joint.motor else 0.0)
-        motor.max_force = joint.motor.max_torque if joint.motor else joint.friction
+        speed, torque = joint.drive
+        motor = pymunk.SimpleMotor(a, b, -speed)
+        motor.max_force = torque or joint.friction
         yield motor
     if joint.stiffness or joint.damping:
         yield pymunk.DampedRotarySpring(a, b, -(start + (joint.rest or 0.0)), joint.stiffness, joint.damping)
@@ -125,6 +128,8 @@ def _about_pin(joint, a, b):
 def _along_slider(joint, a, b, place):
     if joint.stiffness or joint.damping:
         raise Impossible("no spring along a groove")
+    if joint.motor:
+        raise Impossible("no motor along a groove")
     low, high = joint.limits or (-FAR, FAR)
     length = math.hypot(*joint.axis)
     ends = [a.world_to_local((place[0] + way * joint.axis[0] / length, place[1] + way * joint.axis[1] / length))

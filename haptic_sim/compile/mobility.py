@@ -5,6 +5,7 @@ import math
 
 from haptic_sim.compile.reach import can_touch, reaches
 from haptic_sim.joint import WORLD
+from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
 
 
@@ -28,7 +29,10 @@ def groups_of(scene, fixed):
 
 
 def moving_bodies(scene, groups):
-    """Names that something can move: a force, a start velocity, or a touch or joint of one that moves."""
+    """Names that something can move: a force, a start velocity, or a touch or joint of one that moves.
+
+    A belt moves only what is pressed upon it, and what presses is one of these.
+    """
     group_of = {name: tuple(group) for group in groups for name in group}
     movable = [body for body in (scene.tool, *scene.bodies) if WORLD not in group_of[body.name]]
     discs = reaches(scene, set(group_of) - {body.name for body in movable})
@@ -46,7 +50,7 @@ def moving_bodies(scene, groups):
 
 
 def touching_pairs(scene, groups):
-    """Pairs of shapes that can touch (indices in the order of the groups) with their materials; names; the rest."""
+    """Pairs of shapes that can touch (indices in the order of the groups) with their surfaces; names; the rest."""
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     discs = reaches(scene, set(groups[-1]))
     shapes = [(rank, name) for rank, group in enumerate(groups) for name in group if name != WORLD
@@ -60,6 +64,8 @@ def touching_pairs(scene, groups):
                 apart += 1
                 continue
             one, two = scene.material(solids[a]), scene.material(solids[b])
-            pairs.append((i, j, math.sqrt(one.friction * two.friction), math.sqrt(one.restitution * two.restitution)))
+            surface = turned(solids[b].surface_velocity, (0.0, 0.0, solids[b].pose[2]))
+            pairs.append((i, j, math.sqrt(one.friction * two.friction), math.sqrt(one.restitution * two.restitution),
+                          surface))
             touching[a, b] = None
     return pairs, tuple(touching), apart

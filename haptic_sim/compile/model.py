@@ -49,6 +49,8 @@ class Model(NamedTuple):
     """(p) Coulomb coefficient."""
     pair_restitution: np.ndarray
     """(p) coefficient of restitution."""
+    pair_surface: np.ndarray
+    """(p, 2) velocity in the plane [m/s] at which the surface of the second shape runs over its body: of a belt."""
     joint_kind: np.ndarray
     """(j) PIN, SLIDER or SPRING."""
     joint_bodies: np.ndarray
@@ -64,7 +66,7 @@ class Model(NamedTuple):
     joint_friction: np.ndarray
     """(j) Coulomb friction against the joint coordinate [N m | N]."""
     joint_motor: np.ndarray
-    """(j, 2) speed wished [rad/s] and largest torque [N m]; without a motor 0, 0."""
+    """(j, 2) speed wished [rad/s | m/s] and largest torque or force [N m | N]; without a motor 0, 0."""
     joint_spring: np.ndarray
     """(j, 3) stiffness, damping, rest on the coordinate; a SPRING's is the anchors' distance, with rest 0 a vector."""
     gravity: np.ndarray
@@ -89,7 +91,7 @@ def build(scene: Scene, groups: list[list[str]], pairs) -> tuple[Model, dict[str
     """Arrays of a scene, the places of its bodies, and the body name of each shape.
 
     `groups` are the names that make one body each: the tool's first, the world's last. `pairs` are shapes (indices, in
-    the order of the groups) with the materials' friction and restitution.
+    the order of the groups) with the materials' friction and restitution, and the velocity of the second's surface.
     """
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     bodies = [_body([solids[name] for name in group]) for group in groups[:-1]] + [_WORLD_BODY]
@@ -108,6 +110,7 @@ def build(scene: Scene, groups: list[list[str]], pairs) -> tuple[Model, dict[str
         np.array([outline.radius for _, outline in outlines], dtype=float),
         np.array([pair[:2] for pair in pairs], dtype=np.int64).reshape(-1, 2),
         np.array([pair[2] for pair in pairs], dtype=float), np.array([pair[3] for pair in pairs], dtype=float),
+        np.array([pair[4] for pair in pairs], dtype=float).reshape(-1, 2),
         *_joints(scene, solids, places, pose), np.array(scene.gravity, dtype=float),
     )
     return arrays, places, tuple(name for name, _ in outlines)
@@ -155,6 +158,5 @@ def _joint(joint, solids, places, pose):
     if joint.type == "slider":
         length = math.hypot(*joint.axis)
         axis = framed((joint.axis[0] / length, joint.axis[1] / length), (0.0, 0.0, frames[0][2]))
-    motor = (joint.motor.speed, joint.motor.max_torque) if joint.motor else (0.0, 0.0)
     return (_KINDS[joint.type], bodies, (framed(on_a, frames[0]), framed(on_b, frames[1])), axis,
-            frames[1][2] - frames[0][2], joint.limits or _UNLIMITED, joint.friction, motor, spring)
+            frames[1][2] - frames[0][2], joint.limits or _UNLIMITED, joint.friction, joint.drive, spring)

@@ -35,8 +35,8 @@ class Travel(NamedTuple):
 
     Energy supplied to the tool by the coupling [J], whether a contact pushed the tool, the largest mean force of one
     pair of shapes over a sub-step [N], the deepest overlap [m], how many contacts were too many to be solved for;
-    energy that impacts, friction, stops (and motors, which give it) have taken, and that putting constraints right has
-    put in [J], both 0 where a method cannot tell them from the rest.
+    energy that impacts, friction, stops (and motors and belts, which give it) have taken, and that putting constraints
+    right has put in [J], both 0 where a method cannot tell them from the rest.
     """
 
     supplied: float
@@ -57,8 +57,8 @@ class Method(Protocol):
 
     passive: bool
     """Whether it is discrete-time passive at the tool's port: Σ force_on_tool · Δx is never less than the world has
-    gained, whatever the handle does, beyond what its motors work and rounding: contact force times the 1e-12 m that
-    count as touching."""
+    gained, whatever the handle does, beyond what its motors and belts work and rounding: contact force times the
+    1e-12 m that count as touching."""
     inner: int
     """Equal steps that it takes within a sub-step."""
     position: Planar

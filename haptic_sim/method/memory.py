@@ -36,9 +36,9 @@ _WHOLE = {
 
 MODEL = np.dtype(_fields(
     bodies=(), shapes=(), corners=(), pair_count=(), joints=(), mass=_n, inertia=_n, shape_body=_s, shape_start=_s + 1,
-    vertices=(_v, 2), radius=_s, pairs=(_p, 2), pair_friction=_p, pair_restitution=_p, joint_kind=_j,
-    joint_bodies=(_j, 2), joint_anchor=(_j, 2, 2), joint_axis=(_j, 2), joint_angle=_j, joint_limit=(_j, 2),
-    joint_friction=_j, joint_motor=(_j, 2), joint_spring=(_j, 3), gravity=2,
+    vertices=(_v, 2), radius=_s, pairs=(_p, 2), pair_friction=_p, pair_restitution=_p,
+    pair_surface=(_p, 2), joint_kind=_j, joint_bodies=(_j, 2), joint_anchor=(_j, 2, 2), joint_axis=(_j, 2),
+    joint_angle=_j, joint_limit=(_j, 2), joint_friction=_j, joint_motor=(_j, 2), joint_spring=(_j, 3), gravity=2,
 ))
 
 LAYOUT = np.dtype(_fields(
@@ -63,8 +63,8 @@ on b while it rests (2). `counts`: refusals of
 flight, rows remembered, events, contacts noted, contacts left out since there were too many at once. `port`: handle
 position (3) and velocity (3), gains (4), force on the tool (3), energy supplied [J], whether a contact pushed the tool,
 largest contact force [N], deepest overlap [m], contact stiffness [N/m] (0: rigid) and damping [N s/m],
-whether the coupling is a force along the flight; energy that contacts, joint friction and motors have taken, and that
-putting constraints right has put in [J]. `clock`: time [s] since the sub-step began of the state and of a stage;
+whether the coupling is a force along the flight; energy that contacts, joint friction, motors and belts have taken, and
+that putting constraints right has put in [J]. `clock`: time [s] since the sub-step began of the state and of a stage;
 `hand`: handle (position, velocity) when it began, and how fast both change; `pull`: force of the coupling on the tool
 at a stage; `supply`, `lost`: energy [J] it supplies and rows take on the way to the trial state."""
 

@@ -37,7 +37,7 @@ from haptic_sim.method.lcp import FREE, FRICTION, NORMAL, solve_modes
 from haptic_sim.method.lemke import lemke
 from haptic_sim.method.linkage import reduce_linkage, respond
 from haptic_sim.method.meet import add_met, look_around
-from haptic_sim.method.rows import DRY, add_joints, rate_of, recall, refresh, remember, wished
+from haptic_sim.method.rows import add_joints, drives_work, rate_of, recall, refresh, remember, wished
 from haptic_sim.method.smooth import close_joints, power
 from haptic_sim.method.touch import place_shapes
 
@@ -65,11 +65,11 @@ def press(model, layout, work, h):
         n = found
         solve(model, layout, work, n, h, 1.0)
     move(model, layout, work, h)
-    if rebounds(model, work, n) and gained(model, layout, work, h) > 0.0:
+    if rebounds(model, work, n) and gained(model, layout, work, n) > 0.0:
         solve(model, layout, work, n, h, 0.0)
         move(model, layout, work, h)
     take(model, layout, work, n)
-    given = motors_work(model, work, n)
+    given = drives_work(model, work, work.v, n)
     reached = energy_held(model, layout, work, work.q, work.v)
     put_right(model, layout, work, n)
     if work.port[17] == 0.0:
@@ -166,9 +166,9 @@ def rebounds(model, work, n):
 
 
 @part
-def gained(model, layout, work, h):
-    """Energy [J] that the trial state has more than the present one and what the port supplies on the way to it."""
-    supplied = 0.0
+def gained(model, layout, work, n):
+    """Energy [J] that the trial state has more than the present one and what port, motors and belts supply."""
+    supplied = drives_work(model, work, work.trial_v, n)
     if work.active[layout.linkage[0]] > 0:
         for k in range(3):
             supplied += pull(work, k) * (work.trial_q[0, k] - work.q[0, k])
@@ -236,16 +236,6 @@ def brake(model, layout, work, most):
         if work.active[layout.linkage[b]] > 0:
             for k in range(3):
                 work.v[b, k] *= share
-
-
-@part
-def motors_work(model, work, n):
-    """Work of the motors among n rows [J]: impulse λ times the rate G v⁺ of the step's way, as at the port F · Δx."""
-    given = 0.0
-    for r in range(n):
-        if work.source[r] == DRY and model.joint_motor[work.index[r], 1] > 0.0:
-            given += work.lam[r] * rate_of(work, work.v, r)
-    return given
 
 
 @part

@@ -28,10 +28,29 @@ def rate_of(work, v, r):
 
 @part
 def wished(model, work, r):
-    """Rate at which row r has no slip: a motor's speed, else 0."""
-    if work.source[r] == DRY and model.joint_motor[work.index[r], 1] > 0.0:
-        return model.joint_motor[work.index[r], 0]
-    return 0.0
+    """Rate at which row r has no slip: a motor's speed; of friction on a belt −t · s, s being its surface's; else 0."""
+    if work.kind[r] == NORMAL or work.source[r] == LIMIT:
+        return 0.0
+    if work.source[r] == 0:
+        surface = model.pair_surface[work.index[r]]
+        return -(work.G[r, 3] * surface[0] + work.G[r, 4] * surface[1])
+    return model.joint_motor[work.index[r], 0] if model.joint_motor[work.index[r], 1] > 0.0 else 0.0
+
+
+@part
+def drives_work(model, work, v, n):
+    """Work of motors and belts among n rows [J] by their impulses λ.
+
+    Of a motor λ times its rate G v, as at the port F · Δx. A belt works λ times its own speed, `wished`; the part of it
+    that does not reach the body, λ (wished − G v) ≥ 0, becomes heat.
+    """
+    given = 0.0
+    for r in range(n):
+        if work.source[r] == 0:
+            given += work.lam[r] * wished(model, work, r)
+        elif work.source[r] == DRY and model.joint_motor[work.index[r], 1] > 0.0:
+            given += work.lam[r] * rate_of(work, v, r)
+    return given
 
 
 @part
@@ -124,7 +143,7 @@ def refresh(model, layout, work, q, v, n):
         if work.source[r] == 0:
             evaluate(layout, work, work.feature[r])
             tangent = r + 1 < n and work.partner[r + 1] == r
-            contact_rows(work, q, v, r, tangent)
+            contact_rows(model.pair_surface[work.index[r]], work, q, v, r, tangent)
             r += 2 if tangent else 1
         else:
             joint_coordinate(model, work, q, v, r)
@@ -132,8 +151,8 @@ def refresh(model, layout, work, q, v, n):
 
 
 @part
-def contact_rows(work, q, v, r, tangent):
-    """Normal row r, and row r + 1 along t = z × n."""
+def contact_rows(surface, work, q, v, r, tangent):
+    """Normal row r, and row r + 1 along t = z × n, there with the γ of the slip, G v + t · surface."""
     c, a, b, G = work.contact, work.row_a[r], work.row_b[r], work.G
     nx, ny = c[NX], c[NY]
     ax, ay, bx, by = c[AX] - q[a, 0], c[AY] - q[a, 1], c[BX] - q[b, 0], c[BY] - q[b, 1]
@@ -150,7 +169,9 @@ def contact_rows(work, q, v, r, tangent):
         px, py, ux, uy = c[PX] - q[a, 0], c[PY] - q[a, 1], c[PX] - q[b, 0], c[PY] - q[b, 1]
         G[r + 1, 0], G[r + 1, 1], G[r + 1, 2] = ny, -nx, -(px * nx + py * ny)
         G[r + 1, 3], G[r + 1, 4], G[r + 1, 5] = -ny, nx, ux * nx + uy * ny
-        work.gap[r + 1], work.gamma[r + 1] = 0.0, -ny * bend_x + nx * bend_y
+        turn = owner + c[ROUND] * along  # of n, with which the part of the surface's velocity along t changes
+        work.gap[r + 1] = 0.0
+        work.gamma[r + 1] = -ny * bend_x + nx * bend_y - turn * (nx * surface[0] + ny * surface[1])
     work.place[r, 0], work.place[r, 1] = c[PX], c[PY]
 
 
