@@ -21,17 +21,17 @@ class Energy(NamedTuple):
     supplied: float
     """By the coupling, at the tool's port."""
     contacts: float
-    """Taken by impacts, friction, stops and dry friction of joints; motors and belts give. `impulse` has it under
-    numerical."""
+    """Taken by impacts, friction, stops and dry friction of joints; motors and belts give. Of `impulse`: all that is
+    lost, but for numerical."""
     correction: float
-    """Put in by putting joints and overlaps right, with `impulse` under numerical too; negative where the motion was
-    slowed down to make up for it."""
+    """Put in by putting joints and overlaps right, by `impulse` at the tool; negative where the motion was slowed down
+    to make up for it."""
     dissipated: float
     """All that is neither supplied and still there nor was there at the start."""
 
     @property
     def numerical(self) -> float:
-        """Lost to the sub-step's own damping and to dampers of springs."""
+        """Lost to the sub-step's own damping and to dampers of springs; of `impulse`, by a tool that nothing pushes."""
         return self.dissipated - self.contacts + self.correction
 
 

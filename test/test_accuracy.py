@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures that a haptics researcher would check with a calculator, at sub-steps of 0.1 ms.
 
-Pendulum, impacts, incline and four-bar stand in test_partitioned.py, restitution and sliding in test_impulse.py.
+Pendulum, impacts, incline and four-bar stand in test_partitioned.py, restitution and sliding in test_world.py.
 """
 
 import math

@@ -2,6 +2,8 @@
 """The impulse method: nothing goes through anything, joints, start velocities, and rebounds that the port can pay."""
 
 import math
+import re
+from pathlib import Path
 
 import pytest
 from scipy.special import ellipk
@@ -209,3 +211,20 @@ def test_touching_discs_are_struck_at_once_and_those_a_nanometre_apart_one_by_on
            for name, x in (("a", 0.0), ("b", 0.21), ("c", 0.41 + gap))]
     method = run(world(row, restitution=1.0), 400)
     assert [velocity[0] for _, velocity in method.bodies()[1:]] == pytest.approx(speeds, abs=1e-9)
+
+
+def test_what_the_page_shows_to_add_moves_with_the_world_is_held_and_calls_back():
+    """A ball that falls on the block, and is held by a string of 50 mm when it is thrown up."""
+    page = (Path(__file__).parent.parent / "docs" / "methods.md").read_text(encoding="utf-8")
+    names = {}
+    exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], names)
+    world, ball = names["world"], names["ball"]
+    run(world, 2000)
+    assert ball.position.y == pytest.approx(0.045, abs=1e-5) and names["struck"]
+    world.space.gravity, world.body("block").velocity = (0.0, 0.0), (0.0, 0.0)
+    ball.velocity = 0.0, 2.0
+    run(world, 400)
+    assert ball.position.y > 0.06
+    assert ball.position.get_distance(world.body("block").position) <= 0.05 + 1e-3
+    names["simulation"].reset()
+    assert ball not in world.space.bodies
