@@ -8,8 +8,8 @@ from haptic_sim.bench.loads import gravel_content
 FILE = Path(__file__).parents[1] / "config" / "scenes" / "gravel.yaml"
 COUNT, DURATION = 100, 3.0
 TIP = -0.071
-HEAD = """# 100 stones of 6 to 9 mm between two walls 100 mm apart, where they came to rest; the tool is a shovel, led down
-# through them and back. Made by bench/gravel.py. SI: m, kg, rad; x right, y up.
+HEAD = """# 100 stones of 6 to 9 mm at rest between two walls 100 mm apart; the tool is a shovel, led down through them.
+# Made by bench/gravel.py. SI: m, kg, rad; x right, y up.
 name: gravel
 description: A shovel in a box of a hundred stones
 gravity: [0.0, -9.81]

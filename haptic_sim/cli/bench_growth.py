@@ -16,7 +16,7 @@ FEW = (10,)
 def growth(
     worlds: Annotated[str | None, typer.Option(help="Comma-separated worlds [all].")] = None,
     methods: Annotated[str | None, typer.Option(help="Comma-separated methods and peers [some of each].")] = None,
-    short: Annotated[bool, typer.Option("--short", help=f"{FEW[0]} bodies and a fifth of the time only.")] = False,
+    short: Annotated[bool, typer.Option("--short", help=f"{FEW[0]} bodies and a quarter of the time only.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for growth.csv, growth.md and growth.png.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ):
