@@ -3,8 +3,11 @@
 
 import math
 
-from haptic_sim.clearance import body_distance
+import numpy as np
+
+from haptic_sim.clearance import overlap
 from haptic_sim.joint import TOGETHER, WORLD
+from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
 
 TOUCHING = 1e-9  # overlap [m] up to which two bodies count as touching: rounding of poses, far below any feature
@@ -89,17 +92,32 @@ def _speed(place, solid):
 
 def _check_overlaps(scene):
     everything, apart = solids(scene), kept_apart(scene)
-    for i, (path, a) in enumerate(everything):
-        for other, b in everything[i + 1:]:
-            held = frozenset((a.name, b.name)) in apart or getattr(a, "fixed", False) and b.fixed
-            if held or not a.layers & b.layers:
-                continue
-            gap = body_distance(a.outlines, a.pose, b.outlines, b.pose)
-            if gap < -TOUCHING:
-                raise ValueError(
-                    f"{other} ({b.name!r}) overlaps {path} ({a.name!r}) by {-gap * 1e3:.4g} mm at the start; "
-                    "move one of them away by at least that"
-                )
+    for i, k in _near([solid for _, solid in everything]):
+        (path, a), (other, b) = everything[i], everything[k]
+        held = frozenset((a.name, b.name)) in apart or getattr(a, "fixed", False) and b.fixed
+        if held or not a.layers & b.layers:
+            continue
+        depth = overlap(a.outlines, a.pose, b.outlines, b.pose)
+        if depth > TOUCHING:
+            raise ValueError(
+                f"{other} ({b.name!r}) overlaps {path} ({a.name!r}) by {depth * 1e3:.4g} mm at the start; "
+                "move one of them away by at least that"
+            )
+
+
+def _near(bodies):
+    """Pairs (i, k), i < k, whose upright bounding boxes meet: a hundredth of all in a heap of hundreds."""
+    low, high = (np.array(corner) for corner in zip(*map(_around, bodies), strict=True))
+    meet = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2)
+    return np.argwhere(np.triu(meet, 1)).tolist()
+
+
+def _around(solid):
+    """Lowest and highest x, y of a body at the start."""
+    corners = [(*turned(vertex, solid.pose), outline.radius) for outline in solid.outlines
+               for vertex in outline.vertices]
+    return tuple(tuple(extreme(p[k] + sign * p[2] for p in corners) for k in (0, 1))
+                 for extreme, sign in ((min, -1.0), (max, 1.0)))
 
 
 def _pair(joint):

@@ -44,6 +44,20 @@ def body_distance(outlines_a, pose_a: Pose, outlines_b, pose_b: Pose) -> float:
     return min(distance(a, pose_a, b, pose_b) for a in outlines_a for b in outlines_b)
 
 
+def overlap(outlines_a, pose_a: Pose, outlines_b, pose_b: Pose) -> float:
+    """Depth of the deepest overlap of two compounds [m], 0 if there is none: the width of a gap is not worked out."""
+    here, there = ([(_place(outline.vertices, pose), outline.radius) for outline in outlines]
+                   for outlines, pose in ((outlines_a, pose_a), (outlines_b, pose_b)))
+    return max(_depth(a, b, radius_a + radius_b) for a, radius_a in here for b, radius_b in there)
+
+
+def _depth(a, b, grown):
+    """Overlap of two vertex lists grown by `grown` in all; along an edge's normal a gap is never wider than it is."""
+    if max(_separation(a, b), _separation(b, a)) >= grown:
+        return 0.0
+    return max(0.0, grown - _core_distance(a, b))
+
+
 def _core_distance(a, b):
     if len(a) == len(b) == 1:
         return math.dist(a[0], b[0])

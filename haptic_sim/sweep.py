@@ -10,11 +10,13 @@ import math
 
 import numpy as np
 import pymunk
+from pymunk import batch
 
 from haptic_sim.shape import turned
 
 SHARE, FAST = 0.25, 1.0
 """Of the least width, that a step may take; m/s."""
+_RATES = batch.BodyFields.BODY_ID | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
 ALL, FIXED = pymunk.ShapeFilter(), pymunk.Body.STATIC
 
 
@@ -28,10 +30,11 @@ class Sweep:
         self._space, self._bodies, self._h, self._near = space, bodies, h, near
         self._shapes = [_shapes(model, layout, b) for b in range(len(bodies))]
         self._meets = [_met(model, layout, b, bodies) for b in range(len(bodies))]
-        self._limits = [min(SHARE * width, FAST * h) for _, width in self._meets]
-        self._extents = layout.extent[:-1].tolist()
+        self._limits = np.array([min(SHARE * width, FAST * h) for _, width in self._meets])
+        self._extents = layout.extent[:-1].copy()
+        self._rates, self._ids, self._order = batch.Buffer(), None, None
         # A body that is hit may leave with twice the speed of what hits it.
-        self._wary = 0.5 * np.array(self._limits) / h
+        self._wary = 0.5 * self._limits / h
         self._tool_wary = float(self._wary.min())
         self.moves, self._fast = {}, ()
 
@@ -44,18 +47,32 @@ class Sweep:
 
     def watch(self, velocities: np.ndarray) -> None:
         """Take note of who is fast: velocities (n, 3)."""
-        speeds = np.hypot(velocities[:, 0], velocities[:, 1]) + np.abs(velocities[:, 2]) * self._extents
-        self._fast = np.flatnonzero(speeds > self._wary).tolist()
+        self._fast = np.flatnonzero(self._speeds(velocities) > self._wary).tolist()
+
+    def _speeds(self, velocities):
+        """Of each body's fastest point, at most [m/s]."""
+        return np.hypot(velocities[:, 0], velocities[:, 1]) + np.abs(velocities[:, 2]) * self._extents
 
     def look(self, vx: float, vy: float, turn: float) -> float:
         """Plans the next moves, the tool having this velocity after the step; returns the time of its own."""
         if abs(vx) + abs(vy) + abs(turn) * self._extents[0] > self._tool_wary:
-            self._plan(range(len(self._bodies)))
+            self._plan(self._far())
         elif self._fast:
             self._plan(self._fast)
         else:
             self.moves = {}
         return self.moves.get(0, self._h)
+
+    def _far(self):
+        """Bodies that would come farther than they may in the next step."""
+        self._rates.clear()
+        batch.get_space_bodies(self._space, _RATES, self._rates)
+        ids = bytes(self._rates.int_buf())
+        if ids != self._ids:  # the order changes with who is asleep
+            rank = {number: row for row, number in enumerate(memoryview(ids).cast("P").tolist())}
+            self._ids, self._order = ids, [rank[body.id] for body in self._bodies]
+        velocities = np.frombuffer(self._rates.float_buf()).reshape(-1, 3)[self._order]
+        return np.flatnonzero(self._h * self._speeds(velocities) > self._limits).tolist()
 
     def set_out(self) -> None:
         """Puts bodies where Chipmunk's move over h takes them to the end of theirs."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from haptic_device.law import operator
 from haptic_device.parameters import OPERATOR
-from haptic_sim.clearance import body_distance
+from haptic_sim import clearance
 from haptic_sim.compile import compile_scene
 from haptic_sim.joint import WORLD
 from haptic_sim.scene import Scene
@@ -115,15 +115,19 @@ def _stretch_energy(tool, handle, gains):
 def overlap_watch(scene: Scene, pose):
     """() → deepest overlap [m] of all bodies that can touch, where `pose` (body → pose) says that they are."""
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
-    pairs = compile_scene(scene).needs.touching
-    sizes = {name: max(math.hypot(*vertex) + outline.radius for outline in solid.outlines
-                       for vertex in outline.vertices) for name, solid in solids.items()}
+    outlines = {name: solid.outlines for name, solid in solids.items()}
+    rank = {name: k for k, name in enumerate(solids)}
+    touching = compile_scene(scene).needs.touching
+    first, second = np.array([(rank[a], rank[b]) for a, b in touching], dtype=int).reshape(-1, 2).T
+    sizes = np.array([max(math.hypot(*vertex) + outline.radius for outline in parts for vertex in outline.vertices)
+                      for parts in outlines.values()])
+    reach = sizes[first] + sizes[second]
 
     def look():
         poses = {name: pose(name) for name in solids}
-        near = ((a, b) for a, b in pairs
-                if math.dist(poses[a][:2], poses[b][:2]) < sizes[a] + sizes[b])
-        return max((-body_distance(solids[a].outlines, poses[a], solids[b].outlines, poses[b]) for a, b in near),
-                   default=0.0)
+        places = np.array([place[:2] for place in poses.values()])
+        near = np.flatnonzero(np.hypot(*(places[first] - places[second]).T) < reach)
+        return max((clearance.overlap(outlines[a], poses[a], outlines[b], poses[b])
+                    for a, b in (touching[k] for k in near)), default=0.0)
 
     return look

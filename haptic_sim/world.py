@@ -144,10 +144,9 @@ class World:
             touched, force = touched or self.touching, max(force, pushed)
         if self._jointed:
             self.touching = touched = any(TOOL in one[:2] and one.force_on_a != (0.0, 0.0) for one in self.contacts())
-        pressed = self.contacts() if touched else ()
-        force = max([force, *(math.hypot(*one.force_on_a) for one in pressed)])
+        pressed, depth = self._worst() if touched else (0.0, 0.0)
         taken = supplied - (sum(self.energy()) - before) + correction - numerical
-        return Travel(supplied, touched, force, max((one.depth for one in pressed), default=0.0), 0, taken, correction)
+        return Travel(supplied, touched, max(force, pressed), depth, 0, taken, correction)
 
     def _pull(self, handle, velocity):
         """K x_h + B v_h of each axis."""
@@ -218,12 +217,26 @@ class World:
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last step, sorted by bodies and place; bodies asleep have none."""
+        return sorted(self._contact(*one) for one in zip(*(rows.tolist() for rows in self._touching()), strict=True))
+
+    def _touching(self):
+        """Numbers of the last step's contacts between the scene's own bodies: (n, 3) whole, (n, 14) real."""
         self._pairs.clear()
         batch.get_space_arbiters(self.space, _FIELDS, self._pairs)
-        whole = memoryview(self._pairs.int_buf()).cast("P").tolist()
-        real = memoryview(self._pairs.float_buf()).cast("d").tolist()
-        each = ((whole[3 * i:3 * i + 3], real[14 * i:14 * i + 14]) for i in range(len(whole) // 3))
-        return sorted(self._contact(*one) for one in each if one[0][2] and {*one[0][:2]} <= self._order.keys())
+        whole = np.frombuffer(self._pairs.int_buf(), dtype=np.uintp).reshape(-1, 3)
+        real = np.frombuffer(self._pairs.float_buf()).reshape(-1, 14)
+        own = whole[:, 2] > 0
+        if len(self.space.bodies) > len(self._order):  # somebody has added some
+            own &= np.isin(whole[:, :2], list(self._order)).all(axis=1)
+        return whole[own], real[own]
+
+    def _worst(self):
+        """Largest force [N] of the last step's contacts, and the depth [m] of the deepest."""
+        whole, real = self._touching()
+        if not len(whole):
+            return 0.0, 0.0
+        distances = np.where(whole[:, 2] > 1, np.minimum(real[:, 8], real[:, 13]), real[:, 8])
+        return math.sqrt(np.square(real[:, :2]).sum(axis=1).max()) / self._h, -float(distances.min())
 
     def bodies(self) -> list[tuple[Planar, Planar]]:
         """Pose and velocity of every moving body's mass centre, as in the compiled model."""

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from haptic_sim.clearance import body_distance, distance
+from haptic_sim.clearance import body_distance, distance, overlap
 from haptic_sim.outline import Outline, rectangle
 
 EXACT = 1e-12
@@ -75,6 +75,20 @@ def test_peg_in_a_hole_has_half_the_play_on_either_side():
     assert body_distance(peg, (1.5e-4, 0.0, 0.0), hole, HERE) == pytest.approx(-0.5e-4, abs=EXACT)
 
 
+def test_an_overlap_is_the_deepest_of_all_parts_and_none_is_zero():
+    hole = [Outline(rectangle((0.05, 0.04), (side * 0.0351, -0.02), 0.0)) for side in (-1, 1)]
+    peg = [box(0.02, 0.06), disc(0.0103)]
+    assert overlap(peg[:1], (1.5e-4, 0.0, 0.0), hole, HERE) == pytest.approx(0.5e-4, abs=EXACT)
+    assert overlap(peg, (0.0, -0.01, 0.0), hole, HERE) == pytest.approx(2e-4, abs=EXACT)
+    assert overlap(peg[:1], HERE, hole, HERE) == 0.0
+
+
+@pytest.mark.parametrize(("along", "expected"), [(0.35, 0.5 - 0.35 * math.sqrt(2.0)), (0.36, 0.0)])
+def test_a_disc_at_a_corner_overlaps_only_once_it_reaches_the_corner(along, expected):
+    """Its centre is within the radius of both faces' lines all the time."""
+    assert overlap([box(2.0, 2.0)], HERE, [disc(0.5)], (1.0 + along, 1.0 + along, 0.0)) == pytest.approx(expected)
+
+
 ALIGNED = st.sampled_from([0.0, 0.5, 1.0, -1.5, 2.0, -2.0, math.sqrt(0.5), 1e-5, 1e-12, 5e-324])
 PLACE = ALIGNED | st.floats(-3.0, 3.0)
 ANGLE = ALIGNED | st.sampled_from([math.pi, math.pi / 2, -math.pi / 4]) | st.floats(-4.0, 4.0)
@@ -93,6 +107,8 @@ def test_the_distance_is_that_of_the_origin_from_the_difference_of_both_shapes(a
     c, s = math.cos(angle), math.sin(angle)
     placed = second @ np.array([[c, s], [-s, c]]) + pose[:2]
     rounding = 1e-12 * unit * max(1.0, stretch)
+    deep = overlap([_outline(first)], HERE, [_outline(second)], pose)
+    assert deep == pytest.approx(max(0.0, -found), abs=rounding)
     assert found == pytest.approx(_origin_to_hull((placed[:, None] - first).reshape(-1, 2) / unit) * unit, abs=rounding)
     assert distance(_outline(second), pose, _outline(first), HERE) == pytest.approx(found, abs=rounding)
 

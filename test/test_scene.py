@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from haptic_device.share import names
+from haptic_sim import assembly, clearance
 from haptic_sim.scene import SceneError, load, parse
 
 SQUARE = [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]
@@ -189,6 +190,18 @@ def test_a_half_plane_lies_behind_its_line_however_long_the_normal():
 def test_fixed_bodies_may_overlap_each_other():
     twin = {**GOOD["bodies"][0], "name": "twin"}
     assert len(parse({**GOOD, "bodies": [*GOOD["bodies"], twin]}, "here").bodies) == 3
+
+
+def test_of_hundreds_of_bodies_only_neighbours_are_looked_at_and_an_overlap_is_still_found(monkeypatch):
+    looked = []
+    monkeypatch.setattr(assembly, "overlap", lambda *pair: looked.append(pair) or clearance.overlap(*pair))
+    tiles = [{"name": f"tile_{k}", "mass": 1, "pose": [0.03 * (k % 20), 0.2 + 0.03 * (k // 20), 0.1],
+              "shapes": [{"vertices": SQUARE}]} for k in range(300)]
+    assert len(parse({**GOOD, "bodies": [*GOOD["bodies"], *tiles]}, "here").bodies) == 302
+    assert len(looked) < 10
+    tiles[170]["pose"] = tiles[171]["pose"][:2] + [0.5]
+    with pytest.raises(SceneError, match=r"bodies\[173\] \('tile_171'\) overlaps bodies\[172\] \('tile_170'\)"):
+        parse({**GOOD, "bodies": [*GOOD["bodies"], *tiles]}, "here")
 
 
 def test_a_scene_that_is_not_there_is_answered_with_those_that_are():

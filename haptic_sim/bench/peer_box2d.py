@@ -40,6 +40,12 @@ class World:
         for joint in scene.joints:
             self._join(joint)
 
+    def suit_many(self) -> None:
+        """Lets what rests fall asleep, and sweeps the tool alone: in a pile sweeps cost ten steps, and bodies stand."""
+        self._world.allowSleeping = True
+        for body in self._bodies.values():
+            body.bullet = body is self._tool
+
     def couple(self, gains: Coupling) -> None:
         """Takes these gains."""
         self._gains = gains

@@ -47,6 +47,10 @@ class World:
         self.couple(Coupling())
         mujoco.mj_forward(self._model, self._data)
 
+    def suit_many(self) -> None:
+        """Lets what rests fall asleep."""
+        self._model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
+
     def couple(self, gains: Coupling) -> None:
         """Takes these gains."""
         self._gains, model = gains, self._model

@@ -18,6 +18,7 @@ from haptic_sim.solid import TOOL
 
 SLOP = 1e-5
 VERSION = f"pymunk {pymunk.version}"
+ASLEEP = 0.2  # s
 FAR = 10.0  # m, length of a groove without stops
 
 
@@ -32,6 +33,10 @@ class World:
         self._tool = self._bodies[TOOL]
         for joint in scene.joints:
             _join(space, scene, joint, {**self._bodies, WORLD: space.static_body})
+
+    def suit_many(self) -> None:
+        """Lets what rests fall asleep."""
+        self._space.sleep_time_threshold = ASLEEP
 
     def couple(self, gains: Coupling) -> None:
         """Takes these gains."""

@@ -4,6 +4,7 @@
 import csv
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 from haptic_sim.bench.case import case
 from haptic_sim.bench.compare import WANTED, pareto, ratios
@@ -16,11 +17,11 @@ TITLES = {"pymunk": "pymunk", "box2d": "Box2D", "mujoco_rk4": "MuJoCo RK4", "muj
 BEGIN, END = "<!-- speed-error: python bench/readme_table.py -->", "<!-- end of speed-error -->"
 
 
-def write_csv(path: Path, runs: list[Run]) -> None:
-    """One line a run."""
+def write_csv(path: Path, runs: list[NamedTuple]) -> None:
+    """One line a run; there is at least one."""
     with path.open("w", newline="", encoding="utf-8") as file:
         out = csv.writer(file, lineterminator="\n")
-        out.writerow(Run._fields)
+        out.writerow(runs[0]._fields)
         out.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in item] for item in runs)
 
 

@@ -9,6 +9,7 @@ COMMANDS = {
     "all": "haptic_sim.cli.bench_all:run_all",
     "costs": "haptic_sim.cli.bench_costs:costs",
     "exchange": "haptic_sim.cli.bench_exchange:exchange",
+    "growth": "haptic_sim.cli.bench_growth:growth",
     "hard-cases": "haptic_sim.cli.bench_hard_cases:hard_cases",
     "load": "haptic_sim.cli.bench_load:load",
     "local": "haptic_sim.cli.bench_local:local",

@@ -3,6 +3,7 @@
 
 import math
 
+from haptic_sim.assembly import kept_apart
 from haptic_sim.compile.reach import can_touch, reaches
 from haptic_sim.joint import WORLD
 from haptic_sim.shape import turned
@@ -35,7 +36,7 @@ def moving_bodies(scene, groups):
     """
     group_of = {name: tuple(group) for group in groups for name in group}
     movable = [body for body in (scene.tool, *scene.bodies) if WORLD not in group_of[body.name]]
-    discs = reaches(scene, set(group_of) - {body.name for body in movable})
+    discs, apart = reaches(scene, set(group_of) - {body.name for body in movable}), kept_apart(scene)
     driven = {name for joint in scene.joints if joint.motor or joint.stiffness for name in joint.bodies}
     moving, grown = set(), {TOOL} | {body.name for body in movable if any(body.velocity) or body.name in driven}
     if any(scene.gravity):
@@ -43,7 +44,7 @@ def moving_bodies(scene, groups):
     while grown != moving:
         moving = {name for start in grown for name in group_of[start]} - {WORLD}
         grown = moving | {b.name for b in movable for a in movable
-                          if a.name in moving and a is not b and can_touch(scene, a, b, discs)}
+                          if a.name in moving and a is not b and can_touch(apart, a, b, discs)}
         grown |= {name for joint in scene.joints if moving & set(joint.bodies) for name in joint.bodies
                   if WORLD not in group_of[name]}
     return moving
@@ -52,7 +53,7 @@ def moving_bodies(scene, groups):
 def touching_pairs(scene, groups):
     """Pairs of shapes that can touch (indices in the order of the groups) with their surfaces; names; the rest."""
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
-    discs = reaches(scene, set(groups[-1]))
+    discs, held = reaches(scene, set(groups[-1])), kept_apart(scene)
     shapes = [(rank, name) for rank, group in enumerate(groups) for name in group if name != WORLD
               for _ in solids[name].outlines]
     pairs, touching, apart = [], {}, 0
@@ -60,7 +61,7 @@ def touching_pairs(scene, groups):
         for j, (rank_b, b) in enumerate(shapes[i + 1:], i + 1):
             if rank_a == rank_b:
                 continue
-            if not can_touch(scene, solids[a], solids[b], discs):
+            if not can_touch(held, solids[a], solids[b], discs):
                 apart += 1
                 continue
             one, two = scene.material(solids[a]), scene.material(solids[b])

@@ -39,9 +39,9 @@ def reaches(scene, immovable: set[str]) -> dict[str, Disc]:
     return found
 
 
-def can_touch(scene, a, b, discs: dict[str, Disc]) -> bool:
-    """Whether two bodies can ever touch: different, not held together, a layer in common, and within reach."""
-    if not a.layers & b.layers or frozenset((a.name, b.name)) in assembly.kept_apart(scene):
+def can_touch(apart: set[frozenset[str]], a, b, discs: dict[str, Disc]) -> bool:
+    """Whether two bodies can ever touch: not `apart` (`assembly.kept_apart`), a layer in common, and within reach."""
+    if not a.layers & b.layers or frozenset((a.name, b.name)) in apart:
         return False
     disc_a, disc_b = discs.get(a.name), discs.get(b.name)
     if disc_a is None or disc_b is None:

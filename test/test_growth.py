@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Worlds of many bodies: as many as they say, apart and at rest at the start, and told of truly in the table."""
+
+import csv
+import json
+import math
+import os
+
+import numpy as np
+import pytest
+from in_process import haptic
+
+from haptic_sim.bench import growth, growth_report, loads
+from haptic_sim.bench.world import make
+from haptic_sim.clearance import body_distance
+from haptic_sim.compile import compile_scene
+from haptic_sim.method import Coupling
+from haptic_sim.scene import load
+from haptic_sim.solid import TOOL
+from haptic_sim.trial import GAINS, overlap_watch
+
+
+def made(engine="impulse", world="heap", bodies=100, step=growth.STEP, median=100.0, p99=200.0, overlap=5.0, status=""):
+    return growth.Run(world, bodies, engine, step, median, p99, overlap, 1e-4, math.nan, status)
+
+
+@pytest.mark.parametrize("count", [10, 30])
+@pytest.mark.parametrize(("world", "pieces"), [("row", int), ("heap", int), ("chain", int), ("gravel", int),
+                                               ("pyramid", {10: 10, 30: 28}.get), ("joint_grid", {10: 9, 30: 25}.get)])
+def test_a_world_has_as_many_bodies_as_it_says_and_none_overlaps_at_the_start(world, pieces, count):
+    """A pyramid has 1 + 2 + ... boxes, a grid a square number of discs: the most that are no more than asked for."""
+    of = getattr(loads, world)(count, 0.2)
+    movable = [body.name for body in of.scene.bodies if not body.fixed]
+    assert len(movable) == pieces(count)
+    assert set(compile_scene(of.scene).needs.moving) == {TOOL, *movable}
+    poses = {body.name: body.pose for body in of.scene.bodies} | {TOOL: of.scene.tool.pose}
+    assert overlap_watch(of.scene, poses.get)() <= 1e-9
+    assert of.path().shape == (201, 6)
+    assert of.path()[0, :3] == pytest.approx(of.scene.tool.pose)
+
+
+def test_a_grid_has_a_pin_between_all_neighbours_above_the_first_row_and_at_the_tool():
+    assert len(loads.joint_grid(100, 0.2).scene.joints) == 2 * 10 * 9 + 10 + 1
+    assert len(loads.chain(30, 0.2).scene.joints) == 31
+
+
+@pytest.mark.parametrize("count", [10, 100])
+def test_the_shovel_s_way_leads_into_the_stones_and_the_stirring_tool_s_stays_between_the_walls(count):
+    stones, heap = loads.gravel(count, 0.3), loads.heap(count, 0.3)
+    top = max(body.pose[1] for body in stones.scene.bodies)
+    tip = stones.path()[:, 1] - 0.071
+    assert tip[0] > top > 2.0 * tip.min() > 0.0
+    right = next(body.shapes[0].half_plane.point[0] for body in heap.scene.bodies if body.name == "right")
+    assert np.abs(heap.path()[:, 0]).max() + 0.006 < right
+
+
+@pytest.mark.parametrize("engine", ["impulse", "partitioned"])
+@pytest.mark.parametrize("world", ["row", "pyramid"])
+def test_what_nobody_touches_stays_where_it_is(engine, world):
+    found = growth.run(world, 10, engine, growth.STEP, 0.1)
+    assert (found.bodies, found.status) == (10, "")
+    assert found.error_um < 5.0
+    assert found.overlap_um < 5.0
+    assert found.created < 1e-3
+
+
+def test_a_block_that_is_pushed_aside_is_an_error_of_its_way():
+    row = loads.row(3, 0.1)
+    world = make("partitioned", row.scene, 0.25e-3)
+    world.couple(Coupling(*GAINS))
+    wrong = growth._error(row, world)
+    assert wrong() == 0.0
+    aim = np.array([[0.0, 0.04, 0.0], [0.0, 0.04, 0.0]])
+    aim[1] = (-0.02, 0.006, 0.0)
+    way = np.vstack([np.linspace(*aim, 200), np.linspace(aim[1], (0.0, 0.006, 0.0), 400)])
+    world.follow(np.hstack([way, np.gradient(way, 1e-3, axis=0)]), 4)
+    came = [math.dist(world.pose(body.name)[:2], body.pose[:2]) for body in row.scene.bodies if not body.fixed]
+    assert wrong() == max(came) > 1e-3
+
+
+def test_a_pin_that_is_open_is_an_error_of_its_gap():
+    """The second link of four is turned about its middle: two pins open by half its length times the sine's chord."""
+    chain = loads.chain(4, 0.1)
+    poses = {body.name: body.pose for body in chain.scene.bodies} | {TOOL: chain.scene.tool.pose}
+    assert loads.pins_open(chain.scene, poses.get) == pytest.approx(0.0, abs=1e-15)
+    x, y, angle = poses["piece_1"]
+    poses["piece_1"] = (x, y, angle + 0.1)
+    assert loads.pins_open(chain.scene, poses.get) == pytest.approx(loads.LINK * math.sin(0.05))
+
+
+def test_a_run_that_takes_too_long_is_ended_and_says_so():
+    found = growth.run("row", 10, "partitioned", growth.STEP, 0.1, limit=0.0)
+    assert found.status == "over"
+    cells = growth_report.markdown([found, found._replace(status="partly"), found._replace(status="")]).splitlines()[2:]
+    assert [row.count("over ") for row in cells] == [4, 2, 0]
+    assert growth.run("row", 10, "partitioned", growth.STEP, 0.1).status == ""
+
+
+def test_the_table_has_a_row_for_each_engine_and_says_which_cannot(tmp_path):
+    done = haptic("bench", "growth", "--short", "--worlds", "chain", "--methods", "partitioned,pymunk,box2d",
+                  "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    rows = [line for line in done.stdout.splitlines() if line.startswith("| chain")]
+    assert [row.split(" | ")[2] for row in rows] == ["partitioned", "pymunk", "Box2D", "Box2D, 50 µs"]
+    assert ["cannot" in row for row in rows] == [True, False, False, False]
+    assert set(os.listdir(tmp_path)) == {"growth.csv", "growth.md", "growth.png"}
+    with (tmp_path / "growth.csv").open(encoding="utf-8") as file:
+        kept = list(csv.DictReader(file))
+    assert [(row["engine"], row["bodies"]) for row in kept] == [
+        ("partitioned", "10"), ("pymunk", "10"), ("box2d", "10"), ("box2d", "10")]
+    assert "linkage" in kept[0]["status"]
+
+
+def test_as_json_a_number_that_is_not_known_is_null():
+    done = haptic("bench", "growth", "--short", "--worlds", "chain", "--methods", "partitioned", "--json")
+    (found,) = json.loads(done.stdout)["runs"]
+    assert found["median_us"] is None
+    assert found["status"].startswith("cannot")
+
+
+def test_every_world_is_run_at_each_count_and_the_row_without_any_block_too():
+    listed = growth.jobs(growth.WORLDS, growth.COUNTS, growth.ENGINES)
+    assert len(listed) == len(set(listed)) == (4 * len(growth.WORLDS) + 1) * (len(growth.ENGINES) + 1)
+    assert ("row", 0, "impulse", growth.STEP) in listed
+
+
+def test_the_goals_compare_with_no_block_and_with_box2d_at_the_overlap_nearest_to_ours():
+    runs = [made(world="row", bodies=0, median=100.0), made(world="row", bodies=300, median=131.0),
+            made(median=500.0, p99=999.0), made("box2d", median=200.0, overlap=50.0),
+            made("box2d", median=260.0, overlap=6.0, step=50)]
+    rest, late, heap = growth.goals(runs)
+    assert (rest.value, rest.reached) == (pytest.approx(1.31), False)
+    assert (late.value, late.reached) == (999.0, True)
+    assert (heap.value, heap.reached) == (pytest.approx(500.0 / 260.0), True)
+    assert "✗" in growth_report.markdown(runs)
+    assert growth.goals([made("pymunk")]) == []
+
+
+def test_the_figure_has_a_panel_a_world_and_leaves_out_who_cannot():
+    runs = [made(bodies=10), made(bodies=30), made("partitioned", bodies=30, status="cannot: too many"),
+            made(world="chain", bodies=10)]
+    heap, chain = (axes for axes in growth_report.figure(runs).axes if axes.get_visible())
+    assert (heap.get_title(), chain.get_title()) == ("heap", "chain")
+    assert len(heap.get_lines()) == 3  # median, p99 and the time there is
+
+
+def test_the_stones_of_the_shipped_scene_are_those_of_the_load_and_lie_on_something():
+    """Its poses are where stones of 1.006 times their size came to rest, so gaps are a hundredth of a stone."""
+    scene, content = load("gravel"), loads.gravel_content(100, 3.0)
+    for body, made_of in zip(scene.bodies, content["bodies"], strict=True):
+        assert (body.name, body.mass) == (made_of["name"], made_of.get("mass"))
+    solids = list(scene.bodies)
+    for stone in solids[3::10]:
+        near = min(body_distance(stone.outlines, stone.pose, other.outlines, other.pose) for other in solids
+                   if other is not stone)
+        assert -1e-9 <= near < 1e-4
+
+
+def test_a_world_that_is_not_there_is_refused_in_one_sentence():
+    done = haptic("bench", "growth", "--worlds", "dune")
+    assert done.returncode != 0
+    assert "world is 'dune'; it must be one of row, heap" in done.stderr
