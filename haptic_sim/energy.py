@@ -41,16 +41,21 @@ class Ledger:
     def __init__(self, kinetic: float, potential: float):
         self._stored_at_start = kinetic + potential
         self.supplied = self.contacts = self.correction = 0.0
+        self._lost = None
         self.balance = Energy(kinetic, potential, 0.0, 0.0, 0.0, 0.0)
 
-    def book(self, supplied: float, contacts: float, correction: float) -> None:
-        """What some sub-steps say of themselves [J]."""
+    def book(self, supplied: float, contacts: float, correction: float, numerical: float | None = None) -> None:
+        """What some sub-steps say of themselves [J]; with `numerical` said, contacts have taken what else is gone."""
         self.supplied += supplied
         self.contacts += contacts
         self.correction += correction
+        if numerical is not None:
+            self._lost = (self._lost or 0.0) + numerical
 
     def close(self, kinetic: float, potential: float) -> Energy:
         """Balance with the energies now stored [J]."""
         dissipated = self.supplied - (kinetic + potential - self._stored_at_start)
+        if self._lost is not None:
+            self.contacts = dissipated + self.correction - self._lost
         self.balance = Energy(kinetic, potential, self.supplied, self.contacts, self.correction, dissipated)
         return self.balance

@@ -194,7 +194,7 @@ class Simulation:
             return self.method.touching
         start = self._last.position, self._last.velocity
         travelled = self._travel(*start, handle.position, handle.velocity, count)
-        self.ledger.book(travelled.supplied, travelled.contacts, travelled.correction)
+        self.ledger.book(travelled.supplied, travelled.contacts, travelled.correction, travelled.numerical)
         counters = self.counters
         if (travelled.force > counters.max_contact_force or travelled.depth > counters.max_penetration
                 or travelled.left_out):

@@ -131,8 +131,9 @@ class World:
 
     def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
         """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
-        before = sum(self.energy())
         self._tool.activate()
+        if len(self._bodies) > 1:
+            self._now()  # which looks for fast ones among the others
         pull, last = self._pull(start, start_velocity), self._pull(end, end_velocity)
         supplied = numerical = correction = force = 0.0
         touched, whole = False, count * self.inner
@@ -145,8 +146,7 @@ class World:
         if self._jointed:
             self.touching = touched = any(TOOL in one[:2] and one.force_on_a != (0.0, 0.0) for one in self.contacts())
         pressed, depth = self._worst() if touched else (0.0, 0.0)
-        taken = supplied - (sum(self.energy()) - before) + correction - numerical
-        return Travel(supplied, touched, max(force, pressed), depth, 0, taken, correction)
+        return Travel(supplied, touched, max(force, pressed), depth, 0, 0.0, correction, numerical)
 
     def _pull(self, handle, velocity):
         """K x_h + B v_h of each axis."""

@@ -36,7 +36,7 @@ def balance_of_fall():
     return ball.mass * -scene.gravity[1] * (ball.pose[1] - low)
 
 
-@pytest.mark.parametrize("method", ["partitioned", "event_driven", "penalty_implicit"])
+@pytest.mark.parametrize("method", ["partitioned", "event_driven", "penalty_implicit", "impulse"])
 def test_friction_takes_its_force_times_the_way(method):
     """μ m g over the way of a block that is pushed along a floor; the tool adds its own little."""
     simulation = led("push_block", method, 2.5)
@@ -70,6 +70,14 @@ def test_a_belt_gives_a_block_what_it_has_of_motion_when_it_goes_along(method):
     assert balance.dissipated == pytest.approx(balance.contacts, rel=1e-6)
 
 
+@pytest.mark.parametrize(("name", "seconds"), [("wall", 1.5), ("push_block", 2.5), ("stack", 0.8)])
+def test_what_push_out_has_put_in_at_the_tool_is_booked_and_less_than_was_lost(name, seconds):
+    balance = led(name, "impulse", seconds).ledger.balance
+    assert balance.numerical > 0.0
+    assert abs(balance.correction) < balance.dissipated
+    assert balance.contacts == pytest.approx(balance.dissipated - balance.numerical + balance.correction, abs=1e-15)
+
+
 def test_backward_difference_pays_half_the_square_of_what_it_changes_and_flight_pays_nothing():
     held, free = (led("free_space", method, 1.0).ledger.balance for method in ("partitioned", "event_driven"))
     assert held.numerical > 0.0
@@ -84,7 +92,7 @@ def test_putting_constraints_right_moves_little_energy_and_is_made_up_for(name):
     assert abs(balance.correction) < 0.01 * max(balance.supplied, balance.dissipated)
 
 
-@pytest.mark.parametrize("method", ["partitioned", "closed_form", "event_driven"])
+@pytest.mark.parametrize("method", ["partitioned", "closed_form", "event_driven", "impulse"])
 def test_a_wall_that_is_met_takes_the_speed_it_is_met_with(method):
     """The tool comes in at a speed v and stays: ½ m v² in the wall, whatever the method."""
     scene = load("wall")

@@ -46,6 +46,8 @@ class Travel(NamedTuple):
     left_out: int = 0
     contacts: float = 0.0
     correction: float = 0.0
+    numerical: float | None = None
+    """Where contacts cannot be told from the rest: what the sub-steps' own damping has lost [J]; the rest is theirs."""
 
 
 class Method(Protocol):

@@ -11,6 +11,7 @@ def through_port(method: Method, port, start: Planar, start_velocity: Planar, en
     As wanted it would go on a straight line from start (exclusive) to end; it is held for a sub-step.
     """
     supplied, touched, force, depth, left_out, taken, correction = 0.0, False, 0.0, 0.0, 0, 0.0, 0.0
+    lost = None
     for k in range(1, count + 1):
         before = method.position
         handle = _between(start, end, k / count), _between(start_velocity, end_velocity, k / count)
@@ -20,7 +21,8 @@ def through_port(method: Method, port, start: Planar, start_velocity: Planar, en
         supplied, touched, left_out = supplied + made.supplied, touched or made.touched, left_out + made.left_out
         force, depth = max(force, made.force), max(depth, made.depth)
         taken, correction = taken + made.contacts, correction + made.correction
-    return Travel(supplied, touched, force, depth, left_out, taken, correction)
+        lost = None if made.numerical is None else (lost or 0.0) + made.numerical
+    return Travel(supplied, touched, force, depth, left_out, taken, correction, lost)
 
 
 def _between(start, end, share):
