@@ -33,9 +33,9 @@ class Sweep:
         self._limits = np.array([min(SHARE * width, FAST * h) for _, width in self._meets])
         self._extents = layout.extent[:-1].copy()
         self._rates, self._ids, self._order = batch.Buffer(), None, None
-        # A body that is hit may leave with twice the speed of what hits it.
+        # A body that is hit may leave with twice the speed of what hits it, and `watch` sees it some steps later.
         self._wary = 0.5 * self._limits / h
-        self._tool_wary = float(self._wary.min())
+        self._tool_fast = float(self._limits.min()) / h
         self.moves, self._fast = {}, ()
 
     def times(self):
@@ -55,7 +55,7 @@ class Sweep:
 
     def look(self, vx: float, vy: float, turn: float) -> float:
         """Plans the next moves, the tool having this velocity after the step; returns the time of its own."""
-        if abs(vx) + abs(vy) + abs(turn) * self._extents[0] > self._tool_wary:
+        if abs(vx) + abs(vy) + abs(turn) * self._extents[0] > self._tool_fast:
             self._plan(self._far())
         elif self._fast:
             self._plan(self._fast)

@@ -325,9 +325,13 @@ class World:
         self._tool.moment = self._inertia + h * rotational_damping + h * h * rotational_stiffness
 
     def _limit_rebound(self, arbiter, _space, _data):
-        """Restitution 0 where the push over this time would make the port active; called by Chipmunk for each pair."""
+        """Restitution 0 where the push over this time would make the port active, and of what touched before.
+
+        Chipmunk calls it for each pair that touches.
+        """
         e = arbiter.restitution
-        if e == 0.0:
+        if e == 0.0 or not arbiter.is_first_contact:
+            arbiter.restitution = 0.0
             return
         normal, point = arbiter.normal, arbiter.contact_point_set.points[0].point_a
         approach = change = 0.0
