@@ -104,7 +104,6 @@ class World:
         if np.any(model.pair_restitution):
             space.on_collision(pre_solve=self._limit_rebound)
         self._sweep = Sweep(space, self._bodies, model, self._layout, self._h, 0.5 * self._slop)
-        self._index = {body.id: b for b, body in enumerate(self._bodies)}
         self._spare = 0.0  # J, lost at the tool and not yet given back by push-out
         self.position: Planar = self.scene.tool.pose
         self.velocity: Planar = self.scene.tool.velocity
