@@ -3,23 +3,31 @@
 
 The step of a first-order method. Backward difference gives a mode of angular frequency w the damping ratio w h / 2 that
 it does not have: after one radian its amplitude is short by that share. With h = 2 error / w that is the error allowed.
-The mode is the tool on its coupling at `STIFFNESS`, or a spring of the scene that is faster.
+The mode is the tool on its coupling at `STIFFNESS`, or a spring of the scene that is faster. Inside a sub-step
+`impulse` takes steps of at most `SHORT`, so its sub-step is how often a port that stays passive acts; `partitioned`
+takes the sub-step whole, and so one as short.
 """
 
 import math
 
 import numpy as np
 
+from haptic_sim.compile.beyond import beyond
+from haptic_sim.compile.limits import too_much
 from haptic_sim.compile.model import PIN, Model
 
 STIFFNESS = 2000.0
 """N/m; coupling that the choice reckons with. A stiffer one is as stable, but less exact."""
 STEPS = (1e-3, 0.5e-3, 0.25e-3, 0.2e-3, 0.125e-3, 0.1e-3, 0.05e-3, 0.025e-3)
 """s; whole shares of a millisecond, so that an exchange at 1 kHz is a whole number of sub-steps."""
+SHORT = 0.05e-3
+"""s; longest step of `partitioned`, that of Chipmunk inside `impulse`: both err by what the step is long."""
+SOLVED = 6e-6
+"""s of step for each body: a direct solve costs some 2 us a body, and is to take a third of its step."""
 
 
-def choose_method(scene, needs) -> tuple[str, str]:
-    """Name of the method and why. ValueError if the scene asks for one that cannot do it."""
+def choose_method(scene, needs, model: Model, names) -> tuple[str, str]:
+    """Name of the method and why; `names` of the model's bodies. ValueError if the scene asks for one that cannot."""
     if scene.method == "closed_form" and needs.axes is None:
         raise ValueError("method is 'closed_form', which needs a round tool without joints among half_planes, without "
                          "friction or restitution, that are parallel or square; take another method")
@@ -27,11 +35,11 @@ def choose_method(scene, needs) -> tuple[str, str]:
         return scene.method, "the scene asks for it"
     if needs.axes is not None:
         return "closed_form", f"contact acts on {_count(len(needs.axes), 'axis', 'axes')}, each solvable by itself"
-    if scene.joints:
-        return "partitioned", "joints: coordinates that keep them exactly"
-    if len(needs.moving) > 1:
-        return "partitioned", "bodies push on each other: one direct solve for any mass ratio, impacts in their instant"
-    return "partitioned", "one direct solve of coupling and contacts, none of which overlap"
+    asked = beyond(scene, model, names)
+    if not asked:
+        return "impulse", "nothing in the scene asks for more than impulses by short steps"
+    refusal = too_much(model)
+    return ("impulse", f"{asked}; but {refusal}") if refusal else ("partitioned", asked)
 
 
 def choose_sub_step(scene, model: Model, method: str) -> tuple[float, str]:
@@ -40,9 +48,15 @@ def choose_sub_step(scene, model: Model, method: str) -> tuple[float, str]:
         return scene.sub_step, "the scene asks for it"
     frequency, what = max(_modes(model))
     longest = 2.0 * scene.error / frequency
+    why = f"error {scene.error:g} of the fastest mode, {what} at {frequency:.4g} rad/s, allows {longest * 1e3:.4g} ms"
+    bodies = len(model.mass) - 1
+    if method == "partitioned" and longest > (own := max(SHORT, SOLVED * bodies)):
+        longest = own
+        why += f", {method} takes {own * 1e3:g} ms: " + (
+            "steps as short as those inside impulse" if own == SHORT else
+            f"what the direct solve of {bodies} bodies can keep up with")
     step = next((step for step in STEPS if step <= longest), STEPS[-1])
-    return step, (f"error {scene.error:g} of the fastest mode, {what} at {frequency:.4g} rad/s, "
-                  f"allows {longest * 1e3:.4g} ms" + (", which would be too slow" if longest < step else ""))
+    return step, why + (", which would be too slow" if longest < step else "")
 
 
 def _modes(model):
