@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from haptic_device.share import names
+from haptic_sim.bench.verify import within
 from haptic_sim.compile import compile_scene
-from haptic_sim.compile.choice import STEPS
+from haptic_sim.compile.beyond import HOLDS, RATIO, TOUCHING, TOWER
+from haptic_sim.compile.choice import SHORT, SOLVED, STEPS
+from haptic_sim.compile.measured import of_scene
 from haptic_sim.compile.model import PIN, SLIDER, SPRING
 from haptic_sim.method import Coupling
 from haptic_sim.method.closed_form import ClosedForm
@@ -171,6 +174,94 @@ def test_a_closed_form_wished_for_a_scene_without_one_is_refused():
 def test_the_sub_step_is_the_longest_whose_numerical_damping_is_the_error_stated(error, step):
     """Frequency 141 rad/s of 0.1 kg on 2000 N/m: 2 error / w is 0.283, 2.8, 0.057 ms."""
     assert compiled(error=error).sub_step == step
+
+
+def on_each_other(count, **lowest):
+    """So many blocks of 1 kg on a floor, the first as told."""
+    blocks = [{"name": f"b{i}", "mass": 1.0, "pose": [0.0, 0.01 + 0.02 * i, 0.0],
+               "shapes": [{"box": {"size": [0.04, 0.02]}}]} for i in range(count)]
+    floor = {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
+    return {"gravity": [0.0, -9.81], "bodies": [floor, {**blocks[0], **lowest}, *blocks[1:]],
+            "tool": {**DISC, "pose": [0.5, 0.5, 0.0]}}
+
+
+def reason(**parts):
+    """(method, why) of a scene."""
+    found = compiled(**parts)
+    return found.method, found.reasons[0]
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_body_on_one_that_is_lighter_by_more_than_impulse_carries_gets_the_direct_solver(share):
+    method, why = reason(**on_each_other(2, mass=1.0 / (share * RATIO)))
+    assert (method == "partitioned") == (share > 1.0)
+    assert ("b1 is" in why and "as heavy as b0" in why) == (share > 1.0)
+
+
+def test_a_mass_ratio_counts_across_a_joint_and_not_where_nothing_ever_touches():
+    speck = {**BAR, "name": "speck", "mass": 0.9 / RATIO, "pose": [0.2, 0.0, 0.0]}
+    tied = {"type": "pin", "bodies": ["bar", "speck"], "at": [0.2, 0.0]}
+    assert reason(bodies=[BAR, speck], joints=[PINNED, tied])[0] == "partitioned"
+    apart = {"bodies": [{**BAR, "layers": [1]}, {**speck, "layers": [2]}], "gravity": [0.0, -9.81]}
+    assert reason(**apart)[0] == "impulse"
+
+
+@pytest.mark.parametrize("over", [0, 1])
+def test_a_tower_of_more_bodies_than_impulse_carries_gets_the_direct_solver(over):
+    method, why = reason(**on_each_other(TOWER + over))
+    assert method == ("partitioned" if over else "impulse")
+    assert (f"{TOWER + 1} bodies stand on one another" in why) == bool(over)
+
+
+def test_bodies_beside_each_other_or_in_the_air_are_no_tower():
+    tower = on_each_other(TOWER + 1)
+    floor, blocks = tower["bodies"][0], tower["bodies"][1:]
+    row = [{**block, "pose": [0.04 * i, 0.01, 0.0]} for i, block in enumerate(blocks)]
+    lifted = [{**block, "pose": [0.0, 0.01 + 0.02 * i + 1.1 * TOUCHING, 0.0]} for i, block in enumerate(blocks)]
+    for bodies in (row, lifted):
+        assert reason(**tower | {"bodies": [floor, *bodies]})[0] == "impulse"
+
+
+def test_what_is_more_than_the_direct_solver_takes_stays_with_impulse_and_says_so():
+    method, why = reason(**on_each_other(40))
+    assert method == "impulse"
+    assert "40 bodies stand on one another" in why
+    assert "the scene has 42 bodies; the compiled methods take at most 40" in why
+
+
+def test_a_smaller_error_than_impulse_holds_gets_the_direct_solver():
+    assert reason(bodies=[BAR], error=1.01 * HOLDS)[0] == "impulse"
+    method, why = reason(bodies=[BAR], error=0.99 * HOLDS)
+    assert method == "partitioned"
+    assert "is wanted; impulse holds" in why
+
+
+def test_the_direct_solver_takes_steps_as_short_as_those_inside_impulse_unless_bodies_are_many():
+    """The coupling allows 0.283 ms by default, 0.057 ms where the error is a fifth."""
+    for count, step in ((2, SHORT), (int(SHORT / SOLVED) - 1, SHORT), (20, 0.125e-3)):
+        assert compiled(method="partitioned", **on_each_other(count)).sub_step == step
+    assert compiled(method="impulse", **on_each_other(20)).sub_step == 0.25e-3
+    assert compiled(method="partitioned", error=0.002, **on_each_other(20)).sub_step == 0.025e-3
+    assert compiled(method="partitioned", sub_step=1e-3, **on_each_other(2)).sub_step == 1e-3
+
+
+def test_the_parameter_method_wins_over_what_the_scene_needs_or_asks_for_and_says_so():
+    scene = parse({"name": "test", "tool": DISC, "bodies": [BAR], "method": "impulse"}, "here")
+    found = compile_scene(scene, "partitioned")
+    assert (found.method, found.sub_step) == ("partitioned", SHORT)
+    assert found.reasons[0] == "the parameter method asks for it"
+    assert compile_scene(scene).reasons[0] == "the scene asks for it"
+
+
+@pytest.mark.parametrize("name", names("scenes"))
+def test_the_kept_table_has_each_shipped_scene_at_the_step_it_gets_and_the_chosen_method_keeps_its_bounds(name):
+    """`haptic scenes --verify all --out haptic_sim/compile/measured.csv` measures it anew."""
+    scene, rows = load(name), {row.method: row for row in of_scene(name)}
+    chosen = compile_scene(scene)
+    assert {"impulse", "partitioned", chosen.method} <= set(rows)
+    for method, row in rows.items():
+        assert row.step_us == pytest.approx(1e6 * compile_scene(scene, method).sub_step)
+    assert within(rows[chosen.method], scene.error)
 
 
 def pressed(method, steps=1600, h=0.25e-3):

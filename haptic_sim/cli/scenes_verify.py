@@ -25,6 +25,8 @@ def run(scene: str, out: Path | None) -> None:
     Exit code 1: a method that is chosen does not keep its scene's bounds. 130: interrupted; what was measured is shown
     and kept.
     """
+    if out and not out.parent.is_dir():
+        raise ValueError(f"--out is {out}, but there is no folder {out.parent}")
     scenes = {name: load(name) for name in (names("scenes") if scene == ALL else [scene])}
     known, found = read(out) if out else [], []
     whole = _measure(scenes, found)

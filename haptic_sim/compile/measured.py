@@ -32,12 +32,15 @@ class Measured(NamedTuple):
 
 
 def read(path: Path = KEPT) -> list[Measured]:
-    """The rows of a table; none if there is no such file."""
+    """The rows of a table; none if there is no such file. ValueError, one sentence, if it is another one."""
     if not path.exists():
         return []
     with path.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    return [Measured(**{name: kind(row[name]) for name, kind in Measured.__annotations__.items()}) for row in rows]
+    try:
+        return [Measured(**{name: kind(row[name]) for name, kind in Measured.__annotations__.items()}) for row in rows]
+    except (KeyError, TypeError, ValueError):
+        raise ValueError(f"{path} has not the columns {', '.join(Measured._fields)}") from None
 
 
 def of_scene(name: str) -> list[Measured]:
