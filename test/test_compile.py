@@ -7,15 +7,18 @@ import numpy as np
 import pytest
 
 from haptic_device.share import names
+from haptic_sim.bench.hard import CREATED, OVERLAP
 from haptic_sim.bench.verify import within
 from haptic_sim.compile import compile_scene
-from haptic_sim.compile.beyond import HOLDS, RATIO, TOUCHING, TOWER
-from haptic_sim.compile.choice import SHORT, SOLVED, STEPS
+from haptic_sim.compile.beyond import HOLDS, LOAD, SHORT, TOUCHING
+from haptic_sim.compile.choice import SOLVED, STEPS
 from haptic_sim.compile.measured import of_scene
 from haptic_sim.compile.model import PIN, SLIDER, SPRING
+from haptic_sim.compile.modes import STIFFNESS
 from haptic_sim.method import Coupling
 from haptic_sim.method.closed_form import ClosedForm
 from haptic_sim.scene import SceneError, load, parse
+from haptic_sim.trial import attempt
 from haptic_sim.world import World
 
 DISC = {"mass": 0.1, "pose": [0.5, 0.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
@@ -193,40 +196,51 @@ def reason(**parts):
 
 @pytest.mark.parametrize("share", [0.99, 1.01])
 def test_a_body_on_one_that_is_lighter_by_more_than_impulse_carries_gets_the_direct_solver(share):
-    method, why = reason(**on_each_other(2, mass=1.0 / (share * RATIO)))
+    method, why = reason(**on_each_other(2, mass=2.0 / (share * LOAD)))
     assert (method == "partitioned") == (share > 1.0)
-    assert ("b1 is" in why and "as heavy as b0" in why) == (share > 1.0)
+    assert ("b1 is" in why and "as heavy as b0, and 2 bodies stand on one another" in why) == (share > 1.0)
 
 
 def test_a_mass_ratio_counts_across_a_joint_and_not_where_nothing_ever_touches():
-    speck = {**BAR, "name": "speck", "mass": 0.9 / RATIO, "pose": [0.2, 0.0, 0.0]}
-    tied = {"type": "pin", "bodies": ["bar", "speck"], "at": [0.2, 0.0]}
-    assert reason(bodies=[BAR, speck], joints=[PINNED, tied])[0] == "partitioned"
-    apart = {"bodies": [{**BAR, "layers": [1]}, {**speck, "layers": [2]}], "gravity": [0.0, -9.81]}
-    assert reason(**apart)[0] == "impulse"
+    for share, method in ((0.99, "impulse"), (1.01, "partitioned")):
+        speck = {**BAR, "name": "speck", "mass": 1.0 / (share * LOAD), "pose": [0.2, 0.0, 0.0], "layers": [2]}
+        tied = {"type": "pin", "bodies": ["bar", "speck"], "at": [0.2, 0.0]}
+        assert reason(bodies=[BAR, speck], joints=[PINNED, tied])[0] == method
+        assert reason(bodies=[BAR, speck], gravity=[0.0, -9.81])[0] == "impulse"
 
 
 @pytest.mark.parametrize("over", [0, 1])
-def test_a_tower_of_more_bodies_than_impulse_carries_gets_the_direct_solver(over):
-    method, why = reason(**on_each_other(TOWER + over))
+def test_a_tower_counts_times_its_mass_ratio(over):
+    count = round(LOAD / 4.0)
+    method, why = reason(**on_each_other(count + over, mass=0.25))
     assert method == ("partitioned" if over else "impulse")
-    assert (f"{TOWER + 1} bodies stand on one another" in why) == bool(over)
+    assert (f"{count + 1} bodies stand on one another: a load of {4 * count + 4}," in why) == bool(over)
 
 
 def test_bodies_beside_each_other_or_in_the_air_are_no_tower():
-    tower = on_each_other(TOWER + 1)
+    tower = on_each_other(8, mass=0.1)
     floor, blocks = tower["bodies"][0], tower["bodies"][1:]
     row = [{**block, "pose": [0.04 * i, 0.01, 0.0]} for i, block in enumerate(blocks)]
-    lifted = [{**block, "pose": [0.0, 0.01 + 0.02 * i + 1.1 * TOUCHING, 0.0]} for i, block in enumerate(blocks)]
+    lifted = [{**block, "pose": [0.0, 0.01 + 0.02 * i + (i + 1) * 1.1 * TOUCHING, 0.0]} for i, block in enumerate(blocks)]
+    assert reason(**tower)[0] == "partitioned"
     for bodies in (row, lifted):
         assert reason(**tower | {"bodies": [floor, *bodies]})[0] == "impulse"
 
 
 def test_what_is_more_than_the_direct_solver_takes_stays_with_impulse_and_says_so():
-    method, why = reason(**on_each_other(40))
+    method, why = reason(**on_each_other(40, mass=0.25))
     assert method == "impulse"
     assert "40 bodies stand on one another" in why
     assert "the scene has 42 bodies; the compiled methods take at most 40" in why
+
+
+@pytest.mark.parametrize("times", [1.0, 30.0])
+def test_impulse_carries_the_load_that_it_is_said_to_and_not_many_times_as_much(times):
+    """A block falls by 50 mm on one that stands; overlaps are measured with the shapes, energy by the ledger."""
+    parts = on_each_other(2, mass=1.0 / (times * LOAD))
+    parts["bodies"][-1]["pose"] = [0.0, 0.08, 0.0]
+    found = attempt(parse({"name": "test", **parts, "motion": {"name": "hold"}}, "here"), 0.3, "impulse")
+    assert (found.overlap <= OVERLAP and found.created <= CREATED * found.scale) == (times == 1.0)
 
 
 def test_a_smaller_error_than_impulse_holds_gets_the_direct_solver():
@@ -234,6 +248,15 @@ def test_a_smaller_error_than_impulse_holds_gets_the_direct_solver():
     method, why = reason(bodies=[BAR], error=0.99 * HOLDS)
     assert method == "partitioned"
     assert "is wanted; impulse holds" in why
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_tool_so_light_on_its_coupling_that_it_asks_for_shorter_steps_gets_the_direct_solver(share):
+    """sqrt(2000 N/m / m) = 2 error / h."""
+    tool = {**DISC, "mass": STIFFNESS * (SHORT / 0.04) ** 2 / share}
+    method, why = reason(bodies=[{**BAR, "mass": 0.01}], tool=tool)
+    assert method == ("partitioned" if share > 1.0 else "impulse")
+    assert ("impulse cannot keep up with steps below 0.05 ms" in why) == (share > 1.0)
 
 
 def test_the_direct_solver_takes_steps_as_short_as_those_inside_impulse_unless_bodies_are_many():
