@@ -11,7 +11,7 @@ from haptic_sim.bench.hard import CREATED, OVERLAP
 from haptic_sim.bench.verify import within
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.beyond import HOLDS, LOAD, SHORT, TOUCHING
-from haptic_sim.compile.choice import SOLVED, STEPS
+from haptic_sim.compile.choice import ACTS, SOLVED, STEPS
 from haptic_sim.compile.measured import of_scene
 from haptic_sim.compile.model import PIN, SLIDER, SPRING
 from haptic_sim.compile.modes import STIFFNESS
@@ -185,7 +185,7 @@ def on_each_other(count, **lowest):
                "shapes": [{"box": {"size": [0.04, 0.02]}}]} for i in range(count)]
     floor = {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
     return {"gravity": [0.0, -9.81], "bodies": [floor, {**blocks[0], **lowest}, *blocks[1:]],
-            "tool": {**DISC, "pose": [0.5, 0.5, 0.0]}}
+            "tool": {**DISC, "mass": 1.0, "pose": [0.5, 0.5, 0.0]}}
 
 
 def reason(**parts):
@@ -221,7 +221,8 @@ def test_bodies_beside_each_other_or_in_the_air_are_no_tower():
     tower = on_each_other(8, mass=0.1)
     floor, blocks = tower["bodies"][0], tower["bodies"][1:]
     row = [{**block, "pose": [0.04 * i, 0.01, 0.0]} for i, block in enumerate(blocks)]
-    lifted = [{**block, "pose": [0.0, 0.01 + 0.02 * i + (i + 1) * 1.1 * TOUCHING, 0.0]} for i, block in enumerate(blocks)]
+    gap = 1.1 * TOUCHING
+    lifted = [{**block, "pose": [0.0, 0.01 + 0.02 * i + gap * (i + 1), 0.0]} for i, block in enumerate(blocks)]
     assert reason(**tower)[0] == "partitioned"
     for bodies in (row, lifted):
         assert reason(**tower | {"bodies": [floor, *bodies]})[0] == "impulse"
@@ -244,8 +245,9 @@ def test_impulse_carries_the_load_that_it_is_said_to_and_not_many_times_as_much(
 
 
 def test_a_smaller_error_than_impulse_holds_gets_the_direct_solver():
-    assert reason(bodies=[BAR], error=1.01 * HOLDS)[0] == "impulse"
-    method, why = reason(bodies=[BAR], error=0.99 * HOLDS)
+    parts = on_each_other(2)
+    assert reason(**parts, error=1.01 * HOLDS)[0] == "impulse"
+    method, why = reason(**parts, error=0.99 * HOLDS)
     assert method == "partitioned"
     assert "is wanted; impulse holds" in why
 
@@ -260,12 +262,18 @@ def test_a_tool_so_light_on_its_coupling_that_it_asks_for_shorter_steps_gets_the
 
 
 def test_the_direct_solver_takes_steps_as_short_as_those_inside_impulse_unless_bodies_are_many():
-    """The coupling allows 0.283 ms by default, 0.057 ms where the error is a fifth."""
+    """On 1 kg the coupling allows 0.89 ms by default, 0.045 ms where the error is a twentieth."""
     for count, step in ((2, SHORT), (int(SHORT / SOLVED) - 1, SHORT), (20, 0.125e-3)):
         assert compiled(method="partitioned", **on_each_other(count)).sub_step == step
-    assert compiled(method="impulse", **on_each_other(20)).sub_step == 0.25e-3
-    assert compiled(method="partitioned", error=0.002, **on_each_other(20)).sub_step == 0.025e-3
+    assert compiled(method="partitioned", error=0.001, **on_each_other(20)).sub_step == 0.025e-3
     assert compiled(method="partitioned", sub_step=1e-3, **on_each_other(2)).sub_step == 1e-3
+
+
+@pytest.mark.parametrize(("error", "step"), [(0.02, 0.5e-3), (0.0046, 0.2e-3), (0.0044, ACTS), (0.0012, ACTS),
+                                             (0.0011, 0.025e-3)])
+def test_impulse_is_asked_no_more_often_than_it_can_keep_up_with_while_its_own_steps_keep_the_error(error, step):
+    """On 1 kg the coupling allows 0.89 ms for 0.02; 0.206, 0.197, 0.054 and 0.049 ms for the others."""
+    assert compiled(method="impulse", error=error, **on_each_other(2)).sub_step == step
 
 
 def test_the_parameter_method_wins_over_what_the_scene_needs_or_asks_for_and_says_so():

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which method and which sub-step serve a scene, and why.
 
-Inside a sub-step `impulse` takes steps of at most `SHORT`, so its sub-step is how often a port that stays passive acts;
-`partitioned` takes its sub-step whole, and so one as short.
+Inside a sub-step `impulse` takes steps of at most `SHORT`, so its sub-step is but how often a port that stays passive
+acts; `partitioned` takes its sub-step whole, and so one as short.
 """
 
 from haptic_sim.compile.beyond import SHORT, beyond
@@ -12,6 +12,8 @@ from haptic_sim.compile.modes import longest_step
 
 STEPS = (1e-3, 0.5e-3, 0.25e-3, 0.2e-3, 0.125e-3, 0.1e-3, 0.05e-3, 0.025e-3)
 """s; whole shares of a millisecond, so that an exchange at 1 kHz is a whole number of sub-steps."""
+ACTS = 0.2e-3
+"""s; `impulse` has no shorter sub-step unless the error asks for less than the steps inside: ports cost as much."""
 SOLVED = 6e-6
 """s of step for each body: a direct solve costs some 2 us a body, and is to take a third of its step."""
 
@@ -38,6 +40,9 @@ def choose_sub_step(scene, model: Model, method: str) -> tuple[float, str]:
         return scene.sub_step, "the scene asks for it"
     longest, why = longest_step(model, scene.error)
     bodies = len(model.mass) - 1
+    if method == "impulse" and SHORT <= longest < ACTS:
+        longest = ACTS
+        why += f", which {method} keeps by its steps inside {ACTS * 1e3:g} ms"
     if method == "partitioned" and longest > (own := max(SHORT, SOLVED * bodies)):
         longest = own
         why += f", {method} takes {own * 1e3:g} ms: " + (
