@@ -84,9 +84,10 @@ class Simulation:
 
     def __init__(self, scene: Scene, sub_step: float | None = None, max_catch_up: float = 0.02,
                  method: str | None = None, port: Port | None = None):
-        compiled = compile_scene(scene)
+        compiled = compile_scene(scene, method)
         sub_step = compiled.sub_step if sub_step is None else sub_step
-        self.scene, self.method_name, self.port = scene, method or compiled.method, port or Direct()
+        self.scene, self.port = scene, port or Direct()
+        self.method_name, self.why = compiled.method, compiled.reasons[0]
         self.sub_step_ns = round(sub_step * SECOND)
         self.max_catch_up_ns = round(max_catch_up * SECOND)
         if not 0 < self.sub_step_ns <= self.max_catch_up_ns:

@@ -88,7 +88,7 @@ def attempt(scene: Scene, seconds: float, method: str | None = None, sub_step: f
     `way` leads the handle instead of the scene's motion: time [s] → (x, y, theta) in the turned plane.
     """
     lead = way or hand(scene, angle)
-    step = sub_step or compile_scene(scene).sub_step
+    step = sub_step or compile_scene(scene, method).sub_step
     world = Simulation(turned_scene(scene, angle, phase * step), step, method=method)
     watch = overlap_watch(world.scene, world.method.pose)
     overlap = lost = created = scale = 0.0

@@ -7,12 +7,18 @@ import numpy as np
 import pytest
 
 from haptic_device.share import names
+from haptic_sim.bench.hard import CREATED, OVERLAP
+from haptic_sim.bench.verify import within
 from haptic_sim.compile import compile_scene
-from haptic_sim.compile.choice import STEPS
+from haptic_sim.compile.beyond import HOLDS, LOAD, SHORT, TOUCHING
+from haptic_sim.compile.choice import ACTS, SOLVED, STEPS
+from haptic_sim.compile.measured import of_scene
 from haptic_sim.compile.model import PIN, SLIDER, SPRING
+from haptic_sim.compile.modes import STIFFNESS
 from haptic_sim.method import Coupling
 from haptic_sim.method.closed_form import ClosedForm
 from haptic_sim.scene import SceneError, load, parse
+from haptic_sim.trial import attempt
 from haptic_sim.world import World
 
 DISC = {"mass": 0.1, "pose": [0.5, 0.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
@@ -171,6 +177,122 @@ def test_a_closed_form_wished_for_a_scene_without_one_is_refused():
 def test_the_sub_step_is_the_longest_whose_numerical_damping_is_the_error_stated(error, step):
     """Frequency 141 rad/s of 0.1 kg on 2000 N/m: 2 error / w is 0.283, 2.8, 0.057 ms."""
     assert compiled(error=error).sub_step == step
+
+
+def on_each_other(count, **lowest):
+    """So many blocks of 1 kg on a floor, the first as told."""
+    blocks = [{"name": f"b{i}", "mass": 1.0, "pose": [0.0, 0.01 + 0.02 * i, 0.0],
+               "shapes": [{"box": {"size": [0.04, 0.02]}}]} for i in range(count)]
+    floor = {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
+    return {"gravity": [0.0, -9.81], "bodies": [floor, {**blocks[0], **lowest}, *blocks[1:]],
+            "tool": {**DISC, "mass": 1.0, "pose": [0.5, 0.5, 0.0]}}
+
+
+def reason(**parts):
+    """(method, why) of a scene."""
+    found = compiled(**parts)
+    return found.method, found.reasons[0]
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_body_on_one_that_is_lighter_by_more_than_impulse_carries_gets_the_direct_solver(share):
+    method, why = reason(**on_each_other(2, mass=2.0 / (share * LOAD)))
+    assert (method == "partitioned") == (share > 1.0)
+    assert ("b1 is" in why and "as heavy as b0, and 2 bodies stand on one another" in why) == (share > 1.0)
+
+
+def test_a_mass_ratio_counts_across_a_joint_and_not_where_nothing_ever_touches():
+    for share, method in ((0.99, "impulse"), (1.01, "partitioned")):
+        speck = {**BAR, "name": "speck", "mass": 1.0 / (share * LOAD), "pose": [0.2, 0.0, 0.0], "layers": [2]}
+        tied = {"type": "pin", "bodies": ["bar", "speck"], "at": [0.2, 0.0]}
+        assert reason(bodies=[BAR, speck], joints=[PINNED, tied])[0] == method
+        assert reason(bodies=[BAR, speck], gravity=[0.0, -9.81])[0] == "impulse"
+
+
+@pytest.mark.parametrize("over", [0, 1])
+def test_a_tower_counts_times_its_mass_ratio(over):
+    count = round(LOAD / 4.0)
+    method, why = reason(**on_each_other(count + over, mass=0.25))
+    assert method == ("partitioned" if over else "impulse")
+    assert (f"{count + 1} bodies stand on one another: a load of {4 * count + 4}," in why) == bool(over)
+
+
+def test_bodies_beside_each_other_or_in_the_air_are_no_tower():
+    tower = on_each_other(8, mass=0.1)
+    floor, blocks = tower["bodies"][0], tower["bodies"][1:]
+    row = [{**block, "pose": [0.04 * i, 0.01, 0.0]} for i, block in enumerate(blocks)]
+    gap = 1.1 * TOUCHING
+    lifted = [{**block, "pose": [0.0, 0.01 + 0.02 * i + gap * (i + 1), 0.0]} for i, block in enumerate(blocks)]
+    assert reason(**tower)[0] == "partitioned"
+    for bodies in (row, lifted):
+        assert reason(**tower | {"bodies": [floor, *bodies]})[0] == "impulse"
+
+
+def test_what_is_more_than_the_direct_solver_takes_stays_with_impulse_and_says_so():
+    method, why = reason(**on_each_other(40, mass=0.25))
+    assert method == "impulse"
+    assert "40 bodies stand on one another" in why
+    assert "the scene has 42 bodies; the compiled methods take at most 40" in why
+
+
+@pytest.mark.parametrize("times", [1.0, 30.0])
+def test_impulse_carries_the_load_that_it_is_said_to_and_not_many_times_as_much(times):
+    """A block falls by 50 mm on one that stands; overlaps are measured with the shapes, energy by the ledger."""
+    parts = on_each_other(2, mass=1.0 / (times * LOAD))
+    parts["bodies"][-1]["pose"] = [0.0, 0.08, 0.0]
+    found = attempt(parse({"name": "test", **parts, "motion": {"name": "hold"}}, "here"), 0.3, "impulse")
+    assert (found.overlap <= OVERLAP and found.created <= CREATED * found.scale) == (times == 1.0)
+
+
+def test_a_smaller_error_than_impulse_holds_gets_the_direct_solver():
+    parts = on_each_other(2)
+    assert reason(**parts, error=1.01 * HOLDS)[0] == "impulse"
+    method, why = reason(**parts, error=0.99 * HOLDS)
+    assert method == "partitioned"
+    assert "is wanted; impulse holds" in why
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_tool_so_light_on_its_coupling_that_it_asks_for_shorter_steps_gets_the_direct_solver(share):
+    """sqrt(2000 N/m / m) = 2 error / h."""
+    tool = {**DISC, "mass": STIFFNESS * (SHORT / 0.04) ** 2 / share}
+    method, why = reason(bodies=[{**BAR, "mass": 0.01}], tool=tool)
+    assert method == ("partitioned" if share > 1.0 else "impulse")
+    assert ("impulse cannot keep up with steps below 0.05 ms" in why) == (share > 1.0)
+
+
+def test_the_direct_solver_takes_steps_as_short_as_those_inside_impulse_unless_bodies_are_many():
+    """On 1 kg the coupling allows 0.89 ms by default, 0.045 ms where the error is a twentieth."""
+    for count, step in ((2, SHORT), (int(SHORT / SOLVED) - 1, SHORT), (20, 0.125e-3)):
+        assert compiled(method="partitioned", **on_each_other(count)).sub_step == step
+    assert compiled(method="partitioned", error=0.001, **on_each_other(20)).sub_step == 0.025e-3
+    assert compiled(method="partitioned", sub_step=1e-3, **on_each_other(2)).sub_step == 1e-3
+
+
+@pytest.mark.parametrize(("error", "step"), [(0.02, 0.5e-3), (0.0046, 0.2e-3), (0.0044, ACTS), (0.0012, ACTS),
+                                             (0.0011, 0.025e-3)])
+def test_impulse_is_asked_no_more_often_than_it_can_keep_up_with_while_its_own_steps_keep_the_error(error, step):
+    """On 1 kg the coupling allows 0.89 ms for 0.02; 0.206, 0.197, 0.054 and 0.049 ms for the others."""
+    assert compiled(method="impulse", error=error, **on_each_other(2)).sub_step == step
+
+
+def test_the_parameter_method_wins_over_what_the_scene_needs_or_asks_for_and_says_so():
+    scene = parse({"name": "test", "tool": DISC, "bodies": [BAR], "method": "impulse"}, "here")
+    found = compile_scene(scene, "partitioned")
+    assert (found.method, found.sub_step) == ("partitioned", SHORT)
+    assert found.reasons[0] == "the parameter method asks for it"
+    assert compile_scene(scene).reasons[0] == "the scene asks for it"
+
+
+@pytest.mark.parametrize("name", names("scenes"))
+def test_the_kept_table_has_each_shipped_scene_at_the_step_it_gets_and_the_chosen_method_keeps_its_bounds(name):
+    """`haptic scenes --verify all --out haptic_sim/compile/measured.csv` measures it anew."""
+    scene, rows = load(name), {row.method: row for row in of_scene(name)}
+    chosen = compile_scene(scene)
+    assert {"impulse", "partitioned", chosen.method} <= set(rows)
+    for method, row in rows.items():
+        assert row.step_us == pytest.approx(1e6 * compile_scene(scene, method).sub_step)
+    assert within(rows[chosen.method], scene.error)
 
 
 def pressed(method, steps=1600, h=0.25e-3):

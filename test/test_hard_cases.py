@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hard cases: the method that a scene gets by default survives them, turned and shifted any way.
+"""Hard cases: the method that a scene gets by default survives them; the direct solver keeps far closer bounds.
 
 Finite, nothing passed through, no overlap beyond 0.1 mm measured with the shapes themselves, no energy from nowhere.
 """
@@ -9,6 +9,8 @@ import math
 
 import pytest
 
+from haptic_sim.bench.hard import verdict
+from haptic_sim.compile import compile_scene
 from haptic_sim.compile.model import framed
 from haptic_sim.scene import Scene, load
 from haptic_sim.trial import GAINS, attempt, jump
@@ -36,7 +38,7 @@ def turned(*names):
 
 
 @functools.cache
-def tried(name, angle, phase, method=None):
+def tried(name, angle, phase, method="partitioned"):
     """The outcome, which tests share: none of them steps its simulation on."""
     scene, more = load(name), {"method": method}
     if name == "handle_jump":
@@ -47,8 +49,14 @@ def tried(name, angle, phase, method=None):
     return attempt(scene, SECONDS.get(name, 1.2), angle=angle, phase=phase, look_every=look, **more)
 
 
+@pytest.mark.parametrize("name", HARD)
+def test_a_hard_case_is_survived_by_the_method_that_it_gets_by_default(name):
+    found = verdict(name, compile_scene(load(name)).method, 1 if name in LONG else 2)
+    assert found.survives, found
+
+
 @pytest.mark.parametrize(("name", "angle", "phase"), turned(*HARD))
-def test_a_hard_case_stays_finite_apart_and_creates_no_energy(name, angle, phase):
+def test_the_direct_solver_keeps_a_hard_case_finite_apart_and_creates_no_energy(name, angle, phase):
     """Beyond rounding: to put an overlap of rounding right takes the contacts' force times it, at each contact.
 
     A peg that is pressed all the time sinks in that deep again once a second (`lcp.SOFT`).
@@ -85,7 +93,7 @@ def test_nothing_comes_out_on_the_other_side_of_a_thin_wall(name, body, axis, lo
 
 @pytest.mark.parametrize(("name", "ratio"), [("collinear_1e3", 1e3), ("collinear_1e6", 1e6)])
 def test_a_heavy_disc_on_a_light_one_parts_at_the_speeds_of_the_closed_form(name, ratio):
-    outcome, e = attempt(load(name), SECONDS[name], phase=0.37), 0.5
+    outcome, e = attempt(load(name), SECONDS[name], "partitioned", phase=0.37), 0.5
     method = outcome.simulation.method
     before = {body: method.pose(body)[0] for body in ("striker", "struck")}
     hold = outcome.simulation.scene.tool.pose
@@ -103,13 +111,13 @@ def test_a_zeno_ball_rests_at_its_zeno_time():
     assert method.pose("ball")[1] == pytest.approx(-0.08, abs=1e-6)
     kinetic, _ = method.energy()
     assert kinetic < 1e-8
-    early = attempt(load("zeno_ball"), 1.0)
+    early = attempt(load("zeno_ball"), 1.0, "partitioned")
     assert early.simulation.method.pose("ball")[1] > -0.08 + 1e-4
 
 
 def test_a_wedged_peg_carries_the_hands_push_by_its_own_friction_and_stands_still():
     """The hand wants 10 mm; two contacts within their friction cones hold 15 N straight down with nothing below."""
-    earlier = attempt(load("peg_wedged"), 2.8, look_every=50).simulation
+    earlier = attempt(load("peg_wedged"), 2.8, "partitioned", look_every=50).simulation
     later = tried("peg_wedged", 0.0, 0.0).simulation
     assert later.method.force_on_tool[1] < -10.0
     assert later.measure()["insertion_fraction"] < 0.3
@@ -125,7 +133,7 @@ def test_ten_turns_of_a_wrench_are_counted_and_take_the_nut_along():
 
 
 def test_a_coupling_a_hundred_times_too_stiff_is_survived_by_a_tool_of_a_gram_too():
-    outcome = attempt(load("light_tool"), 0.4, gains=STIFF, sub_step=0.25e-3, look_every=3)
+    outcome = attempt(load("light_tool"), 0.4, "partitioned", gains=STIFF, sub_step=0.25e-3, look_every=3)
     assert outcome.finite
     assert outcome.overlap <= OVERLAP
 

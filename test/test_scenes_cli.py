@@ -7,9 +7,11 @@ from in_process import haptic
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from haptic_device.share import names
+from haptic_device.share import find, names
+from haptic_sim.bench.verify import within
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.explain import explain
+from haptic_sim.compile.measured import Measured, of_scene, read
 from haptic_sim.draw import draw, handle_way
 from haptic_sim.scene import load
 
@@ -63,14 +65,72 @@ def test_the_wall_is_explained_as_one_axis_in_closed_form():
 
 
 @pytest.mark.parametrize(("name", "words"), [
-    ("four_bar", ["2 of 12", "none can happen", "partitioned"]),
+    ("four_bar", ["2 of 12", "none can happen", "impulse"]),
     ("peg_in_hole", ["3 of 3 pairs of shapes", "tool-hole", "have to be solved together", "matters"]),
-    ("stack_20", ["63, three each", "(21)"]),
+    ("stack_20", ["63, three each", "(21)", "impulse: nothing in the scene asks for more"]),
+    ("heavy_on_light_1e3", ["partitioned: heavy is 1000 times as heavy as light, and 2 bodies stand on one another"]),
 ])
 def test_an_explanation_says_freedoms_contacts_and_method(name, words):
     scene = load(name)
     said = " ".join(answer for _, answer in explain(scene, compile_scene(scene)))
     assert all(word in said for word in words), said
+
+
+def test_an_explanation_ends_with_what_each_candidate_costs_and_errs():
+    said = haptic("scenes", "--explain", "wall").stdout.splitlines()[-3:]
+    assert [line.split()[0] for line in said] == ["closed_form", "impulse", "partitioned"]
+    for line, row in zip(said, of_scene("wall"), strict=True):
+        assert f"errs {row.error:.1e} of the way" in line
+        assert f"takes {row.exchange_us:.0f} us an exchange" in line
+
+
+def test_a_scene_that_is_not_shipped_as_it_stands_is_not_measured_and_says_how_to(tmp_path):
+    """One of the same name counts by what is in it."""
+    for content, known in ((find("scenes", "wall").read_text(), True), (find("scenes", "corner").read_text(), False)):
+        own = tmp_path / "own.yaml"
+        own.write_text(content.replace("name: corner", "name: wall"))
+        last = haptic("scenes", "--explain", own).stdout.splitlines()[-1]
+        assert (f"not measured; haptic scenes --verify {own} measures them" in last) != known
+
+
+def test_a_scene_of_ones_own_is_verified_and_its_rows_are_kept_beside_those_of_others(tmp_path):
+    kept, own = tmp_path / "table.csv", tmp_path / "own.yaml"
+    own.write_text(find("scenes", "corner").read_text().replace("name: corner", "name: own\nmethod: penalty_implicit"))
+    for name in ("thin_plate", own, own):
+        done = haptic("scenes", "--verify", name, "--out", kept)
+        assert done.returncode == 0, done.stdout
+    assert [(row.scene, row.method) for row in read(kept)] == [
+        *(("own", method) for method in ("impulse", "partitioned", "penalty_implicit")),
+        *(("thin_plate", method) for method in ("impulse", "partitioned"))]
+    impulse, partitioned, elastic = read(kept)[:3]
+    assert 0.0 < partitioned.doubt < 0.1 * partitioned.error
+    assert partitioned.error < 0.01
+    assert partitioned.overlap_m < 1e-9 < 1e-6 < elastic.overlap_m
+    assert all(row.exchange_us > 0.0 for row in (impulse, partitioned, elastic))
+    assert [line.split(" | ")[-1] for line in done.stdout.splitlines()[2:]] == [" |", " |", "kept |"]
+
+
+def test_a_method_that_is_chosen_and_beyond_its_bounds_is_told_by_the_exit_code(tmp_path):
+    own = tmp_path / "own.yaml"
+    text = find("scenes", "heavy_on_light_1e6").read_text()
+    own.write_text(text.replace("name: heavy_on_light_1e6", "name: own\nmethod: impulse").replace("2.0\n", "0.2\n"))
+    done = haptic("scenes", "--verify", own)
+    assert done.returncode == 1
+    assert "**beyond**" in done.stdout
+
+
+@pytest.mark.parametrize(("field", "bound"), [("error", 0.02), ("created", 0.01), ("overlap_m", 1e-4)])
+def test_bounds_are_kept_up_to_each_of_them_and_not_beyond(field, bound):
+    row = Measured("own", "impulse", 250.0, 0.0, 0.0, 0.0, 0.0, 100.0, "stable")
+    assert within(row._replace(**{field: 0.999 * bound}), 0.02)
+    assert not within(row._replace(**{field: 1.001 * bound}), 0.02)
+
+
+def test_an_error_below_the_doubt_of_its_reference_is_none_and_what_is_not_stable_keeps_nothing():
+    row = Measured("own", "impulse", 250.0, 0.04, 0.03, 0.0, 0.0, 100.0, "stable")
+    assert within(row, 0.02)
+    assert not within(row._replace(doubt=0.01), 0.02)
+    assert not within(row._replace(status="unstable"), 0.02)
 
 
 def test_the_gallery_has_a_section_and_a_picture_for_every_scene(tmp_path, monkeypatch):
@@ -87,7 +147,11 @@ def test_the_gallery_has_a_section_and_a_picture_for_every_scene(tmp_path, monke
 @pytest.mark.parametrize(("words", "sentence"), [
     (["--draw", "nowhere"], "nowhere is neither a file nor a name"),
     (["--explain", "nowhere"], "nowhere is neither a file nor a name"),
-    (["--out", "a.png"], "--out names the picture of --draw"),
+    (["--verify", "nowhere"], "nowhere is neither a file nor a name"),
+    (["--verify", "wall", "--out", "/nowhere/a.csv"], "/nowhere/a.csv"),
+    (["--verify", "wall", "--out", find("scenes", "wall")], "has not the columns scene, method, step_us"),
+    (["--out", "a.png"], "--out names the picture of --draw or the table of --verify"),
+    (["--draw", "wall", "--verify", "wall", "--out", "a.png"], "--out names the picture of --draw or the table"),
     (["--draw", "wall", "--out", "/nowhere/a.png"], "/nowhere/a.png"),
 ])
 def test_bad_input_ends_in_one_sentence(words, sentence):

@@ -24,6 +24,7 @@ from std_srvs.srv import SetBool, Trigger
 from haptic_device.law import exchange
 from haptic_device.law import port as law_port
 from haptic_device.node import wire
+from haptic_sim.compile import compile_scene
 from haptic_sim.node import exchange_thread
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.node.exchange_thread import RETURN_NS, ExchangeThread
@@ -362,6 +363,8 @@ def test_told_to_end_the_node_says_how_things_then_stand_and_ends_well(nodes, pe
     _, values = peer.said[-1]
     assert float(values["result.insertion_fraction"]) == pytest.approx(-0.5, abs=0.01)
     assert {"max_contact_force", "max_penetration", "refused", "rejoined", "sub_steps"} <= values.keys()
+    compiled = compile_scene(load("peg_in_hole"))
+    assert (values["method"], values["why"]) == (compiled.method, compiled.reasons[0])
     assert "Traceback" not in process.log.read_text()
 
 

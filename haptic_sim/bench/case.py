@@ -14,7 +14,7 @@ from haptic_sim.compile import compile_scene
 from haptic_sim.method import Coupling
 from haptic_sim.scene import Scene, load
 from haptic_sim.solid import TOOL
-from haptic_sim.trial import GAINS, hand, turned_scene
+from haptic_sim.trial import GAINS, hand, jump, turned_scene
 
 LOOK, LONG_LOOK = 10_000_000, 50_000_000
 """ns between the looks at the bodies' places; the longer one where steps beyond 10 ms make sense."""
@@ -39,6 +39,8 @@ class Case(NamedTuple):
     """Whether the hand moves."""
     look: int
     """ns between the looks."""
+    jumps: float | None = None
+    """s; when the hand goes from its motion's start to its target at once, and at rest otherwise."""
 
     @property
     def period(self) -> int:
@@ -52,9 +54,10 @@ class Case(NamedTuple):
 
     def path(self) -> np.ndarray:
         """Positions and velocities (n + 1, 6) of the handle at its samples."""
-        lead, count = hand(self.scene), round(self.seconds * 1e9) // self.period
-        places = np.array([lead(k * self.period * 1e-9) for k in range(count + 1)])
-        rates = np.gradient(places, self.period * 1e-9, axis=0) if self.moving else np.zeros_like(places)
+        lead = hand(self.scene) if self.jumps is None else jump(self.scene, 0.0, self.jumps)
+        places = np.array([lead(k * self.period * 1e-9) for k in range(round(self.seconds * 1e9) // self.period + 1)])
+        smooth = self.moving and self.jumps is None
+        rates = np.gradient(places, self.period * 1e-9, axis=0) if smooth else np.zeros_like(places)
         return np.hstack([places, rates])
 
     def bodies(self) -> dict[str, float]:

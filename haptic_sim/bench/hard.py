@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.bench.measure import FAR
+from haptic_sim.bench.case import Case
+from haptic_sim.bench.measure import FAR, stretch
 from haptic_sim.bench.world import Impossible, make
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.model import framed
@@ -20,6 +21,7 @@ from haptic_sim.solid import TOOL
 from haptic_sim.trial import GAINS, hand, jump, overlap_watch, turned_scene
 
 OVERLAP, CREATED, ROUNDING = 1e-4, 0.01, 1e-7  # m; shares of the largest energy about
+LEAST, JUMP = 1e-3, 0.02  # J that count as the largest energy about, where all is nearly at rest; s
 LOOK_EVERY = 3  # exchanges of 1 ms
 _STEP = 0.25e-3
 STIFF = Coupling(100.0 * 0.1 / _STEP**2, 0.0, 100.0 * 6.7e-6 / _STEP**2, 0.0)
@@ -55,6 +57,12 @@ class Verdict(NamedTuple):
         return not set(self.letters) & set("NTPE") and not self.letters.startswith("cannot")
 
 
+def case(name: str, look: int) -> Case:
+    """A hard scene as it stands, as a case that is looked at every so many ns."""
+    gains = STIFF if name == "stiff_coupling" else Coupling(*GAINS)
+    return Case(name, "hard", SECONDS[name], load(name), gains, True, look, JUMP if name == "handle_jump" else None)
+
+
 def sweep(count: int) -> list[tuple[float, float]]:
     """(angle of the plane [rad], phase in sub-steps); the first is the scene as it stands."""
     return [(2.0 * math.pi * k * 0.381966 % (2.0 * math.pi), 0.37 * k % 1.0) for k in range(count)]
@@ -77,10 +85,10 @@ def _attempt(name, kind, angle, phase):
     """Letters, deepest overlap, energy created over the largest about."""
     scene = load(name)
     step = _STEP if name == "stiff_coupling" else compile_scene(scene).sub_step
-    lead = jump(scene, angle, 0.02) if name == "handle_jump" else hand(scene, angle)
+    lead = jump(scene, angle, JUMP) if name == "handle_jump" else hand(scene, angle)
     scene = turned_scene(scene, angle, phase * step)
     world = make(kind, scene, step)
-    gains = STIFF if name == "stiff_coupling" else Coupling(*GAINS)
+    gains = case(name, LOOK_EVERY).gains
     world.couple(gains)
     path = np.array([lead(k * 1e-3 + phase * step) for k in range(round(SECONDS[name] * 1e3) + 1)])
     rates = np.zeros_like(path) if name == "handle_jump" else np.gradient(path, 1e-3, axis=0)
@@ -98,10 +106,10 @@ def _judge(name, world, scene, gains, path, count, angle):
             return "N", math.inf, math.inf
         dissipated = world.supplied - (stored - start)
         created, lost = max(created, lost - dissipated), max(lost, dissipated)
-        scale = max(scale, *map(abs, world.energy()), _stretch(gains, path[k + 1], world.pose(TOOL)))
+        scale = max(scale, *map(abs, world.energy()), stretch(gains, path[k + 1], world.pose(TOOL)))
         if k % LOOK_EVERY == 0:
             overlap = max(overlap, watch())
-    share = created / max(scale, 1e-3)
+    share = created / max(scale, LEAST)
     letters |= {"E"} if share > CREATED else {"e"} if share > ROUNDING else set()
     letters |= {"P"} if overlap > OVERLAP else set()
     if name in SIDES and _passed(world, *SIDES[name], angle):
@@ -112,9 +120,3 @@ def _judge(name, world, scene, gains, path, count, angle):
 def _passed(world, body, axis, least, angle):
     x, y = framed(world.pose(body)[:2], (0.0, 0.0, angle))
     return axis[0] * x + axis[1] * y < least
-
-
-def _stretch(gains, handle, tool):
-    """Energy in the coupling's spring [J]."""
-    x, y, theta = handle[:3] - tool
-    return 0.5 * (gains.stiffness * (x * x + y * y) + gains.rotational_stiffness * theta * theta)

@@ -15,6 +15,7 @@ import numpy as np
 from haptic_sim.bench.case import Case
 from haptic_sim.bench.reference import Reference, apart
 from haptic_sim.bench.world import Impossible, make
+from haptic_sim.method import Coupling
 from haptic_sim.solid import TOOL
 from haptic_sim.trial import overlap_watch
 
@@ -77,7 +78,7 @@ def judge(case: Case, reference: Reference, world, count: int) -> Judged:
             return Judged(math.inf, math.inf, scale, math.inf)
         energies.append(sum(stored))
         supplied.append(world.supplied)
-        scale = max(scale, *map(abs, stored))
+        scale = max(scale, *map(abs, stored), stretch(case.gains, path[k + 1], world.pose(TOOL)))
         if (k + 1) % every == 0:
             deepest = max(deepest, overlap())
             for name in bodies:
@@ -88,10 +89,20 @@ def judge(case: Case, reference: Reference, world, count: int) -> Judged:
 def error_of(seen, reference: Reference, bodies: dict[str, float]) -> float:
     """Root mean square over time of the worst body's distance from its reference, over the longest way of any."""
     gaps = [apart(np.array(seen[name]), reference.poses[name], radius) for name, radius in bodies.items()]
-    way = max(float(apart(reference.poses[name], reference.poses[name][:1], radius).max())
-              for name, radius in bodies.items())
     worst = np.max(gaps, axis=0)
-    return float(np.sqrt(np.mean(worst**2))) / way if np.all(np.isfinite(worst)) else math.inf
+    return float(np.sqrt(np.mean(worst**2))) / way(reference, bodies) if np.all(np.isfinite(worst)) else math.inf
+
+
+def way(reference: Reference, bodies: dict[str, float]) -> float:
+    """Longest way [m] that any body comes."""
+    return max(float(apart(reference.poses[name], reference.poses[name][:1], radius).max())
+               for name, radius in bodies.items())
+
+
+def stretch(gains: Coupling, handle, tool) -> float:
+    """Energy in the coupling's spring [J]; handle and tool at poses (x, y, theta)."""
+    x, y, theta = np.subtract(handle[:3], tool)
+    return 0.5 * (gains.stiffness * (x * x + y * y) + gains.rotational_stiffness * theta * theta)
 
 
 def clock(case: Case, method: str, step: int) -> float:

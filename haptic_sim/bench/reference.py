@@ -47,10 +47,22 @@ def reference(name: str) -> Reference:
 
 def make(of: Case) -> Reference:
     """The converged solution of a case."""
-    coarse, fine = (_run(of, step) for step in FINE)
-    radii = of.bodies()
-    doubt = max(float(apart(coarse[name], fine[name], radius).max()) for name, radius in radii.items())
-    return Reference({name: fine[name] for name in radii}, f"partitioned at {FINE[1]} ns", doubt)
+    coarse, fine = (solution(of, "partitioned", step) for step in FINE)
+    doubt = max(float(apart(coarse[name], fine[name], radius).max()) for name, radius in of.bodies().items())
+    return Reference(fine, f"partitioned at {FINE[1]} ns", doubt)
+
+
+def solution(of: Case, method: str, step: int) -> dict[str, np.ndarray]:
+    """Body → poses (n, 3) at the looks, by a method at this step [ns]. Impossible if the method cannot model it."""
+    world = make_world(method, of.scene, step * 1e-9)
+    world.couple(of.gains)
+    path, every, names = of.path(), of.look // of.period, of.bodies()
+    found = {name: [world.pose(name)] for name in names}
+    for k in range(0, len(path) - 1, every):
+        world.follow(path[k:k + every + 1], of.period // step)
+        for name in names:
+            found[name].append(world.pose(name))
+    return {name: np.array(poses) for name, poses in found.items()}
 
 
 def apart(poses, others, radius: float) -> np.ndarray:
@@ -71,18 +83,6 @@ def write(name: str, made: Reference) -> Path:
     path = STORED / f"{name}.csv"
     np.savetxt(path, table, "%.12g", ",", header=head)
     return path
-
-
-def _run(of, step):
-    world = make_world("partitioned", of.scene, step * 1e-9)
-    world.couple(of.gains)
-    path, every, names = of.path(), of.look // of.period, of.bodies()
-    found = {name: [world.pose(name)] for name in names}
-    for k in range(0, len(path) - 1, every):
-        world.follow(path[k:k + every + 1], of.period // step)
-        for name in names:
-            found[name].append(world.pose(name))
-    return {name: np.array(poses) for name, poses in found.items()}
 
 
 def _read(path):

@@ -19,7 +19,7 @@ BENCHMARKS = {  # name of the file: words of the command; words for a short run,
     "load": (("bench", "load"), ("--seconds", "3"), ()),
     "round_trip": (("bench", "exchange", "--round-trip"), ("--rate", "1000"), ()),
     "exchange": (("bench", "exchange"), ("--delay", "0", "--delay", "20"), ()),
-    "hard_cases": (("bench", "hard-cases"), ("--short", "--methods", "partitioned"), ()),
+    "hard_cases": (("bench", "hard-cases"), ("--short", "--methods", "impulse,partitioned"), ()),
     "speed_error": (("bench", "speed-error"), ("--short", "--scenes", "wall", "--methods", "closed_form"), ()),
 }
 _ONLY = f"Comma-separated benchmarks of {', '.join(BENCHMARKS)} [all]."

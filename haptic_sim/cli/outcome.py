@@ -17,7 +17,7 @@ from haptic_device.status import number
 
 INSERTED = 0.95  # of the hole's depth
 ANSWERED = 0.9  # of the handle samples sent, for scenes without a goal of their own
-_NOTHING = ("servo", "exchange", "energy_j", "contact", "report", "startup_s")
+_NOTHING = ("servo", "exchange", "simulation", "energy_j", "contact", "report", "startup_s")
 
 
 def figures(recording: Recording, started: float) -> dict:
@@ -31,6 +31,7 @@ def figures(recording: Recording, started: float) -> dict:
         "seconds": float(rows["deadline"][-1] - rows["deadline"][0]) * 1e-9,
         "servo": servo_figures(rows) | {"realtime": driver.get("realtime")},
         "exchange": exchange_figures(recording, rows),
+        "simulation": {name: simulation.get(name) for name in ("method", "why")},
         "energy_j": energy_figures(recording, rows),
         "contact": {
             "max_force_n": _number(simulation, "max_contact_force"),

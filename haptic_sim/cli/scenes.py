@@ -11,20 +11,26 @@ from rich.table import Table
 from haptic_device.share import names
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.explain import explain
+from haptic_sim.compile.measured import of_scene, said
 from haptic_sim.scene import load
+
+_OUT = "The picture's file [NAME.png], or a file with a table in which --verify puts its rows."
 
 
 def scenes(
     draw: Annotated[str | None, typer.Option(help="Write a picture of this scene (a name or a YAML file).")] = None,
-    out: Annotated[Path | None, typer.Option(help="The picture's file [NAME.png].")] = None,
+    out: Annotated[Path | None, typer.Option(help=_OUT)] = None,
     explained: Annotated[
         str | None, typer.Option("--explain", help="Say what has to be modelled of this scene, by which method.")
     ] = None,
+    verify: Annotated[
+        str | None, typer.Option(help="Measure what each method costs and errs on this scene, or on `all` ones.")
+    ] = None,
     gallery: Annotated[Path | None, typer.Option(help="Write a page with all scenes into this folder.")] = None,
 ):
-    """List the scenes; draw one; say what the simulation of one takes."""
-    if out and not draw:
-        raise ValueError("--out names the picture of --draw; give both")
+    """List the scenes; draw one; say what the simulation of one takes; measure what each method makes of it."""
+    if out and bool(draw) == bool(verify):
+        raise ValueError("--out names the picture of --draw or the table of --verify; give one of them with it")
     if draw:
         _draw(draw, out)
     if explained:
@@ -34,7 +40,11 @@ def scenes(
 
         write(gallery)
         typer.echo(gallery / "README.md")
-    if not (draw or explained or gallery):
+    if verify:
+        from haptic_sim.cli.scenes_verify import run
+
+        run(verify, out)
+    if not (draw or explained or gallery or verify):
         _list()
 
 
@@ -62,5 +72,12 @@ def _draw(name, out):
 def _explain(name):
     scene = load(name)
     typer.echo(f"{scene.name}: {scene.description}")
-    for question, answer in explain(scene, compile_scene(scene)):
+    for question, answer in (*explain(scene, compile_scene(scene)), *_candidates(scene, name)):
         typer.echo(f"  {question:<12} {answer}")
+
+
+def _candidates(scene, name):
+    """(method, what it costs and errs) of those that could have been chosen; one line for a scene not in the table."""
+    if scene.name in names("scenes") and scene == load(scene.name) and (rows := of_scene(scene.name)):
+        return [(row.method, said(row)) for row in rows]
+    return [("candidates", f"not measured; haptic scenes --verify {name} measures them")]

@@ -19,6 +19,8 @@ from haptic_sim.solid import TOOL
 SQUARE = 1e-12
 """Sine of the angle below which two directions count as parallel, and cosine as square."""
 
+ASKED = "the parameter method asks for it"
+
 
 class Needs(NamedTuple):
     """What of a scene has to be modelled."""
@@ -56,8 +58,11 @@ class Compiled(NamedTuple):
     """Why this method and this sub-step, a sentence each."""
 
 
-def compile_scene(scene: Scene) -> Compiled:
-    """The least model of a scene, and the method and sub-step it is given. ValueError if the wish cannot be granted."""
+def compile_scene(scene: Scene, method: str | None = None) -> Compiled:
+    """The least model of a scene, and the method and sub-step it is given. ValueError if the wish cannot be granted.
+
+    `method`: the one that the parameter of this name asks for, whatever the scene does.
+    """
     fixed = {body.name for body in scene.bodies if body.fixed}
     groups = groups_of(scene, fixed)
     moving = moving_bodies(scene, groups)
@@ -77,7 +82,9 @@ def compile_scene(scene: Scene) -> Compiled:
         rotation=_turning_matters(scene, touching, friction),
         axes=_axes(scene, groups, pairs, touching),
     )
-    method, why_method = choose_method(scene, needs)
+    why_method = ASKED
+    if method is None:
+        method, why_method = choose_method(scene, needs, arrays, [group[0] for group in groups])
     sub_step, why_step = choose_sub_step(scene, arrays, method)
     return Compiled(arrays, places, shape_names, needs, method, sub_step, (why_method, why_step))
 

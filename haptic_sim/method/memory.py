@@ -9,12 +9,19 @@ follows from it: edge normals, linkages) and the work (state of the bodies, and 
 import numba
 import numpy as np
 
+from haptic_sim.compile.limits import (
+    MOST_BODIES,
+    MOST_CORNERS,
+    MOST_JOINTS,
+    MOST_LINKED,
+    MOST_PAIRS,
+    MOST_SHAPES,
+    too_much,
+)
 from haptic_sim.compile.model import Model
 from haptic_sim.method.layout import lay_out
 
-MOST_BODIES, MOST_SHAPES, MOST_CORNERS, MOST_PAIRS, MOST_JOINTS, MOST_ROWS = 40, 80, 400, 1000, 32, 200
-MOST_LINKED = 10
-"""Bodies of one linkage."""
+MOST_ROWS = 200
 STAGES = 12
 
 _n, _s, _v, _p, _j, _r = MOST_BODIES, MOST_SHAPES, MOST_CORNERS, MOST_PAIRS, MOST_JOINTS, MOST_ROWS
@@ -71,25 +78,15 @@ at a stage; `supply`, `lost`: energy [J] it supplies and rows take on the way to
 
 def records(model: Model):
     """(model, layout, work), arrays of one record each, bodies at the start; ValueError if there is too much."""
-    sizes = _sizes(model)
+    if refusal := too_much(model):
+        raise ValueError(refusal)
     layout = lay_out(model)
-    linked = int(np.diff(layout.body_start).max(initial=0))
-    for what, many, most in (*sizes, ("bodies in one linkage", linked, MOST_LINKED)):
-        if many > most:
-            raise ValueError(f"the scene has {many} {what}; the compiled methods take at most {most}")
-    names = "bodies", "shapes", "corners", "pair_count", "joints"
-    counts = {name: many for name, (_, many, _) in zip(names, sizes, strict=True)}
+    counts = {"bodies": len(model.mass), "shapes": len(model.radius), "corners": len(model.vertices),
+              "pair_count": len(model.pairs), "joints": len(model.joint_kind)}
     fixed = _record(MODEL, {**model._asdict(), **counts})
     laid = _record(LAYOUT, {**layout._asdict(), "linkages": len(layout.body_start) - 1})
     work = _record(WORK, {"q": model.pose, "v": model.velocity})
     return fixed, laid, work
-
-
-def _sizes(model):
-    return (("bodies", len(model.mass), MOST_BODIES), ("shapes", len(model.radius), MOST_SHAPES),
-            ("corners", len(model.vertices), MOST_CORNERS),
-            ("pairs of shapes that can touch", len(model.pairs), MOST_PAIRS),
-            ("joints", len(model.joint_kind), MOST_JOINTS))
 
 
 def _record(dtype, values):

@@ -79,7 +79,7 @@ class SimulationNode(ManagedNode):
         if self.exchange is None:
             return
         world = self.exchange.simulation
-        values = {"scene": world.scene.name, "method": world.method_name, **_values(self.exchange)}
+        values = {"scene": world.scene.name, "method": world.method_name, "why": world.why, **_values(self.exchange)}
         values["survived"] = self.survived
         level, message = self._verdict()
         now_ns = self.get_clock().now().nanoseconds

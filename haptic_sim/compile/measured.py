@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each method that a shipped scene could have costs and errs: a table kept with the package.
+
+`haptic scenes --verify all --out haptic_sim/compile/measured.csv` measures it anew.
+"""
+
+import csv
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+KEPT = Path(__file__).with_suffix(".csv")
+
+
+class Measured(NamedTuple):
+    """A method on a scene. `error` is relative to the way that the bodies come, root mean square over time.
+
+    `doubt` is how far the reference may be off, in the same measure; `created` the energy created over the largest
+    about; `exchange_us` the median processor time of an exchange of 1 ms. What a method cannot do is nan.
+    """
+
+    scene: str
+    method: str
+    step_us: float
+    error: float
+    doubt: float
+    created: float
+    overlap_m: float
+    exchange_us: float
+    status: str
+    """stable, unstable, or why it could not be done."""
+
+
+def read(path: Path = KEPT) -> list[Measured]:
+    """The rows of a table; none if there is no such file. ValueError, one sentence, if it is another one."""
+    if not path.exists():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    try:
+        return [Measured(**{name: kind(row[name]) for name, kind in Measured.__annotations__.items()}) for row in rows]
+    except (KeyError, TypeError, ValueError):
+        raise ValueError(f"{path} has not the columns {', '.join(Measured._fields)}") from None
+
+
+def of_scene(name: str) -> list[Measured]:
+    """The rows that are kept of a shipped scene."""
+    return [row for row in read() if row.scene == name]
+
+
+def write(rows: list[Measured], path: Path) -> None:
+    """Writes a table, in the order of the rows."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(Measured._fields)
+        out.writerows([f"{value:.3g}" if isinstance(value, float) else value for value in row] for row in rows)
+
+
+def said(row: Measured) -> str:
+    """A row in words."""
+    if math.isnan(row.error):
+        return row.status
+    error = f"errs {row.error:.1e} of the way" + (f" (known to {row.doubt:.0e})" if row.doubt > row.error else "")
+    return (f"step {row.step_us * 1e-3:g} ms: {error}, creates {row.created:.0e} of the energy about, overlaps "
+            f"{row.overlap_m * 1e6:.2g} um, takes {row.exchange_us:.0f} us an exchange")
