@@ -14,16 +14,19 @@ REACH = 100.0
 """m; half the length of a groove without limits."""
 STOP_BIAS = 1e-3
 """As a space's collision_bias, for joints with a stop: Chipmunk takes a joint's error back as velocity, which stays."""
+MANY, MANY_BIAS = 12, 1e-20
+"""For more joints than this: so many velocities are not settled within the sweeps, and a grid of 17 pins blows up."""
 
 
 def add_joints(space: pymunk.Space, scene, compiled, bodies: list[pymunk.Body]) -> None:
     """All joints of the model; `bodies` are the model's movable ones in its order."""
+    bias = MANY_BIAS if len(compiled.model.joint_kind) > MANY else space.collision_bias
     for j in range(len(compiled.model.joint_kind)):
         for joint in _joint(compiled.model, j, [*bodies, space.static_body]):
             joint.collide_bodies = _may_collide(scene, compiled, j)
             stops = np.any(np.isfinite(compiled.model.joint_limit[j]))
             if joint.max_bias > 1e9:  # else a drive, which has no error
-                joint.error_bias = STOP_BIAS if stops else space.collision_bias
+                joint.error_bias = STOP_BIAS if stops else bias
             space.add(joint)
 
 

@@ -49,7 +49,7 @@ def test_the_shovel_s_way_leads_into_the_stones_and_the_stirring_tool_s_stays_be
     stones, heap = loads.gravel(count, 0.3), loads.heap(count, 0.3)
     top = max(body.pose[1] for body in stones.scene.bodies)
     tip = stones.path()[:, 1] - 0.071
-    assert tip[0] > top > 2.0 * tip.min() > 0.0
+    assert tip[0] > top > 1.5 * tip.min() > 0.0
     right = next(body.shapes[0].half_plane.point[0] for body in heap.scene.bodies if body.name == "right")
     assert np.abs(heap.path()[:, 0]).max() + 0.006 < right
 
@@ -88,11 +88,21 @@ def test_a_pin_that_is_open_is_an_error_of_its_gap():
     assert loads.pins_open(chain.scene, poses.get) == pytest.approx(loads.LINK * math.sin(0.05))
 
 
+@pytest.mark.parametrize(("world", "count"), [("chain", 30), ("joint_grid", 10), ("joint_grid", 30)])
+def test_many_pins_stay_closed_in_pymunk_s_world_and_create_no_energy(world, count):
+    """As fast as a few joints take their errors back, 17 pins in a grid gain six times the energy that is about."""
+    found = growth.run(world, count, "impulse", growth.STEP, 0.4)
+    assert found.error_um < 50.0
+    assert found.created < 0.01
+
+
 def test_a_run_that_takes_too_long_is_ended_and_says_so():
     found = growth.run("row", 10, "partitioned", growth.STEP, 0.1, limit=0.0)
     assert found.status == "over"
-    cells = growth_report.markdown([found, found._replace(status="partly"), found._replace(status="")]).splitlines()[2:]
-    assert [row.count("over ") for row in cells] == [4, 2, 0]
+    assert math.isnan(found.overlap_um)
+    cells = growth_report.markdown([found, made(), made()._replace(created=math.inf)]).splitlines()[2:5]
+    assert [row.count("over ") for row in cells] == [2, 0, 0]
+    assert ["not finite" in row for row in cells] == [False, False, True]
     assert growth.run("row", 10, "partitioned", growth.STEP, 0.1).status == ""
 
 

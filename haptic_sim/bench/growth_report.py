@@ -26,13 +26,16 @@ def _row(item):
     key = [item.world, str(item.bodies), title(item.engine, item.step_us)]
     if item.cannot:
         return [*key, "cannot", *[""] * 4]
-    over, partly = ("over " if item.status in of else "" for of in (("over",), ("over", "partly")))
-    return [*key, f"{over}{item.median_us:.0f} µs", f"{over}{item.p99_us:.0f} µs", partly + _length(item.overlap_um),
-            f"{partly}{100.0 * item.created:.2g} %", _length(item.error_um)]
+    if item.status == "over":
+        return [*key, f"over {item.median_us:.0f} µs", f"over {item.p99_us:.0f} µs", *[""] * 3]
+    if math.isinf(item.created):
+        return [*key, f"{item.median_us:.0f} µs", f"{item.p99_us:.0f} µs", "not finite", *[""] * 2]
+    return [*key, f"{item.median_us:.0f} µs", f"{item.p99_us:.0f} µs", _length(item.overlap_um),
+            f"{100.0 * item.created:.2g} %", _length(item.error_um)]
 
 
 def _length(value):
-    return "" if math.isnan(value) else f"{value:.2g} µm" if value < 1e3 else f"{1e-3 * value:.2g} mm"
+    return "" if math.isnan(value) else f"{value:.2g} µm" if value < 99.5 else f"{1e-3 * value:.2g} mm"
 
 
 def title(engine: str, step: int) -> str:
@@ -85,7 +88,7 @@ def write(folder: Path, runs: list[Run]) -> None:
     used = dict.fromkeys(version(name) for name in PEERS if any(item.engine == name for item in runs))
     head = (f"# Growth\n\nWritten by `haptic bench growth`: processor time of an exchange of 1 ms, the first half of "
             f"the run left out. Peers: {', '.join(used)}, at sub-steps of {STEP} µs unless said otherwise, allowed to "
-            f"let bodies sleep. Over: ended after {LIMIT:g} s of processor time; the run that is looked at, after half "
-            "of it. Error: the longest way of a body that should stay, or by which a pin is open.\n\n")
+            f"let bodies sleep. Over: ended after {LIMIT:g} s of processor time. Looked at is a second run, ended "
+            "after half of that. Error: the longest way of a body that should stay, or by which a pin is open.\n\n")
     (folder / "growth.md").write_text(f"{head}{markdown(runs)}\n", encoding="utf-8")
     figure(runs).savefig(folder / "growth.png", dpi=90)

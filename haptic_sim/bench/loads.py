@@ -112,7 +112,7 @@ def gravel_content(count: int, seconds: float) -> dict:
     stones = [stone | {"pose": [round(value, 6) for value in world.pose(stone["name"])]}
               for stone in _stones(count, half, 1.0)]
     depth = round(max(stone["pose"][1] for stone in stones), 3)
-    motion = {"name": "press_wall", "target": [-above[0], round(0.071 + 0.3 * depth, 6), 0.0], "duration": seconds}
+    motion = {"name": "press_wall", "target": [-above[0], round(0.071 + 0.55 * depth, 6), 0.0], "duration": seconds}
     return _gravel(stones, half, [above[0], 0.08 + depth, 0.0], motion)
 
 
