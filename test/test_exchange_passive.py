@@ -163,6 +163,18 @@ def test_the_tool_port_supplies_no_more_than_was_shipped_and_its_budget(scene, m
         assert simulation.ledger.supplied <= shipped - first + budget + 1e-9
 
 
+@pytest.mark.parametrize("exchange", ["direct", "pspm"])
+def test_a_tool_led_evenly_goes_neither_ahead_nor_behind_whether_a_port_holds_its_handle_or_not(exchange):
+    """Nothing brakes it, so that the coupling has no stretch; held at a sub-step's end, the handle would be ahead."""
+    simulation = Simulation(load("push_block"), method="impulse", port=port_of(exchange))
+    (x, y, angle), speed = simulation.scene.tool.pose, -0.1
+    for number in range(1500):
+        sample = HandleSample(number * 1_000_000, (x + speed * number * 1e-3, y + 1.0, angle), (speed, 0.0, 0.0),
+                              *GAINS.values(), energy=1.0 * number)
+        answer = simulation.exchange(sample)
+    assert answer.position[0] == pytest.approx(sample.position[0], abs=1e-6)
+
+
 def test_the_direct_tool_port_supplies_more_than_the_budget_in_one_sample():
     simulation = Simulation(load("free_space"), port=port_of("direct"))
     for number in range(20):

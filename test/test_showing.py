@@ -132,7 +132,7 @@ def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
 
 def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns(monkeypatch):
     simulation, handle = Simulation(parse(GUIDED, "guided")), (0.01, 0.0, 0.3)
-    for k in range(200):
+    for k in range(1000):
         simulation.exchange(HandleSample(1_000_000 * k, handle, (0.0, 0.0, 0.0), *GAINS))
     node = FakeNode()
     Showing(node).show(simulation, handle, 0)

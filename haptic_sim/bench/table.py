@@ -52,20 +52,35 @@ def default_method(name: str) -> str:
 
 
 def markdown(runs: list[Run]) -> str:
-    """A row a scene: its default method at the step nearest to its own, and how many times faster than each peer."""
-    heads = ["scene", "method", "step", "error", "wall time", "energy created", *TITLES.values()]
+    """Rows of each scene: the method that it gets by default, in bold, and beside it `impulse` or `partitioned`.
+
+    At the step nearest to that which the scene would get; in the last row how many times faster than each peer the best
+    of ours is.
+    """
+    heads = ["scene", "method", "step", "error", "of an exchange", "overlap", "energy created", *TITLES.values()]
     rows = [heads, ["---"] * len(heads)]
     for scene in scenes_of(runs):
         of_scene = [item for item in runs if item.scene == scene]
-        method, step = default_of(scene)
-        shown = nearest(of_scene, method, step)
-        if shown:
-            faster = {ratio.peer: ratio for ratio in ratios(of_scene)}
-            created = f"{shown.created_j:.0e} J" if shown.created_j else "0"
-            rows.append([scene, method, f"{shown.step_us * 1e-3:g} ms", f"{shown.error:.1e}",
-                         f"{_short(1e3 * shown.wall)} ms/s", created,
-                         *(_cell(faster.get(peer), of_scene, peer) for peer in PEERS)])
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+        faster = {ratio.peer: ratio for ratio in ratios(of_scene)}
+        rows += [_row(item, item.method == default_of(scene)[0]) for item in _shown(scene, of_scene)]
+        rows[-1] += [_cell(faster.get(peer), of_scene, peer) for peer in PEERS]
+    return "\n".join(f"| {' | '.join(row + [''] * (len(heads) - len(row)))} |" for row in rows)
+
+
+def _shown(scene, runs):
+    """Runs of the default method, of `impulse` and of `partitioned` at their own steps."""
+    chosen = case(scene).scene
+    for method in dict.fromkeys(("impulse", default_of(scene)[0], "partitioned")):
+        step = round(compile_scene(chosen, method).sub_step * 1e6)
+        if item := nearest(runs, method, step):
+            yield item
+
+
+def _row(item, chosen):
+    created = f"{item.created_j:.0e} J" if item.created_j else "0"
+    overlap = f"{1e6 * item.penetration_m:.1g} µm" if item.penetration_m > 1e-10 else "0"
+    return [item.scene, f"**{item.method}**" if chosen else item.method, f"{item.step_us * 1e-3:g} ms",
+            f"{item.error:.1e}", f"{_short(100.0 * item.wall)} %", overlap, created]
 
 
 def costs(runs: list[Run]) -> str:

@@ -123,9 +123,10 @@ def _page(runs):
 
     used = [version(name) for name in PEERS if any(item.method == name for item in runs)]
     return (f"# Speed against error\n\nWritten by `haptic bench speed-error`. Peers: {', '.join(dict.fromkeys(used))}. "
-            "Step and error are those of the scene's default method; behind it, how many times faster the best of "
-            "closed_form, partitioned and event_driven reaches the smallest error that it and the peer both reach; "
-            "✗: below 15 for linkages against RK4, 5 for "
+            "In bold the scene's default method, beside it the pymunk world and the direct solver, each at the step "
+            "that the scene would give it, with its share of an exchange's time; behind them, how many times faster "
+            "the best of closed_form, partitioned and event_driven reaches the smallest error that it and the peer "
+            "both reach; ✗: below 15 for linkages against RK4, 5 for "
             f"single contacts, 1 else.\n\n{markdown(runs)}\n\n## Wall time of a step [µs]\n\n"
             f"The least over the steps tried.\n\n{costs(runs)}\n")
 

@@ -8,13 +8,15 @@ def through_port(method: Method, port, start: Planar, start_velocity: Planar, en
                  count: int) -> Travel:
     """`count` sub-steps behind an exchange method's port (tool_port), which says for each where the handle is.
 
-    As wanted it would go on a straight line from start (exclusive) to end; it is held for a sub-step.
+    As wanted it would go on a straight line from start (exclusive) to end; it is held for a sub-step, where it is in the
+    mean of the steps that this is taken in.
     """
     supplied, touched, force, depth, left_out, taken, correction = 0.0, False, 0.0, 0.0, 0, 0.0, 0.0
     lost = None
+    early = 0.5 - 0.5 / method.inner
     for k in range(1, count + 1):
-        before = method.position
-        handle = _between(start, end, k / count), _between(start_velocity, end_velocity, k / count)
+        before, share = method.position, (k - early) / count
+        handle = _between(start, end, share), _between(start_velocity, end_velocity, share)
         driven = port.drive(*handle, before)
         made = method.travel(*driven, *driven, 1)
         port.book(made.supplied, method.force_on_tool, before, method.position)
