@@ -180,7 +180,8 @@ class World:
             ax, ay, aw = ux - vx, uy - vy, turn - w
             lost = 0.5 * (mass * (ax * ax + ay * ay) + inertia * aw * aw)
             jx, jy, jw = mass * (ax - h * gx) - h * fx, mass * (ay - h * gy) - h * fy, inertia * aw - h * torque
-            if abs(jx) + abs(jy) > TOUCH or abs(jw) > TOUCH:
+            struck = abs(jx) + abs(jy) > TOUCH or abs(jw) > TOUCH
+            if struck:
                 touched, push_x, push_y = True, push_x + jx, push_y + jy
                 numerical += lost if self._jointed else 0.0
                 self._spare += max(0.0, lost - max(0.0, jx * ux + jy * uy + jw * turn))
@@ -191,7 +192,7 @@ class World:
             if px != x or py != y or to != angle:
                 px, py, to = self._push_out((x, y, angle), (px, py, to), (fx, fy, torque))
                 correction -= (fx + mass * gx) * (px - x) + (fy + mass * gy) * (py - y) + torque * (to - angle)
-            move = sweep.look(ux, uy, turn)
+            move = sweep.look(ux, uy, turn, struck)
             px, py, to = px + move * ux, py + move * uy, to + move * turn
             supplied += fx * (px - x) + fy * (py - y) + torque * (to - angle)
             if move < h:  # the way that is lost was paid for

@@ -8,8 +8,8 @@ def through_port(method: Method, port, start: Planar, start_velocity: Planar, en
                  count: int) -> Travel:
     """`count` sub-steps behind an exchange method's port (tool_port), which says for each where the handle is.
 
-    As wanted it would go on a straight line from start (exclusive) to end; it is held for a sub-step, where it is in the
-    mean of the steps that this is taken in.
+    As wanted it would go on a straight line from start (exclusive) to end; it is held for a sub-step, where it is in
+    the mean of the steps that this is taken in.
     """
     supplied, touched, force, depth, left_out, taken, correction = 0.0, False, 0.0, 0.0, 0, 0.0, 0.0
     lost = None
