@@ -8,6 +8,8 @@ from haptic_sim.bench.loads import gravel_content
 FILE = Path(__file__).parents[1] / "config" / "scenes" / "gravel.yaml"
 COUNT, DURATION = 100, 3.0
 TIP = -0.071
+START, TARGET = [-0.022, 0.125, 0.0], [0.0121, 0.105, 0.0]
+"""Less deep than the load of `haptic bench growth`, off the wall: a stone jammed there is more than sweeps carry."""
 HEAD = """# 100 stones of 6 to 9 mm at rest between two walls 100 mm apart; the tool is a shovel, led down through them.
 # Made by bench/gravel.py. SI: m, kg, rad; x right, y up.
 name: gravel
@@ -22,7 +24,8 @@ bodies:
 def main():
     content = gravel_content(COUNT, DURATION)
     lines = [f"  - {_flow({key: body[key] for key in body if key != 'layers'})}" for body in content["bodies"]]
-    tool, motion = content["tool"], content["motion"]
+    tool = content["tool"] | {"pose": START}
+    motion = content["motion"] | {"start": START, "target": TARGET}
     lines += ["tool:", *(f"  {key}: {_flow(tool[key])}" for key in ("mass", "material", "pose")), "  shapes:"]
     lines += [f"    - {_flow(shape)}" for shape in tool["shapes"]]
     ends = {"from": -round(motion["start"][1] + TIP, 6), "to": -round(motion["target"][1] + TIP, 6)}

@@ -178,5 +178,5 @@ def test_hard_cases_prints_a_table_of_who_survives(tmp_path):
     done = haptic("bench", "hard-cases", "--short", "--scenes", "thin_plate", "--methods", "partitioned,mujoco_rk4",
                   "--out", tmp_path)
     assert done.returncode == 0, done.stderr
-    assert "| thin_plate | partitioned | ✓ | – |" in done.stdout
+    assert "| thin_plate | impulse | ✓ | – |" in done.stdout
     assert (tmp_path / "hard_cases.csv").exists()

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from haptic_device.share import names
+from haptic_sim.bench.case import NAMES as CASES
 from haptic_sim.bench.hard import CREATED, OVERLAP
 from haptic_sim.bench.verify import within
 from haptic_sim.compile import compile_scene
@@ -293,6 +294,13 @@ def test_the_kept_table_has_each_shipped_scene_at_the_step_it_gets_and_the_chose
     for method, row in rows.items():
         assert row.step_us == pytest.approx(1e6 * compile_scene(scene, method).sub_step)
     assert within(rows[chosen.method], scene.error)
+
+
+def test_impulse_holds_the_error_that_it_is_said_to_in_every_scene_with_a_closed_form_or_stored_reference():
+    rows = [row for name in CASES if name in names("scenes") for row in of_scene(name)]
+    errors = [row.error for row in rows if row.method == "impulse"]
+    assert len(errors) == 16
+    assert 0.5 * HOLDS < max(errors) < HOLDS
 
 
 def pressed(method, steps=1600, h=0.25e-3):

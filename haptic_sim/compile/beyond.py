@@ -16,7 +16,7 @@ from haptic_sim.outline import Outline
 SHORT = 0.05e-3
 """s; what `impulse` steps by inside its sub-steps. It cannot keep up with shorter ones behind a port that sees each."""
 HOLDS = 3e-3
-"""Relative error that `impulse` stays below in every shipped scene that has a reference (measured.csv)."""
+"""Relative error that `impulse` stays below in every shipped scene with a closed form or stored reference."""
 LOAD = 60.0
 """Mass ratio times bodies on one another up to which it overlaps below 0.1 mm and creates below 1 % of the energy."""
 TOUCHING = 1e-5
