@@ -40,7 +40,10 @@ def _flow(value):
         return "{" + ", ".join(f"{key}: {_flow(entry)}" for key, entry in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(map(_flow, value)) + "]"
-    return f"{value:.7g}" if isinstance(value, float) else str(value).lower() if value is True else str(value)
+    if isinstance(value, float):  # YAML takes 3 for an integer and 5e-05 for a word
+        text = f"{value:.7f}".rstrip("0")
+        return text + "0" if text.endswith(".") else text
+    return str(value).lower() if value is True else str(value)
 
 
 main()
