@@ -7,7 +7,6 @@ import numpy as np
 import pymunk
 
 from haptic_sim.compile.model import PIN, SLIDER, SPRING
-from haptic_sim.joint import WORLD
 from haptic_sim.shape import turned
 
 REACH = 100.0
@@ -18,24 +17,15 @@ MANY, MANY_BIAS = 12, 1e-20
 """For more joints than this: so many velocities are not settled within the sweeps, and a grid of 17 pins blows up."""
 
 
-def add_joints(space: pymunk.Space, scene, compiled, bodies: list[pymunk.Body]) -> None:
+def add_joints(space: pymunk.Space, compiled, bodies: list[pymunk.Body]) -> None:
     """All joints of the model; `bodies` are the model's movable ones in its order."""
     bias = MANY_BIAS if len(compiled.model.joint_kind) > MANY else space.collision_bias
     for j in range(len(compiled.model.joint_kind)):
         for joint in _joint(compiled.model, j, [*bodies, space.static_body]):
-            joint.collide_bodies = _may_collide(scene, compiled, j)
             stops = np.any(np.isfinite(compiled.model.joint_limit[j]))
             if joint.max_bias > 1e9:  # else a drive, which has no error
                 joint.error_bias = STOP_BIAS if stops else bias
             space.add(joint)
-
-
-def _may_collide(scene, compiled, j):
-    model = compiled.model
-    bodies = {int(b) for b in model.joint_bodies[j]}
-    held = [joint for joint in scene.joints if {compiled.places[name].body for name in joint.bodies} == bodies]
-    return all(joint.collide or joint.type == "spring" for joint in held) or len(model.mass) - 1 in bodies and any(
-        name == WORLD for joint in held for name in joint.bodies)
 
 
 def _joint(model, j, bodies):

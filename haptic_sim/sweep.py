@@ -18,26 +18,30 @@ from haptic_sim.shape import turned
 SHARE, FAST = 0.25, 1.8
 """Of the least width, that a step may take; m/s."""
 _RATES = batch.BodyFields.BODY_ID | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
-ALL, FIXED = pymunk.ShapeFilter(), pymunk.Body.STATIC
+ALL = pymunk.ShapeFilter()
 
 
 class Sweep:
     """Moves of a space's bodies, between two steps of h [s]; `moves` are the times of those that differ from h.
 
-    `near` [m] is the overlap at which a hit ends a move. model and layout: as compiled from the scene.
+    `near` [m] is the overlap at which a hit ends a move. shapes: of the space, in the order of the model. model and
+    layout: as compiled from the scene.
     """
 
-    def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body], model, layout, h: float, near: float):
+    def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body], shapes, model, layout, h: float, near: float):
         self._space, self._bodies, self._h, self._near = space, bodies, h, near
-        self._shapes = [_shapes(model, layout, b) for b in range(len(bodies))]
-        self._meets = [_met(model, layout, b, bodies) for b in range(len(bodies))]
-        self._limits = np.array([min(SHARE * width, FAST * h) for _, width in self._meets])
+        self._points = [_points(model, b) for b in range(len(bodies))]
+        met = [_met(model, layout, b) for b in range(len(bodies))]
+        self._meets = [{shapes[s] for s in others} for others, _ in met]
+        self._limits = np.array([min(SHARE * width, FAST * h) for _, width in met])
         self._extents = layout.extent[:-1].copy()
+        self._linkage = layout.linkage.tolist()
+        self._linked = [np.flatnonzero(layout.linkage == linkage).tolist() for linkage in range(max(self._linkage) + 1)]
         self._rates, self._ids, self._order = batch.Buffer(), None, None
         # A body that is hit may leave with twice the speed of what hits it, and `watch` sees it some steps later.
         self._wary = 0.5 * self._limits / h
         self._tool_fast = float(self._limits.min()) / h
-        self.moves, self._fast = {}, ()
+        self.moves, self._fast = {}, []
 
     def times(self):
         """Times of the next move [s] (n, 1)."""
@@ -60,7 +64,9 @@ class Sweep:
         Returns the time of the tool's own move [s].
         """
         if abs(vx) + abs(vy) + abs(turn) * self._extents[0] > self._tool_fast:
-            self._plan(self._far() if struck else {0, *self._fast})
+            if struck:
+                self._fast = sorted({*self._fast, *self._far()})
+            self._plan({0, *self._fast})
         elif self._fast:
             self._plan(self._fast)
         else:
@@ -86,46 +92,42 @@ class Sweep:
             body.angle += (move - self._h) * body.angular_velocity
 
     def _plan(self, some):
-        """Fills in `moves` of some bodies."""
+        """Fills in `moves` of some bodies, and of all that joints connect with them: else these would be torn open."""
         self.moves, h = {}, self._h
         for b in some:
             body = self._bodies[b]
             (x, y), (vx, vy), angle, turn = body.position, body.velocity, body.angle, body.angular_velocity
             if h * (math.hypot(vx, vy) + abs(turn) * self._extents[b]) > self._limits[b]:
-                share = self._free(b, (x, y, angle), (x + h * vx, y + h * vy, angle + h * turn))
-                if share < 1.0:
-                    self.moves[b] = share * h
+                move = h * self._free(b, (x, y, angle), (x + h * vx, y + h * vy, angle + h * turn))
+                for other in self._linked[self._linkage[b]] if move < h else ():
+                    self.moves[other] = min(move, self.moves.get(other, h))
 
     def _free(self, b, here, there):
         """Share of a body's move that hits nothing: 1, or less."""
         share = 1.0
-        for (middle, reach), points in self._shapes[b]:
-            if self._space.segment_query_first(turned(middle, here), turned(middle, there), reach, ALL):
-                for point, radius in points:
-                    start, end = turned(point, here), turned(point, there)
-                    way = math.dist(start, end)
-                    if way > self._limits[b]:
-                        share = min([share, *(alpha + self._near / way for alpha in self._hits(b, start, end, radius))])
+        for point, radius in self._points[b]:
+            start, end = turned(point, here), turned(point, there)
+            way = math.dist(start, end)
+            if way > self._limits[b]:
+                share = min([share, *(alpha + self._near / way for alpha in self._hits(b, start, end, radius))])
         return share
 
     def _hits(self, b, start, end, radius):
         """Shares of a disc's way at which it meets what body b can meet; where it overlaps at the start is no hit."""
-        others = self._meets[b][0]
-        found = [hit for hit in self._space.segment_query(start, end, radius, ALL) if hit.alpha > 0.0]
-        return [hit.alpha for hit in found if (None if hit.shape.body.body_type == FIXED else hit.shape.body) in others]
+        found = self._space.segment_query(start, end, radius, ALL)
+        return [hit.alpha for hit in found if hit.alpha > 0.0 and hit.shape in self._meets[b]]
 
 
-def _shapes(model, layout, b):
-    """Of each shape of a body the disc that holds it, and the discs that stand for it: (place in its frame, radius)."""
+def _points(model, b):
+    """Discs that stand for a body: (place in its frame, radius)."""
     found = []
     for s in np.flatnonzero(model.shape_body == b):
         corners = model.vertices[model.shape_start[s]:model.shape_start[s + 1]].tolist()
         if model.radius[s] > 0.0:
-            points = [(corners[0], float(model.radius[s]))]
+            found.append((corners[0], float(model.radius[s])))
         else:
             middle = np.mean(corners, axis=0).tolist()
-            points = [(middle, _fits(corners, middle)), *((corner, 0.0) for corner in corners)]
-        found.append(((layout.middle[s].tolist(), float(layout.reach[s])), points))
+            found += [(middle, _fits(corners, middle)), *((corner, 0.0) for corner in corners)]
     return found
 
 
@@ -136,9 +138,9 @@ def _fits(corners, middle):
                for (ax, ay), (bx, by) in edges)
 
 
-def _met(model, layout, b, bodies):
-    """Bodies that a body can meet, None for what is fixed, and the least width of their shapes [m]."""
+def _met(model, layout, b):
+    """Shapes of the model that a body can meet, and the least of their widths [m]."""
     here = layout.pair_bodies == b
-    others = model.pairs[here.any(axis=1)][~here[here.any(axis=1)]]
-    met = {bodies[o] if o < len(bodies) else None for o in model.shape_body[others].tolist()}
-    return met, float(layout.thickness[others].min(initial=math.inf))
+    pairs, here = model.pairs[here.any(axis=1)], here[here.any(axis=1)]
+    others = pairs[~here]
+    return others.tolist(), float(layout.thickness[others].min(initial=math.inf))

@@ -82,9 +82,10 @@ class Drawn:
     def _rule(self, gains, sub_step, inner):
         """Rules for these gains and this sub-step [s]; a torque may change as fast as a force does for its limit.
 
-        Over a sub-step of n steps a spring supplies more than over one: as one of (n + 1)/2n of its stiffness at most.
+        Over a sub-step of n steps a spring supplies more than over one: with the stretch as it was at the start in each
+        of them, which a world that shortens its moves may come to, as much as one of an n-th of its stiffness.
         """
-        eased = (inner + 1) / (2 * inner)
+        eased = 1.0 / inner
         stiff, damping, turning, turning_damping = gains
         force, torque, slew = self.limits
         self.rules[:] = (

@@ -36,6 +36,7 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
+from haptic_sim.assembly import kept_apart
 from haptic_sim.compile import compile_scene
 from haptic_sim.joints import add_joints, stored
 from haptic_sim.method import Contact, Coupling, Planar, Travel
@@ -53,8 +54,12 @@ SLOP, SLOP_SHARE = 3e-6, 0.01
 """Overlap that is left alone [m], at most this share of the finest feature: keeps a resting contact alive."""
 BIAS = 1e-300
 """Chipmunk asks for the share of an overlap left after a second; less underflows to 0, which takes all back at once."""
-ASLEEP, SLOW = 0.2, 1e-4
-"""s below m/s after which bodies at rest are left out until something touches them."""
+ASLEEP, SLOW, HEAVY = 0.2, 1e-4, 0.05
+"""s below m/s after which bodies at rest are left out until something touches them; gravity above which, m/s²."""
+WATCH = 8
+"""Sub-steps after which is looked anew who is fast."""
+LAYERS, OWN_KINDS = 32, 1 << 20
+"""Bits of a filter; collision types from here on are ours."""
 TOUCH = 1e-12
 """N s; impulse on the tool that is more than rounding."""
 
@@ -82,6 +87,10 @@ class World:
         self._gravity, (self._mass, self._inertia, _) = scene.gravity, scene.tool.mass_properties
         self._slop = min(SLOP, SLOP_SHARE * scene.feature)
         self._layout = lay_out(self._compiled.model)
+        used = sorted({layer for solid in (scene.tool, *scene.bodies) for layer in solid.layers})
+        if len(used) > LAYERS:
+            raise ValueError(f"scene has {len(used)} layers; impulse takes at most {LAYERS}")
+        self._layer = {layer: bit for bit, layer in enumerate(used)}
         self._gains = Coupling()
         self._pairs, self._places = batch.Buffer(), batch.Buffer()
         self.reset()
@@ -94,22 +103,23 @@ class World:
         # A contact that returns within the persistence would keep an impulse it no longer applies, and could pull.
         space.collision_persistence = 1
         model = self._compiled.model
-        if not np.any(model.joint_motor) and not np.any(model.pair_surface):  # slow ones would fall asleep
+        # What a joint, a belt or a weak gravity is about to move would fall asleep before it is SLOW.
+        if math.hypot(*self._gravity) > HEAVY and not len(model.joint_kind) and not np.any(model.pair_surface):
             space.sleep_time_threshold, space.idle_speed_threshold = ASLEEP, SLOW
         self._bodies = [self._movable(b) for b in range(len(model.mass) - 1)]
-        self._fill()
-        add_joints(space, self.scene, self._compiled, self._bodies)
-        self._tool = self._bodies[0]
-        self._jointed = bool(self._tool.constraints)
+        shapes = self._fill()
+        add_joints(space, self._compiled, self._bodies)
+        self._tool, self._jointed, self._met = self._bodies[0], False, 0.0
         if np.any(model.pair_restitution):
             space.on_collision(pre_solve=self._limit_rebound)
-        self._sweep = Sweep(space, self._bodies, model, self._layout, self._h, 0.5 * self._slop)
+        self._sweep = Sweep(space, self._bodies, shapes, model, self._layout, self._h, 0.5 * self._slop)
         self._spare = 0.0  # J, lost at the tool and not yet given back by push-out
         self.position: Planar = self.scene.tool.pose
         self.velocity: Planar = self.scene.tool.velocity
         self.force_on_tool: Planar = (0.0, 0.0, 0.0)
         self.touching = False
-        self._state, self._energy, self._ids, self._rows = None, None, None, None
+        self._state = self._energy = None  # of the end of the sub-step, once somebody has asked
+        self._ids = self._rows = None  # bodies in Chipmunk's order, and their places in it
         self._set_effective_mass()
 
     def body(self, name: str) -> pymunk.Body:
@@ -130,21 +140,24 @@ class World:
 
     def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
         """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
+        if count == 0:
+            return Travel(0.0, False, 0.0, 0.0, numerical=0.0)
         self._tool.activate()
-        if len(self._bodies) > 1:
-            self._now()  # which looks for fast ones among the others
+        if self._tool.constraints and not self._jointed:
+            self._jointed = True  # its change of velocity does not tell of contacts any more
+            self.space.on_collision(OWN_KINDS, None, post_solve=self._note_contact)
         pull, last = self._pull(start, start_velocity), self._pull(end, end_velocity)
         supplied = numerical = correction = force = 0.0
         touched, whole = False, count * self.inner
         rise = [(b - a) / whole for a, b in zip(pull, last, strict=True)]
-        for _ in range(count):
+        for k in range(count):
+            if k % WATCH == 0 and len(self._bodies) > 1:
+                self._sweep.watch(self._now()[:, 3:])
             work, lost, put_in, pushed, self.touching = self._sub_step(pull, rise)
             pull = [a + self.inner * b for a, b in zip(pull, rise, strict=True)]
             supplied, numerical, correction = supplied + work, numerical + lost, correction + put_in
             touched, force = touched or self.touching, max(force, pushed)
-        if self._jointed:
-            self.touching = touched = any(TOOL in one[:2] and one.force_on_a != (0.0, 0.0) for one in self.contacts())
-        pressed, depth = self._worst() if touched else (0.0, 0.0)
+        pressed, depth = self._worst() if touched or len(self._bodies) > 1 else (0.0, 0.0)
         return Travel(supplied, touched, max(force, pressed), depth, 0, 0.0, correction, numerical)
 
     def _pull(self, handle, velocity):
@@ -166,7 +179,7 @@ class World:
         (pull_x, pull_y, pull_t), (rise_x, rise_y, rise_t) = pull, rise
         (x, y, angle), (vx, vy, w) = self.position, self.velocity
         supplied = numerical = correction = sum_x = sum_y = sum_t = push_x = push_y = 0.0
-        touched = False
+        touched, least = False, TOUCH * (1.0 + mass * (abs(vx) + abs(vy)))
         for _ in range(self.inner):
             pull_x, pull_y, pull_t = pull_x + rise_x, pull_y + rise_y, pull_t + rise_t
             # K (x_h - x) + B v_h
@@ -180,7 +193,7 @@ class World:
             ax, ay, aw = ux - vx, uy - vy, turn - w
             lost = 0.5 * (mass * (ax * ax + ay * ay) + inertia * aw * aw)
             jx, jy, jw = mass * (ax - h * gx) - h * fx, mass * (ay - h * gy) - h * fy, inertia * aw - h * torque
-            struck = abs(jx) + abs(jy) > TOUCH or abs(jw) > TOUCH
+            struck = abs(jx) + abs(jy) > least or abs(jw) > least
             if struck:
                 touched, push_x, push_y = True, push_x + jx, push_y + jy
                 numerical += lost if self._jointed else 0.0
@@ -201,8 +214,14 @@ class World:
             x, y, angle, vx, vy, w = px, py, to, ux, uy, turn
         self.position, self.velocity, self._state = (x, y, angle), (vx, vy, w), None
         self.force_on_tool = sum_x / self.inner, sum_y / self.inner, sum_t / self.inner
-        pushed = 0.0 if self._jointed else math.hypot(push_x, push_y) / self.sub_step
-        return supplied, numerical, correction, pushed, touched
+        pushed = math.hypot(push_x, push_y)
+        if self._jointed:
+            touched, pushed, self._met = self._met > 0.0, self._met, 0.0
+        return supplied, numerical, correction, pushed / self.sub_step, touched
+
+    def _note_contact(self, arbiter, _space, _data):
+        """Adds up what contacts push a jointed tool by [N s]; called by Chipmunk for each that does."""
+        self._met += abs(arbiter.total_impulse)
 
     def _push_out(self, wanted, found, force):
         """Where the tool is left that Chipmunk has pushed out to `found`: it gives no more at the port than it lost."""
@@ -220,12 +239,12 @@ class World:
         return sorted(self._contact(*one) for one in zip(*(rows.tolist() for rows in self._touching()), strict=True))
 
     def _touching(self):
-        """Numbers of the last step's contacts between the scene's own bodies: (n, 3) whole, (n, 14) real."""
+        """Numbers of the last step's contacts that press, of the scene's own bodies: (n, 3) whole, (n, 14) real."""
         self._pairs.clear()
         batch.get_space_arbiters(self.space, _FIELDS, self._pairs)
         whole = np.frombuffer(self._pairs.int_buf(), dtype=np.uintp).reshape(-1, 3)
         real = np.frombuffer(self._pairs.float_buf()).reshape(-1, 14)
-        own = whole[:, 2] > 0
+        own = (whole[:, 2] > 0) & real[:, :2].any(axis=1)
         if len(self.space.bodies) > len(self._order):  # somebody has added some
             own &= np.isin(whole[:, :2], list(self._order)).all(axis=1)
         return whole[own], real[own]
@@ -277,7 +296,6 @@ class World:
             self._energy, self._state = None, np.frombuffer(self._places.float_buf()).reshape(-1, 6)[self._rows]
             state = self._state
             state[:, :3] += self._sweep.times() * state[:, 3:]
-            self._sweep.watch(state[:, 3:])
         return self._state
 
     def _movable(self, b):
@@ -291,8 +309,12 @@ class World:
         return body
 
     def _fill(self):
-        """All shapes of the scene."""
+        """All shapes of the scene; returns them in the order of the model."""
         rank, self._order = {body.name: k for k, body in enumerate(self.scene.bodies)}, {}
+        made, kinds = {}, {TOOL: OWN_KINDS}
+        for pair in kept_apart(self.scene):
+            pair_kinds = [kinds.setdefault(name, OWN_KINDS + len(kinds)) for name in sorted(pair)]
+            self.space.on_collision(*pair_kinds, begin=_let_pass)
         for solid in (self.scene.tool, *self.scene.bodies):
             place = self._compiled.places[solid.name]
             if place.body < len(self._bodies):
@@ -301,10 +323,11 @@ class World:
                 body = pymunk.Body(body_type=pymunk.Body.STATIC)
                 self.space.add(body)
             self._order.setdefault(body.id, (solid.name != TOOL, rank.get(solid.name, 0), solid.name))
-            self._add_shapes(solid, body, place.pose)
+            made[solid.name] = iter(self._add_shapes(solid, body, place.pose, kinds.get(solid.name, 0)))
+        return [next(made[name]) for name in self._compiled.shape_names]
 
-    def _add_shapes(self, solid, body, pose):
-        material, layers = self.scene.material(solid), sum(1 << layer % 32 for layer in solid.layers)
+    def _add_shapes(self, solid, body, pose, kind):
+        material, layers, made = self.scene.material(solid), sum(1 << self._layer[layer] for layer in solid.layers), []
         turn = pymunk.Transform.translation(pose[0], pose[1]) @ pymunk.Transform.rotation(pose[2])
         for vertices, radius in solid.outlines:
             placed = [turn @ vertex for vertex in vertices]
@@ -314,7 +337,10 @@ class World:
             shape.filter = pymunk.ShapeFilter(categories=layers, mask=layers)
             if solid.name != TOOL:
                 shape.surface_velocity = turned(solid.surface_velocity, (0.0, 0.0, solid.pose[2]))
+            shape.collision_type = kind
             self.space.add(shape)
+            made.append(shape)
+        return made
 
     def _set_effective_mass(self):
         stiffness, damping, rotational_stiffness, rotational_damping = self._gains
@@ -360,3 +386,8 @@ class World:
         normal = sign * real[2], sign * real[3]
         force_on_a = push * real[0], push * real[1]
         return Contact(min(a, b)[2], max(a, b)[2], (x, y), normal, force_on_a, depth)
+
+
+def _let_pass(arbiter, _space, _data):
+    """Two that a joint holds together do not touch."""
+    arbiter.process_collision = False
