@@ -15,11 +15,19 @@ from haptic_device.law import coupling, engage, fault, port
 from haptic_sim.bench import stalling
 from haptic_sim.lockstep import Network
 from haptic_sim.port_limits import BUDGET, Limits
-from haptic_sim.scene import load
+from haptic_sim.scene import Scene, load
 from haptic_sim.simulation import HandleSample, Simulation
 from haptic_sim.tool_port import port_of
 
 PASSIVE = ("wave", "pspm")
+BOX = {"material": "m", "shapes": [{"box": {"size": [0.06, 0.04]}}]}
+BLOCK = Scene.model_validate({
+    "name": "block", "materials": {"m": {"friction": 0.3, "restitution": 0.4}}, "gravity": [0.0, 0.0],
+    "tool": {"mass": 0.004, "material": "m", "pose": [0.0, 0.05, 0.0], "shapes": [{"box": {"size": [0.04, 0.03]}}]},
+    "bodies": [BOX | {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0, 1]}}]},
+               BOX | {"name": "wall", "fixed": True, "pose": [-0.15, 0.5, 0.0],
+                      "shapes": [{"box": {"size": [0.1, 1.0]}}]},
+               BOX | {"name": "block", "mass": 0.2, "pose": [0.1, 0.02, 0.0]}]})
 BOUND = 0.005 + 1e-7  # [J] exchange.budget, and what rounding of a path of newtons makes of it
 
 
@@ -161,6 +169,23 @@ def test_the_tool_port_supplies_no_more_than_was_shipped_and_its_budget(scene, m
         simulation.exchange(HandleSample(number * 1_000_000, *port, *gains, (effort, 0.0, 0.0), shipped))
         budget = BUDGET if method == "pspm" else 0.0
         assert simulation.ledger.supplied <= shipped - first + budget + 1e-9
+
+
+@pytest.mark.parametrize(("stiffness", "seed"), [(2000.0, 1), (2000.0, 4), (20000.0, 3)])
+def test_a_light_tool_against_a_block_never_takes_more_than_the_tank_of_its_port_holds(stiffness, seed):
+    """4 g in a corner beside a block of 200 g, a coupling without damping, a handle that jumps."""
+    rng, energy_port, handle, shipped, first = np.random.default_rng(seed), port_of("pspm"), np.zeros(3), 0.0, None
+    simulation = Simulation(BLOCK, 0.25e-3, method="impulse", port=energy_port)
+    for number in range(250):
+        if rng.random() < 0.3:
+            handle = np.array([rng.uniform(-0.2, 0.2), rng.uniform(-0.1, 0.15), rng.uniform(-2, 2)])
+        if rng.random() < 0.1:
+            shipped += rng.uniform(0, 0.5)
+        first = shipped if first is None else first
+        gains = stiffness, 0.0, stiffness * 1e-3, 0.0
+        simulation.exchange(HandleSample(number * 1_000_000, tuple(handle), (0.0,) * 3, *gains, (0.0,) * 3, shipped))
+        assert energy_port.tank >= -1e-12
+        assert simulation.ledger.supplied <= shipped - first + BUDGET + 1e-9
 
 
 @pytest.mark.parametrize("exchange", ["direct", "pspm"])

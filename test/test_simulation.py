@@ -10,7 +10,7 @@ from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_sim.scene import load
+from haptic_sim.scene import Scene, load
 from haptic_sim.simulation import HandleSample, Simulation
 
 MS = 1_000_000
@@ -200,3 +200,20 @@ def test_whatever_the_handle_does_a_free_tool_never_returns_more_than_it_was_giv
     for k, handle in enumerate(handles):
         simulation.exchange(sample(k * MS, handle))
         assert simulation.ledger.balance.dissipated >= -1e-12
+
+
+def test_a_ball_that_drops_on_the_floor_beside_the_tool_shows_in_the_largest_contact_force():
+    ball = [{"circle": {"radius": 0.01}}]
+    scene = Scene.model_validate({
+        "name": "drop", "gravity": [0.0, -9.81], "materials": {"m": {"friction": 0.0, "restitution": 0.0}},
+        "tool": {"mass": 0.1, "pose": [1.0, 0.1, 0.0], "shapes": ball},
+        "bodies": [{"name": "floor", "material": "m", "fixed": True, "shapes": [{"half_plane": {"normal": [0, 1]}}]},
+                   {"name": "ball", "material": "m", "mass": 1.0, "pose": [0.0, 0.1, 0.0], "shapes": ball}]})
+    simulation = Simulation(scene, method="impulse")
+    for k in range(120):
+        simulation.exchange(sample(k * MS, scene.tool.pose))
+    assert simulation.counters.max_contact_force == 0.0
+    for k in range(120, 200):
+        simulation.exchange(sample(k * MS, scene.tool.pose))
+    assert simulation.method.pose("ball")[1] == pytest.approx(0.01, abs=1e-4)
+    assert simulation.counters.max_contact_force > 0.0

@@ -115,7 +115,7 @@ def test_a_held_tool_sags_by_its_true_weight_over_the_stiffness(gains):
 def test_pressed_on_a_wall_the_contact_force_is_stiffness_times_stretch(stretch):
     method = hold(world(pose=(0.001, 0.0, 0.0)), (-stretch, 0.0, 0.0), 4000)
     (contact,) = method.contacts()
-    assert contact.body_a, contact.body_b == ("tool", "wall")
+    assert (contact.body_a, contact.body_b) == ("tool", "wall")
     assert contact.force_on_a[0] == pytest.approx(2000.0 * (stretch + method.position[0]), rel=1e-9)
     assert method.force_on_tool[0] == pytest.approx(-contact.force_on_a[0], rel=1e-9)
     assert contact.force_on_a[0] == pytest.approx(2000.0 * stretch, rel=2 * SLOP / stretch + 1e-9)

@@ -228,3 +228,151 @@ def test_what_the_page_shows_to_add_moves_with_the_world_is_held_and_calls_back(
     assert ball.position.get_distance(world.body("block").position) <= 0.05 + 1e-3
     names["simulation"].reset()
     assert ball not in world.space.bodies
+
+
+def test_a_lever_pinned_to_a_fixed_base_that_it_overlaps_stays_on_its_pin():
+    base = {"name": "base", "fixed": True, "shapes": [{"box": {"size": [0.06, 0.06]}}]}
+    lever = {"name": "lever", "mass": 0.1, "pose": [0.05, 0.01, 0.0], "shapes": [{"box": {"size": [0.12, 0.01]}}]}
+    method = world([base, lever], gravity=[0.0, -G],
+                   joints=[{"type": "pin", "bodies": ["base", "lever"], "at": [0.0, 0.01]}])
+    for _ in range(200):
+        x, y, angle = run(method, 4).pose("lever")
+        assert math.hypot(x - 0.05 * math.cos(angle), y - 0.05 * math.sin(angle) - 0.01) < 1e-5
+    assert angle < -0.5
+
+
+def test_a_lever_pinned_to_a_fixed_base_still_meets_another_fixed_body():
+    base = {"name": "base", "fixed": True, "shapes": [{"box": {"size": [0.06, 0.06]}}]}
+    stop = {"name": "stop", "fixed": True, "pose": [0.09, -0.03, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
+    lever = {"name": "lever", "mass": 0.1, "pose": [0.05, 0.01, 0.0], "shapes": [{"box": {"size": [0.12, 0.01]}}]}
+    method = run(world([base, stop, lever], gravity=[0.0, -G],
+                       joints=[{"type": "pin", "bodies": ["base", "lever"], "at": [0.0, 0.01]}]), 1200)
+    # The lever's lower face is .005 + .01 m from the middle of the stop.
+    tilt = math.atan2(0.04, 0.09) - math.asin(0.015 / math.hypot(0.04, 0.09))
+    assert method.pose("lever")[2] == pytest.approx(-tilt, abs=2e-3)
+
+
+def test_of_two_pinned_bodies_one_still_meets_what_is_welded_to_the_other():
+    one = {"name": "A", "mass": 0.1, "shapes": [{"box": {"size": [0.02, 0.02]}}]}
+    third = {"name": "C", "mass": 0.1, "pose": [0.0, 0.08, 0.0], "shapes": [{"box": {"size": [0.1, 0.02]}}]}
+    arm = {"name": "B", "mass": 0.1, "pose": [0.05, 0.0, 0.0], "velocity": [0.0, 1.25, 25.0],
+           "shapes": [{"box": {"size": [0.1, 0.01]}}]}
+    method = world([one, third, arm], joints=[{"type": "weld", "bodies": ["A", "C"], "at": [0.0, 0.05]},
+                                              {"type": "pin", "bodies": ["A", "B"], "at": [0.0, 0.0]},
+                                              {"type": "pin", "bodies": ["world", "A"], "at": [0.0, 0.0]}])
+    turned = max(run(method, 1).pose("B")[2] - method.pose("A")[2] for _ in range(400))
+    assert 0.5 < turned < 0.5 * math.pi
+
+
+@pytest.mark.parametrize("count", [8, 9, 10])
+def test_a_chain_of_thin_links_let_go_level_keeps_its_pins_closed_and_creates_no_energy(count):
+    length = 0.02
+    links = [{"name": f"l{k}", "mass": 0.002, "layers": [1], "pose": [length * (k + 0.5), 0.0, 0.0],
+              "shapes": [{"box": {"size": [length, 0.004]}}]} for k in range(count)]
+    pins = [{"type": "pin", "bodies": [f"l{k - 1}" if k else "world", f"l{k}"], "at": [length * k, 0.0]}
+            for k in range(count)]
+    method = world(links, gravity=[0.0, -G], joints=pins)
+    least = start = sum(method.energy())
+    created = opened = fastest = 0.0
+    for _ in range(600):
+        run(method, 4)
+        kinetic, potential = method.energy()
+        fastest, least = max(fastest, kinetic), min(least, kinetic + potential)
+        created = max(created, kinetic + potential - least)
+        end = (0.0, 0.0)
+        for k in range(count):
+            x, y, angle = method.pose(f"l{k}")
+            way = 0.5 * length * math.cos(angle), 0.5 * length * math.sin(angle)
+            opened = max(opened, math.dist(end, (x - way[0], y - way[1])))
+            end = x + way[0], y + way[1]
+    assert opened < 1e-4
+    assert created < 0.01 * fastest and sum(method.energy()) < start
+
+
+WEAK = {"type": "spring", "bodies": ["world", "ball"], "anchors": [[0.0, 0.0], [0.0, 0.0]]}
+
+
+@pytest.mark.parametrize(("stiffness", "stretch", "time"), [(1.0, 4e-4, 1.5), (0.005, 0.05, 2.0)])
+def test_what_a_weak_spring_will_move_does_not_fall_asleep(stiffness, stretch, time):
+    """1 kg on a spring of k N/m: x = rest + stretch cos(√k t)."""
+    ball = {"name": "ball", "mass": 1.0, "pose": [0.1 + stretch, 0.0, 0.0], "shapes": BALL}
+    method = world([ball], joints=[WEAK | {"stiffness": stiffness, "rest": 0.1}])
+    x = run(method, round(time / H)).pose("ball")[0]
+    assert x - 0.1 == pytest.approx(stretch * math.cos(math.sqrt(stiffness) * time), abs=0.01 * stretch)
+
+
+def test_what_a_small_gravity_will_move_does_not_fall_asleep():
+    method = world([{"name": "ball", "mass": 1.0, "shapes": BALL}], gravity=[0.0, -4e-4])
+    assert run(method, round(2.0 / H)).pose("ball")[1] == pytest.approx(-0.5 * 4e-4 * 2.0**2, rel=1e-3)
+
+
+def test_a_rod_that_balances_a_little_off_the_top_does_not_fall_asleep():
+    """θ = θ₀ cosh(λ t), λ² = 3 g/(2 l), while θ is small."""
+    method = run(pendulum(H, 0.5 * math.pi + 2e-5), round(1.5 / H))
+    assert method.pose("rod")[2] - 0.5 * math.pi == pytest.approx(2e-5 * math.cosh(1.5 * math.sqrt(1.5 * G)), rel=1e-2)
+
+
+def test_what_drifts_slowly_without_gravity_drifts_on():
+    ball = {"name": "ball", "mass": 1.0, "velocity": [9e-5, 0.0, 0.0], "shapes": BALL}
+    assert run(world([ball]), round(2.0 / H)).pose("ball")[0] == pytest.approx(2.0 * 9e-5, rel=1e-9)
+
+
+def test_a_ball_that_the_tool_strikes_fast_does_not_go_through_a_thin_plate_behind_it():
+    for phase in range(10):
+        tool = {"mass": 0.1, "pose": [-0.004 - phase * 75e-6, 0.0, 0.0], "velocity": [15.0, 0.0, 0.0],
+                "shapes": BALL, "material": "m"}
+        plate = PLATE | {"pose": [0.016, 0.0, 0.0], "shapes": [{"box": {"size": [0.0003, 1.0]}}]}
+        ball = {"name": "ball", "mass": 0.0025, "pose": [0.0103, 0.0, 0.0], "shapes": [{"circle": {"radius": 2.5e-4}}]}
+        method = world([plate, ball], restitution=1.0, tool=tool)
+        method.couple(Coupling(2000.0, 2.0, 2.0, 0.002))
+        way = [method.travel(tool["pose"], STILL, tool["pose"], STILL, 4) and method.pose("ball")[0] for _ in range(3)]
+        assert max(way) < 0.016, phase
+
+
+@pytest.mark.parametrize("count", [4, 20])  # sub-steps: 1 and 5 ms
+def test_what_a_spring_shoots_does_not_pass_a_thin_plate_however_seldom_samples_come(count):
+    for phase in range(8):
+        plate = PLATE | {"pose": [0.05, 0.0, 0.0], "shapes": [{"box": {"size": [0.0003, 1.0]}}]}
+        ball = {"name": "ball", "mass": 0.001, "pose": [0.02 - phase * 1e-4, 0.0, 0.0],
+                "shapes": [{"circle": {"radius": 2.5e-4}}]}
+        method, farthest = world([plate, ball], joints=[WEAK | {"stiffness": 390.0, "rest": 0.06}]), 0.0
+        for _ in range(40 // count):
+            method.travel(STILL, STILL, STILL, STILL, count)
+            farthest = max(farthest, method.pose("ball")[0])
+        assert 0.045 < farthest < 0.05, phase
+
+
+@pytest.mark.parametrize("speed", [10.0, 33.0])
+def test_a_fast_body_loses_no_time_where_it_passes_fixed_bodies_of_other_layers(speed):
+    ghosts = [{"name": f"g{k}", "fixed": True, "layers": [5], "pose": [0.02 * (k + 1) + 0.0003 * k, 0.0, 0.0],
+               "shapes": [{"box": {"size": [0.003, 0.2]}}]} for k in range(20)]
+    floor = {"name": "floor", "fixed": True, "pose": [0.0, -1.0, 0.0], "shapes": [{"box": {"size": [9.0, 0.1]}}]}
+    shot = {"name": "shot", "mass": 0.1, "velocity": [speed, 0.0, 0.0], "shapes": [{"box": {"size": [0.004, 0.01]}}]}
+    count = int(0.5 / speed / H)
+    assert run(world([floor, *ghosts, shot]), count).pose("shot")[0] == pytest.approx(speed * count * H, abs=1e-9)
+
+
+@pytest.mark.parametrize(("layer", "passes"), [(33, True), (1, False)])
+def test_layers_1_and_33_are_different_layers(layer, passes):
+    shot = {"name": "shot", "mass": 0.1, "pose": [-0.05, 0.0, 0.0], "velocity": [1.0, 0.0, 0.0], "shapes": BALL,
+            "layers": [1]}
+    method = run(world([PLATE | {"layers": [layer]}, shot]), 400)
+    assert (method.pose("shot")[0] > 0.0) == passes
+
+
+def test_a_tool_on_a_guide_that_bounces_within_an_exchange_has_touched_in_it_with_a_force():
+    wall = {"name": "wall", "fixed": True, "pose": [0.03, 0.0, 0.0], "shapes": [{"box": {"size": [0.02, 0.1]}}]}
+    tool = {"mass": 0.1, "velocity": [1.0, 0.0, 0.0], "material": "m", "shapes": BALL}
+    method = world([wall], restitution=0.9, tool=tool,
+                   joints=[{"type": "slider", "bodies": ["world", "tool"], "at": [0.0, 0.0], "axis": [1.0, 0.0]}])
+    went = [method.travel(STILL, STILL, STILL, STILL, 4) for _ in range(20)]
+    assert method.velocity[0] < -0.5
+    touched = [travel for travel in went if travel.touched]
+    assert 1 <= len(touched) <= 2 and max(travel.force for travel in touched) > 0.0
+
+
+def test_travel_over_no_sub_steps_moves_nothing_and_says_that_nothing_happened():
+    method = run(world([], gravity=[0.0, -G]), 10)
+    before = method.position, method.velocity, method.energy()
+    assert method.travel(STILL, STILL, STILL, STILL, 0)[:-1] == (0.0, False, 0.0, 0.0, 0, 0.0, 0.0)
+    assert (method.position, method.velocity, method.energy()) == before
