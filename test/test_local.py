@@ -112,9 +112,10 @@ def test_beyond_how_far_the_tools_may_be_apart_modulation_takes_over():
     """A block pushed 20 ms away: the simulation's tool is elsewhere whenever the block speeds up."""
     most = 1e-3
     free, held = (demo_system("local", "push_block", Network(0.02), local__apart=one).run(3.0) for one in (5e-3, most))
-    beyond_free, beyond = (np.mean(rows.tools_apart[rows.local > 0.0] > most) for rows in (free, held))
-    assert free.local_fallbacks[-1] == 0.0 and free.tools_apart.max() <= 5e-3 and beyond_free > 0.03
-    assert held.local_fallbacks[-1] >= 1.0 and beyond < 0.01  # the ticks in which it is found
+    beyond_free, beyond = (np.count_nonzero(rows.tools_apart[rows.local > 0.0] > most) for rows in (free, held))
+    assert free.local_fallbacks[-1] == 0.0 and free.tools_apart.max() <= 5e-3
+    assert beyond_free > 0.03 * np.count_nonzero(free.local)
+    assert 1.0 <= held.local_fallbacks[-1] <= beyond <= 2.0 * held.local_fallbacks[-1]  # ticks to find it
 
 
 @pytest.mark.parametrize("scene", ["wrench_on_nut", "push_block"])
