@@ -11,7 +11,7 @@ from haptic_sim.bench.case import NAMES as CASES
 from haptic_sim.bench.hard import CREATED, OVERLAP
 from haptic_sim.bench.verify import within
 from haptic_sim.compile import compile_scene
-from haptic_sim.compile.beyond import HOLDS, LOAD, SHORT, TOUCHING
+from haptic_sim.compile.beyond import HIGH, HOLDS, LOAD, SHORT, TOUCHING
 from haptic_sim.compile.choice import ACTS, SOLVED, STEPS
 from haptic_sim.compile.measured import of_scene
 from haptic_sim.compile.model import PIN, SLIDER, SPRING
@@ -212,10 +212,17 @@ def test_a_mass_ratio_counts_across_a_joint_and_not_where_nothing_ever_touches()
 
 @pytest.mark.parametrize("over", [0, 1])
 def test_a_tower_counts_times_its_mass_ratio(over):
-    count = round(LOAD / 4.0)
-    method, why = reason(**on_each_other(count + over, mass=0.25))
+    count = round(LOAD / 10.0)
+    method, why = reason(**on_each_other(count + over, mass=0.1))
     assert method == ("partitioned" if over else "impulse")
-    assert (f"{count + 1} bodies stand on one another: a load of {4 * count + 4}," in why) == bool(over)
+    assert (f"{count + 1} bodies stand on one another: a load of {10 * count + 10}," in why) == bool(over)
+
+
+@pytest.mark.parametrize("over", [0, 1])
+def test_a_tower_of_equal_blocks_is_carried_up_to_a_height(over):
+    method, why = reason(**on_each_other(HIGH + over, mass=1.0))
+    assert method == ("partitioned" if over else "impulse")
+    assert (f"{HIGH + 1} bodies stand on one another, and impulse carries {HIGH}" in why) == bool(over)
 
 
 def test_bodies_beside_each_other_or_in_the_air_are_no_tower():
