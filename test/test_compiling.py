@@ -66,7 +66,7 @@ def test_two_that_ask_for_the_same_at_once_have_it_compiled_once_and_the_next_fi
     asked = [asking(tmp_path, SMALL) for _ in range(2)]
     said = [ended(process)[1] for process in asked]
     saved = [line for text in said for line in text.splitlines() if "data saved to" in line and "zwidth_cell" in line]
-    assert len(saved) == 1
+    assert len(saved) == 1, said
     assert any(compiling.TEXT in text for text in said) and not any("of 0" in text for text in said)
     assert ended(asking(tmp_path, SMALL)) == ("", "")
 
