@@ -25,6 +25,7 @@ def asking(cache_home, *names):
     """A process that has these groups in the cache when it ends; what was compiled is said by numba itself."""
     script = f"from haptic_device.compiling import have; have(*{names!r})"
     environment = {**os.environ, "XDG_CACHE_HOME": str(cache_home), "NUMBA_DEBUG_CACHE": "1"}
+    environment["PYTHONUNBUFFERED"] = "1"  # a worker that is ended takes with it what it has not written out
     return subprocess.Popen(
         [sys.executable, "-c", script], cwd=ROOT, env=environment, text=True, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, start_new_session=True,
