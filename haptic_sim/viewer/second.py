@@ -20,7 +20,7 @@ import threading
 from haptic_device.runtime.process import ending_with_us, own_environment, running_module
 
 LONGEST = 0.1  # s of motion computed at once; a longer silence is left out
-MOST_BEHIND = 60  # answers outstanding, beyond which motion is left out
+MOST_BEHIND = 2  # answers outstanding, beyond which motion is left out: it shows the newest place, not an old way
 LATE = 0.2  # s behind that are worth a sentence
 NICE = 10
 
