@@ -14,13 +14,14 @@ unexport PYTHONPATH PYTHONHOME LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTAT
 # Each of the many processes would read all sources again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup check demo test test-browser docs clean
+.PHONY: help setup check demo test soak test-browser docs clean
 
 help:
 	@echo "make setup   create .venv with everything (no root needed)"
 	@echo "make demo    peg into hole through three live nodes; options: make demo ARGS='--seconds 20'"
 	@echo "make check   lint, import contracts, and all tests that need no live node"
-	@echo "make test    make check, the tests of live nodes, and a short live demo"
+	@echo "make test    make check, and the tests of live nodes"
+	@echo "make soak    what takes long or breaks things on purpose: packages, chaos, compiling under interrupts"
 	@echo "make docs    write docs/parameters.md and docs/faults.md from the code"
 	@echo "make test-browser   the page in a real Chromium; as root it installs one if there is none"
 	@echo "make clean   remove .venv and everything built"
@@ -60,12 +61,13 @@ check: setup
 	@$(BIN)/haptic compile  # what was edited since
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports --no-cache
-	$(BIN)/python -m pytest -m "not live" -n 2 --dist worksteal
+	$(BIN)/python -m pytest test/unit -n 2 --dist worksteal
 
 test: check
-	$(BIN)/python -m pytest -m live
-	@rm -rf build/test-demo
-	$(BIN)/haptic demo --seconds 6 --params test/busy.yaml --out build/test-demo
+	$(BIN)/python -m pytest test/live
+
+soak: setup
+	$(BIN)/python -m pytest test/soak
 
 test-browser: setup $(BROWSER)
 	$(BIN)/python test/browser/chromium.py

@@ -32,7 +32,6 @@ TEST = [
     "pytest>=8",
     "pytest-timeout>=2.3",
     "pytest-xdist>=3.5",
-    "ros-jazzy-domain-coordinator>=0.12",
     "ruff>=0.9",
     "setuptools>=70.1,<80",
 ]

@@ -18,11 +18,11 @@ import time
 from pathlib import Path
 
 import aiohttp
-import domain_coordinator
-import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
+
+from haptic_sim.cli.domain import isolated_domain
 
 sys.path.append(str(Path(__file__).parents[1] / "test"))
 from live_nodes import Ear, Nodes  # noqa: E402
@@ -94,30 +94,27 @@ async def _answer(page):
 
 def main():
     runs = int([*sys.argv[1:], "50"][0])
-    with domain_coordinator.domain_id() as domain, pytest.MonkeyPatch.context() as environment:
-        environment.setenv("ROS_DOMAIN_ID", str(domain))
-        environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        with tempfile.TemporaryDirectory() as folder, Nodes(Path(folder)) as nodes:
-            ear = Ear(domain)
-            nodes.start("haptic_loopback", motion__name="follow")
-            nodes.start("haptic_driver", engage__time=0.05)
-            ear.until(lambda: ear.truths and ear.said.get("haptic_driver"), "driver and device")
-            gc.freeze()  # what is timed is the driver, not a collection here
-            print(f"e-stop to its answer, {runs} runs each\n| beside | median ms | worst ms |\n|---|---|---|")
-            for entries in ENTRIES:
-                print(said(f"a request of {entries} parameters", beside_parameters(ear, entries, runs)), flush=True)
-            view = subprocess.Popen(
-                [sys.executable, "-m", "haptic_sim.cli.main", "view"], stdout=subprocess.PIPE, text=True
-            )
-            try:
-                address = re.search(r"http://\S+", view.stdout.readline()).group()
-                for rate in RATES:
-                    took = asyncio.run(beside_messages(ear, address, rate, runs))
-                    print(said(f"{rate} messages a second of its page", took), flush=True)
-            finally:
-                view.terminate()
-                view.wait(20)
-            ear.close()
+    with tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain, Nodes(Path(folder)) as nodes:
+        ear = Ear(domain)
+        nodes.start("haptic_loopback", motion__name="follow")
+        nodes.start("haptic_driver", engage__time=0.05)
+        ear.until(lambda: ear.truths and ear.said.get("haptic_driver"), "driver and device")
+        gc.freeze()  # what is timed is the driver, not a collection here
+        print(f"e-stop to its answer, {runs} runs each\n| beside | median ms | worst ms |\n|---|---|---|")
+        for entries in ENTRIES:
+            print(said(f"a request of {entries} parameters", beside_parameters(ear, entries, runs)), flush=True)
+        view = subprocess.Popen(
+            [sys.executable, "-m", "haptic_sim.cli.main", "view"], stdout=subprocess.PIPE, text=True
+        )
+        try:
+            address = re.search(r"http://\S+", view.stdout.readline()).group()
+            for rate in RATES:
+                took = asyncio.run(beside_messages(ear, address, rate, runs))
+                print(said(f"{rate} messages a second of its page", took), flush=True)
+        finally:
+            view.terminate()
+            view.wait(20)
+        ear.close()
 
 
 if __name__ == "__main__":

@@ -17,9 +17,10 @@ import tempfile
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-import domain_coordinator
 from paired import compared
 from playwright.sync_api import sync_playwright
+
+from haptic_sim.cli.domain import isolated_domain
 
 sys.path.append(str(Path(__file__).parents[1] / "test" / "browser"))
 from chromium import OPTIONS, find  # noqa: E402
@@ -74,7 +75,7 @@ def row(name, found):
 def main():
     pairs, seconds = (int(word) for word in [*sys.argv[1:], "6", "8"][:2])
     found, drawn = {False: [], True: []}, []
-    with domain_coordinator.domain_id() as domain, sync_playwright() as driver:
+    with tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=find(), args=list(OPTIONS))
         for pair in range(pairs):
             for viewed in (False, True) if pair % 2 == 0 else (True, False):

@@ -5,11 +5,11 @@ import os
 import signal
 import subprocess
 
-import domain_coordinator
 import hypothesis
 import pytest
 
 from haptic_device.runtime.process import ending_with_us
+from haptic_sim.cli.domain import isolated_domain
 
 # Read when numpy is first imported: its matrices here are small, and on a busy machine threads wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -41,11 +41,12 @@ def last_lines():
 @pytest.fixture(scope="session", autouse=True)
 def ros_domain(tmp_path_factory):
     """A ROS domain that no other test run on this machine uses, for this process and the ones it starts."""
-    with domain_coordinator.domain_id() as domain, pytest.MonkeyPatch.context() as environment:
-        environment.setenv("ROS_DOMAIN_ID", str(domain))
-        environment.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        environment.setenv("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_log")))
-        yield domain
+    folder = tmp_path_factory.mktemp("ros")
+    with pytest.MonkeyPatch.context() as environment:
+        environment.delenv("ROS_DOMAIN_ID", raising=False)  # the person's own, which workers would share
+        environment.setenv("ROS_LOG_DIR", str(folder))
+        with isolated_domain(folder) as domain:
+            yield domain
 
 
 @pytest.fixture

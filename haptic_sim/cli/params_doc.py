@@ -26,7 +26,8 @@ FAULTS = """# Faults
 Generated from `law/fault.py: TABLE` by `haptic docs --faults --out docs/faults.md`; do not edit.
 
 A fault is a latched reason why the motor is off. It stays until `~/reset`, whatever follows; then `~/enable` is needed.
-`test/test_driver.py` and `test/test_fault_live.py` provoke each on running nodes, `test/test_servo.py` tick by tick.
+`test/live/test_driver.py` and `test/live/test_fault_live.py` provoke each on running nodes, `test/unit/test_servo.py`
+tick by tick.
 
 | code | name | what latched it | what the motor does | how to clear it |
 |---|---|---|---|---|

@@ -17,7 +17,7 @@ from conftest import COMPILING, PATIENCE, Cable, Tab
 
 from haptic_sim.cli.check import problems
 
-pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]  # the second operating point may have to be compiled
+pytestmark = pytest.mark.timeout(600)  # the second operating point may have to be compiled
 SERIOUS = ("serious", "critical")
 BEHIND = r"the second operating point is [0-9.]+ s behind: its process gets too little of the processor"
 

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic chaos` in its short form on live nodes; its figures on made-up records; `haptic status` and its keys."""
+
+import contextlib
+import json
+import math
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+import types
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+import pytest
+from live_nodes import STRANGE, strange_diagnostics
+
+from haptic_device.node import health, wire
+from haptic_sim.cli import chaos, chaos_figures, chaos_loads, conductor
+from haptic_sim.cli.keys import ESTOP, keys
+from haptic_sim.cli.soak import _row
+from haptic_sim.cli.witness import ROW, TRUTH, Witness
+from haptic_sim.cli.zwidth_live import STALLED
+
+pytestmark = pytest.mark.timeout(900)
+
+ROOT = Path(__file__).resolve().parents[2]
+HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
+LIMIT = 240.0  # [s] for anything; no assertion
+PERIOD = 250_000  # ns
+BY_THE_CLOCK = {"recovered", "safe", "step", *STALLED}  # what other work on this machine moves
+
+
+class Pressing(conductor.Conductor):
+    """Of a display that has these faults, look by look, and is felt after the last."""
+
+    def __init__(self, *faults):
+        self.faults, self.told, self.witness = list(faults), [], self
+
+    row = property(lambda self: {"fault": self.faults.pop(0) if self.faults else 0.0})
+    force = property(lambda self: conductor.FORCE + 1.0 if not self.faults else 0.0)
+
+    def aim(self, place):
+        self.told.append(place)
+
+    def enable(self, limit=0.0):
+        self.told.append("enable")
+
+
+AGAIN = [conductor.FREE, "enable", conductor.PRESSED]
+
+
+@pytest.mark.parametrize(("faults", "again"), [((), []), ((0.0, 0.0, 2.0), AGAIN)])
+def test_a_hand_that_presses_lets_go_enables_and_presses_again_after_a_fault(faults, again, monkeypatch):
+    monkeypatch.setattr(conductor, "HELD", 0.0)
+    pressing = Pressing(*faults)
+    pressing.press()
+    assert pressing.told == [conductor.PRESSED, *again]
+
+
+def rows(forces, engage=1.0):
+    """Ticks with these forces along x."""
+    found = np.zeros(len(forces), ROW)
+    found["exchange_fade"] = 1.0
+    found["deadline"], found["engage"] = 1e12 + PERIOD * np.arange(len(forces)), engage
+    found["force_on_handle"][:, 0] = forces
+    return found
+
+
+def test_a_force_that_changes_by_a_newton_in_two_milliseconds_changes_by_half_a_newton_a_millisecond():
+    ramp = np.interp(np.arange(100), [40, 48], [0.0, 1.0])
+    assert chaos_figures.fastest_change(rows(ramp)) == pytest.approx(0.5, rel=1e-6)
+    assert chaos_figures.fastest_change(rows(-ramp)) == pytest.approx(0.5, rel=1e-6)
+
+
+def test_a_cut_off_to_zero_is_no_change_but_a_jump_of_an_engaged_motor_is():
+    forces = np.where(np.arange(100) < 50, 5.0, 0.0)
+    cut = rows(forces, engage=np.where(np.arange(100) < 50, 1.0, 0.0))
+    assert chaos_figures.fastest_change(cut) == 0.0
+    assert chaos_figures.fastest_change(rows(forces, engage=0.0)) is None
+    assert chaos_figures.fastest_change(rows(forces)) == pytest.approx(5.0)
+
+
+def test_only_what_changes_while_a_force_fades_or_returns_is_a_step():
+    ramp = rows(np.interp(np.arange(4000), [100, 108, 3000, 3016], [0.0, 1.0, 1.0, 0.0]))
+    assert chaos_figures.fastest_change(ramp, chaos_figures.fading(ramp)) is None
+    ramp["exchange_fade"] = np.where(np.arange(4000) < 2990, 1.0, 0.5)
+    assert chaos_figures.fastest_change(ramp, chaos_figures.fading(ramp)) == pytest.approx(0.25)
+    assert chaos_figures.fastest_change(ramp) == pytest.approx(0.5)
+
+
+def test_energy_counts_from_the_beginning_of_each_session():
+    truths = np.zeros(4, TRUTH)
+    truths["time"], truths["energy"] = [0.0, 1.0, 2.0, 3.0], [0.0, -0.2, -0.15, -0.14]
+    assert chaos_figures.energy_given(truths) == 0.0
+    assert chaos_figures.energy_given(truths, (0.5,)) == pytest.approx(0.06)
+
+
+def test_the_motor_is_off_when_the_last_truth_with_a_force_was():
+    truths = np.zeros(30, TRUTH)
+    truths["time"] = 10.0 + 1e-3 * np.arange(30)
+    truths["motor"][:15, 0] = 5.0
+    assert chaos_figures.motor_off(truths, 10.002) == pytest.approx(12.0, abs=1e-6)
+    assert chaos_figures.motor_off(truths, 10.02) == 0.0
+
+
+def test_memory_that_grows_by_more_than_two_percent_is_told():
+    looks = [(float(second), 100e6 * (1.0 + 0.021 * (second > 100)), 9, 30) for second in range(200)]
+    row = _row("haptic_driver", looks)
+    assert row["grown"] == pytest.approx(0.021) and row["threads"] == (9, 9) and row["files"] == (30, 30)
+
+
+@pytest.mark.parametrize("watched", [*health.DRIVER, *health.LOOPBACK, *health.SIMULATION], ids=lambda each: each.name)
+def test_a_figure_is_ok_at_its_limit_and_warns_or_errs_just_beyond(watched):
+    beyond = 1e-9 if watched.error >= watched.warn else -1e-9
+    for figure, level in (
+        (watched.warn, "ok"),
+        (watched.warn + beyond, "warn"),
+        (watched.error, "warn"),
+        (watched.error + beyond, "error"),
+        (float("nan"), "ok"),
+    ):
+        assert health.level_of(watched, figure, watched.warn, watched.error) == level
+
+
+def test_of_the_keys_the_e_stop_counts_whatever_is_typed_with_it(monkeypatch):
+    control, terminal = pty.openpty()
+    with os.fdopen(terminal) as stdin, keys_of(monkeypatch, stdin) as pressed:
+        assert pressed() == ""
+        for typed, key in ((b"r", "r"), (b"ab d", ESTOP)):
+            os.write(control, typed)
+            assert wait_for(pressed, f"the key {key!r}") == key
+    os.close(control)
+
+
+def keys_of(monkeypatch, stdin):
+    monkeypatch.setattr("sys.stdin", stdin)
+    return keys()
+
+
+def wait_for(look, what):
+    end = time.monotonic() + LIMIT
+    while not (found := look()):
+        assert time.monotonic() < end, f"{what} did not come within {LIMIT:g} s"
+        time.sleep(0.01)
+    return found
+
+
+def test_without_a_terminal_there_are_no_keys(monkeypatch):
+    with open(os.devnull) as stdin, keys_of(monkeypatch, stdin) as pressed:
+        assert pressed() == ""
+
+
+def test_chaos_in_its_short_form_leaves_energy_within_its_budget_only_known_faults_and_nothing_behind(start):
+    environment = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = start([*HAPTIC, "chaos", "--short", "--json"], cwd=ROOT, env=environment, **pipes)
+    said, progress = process.communicate(timeout=3 * LIMIT)
+    assert said, progress
+    found = json.loads(said)
+    assert found["tracebacks"] == 0 and found["left_over"] == [], progress
+    assert tuple(event["event"] for event in found["events"]) == chaos.SHORT, progress
+    for event in found["events"]:
+        assert set(event["wrong"]) <= BY_THE_CLOCK, progress  # its faults and its energy were as they may be
+        assert event["force"] > conductor.FORCE and event["runs"] == 1
+        assert event["safe"] is not None and math.isfinite(event["safe"])  # it went off, or let go, however late
+    assert "estop" in found["events"][-1]["faults"], progress
+
+
+def test_status_shows_every_figure_of_a_running_system_and_says_by_its_exit_code_whether_one_is_bad(start, tmp_path):
+    def status():
+        done = subprocess.run([*HAPTIC, "status", "--json"], capture_output=True, text=True, timeout=LIMIT)
+        return json.loads(done.stdout), done.returncode
+
+    assert status() == ({}, 1)
+    node = start([sys.executable, "-m", "haptic_device.node.loopback", "--ros-args", "-r", "__ns:=/haptic"])
+
+    def serving():
+        heard = status()
+        return heard[0].get("haptic_loopback", {}).get("message") == "serving" and heard
+
+    found, code = wait_for(serving, "a haptic_loopback that serves")
+    assert set(found) == {"haptic_loopback", *(f"haptic_loopback: {each.name}" for each in health.LOOPBACK)}
+    assert found["haptic_loopback: energy"]["level"] == 0
+    assert code == int(any(said["level"] >= 2 for said in found.values()))
+    node.send_signal(signal.SIGINT)
+    assert node.wait(LIMIT) == 0
+
+
+def test_status_shows_strange_diagnostics_as_they_are_and_does_not_end():
+    def heard(*options):
+        done = subprocess.run([*HAPTIC, "status", *options], capture_output=True, text=True, timeout=LIMIT)
+        assert done.returncode == 1 and "Traceback" not in done.stderr
+        return all(name in done.stdout for name in ("seven", "all bits", "[/x]")) and done.stdout
+
+    with strange_diagnostics():
+        table = wait_for(heard, "a strange status")
+        said = wait_for(lambda: heard("--json"), "a strange status")
+    assert "[/x] [bold" in table and table.count("STALE") == 2
+    said = json.loads(said)
+    assert said["seven"]["level"] == said["all bits"]["level"] == 3 and said["[/x]"]["values"] == {"[/x]": "[/x]"}
+
+
+def test_the_witness_of_chaos_goes_on_hearing_among_strange_diagnostics(ros_domain):
+    with contextlib.closing(Witness(ros_domain)) as witness, strange_diagnostics():
+        wait_for(lambda: "[/x]" in witness.statuses, "a strange status")
+        for _ in range(3):
+            witness.statuses.clear()
+            wait_for(lambda: "[/x]" in witness.statuses, "the same again")
+        assert witness.levels["seven"] == 3
+
+
+def test_figures_of_chaos_leave_out_values_that_say_no_number():
+    heard = types.SimpleNamespace(statuses={}, said=lambda node, entry: heard.statuses[node].values[entry])
+    for message in STRANGE:
+        heard.statuses |= wire.statuses_of(message, 0)
+    heard.statuses["ours"] = heard.statuses["[/x]"]._replace(values={"refused.gains": "3", "refused.late": "4.0"})
+    among = types.SimpleNamespace(witness=heard)
+    assert chaos_loads._refusals(among) == 7 and chaos_loads._number(among, "missed") == 0.0
+
+
+def test_the_policy_for_sros2_names_every_topic_of_the_model_and_nothing_else():
+    policy = ElementTree.parse(ROOT / "docs/sros2/policy.xml")
+    named = {topic.text for topic in policy.iter("topic")}
+    table = (ROOT / "docs/model.md").read_text(encoding="utf-8").split("## Topics\n")[1].split("\n\n")[1]
+    topics = {line.split("`")[1] for line in table.splitlines() if line.startswith("| `")}
+    assert named == topics - {"/parameter_events"}
+    for included in policy.iter("{http://www.w3.org/2001/XInclude}include"):
+        assert ElementTree.parse(ROOT / "docs/sros2" / included.get("href")).getroot().tag == "profile"

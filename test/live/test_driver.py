@@ -1,0 +1,516 @@
+# SPDX-License-Identifier: Apache-2.0
+"""haptic_driver alive, on a loopback in another process: what it is asked, what it refuses, how it can end."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from live_nodes import (
+    CUT,
+    HOLDING,
+    SLOW,
+    Ear,
+    Nodes,
+    command,
+    last_write,
+    page_path,
+    refusal_of,
+    refusals_of,
+)
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
+
+from haptic_device.law import exchange, fault
+from haptic_device.node import wire
+from haptic_device.node.params import MOST_AT_ONCE
+
+pytestmark = pytest.mark.timeout(600)
+
+WALL = {"wall__normals": [1.0, 0.0], "wall__offsets": [-0.01], "wall__stiffness": [2000.0], "wall__damping": [0.0]}
+DEVICE = {"motion__name": "follow"}
+DRIVER = {"engage__time": 0.05, "exchange__fade": 0.05, **HOLDING, **SLOW, **WALL}
+WARN, ERROR = 1, 2
+
+
+@pytest.fixture(scope="module")
+def nodes(ros_domain, tmp_path_factory):
+    with Nodes(tmp_path_factory.mktemp("nodes")) as nodes:
+        nodes.start("haptic_loopback", **DEVICE)
+        nodes.start("haptic_driver", **DRIVER)
+        yield nodes
+
+
+@pytest.fixture(scope="module")
+def ear(ros_domain):
+    ear = Ear(ros_domain)
+    yield ear
+    ear.close()
+
+
+@pytest.fixture
+def display(nodes, ear):
+    """The ear, with both nodes running, no fault, motor off, the hand at the middle."""
+    ear.until(lambda: ear.truths and ear.said.get("haptic_driver"), "both nodes say something")
+    ear.go_to(0.0)
+    ear.truth(lambda truth: abs(truth.velocity[:3]).max() < 1e-3, what="the handle is still")
+    ear.cleared()
+    assert ear.trigger("disable") == (True, "motor zero")
+    return ear
+
+
+def press(ear):
+    """Has the hand press the wall until the motor holds more than 5 N against it."""
+
+    ear.go_to(0.0)
+    ear.engaged()
+    ear.go_to(-0.025)
+    ear.truth(lambda truth: ear.motor(truth)[0] > 5.0, what="the motor holds 5 N")
+
+
+def provoke(ear, name, act):
+    """Does act(), which ends in this fault: told, latched, and the motor off."""
+    begin = len(ear.said["haptic_driver"])
+
+    def told():
+        return next((said for said in ear.said["haptic_driver"][begin:] if said[2]["fault"] == name), None)
+
+    act()
+    level, message, values = ear.until(told, f"the fault {name}")
+    assert (level, message, values["state"]) == (ERROR, f"fault {name}", "fault")
+    ear.motor_off_after(time.monotonic())
+    assert ear.trigger("enable") == (False, f"fault {name} is latched; call ~/reset first")
+
+
+def test_without_a_simulation_the_handle_moves_in_free_space_and_diagnostics_say_so(display):
+    level, message, values = display.engaged()
+    assert level == WARN and message == "no simulation: the handle is in free space"
+    assert int(values["ticks"]) > 0
+    begin = len(display.truths)
+    display.go_to(0.03)
+    display.truth(lambda truth: abs(truth.position[0] - 0.03) < 1e-3, what="the handle is at 30 mm")
+    assert not any(display.motor(truth).any() for truth in display.truths[begin:])
+
+
+def test_enabling_and_disabling_let_the_force_come_and_go(display):
+    press(display)
+    assert display.trigger("disable") == (True, "motor zero")
+    display.motor_off_after(time.monotonic())
+
+
+def test_an_estop_latches_until_it_is_reset(display):
+    def stop():
+        press(display)
+        assert display.trigger("estop") == (True, "e-stop latched, motor zero")
+
+    provoke(display, "estop", stop)
+    assert display.trigger("reset")[0]
+    display.go_to(0.0)
+    assert display.trigger("enable") == (True, "enabled")
+
+
+def test_a_change_of_state_is_told_by_itself_and_not_with_the_figures_of_each_half_second(display):
+    told = display.alone["haptic_driver"]
+    place = len(told)
+
+    def alone(*states):
+        """Whether one of these states was told after the one before it."""
+        nonlocal place
+        found = next((k for k in range(place, len(told)) if told[k]["state"] in states), None)
+        place = place if found is None else found + 1
+        return found is not None
+
+    for name, states in 2 * [("enable", ["engaging", "engaged"]), ("estop", ["fault"]), ("reset", ["idle"])]:
+        assert display.trigger(name)[0]
+        display.until(lambda states=states: alone(*states), f"{states} told by itself")
+
+
+def test_softer_gains_are_taken_while_it_runs_and_told_to_the_simulation(display):
+    display.hear_handles()
+    for stiffness in (500.0, 400.0):
+        assert display.set("coupling.stiffness", stiffness) == (True, "")
+        display.handles.clear()
+        names = wire.exchange_names(3)
+        told = names.index("stiffness")
+        display.until(
+            lambda: display.handles and display.handles[-1].position[told] == stiffness,  # noqa: B023
+            f"a handle sample with {stiffness} N/m",
+        )
+        gains = [display.handles[-1].position[names.index(name)] for name in exchange.TAIL[exchange.GAIN_0:][:4]]
+        assert display.handles[-1].position[names.index("gains_hash")] == exchange.gains_hash(*gains)
+    display.hear_handles(False)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("coupling.stiffness", 1e6, ["coupling.stiffness"]),
+        ("coupling.stiffness", math.nan, ["coupling.stiffness"]),
+        ("wall.stiffness", [90000.0], ["wall.stiffness 90000 N/m", "needs b >", "the device has 3", "at most"]),
+        ("wall.stiffness", [1.0, 2.0], ["wall.stiffness has 2 numbers; 1 walls need 1"]),
+        ("wall.damping", [math.nan], ["wall.damping[0] is nan"]),
+        ("servo.rate", 1000.0, ["read-only"]),
+        ("passivity.policy", "sometimes", ["passivity.policy is 'sometimes'", "enforce"]),
+    ],
+)
+def test_a_wrong_live_value_is_refused_with_its_reason(display, name, value, words):
+    accepted, reason = display.set(name, value)
+    assert not accepted and "\n" not in reason
+    assert all(word in reason for word in words), reason
+
+
+@pytest.mark.parametrize("count", [MOST_AT_ONCE, MOST_AT_ONCE + 1])
+def test_as_many_parameters_as_are_taken_at_once_are_set_and_one_more_are_refused_all(display, count):
+    value = 0.25 if count > MOST_AT_ONCE else 0.5
+    entry = Parameter("fault.duty", value=value).to_parameter_msg()
+    each = display.ask("haptic_driver/set_parameters", SetParameters, SetParameters.Request(parameters=[entry] * count))
+    wish = SetParametersAtomically.Request(parameters=[entry] * count)
+    once = display.ask("haptic_driver/set_parameters_atomically", SetParametersAtomically, wish)
+    reason = "" if value == 0.5 else f"{count} parameters in one request; at most {MOST_AT_ONCE} are taken"
+    assert [(result.successful, result.reason) for result in each.results] == [(not reason, reason)] * count
+    assert (once.result.successful, once.result.reason) == (not reason, reason)
+    asked = display.ask("haptic_driver/get_parameters", GetParameters, GetParameters.Request(names=["fault.duty"]))
+    assert asked.values[0].double_value != 0.25
+    assert display.set("fault.duty", 1.0) == (True, "")
+
+
+def test_handle_encoder_and_motor_of_one_tick_bear_the_same_stamp(display):
+    layout, heard = wire.JointLayout(wire.AXES, "haptic_base"), {"encoder": set(), "motor": set()}
+
+    def hear(topic, stamps):
+        def note(data):
+            stamps.add(layout.unpack(data).stamp_ns)
+
+        return display.node.create_subscription(wire.JointState, topic, note, wire.STREAM, raw=True)
+
+    listening = [hear(topic, stamps) for topic, stamps in heard.items()]
+    display.hear_handles()
+    display.until(
+        lambda: {sample.stamp_ns for sample in display.handles}.intersection(*heard.values()), "one stamp on all three"
+    )
+    display.hear_handles(False)
+    for one in listening:
+        display.node.destroy_subscription(one)
+
+
+def test_foreign_tool_messages_move_nothing_are_refused_and_counted_by_reason(display):
+    layout, count = wire.JointLayout(wire.exchange_names(3)), len(wire.exchange_names(3))
+    still, wild = [0.0] * count, [math.nan] * count
+    tail = dict.fromkeys(exchange.TAIL, 1.0) | {"layout_version": exchange.LAYOUT_VERSION}
+    tail["exchange_method"] = float(exchange.PSPM)
+    messages = [
+        layout.pack(0, wild, still, still),
+        layout.pack(0, [0.05, 0.05, 0.5, *tail.values()], still, still),
+        wire.JointLayout(wire.exchange_names(2)).pack(0, *[[0.0] * (count - 1)] * 3),
+        layout.template[:-3],
+    ]
+    reasons = "refused.NaN or out of range", "refused.answers another session", "refused.other axis names or size"
+    begin, asked, turn = len(display.said["haptic_driver"]), 0.0, 0
+
+    def counted():
+        """The first report of all three while the display is engaged."""
+        nonlocal asked, turn
+        if time.monotonic() > asked + 0.02:
+            display.tool.publish(messages[turn % len(messages)])
+            asked, turn = time.monotonic(), turn + 1
+        heard = [values for _, _, values in display.said["haptic_driver"][begin:] if values["state"] == "engaged"]
+        return next((values for values in heard if all(reason in values for reason in reasons)), None)
+
+    moved = len(display.truths)
+    display.engaged()
+    values = display.until(counted, f"engaged, and counted: {reasons}")
+    assert values["exchange_answered"] == "0" and values["fault"] == ""
+    assert not any(display.motor(truth).any() for truth in display.truths[moved:])
+
+
+def test_a_second_driver_of_the_same_device_is_refused(display, start):
+    second = start(command("haptic_driver"), stderr=subprocess.PIPE)
+    said = refusal_of(second)
+    assert said.startswith("haptic_driver: page ") and said.endswith("is held by another servo; stop it, or use "
+                                                                     "another namespace")  # fmt: skip
+    display.engaged()
+
+
+def change(ear, transition):
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return ear.ask("haptic_driver/change_state", ChangeState, request).success
+
+
+def test_deactivation_zeroes_the_motor_before_it_answers_and_it_can_be_activated_again(display):
+    press(display)
+    assert change(display, Transition.TRANSITION_DEACTIVATE)
+    last = last_write()
+    assert last.engaged == 0 and last.motor == [0.0, 0.0, 0.0]
+    display.motor_off_after(max(last.written, last.deadline) * 1e-9)
+    success, message = display.trigger("enable")
+    assert not success and message == "the servo does not run: no device, or the node is not active"
+    assert change(display, Transition.TRANSITION_ACTIVATE)
+    display.cleared()
+    press(display)
+
+
+def test_a_stopped_servo_loses_its_motor_when_the_watchdog_is_over_and_finds_that_out_when_it_goes_on(display, nodes):
+    press(display)
+    process = nodes.running["haptic_driver"]
+    os.kill(process.pid, signal.SIGSTOP)
+    try:
+        display.truth(lambda truth: not display.motor(truth).any(), what="the motor is off")
+        display.motor_off_after(last_write().over)
+    finally:
+        os.kill(process.pid, signal.SIGCONT)
+    provoke(display, CUT, lambda: None)
+
+
+def test_a_silent_device_is_a_fault(display, nodes):
+    device = nodes.running["haptic_loopback"]
+
+    def fall_silent():
+        press(display)
+        os.kill(device.pid, signal.SIGSTOP)
+        try:
+            display.news("haptic_driver", lambda level, message, values: values["fault"], what="a fault")
+        finally:
+            os.kill(device.pid, signal.SIGCONT)
+
+    provoke(display, "device_silent", fall_silent)
+
+
+def test_a_handle_that_is_too_fast_is_a_fault(display):
+    def fling():
+        display.go_to(-0.008)
+        display.truth(lambda truth: abs(truth.velocity[0]) < 1e-3, what="the handle is still")
+        display.cleared()
+        display.engaged()
+        display.go_to(0.115)
+
+    provoke(display, "velocity", fling)
+
+
+def test_a_handle_beyond_its_workspace_is_a_fault(display):
+    def leave():
+        display.go_to(0.07)
+        display.truth(lambda truth: abs(truth.velocity[0]) < 1e-3, what="the handle is still")
+        display.cleared()
+        display.engaged()
+        display.go_to(0.12)
+
+    provoke(display, "position", leave)
+
+
+def test_a_motor_too_long_at_its_limit_is_a_fault(display):
+    assert display.set("fault.saturation", 0.05) == (True, "")
+
+    def push():
+        for x in (0.0, -0.02, -0.04, -0.06):
+            display.go_to(x)
+            if x == 0.0:
+                display.engaged()
+
+    provoke(display, "saturation", push)
+
+
+def test_a_motor_that_grows_too_warm_is_a_fault(display):
+    assert display.set("fault.duty_time", 0.1) == (True, "")
+
+    def hold():
+        display.go_to(0.0)
+        display.engaged()
+        display.go_to(-0.025)
+
+    def cool(level, message, values):
+        return float(values["value"]) < 5e-3
+
+    display.news("haptic_driver: warmth", cool, what="the motor has cooled")
+    try:
+        assert display.set("fault.duty", 0.1) == (True, "")
+        provoke(display, "duty", hold)
+    finally:
+        assert display.set("fault.duty", 1.0) == (True, "")
+
+
+def test_a_margin_about_theta_that_is_used_up_is_told_though_the_plane_has_some_left(display):
+    def used_up(level, message, values):
+        return float(values["value"]) < 0.0
+
+    try:
+        assert display.set("passivity.policy", "off") == (True, "")
+        assert display.set("coupling.rotational_stiffness", 100.0) == (True, "")
+        display.news("haptic_driver: margin_theta", used_up, what="the margin about theta is used up")
+        level, message, _ = display.said["haptic_driver: margin_theta"][-1]
+        assert level == ERROR and message.endswith(" N m s/rad")
+    finally:
+        assert display.set("coupling.rotational_stiffness", SLOW["coupling__rotational_stiffness"]) == (True, "")
+        assert display.set("passivity.policy", "enforce") == (True, "")
+
+
+def test_the_faults_above_are_all_but_those_that_test_fault_live_provokes():
+    live = {"estop", "device_watchdog", "device_silent", "velocity", "position", "saturation", "duty"}
+    assert {entry.name for entry in fault.TABLE} - live == {"not_a_number", "encoder_jump", "unattended"}
+
+
+def exchanging(ear):
+    """Waits until the handle moves freely with the tool that follows it through the exchange."""
+    heard = ear.said["haptic_driver"]
+    ear.go_to(0.0)
+    if heard[-1][2]["state"] != "engaged":
+        ear.engaged()
+    begin = len(heard)
+    ear.go_to(0.005)
+
+    def follows():
+        there = abs(ear.truths[-1].position[0] - 0.005) < 5e-4
+        return there and any(
+            values["state"] == "engaged" and int(values["exchange_answered"]) > 0 and "no simulation" not in message
+            for _, message, values in heard[begin:]
+        )
+
+    ear.until(follows, "the handle is at 5 mm with its tool")
+
+
+def test_on_librcl_the_driver_exchanges_samples_with_a_simulation_that_came_later(display, nodes):
+    nodes.start("haptic_simulation", scene="free_space")
+    display.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 0, what="an answer")
+    exchanging(display)
+
+
+def test_a_killed_drivers_motor_is_cut_when_the_watchdog_is_over_by_the_plants_own_time(display, nodes):
+    press(display)
+    assert nodes.end("haptic_driver", signal.SIGKILL) == -signal.SIGKILL
+    display.motor_off_after(last_write().over)
+    assert page_path().exists()
+
+
+def by_itself(heard, begin):
+    """The first report of a new driver, whose ticks begin anew, in which it is not idle though nobody enabled it."""
+    ticks = int(heard[begin - 1][2]["ticks"])
+    told = [values for _, _, values in heard[begin:]]
+    new = next((k for k, values in enumerate(told) if int(values["ticks"]) < ticks), len(told))
+    return next((values for values in told[new:] if values["state"] != "idle"), None)
+
+
+def test_on_rclpy_a_driver_that_waits_for_a_tool_enables_by_itself_when_it_answers(nodes, ear):
+    heard = ear.said["haptic_driver"]
+    begin = len(heard)
+    ear.go_to(0.0)
+    nodes.start("haptic_driver", exchange__path="rclpy", auto_enable=True, auto_enable_wait=600.0, **DRIVER)
+    values = ear.until(lambda: by_itself(heard, begin), "enabled by itself")
+    assert int(values["exchange_answered"]) > 0
+    assert values["fault"] == ""
+    exchanging(ear)
+
+
+def test_a_killed_device_is_a_fault_and_a_new_one_works_after_a_reset(display, nodes):
+    display.engaged()
+    nodes.end("haptic_loopback", signal.SIGKILL)
+    assert display.trigger("reset")[0]  # which does not help
+    display.news("haptic_driver", lambda level, message, values: message == "fault device_silent", what="device_silent")
+    nodes.start("haptic_loopback", motion__start=[0.02, 0.0, 0.0], **DEVICE)
+    display.truth(lambda truth: abs(truth.position[0] - 0.02) < 1e-3, what="the new device's handle")
+    display.cleared()
+    press(display)
+
+
+def test_a_driver_that_waited_long_enough_for_a_tool_enables_by_itself_without_one(display, nodes):
+    assert nodes.end("haptic_simulation", signal.SIGTERM) == 0
+    assert nodes.end("haptic_driver", signal.SIGTERM) == 0
+    heard, begin = display.said["haptic_driver"], len(display.said["haptic_driver"])
+    nodes.start("haptic_driver", auto_enable=True, auto_enable_wait=0.7, **DRIVER)
+    values = display.until(lambda: by_itself(heard, begin), "enabled by itself")
+    assert values["exchange_answered"] == "0"
+    assert (int(values["ticks"]) + int(values["missed"])) / SLOW["servo__rate"] > 0.7  # the servo's own time
+
+
+def test_signals_end_both_well_and_the_last_one_out_removes_the_page(display, nodes):
+    process = nodes.running["haptic_driver"]
+    press(display)
+    assert nodes.end("haptic_driver", signal.SIGTERM) == 0
+    last = last_write()
+    assert last.engaged == 0 and last.motor == [0.0, 0.0, 0.0]
+    assert page_path().exists() and "Traceback" not in process.log.read_text()
+    assert nodes.end("haptic_loopback", signal.SIGINT) == 0
+    assert not page_path().exists()
+
+
+def test_an_estop_latches_even_before_the_device_is_there(nodes, ear):
+    def absent(level, message, values):
+        return message.startswith("no device")
+
+    nodes.lack(*list(nodes.running))
+    nodes.start("haptic_driver", auto_enable=True, **DRIVER)
+    assert ear.news("haptic_driver", absent, what="it misses its device")[0] == WARN
+    assert ear.trigger("enable") == (False, "the servo does not run: no device, or the node is not active")
+    assert ear.trigger("estop") == (True, "e-stop latched for the device that is not there yet")
+    nodes.start("haptic_loopback")
+    said = ear.news("haptic_driver", lambda level, message, values: values["fault"], what="a fault")
+    assert said[:2] == (ERROR, "fault estop") and said[2]["state"] == "fault"
+    assert ear.trigger("reset")[0] and ear.trigger("enable") == (True, "enabled")
+
+
+def test_a_closed_terminal_ends_both_as_well(nodes):
+    assert nodes.end("haptic_loopback", signal.SIGHUP) == nodes.end("haptic_driver", signal.SIGHUP) == 0
+    assert not page_path().exists()
+
+
+YAML = {
+    "misspelt": ({"coupling.stifness": "500.0"}, ["coupling.stifness is not", "coupling.stiffness?"]),
+    "int for double": ({"coupling.stiffness": "500"}, ["coupling.stiffness is 500 (integer); write 500.0 N/m"]),
+    "nan": ({"servo.rate": ".nan"}, ["servo.rate is nan; a finite number in Hz is needed"]),
+    "too fast": ({"servo.rate": "10001.0"}, ["servo.rate is 10001.0 Hz; at most 10000.0 Hz is allowed"]),
+    "too slow": ({"servo.rate": "499.0"}, ["servo.rate is 499.0 Hz; at least 500.0 Hz is needed"]),
+    "choice": ({"exchange.path": "dds"}, ["exchange.path is 'dds'; it must be one of rcl, rclpy"]),
+    "device": ({"device": "desktp"}, ["desktp is neither a file nor a name", "desktop"]),
+    "beyond damping": ({"coupling.stiffness": "90000.0"}, ["coupling.stiffness 90000 N/m", "the device has 3"]),
+    "walls": ({"wall.offsets": "[0.0]"}, ["wall.normals has 0 numbers; 1 walls need 2"]),
+    "mixed list": ({"wall.offsets": "[0, 1.5]"}, ["ROS does not take these arguments", "same type"]),
+    "no yaml": ({"coupling": "["}, ["ROS does not take these arguments"]),
+}
+
+
+@pytest.fixture(scope="module")
+def refused(tmp_path_factory):
+    """{name: (exit code, what was said)} of a driver with each of these files."""
+    folder, arguments = tmp_path_factory.mktemp("wrong"), []
+    for name, (given, _) in YAML.items():
+        lines = "".join(f"    {key}: {value}\n" for key, value in given.items())
+        (folder / f"{name}.yaml").write_text(f"/**:\n  ros__parameters:\n    realtime: 'off'\n{lines}")
+        arguments.append(["--ros-args", "-r", "__ns:=/wrong", "--params-file", str(folder / f"{name}.yaml")])
+    return dict(zip(YAML, refusals_of("haptic_driver", arguments), strict=True))
+
+
+@pytest.mark.parametrize("name", YAML)
+def test_a_wrong_file_ends_the_driver_with_one_sentence_and_exit_code_1(refused, name):
+    code, text = refused[name]
+    said, words = text.splitlines()[-1], YAML[name][1]
+    assert code == 1 and said.startswith("haptic_driver: ") and all(word in said for word in words), text
+    assert not page_path("/wrong").exists()
+
+
+NO_ROOM = """
+import sys
+from haptic_device.runtime import rcl
+
+def none():
+    raise MemoryError("no room for incoming messages")
+
+rcl.incoming_buffer = none
+from haptic_device.node.driver import main
+sys.exit(main())
+"""
+
+
+def test_an_exchange_that_cannot_begin_is_a_refused_activation_and_not_waited_for(start):
+    words = [sys.executable, "-c", NO_ROOM, *command("haptic_driver", "/wrong")[3:]]
+    said = refusal_of(start(words, stderr=subprocess.PIPE))
+    assert said == "haptic_driver: the exchange cannot begin: MemoryError: no room for incoming messages"
+    assert not page_path("/wrong").exists()
+
+
+def test_as_a_process_a_refused_driver_leaves_no_traceback_and_no_page(start):
+    said = refusal_of(start(command("haptic_driver", "/wrong", device="desktp"), stderr=subprocess.PIPE))
+    assert said.startswith("haptic_driver: ")
+    assert not page_path("/wrong").exists()

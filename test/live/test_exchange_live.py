@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The exchange on live nodes: what does not belong to it is refused, said and counted, and the handle stays quiet."""
+
+import time
+
+import pytest
+from live_nodes import LIMIT, Ear, Nodes
+
+from haptic_device.law import exchange
+from haptic_device.node import wire
+
+pytestmark = pytest.mark.timeout(600)
+
+WARN = 1
+DRIVER = {"engage__time": 0.05, "exchange__fade": 0.05, "auto_enable": True}
+QUIET = 0.5  # [N] on the handle
+BUDGET = 0.005  # [J]
+
+
+@pytest.fixture(scope="module")
+def nodes(ros_domain, tmp_path_factory):
+    with Nodes(tmp_path_factory.mktemp("nodes")) as nodes:
+        nodes.start("haptic_loopback", motion__name="follow")
+        yield nodes
+
+
+@pytest.fixture(scope="module")
+def ear(ros_domain):
+    ear = Ear(ros_domain)
+    yield ear
+    ear.close()
+
+
+@pytest.fixture
+def exchanging(nodes, ear):
+    """Values of the driver's diagnostics once it and the simulation exchange, and its forces are on."""
+    nodes.have("haptic_simulation", scene="free_space")
+    nodes.have("haptic_driver", **DRIVER)
+    ear.news("haptic_simulation", lambda level, message, values: int(values["answered"]) > 0, what="an answer")
+    ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 300, what="answers")
+    return engaged(ear)[2]
+
+
+def engaged(ear):
+    """The next news of a driver whose forces are on."""
+    return ear.news("haptic_driver", lambda level, message, values: values["state"] == "engaged", what="it is engaged")
+
+
+def pushed(ear, begin):
+    """Largest force of the motor [N] in the truths from `begin` on."""
+    return max(abs(ear.motor(truth)[:2]).max() for truth in ear.truths[begin:])
+
+
+def no_fault(ear):
+    """Nothing that came in has latched a fault."""
+    return ear.last()["haptic_driver"][2]["fault"] == ""
+
+
+def send(ear, publisher, message, condition, what):
+    """Publishes message() every few milliseconds until the condition holds."""
+    asked = 0.0
+
+    def done():
+        nonlocal asked
+        if time.monotonic() > asked + 0.003 and (data := message()) is not None:
+            publisher.publish(data)
+            asked = time.monotonic()
+        return condition()
+
+    return ear.until(done, what, LIMIT)
+
+
+def send_until_said(ear, publisher, message, node, sentence):
+    """Publishes message() until the node says the sentence: level and values of what it then said."""
+    heard = ear.said.setdefault(node, [])
+    begin = len(heard)
+
+    def told():
+        return next((one for one in heard[begin:] if sentence in one[1]), None)
+
+    level, _, values = send(ear, publisher, message, told, f"{node} says: {sentence}")
+    return level, values
+
+
+def test_an_exchange_method_that_differs_is_refused_in_a_sentence_and_the_handle_is_free(nodes, ear):
+    nodes.have("haptic_simulation", scene="free_space", exchange__method="wave")
+    nodes.have("haptic_driver", **DRIVER)
+    said = "handle messages refused: other exchange method; set exchange.method alike on driver and simulation"
+    level, message, values = ear.news("haptic_simulation", lambda level, message, values: said in message)
+    assert level == WARN and int(values["refused.other exchange method"]) > 0 and values["answered"] == "0"
+    level, message, values = engaged(ear)
+    assert (level, message) == (WARN, "no simulation: the handle is in free space")
+    begin = len(ear.truths)
+    ear.go_to(0.02)
+    assert pushed(ear, begin) == 0.0
+
+
+def test_the_same_method_on_both_sides_exchanges(exchanging):
+    assert exchanging["exchange_method"] == "pspm" and int(exchanging["exchange_answered"]) > 300
+
+
+def test_a_second_simulation_is_refused_counted_and_not_felt(exchanging, ear):
+    ear.hear_handles()
+    ear.until(lambda: ear.handles, "a handle sample")
+    layout, names = wire.JointLayout(wire.exchange_names(3)), wire.exchange_names(3)
+    still = [0.0] * len(names)
+
+    def forged():
+        tail = dict(zip(names[3:], ear.handles[-1].position[3:], strict=True))
+        tail |= {"answered_session": tail["session"], "answered": tail["sequence"], "session": 4711.0, "sequence": 1.0}
+        ear.handles[:-1] = []
+        return layout.pack(0, [0.1, -0.1, 1.0, *tail.values()], still, still)
+
+    begin = len(ear.truths)
+    said = "tool messages refused: second publisher; end one of the two"
+    level, values = send_until_said(ear, ear.tool, forged, "haptic_driver", said)
+    ear.hear_handles(False)
+    assert level == WARN and int(values["refused.second publisher"]) > 0
+    assert no_fault(ear) and pushed(ear, begin) < QUIET
+
+
+@pytest.mark.parametrize("session", ["another", "wild numbers", "other names"])
+def test_a_second_driver_is_refused_and_counted_by_the_simulation_and_moves_no_tool(exchanging, ear, session):
+    publisher = ear.node.create_publisher(wire.JointState, "handle", wire.LATEST)
+    names, gains = wire.exchange_names(3), (1000.0, 1.0, 1.0, 0.001)
+    tail = dict.fromkeys(exchange.TAIL, 0.0) | {"layout_version": 1.0, "session": 99.0}
+    tail |= {"exchange_method": float(exchange.PSPM), "gains_hash": exchange.gains_hash(*gains)}
+    tail |= dict(zip(exchange.TAIL[exchange.GAIN_0 :], gains, strict=False))
+    number, wild = iter(range(1, 1 << 30)), float("nan") if session == "wild numbers" else 0.1
+    layout = wire.JointLayout(("z", *names[1:]) if session == "other names" else names)
+    still = [0.0] * len(names)
+    key = {"another": "second publisher", "wild numbers": "NaN or out of range"}.get(
+        session, "other axis names or size"
+    )
+
+    def forged():
+        stamp = 10**18 * (1 + next(number) % 2)  # of the past and the future in turn
+        return layout.pack(stamp, [wild, wild, 0.0, *(tail | {"sequence": float(next(number))}).values()], still, still)
+
+    begin = len(ear.truths)
+    level, values = send_until_said(ear, publisher, forged, "haptic_simulation", f"handle messages refused: {key}")
+    ear.node.destroy_publisher(publisher)
+    assert level == WARN and int(values[f"refused.{key}"]) > 0
+    assert no_fault(ear) and pushed(ear, begin) < QUIET
+
+
+def test_wrong_stamps_and_jumps_of_the_simulation_that_is_accepted_give_no_energy_and_no_fault(
+    exchanging, nodes, ear
+):
+    nodes.lack("haptic_simulation")
+    ear.hear_handles()
+    begin, heard, layout = len(ear.truths), len(ear.handles), wire.JointLayout(wire.exchange_names(3))
+    ear.until(lambda: len(ear.handles) > heard, "a handle sample")
+    names, number = wire.exchange_names(3), iter(range(1, 1 << 30))
+
+    def forged():
+        count, still = next(number), [0.0] * len(names)
+        tail = dict(zip(names[3:], ear.handles[-1].position[3:], strict=True))
+        ear.handles[:-1] = []
+        answered = tail["sequence"] + (0.0, 0.0, 1e6, -50.0)[count % 4]  # and of the future, and of the past
+        tail |= {"answered_session": tail["session"], "answered": answered, "session": 4711.0}
+        jump = 0.1 * (-1.0) ** count
+        place = [jump, -jump, 5.0 * jump, *(tail | {"sequence": float(count)}).values()]
+        return layout.pack(10**18 * (count % 2), place, still, still)
+
+    told = "refused.answers another session", "refused.late or repeated"
+
+    def counted():
+        values = ear.last()["haptic_driver"][2]
+        return values["exchange_answered"] != known and all(int(values.get(key, "0")) > 20 for key in told)
+
+    known = ear.last()["haptic_driver"][2]["exchange_answered"]
+    send(ear, ear.tool, forged, counted, "answers that are taken and others that are refused")
+    ear.hear_handles(False)
+    assert no_fault(ear)
+    assert max(truth.position[2 * ear.axes] for truth in ear.truths[begin:]) <= BUDGET
+
+
+def test_stamps_of_the_past_and_future_from_the_driver_that_is_accepted_make_the_world_wait(nodes, ear):
+    nodes.lack("haptic_driver", "haptic_simulation")
+    nodes.start("haptic_simulation", scene="free_space")
+    publisher = ear.node.create_publisher(wire.JointState, "handle", wire.LATEST)
+    names, gains, number = wire.exchange_names(3), (1000.0, 1.0, 1.0, 0.001), iter(range(1, 1 << 30))
+    tail = dict.fromkeys(exchange.TAIL, 0.0) | {"layout_version": 1.0, "session": 99.0}
+    tail |= {"exchange_method": float(exchange.PSPM), "gains_hash": exchange.gains_hash(*gains)}
+    tail |= dict(zip(exchange.TAIL[exchange.GAIN_0 :], gains, strict=False))
+    layout, still, tools = wire.JointLayout(names), [0.0] * len(names), []
+    tool = wire.JointLayout(names)
+    ear.node.create_subscription(
+        wire.JointState, "tool", lambda data: tools.append(tool.unpack(data)), wire.LATEST, raw=True
+    )
+
+    def forged():
+        count = next(number)
+        place = [0.1, 0.1, 0.0, *(tail | {"sequence": float(count)}).values()]
+        return layout.pack(10**18 * (1 + count % 2), place, still, still)
+
+    said = "handle samples over 20 ms apart, or going back"
+    level, values = send_until_said(ear, publisher, forged, "haptic_simulation", said)
+    assert level == WARN and int(values["rejoined"]) > 0 and int(values["sub_steps"]) == 0
+    ear.until(lambda: tools, "an answer")
+    assert max(abs(one.position[0]) for one in tools) < 1e-9  # at its home, not where it was called to
+    ear.node.destroy_publisher(publisher)

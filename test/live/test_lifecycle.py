@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Managed nodes driven from outside, as `ros2 lifecycle` and a launch file do: each state is what it says."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import rclpy
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from live_nodes import LIMIT, MODULES, SLOW, Ear, Nodes, page_path
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.signals import SignalHandlerOptions
+
+from haptic_device.runtime.process import ending_with_us
+from haptic_sim.node.relay import RelayNode
+
+pytestmark = pytest.mark.timeout(600)
+
+SPACE = "/managed"
+NODES = tuple(MODULES)
+OF_ITS_OWN = {
+    "haptic_simulation": {"scene": "free_space"},  # its tool is where the handle is
+    "haptic_driver": {"auto_enable": True, **SLOW},
+}
+UNCONFIGURED, INACTIVE, ACTIVE = (
+    State.PRIMARY_STATE_UNCONFIGURED,
+    State.PRIMARY_STATE_INACTIVE,
+    State.PRIMARY_STATE_ACTIVE,
+)
+
+
+@pytest.fixture(scope="module")
+def nodes(ros_domain, tmp_path_factory):
+    with Nodes(tmp_path_factory.mktemp("nodes")) as nodes:
+        for name in NODES:
+            nodes.start(name, namespace=SPACE, autostart=False, **OF_ITS_OWN.get(name, {}))
+        yield nodes
+
+
+@pytest.fixture(scope="module")
+def ear(ros_domain, nodes):
+    ear = Ear(ros_domain, SPACE)
+    yield ear
+    ear.close()
+
+
+def state(ear, name):
+    return ear.ask(f"{name}/get_state", GetState, GetState.Request(), again=3.0).current_state.id
+
+
+def change(ear, name, transition, wanted):
+    """Asks for a transition once, and waits for the state: an answer may be lost while nodes still meet."""
+    client = ear.node.create_client(ChangeState, f"{name}/change_state")
+    ear.until(client.service_is_ready, f"transitions of {name}")
+    client.call_async(ChangeState.Request(transition=Transition(id=transition)))
+    ear.until(lambda: state(ear, name) == wanted, f"{name} is in state {wanted}")
+
+
+def test_without_autostart_the_nodes_wait_and_hold_nothing(ear):
+    assert [state(ear, name) for name in NODES] == [UNCONFIGURED] * len(NODES)
+    assert not page_path(SPACE).exists()
+
+
+def test_configured_they_hold_the_device_and_activated_they_run(ear):
+    for name in NODES:
+        change(ear, name, Transition.TRANSITION_CONFIGURE, INACTIVE)
+    assert page_path(SPACE).exists() and not ear.truths
+    for name in NODES:
+        change(ear, name, Transition.TRANSITION_ACTIVATE, ACTIVE)
+    ear.cleared()
+    ear.engaged()
+
+
+def test_an_estop_outlives_a_deactivation_also_with_auto_enable(ear):
+    def again():
+        change(ear, "haptic_driver", Transition.TRANSITION_ACTIVATE, ACTIVE)
+        ear.news("haptic_driver", lambda level, message, values: values["fault"] == "estop", what="the e-stop")
+        assert ear.trigger("enable") == (False, "fault estop is latched; call ~/reset first")
+
+    assert ear.trigger("estop")[0]
+    change(ear, "haptic_driver", Transition.TRANSITION_DEACTIVATE, INACTIVE)
+    again()
+    ear.cleared()
+    change(ear, "haptic_driver", Transition.TRANSITION_DEACTIVATE, INACTIVE)
+    assert ear.trigger("estop") == (True, "e-stop latched for when the node is active again")
+    again()
+
+
+def test_deactivated_cleaned_up_and_shut_down_in_any_order_they_let_everything_go(ear):
+    for name in NODES:
+        change(ear, name, Transition.TRANSITION_DEACTIVATE, INACTIVE)
+        change(ear, name, Transition.TRANSITION_CLEANUP, UNCONFIGURED)
+    assert not page_path(SPACE).exists()
+    for name in NODES:
+        change(ear, name, Transition.TRANSITION_UNCONFIGURED_SHUTDOWN, State.PRIMARY_STATE_FINALIZED)
+
+
+TOLD = """
+import gc, importlib, os, signal, sys, threading
+from haptic_device.node import lifecycle, own_port
+own_port.KINDS = ()  # a process can give a port of its own to one participant only
+module = importlib.import_module(sys.argv[1])
+[kind] = [one for one in vars(module).values() if isinstance(one, type) and lifecycle.ManagedNode in one.__bases__]
+MOMENTS = ((lifecycle, "begin_ros"), (kind, "__init__"), (lifecycle, "SingleThreadedExecutor"), (kind, "configure"),
+           (kind, "activate"), (threading.Thread, "start"), (threading.Event, "wait"), (kind, "finish"))
+
+def tell():
+    os.kill(os.getpid(), signal.SIGTERM)
+
+def telling(owner, name, before):
+    plain = getattr(owner, name)
+    def told(*given, **named):
+        if before:
+            tell()
+        try:
+            return plain(*given, **named)
+        finally:
+            tell()
+    setattr(owner, name, told)
+    return plain
+
+for owner, name in MOMENTS:
+    plain = telling(owner, name, sys.argv[2] == "before")
+    if name == "finish":
+        active = telling(kind, "activate", False)
+    print(name, sys.argv[2], flush=True)
+    print(module.main(["--ros-args", "-r", "__ns:=/told"]), flush=True)
+    setattr(owner, name, plain)
+    if name == "finish":
+        kind.activate = active
+    gc.collect()  # one participant at a time
+"""
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+@pytest.mark.parametrize("name", NODES)
+def test_a_node_told_to_end_at_any_moment_of_its_start_ends_as_it_always_does(name, when):
+    command = ending_with_us([sys.executable, "-c", TOLD, MODULES[name], when])
+    told = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT)
+    assert told.returncode == 0, (told.stdout, told.stderr)
+    assert {*told.stdout.split("\n")[1::2]} == {"0"}, told.stdout
+    assert "Traceback" not in told.stderr and "Exception" not in told.stderr, told.stderr
+
+
+@pytest.mark.parametrize("module", [*MODULES.values(), "haptic_device.node.recorder"])
+def test_signals_that_come_while_a_node_ends_change_nothing_of_its_end(module, start):
+    words = ["--ros-args", "-r", "__ns:=/told", "-p", "autostart:=false"]
+    node = start([sys.executable, "-m", module, *words], stderr=subprocess.PIPE)
+    while not {signal.SIGHUP, signal.SIGINT, signal.SIGTERM} <= caught(node):
+        assert node.poll() is None
+        time.sleep(0.01)
+    while node.poll() is None:
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            node.send_signal(number)
+            time.sleep(0.001)
+    said = node.communicate(timeout=LIMIT)[1]
+    assert (node.returncode, "Traceback" in said) == (0, False), said
+
+
+def caught(process):
+    """The signals that a process has handlers for."""
+    with open(f"/proc/{process.pid}/status") as status:
+        mask = next(int(line.split()[1], 16) for line in status if line.startswith("SigCgt"))
+    return {number for number in signal.Signals if mask >> (number - 1) & 1}
+
+
+def test_a_relay_that_is_configured_and_cleaned_up_again_and_again_keeps_nothing():
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = RelayNode()
+
+        def entities():
+            return len(list(node.subscriptions)), len(list(node.publishers))
+
+        before = entities()
+        for _ in range(3):
+            assert node.trigger_configure() == TransitionCallbackReturn.SUCCESS
+            assert entities() == (before[0] + 3, before[1] + 3)
+            assert node.trigger_cleanup() == TransitionCallbackReturn.SUCCESS
+            assert entities() == before
+        node.finish()
+        node.destroy_node()
+    finally:
+        rclpy.shutdown()

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""haptic_loopback alive and alone: the hand moves the handle, the truth is told, and the page comes and goes."""
+
+import math
+import signal
+import subprocess
+import time
+
+import pytest
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from live_nodes import Ear, Nodes, command, page_path, refusal_of, refusals_of
+
+from haptic_device import operating
+from haptic_device.device import load_device
+from haptic_device.node import wire
+from haptic_device.node.declared import LOOPBACK
+from haptic_device.runtime import loopback
+
+pytestmark = pytest.mark.timeout(600)
+
+SPACE = "/alone"
+
+
+@pytest.fixture(scope="module")
+def nodes(tmp_path_factory):
+    with Nodes(tmp_path_factory.mktemp("nodes")) as nodes:
+        yield nodes
+
+
+@pytest.fixture(scope="module")
+def ear(ros_domain, nodes):
+    ear = Ear(ros_domain, SPACE)
+    nodes.start("haptic_loopback", namespace=SPACE, motion__name="follow", motion__start=[0.01, 0.02, 0.3])
+    ear.until(lambda: ear.truths and ear.said.get("haptic_loopback"), "the loopback says something")
+    yield ear
+    ear.close()
+
+
+def test_without_a_driver_the_handle_lives_on_with_its_motor_at_zero(ear):
+    assert ear.truths[0].position[:3] == pytest.approx([0.01, 0.02, 0.3], abs=1e-6)
+    asked = time.monotonic()
+    truth = ear.truth(lambda truth: ear.time(truth) > asked + 0.1, what="0.1 s of the plant")
+    assert ear.time(truth) <= time.monotonic()  # it is never ahead
+    assert not any(ear.motor(truth).any() for truth in ear.truths)
+    level, message, values = ear.said["haptic_loopback"][-1]
+    assert (level, message, values["driven"], values["watchdog_trips"]) == (0, "serving", "False", "0")
+
+
+def test_the_hand_takes_the_handle_to_its_target_within_the_friction_it_feels(ear):
+    ear.go_to(-0.03, 0.04, -1.0)
+    still = ear.truth(lambda truth: abs(truth.velocity[:3]).max() == 0.0, what="the handle is still")
+    assert abs(still.position[:2] - [-0.03, 0.04]).max() <= 0.02 / 500.0 * 1.01
+    assert abs(still.position[2] + 1.0) <= 0.0001 / 1.0 * 1.01
+    assert abs(still.effort[:2]).max() <= 0.02 * 1.01
+
+
+def test_a_target_beyond_the_workspace_ends_at_its_edge(ear):
+    names = list(wire.AXES)
+
+    def ends(truth):
+        ear.target.publish(wire.JointState(name=names, position=[5.0, 0.0, 0.0]))
+        return abs(truth.position[3] - 0.12) < 1e-6
+
+    ear.truth(ends, what="the target is at the edge")
+    assert max(truth.position[3] for truth in ear.truths) <= 0.12
+
+
+def test_wrong_targets_move_nothing_and_are_counted(ear):
+    ear.go_to(0.0)
+    before = int(ear.news("haptic_loopback", lambda level, message, values: True)[2]["refused_targets"])
+    wrong = [(["x", "y"], [0.1, 0.1]), (["x", "y", "z"], [0.1] * 3), (list(wire.AXES), [0.1, math.nan, 0.1]),
+             (list(wire.AXES), [0.1])]  # fmt: skip
+
+    def counted(level, message, values):
+        for names, position in wrong:
+            ear.target.publish(wire.JointState(name=names, position=position))
+        return int(values["refused_targets"]) >= before + len(wrong)
+
+    ear.news("haptic_loopback", counted, what="wrong targets are counted")
+    assert abs(ear.truth(lambda truth: True).position[3:6]).max() < 1e-5
+
+
+def at_rest(truth):
+    return abs(truth.velocity[:3]).max() == 0.0 and abs(truth.position[3:5] - truth.position[:2]).max() < 1e-3
+
+
+def test_the_energy_of_a_live_motion_is_that_of_the_same_motion_in_lock_step(ear):
+    ear.go_to(0.0)
+    before = ear.truth(at_rest, what="the handle is still at the middle")
+    ear.go_to(0.05, -0.05)
+    after = ear.truth(at_rest, what="the handle is still at its target")
+    given = after.position[6] - before.position[6]
+    path = abs(after.position[:2] - before.position[:2]).sum()
+    assert -given > 0.02 * path  # what friction alone takes
+    values = {parameter.name: parameter.default for parameter in LOOPBACK} | {"motion.name": "follow"}
+    plant, memory, motion = operating.hand_from(load_device("desktop"), values)
+    memory["position"], memory["target"] = before.position[:3], before.position[3:6]
+    memory["time"], motion["points"][0, 0] = 1, (0.05, -0.05, 0.0)
+    loopback.advance(plant[0], memory[0], motion[0], 2_000_000_000)
+    assert given == pytest.approx(memory["energy_given"][0], rel=1e-3)
+    assert after.position[:3] == pytest.approx(memory["position"][0], abs=1e-5)
+
+
+def test_a_second_loopback_is_refused_and_the_first_goes_on(ear, start):
+    said = refusal_of(start(command("haptic_loopback", SPACE), stderr=subprocess.PIPE))
+    assert said.startswith("haptic_loopback: page ") and "is held by another device; stop it" in said
+    ended = time.monotonic()
+    ear.truth(lambda truth: ear.time(truth) > ended, what="the first one goes on")
+
+
+def test_deactivated_it_is_silent_and_activated_it_goes_on(ear):
+    def change(transition):
+        return ear.ask(
+            "haptic_loopback/change_state", ChangeState, ChangeState.Request(transition=Transition(id=transition))
+        ).success
+
+    assert change(Transition.TRANSITION_DEACTIVATE)
+    stopped = time.monotonic()
+    assert change(Transition.TRANSITION_CLEANUP)
+    assert not page_path(SPACE).exists()
+    assert change(Transition.TRANSITION_CONFIGURE) and page_path(SPACE).exists()
+    assert not any(ear.time(truth) > stopped for truth in ear.truths)
+    assert change(Transition.TRANSITION_ACTIVATE)
+    ear.truth(lambda truth: ear.time(truth) > stopped, what="it goes on")
+
+
+def test_a_killed_loopback_leaves_a_stale_page_that_the_next_one_takes_over_and_says_so(ear, nodes):
+    nodes.end("haptic_loopback", signal.SIGKILL)
+    assert page_path(SPACE).exists()
+    began = time.monotonic()
+    process = nodes.start("haptic_loopback", namespace=SPACE, motion__name="hold")
+    ear.truth(lambda truth: ear.time(truth) > began, what="the next one serves")
+    assert f"took over the stale page {page_path(SPACE)}" in process.log.read_text()
+
+
+def test_a_script_takes_no_targets(ear):
+    ear.news("haptic_loopback", lambda level, message, values: True)
+    names = list(wire.AXES)
+
+    def refused(level, message, values):
+        ear.target.publish(wire.JointState(name=names, position=[0.05, 0.0, 0.0]))
+        return int(values["refused_targets"]) > 0
+
+    ear.news("haptic_loopback", refused, what="targets are refused")
+    assert abs(ear.truths[-1].position[3:6]).max() < 1e-9
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_every_signal_ends_it_well_and_without_a_page(ear, nodes, number):
+    if "haptic_loopback" not in nodes.running:
+        began = time.monotonic()
+        nodes.start("haptic_loopback", namespace=SPACE)
+        ear.truth(lambda truth: ear.time(truth) > began, what="the next one serves")
+    process = nodes.running["haptic_loopback"]
+    assert nodes.end("haptic_loopback", number) == 0
+    assert not page_path(SPACE).exists()
+    assert "Traceback" not in process.log.read_text()
+
+
+WRONG = [
+    ({"motion.nam": "hold"}, ["motion.nam is not a parameter of haptic_loopback; did you mean motion.name?"]),
+    ({"motion.name": "dance"}, ["motion.name is 'dance'; it must be one of hold, insert_peg"]),
+    ({"motion.start": "[0.5, 0.0, 0.0]"}, ["motion.start x is at 0.5 m", "its workspace is -0.12 to 0.12 m"]),
+    ({"motion.start": "[0.0, 0.0]"}, ["motion.start has 2 numbers; write 3"]),
+    ({"hand.mass": ".nan"}, ["hand.mass is nan; a finite number in kg is needed"]),
+    ({"hand.mass": "1"}, ["hand.mass is 1 (integer); write 1.0 kg"]),
+    ({"motion.taps": "16"}, ["motion.taps is 16; at most 15 is allowed"]),
+]
+
+
+@pytest.fixture(scope="module")
+def refused(tmp_path_factory):
+    """[(exit code, what was said)] of a loopback with each of these files."""
+    folder, arguments = tmp_path_factory.mktemp("wrong"), []
+    for number, (given, _) in enumerate(WRONG):
+        lines = "".join(f"    {key}: {value}\n" for key, value in given.items())
+        (folder / f"{number}.yaml").write_text(f"/**:\n  ros__parameters:\n    realtime: 'off'\n{lines}")
+        arguments.append(["--ros-args", "-r", "__ns:=/wrong", "--params-file", str(folder / f"{number}.yaml")])
+    return refusals_of("haptic_loopback", arguments)
+
+
+@pytest.mark.parametrize("number", range(len(WRONG)))
+def test_a_wrong_file_ends_the_loopback_with_one_sentence_and_exit_code_1(refused, number):
+    code, text = refused[number]
+    said, words = text.splitlines()[-1], WRONG[number][1]
+    assert code == 1 and said.startswith("haptic_loopback: ") and all(word in said for word in words), text
+    assert not page_path("/wrong").exists()

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Declarations as parameters of a live ROS 2 node: start values, refusals, live changes."""
+
+import math
+
+import pytest
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from haptic_device import ros_yaml
+from haptic_device.node.params import declare, on_change
+from haptic_device.parameter import Parameter
+
+STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", low=0.0, high=5000.0, live=True)
+RATE = Parameter("rate", 4000, "Hz", "servo rate", low=1000, high=10000)
+NORMAL = Parameter("wall.normal", (), "", "normal of the wall", low=-1.0, high=1.0)
+OFFSETS = Parameter("wall.offsets", (), "m", "distances of the walls", live=True)
+AXES = Parameter("axes", ("x", "y"), "", "axes of the handle")
+REALTIME = Parameter("realtime", "prefer", "", "scheduling", choices=("require", "prefer", "off"))
+PARAMETERS = (STIFFNESS, RATE, NORMAL, OFFSETS, AXES, REALTIME)
+
+
+@pytest.fixture
+def make_node(tmp_path):
+    """make_node(yaml text, *command line) gives a node /haptic/haptic_driver in a context of its own."""
+    made = []
+
+    def make(text="", *arguments):
+        path = tmp_path / "parameters.yaml"
+        path.write_text(text)
+        file = ["--params-file", str(path)] if text else []
+        context = rclpy.Context()
+        rclpy.init(args=["--ros-args", *file, *arguments], context=context)
+        node = Node("haptic_driver", namespace="haptic", context=context)
+        made.append((node, context))
+        return node
+
+    yield make
+    for node, context in made:
+        node.destroy_node()
+        context.shutdown()
+
+
+def change(node, name, value):
+    [result] = node.set_parameters([RosParameter(name, value=value)])
+    return result
+
+
+def test_without_a_file_every_parameter_has_its_default(make_node):
+    assert declare(make_node(), PARAMETERS) == {parameter.name: parameter.default for parameter in PARAMETERS}
+
+
+def test_a_file_and_the_command_line_give_the_start_values(make_node):
+    text = "/**/haptic_driver: {ros__parameters: {wall: {stiffness: 3e2, normal: [0.0, 1.0]}, axes: []}}"
+    node = make_node(text, "-p", "rate:=2000", "-p", "use_sim_time:=false")
+    values = declare(node, PARAMETERS)
+    assert values["wall.stiffness"] == node.get_parameter("wall.stiffness").value == 300.0
+    assert values["wall.normal"] == (0.0, 1.0)
+    assert values["axes"] == tuple(node.get_parameter("axes").value) == ()
+    assert values["rate"] == 2000
+
+
+def test_a_descriptor_says_unit_range_and_whether_the_parameter_is_live(make_node):
+    node = make_node()
+    declare(node, PARAMETERS)
+    stiffness, rate = node.describe_parameters(["wall.stiffness", "rate"])
+    assert stiffness.description == "stiffness of the wall [N/m]"
+    assert (stiffness.floating_point_range[0].from_value, stiffness.floating_point_range[0].to_value) == (0.0, 5000.0)
+    assert (rate.integer_range[0].from_value, rate.integer_range[0].to_value) == (1000, 10000)
+    assert (stiffness.read_only, rate.read_only) == (False, True)
+    normal, realtime = node.describe_parameters(["wall.normal", "realtime"])
+    assert normal.additional_constraints == "each from -1.0 to 1.0"
+    assert realtime.additional_constraints == "one of require, prefer, off"
+
+
+def test_an_empty_array_is_an_array_of_numbers_fixed_or_live(make_node):
+    node = make_node()
+    declare(node, PARAMETERS)
+    assert [d.type for d in node.describe_parameters(["wall.normal", "wall.offsets"])] == [8, 8]
+    assert list(node.get_parameter("wall.normal").value) == []
+    assert not change(node, "wall.normal", [1.0]).successful
+    assert change(node, "wall.offsets", [0.1, 0.2]).successful
+    assert list(node.get_parameter("wall.offsets").value) == [0.1, 0.2]
+
+
+@pytest.mark.parametrize(
+    ("argument", "sentence"),
+    [
+        ("wall.stiffness:=300", "wall.stiffness is 300 (integer); write 300.0 N/m"),
+        ("wall.stiffness:=.nan", "wall.stiffness is nan; a finite number in N/m is needed"),
+        ("wall.stiffness:=5000.1", "wall.stiffness is 5000.1 N/m; at most 5000.0 N/m is allowed"),
+        ("wall.stiffness:=[]", "wall.stiffness is [] (list); a number with a decimal point in N/m is needed"),
+        ("wall.stifness:=300.0", "wall.stifness is not a parameter of haptic_driver; did you mean wall.stiffness?"),
+        ("realtime:=off", "realtime is false (boolean); ROS takes an unquoted y"),
+    ],
+)
+def test_a_bad_start_value_is_refused_in_one_sentence(make_node, argument, sentence):
+    with pytest.raises(ValueError) as caught:
+        declare(make_node("", "-p", argument), PARAMETERS)
+    assert str(caught.value).startswith(sentence)
+
+
+def test_a_name_of_another_node_in_a_shared_section_is_passed_over_and_nobodys_is_refused(make_node):
+    text = "/**: {ros__parameters: {scene: wall}}"
+    assert declare(make_node(text), PARAMETERS, known=["scene"])["rate"] == 4000
+    with pytest.raises(ValueError, match="scene is not a parameter of haptic_driver"):
+        declare(make_node(text), PARAMETERS)
+
+
+def test_a_live_change_is_offered_with_all_values_and_taken(make_node):
+    node, offered = make_node(), []
+    values = declare(node, PARAMETERS)
+    on_change(node, PARAMETERS, offered.append)
+    assert change(node, "wall.stiffness", 300.0).successful
+    assert offered == [{**values, "wall.stiffness": 300.0}]
+    assert node.get_parameter("wall.stiffness").value == 300.0
+
+
+def test_a_refused_change_leaves_the_value_and_gives_the_sentence(make_node):
+    node = make_node()
+    declare(node, PARAMETERS)
+
+    def accept(values):
+        if values["wall.stiffness"] > 2000.0:
+            raise ValueError(f"wall.stiffness is {values['wall.stiffness']} N/m; at most 2000.0 N/m is passive")
+
+    on_change(node, PARAMETERS, accept)
+    assert change(node, "wall.stiffness", 2000.0).successful
+    refused = change(node, "wall.stiffness", 2000.5)
+    assert not refused.successful
+    assert refused.reason == "wall.stiffness is 2000.5 N/m; at most 2000.0 N/m is passive"
+    assert node.get_parameter("wall.stiffness").value == 2000.0
+
+
+@pytest.mark.parametrize("value", [300, 5000.1, math.nan, math.inf, "stiff"])
+def test_a_bad_live_value_never_reaches_the_node(make_node, value):
+    node, offered = make_node(), []
+    declare(node, PARAMETERS)
+    on_change(node, PARAMETERS, offered.append)
+    assert not change(node, "wall.stiffness", value).successful
+    assert not change(node, "wall.offsets", [math.nan]).successful
+    assert offered == []
+    assert node.get_parameter("wall.stiffness").value == 1000.0
+
+
+SCALARS = """
+1e3 1. .5 -3 +3 010 08 0x1F -0x1f 1_000 1:30 0 -0 +010 1E-3 1e400 99999999999999999999 0b1 0o7 1.5.2
+y N Off on true True tRue ~ null .inf -.INF .nan nan inf infinity 2020-01-01 '3' "y" word =
+"""
+
+
+def test_scalars_mean_to_us_what_they_mean_to_ros(make_node):
+    """Our reading of a file against rcl's own parser, value by value."""
+    text = "/**:\n  ros__parameters:\n" + "".join(f"    p{i}: {scalar}\n" for i, scalar in enumerate(SCALARS.split()))
+    ours = ros_yaml.loads(text)["/**"]["ros__parameters"]
+    theirs = {name: value.value for name, value in make_node(text)._parameter_overrides.items()}
+    for i, scalar in enumerate(SCALARS.split()):
+        mine, yours = ours[f"p{i}"], theirs[f"p{i}"]
+        assert type(mine) is type(yours), scalar
+        assert mine == yours or (math.isnan(mine) and math.isnan(yours)), scalar

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The profile that gives a node a network port of its own."""
+
+import os
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+from haptic_device.node import own_port as ports
+from haptic_device.node.own_port import EACH, KINDS, PROFILES, free_ids, own_port, queues
+from haptic_sim.cli.domain import _QUICK
+
+
+@pytest.fixture(autouse=True)
+def shared_memory(monkeypatch, tmp_path):
+    monkeypatch.setattr(ports, "QUEUES", tmp_path)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "3")
+    return tmp_path
+
+
+def drawn():
+    """Id in the profiles in force, and their text."""
+    text = Path(os.environ[PROFILES]).read_text()
+    [found] = ElementTree.fromstring(text).iterfind(".//{*}participantID")
+    return int(found.text), text
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_neither_the_living_nor_the_dead_have_the_id_of_a_successor(monkeypatch, kind):
+    monkeypatch.delenv(PROFILES, raising=False)
+    used = set()
+    for _ in range(EACH):
+        with own_port(kind):
+            number = drawn()[0]
+        assert number not in used and PROFILES not in os.environ
+        used.add(number)
+        queues(number)[len(used) % 2].touch()
+    assert free_ids(kind) == []
+    with own_port(kind):
+        assert PROFILES not in os.environ
+
+
+def test_two_kinds_never_draw_the_same_and_all_are_within_what_is_looked_for_on_the_loopback_interface():
+    ids = [number for kind in KINDS for number in free_ids(kind)]
+    assert len(ids) == len(set(ids)) == EACH * len(KINDS) and max(ids) <= 31
+    assert free_ids("haptic_viewer") == []
+
+
+def test_queues_are_numbered_as_the_ports_of_rtps(shared_memory):
+    assert queues(8) == [shared_memory / "fastrtps_port8176", shared_memory / "fastrtps_port8177"]
+
+
+def test_profiles_given_are_kept_and_in_force_again_afterwards(monkeypatch, tmp_path):
+    given = tmp_path / "given.xml"
+    given.write_text(_QUICK)
+    monkeypatch.setenv(PROFILES, str(given))
+    with own_port(KINDS[0]):
+        assert "leaseAnnouncement" in drawn()[1] and os.environ[PROFILES] != str(given)
+    assert os.environ[PROFILES] == str(given) and given.read_text() == _QUICK
+
+
+def test_profiles_that_choose_an_id_or_cannot_be_read_are_left_alone(monkeypatch, tmp_path):
+    given = tmp_path / "given.xml"
+    for text in (_QUICK.replace("</rtps>", "<participantID>7</participantID></rtps>"), "no profile", None):
+        given.unlink(missing_ok=True) if text is None else given.write_text(text)
+        monkeypatch.setenv(PROFILES, str(given))
+        with own_port(KINDS[0]):
+            assert os.environ[PROFILES] == str(given)

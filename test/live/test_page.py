@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The device page: two sides that come and go in any order, and nothing left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import uuid
+
+import pytest
+
+from haptic_device.runtime import page
+from haptic_device.runtime.page import DEVICE, SERVO, Page, PageError
+
+HOLDER = """
+import sys
+from haptic_device.runtime.page import Page
+held = Page(sys.argv[1], sys.argv[2])
+held.words[int(sys.argv[3])] = 77
+print(held.stale, flush=True)
+sys.stdin.read()
+held.close()
+"""
+MARK = 60  # a word that neither side uses
+
+
+@pytest.fixture
+def name():
+    name = f"haptic_display.test.{uuid.uuid4().hex}"
+    yield name
+    (page.FOLDER / name).unlink(missing_ok=True)
+
+
+@pytest.fixture
+def hold(start, name):
+    """hold(role) has another process take the page and answers (process, whether it found it stale)."""
+
+    def take(role):
+        process = start([sys.executable, "-c", HOLDER, name, role, MARK], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        return process, process.stdout.readline().strip() == "True"
+
+    return take
+
+
+def there(name):
+    return (page.FOLDER / name).exists()
+
+
+@pytest.mark.parametrize("order", [(DEVICE, SERVO), (SERVO, DEVICE)])
+@pytest.mark.parametrize("first_out", [0, 1])
+def test_either_side_may_come_first_and_the_last_one_out_removes_the_page(name, order, first_out):
+    sides = [Page(name, role) for role in order]
+    assert [side.stale for side in sides] == [False, False]
+    sides[0].words[MARK] = 5
+    assert sides[1].words[MARK] == 5
+    assert sides[0].peer_present() and sides[1].peer_present()
+    sides[first_out].close()
+    assert there(name) and not sides[1 - first_out].peer_present()
+    sides[1 - first_out].close()
+    assert not there(name)
+
+
+@pytest.mark.parametrize("role", [DEVICE, SERVO])
+def test_a_second_owner_is_refused_in_a_sentence_and_the_first_goes_on(name, role):
+    first = Page(name, role)
+    with pytest.raises(PageError, match=f"{name} is held by another {role}; stop it, or use another namespace"):
+        Page(name, role)
+    first.words[MARK] = 1
+    first.close()
+    assert not there(name)
+
+
+def test_a_side_that_left_may_return_while_the_other_stays(name):
+    device, servo = Page(name, DEVICE), Page(name, SERVO)
+    device.words[MARK] = 9
+    for _ in range(3):
+        servo.close()
+        servo = Page(name, SERVO)
+        assert not servo.stale and servo.words[MARK] == 9
+    servo.close()
+    device.close()
+
+
+def test_closing_gives_the_role_back_even_while_somebody_still_looks_at_the_memory(name):
+    device, servo = Page(name, DEVICE), Page(name, SERVO)
+    view = servo.words
+    servo.close()
+    assert not device.peer_present()
+    again = Page(name, SERVO)
+    assert device.peer_present()
+    for side in (again, device):
+        side.close()
+    assert view[0] == page.MAGIC and not there(name)
+
+
+def test_closing_twice_is_closing_once(name):
+    one, other = Page(name, DEVICE), Page(name, SERVO)
+    one.close()
+    one.close()
+    assert there(name)
+    other.close()
+    assert not there(name)
+
+
+@pytest.mark.parametrize("role", [DEVICE, SERVO])
+def test_a_killed_owner_leaves_a_page_that_is_recognised_as_stale_and_begun_anew(name, hold, role):
+    process, _ = hold(role)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait(60.0)
+    assert there(name)
+    after = Page(name, role)
+    assert after.stale and after.words[MARK] == 0 and not after.peer_present()
+    after.close()
+    assert not there(name)
+
+
+def test_a_killed_servo_is_seen_by_the_device_which_keeps_the_page_for_the_next(name, hold):
+    device = Page(name, DEVICE)
+    process, stale = hold(SERVO)
+    assert device.peer_present() and device.words[MARK] == 77 and not stale
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait(60.0)
+    assert not device.peer_present()
+    process, stale = hold(SERVO)
+    assert not stale and device.peer_present()
+    process.stdin.close()
+    assert process.wait(60.0) == 0 and there(name)
+    device.close()
+    assert not there(name)
+
+
+def test_an_owner_in_another_process_is_respected(name, hold):
+    process, _ = hold(DEVICE)
+    with pytest.raises(PageError, match="held by another device"):
+        Page(name, DEVICE)
+    servo = Page(name, SERVO)
+    process.stdin.close()
+    process.wait(60.0)
+    assert there(name)
+    servo.close()
+    assert not there(name)
+
+
+def test_a_page_of_another_layout_is_left_alone_in_a_sentence(name):
+    device = Page(name, DEVICE)
+    device.words[1] = 99
+    with pytest.raises(PageError, match="has layout version 99, this program speaks 1"):
+        Page(name, SERVO)
+    assert not device.peer_present() and device.words[1] == 99
+    device.close()
+
+
+def test_a_file_of_any_content_is_taken_over(name):
+    (page.FOLDER / name).write_bytes(os.urandom(100))
+    side = Page(name, SERVO)
+    assert side.stale and side.words[0] == page.MAGIC and side.words[2:].tolist() == [0] * (page.WORDS - 2)
+    side.close()
+
+
+def test_nobody_else_can_read_or_write_the_page(name):
+    side = Page(name, DEVICE)
+    assert (page.FOLDER / name).stat().st_mode & 0o777 == 0o600
+    side.close()
+
+
+def test_namespaces_and_domains_have_pages_of_their_own():
+    pairs = [(0, "/haptic"), (0, "/left/haptic"), (0, "/right/haptic"), (1, "/haptic"), (0, "/"), (10, "/haptic")]
+    names = {page.page_name(domain, namespace) for domain, namespace in pairs}
+    assert len(names) == len(pairs) and not any("/" in name for name in names)
+    assert page.page_name(0, "/haptic") == page.page_name("0", "haptic/")
+
+
+def test_two_devices_live_side_by_side(name):
+    other = f"{name}.other"
+    sides = [Page(one, role) for one in (name, other) for role in (DEVICE, SERVO)]
+    sides[0].words[MARK] = 3
+    assert [side.words[MARK] for side in sides] == [3, 3, 0, 0]
+    for side in sides:
+        side.close()
+    assert not there(name) and not there(other)
+
+
+def test_a_page_has_room_for_the_blocks_of_both_sides():
+    assert page.DEVICE_FIRST + page.DEVICE_WORDS <= page.SERVO_LOCK
+    assert page.SERVO_FIRST + page.SERVO_WORDS < page.WORDS

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command's hold on its child processes, and its verdict on a run; no ROS needed."""
+
+import os
+import signal
+import sys
+import time
+
+import psutil
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from haptic_sim.cli import processes
+from haptic_sim.cli.domain import isolated_domain
+from haptic_sim.cli.outcome import ANSWERED, INSERTED, job_done, nothing
+from haptic_sim.cli.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
+
+pytestmark = pytest.mark.timeout(900)
+
+_STUBBORN = """
+import signal, time
+for number in (signal.SIGINT, signal.SIGTERM):
+    signal.signal(number, signal.SIG_IGN)
+print("deaf", flush=True)
+time.sleep(600)
+"""
+LIMIT = 240.0  # [s] for anything; no assertion
+# Interrupts who started it when it is asked to end, and ends only then.
+_TELLS = f"""
+import os, signal, sys, time
+def tell(number, frame):
+    os.kill({os.getpid()}, signal.SIGINT)
+    sys.exit()
+signal.signal(signal.SIGINT, tell)
+print("ready", flush=True)
+time.sleep(600)
+"""
+_PATIENT = "import time\nprint('ready', flush=True)\ntime.sleep(600)\n"
+_FALLS = "print('all is well')\nraise RuntimeError('the motor is gone')\n"
+
+
+@pytest.fixture
+def program(tmp_path, monkeypatch):
+    """Makes a program of a few lines of Python that takes the place of a node."""
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+
+    def make(name: str, text: str) -> Program:
+        (tmp_path / f"{name}.py").write_text(text)
+        return Program(name, name)
+
+    return make
+
+
+def wait_for(condition, what: str) -> None:
+    end = time.monotonic() + LIMIT
+    while not condition():
+        assert time.monotonic() < end, f"{what} did not come within {LIMIT:g} s"
+        time.sleep(0.02)
+
+
+def wait_for_line(nodes: Nodes, name: str, line: str) -> None:
+    wait_for(lambda: nodes.last_line(name) == line, f"{line!r} of {name}")
+
+
+@given(
+    st.booleans()
+    | st.integers(-(2**63), 2**63 - 1)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(st.characters(codec="ascii", exclude_categories=["Cc"]))
+    | st.lists(st.floats(-1e9, 1e9), min_size=1)
+)
+def test_a_parameter_on_the_command_line_is_read_back_as_the_same_value(value):
+    read = yaml.safe_load(parameter_text(value))
+    assert (float(read) if isinstance(value, float) else read) == value or _as_floats(read) == value
+
+
+def _as_floats(read):
+    return [float(item) for item in read]
+
+
+def test_a_list_with_one_decimal_number_is_all_decimal_numbers():
+    assert parameter_text([0, 0.5, 1]) == "[0.0, 0.5, 1.0]" and parameter_text(["y"]) == "['y']"
+
+
+def test_two_systems_get_two_domains_on_the_loopback_interface(tmp_path, monkeypatch):
+    for name in ("ROS_DOMAIN_ID", "ROS_AUTOMATIC_DISCOVERY_RANGE"):
+        monkeypatch.delenv(name, raising=False)
+    with isolated_domain(tmp_path) as first:
+        assert os.environ["ROS_DOMAIN_ID"] == str(first)
+        assert os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+        monkeypatch.delenv("ROS_DOMAIN_ID")
+        with isolated_domain(tmp_path) as second:
+            assert first != second
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(first))
+    assert "ROS_DOMAIN_ID" not in os.environ and "ROS_AUTOMATIC_DISCOVERY_RANGE" not in os.environ
+
+
+def test_a_domain_that_is_given_is_kept(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_DOMAIN_ID", "57")
+    with isolated_domain(tmp_path) as domain:
+        assert domain == 57
+    assert os.environ["ROS_DOMAIN_ID"] == "57"
+
+
+def test_a_node_that_dies_is_named_with_its_last_line(tmp_path, program):
+    with Nodes(tmp_path / "log") as nodes:
+        nodes.start(program("falling_node", _FALLS))
+        wait_for_line(nodes, "falling_node", "RuntimeError: the motor is gone")
+        fallen = psutil.Process(nodes.pid("falling_node"))
+        wait_for(lambda: fallen.status() == psutil.STATUS_ZOMBIE, "the end of the node")
+        with pytest.raises(NodeDiedError, match="falling_node ended with exit code 1: RuntimeError: the motor is gone"):
+            nodes.check()
+
+
+def test_a_deaf_node_is_killed_and_that_is_said(tmp_path, program, monkeypatch, capsys):
+    quick = ((signal.SIGINT, 0.1), (signal.SIGTERM, 0.1), (signal.SIGKILL, LIMIT))
+    monkeypatch.setattr(processes, "_PATIENCE", quick)
+    with Nodes(tmp_path / "log") as nodes:
+        nodes.start(program("deaf_node", _STUBBORN))
+        wait_for_line(nodes, "deaf_node", "deaf")
+        pid = nodes.pid("deaf_node")
+    assert not psutil.pid_exists(pid) and "deaf_node had to be killed" in capsys.readouterr().err
+
+
+def test_an_interrupt_while_nodes_end_waits_until_all_have_ended(tmp_path, program, monkeypatch):
+    monkeypatch.setattr(processes, "_PATIENCE", ((signal.SIGINT, LIMIT), (signal.SIGKILL, LIMIT)))
+    nodes, pids = Nodes(tmp_path / "log"), []
+    with pytest.raises(KeyboardInterrupt), interruptible(), nodes:
+        for name, text in (
+            ("first_node", _PATIENT),
+            ("last_node", _TELLS),
+        ):  # the last is asked to end before the first
+            nodes.start(program(name, text))
+            wait_for_line(nodes, name, "ready")
+            pids.append(nodes.pid(name))
+    assert len(pids) == 2 and not any(psutil.pid_exists(pid) for pid in pids)
+    assert nodes.last_line("first_node") == "KeyboardInterrupt"  # it ended by what it was asked, as if nothing had come
+
+
+def outcome(faults=(), result=None, sent=1000, answered=1000) -> dict:
+    exchange = {"sent": sent, "answered": answered}
+    return {**nothing(), "faults": list(faults), "result": result or {}, "exchange": exchange}
+
+
+def test_a_peg_counts_as_inserted_just_above_the_bound_and_not_just_below():
+    assert job_done(outcome(result={"insertion_fraction": INSERTED}), ended=True)
+    assert not job_done(outcome(result={"insertion_fraction": INSERTED - 1e-9}), ended=True)
+
+
+def test_another_scene_is_done_if_it_ended_and_was_answered():
+    just = int(ANSWERED * 1000)
+    assert job_done(outcome(answered=just), ended=True) and not job_done(outcome(answered=just - 1), ended=True)
+    assert not job_done(outcome(), ended=False) and not job_done(outcome(sent=0, answered=0), ended=True)
+
+
+def test_nothing_is_done_with_a_fault_or_without_figures():
+    assert not job_done(outcome(faults=["velocity"], result={"insertion_fraction": 1.0}), ended=True)
+    assert not job_done(nothing(), ended=True)
+
+
+def test_the_command_line_is_quick_to_load():
+    heavy = "{'rclpy', 'matplotlib', 'numba', 'pymunk', 'rosbags'}"
+    code = f"import sys, haptic_sim.cli.demo, haptic_sim.cli.record\nsys.exit(bool({heavy} & set(sys.modules)))"
+    assert os.spawnv(os.P_WAIT, sys.executable, [sys.executable, "-c", code]) == 0

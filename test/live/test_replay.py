@@ -1,0 +1,295 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded ticks computed again to the bit, and a recorded hand on the same and on other gains, in lock-step."""
+
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import rclpy
+from lockstep_systems import device, values
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from typer.testing import CliRunner
+
+from haptic_device import operating
+from haptic_device.analysis.recording import load
+from haptic_device.analysis.run import read_run
+from haptic_device.law import operator, servo
+from haptic_device.node.wire import JointLayout
+from haptic_device.runtime import recompute
+from haptic_sim import replay
+from haptic_sim.cli.nodes import NODES
+from haptic_sim.lockstep import PERFECT, Lockstep
+from haptic_sim.played import PlayedTarget
+from haptic_sim.recompute import BLOCK, verdict_on
+from haptic_sim.scene import load as load_scene
+
+pytestmark = pytest.mark.timeout(900)
+
+TICKS = 250_000  # more than two of the blocks that are computed at a time
+LIMIT = 240.0  # [s] for anything; no assertion
+COUPLED = {"coupling__stiffness": 800.0, "coupling__damping": 1.0, "engage__time": 0.1}
+
+
+def busy(ticks):
+    """Rows of a system in which every law has something to do, and its settings."""
+    driver = values(
+        "haptic_driver", **COUPLED, cancellation__ratio=0.3, velocity__estimator="adaptive_window",
+        wall__normals=(0.0, 1.0), wall__offsets=(-0.01,), wall__stiffness=(2000.0,), wall__damping=(1.0,),
+        velocity__lag=0.0005,
+    )  # fmt: skip
+    hand = values("haptic_loopback", motion__name="circle", motion__duration=ticks / 4000.0, motion__turns=40.0)
+    system = Lockstep(device(damping=8.0, counts=1e5, axes=3), driver, hand, None)
+    start = recompute.snapshot_of(-1, system.settings[0], system.memory[0])
+    return system, start, system.run(ticks / 4000.0)
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    _, start, rows = busy(TICKS)
+    return rows.view(np.ndarray), start
+
+
+def test_recorded_ticks_of_every_law_are_computed_again_to_the_bit(recorded):
+    rows, start = recorded
+    assert np.abs(rows["force_on_handle"]).max() > 1.0 and rows["force_walls"].any() and TICKS > 2 * BLOCK
+    found = verdict_on(rows, start)
+    assert (found.same, found.different, found.skipped) == (TICKS, 0, 0)
+
+
+@pytest.mark.parametrize("column", ["force_on_handle", "energy_given", "exchange_fade"])
+def test_one_bit_changed_in_an_output_is_found_and_its_column_named(recorded, column):
+    rows, start = recorded[0][:5000].copy(), recorded[1]
+    rows[column].reshape(len(rows), -1).view(np.int64)[3000, 0] ^= 1
+    assert verdict_on(rows, start) == (4999, 0, 1, 3000, (column,))
+
+
+def test_one_count_changed_in_the_input_is_found_in_every_tick_that_remembers_it(recorded):
+    rows, start = recorded[0][:5000].copy(), recorded[1]
+    rows["counts"][3000, 0] += 1
+    found = verdict_on(rows, start)
+    assert found.different > 1 and found.first == 3000 and {"position", "velocity"} <= set(found.columns)
+
+
+def test_after_a_gap_it_goes_on_from_the_next_snapshot_and_says_what_it_skipped(recorded):
+    system, start, rows = busy(2000)
+    later = recompute.snapshot_of(system.ticks - 1, system.settings[0], system.memory[0])
+    more = system.run(0.25)
+    trace = np.concatenate([rows[:500], rows[600:], more])
+    found = verdict_on(trace, np.concatenate([start, later]))
+    assert (found.same, found.skipped, found.different) == (500 + len(more), len(rows) - 600, 0)
+
+
+def test_changed_settings_count_from_their_version_on():
+    system, start, rows = busy(2000)
+    system.settings["version"], system.settings["stiffness"] = 1, 300.0
+    changed = recompute.snapshot_of(system.ticks + 100, system.settings[0], system.memory[0])
+    trace = np.concatenate([rows, system.run(0.5)])
+    assert verdict_on(trace, np.concatenate([start, changed])).same == len(trace)
+    assert verdict_on(trace, start).skipped == len(trace) - len(rows)
+
+
+def test_a_trace_of_another_version_or_without_snapshots_is_refused_in_a_sentence(recorded):
+    rows, start = recorded[0][:10], recorded[1]
+    with pytest.raises(ValueError, match="another version of the servo; it differs in margin"):
+        verdict_on(rows[[name for name in rows.dtype.names if name != "margin"]], start)
+    with pytest.raises(ValueError, match="no snapshot"):
+        verdict_on(rows, start[:0])
+    with pytest.raises(ValueError, match="snapshots lack settings.stiffness"):
+        verdict_on(rows, start[[name for name in start.dtype.names if name != "settings.stiffness"]])
+
+
+def test_a_path_joins_its_points_by_straight_lines():
+    motion, target = np.zeros(1, operator.MOTION), np.zeros(3)
+    motion["kind"], motion["count"] = operator.PATH, 3
+    motion["times"][0, :3], motion["points"][0, :3, 0] = (0.0, 1.0, 3.0), (0.0, 1.0, 5.0)
+    for moment, place in ((0.25, 0.25), (1.0, 1.0), (2.5, 4.0), (9.0, 5.0)):
+        operator.target_at(motion[0], moment, target)
+        assert target[0] == pytest.approx(place)
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    """A lock-step run of the wall scene as a bag: the hand presses the tool against a wall."""
+    scene = load_scene("wall")
+    motion = {f"motion.{name}": value for name, value in scene.motion.items()} | {"motion.duration": 4.0}
+    shipped = values("haptic_loopback") | motion
+    driver = values("haptic_driver", **COUPLED)
+    point = replay.Point(device(damping=4.0, axes=3), scene, driver, shipped, values_of_simulation())
+    folder = tmp_path_factory.mktemp("replays") / "recorded"
+    replay.replay(replay.Hand(Script(), 2.5), point, PERFECT, folder)
+    return folder
+
+
+def values_of_simulation():
+    return {parameter.name: parameter.default for parameter in NODES["haptic_simulation"]} | {"scene": "wall"}
+
+
+class Script:
+    """The operator's own script in place of a recorded hand."""
+
+    def begin(self, system):
+        """It begins by itself."""
+
+    def run(self, system, rows, start):
+        system.script_ticks(rows, start)
+
+
+def again(bag, folder, as_device, **changes):
+    recording = replay.recorded(bag)
+    declared = {node: NODES[node] for node in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
+    given = {"haptic_driver": {name.replace("__", "."): value for name, value in changes.items()}}
+    point = replay.recorded_point(recording, declared, given)
+    replay.replay(replay.hand_of(recording, as_device), point, PERFECT, folder)
+    return read_run(folder)
+
+
+def test_a_replayed_bag_is_like_a_live_one_and_its_ticks_are_the_same_again(bag):
+    recording = load(bag)
+    assert recording.notes == () and recording.trace_rows_missing == 0
+    assert verdict_on(recording.trace, recording.clouds["snapshot"]).same == len(recording.trace) == 10_000
+    assert {"scene/wall.yaml", "device/desktop.yaml", "parameters/haptic_driver.yaml"} <= set(recording.attachments)
+
+
+@pytest.mark.parametrize("rate", [700.0, 1250.0, 9000.0])
+def test_at_a_rate_of_any_step_the_hand_moves_to_its_end(bag, tmp_path, rate):
+    before, after = read_run(bag), again(bag, tmp_path / "again", False, servo__rate=rate, coupling__stiffness=200.0)
+    assert len(after.recording.trace) == pytest.approx(before.seconds[-1] * rate, abs=1.0)
+
+
+def test_a_replay_has_lost_no_message(bag):
+    assert not any(skipped.lost or skipped.back for skipped in load(bag).skipped.values())
+
+
+def test_the_processors_share_is_without_what_compiles_before_the_first_tick(bag, tmp_path, monkeypatch):
+    run, spent = Lockstep.run, 0.0
+
+    def slow_at_first(system, seconds):
+        nonlocal spent
+        spent += 7.0 if system.ticks == 0 else 0.05 * seconds
+        return run(system, seconds)
+
+    monkeypatch.setattr(Lockstep, "run", slow_at_first)
+    monkeypatch.setattr(replay, "time", SimpleNamespace(process_time=lambda: spent))
+    after = again(bag, tmp_path / "again", False)
+    assert float(after.recording.last_values("haptic_replay")["cpu_share"]) == pytest.approx(0.05, abs=1e-4)
+
+
+def test_the_same_hand_on_the_same_gains_ends_where_it_was(bag, tmp_path):
+    before, after = read_run(bag), again(bag, tmp_path / "again", False)
+    count = min(len(before.rows), len(after.rows))
+    assert np.abs(before.rows["position"][:count] - after.rows["position"][:count]).max() < 2e-4
+    assert len(before.contacts) == len(after.contacts)
+
+
+def test_as_device_the_handle_is_where_it_was_to_the_count(bag, tmp_path):
+    before, after = read_run(bag), again(bag, tmp_path / "device", True, coupling__stiffness=400.0)
+    began = before.rows["deadline"][0]
+    there = {deadline - began: position for deadline, position in before.rows[["deadline", "position"]].tolist()}
+    both = [row for row in after.rows if row["deadline"] in there]
+    assert len(both) > 9000
+    assert max(np.abs(row["position"] - there[row["deadline"]]).max() for row in both) == 0.0
+
+
+@pytest.mark.parametrize("stiffness", [400.0, 1200.0])
+def test_the_stiffness_that_the_hand_then_feels_is_the_one_that_was_set(bag, tmp_path, stiffness):
+    run = again(bag, tmp_path / "softer", False, coupling__stiffness=stiffness)
+    found = run.impedances["contact", "x"]
+    assert found.explained > 0.99 and found.stiffness.value == pytest.approx(stiffness, rel=0.02)
+
+
+def test_compare_prints_a_line_for_each_operating_point_and_leaves_a_report(bag, tmp_path):
+    from haptic_sim.cli.main import _application
+
+    soft = tmp_path / "soft.yaml"
+    soft.write_text("/**/haptic_driver:\n  ros__parameters:\n    coupling: {stiffness: 400.0}\n")
+    words = ["compare", str(bag), str(soft), str(soft), "--out", str(tmp_path / "out")]
+    said = CliRunner().invoke(_application(["compare"]), words)
+    assert said.exit_code == 0, said.output
+    assert "1-soft" in said.output and "2-soft" in said.output and (tmp_path / "out/report/report.html").exists()
+
+
+def test_a_bag_without_motion_is_refused_in_a_sentence(tmp_path):
+    from bag_of_a_run import swing, write_run
+
+    rows = swing(400)
+    folder = write_run(tmp_path / "run", rows)
+    with pytest.raises(ValueError, match="replay it --as device"):
+        replay.hand_of(load(folder, only={"trace": replay.PLAYED}), False)
+    rows["engage"] = 0.0
+    with pytest.raises(ValueError, match="no motion to replay"):
+        replay.hand_of(replay.recorded(write_run(tmp_path / "idle", rows)), False)
+
+
+def test_settings_survive_the_way_through_a_snapshot():
+    settings = operating.settings_from(device(), values("haptic_driver"), 7)
+    memory = np.zeros(1, servo.MEMORY)
+    memory["history"], memory["times"][0, 3] = 5.0, 1.5
+    again_settings, again_memory = recompute.parts_of(recompute.snapshot_of(3, settings[0], memory[0]))
+    assert again_settings.tobytes() == settings.tobytes() and again_memory.tobytes() == memory.tobytes()
+
+
+SCALE = (2.0, 2.0, 1.0)  # world metres (radians) per metre (radian) of each axis
+
+
+@pytest.fixture
+def short(bag):
+    """The first of the target's samples."""
+    target = replay.hand_of(replay.recorded(bag), False).played
+    return PlayedTarget(target.times[:300], target.points[:300])
+
+
+def test_the_recorded_target_is_published_sample_by_sample_each_when_it_is_due(short, monkeypatch):
+    from haptic_sim.cli import replay_live
+
+    now, published, layout = 5.0, [], JointLayout(("x", "y", "theta"))
+
+    def sleep(seconds):
+        nonlocal now
+        now += seconds
+
+    clock = SimpleNamespace(monotonic=lambda: now, sleep=sleep, time_ns=lambda: round(now * 1e9))
+    monkeypatch.setattr(replay_live, "time", clock)
+    publisher = SimpleNamespace(publish=lambda data: published.append((now, layout.unpack(data).position)))
+    assert replay_live._publish(short, publisher, layout, SCALE) == len(published) == 300
+    assert [at - 5.0 for at, _ in published] == pytest.approx(list((short.times - short.times[0]) * 1e-9))
+    assert [list(position) for _, position in published] == (short.points * SCALE).tolist()
+
+
+def test_live_a_listener_hears_samples_of_the_recorded_target(short, tmp_path):
+    from haptic_sim.cli.domain import isolated_domain
+    from haptic_sim.cli.replay_live import play
+
+    with isolated_domain(tmp_path / "domain") as domain:
+        context = Context()
+        rclpy.init(context=context, domain_id=domain)
+        node, heard = rclpy.create_node("listener", namespace="/haptic", context=context), []
+        deep = QoSProfile(depth=5000, reliability=ReliabilityPolicy.BEST_EFFORT)
+        node.create_subscription(JointState, "operator/target", heard.append, deep)
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(node)
+        try:
+            end = time.monotonic() + LIMIT
+            while not heard:  # nobody says when the listener has learnt of who plays
+                assert time.monotonic() < end, f"no sample of the target was heard within {LIMIT:g} s"
+                assert play(short, ("x", "y", "theta"), SCALE, "/haptic") == 300
+                executor.spin_once(timeout_sec=0.1)
+        finally:
+            executor.shutdown(timeout_sec=LIMIT)
+            node.destroy_node()
+            rclpy.shutdown(context=context)
+    assert all(message.name == ["x", "y", "theta"] for message in heard)
+    published = (short.points * SCALE).tolist()
+    assert all(list(message.position) in published for message in heard)
+
+
+def test_live_without_a_loopback_is_refused_in_a_sentence(tmp_path, monkeypatch):
+    from haptic_sim.cli import replay_live
+    from haptic_sim.cli.domain import isolated_domain
+
+    monkeypatch.setattr(replay_live, "PATIENCE", 0.3)
+    with isolated_domain(tmp_path / "domain"), pytest.raises(ValueError, match="nobody listens on /haptic/operator/t"):
+        replay_live.play(PlayedTarget(np.array([0]), np.zeros((1, 3))), ("x",), (1.0,), "/haptic")

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sweeps: the same cells on threads, processes and a Dask cluster, whatever happens to its workers."""
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haptic_device.analysis import sweep
+from haptic_device.analysis.zwidth import Setup
+from haptic_device.analysis.zwidth_map import Request, draw_map
+from haptic_device.runtime.process import ending_with_us
+from haptic_sim.cli.bench_exchange import Figures
+from haptic_sim.cli.bench_jobs import Crew, Kept
+from haptic_sim.cli.bench_jobs import sweep as run_jobs
+
+pytestmark = pytest.mark.timeout(900)
+
+SMALL = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(10.0, 1200.0, 40), np.linspace(-0.5, 1.0, 60))
+ROOT = Path(__file__).parents[2]
+LIMIT = 240.0  # [s] for anything; no assertion
+NOBODY = "tcp://127.0.0.1:9"  # the discard port: nothing listens there
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory):
+    """A scheduler that the tests of this file share."""
+    with _scheduler(tmp_path_factory.mktemp("scheduler") / "log") as (address, _):
+        yield address
+
+
+@contextlib.contextmanager
+def _scheduler(log):
+    """(address, process) of a scheduler on this machine, which has ended afterwards."""
+    process = _dask(subprocess.Popen, log, "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    try:
+        yield _said(process, log, "Scheduler at:").split()[-1], process
+    finally:
+        process.kill()
+        process.wait(LIMIT)
+
+
+@pytest.fixture
+def worker(start, tmp_path):
+    """worker(address, **options) starts a worker that has registered; it is killed after the test, for it holds nothing
+    and takes its time to say goodbye."""
+    count, running = 0, []
+
+    def run(address, **options):
+        nonlocal count
+        count += 1
+        log = tmp_path / f"worker_{count}.log"
+        process = _dask(start, log, "worker", address, "--no-dashboard", "--nthreads", "1", "--no-nanny", **options)
+        running.append(process)
+        _said(process, log, "Registered to:")
+        return process
+
+    yield run
+    for process in running:
+        process.kill()
+
+
+def _dask(start, log, *words, **options):
+    command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]]
+    command = ending_with_us(command) if start is subprocess.Popen else command
+    with open(log, "w") as stderr:
+        return start(command, stdout=subprocess.DEVNULL, stderr=stderr, **options)
+
+
+def _said(process, log, words):
+    """The line of its log with these words."""
+
+    def there():
+        assert process.poll() is None or words in log.read_text(), f"{process.args} ended: {log.read_text()}"
+        return next((line for line in log.read_text().splitlines() if words in line), None)
+
+    return _wait_for(there, f"{words!r} of {process.args}")
+
+
+def _wait_for(condition, what):
+    end = time.monotonic() + LIMIT
+    while not (found := condition()):
+        assert time.monotonic() < end, f"{what} did not come within {LIMIT:g} s"
+        time.sleep(0.05)
+    return found
+
+
+def _wait_for_workers(address, count):
+    """Until the scheduler knows so many: of one that has ended it hears a moment later."""
+    from distributed import Client
+
+    with Client(address, timeout=LIMIT, set_as_default=False) as client:
+        _wait_for(lambda: len(client.scheduler_info(n_workers=-1)["workers"]) == count, f"{count} workers at {address}")
+
+
+def test_a_cluster_maps_the_same_to_the_bit_though_a_worker_is_killed_in_the_middle(kept, worker, tmp_path):
+    workers = [worker(kept), worker(kept)]
+    _wait_for_workers(kept, 2)
+
+    def kill(done):
+        if done >= 10 and workers[0].poll() is None:
+            os.kill(workers[0].pid, signal.SIGKILL)
+
+    far, near = draw_map(SMALL, 1, tmp_path / "resume.npz", kill, kept), draw_map(SMALL, 2)
+    assert workers[0].wait(LIMIT) == -signal.SIGKILL
+    assert far.done.all()
+    for one, other in zip(far.outcome, near.outcome, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_scheduler_that_is_killed_in_the_middle_is_a_sentence_and_what_was_done_is_kept(worker, tmp_path, caplog):
+    file, seen = tmp_path / "resume.npz", []
+
+    def kill(done):
+        seen.append(done)
+        if done == 3:
+            process.kill()
+
+    with _scheduler(tmp_path / "log") as (address, process):
+        worker(address)
+        with pytest.raises(ValueError, match=f"the work was lost at {address} .*; what was done is kept"):
+            draw_map(SMALL._replace(setup=SMALL.setup._replace(seconds=3.0)), 1, file, kill, address)
+    assert 3 <= seen[-1] < 60
+    with np.load(file) as kept:
+        assert kept["done"].sum() == seen[-1]
+    assert not caplog.records
+
+
+@pytest.mark.parametrize(("edited", "old", "new"), [
+    ("haptic_sim/lockstep.py", "def ", "def  "), ("config/scenes/wall.yaml", "\n", "\n\n"), (None, "", ""),
+])  # fmt: skip
+def test_only_a_worker_with_the_same_sources_and_scenes_takes_part(kept, worker, tmp_path, edited, old, new):
+    for folder in ("haptic_device", "haptic_sim", "config"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "package.xml", tmp_path)
+    if edited:
+        (tmp_path / edited).write_text((tmp_path / edited).read_text().replace(old, new, 1))
+    worker(kept, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(tmp_path)})
+    _wait_for_workers(kept, 1)  # and none of the test before
+    found = sweep.spread(len, {"job": ("four",)}, 1, kept)
+    if edited is None:
+        assert list(found) == [("job", 4)]
+        return
+    with pytest.raises(ValueError, match="runs other sources or versions than this command"):
+        next(found)
+
+
+@pytest.mark.parametrize("address", ["nonsense", "127.0.0.1", "http://127.0.0.1:8786", "tcp://127.0.0.1"])
+def test_what_is_no_address_of_a_scheduler_is_refused_before_anything_is_tried(address):
+    with pytest.raises(ValueError, match="must be an address such as tcp://host:8786"):
+        next(sweep.spread(len, {"job": ("",)}, 1, address))
+
+
+def test_processes_of_a_sweep_end_with_the_one_that_is_killed(start):
+    code = (
+        "import os; from haptic_device.analysis.sweep import spread;"
+        "[print(pid, flush=True) or input() for _, pid in spread(os.getpid, {0: ()}, 1, processes=True)]"
+    )
+    process = start([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    worker = int(process.stdout.readline())
+    process.kill()
+    process.wait(LIMIT)
+    _wait_for(lambda: not os.path.exists(f"/proc/{worker}"), "the end of the worker")
+
+
+def test_a_scheduler_that_is_not_there_is_a_sentence_and_loses_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep, "PATIENCE", 0.5)
+    file, seen = tmp_path / "resume.npz", []
+
+    def interrupt(done):
+        seen.append(done)
+        if done >= 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        draw_map(SMALL, 1, file, interrupt)
+    with pytest.raises(ValueError, match="no scheduler answers at tcp://127.0.0.1:9 within 0.5 s; nothing is lost"):
+        draw_map(SMALL, 1, file, scheduler=NOBODY)
+    seen.clear()
+    draw_map(SMALL, 1, file, seen.append)
+    assert seen[0] >= 3 and seen[-1] == 60
+
+
+def test_without_dask_the_option_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ValueError, match="pip install"):
+        draw_map(SMALL, 1, scheduler=NOBODY)
+
+
+def figures(k):
+    return Figures(*(k + i / 3.0 for i in range(6)), np.inf)
+
+
+def test_a_kept_sweep_goes_on_where_it_was_torn_off_and_numbers_come_back_to_the_bit(tmp_path):
+    file, jobs = tmp_path / "kept", {f"job {k}": (k,) for k in range(4)}
+    run_jobs(figures, dict(list(jobs.items())[:2]), Crew(1), Kept(file, "a sweep"))
+    with open(file, "a") as torn:
+        torn.write('["job 2", [1.0, 2')
+    kept, asked = Kept(file, "a sweep"), []
+    run_jobs(lambda k: asked.append(k) or figures(k), jobs, Crew(1), kept)
+    assert asked == [2, 3]
+    again = Kept(file, "a sweep")
+    assert [Figures(*again.known[key]) for key in jobs] == [figures(k) for k in range(4)]
+    with pytest.raises(ValueError, match="is of another sweep"):
+        Kept(file, "another one")
+
+
+def test_processes_come_to_what_one_alone_does():
+    jobs = {f"job {k}": (k,) for k in range(4)}
+    one, two = Kept(None, ""), Kept(None, "")
+    run_jobs(figures, jobs, Crew(1), one)
+    run_jobs(figures, jobs, Crew(2), two)
+    assert one.known == two.known

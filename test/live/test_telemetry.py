@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the driver tells of its ticks: each at most once on a topic, with stamps that differ as the deadlines do."""
+
+import struct
+import time
+
+import numpy as np
+import pytest
+from lockstep_systems import device, values
+
+from haptic_device import operating
+from haptic_device.law import servo
+from haptic_device.node.declared import DRIVER
+from haptic_device.node.telemetry import Telemetry
+from haptic_device.runtime import clock, mailbox
+from haptic_device.runtime.servo_thread import ServoThread
+from haptic_device.runtime.still import StillLink
+
+EACH_TICK = ("encoder", "motor", "wrench", "pose")
+STEP = 1_000_000  # [ns] between the test's ticks
+RATES = {"publish__rate": 1000.0, "publish__pose_rate": 1000.0}
+
+
+class Said(list):
+    """A publisher that keeps what is published."""
+
+    publish = list.append
+
+    def wait_for_all_acked(self, timeout):
+        return True
+
+
+class Node:
+    """Keeps what is said on each topic."""
+
+    def __init__(self):
+        self.said = {}
+
+    def create_publisher(self, kind, topic, qos):
+        return self.said.setdefault(topic, Said())
+
+    def destroy_publisher(self, publisher):
+        """It is kept."""
+
+    def stamps(self, topic):
+        """[ns]"""
+        return [s * 10**9 + ns for s, ns in (struct.unpack_from("<iI", data, 4) for data in self.said[topic])]
+
+
+class Told:
+    """Telemetry of a servo whose ticks are the test's; counts how often it looks."""
+
+    def __init__(self, patch):
+        given = {parameter.name: parameter.default for parameter in DRIVER} | values("haptic_driver", **RATES)
+        self.servo = ServoThread(StillLink(), operating.settings_from(device(damping=3.0), given), None, "off")
+        self.node, self.looks, self.deadlines, sleep = Node(), 0, [], clock.sleep_until
+
+        def look(deadline, scratch):
+            self.looks += 1
+            sleep(deadline, scratch)
+
+        patch.setattr(clock, "sleep_until", look)
+        self.telemetry = Telemetry(self.node, self.servo, device(damping=3.0), given)
+        self.telemetry.start()
+
+    def tick(self):
+        """A tick, and some looks of the telemetry after it."""
+        row = np.zeros(1, servo.TICK)
+        self.deadlines.append(10**12 + len(self.deadlines) * STEP)
+        row["tick"], row["deadline"] = len(self.deadlines) - 1, self.deadlines[-1]
+        self.servo.row.put(row)
+        words, rows = self.servo.ring.words, self.servo.ring.rows
+        rows[mailbox.ring_slot(words, len(rows) - 1)] = row[0]
+        mailbox.ring_push(words)
+        end, begin = time.monotonic() + 60.0, self.looks
+        while self.looks < begin + 20 or len(self.node.said["trace"]) < len(self.deadlines):
+            assert time.monotonic() < end, "telemetry does not look"
+            time.sleep(0.001)
+
+
+@pytest.fixture
+def told():
+    with pytest.MonkeyPatch.context() as patch:
+        told = Told(patch)
+        yield told
+        told.telemetry.stop()
+
+
+def test_a_tick_is_told_once_though_telemetry_looks_again_and_again(told):
+    for count in (1, 2, 3):
+        told.tick()
+        assert {topic: len(told.node.said[topic]) for topic in EACH_TICK} == dict.fromkeys(EACH_TICK, count)
+
+
+def test_stamps_differ_as_deadlines_do_also_while_the_system_clock_is_set_back(told, monkeypatch):
+    read = clock.read_clock
+    for ahead in (0, -(10**9), 5 * 10**9):
+
+        def set_clock(which, scratch, ahead=ahead):
+            return read(which, scratch) + ahead * (which == clock.REALTIME)
+
+        monkeypatch.setattr(clock, "read_clock", set_clock)
+        told.tick()
+    for topic in (*EACH_TICK, "trace"):
+        stamps = told.node.stamps(topic)
+        assert np.diff(stamps).tolist() == [STEP, STEP], topic
+        assert stamps == told.node.stamps("encoder"), topic

@@ -1,0 +1,602 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The viewer without nodes and without a browser: who may come in, what may be asked for, where the hand may go."""
+
+import asyncio
+import contextlib
+import itertools
+import json
+import math
+import signal
+import subprocess
+import sys
+import threading
+import time
+import types
+from socket import gethostname
+
+import aiohttp
+import pytest
+import rclpy
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rclpy.context import Context
+from rclpy.signals import SignalHandlerOptions
+
+from haptic_device.node import wire
+from haptic_device.node.tap import Tap
+from haptic_device.ros_yaml import load as load_yaml
+from haptic_sim.cli.check import problems
+from haptic_sim.cli.nodes import NODES
+from haptic_sim.node.showing import CONTACT, state_names
+from haptic_sim.scene import Scene, load
+from haptic_sim.viewer import door, seat, shapes, tuned, viewer, wishes
+from haptic_sim.viewer import hand as hand_of_a_page
+from haptic_sim.viewer.guard import Guard, is_loopback, reachable
+from haptic_sim.viewer.hand import SILENCE, Hand, Limits
+from haptic_sim.viewer.parameters import PARAMETERS
+from haptic_sim.viewer.server import WEB, Server
+
+pytestmark = pytest.mark.timeout(300)
+
+LIMIT = 60.0  # [s] that anything is waited for
+LIMITS = Limits(((-0.1, 0.1), (-0.2, 0.2), (-3.0, 3.0)), speed=1.0, turn=10.0)
+FLAT = Limits(LIMITS.workspace[:2], 1.0, 10.0)
+ORIGIN = {"good": lambda url: f"http://{url.split('/')[2]}", "bad": lambda url: "http://elsewhere.example"}
+
+
+FOREIGN = {"Host": "elsewhere.example"}
+
+
+def served(visit, do=None, host="127.0.0.1"):
+    """What visit(server, session) returns, with a server on this machine that answers `do`."""
+    done = []
+
+    async def note(wish, page):
+        done.append(wish)
+        return "done"
+
+    async def live():
+        server = Server(host, 0, lambda page: page.tell("hello", page.control), do or note, lambda: "# saved\n")
+        await server.start()
+        async with aiohttp.ClientSession() as session:
+            try:
+                return await asyncio.wait_for(visit(server, session), LIMIT)
+            finally:
+                await asyncio.wait_for(server.stop(), LIMIT)
+
+    return asyncio.run(live()), done
+
+
+def opened(session, server, control=True):
+    address = server.address(control)
+    return session.ws_connect(address.replace("http", "ws") + "socket", headers={"Origin": ORIGIN["good"](address)})
+
+
+async def hear(socket, kind):
+    """Content of the next news of a kind."""
+    while True:
+        news = json.loads((await socket.receive(LIMIT)).data)
+        if news["kind"].split()[0] == kind:
+            return news["content"]
+
+
+@pytest.mark.parametrize(("path", "headers", "status"), [
+    ("{address}", {}, 200),
+    ("{address}main.js", {}, 200),
+    ("{address}operating_point.yaml", {}, 200),
+    ("{address}viewer.py", {}, 404),
+    ("{address}" + 8000 * "a" + ".js", {}, 404),
+    ("{address}" + 9000 * "a", {}, 400),
+    ("{address}..%2Fviewer.py", {}, 404),
+    ("{address}socket", {"Origin": "http://elsewhere.example"}, 403),
+    ("{address}socket", {}, 403),
+    ("{address}", FOREIGN, 403),
+    ("{root}", {}, 403),
+    ("{root}wrong/", {}, 403),
+    ("{root}%C3%A9/socket", {}, 403),
+])  # fmt: skip
+def test_the_server_answers_its_own_page_only(path, headers, status):
+    async def visit(server, session):
+        address = server.address(True)
+        url = path.format(address=address, root=address.rsplit("/", 2)[0] + "/")
+        async with session.get(url, headers=headers) as answer:
+            assert "Traceback" not in await answer.text()
+            return answer.status
+
+    assert served(visit)[0] == status
+
+
+def test_a_page_with_control_is_obeyed_and_one_that_looks_on_is_not():
+    async def visit(server, session):
+        said = []
+        for control in (True, False):
+            async with opened(session, server, control) as socket:
+                said.append(await hear(socket, "hello"))
+                await socket.send_str('{"do": "trigger", "service": "estop"}')
+                said.append(await hear(socket, "answer" if control else "hint"))
+        return said
+
+    (control, answer, looking, hint), done = served(visit)
+    assert (control, looking) == (True, False) and answer["done"]
+    assert "only looks on" in hint and done == [{"do": "trigger", "service": "estop"}]
+
+
+BAD = ('{"do": "aim", "x": NaN}', '{"do": "aim", "x": Infinity}', '{"do": "aim", "x": 1e999}', '{"do": "aim"}', "{",
+       '{"do": "aim", "x": "1"}', '{"do": "aim", "x": true}', "[]", "null", "[" * 3000, '{"do": ["aim"]}',
+       '{"do": "trigger"}', '{"do": "set", "name": 1, "value": 2}', '{"do": "record", "on": 1}',
+       '{"do": "aim", "x": ' + "9" * 400 + "}", '{"do": "set", "name": "a", "value": 1e300}',
+       '{"do": "_prepare"}', '{"do": "mark", "text": "' + "a" * 300 + '"}')  # fmt: skip
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_a_malformed_message_is_refused_in_one_sentence(text):
+    with pytest.raises(ValueError) as refusal:
+        wishes.parse(text)
+    assert "\n" not in str(refusal.value) and len(str(refusal.value)) < 400
+
+
+@settings(max_examples=30)
+@given(st.text())
+def test_no_text_at_all_does_more_than_refuse(text):
+    with contextlib.suppress(ValueError):
+        wishes.parse(text)
+
+
+@pytest.fixture
+def no_time_passes(monkeypatch):
+    """For the server's end of a page: it then takes no message beyond the burst, and gives up no silent page."""
+    monkeypatch.setattr(seat, "time", types.SimpleNamespace(monotonic=lambda: 100.0))
+
+
+def test_the_server_outlives_rubbish_floods_and_messages_too_long(no_time_passes):
+    aim, stop = {"do": "aim", "x": 0.1}, {"do": "trigger", "service": "estop"}
+
+    async def visit(server, session):
+        async with opened(session, server) as socket:
+            for text in BAD:
+                await socket.send_str(text)
+            await socket.send_bytes(b"\0" * 100)
+            hint = await hear(socket, "hint")
+            for _ in range(3 * wishes.BURST):
+                await socket.send_str(json.dumps(aim))
+            await socket.send_str(json.dumps(stop))
+            stopped = await hear(socket, "answer")
+            await socket.send_str("x" * (2 * wishes.LONGEST))
+        async with opened(session, server) as socket:
+            await socket.send_str('{"do": "mark", "text": "still there"}')
+            return hint, stopped, await hear(socket, "answer")
+
+    (hint, stopped, answer), done = served(visit)
+    assert hint and answer["to"]["text"] == "still there"
+    assert 0 < done.count(aim) <= wishes.BURST - len(BAD)
+    assert stopped["to"] == stop and done.count(stop) == 1, "a stop is heard in a flood"
+
+
+async def knocked(server, said=b""):
+    """A connection that has said this; its (reader, writer)."""
+    host, port = server.address(True).split("/")[2].split(":")
+    reader, writer = await asyncio.open_connection(host, int(port))
+    writer.write(said)
+    return reader, writer
+
+
+async def turned_away(reader):
+    """Waits until the server closes the connection."""
+    with contextlib.suppress(ConnectionError):
+        while await asyncio.wait_for(reader.read(1000), LIMIT / 4):
+            pass
+
+
+ASKED = "GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+
+
+@pytest.mark.parametrize("said", ("", "GET / HT", ASKED, ASKED + "\r\n", ASKED + "\r\nGET"))
+def test_a_connection_that_asks_for_nothing_is_closed_and_an_open_page_stays(said, monkeypatch):
+    monkeypatch.setattr(door, "HANDSHAKE", 1.0)
+
+    async def visit(server, session):
+        async with opened(session, server) as page:
+            await hear(page, "hello")
+            path = "/" + server.address(True).split("/", 3)[3]
+            reader, _ = await knocked(server, said.format(path=path).encode())
+            await turned_away(reader)
+            await page.send_str('{"do": "mark", "text": "still there"}')
+            return await hear(page, "answer")
+
+    assert served(visit)[0]["done"]
+
+
+def test_an_address_has_so_many_connections_at_most_and_one_that_goes_makes_room():
+    async def visit(server, session):
+        async with opened(session, server) as page:
+            await hear(page, "hello")
+            idle = [await knocked(server) for _ in range(door.MOST_CONNECTIONS - 1)]
+            reader, _ = await knocked(server)
+            await turned_away(reader)
+            idle[0][1].close()
+            await idle[0][1].wait_closed()
+            await page.send_str('{"do": "mark", "text": "still there"}')
+            answer = await hear(page, "answer")
+            async with session.get(server.address(True)) as again:
+                return answer["done"], again.status
+
+    assert served(visit)[0] == (True, 200)
+
+
+class Full:
+    """A page's socket with so much in its queue that it hands out one message after the other without a turn of the
+    event loop; `given` counts them."""
+
+    def __init__(self, texts):
+        self._texts, self.given = iter(texts), 0
+
+    def __aiter__(self):
+        return self
+
+    async def __anext__(self):
+        for text in self._texts:
+            self.given += 1
+            return aiohttp.WSMessage(aiohttp.WSMsgType.TEXT, text, None)
+        raise StopAsyncIteration
+
+    async def send_str(self, text):
+        pass
+
+
+def test_an_e_stop_waits_neither_for_the_excess_before_it_nor_for_what_comes_behind(no_time_passes, monkeypatch):
+    aim, stop = '{"do": "aim", "x": 0.1}', '{"do": "trigger", "service": "estop"}'
+    socket, slept, begun, turns = Full([aim] * 5000 + [stop] + [aim] * 5000), [], [], []
+    turn = asyncio.sleep
+
+    def sleep(seconds):
+        slept.append(seconds)
+        return turn(0.0)
+
+    async def do(wish, page):
+        if wish["do"] == "trigger":
+            begun.append(socket.given)
+
+    async def others():
+        while True:
+            turns.append(socket.given)
+            await turn(0.0)
+
+    async def live():
+        serving = asyncio.create_task(others())
+        await seat.Seat(socket, True, do).serve()
+        serving.cancel()
+
+    monkeypatch.setattr(seat.asyncio, "sleep", sleep)
+    asyncio.run(live())
+    assert sum(slept) == 0.0, "what is dropped holds up what comes behind it"
+    assert len(begun) == 1 and 5000 < begun[0] <= 5001 + seat.LAP
+    assert all(b - a <= seat.LAP for a, b in zip([0, *turns], turns, strict=False)), "other pages are served meanwhile"
+    assert turns[-1] > 10_000 - seat.LAP
+
+
+def test_what_goes_wrong_is_the_answer():
+    async def refuse(wish, page):
+        raise ValueError("the driver says no")
+
+    async def visit(server, session):
+        async with opened(session, server) as socket:
+            await socket.send_str('{"do": "set", "name": "coupling.stiffness", "value": 9e9}')
+            return await hear(socket, "answer")
+
+    answer = served(visit, refuse)[0]
+    assert not answer["done"] and answer["sentence"] == "the driver says no"
+
+
+def test_frames_are_dropped_for_a_page_that_does_not_keep_up(no_time_passes):
+    async def visit(server, session):
+        async with opened(session, server) as socket:
+            await hear(socket, "hello")
+            for number in range(30):
+                server.show({"number": number})
+                await asyncio.sleep(0.005)
+            [page] = server.seats
+            waiting, dropped = page.sent - page.seen, page.dropped
+            for _ in range(page.sent):
+                last = json.loads((await socket.receive(LIMIT)).data)
+            await socket.send_str(json.dumps({"do": "seen", "frame": last["number"]}))
+            while page.seen < page.sent:
+                await asyncio.sleep(0.005)
+            server.show({"number": 30})
+            return waiting, dropped, await hear(socket, "frame")
+
+    (waiting, dropped, frame), _ = served(visit)
+    assert waiting == seat.UNSEEN and dropped == 30 - seat.UNSEEN and frame == {"number": 30}
+
+
+def test_a_number_that_is_none_is_null_in_frames_and_in_news():
+    async def visit(server, session):
+        async with opened(session, server) as socket:
+            await hear(socket, "hello")
+            server.show({"results": [math.nan, 1.0], "energy": (math.inf,)})
+            server.tell("values", {"values": {"haptic_driver": {"a": -math.inf, "b": 2.0}}})
+            heard = [json.loads((await socket.receive(LIMIT)).data, parse_constant=pytest.fail) for _ in range(2)]
+            return {news["kind"]: news["content"] for news in heard}
+
+    heard = served(visit)[0]
+    assert heard["frame"] == {"results": [None, 1.0], "energy": [None]}
+    assert heard["values"] == {"values": {"haptic_driver": {"a": None, "b": 2.0}}}
+
+
+def test_a_page_that_takes_nothing_is_kept_the_newest_answers_only():
+    page = seat.Seat(None, True, None)
+    for number in range(10 * seat.MOST_ANSWERS):
+        page.tell(f"{seat.ANSWER}{number}", number)
+        page.tell("status", number)
+    kept = [content for kind, content in page._news.items() if kind.startswith(seat.ANSWER)]
+    assert kept == list(range(9 * seat.MOST_ANSWERS, 10 * seat.MOST_ANSWERS))
+    assert len(page._news) == seat.MOST_ANSWERS + 1
+
+
+@pytest.mark.parametrize(("host", "own"), [("127.0.0.1", True), ("localhost", True), ("::1", True), ("0.0.0.0", False),
+                                           ("192.168.1.2", False), ("example.org", False)])  # fmt: skip
+def test_what_is_this_machine_alone(host, own):
+    assert is_loopback(host) is own
+
+
+MACHINE = gethostname()
+
+
+@pytest.mark.parametrize(("listens", "named", "answered"), [
+    ("127.0.0.1", "127.0.0.1:80", True), ("127.0.0.1", "localhost:80", True), ("127.0.0.1", "[::1]:80", True),
+    ("127.0.0.1", "LOCALHOST", True), ("127.0.0.1", "192.168.1.2:80", False), ("127.0.0.1", f"{MACHINE}:80", False),
+    ("0.0.0.0", "192.168.1.2:80", True), ("0.0.0.0", "localhost:80", True), ("0.0.0.0", f"{MACHINE}:80", True),
+    ("0.0.0.0", f"{MACHINE.upper()}.local", True), ("::", "[fe80::1]:80", True), ("lab.example", "Lab.example", True),
+    ("0.0.0.0", "elsewhere.example:80", False), ("0.0.0.0", "", False), ("0.0.0.0", "192.168.1.2.example", False),
+    ("192.168.1.2", "elsewhere.example", False), ("lab.example", "elsewhere.example:80", False),
+])  # fmt: skip
+def test_a_server_answers_to_addresses_and_its_own_names_and_to_no_name_led_here(listens, named, answered):
+    guard = Guard(listens)
+    if answered:
+        guard.check_host(named)
+    else:
+        with pytest.raises(PermissionError, match="does not answer"):
+            guard.check_host(named)
+
+
+@pytest.mark.parametrize("host", ("0.0.0.0", "::"))
+def test_a_server_on_every_address_prints_one_that_can_be_opened_and_that_it_answers_to(host):
+    found = reachable(host)
+    assert found not in ("0.0.0.0", "::", "")
+    Guard(host).check_host(f"[{found}]:80" if ":" in found else f"{found}:80")
+
+
+@pytest.mark.parametrize("host", ("127.0.0.1", "192.168.1.2", "lab.example", "::1"))
+def test_any_other_host_is_printed_as_it_is(host):
+    assert reachable(host) == host
+
+
+def test_a_server_on_every_address_of_this_machine_is_found_at_the_address_that_it_prints():
+    async def visit(server, session):
+        async with session.get(address := server.address(True)) as answer, session.get(address, headers=FOREIGN) as no:
+            return answer.status, no.status
+
+    assert served(visit, host="0.0.0.0")[0] == (200, 403)
+
+
+def test_a_viewer_that_is_open_to_others_warns_before_it_prints_its_address(start):
+    command = [sys.executable, "-m", "haptic_sim.cli.main", "view", "--host"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    viewers = {host: start([*command, host], **pipes) for host in ("0.0.0.0", "127.0.0.1")}
+    for host, process in viewers.items():
+        limit = threading.Timer(LIMIT, process.kill)
+        limit.start()
+        said = ""
+        while "open http" not in said and (line := process.stdout.readline()):
+            said += line
+        limit.cancel()
+        assert "open http" in said, f"no address came within {LIMIT:g} s; it said {said}"
+        warned = f"WARNING: it listens on {host}, in plain text" in said.partition("open http")[0]
+        assert warned is (host == "0.0.0.0")
+
+
+@pytest.mark.parametrize("command", (["haptic_sim.cli.main", "view"], ["haptic_sim.viewer.viewer"]))
+def test_signals_that_come_while_a_viewer_ends_change_nothing_of_its_end(command, start):
+    process = start([sys.executable, "-m", *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    limit = threading.Timer(LIMIT, process.kill)
+    limit.start()
+    while "open http" not in (line := process.stdout.readline()):
+        assert line, process.stderr.read()
+    numbers = itertools.cycle((signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+    while process.poll() is None:
+        process.send_signal(next(numbers))
+        time.sleep(0.001)
+    limit.cancel()
+    assert (process.returncode, process.stderr.read()) == (0, "")
+
+
+def test_the_thread_of_a_viewer_has_ended_when_its_node_is_destroyed_which_is_before_ros_is_left(monkeypatch):
+    destroyed = []
+
+    class Kept(rclpy.node.Node):
+        def destroy_node(self):
+            destroyed.append(([one.name for one in threading.enumerate() if one.name == "services"], rclpy.ok()))
+            super().destroy_node()
+
+    monkeypatch.setattr(viewer, "Node", Kept)
+    viewer.serve(["--ros-args", "--disable-external-lib-logs"], iter((False, False, True)).__next__)
+    assert destroyed == [([], True)] and not rclpy.ok()
+
+
+def test_tokens_are_new_each_time_and_long():
+    one, other = Guard("127.0.0.1"), Guard("127.0.0.1")
+    assert len({one.control, one.look, other.control, other.look}) == 4 and min(map(len, (one.control, one.look))) > 20
+
+
+def test_the_hand_is_led_no_faster_than_its_speed_and_arrives():
+    hand, now, places = Hand(), 0.0, []
+    hand.take((0.0, 0.0, 0.0), now)
+    assert hand.aim({"x": 0.06, "y": 0.08, "theta": 1.0}, LIMITS) == ""
+    while (place := hand.lead(now := now + 0.01, LIMITS)) is not None:
+        places.append(place)
+    steps = [math.dist(a[:2], b[:2]) for a, b in zip(places, places[1:], strict=False)]
+    assert max(steps) <= 0.01 * LIMITS.speed * (1.0 + 1e-9) and places[-1] == (0.06, 0.08, 1.0)
+    assert max(b[2] - a[2] for a, b in zip(places, places[1:], strict=False)) <= 0.01 * LIMITS.turn * (1.0 + 1e-9)
+
+
+def test_a_silence_does_not_let_the_hand_jump():
+    hand = Hand()
+    hand.take((0.0, 0.0, 0.0), 0.0)
+    hand.aim({"x": 0.1}, LIMITS)
+    x, *_ = hand.lead(100.0, LIMITS)
+    assert x <= 0.1 * LIMITS.speed
+
+
+def test_a_hand_held_still_by_a_live_page_holds_and_one_whose_page_is_silent_lets_go():
+    hand, now = Hand(), 0.0
+    hand.take((0.0, 0.0, 0.0), now)
+    hand.aim({"x": 0.05}, LIMITS)
+    for heard in range(1, 1000):
+        hand.listen(now := now + 0.016, heard)
+    silent = now
+    while now < silent + SILENCE:
+        assert hand.goal == (0.05, 0.0, 0.0) and not hand.loose
+        hand.listen(now := now + 0.016, heard)
+    hand.listen(now + 0.016, heard)
+    assert hand.goal is None and hand.loose and hand.lead(now + 0.016, LIMITS) is None
+
+
+def test_what_the_viewer_itself_sleeps_through_is_no_silence_of_a_page():
+    hand = Hand()
+    hand.take((0.0, 0.0, 0.0), 0.0)
+    hand.listen(0.1, 1)
+    hand.listen(100.0, 1)
+    assert hand.goal is not None and not hand.loose
+
+
+def test_a_hand_that_has_let_go_gives_in_to_the_handle_until_it_has_rested_there():
+    hand, now, handle, target = Hand(), 0.0, 0.0, 0.05
+    hand.loose, said = True, []
+    while (place := hand.give_in(now := now + 0.016, (handle, 0.0, 0.0), (target, 0.0, 0.0))) is not None:
+        assert place == (handle, 0.0, 0.0), "wherever the handle is, the hand pulls at nothing"
+        said.append(now)
+        target, handle = handle, max(-0.02, handle - 0.0005)
+    assert handle == target == -0.02 and said[-1] > 40 * 0.016
+    hand.take((0.0, 0.0, 0.0), now)
+    assert not hand.loose
+
+
+class Pulled:
+    """A device whose handle does not follow its hand: it tells where that wants to be."""
+
+    def __init__(self, context):
+        self.target, self._node = (0.0, 0.0, 0.0), rclpy.create_node("pulled", namespace="/haptic", context=context)
+        self._targets = Tap(self._node, "operator/target", "sensor_msgs/msg/JointState", wire.LATEST)
+        self._layout = wire.JointLayout(wire.truth_names(3))
+        self._truths = self._node.create_publisher(wire.JointState, "operator/state", wire.STREAM)
+
+    async def wants_to_be_at(self, x):
+        while self.target[0] != x:
+            if sample := self._targets.latest():
+                self.target = tuple(sample.message.position)
+            self._truths.publish(self._layout.pack(0, (0.0,) * 3 + self.target + (0.0,) * 3, (0.0,) * 9, (0.0,) * 9))
+            await asyncio.sleep(0.01)
+
+
+@pytest.mark.parametrize("ends", ("gone", "silent"))
+def test_the_hand_lets_go_when_the_page_that_led_it_is(ends, ros_domain, monkeypatch):
+    monkeypatch.setattr(hand_of_a_page, "SILENCE", 0.2)
+
+    async def live(shown, device):
+        over = []
+        running = asyncio.create_task(shown.run(lambda: over))
+        while ":0/" in shown.server.address(True):
+            await asyncio.sleep(0.01)
+        async with aiohttp.ClientSession() as session, opened(session, shown.server) as other:
+            page = await opened(session, shown.server)
+            following = asyncio.create_task(device.wants_to_be_at(0.05))
+            while not following.done():
+                await page.send_str('{"do": "aim", "x": 0.05}')
+                await asyncio.sleep(0.05)
+            if ends == "gone":
+                await page.close()
+            following = asyncio.create_task(device.wants_to_be_at(0.0))
+            while not following.done():  # another page, which has not led the hand, is no reason to go on
+                await other.send_str('{"do": "seen", "frame": 0}')
+                await asyncio.sleep(0.05)
+            over.append(True)
+            await running
+
+    context = Context()
+    rclpy.init(context=context, domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node("haptic_viewer", namespace="/haptic", context=context)
+        shown = viewer.Viewer(node, {one.name: one.default for one in PARAMETERS})
+        asyncio.run(asyncio.wait_for(live(shown, Pulled(context)), LIMIT))
+    finally:
+        context.shutdown()
+
+
+@settings(max_examples=30)
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_wherever_it_is_dragged_the_hand_stays_in_the_workspace_and_says_so(x):
+    hand = Hand()
+    hand.take((0.0, 0.0, 0.0), 0.0)
+    hint = hand.aim({"x": x}, LIMITS)
+    assert -0.1 <= hand.goal[0] <= 0.1 and bool(hint) == (abs(x) > 0.1)
+
+
+def test_a_device_without_rotation_says_so_and_the_rest_is_done():
+    hand = Hand()
+    hand.take((0.0, 0.0, 0.0), 0.0)
+    assert hand.aim({"x": 0.05, "theta": 1.0}, FLAT) == "the device has no theta axis"
+    assert hand.goal == (0.05, 0.0, 0.0)
+
+
+def test_every_live_parameter_of_the_driver_is_declared_to_the_page_as_json():
+    told = json.loads(json.dumps(tuned.declarations(), allow_nan=False))
+    assert [one["name"] for one in told] == [one.name for one in NODES["haptic_driver"] if one.live]
+    assert all(one["low"] is not None for one in told if one["kind"] in ("number", "whole"))
+
+
+@pytest.mark.parametrize(("name", "given", "taken"), [
+    ("coupling.stiffness", 300, 300.0), ("wall.stiffness", [1, 2.5], [1.0, 2.5]), ("velocity.window", 4.0, 4),
+    ("passivity.policy", "warn", "warn"), ("passivity.control", False, False),
+])  # fmt: skip
+def test_values_of_the_page_get_the_type_of_the_declaration(name, given, taken):
+    assert tuned.typed(name, given) == taken and type(tuned.typed(name, given)) is type(taken)
+
+
+@pytest.mark.parametrize(("name", "given"), [("servo.rate", 1000.0), ("nonsense", 1), ("coupling.stiffness", "stiff"),
+                                             ("coupling.stiffness", True), ("passivity.control", 1)])  # fmt: skip
+def test_what_may_not_be_set_is_refused_before_anybody_is_asked(name, given):
+    with pytest.raises(ValueError, match=name):
+        tuned.typed(name, given)
+
+
+def test_the_saved_file_names_what_differs_and_passes_the_check(tmp_path):
+    values = {node: {one.name: tuned._plain(one.default) for one in declared} for node, declared in tuned.NODES.items()}
+    values["haptic_driver"] |= {"coupling.stiffness": 1500.0, "wall.normals": [0.0, 1.0], "wall.offsets": [-0.02],
+                                "wall.stiffness": [1000.0], "wall.damping": [0.1]}  # fmt: skip
+    path = tmp_path / "saved.yaml"
+    path.write_text(tuned.operating_point("/haptic", values))
+    assert list(problems(path)) == []
+    [given] = load_yaml(path).values()
+    assert given["ros__parameters"]["coupling.stiffness"] == 1500.0 and len(given["ros__parameters"]) == 5
+
+
+@pytest.mark.parametrize("name", ("peg_in_hole", "wrench_on_nut", "four_bar", "slider", "wall", "stack_20"))
+def test_a_scene_survives_its_way_over_the_topic_and_can_be_drawn(name):
+    scene = load(name)
+    again = Scene.model_validate_json(scene.model_dump_json(by_alias=True, exclude_unset=True))
+    assert again == scene
+    drawn = json.loads(json.dumps(shapes.drawing(again), allow_nan=False))
+    assert len(drawn["solids"]) == 1 + len(scene.bodies)
+    left, bottom, right, top = drawn["room"]
+    assert left < scene.tool.pose[0] < right and bottom < scene.tool.pose[1] < top
+    assert len(state_names(scene)) == 3 * (2 + len(scene.bodies)) + 1 + len(scene.measure)
+
+
+def test_contacts_are_points_of_nine_numbers():
+    assert CONTACT.itemsize == 8 * len(CONTACT.names) == 72
+
+
+def test_the_page_fetches_nothing_from_elsewhere():
+    for file in WEB.iterdir():
+        text = file.read_text(encoding="utf-8")
+        assert "https://" not in text, file.name
+        assert [word for word in text.split() if "http://" in word] in ([], ['xmlns="http://www.w3.org/2000/svg"'])

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The comparison itself: what is measured is what happens, peers stand where they should, and interrupting keeps it."""
+
+import csv
+import json
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from in_process import haptic
+
+from haptic_sim.bench import compare, hard, table, world
+from haptic_sim.bench.case import case
+from haptic_sim.bench.measure import STABLE, Run, judge, run
+from haptic_sim.bench.reference import reference
+
+ROOT = Path(__file__).parents[2]
+BENCH = [sys.executable, "-m", "haptic_sim.cli.main", "bench"]
+
+
+def made(method="partitioned", error=1e-3, wall=1.0, scene="wall", kind="single contact", status=STABLE, step=100):
+    return Run(scene, kind, method, step, wall, error, 0.0, 1.0, 0.0, status)
+
+
+@pytest.mark.parametrize("peer", world.PEERS)
+@pytest.mark.parametrize("name", ["free_space", "pendulum", "four_bar", "slider", "wall"])
+def test_every_peer_comes_to_the_closed_form(peer, name):
+    """So that what is compared is the same problem: signs, anchors, masses, coupling, hand."""
+    found = run(case(name), reference(name), peer, 250)
+    assert found.status == STABLE
+    assert found.error < 2e-3
+
+
+@pytest.mark.parametrize("method", ["partitioned", "closed_form", "penalty_implicit", "pymunk", "mujoco_implicit"])
+def test_the_whole_path_in_one_call_ends_where_sample_by_sample_does(method):
+    of, places = case("wall"), []
+    for chunk in (1, 100):
+        made_of = world.make(method, of.scene, 1e-4)
+        made_of.couple(of.gains)
+        path = of.path()[:401]
+        for k in range(0, 400, chunk):
+            made_of.follow(path[k:k + chunk + 1], 10)
+        places.append(made_of.pose("tool"))
+    assert places[0] == pytest.approx(places[1], abs=1e-9)
+
+
+def test_a_peer_that_cannot_model_a_scene_is_marked_and_not_counted():
+    found = run(case("zeno_ball"), reference("zeno_ball"), "mujoco_rk4", 100)
+    assert found.status == "cannot: no restitution"
+    assert not found.counts
+    assert compare.ratios([found, made(scene="zeno_ball")]) == []
+
+
+def test_a_run_that_blows_up_is_unstable_and_not_counted():
+    """An undamped explicit coupling of 2000 N/m on 0.1 kg at 50 ms: far beyond 2/omega."""
+    of = case("pendulum")
+    found = run(of, reference("pendulum"), "pymunk", 50000)
+    assert found.status == "unstable"
+    assert not found.counts
+
+
+def test_energy_from_nowhere_and_overlap_are_seen():
+    """Explicit springs let bodies sink in visibly, the direct solve does not and creates nothing."""
+    of = case("push_block")
+    soft, rigid = (judge(of, reference("push_block"), _ready(of, name), 4) for name in
+                   ("penalty_explicit", "partitioned"))
+    assert soft.penetration > 1e-4 > 1e-6 > rigid.penetration
+    assert rigid.created <= 1e-12 * rigid.scale
+
+
+def _ready(of, name):
+    made_of = world.make(name, of.scene, 0.25e-3)
+    made_of.couple(of.gains)
+    return made_of
+
+
+def test_times_are_compared_at_the_smallest_error_that_both_reach():
+    runs = [made(error=1e-2, wall=0.1), made(error=1e-4, wall=1.0), made("pymunk", 1e-3, 20.0),
+            made("pymunk", 1e-1, 2.0)]
+    ratio, = compare.ratios([*runs, made("impulse", 1e-5, 0.1)])
+    assert ratio.method == "partitioned"
+    assert (ratio.peer, ratio.error, ratio.wall, ratio.peer_wall, ratio.ratio) == ("pymunk", 1e-3, 1.0, 20.0, 20.0)
+    assert ratio.reached
+    assert not compare.ratios([made(wall=1.0), made("pymunk", wall=4.9)])[0].reached
+
+
+def test_the_front_has_no_run_that_another_beats_in_time_and_error():
+    runs = [made(error=error, wall=wall) for error, wall in ((1e-1, 1.0), (1e-2, 3.0), (2e-2, 4.0), (1e-3, 9.0))]
+    assert [item.error for item in compare.pareto(runs)] == [1e-1, 1e-2, 1e-3]
+
+
+def test_a_table_read_back_is_the_table_written(tmp_path):
+    runs = [made(), made("box2d", math.nan, math.nan, status="cannot: no weld")]
+    table.write_csv(tmp_path / "a.csv", runs)
+    again = table.read_csv(tmp_path / "a.csv")
+    assert again[0] == runs[0]
+    assert again[1].status == "cannot: no weld"
+    (tmp_path / "b.csv").write_text("x,y\n1,2\n")
+    with pytest.raises(ValueError, match="b.csv has not the columns scene, kind"):
+        table.read_csv(tmp_path / "b.csv")
+
+
+def test_the_table_in_the_readme_is_that_of_the_stored_runs():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    shown = readme.split(table.BEGIN)[1].split(table.END)[0].strip()
+    assert shown == table.markdown(table.read_csv(ROOT / "docs" / "methods" / "speed_error.csv"))
+
+
+def test_speed_error_writes_runs_table_and_plots_and_prints_one_json_object(tmp_path):
+    done = haptic("bench", "speed-error", "--short", "--scenes", "pendulum,wall", "--methods", "partitioned,mujoco_rk4",
+                  "--out", tmp_path, "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert {item["scene"] for item in found["runs"]} == {"pendulum", "wall"}
+    assert {item["status"] for item in found["runs"]} == {STABLE}
+    assert found["versions"]["mujoco_rk4"].startswith("MuJoCo ")
+    assert {"speed_error.csv", "speed_error.md", "pareto.png", "pareto_wall.png"} <= set(os.listdir(tmp_path))
+    assert len(table.read_csv(tmp_path / "speed_error.csv")) == len(found["runs"])
+
+
+def test_interrupted_it_keeps_what_it_has(tmp_path):
+    child = subprocess.Popen([*BENCH, "speed-error", "--scenes", "wall,ratchet", "--out", str(tmp_path)], cwd=ROOT,
+                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    for line in child.stderr:
+        if re.match(r"[1-9]\d*/", line):
+            break
+    child.send_signal(signal.SIGINT)
+    assert child.wait(60) == 130
+    with (tmp_path / "speed_error.csv").open() as file:
+        kept = list(csv.DictReader(file))
+    assert 0 < len(kept) < 120
+    assert (tmp_path / "pareto_wall.png").exists()
+
+
+@pytest.mark.parametrize(("words", "sentence"), [
+    (("speed-error", "--scenes", "walls"), "scene is 'walls'; those that have a reference are free_space"),
+    (("speed-error", "--methods", "magic"), "method is 'magic'; it must be one of impulse"),
+    (("hard-cases", "--scenes", "wall"), "scene is 'wall'; the hard ones are collinear_1e3"),
+    (("reference", "wall"), "scene 'wall' has a closed form; there is nothing to store"),
+])
+def test_bad_input_is_refused_in_one_sentence(words, sentence):
+    done = haptic("bench", *words)
+    assert done.returncode != 0
+    assert sentence in done.stderr
+
+
+def test_a_peer_that_is_not_installed_is_left_out_with_a_sentence(tmp_path):
+    (tmp_path / "mujoco.py").write_text("raise ModuleNotFoundError(\"No module named 'mujoco'\", name='mujoco')\n")
+    paths = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")]), str(ROOT)])
+    words = ["speed-error", "--short", "--scenes", "wall", "--methods", "closed_form,mujoco_rk4"]
+    done = subprocess.run([*BENCH, *words], capture_output=True, text=True, cwd=ROOT,
+                          env={**os.environ, "PYTHONPATH": paths})
+    assert done.returncode == 0, done.stderr
+    assert "mujoco_rk4 is left out: package mujoco is not installed; pip install '.[bench]'" in done.stderr
+    assert "closed_form" in done.stdout
+
+
+def test_explicit_penalties_fail_hard_cases_that_the_direct_solve_survives():
+    """Where section 5 of the paper says they would: a light block under a heavy one, a coupling that is too stiff."""
+    for name in ("heavy_on_light_1e6", "stiff_coupling"):
+        assert "N" in hard.verdict(name, "penalty_explicit", 1).letters
+    survivor = hard.verdict("heavy_on_light_1e6", "partitioned", 2)
+    assert survivor.survives
+    assert survivor.tried == 2
+
+
+def test_a_shot_that_came_through_a_thin_plate_is_seen():
+    assert "T" in hard.verdict("thin_plate", "pymunk", 2).letters
+    assert hard.verdict("thin_plate", "partitioned", 2).letters == ""
+
+
+def test_hard_cases_prints_a_table_of_who_survives(tmp_path):
+    done = haptic("bench", "hard-cases", "--short", "--scenes", "thin_plate", "--methods", "partitioned,mujoco_rk4",
+                  "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "| thin_plate | impulse | ✓ | – |" in done.stdout
+    assert (tmp_path / "hard_cases.csv").exists()

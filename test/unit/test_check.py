@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The `haptic` command on configuration files and on the table of parameters."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from in_process import haptic
+
+from haptic_device.parameter import Parameter, check_value
+from haptic_sim.cli.check import problems
+from haptic_sim.cli.nodes import NODES
+from haptic_sim.cli.params_doc import markdown
+
+ROOT = Path(__file__).resolve().parents[2]
+SHIPPED = sorted((ROOT / "config").rglob("*.yaml"))
+
+
+def broken(tmp_path, text):
+    path = tmp_path / "broken.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_every_file_that_is_shipped_is_right(path):
+    assert problems(path) == []
+
+
+def test_the_command_says_ok_and_exits_with_zero():
+    done = haptic("check", *SHIPPED)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.splitlines() == [f"{path}: ok" for path in SHIPPED]
+
+
+def test_the_command_prints_each_mistake_and_exits_with_one(tmp_path):
+    path = broken(tmp_path, "/**/haptic_driver: {ros__parameters: {autostart: 1, autostrat: true}}")
+    command = [sys.executable, "-m", "haptic_sim.cli.main", "check", SHIPPED[0], path]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stdout.splitlines() == [
+        f"{SHIPPED[0]}: ok",
+        f"{path}: /**/haptic_driver: autostart is 1 (integer); true or false is needed",
+        f"{path}: /**/haptic_driver: autostrat is not a parameter of haptic_driver; did you mean autostart?",
+    ]
+    assert done.stderr == ""
+
+
+def test_checking_needs_no_ros():
+    code = "import sys; import haptic_sim.cli.check; print(sorted({'rclpy', 'sensor_msgs'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("colour: red\n", "neither an operating point .* nor a scene .*: it has colour"),
+        ("axes: [\n", "line 2 is not YAML: "),
+        ("[]\n", "the file holds no mapping of names to values"),
+    ],
+)
+def test_a_file_of_no_known_kind_is_refused_in_one_sentence(tmp_path, text, sentence):
+    [problem] = problems(broken(tmp_path, text))
+    assert re.match(sentence, problem)
+
+
+@pytest.mark.parametrize("text", ["axes: 1\n", "bodies: 1\n", "tool: {}\n", "axes: {}\nbodies: {}\n"])
+def test_a_broken_device_or_scene_is_refused_without_a_traceback(tmp_path, text):
+    found = problems(broken(tmp_path, text))
+    assert found and all(str(tmp_path) not in sentence for sentence in found)
+
+
+def test_a_file_that_is_not_there_is_said_to_be_missing(tmp_path):
+    assert problems(tmp_path / "nothing.yaml") == ["No such file or directory"]
+
+
+def test_an_unknown_command_is_refused_and_help_lists_the_known_ones():
+    assert haptic("chekc").returncode == 2
+    assert {"check", "demo", "docs"} <= set(haptic("--help").stdout.split())
+
+
+def test_the_committed_table_of_parameters_is_up_to_date():
+    assert (ROOT / "docs/parameters.md").read_text() == markdown(NODES)
+
+
+def test_docs_writes_the_table_to_standard_output_or_to_a_file(tmp_path):
+    path = tmp_path / "parameters.md"
+    assert haptic("docs", "--out", path).returncode == 0
+    assert path.read_text() == haptic("docs").stdout == markdown(NODES)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "row"),
+    [
+        (Parameter("k", 1.5, "N/m", "a | b", 0.0, 9.0, True), "| `k` | `1.5` | N/m | 0.0 to 9.0 | live | a \\| b |"),
+        (Parameter("n", 2, "", "count", low=1), "| `n` | `2` |  | ≥ 1 |  | count |"),
+        (Parameter("t", -1.0, "s", "time", high=0.0), "| `t` | `-1.0` | s | ≤ 0.0 |  | time |"),
+        (Parameter("a", ("x", "y"), "", "axes"), '| `a` | `["x", "y"]` |  |  |  | axes |'),
+        (Parameter("m", "off", "", "mode", choices=("on", "off")), '| `m` | `"off"` |  | `on`, `off` |  | mode |'),
+        (Parameter("b", True, "", "flag"), "| `b` | `true` |  |  |  | flag |"),
+    ],
+)
+def test_a_row_of_the_table_says_default_unit_range_and_meaning(parameter, row):
+    assert markdown({"node": (parameter,)}).splitlines()[-1] == row
+
+
+@pytest.mark.parametrize("node", sorted(NODES))
+def test_each_default_satisfies_its_own_declaration(node):
+    for parameter in NODES[node]:
+        assert check_value(parameter, parameter.default) == parameter.default

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The documents say what the code has: names, layouts, faults, priorities, files and functions."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from haptic_device.law import engage, exchange, servo
+from haptic_device.node import driver, exchange_thread, loopback, recorder
+from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.ros_yaml import load as load_yaml
+from haptic_device.runtime import servo_thread
+from haptic_sim.cli.check import problems
+from haptic_sim.cli.main import COMMANDS, _application
+from haptic_sim.cli.params_doc import fault_table
+from haptic_sim.node import simulation
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+PAGE_NAMES = ("docs/model.md", "README.md", "docs/platform.md", "docs/cli.md")
+MODEL, README, PLATFORM, CLI = (ROOT / name for name in PAGE_NAMES)
+
+
+def rows(page, heading):
+    """Cells of the first table below this heading, without its head."""
+    section = page.read_text(encoding="utf-8").split(f"# {heading}\n", 1)[1]
+    table = re.search(r"^\|.*?(?=\n\n|\Z)", section, re.DOTALL | re.MULTILINE).group()
+    return [[cell.strip().strip("`") for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+
+
+def test_the_trace_table_lists_each_column_in_order_with_its_width():
+    widths = [(name, int(servo.TICK[name].shape[0]) if servo.TICK[name].shape else 1) for name in servo.TICK.names]
+    assert [(name, int(width)) for name, width, *_ in rows(MODEL, "Columns of `trace`")] == widths
+
+
+def test_the_tail_table_lists_each_entry_in_order():
+    assert tuple(row[0] for row in rows(MODEL, "Tail of `handle` and `tool`")) == exchange.TAIL
+
+
+def test_the_fault_table_is_that_of_the_law():
+    assert (ROOT / "docs/faults.md").read_text(encoding="utf-8") == fault_table()
+
+
+def test_the_method_table_lists_each_exchange_method_in_order():
+    assert tuple(row[0] for row in rows(MODEL, "Exchange")) == EXCHANGE_METHODS
+
+
+def test_each_recorded_topic_stands_in_the_topic_table_with_its_type():
+    types = {row[0]: row[1] for row in rows(MODEL, "Topics")}
+    known = {topic: kind.replace("/msg/", "/") for topic, kind in recorder.KNOWN.items()}
+    assert {topic: types.get(topic) for topic in known} == known
+
+
+def test_states_of_the_driver_are_numbered_as_in_the_law():
+    meaning = {row[0]: row[3] for row in rows(MODEL, "Columns of `trace`")}["state"]
+    assert meaning == ", ".join(f"{number} {name}" for number, name in enumerate(engage.STATES))
+
+
+def test_each_service_of_a_node_stands_in_the_service_table():
+    services = set(re.findall(r"^\| `(haptic_\w+/\w+)`", MODEL.read_text(encoding="utf-8"), re.MULTILINE))
+    for node, module in {"haptic_driver": driver, "haptic_simulation": simulation}.items():
+        text = Path(module.__file__).read_text(encoding="utf-8")
+        names = re.findall(r"def _on_(\w+)\(self, request, response\)", text)
+        assert names and {f"{node}/{name}" for name in names} <= services
+
+
+def test_priorities_on_the_platform_page_are_those_of_the_threads():
+    listed = {row[0]: int(row[1]) for row in rows(PLATFORM, "Priorities")}
+    assert listed == {
+        "plant": loopback.PRIORITY,
+        "servo": servo_thread.PRIORITY,
+        "middleware": driver.MIDDLEWARE_PRIORITY,
+        "exchange": exchange_thread.PRIORITY,
+        "recorder": recorder.PRIORITY,
+    }
+    assert driver.MIDDLEWARE_PRIORITY == simulation.MIDDLEWARE_PRIORITY
+    assert {row.default for row in simulation.PARAMETERS if row.name == "realtime_priority"} == {listed["exchange"]}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_and_paths_lead_somewhere(page):
+    text = page.read_text(encoding="utf-8")
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)[^)]*\)|src=\"([^\"]+)\"", text):
+        assert (page.parent / "".join(target)).exists(), target
+    for path in re.findall(r"`((?:bench|config|docs|launch|test|haptic_device|haptic_sim)/[\w./]+\w)`", text):
+        assert (ROOT / path).exists(), path
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_functions_are_in_the_files_that_the_page_says(page):
+    for path, names in re.findall(r"`([\w/]+\.py): ([\w, ]+)`", page.read_text(encoding="utf-8")):
+        files = [file for room in ("haptic_device", "haptic_sim") for file in (ROOT / room).rglob("*.py")]
+        text = "".join(file.read_text(encoding="utf-8") for file in files if f"/{file}".endswith(f"/{path}"))
+        for name in names.split(", "):
+            assert re.search(rf"^ *(?:def|class) {name}\b|^{name}\b.* = ", text, re.MULTILINE), f"{path}: {name}"
+
+
+def test_the_operating_point_in_the_readme_passes_the_check(tmp_path):
+    blocks = re.findall(r"```yaml\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    assert blocks
+    for number, block in enumerate(blocks):
+        file = tmp_path / f"{number}.yaml"
+        file.write_text(block, encoding="utf-8")
+        assert load_yaml(file) and problems(file) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "passivity --stiffness 1000 --damping 0.1 --physical-damping 1 --period 0.001",
+        "zwidth --points 2 --seconds 0.05 --lateness 0.0001",
+    ],
+)
+def test_each_key_of_the_json_of_a_command_stands_on_its_page(words, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    name = words.split()[0]
+    section = CLI.read_text(encoding="utf-8").split(f"## `haptic {name}`")[1].split("\n## ")[0]
+    _application([name])([*words.split(), "--json"], standalone_mode=False)
+    found = json.loads(capsys.readouterr().out)
+    for key, value in found.items():
+        names = [f"{key}.{inner}" for inner in value] if isinstance(value, dict) else [key]
+        assert all(re.search(rf"`(\w+)?{re.escape(n)}`|`\.{n.split('.')[-1]}`", section) for n in names), names
+
+
+def test_commands_in_the_readme_exist():
+    text = README.read_text(encoding="utf-8")
+    targets = re.findall(r"^(\w+): ", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    assert set(re.findall(r"`haptic (\w+)", text)) <= set(COMMANDS)
+    assert {"demo", "test"} <= set(re.findall(r"make (\w+)", text)) <= set(targets)

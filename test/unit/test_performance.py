@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Benchmarks: the twin in C is the same law, what is missing is said, results can be kept, shown and compared."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from typer.testing import CliRunner
+
+from haptic_device.analysis import sweep
+from haptic_device.law import servo as law
+from haptic_device.runtime import machine
+from haptic_sim.bench import c_twin, results, servo
+from haptic_sim.bench.c_source import REAL, Program
+from haptic_sim.cli import bench_all, bench_servo, demo, doctor, main, round_trip
+from haptic_sim.cli.bench import group
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def compiler():
+    """A C compiler, or else Python itself in its place: then there is nothing to run."""
+    return c_twin.compiler()
+
+
+def test_the_tick_in_c_writes_the_same_rows_to_the_last_bit(compiler, tmp_path):
+    if compiler is None:
+        assert bench_servo.twins(1) is None
+        return
+    twin = c_twin.TickTwin(tmp_path, 2000)
+    twin.kernel()
+    ours = twin.rows
+    twin.c()
+    for name in law.TICK.names:
+        np.testing.assert_array_equal(ours[name], twin.rows[name], name)
+    assert ours["engage"][-1] == 1.0 and np.ptp(ours["force_coupling"]) > 0.0
+
+
+def test_a_cell_in_c_comes_to_the_same_outcome(compiler, tmp_path):
+    if compiler is None:
+        return
+    twin = c_twin.CellTwin(tmp_path, 20)
+    twin.kernel()
+    ours = twin.outcomes
+    twin.c()
+    np.testing.assert_array_equal(ours, twin.outcomes)
+    assert ours["growth"].max() > 1.0 > ours["growth"].min()
+
+
+def makes_an_array(x):
+    return [x]
+
+
+def test_what_is_no_law_is_not_translated():
+    with pytest.raises(ValueError, match="cannot be translated to C"):
+        Program().function(makes_an_array, [REAL])
+
+
+def test_the_servo_alone_ticks_at_whole_periods_and_counts_what_it_missed():
+    late, rows = servo.alone(1000.0, 0.3, "off")
+    steps = np.diff(rows["deadline"])
+    assert np.all(steps % 1_000_000 == 0)
+    assert late.missed == np.sum(steps // 1_000_000 - 1)
+    assert len(late.sorted_us) == len(rows) > 0 and late.sorted_us[0] >= 0.0
+
+
+def test_without_cyclictest_and_compiler_the_rest_is_measured_and_says_so(monkeypatch):
+    monkeypatch.setenv("PATH", "/nowhere")
+    done = CliRunner().invoke(group(), ["servo", "--rate", "1000", "--seconds", "0.2", "--turns", "1"])
+    assert done.exit_code == 0, done.output
+    assert servo.MISSING in done.output and c_twin.MISSING in done.output
+    assert "| 1000 Hz | prefer | alone |" in done.output
+
+
+@pytest.mark.parametrize("said", ["law.c:1:10: fatal error: math.h: No such file or directory", ""])
+def test_a_compiler_that_refuses_is_said_and_the_rest_is_kept(monkeypatch, tmp_path, said):
+    (tmp_path / "cc").write_text(f"#!/bin/sh\necho '{said}' >&2\nexit 1\n")
+    (tmp_path / "cc").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    words = ["servo", "--rate", "1000", "--seconds", "0.2", "--turns", "1", "--json", "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(group(), words)
+    assert done.exit_code == 0, done.output
+    assert f"cc does not compile the law, nothing to compare with: {said or 'exit code 1'}" in done.stderr
+    assert servo.MISSING in done.stderr
+    found = json.loads(done.stdout)
+    assert found["compute"] is None and found["lateness"][0]["ticks"] > 0
+    assert (tmp_path / "out" / "servo.csv").exists()
+
+
+def test_under_the_demo_the_driver_is_started_at_a_rate_that_it_takes(monkeypatch):
+    def accepted(order):
+        [driver] = [each for each in demo.programs_of(order) if each.name == "haptic_driver"]
+        raise InterruptedError(driver.parameters["servo.rate"])
+
+    monkeypatch.setattr(demo, "play", accepted)
+    with pytest.raises(InterruptedError, match="1000.0"):
+        bench_servo._under_demo(1000, 1.0, "prefer")
+
+
+def test_a_demo_that_comes_to_nothing_is_said_and_what_else_was_measured_is_kept(monkeypatch, capsys):
+    def dies(rate, seconds, realtime):
+        if realtime == "off":
+            raise ValueError("no motor command came")
+        return late(2.0)
+
+    monkeypatch.setattr(bench_servo, "_alone", lambda *_: late(1.0))
+    monkeypatch.setattr(bench_servo, "_under_demo", dies)
+    monkeypatch.setattr(bench_servo, "_beside", lambda *_: None)
+    cases, samples = bench_servo.lateness([1000.0], 0.2, 1, demo=1.0)
+    assert [(one["realtime"], one["load"]) for one in cases] == [
+        ("prefer", "alone"), ("prefer", "demo"), ("off", "alone")]  # fmt: skip
+    assert len(samples) == 3
+    assert "no demo at 1000 Hz, realtime off: no motor command came" in capsys.readouterr().err
+
+
+def late(*microseconds):
+    return servo.Lateness(np.array(microseconds, float), 0, "test")
+
+
+def test_a_turn_without_cyclictest_takes_no_part_in_the_ratio_and_the_others_do():
+    found = bench_servo._medians([(late(8.0), None), (late(6.0), late(2.0)), (late(4.0), late(4.0))])
+    assert (found["p50"], found["cyclictest"]["p50"], found["p99_ratio"]) == (6.0, 3.0, 2.0)
+    assert bench_servo._medians([(late(8.0), None)])["p99_ratio"] is None
+
+
+def test_a_cyclictest_that_fails_is_told_from_one_that_is_not_there(monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert servo.why_missing() == servo.MISSING
+    (tmp_path / "cyclictest").write_text("#!/bin/sh\nexit 1\n")
+    (tmp_path / "cyclictest").chmod(0o755)
+    assert servo.cyclictest(1000.0, 0.2) is None and servo.why_missing() == servo.FAILED
+
+
+def test_histogram_of_cyclictest_with_late_ones_beyond_its_end():
+    thread = {"histogram": {"2": 2, "5": 1, "700": 1}, "cycles": 6, "max": 3_000_000}
+    found = servo._of_histogram(thread, 500)
+    assert found.sorted_us.tolist() == [2.0, 2.0, 5.0, 700.0, 1e5, 3e6]
+    assert found.missed == 1 + 200 + 6000
+    assert servo._of_histogram({"histogram": {"2": 2}, "cycles": 2, "max": 2}, 500).missed == 0
+
+
+def test_cyclictest_is_asked_for_every_wake_up_within_a_tenth_of_a_second(monkeypatch, tmp_path):
+    (tmp_path / "cyclictest").write_text(f"""#!{sys.executable}
+import json, sys
+[most] = [int(word[2:]) for word in sys.argv if word.startswith("-h")]
+[told] = [word[7:] for word in sys.argv if word.startswith("--json=")]
+with open(told, "w") as file:
+    json.dump({{"thread": {{"0": {{"histogram": {{most - 1: 1}}, "cycles": 1, "max": 90000}}}}}}, file)
+""")
+    (tmp_path / "cyclictest").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    found = servo.cyclictest(1000.0, 0.2)
+    assert found.sorted_us.tolist() == [99_999.0] and found.missed == 99
+
+
+def trial(p999, compute=5.0, missed=0):
+    return {"p999": p999, "compute": compute, "missed": missed, "ticks": 10000}
+
+
+def test_the_rate_chosen_is_the_last_whose_forces_are_written_within_half_a_period():
+    assert doctor.fastest({1000: trial(20.0), 4000: trial(119.9), 10000: trial(50.1)}) == 4000
+    assert doctor.fastest({1000: trial(20.0), 4000: trial(120.1), 10000: trial(50.1)}) == 1000
+    assert doctor.fastest({1000: trial(9000.0), 4000: trial(9000.0)}) == 1000
+    assert doctor.fastest({1000: trial(20.0), 4000: trial(20.0, missed=10)}) == 4000
+    assert doctor.fastest({1000: trial(20.0), 4000: trial(20.0, missed=11)}) == 1000
+
+
+def test_the_exchange_is_no_faster_than_the_answers_the_servo_and_the_cores_allow():
+    trials = {1000: trial(10.0), 4000: trial(10.0)}
+    assert doctor.exchange_rate(4000, 100.0, trials, 4) == 2000
+    assert doctor.exchange_rate(4000, 300.0, trials, 4) == 1000
+    assert doctor.exchange_rate(1000, 100.0, trials, 4) == 1000
+    assert doctor.exchange_rate(4000, 100.0, trials, 1) == 500
+
+
+def test_every_check_of_the_machine_that_is_not_good_says_how_to_get_more():
+    checks = machine.checks(80)
+    assert {"kernel preemption", "real-time priority", "timer slack", "cores"} <= {check.name for check in checks}
+    for check in checks:
+        assert check.found
+        assert check.good or check.advice
+
+
+def test_the_round_trip_is_kept_as_csv(monkeypatch, tmp_path):
+    rows = [{"rate": 500.0, "answerer": name, "ratio": 1.0, "p50_us": 50.0} for name in ("simulation", "bare")]
+    monkeypatch.setattr(round_trip, "measure", lambda rates: rows)
+    done = CliRunner().invoke(group(), ["exchange", "--round-trip", "--json", "--csv", str(tmp_path / "trips.csv")])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "trips.csv").read_text().splitlines() == [
+        "rate,answerer,ratio,p50_us", "500.0,simulation,1.0,50.0", "500.0,bare,1.0,50.0"]  # fmt: skip
+
+
+START = {"scene": "wall", "first": {"haptic_driver": 10.0}, "again": [{"haptic_driver": 2.0}, {"haptic_driver": 3.0}]}
+FACTS = {"machine": {"cores": 2, "processor": "P", "system": "Linux-6-with-glibc"}, "length": "short",
+         "program": {"python": "3"}, "packages": {"numba": "0"}}  # fmt: skip
+
+
+def folder(path, first):
+    path.mkdir()
+    (path / "machine.json").write_text(json.dumps(FACTS))
+    (path / "start.json").write_text(json.dumps(START | {"first": {"haptic_driver": first}}))
+    return path
+
+
+def test_two_folders_of_results_are_compared_figure_by_figure(tmp_path):
+    one, two = folder(tmp_path / "one", 10.0), folder(tmp_path / "two", 5.0)
+    done = CliRunner().invoke(group(), ["all", "--compare", str(one), str(two)])
+    assert done.exit_code == 0, done.output
+    assert "| very first start, all nodes at work | 10 s | 5 s | 0.50 |" in done.output
+    with pytest.raises(ValueError, match="holds no results"):
+        results.compared(one, tmp_path)
+
+
+def test_the_table_has_the_worst_of_the_hard_cases_and_the_least_speed_ratio(tmp_path):
+    kept = folder(tmp_path / "kept", 10.0)
+    hard = {"world": "partitioned", "letters": "", "tried": 2, "survives": True}
+    cases = [hard | {"scene": "light_tool", "overlap_m": 2e-6, "created": 0.0},
+             hard | {"scene": "zeno_ball", "world": "impulse", "overlap_m": 1e-6, "created": 1e-5},
+             hard | {"scene": "light_tool", "world": "impulse", "letters": "P", "overlap_m": 1e-3, "survives": False},
+             {"scene": "zeno_ball", "world": "box2d", "letters": "N", "overlap_m": None, "created": None, "tried": 2,
+              "survives": False}]  # fmt: skip
+    run = {"scene": "wall", "kind": "single contact", "step_us": 1000, "created_j": 0.0, "scale_j": 1.0,
+           "penetration_m": 0.0, "status": "stable"}  # fmt: skip
+    runs = [run | {"method": "closed_form", "wall": 1e-5, "error": 1e-3},
+            run | {"method": "pymunk", "wall": 8e-5, "error": 1e-2},
+            run | {"method": "box2d", "wall": None, "error": None, "status": "cannot: a wall"}]  # fmt: skip
+    (kept / "hard_cases.json").write_text(json.dumps({"verdicts": cases}))
+    (kept / "speed_error.json").write_text(json.dumps({"runs": runs, "equal_error": [], "versions": {}}))
+    table = results.markdown(kept)
+    assert "| hard cases survived by the method chosen | 2 of 2 | all |" in table
+    assert "| deepest overlap of these | 2 µm | ≤ 100 µm |" in table
+    assert "| energy created in these, of the largest about | 0.001 % | ≤ 1 % |" in table
+    assert "| least error, worst of 1 scenes | 0.1 % of the way |" in table
+    assert "| least speed ratio at equal error, single contact, to pymunk | 8 × | ≥ 5 |" in table
+    (kept / "hard_cases.json").write_text(json.dumps({"verdicts": [cases[0] | {"overlap_m": None, "survives": False}]}))
+    assert "| deepest overlap of these | – µm |" in results.markdown(kept)
+
+
+def test_where_the_kernel_refused_real_time_priority_the_table_says_so(tmp_path):
+    case = {"rate": 1000.0, "load": "alone", "p99": 9.0, "p99_ratio": None}
+    had = ("prefer", "SCHED_FIFO 80, memory locked"), ("prefer", "no SCHED_FIFO 80: set"), ("off", "realtime off")
+    cases = [case | {"realtime": wish, "scheduling": said} for wish, said in had]
+    kept = folder(tmp_path / "kept", 10.0)
+    (kept / "servo.json").write_text(json.dumps({"lateness": cases, "compute": None}))
+    table = results.markdown(kept)
+    assert "| lateness p99 to cyclictest's, 1000 Hz, FIFO, alone | – × | ≤ 2 |" in table
+    assert "| lateness p99 to cyclictest's, 1000 Hz, FIFO refused, alone | – × |  |" in table
+    assert "| lateness p99 to cyclictest's, 1000 Hz, no FIFO, alone | – × |  |" in table
+
+
+def test_a_short_run_is_not_filled_up_with_benchmarks_of_a_full_one(tmp_path):
+    kept = folder(tmp_path / "kept", 10.0)
+    with pytest.raises(ValueError, match="has a short run; a full one needs a folder of its own"):
+        bench_all.measure(kept, False, ["start", "servo"])
+    assert not (kept / "servo.json").exists()
+
+
+def test_all_measures_only_what_is_missing_and_puts_the_table_between_the_marks(tmp_path):
+    page, kept = tmp_path / "page.md", folder(tmp_path / "kept", 10.0)
+    page.write_text(f"before\n{bench_all.MARKS[0]}\nold\n{bench_all.MARKS[1]}\nafter\n")
+    words = ["all", "--only", "start", "--out", str(kept), "--insert", str(page)]
+    done = CliRunner().invoke(group(), words)
+    assert done.exit_code == 0, done.output
+    text = page.read_text()
+    assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
+    assert "| very first start, all nodes at work | 10 s | ≤ 20 s |" in text
+
+
+def test_a_benchmark_ends_with_the_command_that_runs_all_of_them(start, tmp_path):
+    words = ["bench", "all", "--only", "servo", "--out", tmp_path / "kept"]
+    process = start([sys.executable, "-m", "haptic_sim.cli.main", *words], cwd=ROOT, stderr=subprocess.PIPE)
+    assert "haptic bench servo" in process.stderr.readline() and "1000 Hz" in process.stderr.readline()
+    [one] = psutil.Process(process.pid).children()
+    process.terminate()
+    assert psutil.wait_procs([one], timeout=60.0)[1] == []  # a limit; nobody would end it otherwise
+
+
+@pytest.mark.parametrize(("words", "sentence"), [
+    (("all", "--only", "speed"), "benchmark is 'speed'; it must be one of doctor"),
+    (("exchange", "--delay", "0", "--method", "direct", "--scheduler", "tcp://127.0.0.1:9"), "no scheduler answers"),
+])  # fmt: skip
+def test_bad_input_is_refused_in_one_sentence(monkeypatch, capsys, words, sentence):
+    monkeypatch.setattr(sweep, "PATIENCE", 0.5)
+    monkeypatch.setattr(sys, "argv", ["haptic", "bench", *words])
+    with pytest.raises(SystemExit) as refused:
+        main.main()
+    said = capsys.readouterr().err
+    assert refused.value.code == 1 and sentence in said and "Traceback" not in said

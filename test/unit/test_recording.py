@@ -1,0 +1,401 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags: what is written is read, by us and by everyone's readers, whole or cut off; and the figures read from one."""
+
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from bag_of_a_run import AXES, BOOT_TO_EPOCH, CLOUD, JOINTS, PERIOD_NS, SAID, TYPES, joints, swing, write_run
+from examples import few
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from haptic_device.analysis import summary
+from haptic_device.analysis.cdr import joint_arrays, joint_layout
+from haptic_device.analysis.columns import Entries
+from haptic_device.analysis.recording import ENTRY_UNITS, TRACE_UNITS, load
+from haptic_device.node.bag import Bag
+from haptic_device.node.wire import StampedLayout
+
+STRING = "std_msgs/msg/String"
+WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return write_run(tmp_path_factory.mktemp("bags") / "run", swing(2000))
+
+
+def test_rosbags_reads_every_value_that_was_written(run):
+    with AnyReader([run]) as reader:
+        states = [
+            reader.deserialize(data, connection.msgtype)
+            for connection, _, data in reader.messages()
+            if connection.topic == "/haptic/operator/state"
+        ]
+        counts = {connection.topic: connection.msgcount for connection in reader.connections}
+    rows = swing(2000)[::4]
+    assert np.array_equal([state.position[:3] for state in states], rows["position"])
+    assert counts == {
+        "/haptic/trace": 25,
+        "/haptic/handle": 500,
+        "/haptic/tool": 500,
+        "/haptic/operator/state": 500,
+        "/diagnostics": 1,
+    }
+
+
+def test_the_mcap_library_finds_profile_schemas_times_and_sequences(run):
+    with open(run / "run_0.mcap", "rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        found = list(reader.iter_messages(topics=["/haptic/handle"]))
+        schema, channel, message = found[-1]
+        assert (schema.name, schema.encoding, channel.message_encoding) == (JOINTS, "ros2msg", "cdr")
+        assert channel.metadata["topic_type_hash"] == TYPES.hash_rihs01(JOINTS)
+        assert message.log_time - message.publish_time == 50_000
+        assert [item[2].sequence for item in found] == list(range(1, 501))
+        assert any(record.name == "rosbag2" for record in reader.iter_metadata())
+
+
+def test_metadata_has_every_field_of_rosbag2_version_9(run):
+    information = yaml.safe_load((run / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert information["version"] == 9 and information["storage_identifier"] == "mcap"
+    assert information["relative_file_paths"] == ["run_0.mcap"] == [file["path"] for file in information["files"]]
+    assert information["message_count"] == sum(t["message_count"] for t in information["topics_with_message_count"])
+    topic = information["topics_with_message_count"][0]["topic_metadata"]
+    assert set(topic) == {"name", "type", "serialization_format", "offered_qos_profiles", "type_description_hash"}
+    assert {"duration", "starting_time", "compression_format", "compression_mode", "custom_data", "ros_distro"} <= set(
+        information
+    )
+
+
+def test_a_recording_gives_the_trace_and_each_entry_by_name(run):
+    recording, rows = load(run), swing(2000)
+    assert recording.namespace == "/haptic" and recording.notes == ()
+    for name in rows.dtype.names:
+        assert np.array_equal(recording.trace[name], rows[name])
+    assert np.array_equal(recording.joint("tool").entry("answered"), rows["tool_answered"][::4])
+    assert recording.statuses("haptic_simulation")[-1].values == SAID
+
+
+def test_all_times_meet_on_the_monotonic_clock(run):
+    recording = load(run)
+    state = recording.joint("operator/state")
+    truth = np.round(state.entry("time") * 1e9)
+    assert np.array_equal(recording.monotonic(state.stamp), truth)
+    assert np.array_equal(recording.monotonic(state.stamp), state.stamp - BOOT_TO_EPOCH)
+
+
+def test_rows_missing_from_the_trace_are_counted_and_none_without_a_gap(tmp_path, run):
+    rows = swing(400)
+    write_run(tmp_path / "gap", np.concatenate([rows[:100], rows[107:]]))
+    assert load(tmp_path / "gap").trace_rows_missing == 7
+    assert load(run).trace_rows_missing == 0
+
+
+@given(
+    st.lists(st.text("abxyz_θ", min_size=1, max_size=9), min_size=1, max_size=6, unique=True),
+    st.lists(st.floats(allow_nan=False), min_size=1, max_size=4),
+    st.integers(0, 2**31 * 10**9 - 1),
+)
+def test_joint_states_of_any_names_and_values_decode_like_the_reference_decoder(names, values, stamp):
+    position = np.resize(values, len(names))
+    data = [joints(names, position * factor, stamp, effort=position) for factor in (1.0, 0.5)]
+    stamps, (positions, velocities, efforts) = joint_arrays(joint_layout(data[0]), data)
+    expected = [TYPES.deserialize_cdr(item, JOINTS) for item in data]
+    assert joint_layout(data[0]).names == tuple(names) and list(stamps) == [stamp, stamp]
+    assert np.array_equal(positions, [item.position for item in expected])
+    assert np.array_equal(efforts, [item.effort for item in expected]) and not velocities.any()
+
+
+_KILLED = """
+import sys, time
+from pathlib import Path
+sys.path.insert(0, sys.argv[2])
+from bag_of_a_run import JOINTS, joints
+from haptic_device.node.bag import Bag
+bag = Bag(Path(sys.argv[1]))
+channel = bag.add_topic("/haptic/encoder", JOINTS, [])
+for number in range(100000):
+    now = time.time_ns()
+    bag.write(channel, joints(("x",), [number], now), now, now, number)
+    if number % 100 == 0:
+        bag.flush()
+        print(now, flush=True)
+    time.sleep(0.001)
+"""
+
+
+def test_a_writer_killed_leaves_all_but_the_last_moment_readable(tmp_path, request):
+    bag = tmp_path / "killed"
+    writer = subprocess.Popen(
+        [sys.executable, "-c", _KILLED, str(bag), str(request.path.parent)], stdout=subprocess.PIPE, text=True
+    )
+    flushed = [int(writer.stdout.readline()) for _ in range(6)][-1]
+    writer.send_signal(signal.SIGKILL)
+    killed = time.time_ns()
+    writer.wait()
+    recording = load(bag)
+    encoder = recording.joint("encoder")
+    assert np.array_equal(encoder.entry("x"), np.arange(len(encoder.sequence)))
+    assert flushed <= encoder.received[-1] and killed - encoder.received[-1] < 1_000_000_000
+    assert "ends without its index" in recording.notes[0] and not (bag / "metadata.yaml").exists()
+
+
+@few(12)
+@given(st.floats(0, 1, exclude_max=True))
+def test_a_bag_cut_anywhere_gives_its_whole_blocks_or_one_sentence(run, fraction):
+    data = (run / "run_0.mcap").read_bytes()
+    cut = run.parent / "cut.mcap"
+    cut.write_bytes(data[: int(fraction * len(data))])
+    try:
+        recording = load(cut)
+    except ValueError as error:
+        assert str(cut) in str(error) and "\n" not in str(error)
+        return
+    whole = swing(2000)["tick"]
+    if "trace" in recording.clouds:
+        assert np.array_equal(recording.trace["tick"], whole[: len(recording.trace)])
+
+
+def test_damage_in_a_chunk_keeps_what_stands_before_it(run, tmp_path):
+    data = bytearray((run / "run_0.mcap").read_bytes())
+    with open(run / "run_0.mcap", "rb") as stream:
+        chunk = make_reader(stream).get_summary().chunk_indexes[1]
+    middle = chunk.chunk_start_offset + chunk.chunk_length // 2
+    data[middle] ^= 0xFF
+    (tmp_path / "damaged.mcap").write_bytes(data)
+    recording = load(tmp_path / "damaged.mcap")
+    assert 0 < len(recording.trace) < 2000 and "is damaged" in recording.notes[0]
+
+
+def test_what_is_no_bag_is_refused_in_a_sentence_that_names_it(tmp_path):
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    (tmp_path / "text.mcap").write_text("not a bag at all")
+    (tmp_path / "folder").mkdir()
+    Bag(tmp_path / "silent").close({})
+    foreign = Bag(tmp_path / "foreign")
+    foreign.write(foreign.add_topic("/joint_states", JOINTS, []), joints(AXES, [1, 2, 3], 0), 1, 1, 1)
+    foreign.close({})
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        load(tmp_path / "missing")
+    for name in ("empty.mcap", "text.mcap", "folder", "silent", "foreign"):
+        with pytest.raises(ValueError, match=name):
+            load(tmp_path / name)
+
+
+@pytest.mark.parametrize("topic, type_name", [("handle", JOINTS), ("trace", CLOUD), ("mark", STRING)])
+def test_messages_without_content_and_strange_diagnostics_are_left_out_in_a_sentence(tmp_path, topic, type_name):
+    bag = Bag(tmp_path / "odd")
+    odd, channel = bag.add_topic(f"/haptic/{topic}", type_name, []), bag.add_topic("/haptic/encoder", JOINTS, [])
+    strange = bag.add_topic("/diagnostics", STRING, [])
+    for number in range(1, 4):
+        bag.write(odd, b"", number, number, number)
+        bag.write(channel, joints(("x",), [number], 0), number, number, number)
+        bag.write(strange, b"\0\1\0\0\2\0\0\0a\0", number, number, number)
+    bag.close({})
+    recording = load(tmp_path / "odd")
+    assert recording.joint("encoder").entry("x").tolist() == [1, 2, 3] and not recording.diagnostics
+    assert sum(f"topic {name}" in note for note in recording.notes for name in (f"/haptic/{topic}", topic)) == 1
+    assert any("diagnostics is left out: it is std_msgs/msg/String" in note for note in recording.notes)
+
+
+def test_several_devices_in_one_bag_need_a_namespace(tmp_path):
+    bag = Bag(tmp_path / "two")
+    for side in ("left", "right"):
+        bag.write(bag.add_topic(f"/{side}/encoder", JOINTS, []), joints(("x",), [side == "left"], 0), 1, 1, 1)
+    bag.close({})
+    with pytest.raises(ValueError, match="/left, /right"):
+        load(tmp_path / "two")
+    assert load(tmp_path / "two", "/right").joint("encoder").entry("x")[0] == 0
+
+
+def test_a_bag_refuses_a_folder_in_use_and_a_type_it_cannot_describe(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(ValueError, match="not empty"):
+        Bag(tmp_path)
+    with pytest.raises(ValueError, match="no_such_msgs/msg/Thing"):
+        Bag(tmp_path / "new").add_topic("/thing", "no_such_msgs/msg/Thing", [])
+
+
+def test_servo_figures_count_missed_ticks_and_turn_seconds_into_microseconds():
+    rows = swing(1000)
+    rows["missed"][500:] = 3
+    rows["lateness"][-1] = 70e-6
+    figures = summary.servo_figures(rows)
+    assert figures["rate_hz"] == pytest.approx(1e9 / PERIOD_NS) and (figures["ticks"], figures["missed"]) == (1000, 3)
+    assert figures["lateness_us"]["p50"] == pytest.approx(8) and figures["lateness_us"]["max"] == pytest.approx(70)
+
+
+def test_an_unanswered_handle_sample_is_sent_but_not_answered(run):
+    recording = load(run)
+    figures = summary.exchange_figures(recording, recording.trace)
+    assert (figures["sent"], figures["answered"]) == (500, 499)  # the last one's answer lies beyond the end
+    assert figures["rate_hz"] == pytest.approx(1000, rel=2e-3) and figures["age_ms"]["p50"] == pytest.approx(1.5)
+
+
+def test_forces_of_handle_and_tool_differ_by_exactly_what_age_explains(run):
+    figures = summary.residual_figures(load(run), swing(2000))
+    assert figures["rms_n"] > 0.1
+    assert figures["explained_by_age_n"] == pytest.approx(figures["rms_n"], rel=1e-9)
+    assert figures["unexplained_n"] < 1e-9
+
+
+def test_a_force_with_the_wrong_sign_cannot_be_explained_by_age(run):
+    rows = swing(2000)
+    rows["tool_effort"] *= -1
+    figures = summary.residual_figures(load(run), rows)
+    assert figures["unexplained_n"] > figures["explained_by_age_n"]
+
+
+def test_energy_figures_are_those_of_the_truth(run):
+    figures = summary.energy_figures(load(run), swing(2000))
+    assert figures["given_to_operator_max"] == -1e-3 and figures["given_to_operator_end"] == pytest.approx(-0.5)
+    assert figures["tool_port_end"] == 0.125
+
+
+def test_a_motor_that_never_engaged_has_no_figures():
+    rows = swing(10)
+    rows["engage"] = 0
+    with pytest.raises(ValueError, match="0 with the motor engaged"):
+        summary.engaged_rows(rows)
+
+
+def test_the_report_is_a_picture_of_readable_size(run, tmp_path):
+    from matplotlib.image import imread
+
+    from haptic_device.analysis.report import draw
+
+    draw(load(run), tmp_path / "report.png", "a swing")
+    height, width, _ = imread(tmp_path / "report.png").shape
+    assert height > 1000 and width > 800
+
+
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+def test_a_topic_becomes_a_data_frame_over_the_one_clock(run, library):
+    recording, rows = load(run), swing(2000)
+    trace = recording.to_dataframe("trace", library)
+    assert np.array_equal(trace["position.x"].to_numpy(), rows["position"][:, 0])
+    assert np.array_equal(trace["time"].to_numpy(), rows["deadline"] * 1e-9)
+    state = recording.to_dataframe("operator/state", library)
+    assert np.array_equal(state["x.position"].to_numpy(), rows["position"][::4, 0])
+    assert state["time"].to_numpy() == pytest.approx(rows["deadline"][::4] * 1e-9, abs=1e-9)
+
+
+def test_every_column_of_the_trace_has_its_unit_or_counts():
+    from haptic_device.law.servo import TICK
+
+    plain = {name for name in TICK.names if name not in TRACE_UNITS}
+    counted = "tick missed parameter_version command counts device_status tool_session tool_sequence tool_answered"
+    counted += " tool_contact contact_set handle_sequence engage exchange_fade exchange_shortened exchange_let_go"
+    counted += " cancellation_fade injections state fault warmth"
+    counted += " local local_fallbacks local_stays local_pivots"
+    assert plain == set(counted.split())
+
+
+def test_every_entry_of_a_joint_state_is_an_axis_or_has_its_unit_or_counts():
+    from haptic_device.node.wire import exchange_names, truth_names
+
+    others = {*exchange_names(3), *truth_names(3)} - {*AXES, *(f"motor_{axis}" for axis in AXES)}
+    counted = "layout_version session sequence answered_session answered exchange_method gains_hash contact motion_done"
+    assert others - set(ENTRY_UNITS) == set(counted.split())
+    assert (ENTRY_UNITS["energy_given"], ENTRY_UNITS["stiffness"], ENTRY_UNITS["damping"]) == ("J", "N/m", "N s/m")
+
+
+def stamped(kind, frame, stamp_ns, *numbers):
+    """A serialized WrenchStamped or PoseStamped with these numbers after its header."""
+    message = TYPES.deserialize_cdr(StampedLayout(len(numbers), frame).pack(stamp_ns, numbers), kind)
+    return bytes(TYPES.serialize_cdr(message, kind))
+
+
+@pytest.mark.parametrize("frame", ["", "haptic_base", "a"])
+def test_wrench_and_pose_come_back_by_the_names_of_their_fields(tmp_path, frame):
+    force, pose = np.arange(6) + 0.5, np.arange(7) - 0.25
+    bag = Bag(tmp_path / "run")
+    for topic, kind, numbers in (("wrench", WRENCH, force), ("pose", POSE, pose)):
+        channel = bag.add_topic(f"/haptic/{topic}", kind, [])
+        for sequence in (1, 2, 3):
+            bag.write(channel, stamped(kind, frame, sequence * 10**9 + 7, *sequence * numbers), 1, 1, sequence)
+    state = joints(("time",), [1.0], 0)
+    bag.write(bag.add_topic("/haptic/operator/state", JOINTS, []), state, 1, BOOT_TO_EPOCH + 10**9, 1)
+    bag.close({})
+    recording = load(tmp_path / "run")
+    wrench, place = recording.joint("wrench"), recording.joint("pose")
+    assert wrench.names[2:4] == ("force.z", "torque.x") and place.names[-1] == "orientation.w"
+    assert np.array_equal(wrench.effort, np.outer((1, 2, 3), force)) and wrench.position.size == 0
+    assert np.array_equal(place.position, np.outer((1, 2, 3), pose)) and place.velocity.size == 0
+    assert np.array_equal(place.stamp, [10**9 + 7, 2 * 10**9 + 7, 3 * 10**9 + 7])
+    assert set(recording.columns("wrench")) == {"time", *(f"{name}.effort" for name in wrench.names)}
+
+
+def test_a_wrench_cut_off_is_left_out_and_the_rest_is_read(tmp_path):
+    bag = Bag(tmp_path / "run")
+    bag.write(bag.add_topic("/haptic/wrench", WRENCH, []), stamped(WRENCH, "", 0, *range(6))[:-8], 1, 1, 1)
+    bag.write(bag.add_topic("/haptic/encoder", JOINTS, []), joints(("x",), [1.0], 0), 1, 1, 1)
+    bag.close({})
+    recording = load(tmp_path / "run")
+    assert set(recording.joints) == {"encoder"} and "topic /haptic/wrench is left out" in recording.notes[0]
+
+
+_WITHOUT_ROS = """
+import sys
+
+ROS = ("rclpy", "rpyutils", "rosidl", "ament", "builtin_interfaces", "rcl_interfaces")
+
+class NoRos:
+    def find_spec(self, name, path=None, target=None):
+        top = name.split(".")[0]
+        if top.startswith(ROS) or top.endswith(("_msgs", "_srvs")):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, NoRos())
+for name in ("rclpy", "sensor_msgs"):
+    try:
+        __import__(name)
+    except ModuleNotFoundError:
+        continue
+    sys.exit(f"{name} can be imported all the same")
+from haptic_device.analysis.recording import load
+from haptic_sim.cli.main import main
+
+recording = load(sys.argv[1])
+assert recording.to_dataframe("trace")["position.x"].std() > 0 and recording.joint("handle").entry("stiffness")[0] > 0
+sys.argv[1:] = ["report", sys.argv[1], "--out", sys.argv[2]]
+main()
+"""
+
+
+def test_a_bag_is_read_and_reported_where_nothing_of_ros_can_be_imported(run, tmp_path):
+    words = [sys.executable, "-c", _WITHOUT_ROS, str(run), str(tmp_path / "report")]
+    ended = subprocess.run(words, capture_output=True, text=True, timeout=100)
+    assert ended.returncode == 0, ended.stderr
+    assert (tmp_path / "report" / "report.html").stat().st_size > 100_000
+
+
+def test_only_what_is_asked_for_is_read_and_in_the_type_asked_for(run):
+    wanted = np.dtype([("deadline", "f8"), ("position", "f4", (3,)), ("no_such", "f4")])
+    recording = load(run, only={"trace": wanted, "handle": Entries(("stiffness",), ("position",))})
+    rows = swing(2000)
+    assert recording.trace.dtype == wanted and set(recording.joints) == {"handle"}
+    assert np.array_equal(recording.trace["position"], rows["position"].astype("f4"))
+    assert np.isnan(recording.trace["no_such"]).all() and "trace has no no_such" in recording.notes[0]
+    assert recording.joint("handle").names == ("stiffness",)
+    assert set(recording.joint("handle").entry("stiffness")) == {1000.0}
+    assert recording.counts["/haptic/tool"] == 500
+
+
+def test_a_clock_that_was_set_meanwhile_moves_no_data(tmp_path):
+    recording = load(write_run(tmp_path / "run", swing(20000)))
+    system, monotonic = recording.pairs
+    jump = np.where(monotonic > monotonic[len(monotonic) // 2], 500_000_000, 0)  # a second's half forward, midway
+    moved = replace(recording, pairs=(system + jump, monotonic))
+    error = moved.monotonic(system + jump) - monotonic
+    assert np.percentile(np.abs(error), 75) < 1_000
