@@ -24,7 +24,7 @@ import psutil
 STILL = 600.0  # [s] after which a start stands still
 DEMO = [sys.executable, "-m", "haptic_sim.cli.main", "demo", "--scene", "wall", "--seconds", "1", "--json"]
 GONE = 1.0  # [s] after a signal, when nothing of it may be left
-COMPILING = "compiling the servo, once for this machine"
+COMPILING = "compiling, once for this machine"
 
 
 def start(folder, name):

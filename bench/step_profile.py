@@ -8,7 +8,7 @@ again and again on the same state.
 import sys
 import time
 
-from haptic_device.whole import whole
+from haptic_device.jit import kernel
 from haptic_sim.bench.case import NAMES, case
 from haptic_sim.method.meet import add_met, look_around
 from haptic_sim.method.press import free_velocity, put_right, solve
@@ -19,21 +19,21 @@ from haptic_sim.method.step import event_step, hold_to_tool, sub_step
 H, TIMES, REPEATS = 1e-3, 1000, 5
 
 
-@whole
+@kernel
 def hold(models, layouts, works, times):
     """Who can be reached by the coupling."""
     for _ in range(times):
         hold_to_tool(models[0], layouts[0], works[0], H)
 
 
-@whole
+@kernel
 def free(models, layouts, works, times):
     """Velocities without contacts: reduced coordinates, coupling, springs."""
     for _ in range(times):
         free_velocity(models[0], layouts[0], works[0], H)
 
 
-@whole
+@kernel
 def meet(models, layouts, works, times):
     """Who meets whom on the way."""
     for _ in range(times):
@@ -41,7 +41,7 @@ def meet(models, layouts, works, times):
         add_met(models[0], layouts[0], works[0], 0)
 
 
-@whole
+@kernel
 def contacts(models, layouts, works, times):
     """The contact problem, from its rows to the velocities."""
     model, layout, work = models[0], layouts[0], works[0]
@@ -51,21 +51,21 @@ def contacts(models, layouts, works, times):
         solve(model, layout, work, n, H, 1.0)
 
 
-@whole
+@kernel
 def right(models, layouts, works, times):
     """Joints closed again, overlaps of rounding pushed out."""
     for _ in range(times):
         put_right(models[0], layouts[0], works[0], 0)
 
 
-@whole
+@kernel
 def held_step(models, layouts, works, times):
     """A whole step of `partitioned`."""
     for _ in range(times):
         sub_step(models[0], layouts[0], works[0], H)
 
 
-@whole
+@kernel
 def flown_step(models, layouts, works, times):
     """A whole step of `event_driven`."""
     for _ in range(times):

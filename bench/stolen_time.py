@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 
-from haptic_device.runtime.process import ending_with_us
+from haptic_device.process import ending_with_us
 
 
 def hold(processor, hole, every, begin):

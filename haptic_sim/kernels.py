@@ -1,14 +1,96 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of the simulation is compiled in advance: each group makes ready what haptic_simulation makes ready."""
+"""What is compiled in advance (haptic_device/jit.py): each entry makes ready what a node or a command makes ready."""
 
+import numba
+import numpy as np
+
+from haptic_device import operating
+from haptic_device.analysis import contact_search, exchange_search
+from haptic_device.device import load_device
+from haptic_device.law import contact, operator, servo
+from haptic_device.node import declared, wire
+from haptic_device.runtime import clock, exchange, held_run, link, loop, loopback, page, rcl, recompute, still
+from haptic_device.runtime import zwidth_cell as cell
+from haptic_device.runtime.mailbox import Mailbox
+from haptic_device.runtime.servo_thread import ServoThread
 from haptic_sim.at_once import compile_for
 from haptic_sim.method.registry import make
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
 
+NODES = {**declared.NODES, "haptic_simulation": PARAMETERS}
+DEVICE = "desktop"
 FREE, JOINTED, IN_CLOSED_FORM = "push_block", "ratchet", "wall"  # a scene of each kind
 SUB_STEP = 1e-3  # [s]
+
+
+def driven():
+    """The driver's servo, and all by which others meet it."""
+    thread = ServoThread(still.StillLink(), _settings())
+    thread.gains.put(operating.gains_from(_values("haptic_driver")))
+    thread.ring.take(1)
+    scratch = clock.scratch()
+    clock.sleep_until(clock.now_ns(scratch), scratch)
+    clock.read_clock(clock.REALTIME, scratch)
+    link.compiled()
+
+
+def loopback_plant():
+    """The loopback's loop around the plant."""
+    words, control = np.zeros(page.WORDS, np.int64), np.zeros(loopback.CONTROLS, np.int64)
+    truth = np.zeros(1, loopback.TRUTH)
+    _compile(loopback.serve, words, control, Mailbox(loopback.TRUTH).words, 1, *_hand(), truth)
+
+
+def exchange_of_the_driver():
+    """The driver's side of the exchange, with and without local contacts, on librcl and by rclpy."""
+    layout = wire.JointLayout(wire.exchange_names(3))
+    frame = exchange.make_frame(layout.template, layout.fixed, layout.offsets, layout.count)
+    near_frame = exchange.make_near_frame(*wire.CloudLayout(wire.NEAR).fixed(contact.MOST))
+    state, watch = np.zeros(1, exchange.STATE), np.zeros(exchange.WATCHES, np.int64)
+    row, gains, tool = np.zeros(1, servo.TICK), np.zeros(1, exchange.GAINS), np.zeros(1, loop.TOOL)
+    row_mail, gains_mail, tool_mail = (Mailbox(record.dtype).words for record in (row, gains, tool))
+    contacts = 1, near_frame, Mailbox(contact.SET).words, np.zeros(1, contact.SET)
+    _compile(exchange.take_in_contacts, near_frame, 1, state[0], watch, contacts[3], contacts[2])
+    rcl.load_library()
+    buffer = np.zeros(8, np.int64)
+    for near in (contacts, (None, None, None, None)):
+        _compile(rcl.run_exchange, 1, 1, buffer, buffer, 1, frame, state, watch, row_mail, gains_mail, tool_mail, row,
+                 gains, tool, *near)  # fmt: skip
+    _compile(exchange.next_handle, frame, state, row_mail, gains_mail, row, gains, clock.scratch())
+    _compile(exchange.take_in, frame, 1, state[0], watch, gains[0], tool, tool_mail, 1)
+
+
+def replay():
+    """The servo's ticks again, from a trace and on a recorded hand's counts."""
+    settings, memory, rows, tool = _lock_step_records()
+    _compile(recompute.recompute, settings, memory, rows, recompute.NO_SETS)
+    _compile(recompute.run_on_counts, settings, memory, rows, tool, np.zeros((1, 3)), 1, 0, 1, 1)
+
+
+def lock_step():
+    """Servo and plant in lock-step."""
+    hand = _hand()
+    _compile(loop.run_lockstep, *_lock_step_records(), *hand, 1, 0, 1, 1)
+    operator.target_at(hand[2][0], 0.0, np.zeros(3))
+
+
+def wall_maps():
+    """Cells of the K-B plane."""
+    _compile(cell.cells, np.zeros(1, cell.CELL), np.zeros(1), np.zeros(1), np.zeros(1, cell.OUTCOME))
+
+
+def identification():
+    """One axis run again under recorded forces."""
+    reals = np.zeros(1)
+    _compile(held_run.run_segments, np.zeros(2, np.int64), *[reals] * 3, *[0.0] * 5, *[reals] * 3)
+
+
+def searches():
+    """What looks for messages and contacts that draw energy."""
+    for one in (exchange_search, contact_search):
+        one.search(_settings(), ticks=1, evaluations=1)
 
 
 def methods():
@@ -24,11 +106,8 @@ def penalty():
 
 def closed_form():
     """A tool among flat walls, and the ports behind which any method stands."""
-    from haptic_device.node import wire
-
-    for exchange in ("pspm", "wave"):
-        values = {parameter.name: parameter.default for parameter in PARAMETERS} | {"exchange.method": exchange}
-        world = Simulation.by_parameters(load(IN_CLOSED_FORM), values)
+    for method in ("pspm", "wave"):
+        world = Simulation.by_parameters(load(IN_CLOSED_FORM), _values("haptic_simulation") | {"exchange.method": method})
         compile_for(world, wire.JointLayout(wire.exchange_names(1)))
 
 
@@ -38,9 +117,37 @@ def local_contacts():
         Simulation(load(scene), method="impulse").local_contacts.look(0.0)
 
 
-GROUPS = {
+def _compile(kernel, *arguments):
+    kernel.compile(tuple(map(numba.typeof, arguments)))
+
+
+def _values(node):
+    return {parameter.name: parameter.default for parameter in NODES[node]}
+
+
+def _settings():
+    return operating.settings_from(load_device(DEVICE), _values("haptic_driver"))
+
+
+def _hand():
+    return operating.hand_from(load_device(DEVICE), _values("haptic_loopback"))
+
+
+def _lock_step_records():
+    return _settings(), np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK), np.zeros(1, loop.TOOL)
+
+
+ENTRIES = {  # those that take longest first
     "methods": methods,
-    "methods of penalty": penalty,
-    "closed form": closed_form,
+    "servo": driven,
+    "replay": replay,
+    "searches": searches,
     "local contacts": local_contacts,
+    "exchange": exchange_of_the_driver,
+    "lock-step": lock_step,
+    "closed form": closed_form,
+    "methods of penalty": penalty,
+    "loopback": loopback_plant,
+    "wall maps": wall_maps,
+    "identification": identification,
 }

@@ -74,6 +74,15 @@ class Counters(NamedTuple):
     left_out: int = 0
 
 
+def kernels_of(scene: Scene, method: str, exchange_method: str) -> tuple[str, ...]:
+    """Entries of kernels (haptic_sim/kernels.py) that a simulation by this method, or `auto`, needs at its port."""
+    method = compile_scene(scene).method if method == AUTO else method
+    own = {"closed_form": (), "impulse": ()}.get(method, ("methods",))
+    penalty = ("methods of penalty",) if method.startswith("penalty") else ()
+    local = ("local contacts",) if exchange_method == "local" else ()
+    return "closed form", *own, *penalty, *local  # with the closed form come the ports
+
+
 class Simulation:
     """A scene with a tool port. Same samples in, same bits out.
 

@@ -8,7 +8,7 @@ import subprocess
 import hypothesis
 import pytest
 
-from haptic_device.runtime.process import ending_with_us
+from haptic_device.process import ending_with_us
 from haptic_sim.cli.domain import isolated_domain
 
 # Read when numpy is first imported: its matrices here are small, and on a busy machine threads wait for one another.

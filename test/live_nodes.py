@@ -29,7 +29,7 @@ from std_srvs.srv import Trigger
 
 from haptic_device.node import wire
 from haptic_device.runtime import page
-from haptic_device.runtime.process import ending_with_us
+from haptic_device.process import ending_with_us
 from haptic_sim.cli.processes import parameter_text
 
 MODULES = {

@@ -12,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_device.analysis.exchange_search import engaged
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import complementarity, contact, coupling, engage, fault, servo
-from haptic_device.whole import part
 
 FEATURES = 4  # of the eight places
 OWN = 16  # genes of a feature
@@ -62,7 +61,7 @@ def energy_given(settings, memory, row, path, scale, loss, watched):
     return most
 
 
-@part
+@njit
 def _booked(settings, memory, record):
     """Energy [J] that the books say may still be given, or was shipped, less the budget."""
     stored = memory.tank + memory.shipped - memory.returned - settings.exchange_budget
@@ -72,7 +71,7 @@ def _booked(settings, memory, record):
     return stored
 
 
-@part
+@njit
 def _tool(record, genes, scale, position, k):
     record.tool_session, record.tool_contact = 1.0, 0.0
     record.tool_answered = record.tool_sequence = k + 1.0
@@ -82,7 +81,7 @@ def _tool(record, genes, scale, position, k):
         record.tool_velocity[i] = genes[TOOL + 3 + i] * 0.1
 
 
-@part
+@njit
 def _set(memory, genes, scale, k):
     memory.near_number, memory.near_fresh, memory.near_extent = k + 1.0, 1.0, 0.0
     memory.near_mass, memory.near_inertia = 0.1 * 10.0 ** (0.3 * genes[WHOLE]), 1e-4 * 10.0 ** (0.3 * genes[WHOLE])
@@ -94,7 +93,7 @@ def _set(memory, genes, scale, k):
         _feature(memory, genes[FIRST + f * OWN :], scale, f)
 
 
-@part
+@njit
 def _feature(memory, own, scale, f):
     one, identity = memory.near[f], 1.0 + f + (FEATURES if own[0] > 1.0 else 0.0)
     identity = 0.0 if own[0] < -1.5 else identity

@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import complementarity, contact, coupling, engage, exchange, fault, servo
-from haptic_device.whole import part
 
 MOVED, POSITION, VELOCITY, AGE, CONTACT, ENERGY, EFFORT, LOST, DEVICE = range(9)
 GENES = 9
@@ -90,7 +89,7 @@ def energy_given(settings, memory, row, path, scale, adversary, watched):
     return watched[2] if adversary.books else most
 
 
-@part
+@njit
 def _booked(settings, memory, record):
     """Energy [J] that the books say may still be given, or was shipped, less the budget."""
     stretch = record.coupling_position[0] - record.position[0]
@@ -99,12 +98,12 @@ def _booked(settings, memory, record):
     return memory.tank + stored + away - settings.exchange_budget
 
 
-@part
+@njit
 def _spring(settings, set_position, handle):
     return coupling.spring_force(settings[0].stiffness[0], settings[0].coupling_limit[0], set_position - handle)
 
 
-@part
+@njit
 def _sample(record, path, k, scale, past, adversary, period):
     """The tool sample that the servo finds at tick k."""
     genes, late = path[k], adversary.late
@@ -128,7 +127,7 @@ def _sample(record, path, k, scale, past, adversary, period):
     record.tool_age = late * period
 
 
-@part
+@njit
 def _contacts(memory, record, genes, scale, position, k):
     """Local contacts that say what they like: two planes anywhere, moving, giving way, rebounding, in turn renamed."""
     memory.near_number, memory.near_trust = k + 1.0, 1.0 if genes[AGE] < 2.5 else 0.0

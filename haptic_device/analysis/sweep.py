@@ -15,7 +15,7 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from haptic_device.runtime.process import die_with_parent
+from haptic_device.process import die_with_parent
 from haptic_device.share import find, names
 
 PATIENCE = 5.0  # [s] for a scheduler to answer

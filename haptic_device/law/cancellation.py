@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 MODEL, MEASURED = range(2)
 GUARD = 2.0  # measured drag beyond this many times the described damping is not believed

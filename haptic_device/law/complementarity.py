@@ -21,7 +21,7 @@ even so the caller has v = 0.
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 EXACT, BRAKED = 10, 30  # solutions at most
 PATIENCE = 5  # solutions for which all wrong modes may change at once without their number falling

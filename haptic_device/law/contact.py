@@ -22,7 +22,7 @@ import math
 import numpy as np
 
 from haptic_device.entries import COMMON, EACH, MOST
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 FLAT_THERE, FLAT_HERE, ROUND = 1, 2, 3
 IDENTITY, GROUP, KIND, GAP, POINT_X, POINT_Y, TOOL_X, TOOL_Y, NORMAL_X, NORMAL_Y, LOW, HIGH = range(12)

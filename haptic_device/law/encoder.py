@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Encoder counts to position, and positions to velocity."""
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.parameters import KEPT
 
 BACKWARD_DIFFERENCE, LOWPASS, ADAPTIVE_WINDOW = range(3)

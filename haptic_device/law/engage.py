@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Engaging: forces rise over a set time, and only after the wanted force has been small."""
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 IDLE, WAITING, ENGAGING, ENGAGED, FAULT = range(5)
 STATES = ("idle", "waiting for a small force", "engaging", "engaged", "fault")

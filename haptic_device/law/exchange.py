@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from haptic_device.entries import TAIL
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 LAYOUT_VERSION = 1
 LAYOUT, SESSION, SEQUENCE, ANSWERED_SESSION, ANSWERED, METHOD, GAINS, GAIN_0 = range(8)

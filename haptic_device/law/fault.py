@@ -3,7 +3,7 @@
 
 from typing import NamedTuple
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 NONE, ESTOP, DEVICE_SILENT, NOT_A_NUMBER, ENCODER_JUMP, POSITION, VELOCITY, SATURATION, DEVICE_WATCHDOG = range(9)
 DUTY, UNATTENDED = 9, 10

@@ -7,7 +7,7 @@ factor on the coupling's force (engaging, fading) multiplies its spring, so that
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import coupling, engage, exchange, local, pspm, tank, wave
 
 AXES = 3

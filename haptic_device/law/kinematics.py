@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Between device and world: scaling and clutch, axis by axis, conserving power."""
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 
 @kernel

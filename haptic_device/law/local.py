@@ -27,7 +27,7 @@ sequence of messages. The same is the answer where pivoting found none.
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import complementarity, contact, coupling, tank
 
 AXES = 3

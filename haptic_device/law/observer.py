@@ -6,7 +6,7 @@ Where more energy was generated than the budget it injects damping; what missed 
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import cancellation, coupling, fault, passivity, tank, wall
 
 AXES = 3

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 MOST = 32  # waypoints
 WAYPOINTS, CIRCLE, FOLLOW, PATH = range(4)  # a path is waypoints joined by straight lines

@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 
 @kernel

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 SUB_STEP = 50_000  # [ns]
 QUEUED = 512  # motor values on their way through the actuation delay

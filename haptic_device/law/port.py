@@ -13,7 +13,7 @@ is what a pull may be: then it can be let go slowly whatever comes. Limits: d â†
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import pspm
 
 DAMPER_SLEW = 0.25  # share of the slew that the handle's velocity may make on top of it, where there is a spring too

@@ -24,7 +24,7 @@ Limits: b = c leaves B alone to fill the tank; κ = 0 lets y go anywhere.
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 WINDOW = 16  # holds over which the dissipated energy is counted from one start
 

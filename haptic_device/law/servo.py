@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import (
     cancellation,
     complementarity,

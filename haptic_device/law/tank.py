@@ -7,7 +7,7 @@ the spring gains when the set position, or a factor on the spring, moves. One ta
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import coupling, encoder, exchange, fault, passivity, pspm
 
 DAMPER_SLEW = 0.25  # share of the slew that the set position's velocity may make on top of it

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Half-plane wall at the handle: unilateral spring and damper (Colgate, Stanley & Brown 1995, section 3)."""
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 
 @kernel

@@ -19,7 +19,7 @@ eq. 3), the port being the passive environment that the equation asks for.
 
 import math
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 IMPEDANCE_TIME = 0.004  # [s] z = K · this: the line is as stiff as the coupling at a delay of this length
 FORGET = 0.99995  # from sample to sample, of the oldest that one of late became before the next came

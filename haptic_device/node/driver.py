@@ -10,8 +10,8 @@ import time
 import numpy as np
 
 from haptic_device import operating
-from haptic_device.compiling import have, servo_groups
 from haptic_device.device import load_device
+from haptic_device.jit import have
 from haptic_device.law import engage, fault
 from haptic_device.law import servo as law
 from haptic_device.node import health, wire
@@ -57,7 +57,7 @@ class DriverNode(ManagedNode):
 
     def configure(self):
         """Reads the device description and takes the device."""
-        have(*servo_groups(self.values["exchange.method"]), told=self.told)
+        have("servo", "exchange", told=self.told)
         realtime.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)  # that of the commands too
         self.device = load_device(self.values["device"])
         self._judge(operating.settings_from(self.device, self.values), self.values)

@@ -170,7 +170,7 @@ def run(make_node, name, args=None):
     except (ValueError, OSError) as refusal:
         print(f"{name}: {' '.join(str(refusal).split())}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:  # of compiling.have, which was waiting
+    except KeyboardInterrupt:  # of jit.have, which was waiting
         return 0
     finally:
         try:

@@ -9,8 +9,8 @@ import numba
 import numpy as np
 
 from haptic_device import operating
-from haptic_device.compiling import have
 from haptic_device.device import load_device
+from haptic_device.jit import have
 from haptic_device.law import operator
 from haptic_device.node import health, wire
 from haptic_device.node.declared import LOOPBACK

@@ -7,7 +7,7 @@ from numba.core.imputils import impl_ret_borrowed
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 ATTEMPTS = 1000
 

@@ -4,7 +4,7 @@
 import numpy as np
 from numba import types
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 
 MONOTONIC, REALTIME = 1, 0
 TIMER_ABSTIME = 1

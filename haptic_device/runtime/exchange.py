@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import contact, exchange
 from haptic_device.runtime import atomic, clock, mailbox
 

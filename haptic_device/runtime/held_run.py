@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One axis run again under the motor forces of a trace: where it would have been at each latch, for any m, b, f_c."""
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import plant
 
 SEGMENT = 500e-6  # [s] longest step of the exact solution: at most one reversal fits in

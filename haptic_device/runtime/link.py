@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 from numba import types
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.runtime import clock, page
 
 WORDS, REALS, WORD = types.int64[::1], types.float64[::1], types.int64

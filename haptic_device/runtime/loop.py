@@ -7,7 +7,7 @@ import numba
 import numpy as np
 from numba import types
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import contact, engage, local, servo
 from haptic_device.runtime import atomic, clock, link, loopback, mailbox
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import engage, operator, plant
 from haptic_device.runtime import atomic, clock, link, mailbox, page
 

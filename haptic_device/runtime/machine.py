@@ -10,9 +10,8 @@ import threading
 from pathlib import Path
 from typing import NamedTuple
 
-from haptic_device import cache
+from haptic_device import jit
 from haptic_device.runtime import realtime
-from haptic_device.whole import PLAIN
 
 _PR_GET_TIMERSLACK = 30
 _LIMITS = "/etc/security/limits.d"
@@ -36,7 +35,7 @@ def checks(priority: int) -> list[Check]:
     """Everything that sets how late a thread of this priority wakes."""
     return [
         _preemption(), _fifo(priority), _memory(), _slack(), _governor(), _cores(), _clock(), _virtual(), _throttle(),
-        _kernels(), _compiler(), _tool("cyclictest", "`apt install rt-tests`; haptic bench servo measures beside it"),
+        _kernels(), _tool("cyclictest", "`apt install rt-tests`; haptic bench servo measures beside it"),
         _tool("cc", "`apt install gcc`; haptic bench servo compares the tick with C"),
     ]  # fmt: skip
 
@@ -106,14 +105,9 @@ def _throttle():
 
 
 def _kernels():
-    kept = len(list(Path(cache.FOLDER).rglob("*.nbi")))
-    advice = cache.NOTE or "haptic compile compiles all; else the first start of each does, for some seconds"
-    return Check("compiled kernels", f"{kept} kept in {cache.FOLDER}", kept > 0 and not cache.NOTE, advice)
-
-
-def _compiler():
-    found = "functions of a kernel compiled as one" if not PLAIN else "plain numba.njit"
-    return Check("compiler", found, not PLAIN, f"{PLAIN}; kernels are the same, and take longer to compile")
+    kept = len(list(jit.folder().rglob("*.nbi")))
+    advice = jit.note() or "haptic compile compiles all; else the first start of each does, for some seconds"
+    return Check("compiled kernels", f"{kept} kept in {jit.folder()}", kept > 0 and not jit.note(), advice)
 
 
 def _tool(name, advice):

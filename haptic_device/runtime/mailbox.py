@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.runtime import atomic
 
 HEAD, TAIL, DROPPED = 0, 1, 2

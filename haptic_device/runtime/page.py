@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.runtime import atomic, clock
 
 FOLDER = Path("/dev/shm")

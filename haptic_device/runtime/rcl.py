@@ -10,7 +10,7 @@ import llvmlite.binding
 import numpy as np
 from numba import types
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.runtime import atomic, clock, exchange
 
 LOOK, POLL = 10_000, 100_000  # [ns] between looks for an answer: while it is due, and else

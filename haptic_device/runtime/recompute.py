@@ -7,7 +7,7 @@ output of these rows can be computed again.
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import contact, local, servo
 from haptic_device.runtime import link
 from haptic_device.runtime.loop import fill_contacts, fill_inputs

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.runtime import link
 
 

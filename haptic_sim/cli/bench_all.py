@@ -62,8 +62,8 @@ def measure(out: Path, short: bool, names: list[str]) -> None:
 
     Raises ValueError if it lacks some of a run of another length.
     """
+    from haptic_device.process import ending_with_us, own_environment, running_module
     from haptic_device.provenance import facts
-    from haptic_device.runtime.process import ending_with_us, own_environment, running_module
     from haptic_sim.bench.results import MACHINE
 
     out.mkdir(parents=True, exist_ok=True)

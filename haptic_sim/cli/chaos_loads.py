@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 
-from haptic_device.runtime.process import ending_with_us, own_environment, running_module
+from haptic_device.process import ending_with_us, own_environment, running_module
 from haptic_device.status import LEVELS, number
 from haptic_sim.cli import chaos_figures as figures
 from haptic_sim.cli.conductor import PATIENCE, Conductor

@@ -1,14 +1,85 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic compile`: all kernels into the cache, so that no later start compiles any."""
+"""`haptic compile`: kernels into the cache, so that no later start compiles any."""
+
+import contextlib
+import fcntl
+import multiprocessing
+import os
+import signal
+import sys
+import time
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from typing import Annotated
 
 import typer
 
+from haptic_device import jit
+from haptic_device.process import die_with_parent
 
-def compile() -> None:
-    """Compile all kernels for this machine, on all cores; make setup does so. Ctrl-C keeps what is done."""
-    from haptic_device import cache, compiling
+TEXT = "compiling, once for this machine"
+EACH_SECOND = 1.0  # [s] between lines where there is no terminal
 
-    compiling.have(*compiling.names())
-    if missing := compiling.missing(compiling.names()):
-        raise ValueError(f"not compiled: {', '.join(missing)}; what was said above is why")
-    typer.echo(f"all kernels are compiled; they are kept in {cache.FOLDER}")
+
+def compile(entries: Annotated[list[str] | None, typer.Argument(help="Some only; all by default.")] = None) -> None:
+    """Compile kernels for this machine, on all cores; make setup does so. Ctrl-C keeps what is done."""
+    from haptic_sim.kernels import ENTRIES
+
+    if strangers := sorted({*(entries or ())} - {*ENTRIES}):
+        raise ValueError(f"no kernels are called {', '.join(strangers)}; there are {', '.join(ENTRIES)}")
+    if jit.note():
+        print(jit.note(), file=sys.stderr, flush=True)
+    with open(jit.folder() / "compiling", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # what one process compiles another need not
+        wrong = _compile(jit.missing([name for name in ENTRIES if name in (entries or ENTRIES)]))
+    if wrong:
+        raise ValueError(f"not compiled: {'; '.join(wrong)}")
+    typer.echo(f"{'all' if not entries else 'these'} kernels are compiled; they are kept in {jit.folder()}")
+
+
+def _compile(names):
+    """Sentences on those of these entries that could not be compiled."""
+    if not names:
+        return []
+    wrong, began, own = [], time.monotonic(), multiprocessing.get_context("spawn")
+    workers = min(len(names), len(os.sched_getaffinity(0)))
+    with _display(len(names)) as show, ProcessPoolExecutor(workers, own, _begin, (os.getpid(),)) as pool:
+        names = {pool.submit(_entry, name): name for name in names}
+        try:
+            left = {*names}
+            while left:
+                done, left = wait(left, EACH_SECOND, FIRST_COMPLETED)
+                wrong += [f"{names[one]} ({type(error).__name__}: {error})" for one in done if (error := one.exception())]
+                show(len(names) - len(left), time.monotonic() - began)
+        except BaseException:  # interrupted: at once, also in the middle of LLVM; the cache has whole files only
+            for worker in multiprocessing.active_children():
+                worker.kill()
+            raise
+    return wrong
+
+
+def _begin(parent):
+    """A worker ends with whoever started it, and leaves Ctrl-C to it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    die_with_parent(parent)
+
+
+def _entry(name):
+    from haptic_sim.kernels import ENTRIES
+
+    ENTRIES[name]()
+    jit.mark(name).touch()
+
+
+@contextlib.contextmanager
+def _display(count):
+    """show(done, seconds): on a terminal as a bar, elsewhere as a line a second."""
+    if not sys.stderr.isatty():
+        yield lambda done, seconds: print(f"{TEXT}: {done} of {count}, {seconds:.0f} s", file=sys.stderr, flush=True)
+        return
+    from rich import progress
+    from rich.console import Console
+
+    columns = TEXT, progress.BarColumn(), progress.MofNCompleteColumn(), progress.TimeElapsedColumn()
+    with progress.Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("", total=count)
+        yield lambda done, seconds: bar.update(task, completed=done)

@@ -64,7 +64,7 @@ def _application(wanted):
 def _prepare(words):
     """Kernels that a command calls itself; those of nodes are for who starts the nodes."""
     if words and words[0] in ("compare", "identify", "replay", "zwidth") and "--help" not in words:
-        from haptic_device.compiling import have
+        from haptic_device.jit import have
         from haptic_sim.cli.prepare import COMMANDS
 
         have(*COMMANDS[words[0]])

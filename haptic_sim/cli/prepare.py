@@ -3,7 +3,7 @@
 
 from pathlib import Path
 
-from haptic_device.compiling import have, servo_groups
+from haptic_device.jit import have
 from haptic_device.parameter import read_operating_point
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.cli.processes import Program
@@ -19,21 +19,17 @@ COMMANDS = {  # what a command that starts no nodes calls
 
 def prepare(programs: list[Program]) -> None:
     """What these nodes will call."""
-    have(*(group for program in programs for group in _groups(program)))
+    have(*(entry for program in programs for entry in _entries(program)))
 
 
-def _groups(program):
-    if program.name == "haptic_loopback":
-        return ("loopback",)
-    if program.name == "haptic_driver":
-        return servo_groups(_value(program, "exchange.method"))
+def _entries(program):
     if program.name != "haptic_simulation":
-        return ()
-    from haptic_sim.compile.groups import groups_of
+        return {"haptic_driver": ("servo", "exchange"), "haptic_loopback": ("loopback",)}.get(program.name, ())
     from haptic_sim.scene import load
+    from haptic_sim.simulation import kernels_of
 
     scene = load(Path(_value(program, "scene")))
-    return groups_of(scene, _value(program, "method"), _value(program, "exchange.method"))
+    return kernels_of(scene, _value(program, "method"), _value(program, "exchange.method"))
 
 
 def _value(program, name):

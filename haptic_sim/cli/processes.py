@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from haptic_device.runtime.process import ending_with_us, own_environment, running_module
+from haptic_device.process import ending_with_us, own_environment, running_module
 
 NAMESPACE = "/haptic"
 _PATIENCE = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))  # s after each

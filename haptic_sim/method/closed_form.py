@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import port
 from haptic_sim.compile import compile_scene
 from haptic_sim.method import Contact, Coupling, Planar, Travel

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What impulses along rows do: W Gᵀ of each, A = G W Gᵀ, their sum on all bodies, and their report."""
 
-from haptic_device.whole import part
+from haptic_device.jit import njit
 from haptic_sim.method.lcp import NORMAL
 from haptic_sim.method.linkage import respond
 from haptic_sim.method.memory import MOST_ROWS
 from haptic_sim.method.rows import moves
 
 
-@part
+@njit
 def respond_rows(model, layout, work, n):
     """W Gᵀ of all rows, and A."""
     f, P = work.force, work.response
@@ -39,7 +39,7 @@ def respond_rows(model, layout, work, n):
             work.A[r, s] = work.A[s, r] = rate_of_response(work, s, r) if meet else 0.0
 
 
-@part
+@njit
 def keep_answer(layout, work, i, r):
     """W Gᵀ of row r for the bodies of linkage i."""
     for m in range(layout.body_start[i], layout.body_start[i + 1]):
@@ -48,7 +48,7 @@ def keep_answer(layout, work, i, r):
             work.response[r, b, k] = work.answer[b, k]
 
 
-@part
+@njit
 def copy(vectors, to, n):
     """n bodies' vectors."""
     for b in range(n):
@@ -56,27 +56,27 @@ def copy(vectors, to, n):
             to[b, k] = vectors[b, k]
 
 
-@part
+@njit
 def zero(vectors, n):
     """Zero for n bodies."""
     for b in range(n):
         zero_body(vectors, b)
 
 
-@part
+@njit
 def zero_body(vectors, b):
     """Zero for one body."""
     vectors[b, 0] = vectors[b, 1] = vectors[b, 2] = 0.0
 
 
-@part
+@njit
 def clear_linkage(layout, f, i):
     """Zero for all bodies of linkage i."""
     for m in range(layout.body_start[i], layout.body_start[i + 1]):
         zero_body(f, layout.order[m])
 
 
-@part
+@njit
 def rate_of_response(work, s, r):
     """G_s W G_rᵀ."""
     a, b, G, P = work.row_a[s], work.row_b[s], work.G, work.response
@@ -84,7 +84,7 @@ def rate_of_response(work, s, r):
             + G[s, 3] * P[r, b, 0] + G[s, 4] * P[r, b, 1] + G[s, 5] * P[r, b, 2])
 
 
-@part
+@njit
 def apply_rows(model, work, n, out):
     """out += W Gᵀ λ."""
     for r in range(n):
@@ -95,7 +95,7 @@ def apply_rows(model, work, n, out):
                     out[b, k] += x * work.response[r, b, k]
 
 
-@part
+@njit
 def note_impulses(work, n, scale):
     """Books contact impulses λ · scale [N s] for the report of the step: record by row key, place, normal, overlap."""
     for r in range(n):
@@ -108,7 +108,7 @@ def note_impulses(work, n, scale):
             note[6] = max(note[6], -work.gap[r])
 
 
-@part
+@njit
 def hold_resting(layout, work, n):
     """Keeps the forces of contacts whose bodies both sleep, for `note_resting`."""
     for k in range(work.counts[3]):
@@ -121,7 +121,7 @@ def hold_resting(layout, work, n):
                 work.note[at, 6] = max(work.note[at, 6], -work.gap[r])
 
 
-@part
+@njit
 def note_resting(work, time):
     """Books what the contacts of sleeping bodies pushed for `time` [s]."""
     for k in range(work.counts[3]):
@@ -130,7 +130,7 @@ def note_resting(work, time):
         work.note[k, 7] = work.note[k, 8] = 0.0
 
 
-@part
+@njit
 def note_of(work, r):
     """Place of row r in the report, made if it is new; −1 if it does not belong there."""
     if work.source[r] != 0 or work.kind[r] != NORMAL or work.lam[r] <= 0.0:
@@ -150,7 +150,7 @@ def note_of(work, r):
     return at
 
 
-@part
+@njit
 def push_on_b(work, n, r):
     """λ of a normal row, and of its friction, as a vector on body b."""
     nx, ny = work.G[r, 3], work.G[r, 4]

@@ -7,7 +7,7 @@ by the Illinois rule (regula falsi that halves the weight of a bound kept twice)
 
 import math
 
-from haptic_device.whole import part
+from haptic_device.jit import njit
 from haptic_sim.compile.model import SPRING
 from haptic_sim.method.effect import copy
 from haptic_sim.method.impact import TOUCHING
@@ -25,7 +25,7 @@ EXACT = 1e-15
 """Value [m | m/s] that is zero."""
 
 
-@part
+@njit
 def first_event(model, layout, work, n):
     """(event, value) of the lowest below zero in the trial state, event −1 if none is.
 
@@ -41,7 +41,7 @@ def first_event(model, layout, work, n):
     return event, worst
 
 
-@part
+@njit
 def event_value(model, layout, work, n, e):
     """What must not fall below zero, in the trial state whose shapes have been placed."""
     pairs = model.pair_count
@@ -56,14 +56,14 @@ def event_value(model, layout, work, n, e):
     return slip if work.mode[r] == LOW else -slip
 
 
-@part
+@njit
 def forces_at(model, layout, work, q, v, n):
     """Contact forces at q, v at the time of work.clock[1] into work.lam."""
     if n > 0:
         accelerate(model, layout, work, q, v, n)
 
 
-@part
+@njit
 def spare_force(work, r):
     """How much more a held row may be pulled [N], before it parts or slips."""
     if work.mode[r] != FREE:
@@ -73,7 +73,7 @@ def spare_force(work, r):
     return limit_of(work, r, 1.0) * (1.0 + SHARE) + SPARE - abs(work.lam[r])
 
 
-@part
+@njit
 def pair_gap(model, layout, work, n, p):
     """Gap of a pair [m]; if it is in contact, of what else of it could touch."""
     if not moves(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
@@ -95,7 +95,7 @@ def pair_gap(model, layout, work, n, p):
     return least
 
 
-@part
+@njit
 def is_held(work, n, p, feature):
     """Whether the contact of pair p at this feature is one of the rows."""
     for r in range(n):
@@ -108,7 +108,7 @@ def is_held(work, n, p, feature):
     return False
 
 
-@part
+@njit
 def limit_gap(model, layout, work, n, j):
     """Way left to the nearer limit of joint j that is not held."""
     low, high = model.joint_limit[j, 0], model.joint_limit[j, 1]
@@ -126,7 +126,7 @@ def limit_gap(model, layout, work, n, j):
     return min(at - low, high - at)
 
 
-@part
+@njit
 def locate(model, layout, work, n, tau, event, value):
     """Moves the trial state to the first event within tau and returns its time [s]; −1 if it cannot be told."""
     for _ in range(6):
@@ -140,7 +140,7 @@ def locate(model, layout, work, n, tau, event, value):
     return -1.0
 
 
-@part
+@njit
 def value_after(model, layout, work, n, time, event):
     """An event's value after `time` [s], which becomes the trial state."""
     if time > 0.0:
@@ -154,7 +154,7 @@ def value_after(model, layout, work, n, time, event):
     return event_value(model, layout, work, n, event)
 
 
-@part
+@njit
 def zero_of(model, layout, work, n, high, event, value_high):
     """Time at which the event's value passes zero downwards, before `high` where it is below."""
     low, value_low = 0.0, value_after(model, layout, work, n, 0.0, event)

@@ -13,7 +13,7 @@ the rest of the step is a backward difference (see `press`), which always has on
 
 import math
 
-from haptic_device.whole import part
+from haptic_device.jit import njit
 from haptic_sim.method.effect import (
     apply_rows,
     copy,
@@ -34,7 +34,7 @@ MOST_EVENTS = 400
 UNSOLVED, STRUCK = -1, -2
 
 
-@part
+@njit
 def fly(model, layout, work, h):
     """Advances the active linkages by h [s]; returns the time left over when it had to give up, else 0."""
     for i in range(layout.linkages):
@@ -75,7 +75,7 @@ def fly(model, layout, work, h):
     return left
 
 
-@part
+@njit
 def soar(model, layout, work, n, left):
     """Moves on until something happens, or the time is up; (time taken, event), time −1 if it cannot be told."""
     tau = min(left, longest_flight(model, layout, work))
@@ -92,7 +92,7 @@ def soar(model, layout, work, n, left):
     return tau, event
 
 
-@part
+@njit
 def present_rows(model, layout, work, all_awake):
     """Rows of contacts that touch and do not part, with modes; returns how many, or UNSOLVED, or STRUCK."""
     q, v = work.q, work.v
@@ -122,7 +122,7 @@ def present_rows(model, layout, work, all_awake):
     return n
 
 
-@part
+@njit
 def lay_to_rest(model, layout, work, n, left):
     """Linkages that do not move, nor would within the time left, by more than RESTING get velocity zero and sleep.
 
@@ -153,7 +153,7 @@ def lay_to_rest(model, layout, work, n, left):
     return asleep
 
 
-@part
+@njit
 def spread_motion(layout, work, n):
     """Who shares a row with one that moves moves too."""
     changed = True
@@ -166,7 +166,7 @@ def spread_motion(layout, work, n):
                 changed = True
 
 
-@part
+@njit
 def count_awake(layout, work):
     """How many linkages move."""
     count = 0
@@ -175,14 +175,14 @@ def count_awake(layout, work):
     return count
 
 
-@part
+@njit
 def wake(layout, work):
     """All linkages of this flight are active again."""
     for i in range(layout.linkages):
         work.active[i] = work.flying[i]
 
 
-@part
+@njit
 def set_sense(model, work, v, r):
     """A row that slips has its friction against the slip; a resting one may stick. A motor's slip is from its speed."""
     if work.kind[r] != FRICTION:
@@ -193,7 +193,7 @@ def set_sense(model, work, v, r):
         work.mode[r] = LOW if slip > 0.0 else HIGH
 
 
-@part
+@njit
 def longest_flight(model, layout, work):
     """Time [s] within which no two shapes can meet and be through each other again: a quarter of their widths."""
     longest = math.inf

@@ -19,7 +19,7 @@ that is struck within one step is struck at once.
 
 import math
 
-from haptic_device.whole import part
+from haptic_device.jit import njit
 from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows
 from haptic_sim.method.lcp import NORMAL, solve_modes
 from haptic_sim.method.lemke import lemke
@@ -33,7 +33,7 @@ RESTING = 1e-9
 """Speed [m/s | rad/s] below which a contact neither parts nor slips nor rebounds."""
 
 
-@part
+@njit
 def impact(model, layout, work):
     """Velocities after the impact at work.q; restitution is given up where, with friction, it would add energy."""
     before = kinetic(model, layout, work, work.v)
@@ -50,7 +50,7 @@ def impact(model, layout, work):
     work.port[20] += before - kinetic(model, layout, work, work.v)
 
 
-@part
+@njit
 def touching_rows(model, layout, work):
     """Rows of all contacts that touch, and of joints at a limit; returns how many."""
     n = touching_contacts(model, layout, work)
@@ -64,7 +64,7 @@ def touching_rows(model, layout, work):
     return n
 
 
-@part
+@njit
 def touching_contacts(model, layout, work):
     """Rows of all contacts that touch; returns how many."""
     n = 0
@@ -79,7 +79,7 @@ def touching_contacts(model, layout, work):
     return n
 
 
-@part
+@njit
 def strike(model, layout, work, n, scale):
     """v⁺ with the pairs' restitution times `scale`."""
     for r in range(n):
@@ -91,7 +91,7 @@ def strike(model, layout, work, n, scale):
     apply_rows(model, work, n, work.v)
 
 
-@part
+@njit
 def kinetic(model, layout, work, v):
     """Kinetic energy of the bodies that are being advanced [J]."""
     energy = 0.0

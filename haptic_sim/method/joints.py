@@ -11,13 +11,13 @@ arms from the mass centres to the anchors, × the planar cross product and n fix
 
 import math
 
-from haptic_device.whole import part, whole
+from haptic_device.jit import kernel, njit
 from haptic_sim.compile.model import PIN, SLIDER, SPRING
 
 ALONG, ACROSS = 0, 1
 
 
-@part
+@njit
 def arms(model, q, j):
     """(arm of a, arm of b, distance p_b − p_a) in the plane [m]."""
     a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
@@ -28,7 +28,7 @@ def arms(model, q, j):
     return rax, ray, rbx, rby, q[b, 0] + rbx - q[a, 0] - rax, q[b, 1] + rby - q[a, 1] - ray
 
 
-@part
+@njit
 def direction(model, q, j, across):
     """Unit vector of a slider's axis, or square to it, in the plane."""
     a = model.joint_bodies[j, 0]
@@ -39,7 +39,7 @@ def direction(model, q, j, across):
     return ux, uy
 
 
-@part
+@njit
 def guide_row(model, q, v, j, across, row):
     """(φ, γ) of a slider along or across its axis, and its row."""
     a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
@@ -54,7 +54,7 @@ def guide_row(model, q, v, j, across, row):
     return nx * dx + ny * dy, bend + 2.0 * wa * (-ny * slip_x + nx * slip_y)
 
 
-@part
+@njit
 def angle_row(model, q, j, row):
     """(φ, γ) of the angle between the bodies, and its row."""
     a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
@@ -63,7 +63,7 @@ def angle_row(model, q, j, row):
     return q[b, 2] - q[a, 2] - model.joint_angle[j], 0.0
 
 
-@part
+@njit
 def pin_row(model, q, v, j, axis, row):
     """(φ, γ) of a pin along x (axis 0) or y (axis 1), and its row."""
     a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
@@ -78,7 +78,7 @@ def pin_row(model, q, v, j, axis, row):
     return dy, wa2 * ray - wb2 * rby
 
 
-@part
+@njit
 def forbidden_row(model, q, v, j, k, row):
     """(φ, γ) of what joint j forbids, k = 0 or 1, and its row; pins and sliders only."""
     if model.joint_kind[j] == PIN:
@@ -88,7 +88,7 @@ def forbidden_row(model, q, v, j, k, row):
     return guide_row(model, q, v, j, ACROSS, row)
 
 
-@part
+@njit
 def coordinate_row(model, q, v, j, row):
     """(q, γ) of the joint's coordinate, and its row; a SPRING's is the distance of its anchors."""
     if model.joint_kind[j] == PIN:
@@ -103,7 +103,7 @@ def coordinate_row(model, q, v, j, row):
     return length, 0.0
 
 
-@part
+@njit
 def spring_rows(model, j):
     """How many rows joint j's spring-damper acts along: none, one, or two for a spring without length."""
     if model.joint_spring[j, 0] == 0.0 and model.joint_spring[j, 1] == 0.0:
@@ -113,7 +113,7 @@ def spring_rows(model, j):
     return 1
 
 
-@part
+@njit
 def spring_row(model, q, v, j, k, row):
     """(stretch, row) of a spring-damper along its k-th row."""
     if model.joint_kind[j] == SPRING and model.joint_spring[j, 2] == 0.0:
@@ -121,7 +121,7 @@ def spring_row(model, q, v, j, k, row):
     return coordinate_row(model, q, v, j, row)[0] - model.joint_spring[j, 2]
 
 
-@part
+@njit
 def rate(model, v, j, row):
     """J v of a joint's row."""
     a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
@@ -129,7 +129,7 @@ def rate(model, v, j, row):
             + row[3] * v[b, 0] + row[4] * v[b, 1] + row[5] * v[b, 2])
 
 
-@part
+@njit
 def push(model, f, j, row, force):
     """Adds `force` along a joint's row to the generalized forces f (n, 3)."""
     a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
@@ -138,7 +138,7 @@ def push(model, f, j, row, force):
         f[b, k] += row[3 + k] * force
 
 
-@part
+@njit
 def applied_forces(model, q, v, damped, row, f):
     """Gravity and springs [N, N, N m]; with `damped` their dampers too (else these are left to an implicit solve)."""
     for b in range(model.bodies - 1):
@@ -146,7 +146,7 @@ def applied_forces(model, q, v, damped, row, f):
     push_springs(model, q, v, damped, row, f)
 
 
-@part
+@njit
 def push_springs(model, q, v, damped, row, f):
     """Adds the forces of the joints' springs, with `damped` their dampers too."""
     for j in range(model.joints):
@@ -157,7 +157,7 @@ def push_springs(model, q, v, damped, row, f):
             push(model, f, j, row, force)
 
 
-@part
+@njit
 def spring_energy(model, q, v, row):
     """Energy stored in the joints' springs [J]."""
     energy = 0.0
@@ -168,7 +168,7 @@ def spring_energy(model, q, v, row):
     return energy
 
 
-@whole
+@kernel
 def spring_energies(models, works):
     """The same from arrays of one record each."""
     return spring_energy(models[0], works[0].q, works[0].v, works[0].row)

@@ -18,7 +18,7 @@ Redundant contacts (two corners of a block) make A singular: every diagonal gain
 the solution of least sum of squares and changes w by that part only.
 """
 
-from haptic_device.whole import part
+from haptic_device.jit import njit
 
 NORMAL, FRICTION, SLIDING = 0, 1, 2
 OPEN, FREE, LOW, HIGH = 0, 1, -1, 2
@@ -27,7 +27,7 @@ SOFT = 1e-11
 ROUNDING = 1e-9
 
 
-@part
+@njit
 def solve_modes(work, n, share, limit):
     """Solves the rows 0…n−1 in place (`work.mode` is the first guess and the answer). Returns pivots used, or −1.
 
@@ -51,14 +51,14 @@ def solve_modes(work, n, share, limit):
     return -1
 
 
-@part
+@njit
 def limit_of(work, r, share):
     """Bound on |λ_r|."""
     normal = work.partner[r]
     return share * (work.bound[r] + (work.mu[r] * max(work.lam[normal], 0.0) if normal >= 0 else 0.0))
 
 
-@part
+@njit
 def count_wrong(work, n, share, change):
     """(number, last) of rows whose mode the solution contradicts; with `change` they get the better one."""
     wrong, last = 0, -1
@@ -71,7 +71,7 @@ def count_wrong(work, n, share, change):
     return wrong, last
 
 
-@part
+@njit
 def better(work, n, share, r):
     """The mode that the present solution asks for in row r."""
     A, lam, kind, mode = work.A, work.lam, work.kind, work.mode
@@ -97,7 +97,7 @@ def better(work, n, share, r):
     return FREE if w > ROUNDING * size else HIGH
 
 
-@part
+@njit
 def solve_linear(work, n, share):
     """λ for the present modes, by elimination with row pivoting; False if the system is singular."""
     S, free, m, kind, partner = work.system, work.free, 0, work.kind, work.partner
@@ -134,7 +134,7 @@ def solve_linear(work, n, share):
     return True
 
 
-@part
+@njit
 def carry(work, r, m, share, sense):
     """Inserts λ_r = ± (c + μ λ_n) of a row at its bound into the equations of the free rows."""
     A, S, free, normal = work.A, work.system, work.free, work.partner[r]
@@ -147,7 +147,7 @@ def carry(work, r, m, share, sense):
             work.last[i], work.bottom[c] = max(work.last[i], c), max(work.bottom[c], i)
 
 
-@part
+@njit
 def gauss(work, m):
     """Solves S[:m, :m] x = S[:m, m] in place; x ends in the last column. False if a pivot is zero.
 
@@ -180,7 +180,7 @@ def gauss(work, m):
     return True
 
 
-@part
+@njit
 def swap_rows(work, k, at, m):
     """Rows k and `at` change places."""
     S, last = work.system, work.last

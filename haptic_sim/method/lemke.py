@@ -11,11 +11,11 @@ on a ray (Anitescu & Potra 1997, theorem 2.7). The number of pivots is bounded h
 
 import math
 
-from haptic_device.whole import part
+from haptic_device.jit import njit
 from haptic_sim.method.lcp import NORMAL, SOFT
 
 
-@part
+@njit
 def lemke(work, n):
     """λ of rows NORMAL and FRICTION (see `lcp`); True if found."""
     A, start, kind, lam = work.A, work.column, work.kind, work.lam
@@ -38,7 +38,7 @@ def lemke(work, n):
     return found
 
 
-@part
+@njit
 def put(work, width, r, k, value):
     """−A of the tableau w − A z − z0 = b, with the copies of opposite sign that split friction needs."""
     T, size = work.tableau, width // 2 - 1
@@ -52,7 +52,7 @@ def put(work, width, r, k, value):
             T[at + width + 1] = -value
 
 
-@part
+@njit
 def fill_friction(work, width, r):
     """b of row r, and the rows of its slip speed if it is one of friction."""
     T, i, size = work.tableau, work.column[r], width // 2 - 1
@@ -67,7 +67,7 @@ def fill_friction(work, width, r):
         T[row + 2 * width + size + work.column[work.partner[r]]] = -work.mu[r]
 
 
-@part
+@njit
 def pivot_to_end(work, size):
     """Complementary pivoting into work.z; False if it ended on a ray or was stopped."""
     T, basis, z = work.tableau, work.basis, work.z
@@ -97,7 +97,7 @@ def pivot_to_end(work, size):
     return False
 
 
-@part
+@njit
 def least_ratio(work, size, entering):
     """Row that leaves; the artificial variable's if it ties. −1 on a ray."""
     T, width, row, best = work.tableau, 2 * size + 2, -1, math.inf
@@ -110,7 +110,7 @@ def least_ratio(work, size, entering):
     return row
 
 
-@part
+@njit
 def exchange(work, size, row, column):
     """Gauss–Jordan step."""
     T, width = work.tableau, 2 * size + 2

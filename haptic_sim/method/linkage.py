@@ -19,7 +19,7 @@ other coordinates, and a row that vanishes there is dropped.
 
 import math
 
-from haptic_device.whole import part
+from haptic_device.jit import njit
 from haptic_sim.compile.model import SPRING
 from haptic_sim.method.joints import forbidden_row, spring_row, spring_rows
 
@@ -27,7 +27,7 @@ REDUNDANT = 1e-10
 """Pivot, in the largest entry of J, below which a row says nothing new."""
 
 
-@part
+@njit
 def reduce_linkage(model, layout, work, i, q, v, h):
     """Finds N, Y, a_p of linkage i at q, v; with h > 0 for a backward difference over h with the coupling."""
     if layout.joint_start[i + 1] == layout.joint_start[i]:
@@ -37,7 +37,7 @@ def reduce_linkage(model, layout, work, i, q, v, h):
         reduce_joined(model, layout, work, i, q, v, h)
 
 
-@part
+@njit
 def reduce_joined(model, layout, work, i, q, v, h):
     """The same of a linkage with joints."""
     first, columns = layout.body_start[i], 3 * (layout.body_start[i + 1] - layout.body_start[i])
@@ -47,7 +47,7 @@ def reduce_joined(model, layout, work, i, q, v, h):
     factor(work, 3 * first, work.freedoms[i], columns)
 
 
-@part
+@njit
 def free_body(model, work, i, b, row, h):
     """A body without joints: W = M⁻¹."""
     port, added, added_turn = work.port, 0.0, 0.0
@@ -63,7 +63,7 @@ def free_body(model, work, i, b, row, h):
     work.freedoms[i] = 3
 
 
-@part
+@njit
 def fill_rows(model, layout, work, i, q, v):
     """[J | γ | φ] of linkage i; returns the number of rows."""
     J, columns = work.jacobian, 3 * (layout.body_start[i + 1] - layout.body_start[i])
@@ -87,7 +87,7 @@ def fill_rows(model, layout, work, i, q, v):
     return r
 
 
-@part
+@njit
 def eliminate(work, rows, columns):
     """Gauss–Jordan with full pivoting of [J | γ | φ]; work.pivot holds the dependent column of each row kept."""
     J, rank, largest = work.jacobian, 0, 0.0
@@ -118,7 +118,7 @@ def eliminate(work, rows, columns):
     return rank
 
 
-@part
+@njit
 def null_space(layout, work, first, columns):
     """Rows of Nᵀ into work.N, a_p into work.bias; returns the number of independent coordinates."""
     J, N, u = work.jacobian, work.N, 0
@@ -135,7 +135,7 @@ def null_space(layout, work, first, columns):
     return u
 
 
-@part
+@njit
 def fill_mass(model, layout, work, i, q, v, h):
     """Nᵀ M N of linkage i into work.reduced."""
     first, d, N, R, port = layout.body_start[i], work.freedoms[i], work.N, work.reduced, work.port
@@ -157,7 +157,7 @@ def fill_mass(model, layout, work, i, q, v, h):
             add_spring(model, layout, work, layout.joint_order[m], q, v, h, d)
 
 
-@part
+@njit
 def add_spring(model, layout, work, j, q, v, h, d):
     """(h c + h² k) of a spring-damper along its rows, seen from the independent coordinates."""
     a, b = layout.place_in[model.joint_bodies[j, 0]], layout.place_in[model.joint_bodies[j, 1]]
@@ -177,7 +177,7 @@ def add_spring(model, layout, work, j, q, v, h, d):
                 work.reduced[u, w] += weight * work.seen[u] * work.seen[w]
 
 
-@part
+@njit
 def factor(work, row, d, columns):
     """Cholesky of work.reduced, and Y = L⁻¹ Nᵀ into work.Y from `row` on."""
     R, N, Y = work.reduced, work.N, work.Y
@@ -194,7 +194,7 @@ def factor(work, row, d, columns):
             Y[row + u, c] = total / R[u, u]
 
 
-@part
+@njit
 def respond(layout, work, i, f, out):
     """out = W f for the bodies of linkage i; f and out (n, 3)."""
     first, columns = layout.body_start[i], 3 * (layout.body_start[i + 1] - layout.body_start[i])

@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.whole import part
+from haptic_device.jit import njit
 from haptic_sim.method.event import is_held
 from haptic_sim.method.impact import TOUCHING
 from haptic_sim.method.rows import add_contact, moves
@@ -15,7 +15,7 @@ APART, MET, TOUCHES = 0, 1, 2
 """A pair in this step: no contact yet; one on the way; in contact from the start, of which nothing new can be said."""
 
 
-@part
+@njit
 def look_around(model, layout, work):
     """Discs around all shapes at work.q, and no pair has met yet: what `add_met` starts from."""
     place_shapes(model, layout, work, work.q)
@@ -25,7 +25,7 @@ def look_around(model, layout, work):
         work.met[p] = APART
 
 
-@part
+@njit
 def add_met(model, layout, work, n):
     """Adds rows for pairs that touch now, or meet on the straight way from work.q to work.trial_q; returns how many."""
     for p in range(model.pair_count):
@@ -48,7 +48,7 @@ def add_met(model, layout, work, n):
     return n
 
 
-@part
+@njit
 def way_between(layout, work, a, b):
     """How far points of two bodies move against each other at most [m]."""
     q, to = work.q, work.trial_q
@@ -56,14 +56,14 @@ def way_between(layout, work, a, b):
     return way + abs(to[a, 2] - q[a, 2]) * layout.extent[a] + abs(to[b, 2] - q[b, 2]) * layout.extent[b]
 
 
-@part
+@njit
 def discs_apart(layout, work, s, u):
     """Distance of the discs around two shapes at the start [m]."""
     m = work.around
     return math.hypot(m[u, 0] - m[s, 0], m[u, 1] - m[s, 1]) - layout.reach[s] - layout.reach[u]
 
 
-@part
+@njit
 def place_pair(model, layout, work, s, u, share):
     """Two shapes at a share of the way."""
     for shape in (s, u):
@@ -74,14 +74,14 @@ def place_pair(model, layout, work, s, u, share):
         place_shape(model, layout, work, shape, x, y, math.cos(angle), math.sin(angle))
 
 
-@part
+@njit
 def gap_at(model, layout, work, s, u, share):
     """Gap of two shapes at a share of the way [m]."""
     place_pair(model, layout, work, s, u, share)
     return gap_of(model, work, s, u)
 
 
-@part
+@njit
 def meeting(model, layout, work, s, u, way):
     """Share of the way at which two shapes meet; 0 if they touch already, −1 if they do not meet."""
     if gap_at(model, layout, work, s, u, 0.0) <= TOUCHING:
@@ -96,7 +96,7 @@ def meeting(model, layout, work, s, u, way):
     return -1.0
 
 
-@part
+@njit
 def first_touch(model, layout, work, s, u, low, high):
     """Share of the way, between `low` (apart) and `high` (overlapping), at which the gap is zero."""
     for _ in range(BISECTIONS):

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import contact
 
 MOST = 512  # pairs of features looked at

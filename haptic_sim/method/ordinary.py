@@ -7,7 +7,7 @@ sample of the same session with the same gains, in time. Whatever else comes is 
 
 import numpy as np
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import exchange, port
 from haptic_sim.method.closed_form import advance_drawn
 

@@ -12,7 +12,7 @@ than it took: at h² k/m = .5 restitution already exceeds 1.06 at some phases. T
 
 import math
 
-from haptic_device.whole import part, whole
+from haptic_device.jit import kernel, njit
 from haptic_sim.method.effect import note_impulses
 from haptic_sim.method.joints import applied_forces
 from haptic_sim.method.lcp import NORMAL
@@ -24,7 +24,7 @@ from haptic_sim.method.step import lead_handle, watch_contacts
 from haptic_sim.method.touch import GAP, evaluate, far_apart, gap_of, place_shapes, touch
 
 
-@whole
+@kernel
 def penalty_steps(models, layouts, works, h, count, path):
     """`count` sub-steps from each row of the handle's path (position, velocity) evenly to the next."""
     model, layout, work = models[0], layouts[0], works[0]
@@ -36,7 +36,7 @@ def penalty_steps(models, layouts, works, h, count, path):
         watch_contacts(layout, work, h)
 
 
-@part
+@njit
 def penalty_step(model, layout, work, h):
     """Advances all bodies by h [s] and books the energy supplied at the tool's port."""
     q, v, f, port = work.q, work.v, work.smooth, work.port
@@ -63,7 +63,7 @@ def penalty_step(model, layout, work, h):
     port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
 
 
-@part
+@njit
 def couple_tool(work, f):
     """The coupling at the start of the sub-step."""
     port = work.port
@@ -73,7 +73,7 @@ def couple_tool(work, f):
         f[0, k] += port[10 + k]
 
 
-@part
+@njit
 def push_contacts(model, layout, work, f, h):
     """Adds what overlapping shapes, limits and dry friction in joints push to the forces f; returns how many rows."""
     place_shapes(model, layout, work, work.q)
@@ -102,7 +102,7 @@ def push_contacts(model, layout, work, f, h):
     return n
 
 
-@whole
+@kernel
 def contact_energy(models, layouts, works):
     """Energy stored in the springs of all contacts [J]."""
     model, layout, work = models[0], layouts[0], works[0]

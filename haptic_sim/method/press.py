@@ -29,7 +29,7 @@ So does a step that gains energy by it all the same, as with a coupling that is 
 
 import math
 
-from haptic_device.whole import part
+from haptic_device.jit import njit
 from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows
 from haptic_sim.method.impact import RESTING, TOUCHING, kinetic
 from haptic_sim.method.joints import applied_forces, spring_energy
@@ -47,7 +47,7 @@ PASSES = 6
 """Solutions of one step, each with the contacts that the one before has run into."""
 
 
-@part
+@njit
 def press(model, layout, work, h):
     """Advances the active linkages by one backward difference of h [s]; sets the force on the tool if it is one."""
     q, v, free = work.q, work.v, work.free_v
@@ -81,7 +81,7 @@ def press(model, layout, work, h):
     work.port[21] += energy_held(model, layout, work, work.q, work.v) - reached
 
 
-@part
+@njit
 def free_velocity(model, layout, work, h):
     """v⁺ without contacts, of the active linkages, into work.free_v."""
     q, v, f, port, free = work.q, work.v, work.smooth, work.port, work.free_v
@@ -100,7 +100,7 @@ def free_velocity(model, layout, work, h):
             respond(layout, work, i, f, free)
 
 
-@part
+@njit
 def move(model, layout, work, h):
     """Trial poses: the way of the step along the trial velocities; who is not held stays."""
     copy(work.q, work.trial_q, model.bodies)
@@ -110,7 +110,7 @@ def move(model, layout, work, h):
                 work.trial_q[b, k] += h * work.trial_v[b, k]
 
 
-@part
+@njit
 def solve(model, layout, work, n, h, scale):
     """Trial velocities with n rows; restitution times `scale`."""
     free = work.free_v
@@ -136,7 +136,7 @@ def solve(model, layout, work, n, h, scale):
     apply_rows(model, work, n, work.trial_v)
 
 
-@part
+@njit
 def room(model, work, r, h, scale):
     """What a normal row adds to its rate G v⁺: the way it has left, gap/h; in a step that would use it up a rebound."""
     left = min(max(work.gap[r], 0.0) / h, FAR)
@@ -146,7 +146,7 @@ def room(model, work, r, h, scale):
     return -back if back > 0.0 else left
 
 
-@part
+@njit
 def rebound(model, work, r):
     """Rate −e G v⁻ [m/s] at which row r parts after an impact; 0 where it is none, or one too slow."""
     if work.kind[r] != NORMAL or work.source[r] != 0:
@@ -156,7 +156,7 @@ def rebound(model, work, r):
     return e * approach if approach > RESTING and approach * (1.0 - e * e) >= 2.0 * change * e else 0.0
 
 
-@part
+@njit
 def rebounds(model, work, n):
     """Whether any of n rows asks for a rebound."""
     most = 0.0
@@ -165,7 +165,7 @@ def rebounds(model, work, n):
     return most > 0.0
 
 
-@part
+@njit
 def gained(model, layout, work, n):
     """Energy [J] that the trial state has more than the present one and what port, motors and belts supply."""
     supplied = drives_work(model, work, work.trial_v, n)
@@ -176,7 +176,7 @@ def gained(model, layout, work, n):
     return held - energy_held(model, layout, work, work.q, work.v) - supplied
 
 
-@part
+@njit
 def pull(work, k):
     """Coupling's force on axis k of the tool in the trial state [N | N m]."""
     port = work.port
@@ -184,7 +184,7 @@ def pull(work, k):
     return stiffness * (port[k] - work.trial_q[0, k]) + damping * (port[3 + k] - work.trial_v[0, k])
 
 
-@part
+@njit
 def take(model, layout, work, n):
     """Takes the trial state; books the contacts, what the rows take, and the force at the port.
 
@@ -200,7 +200,7 @@ def take(model, layout, work, n):
     copy(work.trial_q, q, model.bodies)
 
 
-@part
+@njit
 def put_right(model, layout, work, n):
     """Joints and overlaps that the turning of the rows has left, out of the positions; joints out of the velocities."""
     for i in range(layout.linkages):
@@ -210,7 +210,7 @@ def put_right(model, layout, work, n):
         push_out(model, layout, work, n)
 
 
-@part
+@njit
 def energy_held(model, layout, work, q, v):
     """Kinetic energy of the active linkages, their potential energy and that of all springs [J], at q, v."""
     energy = kinetic(model, layout, work, v) + spring_energy(model, q, v, work.row)
@@ -220,7 +220,7 @@ def energy_held(model, layout, work, q, v):
     return energy
 
 
-@part
+@njit
 def brake(model, layout, work, most):
     """Slows the active linkages down, all alike, if they have gained more energy than `most` [J].
 
@@ -238,7 +238,7 @@ def brake(model, layout, work, most):
                 work.v[b, k] *= share
 
 
-@part
+@njit
 def settle(model, layout, work, i):
     """Closes a linkage's joints; then its velocities onto what they allow, orthogonally in the sense of the masses.
 
@@ -253,7 +253,7 @@ def settle(model, layout, work, i):
     respond(layout, work, i, f, v)
 
 
-@part
+@njit
 def push_out(model, layout, work, n):
     """Takes overlaps that the turning of the rows has left out of the positions; velocities stay."""
     place_shapes(model, layout, work, work.q)

@@ -7,7 +7,7 @@ and `joints`).
 
 import math
 
-from haptic_device.whole import part
+from haptic_device.jit import njit
 from haptic_sim.compile.model import SPRING
 from haptic_sim.method.joints import coordinate_row
 from haptic_sim.method.lcp import FREE, FRICTION, NORMAL
@@ -18,7 +18,7 @@ LIMIT, DRY = 1, 2
 """Sources of a row beside a contact (0): a joint's limit (which side: sign), its dry friction or motor."""
 
 
-@part
+@njit
 def rate_of(work, v, r):
     """G v of row r."""
     a, b, G = work.row_a[r], work.row_b[r], work.G
@@ -26,7 +26,7 @@ def rate_of(work, v, r):
             + G[r, 3] * v[b, 0] + G[r, 4] * v[b, 1] + G[r, 5] * v[b, 2])
 
 
-@part
+@njit
 def wished(model, work, r):
     """Rate at which row r has no slip: a motor's speed; of friction on a belt −t · s, s being its surface's; else 0."""
     if work.kind[r] == NORMAL or work.source[r] == LIMIT:
@@ -37,7 +37,7 @@ def wished(model, work, r):
     return model.joint_motor[work.index[r], 0] if model.joint_motor[work.index[r], 1] > 0.0 else 0.0
 
 
-@part
+@njit
 def drives_work(model, work, v, n):
     """Work of motors and belts among n rows [J] by their impulses λ.
 
@@ -53,7 +53,7 @@ def drives_work(model, work, v, n):
     return given
 
 
-@part
+@njit
 def add_row(work, r, a, b, kind, partner, mu, bound, source, index, key):
     """Row r's constants; its numbers are filled in by `refresh`. Returns r + 1."""
     work.row_a[r], work.row_b[r], work.kind[r], work.partner[r] = a, b, kind, partner
@@ -62,7 +62,7 @@ def add_row(work, r, a, b, kind, partner, mu, bound, source, index, key):
     return r + 1
 
 
-@part
+@njit
 def add_contact(model, layout, work, r, pair, feature):
     """The rows of one contact: normal and, with friction, tangent."""
     if r + 2 > MOST_ROWS:
@@ -81,7 +81,7 @@ def add_contact(model, layout, work, r, pair, feature):
     return add_row(work, r + 1, a, b, FRICTION, r, model.pair_friction[pair], 0.0, 0, pair, 2 * key + 1)
 
 
-@part
+@njit
 def add_joints(model, layout, work, first, q, v, slack, friction_scale):
     """Rows of joints from `first` on; returns how many.
 
@@ -109,14 +109,14 @@ def add_joints(model, layout, work, first, q, v, slack, friction_scale):
     return r - first
 
 
-@part
+@njit
 def moves(layout, work, a, b):
     """Whether one of two bodies belongs to a linkage that is being advanced."""
     la, lb = layout.linkage[a], layout.linkage[b]
     return (la >= 0 and work.active[la] > 0) or (lb >= 0 and work.active[lb] > 0)
 
 
-@part
+@njit
 def recall(work, n):
     """First guess of the modes: what the same rows were in before."""
     for r in range(n):
@@ -127,7 +127,7 @@ def recall(work, n):
                 break
 
 
-@part
+@njit
 def remember(work, n):
     """Keeps the modes for the next guess."""
     work.counts[1] = n
@@ -135,7 +135,7 @@ def remember(work, n):
         work.old_key[r], work.old_mode[r] = work.key[r], work.mode[r]
 
 
-@part
+@njit
 def refresh(model, layout, work, q, v, n):
     """G, γ and gap of all rows at q, v; the shapes have been placed at q."""
     r = 0
@@ -150,7 +150,7 @@ def refresh(model, layout, work, q, v, n):
             r += 1
 
 
-@part
+@njit
 def contact_rows(surface, work, q, v, r, tangent):
     """Normal row r, and row r + 1 along t = z × n, there with the γ of the slip, G v + t · surface."""
     c, a, b, G = work.contact, work.row_a[r], work.row_b[r], work.G
@@ -175,7 +175,7 @@ def contact_rows(surface, work, q, v, r, tangent):
     work.place[r, 0], work.place[r, 1] = c[PX], c[PY]
 
 
-@part
+@njit
 def joint_coordinate(model, work, q, v, r):
     """A row along a joint's coordinate: towards the inside of a limit, or the coordinate itself."""
     j = work.index[r]
@@ -189,7 +189,7 @@ def joint_coordinate(model, work, q, v, r):
         work.gap[r] = at - model.joint_limit[j, 0] if sign > 0.0 else model.joint_limit[j, 1] - at
 
 
-@part
+@njit
 def keep_rows(work, v, n, farthest, fastest):
     """Drops contacts and limits farther or parting faster (with their friction); returns how many are left."""
     kept, dropped = 0, False
@@ -204,7 +204,7 @@ def keep_rows(work, v, n, farthest, fastest):
     return kept
 
 
-@part
+@njit
 def move_row(work, r, to):
     """Row r becomes row `to`; a friction row stays next to its normal."""
     work.row_a[to], work.row_b[to], work.kind[to], work.mu[to] = work.row_a[r], work.row_b[r], work.kind[r], work.mu[r]

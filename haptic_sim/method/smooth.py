@@ -8,7 +8,7 @@ the contact forces and steps are cut short by events anyway. Then the dependent
 coordinates are then found again from the independent ones by Newton's method, so that constraints hold to rounding.
 """
 
-from haptic_device.whole import part
+from haptic_device.jit import njit
 from haptic_sim.method.effect import apply_rows, copy, respond_rows, zero
 from haptic_sim.method.formulas import SLOPES_4, SLOPES_8, WEIGHTS_4, WEIGHTS_8
 from haptic_sim.method.joints import applied_forces
@@ -21,7 +21,7 @@ MET = 1e-14
 """Residual of a constraint [m | rad] that Newton's method leaves alone."""
 
 
-@part
+@njit
 def free_acceleration(model, layout, work, q, v):
     """Accelerations [m/s², rad/s²] without contacts, into work.free_v; bodies of inactive linkages get none."""
     applied_forces(model, q, v, True, work.row, work.smooth)
@@ -46,7 +46,7 @@ def free_acceleration(model, layout, work, q, v):
                 a[layout.order[m], k] += work.bias[layout.order[m], k]
 
 
-@part
+@njit
 def pull_tool(work, q, v, time):
     """Force of the coupling on the tool [N, N, N m] with the handle where it is `time` [s] into the sub-step."""
     port, hand = work.port, work.hand
@@ -56,7 +56,7 @@ def pull_tool(work, q, v, time):
         work.pull[k] = stiffness * (place - q[0, k]) + damping * (rate - v[0, k])
 
 
-@part
+@njit
 def accelerate(model, layout, work, q, v, n):
     """Accelerations with n rows in their present modes, into work.free_v."""
     free_acceleration(model, layout, work, q, v)
@@ -71,7 +71,7 @@ def accelerate(model, layout, work, q, v, n):
     apply_rows(model, work, n, work.free_v)
 
 
-@part
+@njit
 def advance(model, layout, work, tau, n):
     """Trial state after `tau` [s] from work.q, work.v, brought back to the constraints.
 
@@ -104,7 +104,7 @@ def advance(model, layout, work, tau, n):
     bring_back(model, layout, work, work.trial_q, work.trial_v, n)
 
 
-@part
+@njit
 def power(work, v, n):
     """What n rows give to bodies at velocities v [W]."""
     given = 0.0
@@ -113,7 +113,7 @@ def power(work, v, n):
     return given
 
 
-@part
+@njit
 def add(model, layout, work, q, v, part, s):
     """Adds a part of the slopes of stage s for bodies that are being advanced."""
     for b in range(model.bodies - 1):
@@ -124,7 +124,7 @@ def add(model, layout, work, q, v, part, s):
             v[b, k] += part * work.slopes_v[s, b, k]
 
 
-@part
+@njit
 def bring_back(model, layout, work, q, v, n):
     """Newton steps of the dependent coordinates, then their velocities, then contacts that are held."""
     for i in range(layout.linkages):
@@ -134,7 +134,7 @@ def bring_back(model, layout, work, q, v, n):
         bring_back_contacts(model, layout, work, q, v, n)
 
 
-@part
+@njit
 def bring_back_linkage(model, layout, work, i, q, v):
     """Dependent coordinates and velocities of a linkage from the independent ones."""
     first, J = layout.body_start[i], work.jacobian
@@ -149,7 +149,7 @@ def bring_back_linkage(model, layout, work, i, q, v):
         v[layout.order[first + c // 3], c % 3] = -total
 
 
-@part
+@njit
 def close_joints(model, layout, work, i, q, v):
     """Dependent coordinates of a linkage by Newton's method; returns the rank, J is left eliminated there."""
     first, J, rank = layout.body_start[i], work.jacobian, 0
@@ -167,7 +167,7 @@ def close_joints(model, layout, work, i, q, v):
     return rank
 
 
-@part
+@njit
 def bring_back_contacts(model, layout, work, q, v, n):
     """Gaps of held contacts to zero, by the least motion in the sense of the masses; then held rates to zero."""
     for i in range(layout.linkages):
@@ -187,7 +187,7 @@ def bring_back_contacts(model, layout, work, q, v, n):
     apply_rows(model, work, n, v)
 
 
-@part
+@njit
 def held_gap(work, n):
     """Largest gap, or overlap, of a contact that is held [m]."""
     largest = 0.0
@@ -197,7 +197,7 @@ def held_gap(work, n):
     return largest
 
 
-@part
+@njit
 def hold(work, n):
     """λ that takes the rates b of all held rows to zero, sliding ones without force."""
     solve_linear(work, n, 0.0)

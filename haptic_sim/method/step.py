@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.whole import part, whole
+from haptic_device.jit import kernel, njit
 from haptic_sim.method.flight import fly
 from haptic_sim.method.press import press
 from haptic_sim.method.smooth import pull_tool
@@ -13,7 +13,7 @@ FALL = 100.0
 """Acceleration [m/s²] beyond the present speeds that is allowed for when looking who can come near the tool."""
 
 
-@whole
+@kernel
 def sub_steps(models, layouts, works, h, count, path):
     """`count` sub-steps from each row of the handle's path (position, velocity) evenly to the next.
 
@@ -30,14 +30,14 @@ def sub_steps(models, layouts, works, h, count, path):
         watch_contacts(layout, work, h)
 
 
-@part
+@njit
 def lead_handle(work, path, row, share):
     """Handle's position and velocity at this share of the way from a row of its path to the next into work.port."""
     for m in range(6):
         work.port[m] = (1.0 - share) * path[row, m] + share * path[row + 1, m]
 
 
-@part
+@njit
 def follow_hand(work, path, row, count, h):
     """Handle a sub-step ago, `count` of which go from this row of its path to the next, and how fast it changes."""
     for m in range(6):
@@ -45,7 +45,7 @@ def follow_hand(work, path, row, count, h):
         work.hand[0, m], work.hand[1, m] = work.port[m] - h * rate, rate
 
 
-@part
+@njit
 def watch_contacts(layout, work, h):
     """Books in work.port[14:] whether a contact pushed the tool, a pair's largest force [N], the deepest overlap."""
     port = work.port
@@ -61,7 +61,7 @@ def watch_contacts(layout, work, h):
         port[16] = max(port[16], note[6])
 
 
-@part
+@njit
 def sub_step(model, layout, work, h):
     """Advances all bodies by h [s] and books the energy supplied at the tool's port."""
     x, y, angle = work.q[0, 0], work.q[0, 1], work.q[0, 2]
@@ -84,7 +84,7 @@ def sub_step(model, layout, work, h):
     port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
 
 
-@part
+@njit
 def event_step(model, layout, work, h):
     """Advances all bodies by h [s] from event to event, the coupling a force along the handle's straight way."""
     q, port = work.q, work.port
@@ -101,7 +101,7 @@ def event_step(model, layout, work, h):
         port[10 + k] = work.pull[k]
 
 
-@part
+@njit
 def hold_all(layout, work):
     """Marks every linkage as active; returns how many."""
     for i in range(layout.linkages):
@@ -109,7 +109,7 @@ def hold_all(layout, work):
     return layout.linkages
 
 
-@part
+@njit
 def hold_to_tool(model, layout, work, h):
     """Marks as active the linkages that the coupling can act on within h, by joints or contacts; returns how many."""
     for i in range(layout.linkages):
@@ -131,7 +131,7 @@ def hold_to_tool(model, layout, work, h):
     return held
 
 
-@part
+@njit
 def spread(model, layout, work, p, h, pull):
     """Activates the other linkage of a pair if the two can meet within h and one is active; returns 1 if it did."""
     a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]

@@ -15,7 +15,7 @@ velocity of the point relative to the edge's body, w_t its part along t = z × n
 
 import math
 
-from haptic_device.whole import part
+from haptic_device.jit import njit
 
 GAP, NX, NY, AX, AY, BX, BY, PX, PY, ROUND, OWNER = range(11)
 """Fields of a contact: gap [m], unit normal from a to b, the points of a and of b whose distance is the gap (relative
@@ -30,7 +30,7 @@ FLUSH = 0.9
 """Cosine between two facing edges above which both ends are contacts."""
 
 
-@part
+@njit
 def place_shapes(model, layout, work, q):
     """Vertices, edge normals and disc centres of all shapes in the plane, bodies at poses `q`."""
     body, c, sn = -1, 1.0, 0.0
@@ -41,7 +41,7 @@ def place_shapes(model, layout, work, q):
         place_shape(model, layout, work, s, q[b, 0], q[b, 1], c, sn)
 
 
-@part
+@njit
 def place_shape(model, layout, work, s, x, y, c, sn):
     """The same of one shape, with its body's mass centre and the cosine and sine of its angle given."""
     points, normals, middles = work.points, work.normals, work.middles
@@ -54,14 +54,14 @@ def place_shape(model, layout, work, s, x, y, c, sn):
         normals[v, 0], normals[v, 1] = c * nx - sn * ny, sn * nx + c * ny
 
 
-@part
+@njit
 def far_apart(layout, work, s, u):
     """Distance of the discs around two shapes [m]: a lower bound of their gap."""
     middles = work.middles
     return math.hypot(middles[u, 0] - middles[s, 0], middles[u, 1] - middles[s, 1]) - layout.reach[s] - layout.reach[u]
 
 
-@part
+@njit
 def best_edge(work, a0, a1, b0, b1):
     """(separation, edge, deepest vertex): the edge of a with the largest least distance of b's vertices from it."""
     points, normals = work.points, work.normals
@@ -78,7 +78,7 @@ def best_edge(work, a0, a1, b0, b1):
     return best, edge, deep
 
 
-@part
+@njit
 def disc_on(work, c, radius, a0, a1):
     """(gap, vertex or -1, edge): of a disc about vertex `c` from a polygon, and the corner it is nearest to, if any."""
     points, normals = work.points, work.normals
@@ -95,7 +95,7 @@ def disc_on(work, c, radius, a0, a1):
     return best - radius, -1, edge
 
 
-@part
+@njit
 def gap_of(model, work, s, u):
     """Signed gap of two shapes [m]."""
     points = work.points
@@ -110,7 +110,7 @@ def gap_of(model, work, s, u):
     return max(best_edge(work, a0, a1, b0, b1)[0], best_edge(work, b0, b1, a0, a1)[0])
 
 
-@part
+@njit
 def touch(model, work, s, u):
     """Writes into work.features those by which two shapes touch or come nearest, and returns how many, 1 or 2."""
     a0, a1, b0, b1 = model.shape_start[s], model.shape_start[s + 1], model.shape_start[u], model.shape_start[u + 1]
@@ -130,7 +130,7 @@ def touch(model, work, s, u):
     return facing(work, edge_b, b0, b1, deep_a, a0, a1, -1)
 
 
-@part
+@njit
 def note(work, k, kind, first, second, sign):
     """Writes feature k and returns k + 1."""
     features = work.features
@@ -138,7 +138,7 @@ def note(work, k, kind, first, second, sign):
     return k + 1
 
 
-@part
+@njit
 def facing(work, e, a0, a1, deep, b0, b1, sign):
     """Features of edge `e` of one polygon with the other, whose deepest vertex is `deep`; sign -1 if e is body b's."""
     normals = work.normals
@@ -161,7 +161,7 @@ def facing(work, e, a0, a1, deep, b0, b1, sign):
     return count if count > 0 else note(work, 0, ON_EDGE, deep, e, sign)
 
 
-@part
+@njit
 def within(work, v, e, after):
     """Whether vertex v projects into the edge from e to after."""
     points = work.points
@@ -171,7 +171,7 @@ def within(work, v, e, after):
     return -ROUNDING * length <= along <= (1.0 + ROUNDING) * length
 
 
-@part
+@njit
 def evaluate(layout, work, feature):
     """Fields of the contact at one feature into work.contact, for the poses that the shapes were placed at."""
     points, normals, out = work.points, work.normals, work.contact

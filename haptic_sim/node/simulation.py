@@ -9,19 +9,18 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
-from haptic_device.compiling import have
+from haptic_device.jit import have
 from haptic_device.node import health, wire
 from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
 from haptic_device.runtime.realtime import go_realtime, lift_threads, spare_collections
 from haptic_sim.at_once import compile_for
-from haptic_sim.compile.groups import groups_of
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.port import Port
 from haptic_sim.scene import load
-from haptic_sim.simulation import Simulation
+from haptic_sim.simulation import Simulation, kernels_of
 
 DIAGNOSTICS_PERIOD = 0.5  # s
 MIDDLEWARE_PRIORITY = 65  # above the exchange, which must never wait for the middleware's own threads
@@ -110,7 +109,7 @@ class SimulationNode(ManagedNode):
     def _world(self, values):
         """A simulation as these parameters say."""
         scene = load(values["scene"])
-        have(*groups_of(scene, values["method"], values["exchange.method"]), told=self.told)
+        have(*kernels_of(scene, values["method"], values["exchange.method"]), told=self.told)
         world = Simulation.by_parameters(scene, values)
         compile_for(world, wire.JointLayout(wire.exchange_names(1)))
         if values["exchange.method"] == "local":

@@ -17,7 +17,7 @@ import sys
 import tempfile
 import threading
 
-from haptic_device.runtime.process import ending_with_us, own_environment, running_module
+from haptic_device.process import ending_with_us, own_environment, running_module
 
 LONGEST = 0.1  # s of motion computed at once; a longer silence is left out
 MOST_BEHIND = 2  # answers outstanding, beyond which motion is left out: it shows the newest place, not an old way

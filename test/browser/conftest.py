@@ -24,7 +24,7 @@ from rclpy.parameter import Parameter
 
 from haptic_device.node.tap import Tap
 from haptic_device.node.wire import STREAM, JointLayout, truth_names
-from haptic_device.runtime.process import ending_with_us
+from haptic_device.process import ending_with_us
 
 SHOTS = Path(__file__).parents[2] / "build" / "browser"
 FIGURES = []

@@ -18,7 +18,7 @@ from live_nodes import strange_diagnostics
 
 from haptic_device.analysis.recording import load
 from haptic_device.runtime import page
-from haptic_device.runtime.process import ending_with_us
+from haptic_device.process import ending_with_us
 from haptic_sim import scene
 from haptic_sim.cli import main
 from haptic_sim.compile import compile_scene

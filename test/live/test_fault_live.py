@@ -15,7 +15,7 @@ import pytest
 from live_nodes import HOLDING, LIMIT, Ear, command
 
 from haptic_device.runtime import clock, page
-from haptic_device.runtime.process import ending_with_us
+from haptic_device.process import ending_with_us
 
 pytestmark = pytest.mark.timeout(600)
 

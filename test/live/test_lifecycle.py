@@ -14,7 +14,7 @@ from live_nodes import LIMIT, MODULES, SLOW, Ear, Nodes, page_path
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
-from haptic_device.runtime.process import ending_with_us
+from haptic_device.process import ending_with_us
 from haptic_sim.node.relay import RelayNode
 
 pytestmark = pytest.mark.timeout(600)

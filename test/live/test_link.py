@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from haptic_device.device import load_device, plant_of
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.law import engage, fault, operator, plant, servo
 from haptic_device.runtime import clock, link, loop, loopback, page, realtime
 from haptic_device.runtime.link import PageLink

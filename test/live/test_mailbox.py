@@ -12,7 +12,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from haptic_device.kernel import kernel
+from haptic_device.jit import kernel
 from haptic_device.runtime import atomic, mailbox
 
 PAIR = np.dtype([("a", "f8"), ("b", "f8", (5,))])

@@ -25,7 +25,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from haptic_device.analysis.recording import load
-from haptic_device.runtime.process import ending_with_us
+from haptic_device.process import ending_with_us
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import NodeDiedError, Nodes, Program
 

@@ -15,7 +15,7 @@ import pytest
 
 from haptic_device.cache import BESIDE, ROOMS
 from haptic_device.law import servo
-from haptic_device.whole import PLAIN, part, whole
+from haptic_device.whole import PLAIN
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -156,12 +156,12 @@ def test_without_the_compiler_the_same_servo_and_plant_compute_the_same(tmp_path
         assert np.allclose(compiled[name], plain[name], rtol=1e-9, atol=1e-12), name
 
 
-@part
+@njit
 def scaled(x, factor):
     return factor * x
 
 
-@part
+@njit
 def sum_of(x, count):
     total = 0.0
     for k in range(count):
@@ -169,7 +169,7 @@ def sum_of(x, count):
     return total + scaled(x, 0) + scaled(x, 1)
 
 
-@whole
+@kernel
 def twice(x):
     return sum_of(x, 3) + sum_of(x, 3)
 

@@ -7,7 +7,7 @@ import signal
 import sys
 
 _PR_SET_PDEATHSIG = 1
-_ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+_ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _libc = ctypes.CDLL(None, use_errno=True)
 
 

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled kernels: numba with the project's options, a cache that cannot hold a stale law, and how it is filled.
+
+numba's own cache looks only at the file of the function that was called; an edit of a law in another file would go
+unseen. Here the cache folder's name is a digest of the package's sources, of when and where they were written (numba
+looks at these), of numba, of python and of the CPU: any change is a new folder.
+
+Compiling takes all of a core for many seconds, and some hundred MB that stay. `haptic compile` does it in processes of
+its own; `have(...)` runs that command where an entry (haptic_sim/kernels.py) is not in the cache yet.
+"""
+
+import functools
+import hashlib
+import os
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+import llvmlite.binding
+
+from haptic_device.process import ending_with_us, own_environment, running_module
+
+ROOT = Path(__file__).resolve().parent.parent
+WITHOUT_KERNELS = {"bench", "cli", "viewer"}  # folders that no kernel is in or takes anything from
+KEPT = 4  # folders; older ones are removed
+ROOM = 32 * 2**20  # bytes that must be free: all kernels take less
+MEMORY = Path("/dev/shm")  # where kernels are kept until the next restart if the user's cache cannot be written
+LOOK = 0.1  # [s] between looks at whether a process that waits shall end
+
+
+def njit(function, **options):
+    """As numba.njit, for a function that kernels call. Division by zero follows IEEE 754, nothing raises."""
+    import numba  # .4 s, which a process that calls no kernel does without
+
+    return numba.njit(function, nogil=True, error_model="numpy", **options)
+
+
+def kernel(function):
+    """As njit, for a function that Python calls: kept in the cache. Given a signature in place of the function, a
+    decorator that compiles for it at once, into a function pointer."""
+    import numba
+
+    numba.config.CACHE_DIR = str(folder())
+    return njit(function, cache=True)
+
+
+def have(*entries, told=()):
+    """Returns when these entries are in the cache; `haptic compile`, a process of its own, compiles what is not there.
+
+    What cannot be compiled there is compiled here when it is called, which then says why. KeyboardInterrupt as soon as
+    there is anything in `told`, where somebody notes that this process shall end.
+    """
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0" or not (left := missing(entries)):
+        return
+    command = ending_with_us([*running_module("haptic_sim.cli.main"), "compile", *left])
+    with subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True, env=own_environment()
+    ) as process:
+        try:
+            while process.poll() is None and not told:
+                time.sleep(LOOK)
+        finally:  # interrupted
+            process.kill()
+    if told:
+        raise KeyboardInterrupt
+
+
+def missing(entries) -> list[str]:
+    """Those of these entries that are not in the cache."""
+    return [entry for entry in entries if not mark(entry).exists()]
+
+
+def mark(entry: str) -> Path:
+    """The file that says that an entry is in the cache."""
+    return folder() / f"{entry.replace(' ', '_')}.done"
+
+
+def folder() -> Path:
+    """This code's own folder of kernels; made when it is first needed, older ones removed."""
+    return _place()[0]
+
+
+def note() -> str:
+    """Why the folder is not in the user's cache, as a sentence; "" if it is."""
+    return _place()[1]
+
+
+@functools.cache
+def _place():
+    base, own = None, digest()
+    try:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "haptic_display"
+        return made(base, own), ""
+    except (OSError, RuntimeError) as error:  # RuntimeError: nobody's home is known
+        why = getattr(error, "strerror", None) or str(error)
+    try:
+        place = made(private(MEMORY / f"haptic_display_{os.geteuid()}"), own)
+    except OSError:
+        place = Path(tempfile.mkdtemp(prefix="haptic_display_"))
+    return place, f"{base or 'the cache folder'} cannot hold the compiled kernels ({why}); they are kept in {place}"
+
+
+def digest() -> str:
+    """Of all that compiled kernels depend on; 16 hexadecimal digits."""
+    facts = hashlib.sha256(repr((version("numba"), sys.version, llvmlite.binding.get_host_cpu_name())).encode())
+    for package in ("haptic_device", "haptic_sim"):
+        for source in sorted((ROOT / package).rglob("*.py")):
+            if WITHOUT_KERNELS.isdisjoint(source.relative_to(ROOT).parts):
+                facts.update(f"{source} {source.stat().st_mtime_ns}".encode() + source.read_bytes())
+    return facts.hexdigest()[:16]
+
+
+def made(base: Path, name: str) -> Path:
+    """The folder of this name, the newest of KEPT. OSError if it cannot be written or has no room."""
+    own = base / name
+    own.mkdir(parents=True, exist_ok=True)
+    own.touch()
+    with tempfile.TemporaryFile(dir=own) as file:
+        if not any(own.glob("*.done")):  # what is there already needs no room
+            os.posix_fallocate(file.fileno(), 0, ROOM)
+    for old in sorted((one for one in base.iterdir() if one.is_dir()), key=_last_used)[:-KEPT]:
+        shutil.rmtree(old, ignore_errors=True)
+    return own
+
+
+def private(own: Path) -> Path:
+    """A folder that only this user can write: what lies in a cache is run. PermissionError if it is another's."""
+    own.mkdir(mode=0o700, exist_ok=True)
+    known = own.lstat()
+    if not stat.S_ISDIR(known.st_mode) or known.st_uid != os.geteuid() or known.st_mode & 0o077:
+        raise PermissionError(f"{own} is another user's")
+    return own
+
+
+def _last_used(entry):
+    try:
+        return entry.stat().st_mtime
+    except FileNotFoundError:  # another process prunes too
+        return 0.0
