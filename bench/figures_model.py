@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of README.md and docs/model.md: python bench/figures_model.py [RUN_FOLDER].
+"""The figures of docs/model.md and docs/cli.md: python bench/figures_model.py [RUN_FOLDER].
 
 Writes docs/figures/model.png, and with the folder of a run (`haptic demo --out RUN_FOLDER`) docs/figures/demo.png.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs as CSV and as the one Markdown table that the README has."""
+"""Runs as CSV and as one Markdown table."""
 
 import csv
 import math
@@ -14,7 +14,6 @@ from haptic_sim.compile import compile_scene
 from haptic_sim.scene import load
 
 TITLES = {"pymunk": "pymunk", "box2d": "Box2D", "mujoco_rk4": "MuJoCo RK4", "mujoco_implicit": "MuJoCo implicit"}
-BEGIN, END = "<!-- speed-error: python bench/readme_table.py -->", "<!-- end of speed-error -->"
 
 
 def write_csv(path: Path, runs: list[NamedTuple]) -> None:

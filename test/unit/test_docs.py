@@ -19,8 +19,9 @@ from haptic_sim.node import simulation
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
-PAGE_NAMES = ("docs/model.md", "README.md", "docs/platform.md", "docs/cli.md")
-MODEL, README, PLATFORM, CLI = (ROOT / name for name in PAGE_NAMES)
+PAGE_NAMES = ("docs/model.md", "README.md", "docs/platform.md", "docs/cli.md", "docs/performance.md",
+              "docs/methods/speed_error.md")  # fmt: skip
+MODEL, README, PLATFORM, CLI, PERFORMANCE, SPEED_ERROR = (ROOT / name for name in PAGE_NAMES)
 
 
 def rows(page, heading):
@@ -97,8 +98,8 @@ def test_functions_are_in_the_files_that_the_page_says(page):
             assert re.search(rf"^ *(?:def|class) {name}\b|^{name}\b.* = ", text, re.MULTILINE), f"{path}: {name}"
 
 
-def test_the_operating_point_in_the_readme_passes_the_check(tmp_path):
-    blocks = re.findall(r"```yaml\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+def test_the_operating_point_in_the_documents_passes_the_check(tmp_path):
+    blocks = re.findall(r"```yaml\n(.*?)```", CLI.read_text(encoding="utf-8"), re.DOTALL)
     assert blocks
     for number, block in enumerate(blocks):
         file = tmp_path / f"{number}.yaml"
@@ -129,3 +130,10 @@ def test_commands_in_the_readme_exist():
     targets = re.findall(r"^(\w+): ", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     assert set(re.findall(r"`haptic (\w+)", text)) <= set(COMMANDS)
     assert {"demo", "test"} <= set(re.findall(r"make (\w+)", text)) <= set(targets)
+
+
+def test_the_small_tables_of_the_readme_are_rows_of_the_long_ones():
+    assert all(row in rows(PERFORMANCE, "Performance") for row in rows(README, "Speed"))
+    columns = 0, 1, 3, 4, 7, 8, 9  # scene, method, error, of an exchange, pymunk, Box2D, MuJoCo RK4
+    measured = [[row[column] for column in columns] for row in rows(SPEED_ERROR, "Speed against error")]
+    assert all(row in measured for row in rows(README, "Speed against error"))
