@@ -94,7 +94,7 @@ def test_the_energy_at_the_tools_port_is_the_work_of_the_coupling_on_it(tmp_path
 def test_a_long_line_keeps_its_peaks_and_its_end(count):
     values = np.zeros(count)
     values[[count // 3, -1]] = 5.0, -3.0
-    time, thin = panel._thin(np.arange(count), values)
+    time, thin = panel.thin(np.arange(count), values)
     assert (thin.max(), thin.min()) == (5.0, -3.0)
     assert len(thin) <= 2 * panel.POINTS and time[-1] >= 0.998 * (count - 1)
 
