@@ -52,7 +52,7 @@ def serve(driver, **given):
     row = np.zeros(1, servo.TICK).view(np.recarray)[0]
     row.state, row.fault = engage.FAULT, fault.ESTOP
     driver.device, driver.servo = device(), SimpleNamespace(
-        running=True, realtime="", row=SimpleNamespace(get=lambda: [row]), control=np.zeros(loop.CONTROL, np.int64),
+        running=True, realtime="", row=SimpleNamespace(get=lambda: [row]), control=np.zeros(loop.CONTROLS, np.int64),
         ring=SimpleNamespace(dropped=0), **given)  # fmt: skip
     driver.telemetry = SimpleNamespace(percentiles=lambda: np.zeros((4, 4)), cpu=0.0, window=lambda: 0.0)
     driver.exchange = SimpleNamespace(
