@@ -134,7 +134,7 @@ def test_interrupted_it_keeps_what_it_has(tmp_path, monkeypatch):
     done = haptic("bench", "speed-error", *words)
     assert done.returncode == 130 and "interrupted; 4 of 10 runs are kept" in done.stderr
     kept = table.read_csv(tmp_path / "speed_error.csv")
-    assert [(one.scene, one.method, one.step) for one in kept] == asked[:4]
+    assert [(one.scene, one.method, one.step_us) for one in kept] == asked[:4]
     assert (tmp_path / "pareto_wall.png").exists()
 
 

@@ -78,7 +78,7 @@ def test_under_the_demo_the_driver_is_started_at_a_rate_that_it_takes(monkeypatc
 
 def test_a_demo_that_comes_to_nothing_is_said_and_what_else_was_measured_is_kept(monkeypatch, capsys, measured):
     def play(order):
-        if order.parameters["haptic_driver"]["realtime"] == "off":
+        if order.given["haptic_driver"]["realtime"] == "off":
             raise ValueError("no motor command came")
         write_run(order.out / "bag", swing(400))
 
