@@ -2,6 +2,7 @@
 """What the package says of itself: its commands, dependencies and pins; its launch file; a set-up without a Python."""
 
 import ast
+import functools
 import re
 import runpy
 import shutil
@@ -34,6 +35,7 @@ def test_package_description_and_python_metadata_agree():
         assert package.findtext(tag) == metadata[field].replace("-", "_" if tag == "name" else "-")
 
 
+@functools.cache
 def imported():
     """Top-level names of everything outside the standard library that the package's modules import."""
     files = [*(ROOT / "haptic_device").rglob("*.py"), *(ROOT / "haptic_sim").rglob("*.py")]
