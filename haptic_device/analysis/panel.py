@@ -177,10 +177,10 @@ def _time(run: Run) -> str:
 def _line(axes, time, values, colour, label, **style) -> None:
     if len(time) == 0:
         return
-    axes.plot(*_thin(time, values), color=colour, linewidth=1.2, label=label, **style)
+    axes.plot(*thin(time, values), color=colour, linewidth=1.2, label=label, **style)
 
 
-def _thin(time, values):
+def thin(time, values):
     """At most 2 POINTS of a line: the least and the largest value of each stretch."""
     if len(values) <= 2 * POINTS:
         return time, values

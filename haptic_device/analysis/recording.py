@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_typestore
 from haptic_device.analysis.bagfile import Keep, Topic, read
 from haptic_device.analysis.cdr import stamped_layout
 from haptic_device.analysis.columns import CloudColumns, Entries, JointColumns
-from haptic_device.skipped import Skipped
+from haptic_device.skipped import Skipped, counted
 from haptic_device.status import Status, named_statuses
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
@@ -233,7 +233,7 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
         _marks(found.get(MARK), notes),
         contents.attachments,
         {name: len(topic) for name, topic in topics.items()},
-        {name: _skipped(topic.times.sequence) for name, topic in topics.items()},
+        {name: counted(topic.times.sequence) for name, topic in topics.items()},
         _pairs(found.get("trace"), clouds.get("trace"), joints.get("operator/state")),
         tuple(notes),
     )
@@ -312,13 +312,6 @@ def _cloud(name: str, topic: Topic, notes: list[str]) -> np.ndarray:
     if columns.missing:
         notes.append(f"topic {name} has no {', '.join(columns.missing)}")
     return columns.records()
-
-
-def _skipped(sequence: np.ndarray) -> Skipped:
-    """Skipped.count of them all."""
-    steps = np.diff(sequence)
-    gaps, back = (steps > 1) & (sequence[:-1] > 0), (steps <= 0) & (sequence[1:] > 0)
-    return Skipped(int(sequence[-1]), int(np.sum(steps[gaps] - 1)), int(np.sum(back)))
 
 
 def _pairs(trace: Topic | None, rows: np.ndarray | None, state: Joints | None) -> tuple[np.ndarray, np.ndarray]:

@@ -26,10 +26,10 @@ class End:
         loaded = load(scene)
         self.simulation, self.port = Simulation(loaded, port=port_of("pspm")), Port(loaded.tool.pose)
         self.port.session, self.axes, self.at_once, self.ordinary = 4711.0, axes, at_once, 0
-        self._lent = None
+        self.lent = None
 
     def answer(self, data, now_ns):
-        if self._lent is not None and (answer := self._lent.answer(data, now_ns)) is not None:
+        if self.lent is not None and (answer := self.lent.answer(data, now_ns)) is not None:
             self.ordinary += 1
             return answer
         self.give_back()
@@ -37,14 +37,14 @@ class End:
             return None
         answer = self.port.answer(question, self.simulation.exchange(question.handle))
         if self.at_once:
-            self._lent = AtOnce(self.simulation, self.port.layout(self.axes), self.axes)
-            self._lent.borrow(self.port, question.tail)
+            self.lent = AtOnce(self.simulation, self.port.layout(self.axes), self.axes)
+            self.lent.borrow(self.port, question.tail)
         return answer
 
     def give_back(self):
-        if self._lent is not None:
-            self._lent.give_back(self.port)
-            self._lent = None
+        if self.lent is not None:
+            self.lent.give_back(self.port)
+            self.lent = None
 
 
 def question(k, axes, position, velocity=(0.0, 0.0, 0.0), stamp_ns=None, layout=None, **tail):
@@ -98,9 +98,9 @@ def test_what_is_not_ordinary_is_left_to_python_and_changes_nothing(change):
     end = End("wall", 3, True)
     for k in range(1, 10):
         end.answer(question(k, 3, path(k)), k * PERIOD)
-    state, drawn = end._lent.state.copy(), end.simulation.port.memory.copy()
+    state, drawn = end.lent.state.copy(), end.simulation.port.memory.copy()
     strange = question(**{"k": 10, "axes": 3, "position": path(10)} | change)
     for data in (strange, strange[:-1], b"", bytes(len(strange)), struct.pack("<i", 7) * (len(strange) // 4)):
-        assert end._lent.answer(data, 10 * PERIOD) is None
-    assert end._lent.state.tobytes() == state.tobytes() and np.array_equal(end.simulation.port.memory, drawn)
-    assert end._lent.answer(question(10, 3, path(10)), 10 * PERIOD) is not None
+        assert end.lent.answer(data, 10 * PERIOD) is None
+    assert end.lent.state.tobytes() == state.tobytes() and np.array_equal(end.simulation.port.memory, drawn)
+    assert end.lent.answer(question(10, 3, path(10)), 10 * PERIOD) is not None

@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The comparison itself: what is measured is what happens, peers stand where they should, and interrupting keeps it."""
 
-import csv
 import json
 import math
 import os
-import re
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -18,9 +15,9 @@ from haptic_sim.bench import compare, hard, table, world
 from haptic_sim.bench.case import case
 from haptic_sim.bench.measure import STABLE, Run, judge, run
 from haptic_sim.bench.reference import reference
+from haptic_sim.cli import bench_speed_error
 
 ROOT = Path(__file__).parents[2]
-BENCH = [sys.executable, "-m", "haptic_sim.cli.main", "bench"]
 
 
 def made(method="partitioned", error=1e-3, wall=1.0, scene="wall", kind="single contact", status=STABLE, step=100):
@@ -123,17 +120,21 @@ def test_speed_error_writes_runs_table_and_plots_and_prints_one_json_object(tmp_
     assert len(table.read_csv(tmp_path / "speed_error.csv")) == len(found["runs"])
 
 
-def test_interrupted_it_keeps_what_it_has(tmp_path):
-    child = subprocess.Popen([*BENCH, "speed-error", "--scenes", "wall,ratchet", "--out", str(tmp_path)], cwd=ROOT,
-                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    for line in child.stderr:
-        if re.match(r"[1-9]\d*/", line):
-            break
-    child.send_signal(signal.SIGINT)
-    assert child.wait(60) == 130
-    with (tmp_path / "speed_error.csv").open() as file:
-        kept = list(csv.DictReader(file))
-    assert 0 < len(kept) < 120
+def test_interrupted_it_keeps_what_it_has(tmp_path, monkeypatch):
+    measured, asked = bench_speed_error.measured, []
+
+    def interrupted(*job):
+        asked.append(job)
+        if len(asked) == 5:
+            signal.raise_signal(signal.SIGINT)
+        return measured(*job)
+
+    monkeypatch.setattr(bench_speed_error, "measured", interrupted)
+    words = ["--short", "--scenes", "wall,zeno_ball", "--methods", "partitioned,closed_form", "--out", tmp_path]
+    done = haptic("bench", "speed-error", *words)
+    assert done.returncode == 130 and "interrupted; 4 of 10 runs are kept" in done.stderr
+    kept = table.read_csv(tmp_path / "speed_error.csv")
+    assert [(one.scene, one.method, one.step_us) for one in kept] == asked[:4]
     assert (tmp_path / "pareto_wall.png").exists()
 
 
@@ -149,12 +150,11 @@ def test_bad_input_is_refused_in_one_sentence(words, sentence):
     assert sentence in done.stderr
 
 
-def test_a_peer_that_is_not_installed_is_left_out_with_a_sentence(tmp_path):
-    (tmp_path / "mujoco.py").write_text("raise ModuleNotFoundError(\"No module named 'mujoco'\", name='mujoco')\n")
-    paths = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")]), str(ROOT)])
-    words = ["speed-error", "--short", "--scenes", "wall", "--methods", "closed_form,mujoco_rk4"]
-    done = subprocess.run([*BENCH, *words], capture_output=True, text=True, cwd=ROOT,
-                          env={**os.environ, "PYTHONPATH": paths})
+def test_a_peer_that_is_not_installed_is_left_out_with_a_sentence(monkeypatch):
+    for module in ("mujoco", "haptic_sim.bench.peer_mujoco", "haptic_sim.bench.mujoco_model"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    done = haptic("bench", "speed-error", "--short", "--scenes", "wall", "--methods", "closed_form,mujoco_rk4")
     assert done.returncode == 0, done.stderr
     assert "mujoco_rk4 is left out: package mujoco is not installed; pip install '.[bench]'" in done.stderr
     assert "closed_form" in done.stdout

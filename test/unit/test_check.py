@@ -37,8 +37,7 @@ def test_the_command_says_ok_and_exits_with_zero():
 
 def test_the_command_prints_each_mistake_and_exits_with_one(tmp_path):
     path = broken(tmp_path, "/**/haptic_driver: {ros__parameters: {autostart: 1, autostrat: true}}")
-    command = [sys.executable, "-m", "haptic_sim.cli.main", "check", SHIPPED[0], path]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = haptic("check", SHIPPED[0], path)
     assert done.returncode == 1
     assert done.stdout.splitlines() == [
         f"{SHIPPED[0]}: ok",

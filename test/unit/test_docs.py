@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from in_process import haptic
 
 from haptic_device.law import engage, exchange, servo
 from haptic_device.node import driver, exchange_thread, loopback, recorder
@@ -13,7 +14,7 @@ from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.ros_yaml import load as load_yaml
 from haptic_device.runtime import servo_thread
 from haptic_sim.cli.check import problems
-from haptic_sim.cli.main import COMMANDS, _application
+from haptic_sim.cli.main import COMMANDS
 from haptic_sim.cli.params_doc import fault_table
 from haptic_sim.node import simulation
 
@@ -114,12 +115,11 @@ def test_the_operating_point_in_the_documents_passes_the_check(tmp_path):
         "zwidth --points 2 --seconds 0.05 --lateness 0.0001",
     ],
 )
-def test_each_key_of_the_json_of_a_command_stands_on_its_page(words, tmp_path, capsys, monkeypatch):
+def test_each_key_of_the_json_of_a_command_stands_on_its_page(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     name = words.split()[0]
     section = CLI.read_text(encoding="utf-8").split(f"## `haptic {name}`")[1].split("\n## ")[0]
-    _application([name])([*words.split(), "--json"], standalone_mode=False)
-    found = json.loads(capsys.readouterr().out)
+    found = json.loads(haptic(*words.split(), "--json").stdout)
     for key, value in found.items():
         names = [f"{key}.{inner}" for inner in value] if isinstance(value, dict) else [key]
         assert all(re.search(rf"`(\w+)?{re.escape(n)}`|`\.{n.split('.')[-1]}`", section) for n in names), names

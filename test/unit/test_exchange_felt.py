@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 from exchange_systems import demo_system
+from in_process import haptic
 
 from haptic_sim.bench import results
 from haptic_sim.cli import bench_exchange, bench_local, local_felt
@@ -43,19 +44,23 @@ def test_foretelling_does_not_pay_in_mass(felt, late):
 
 
 @pytest.mark.parametrize(("given", "passive"), [(BUDGET, True), (1.001 * BUDGET, False)])
-def test_what_gave_more_than_the_budget_is_shown_as_active_and_not_as_stiff(given, passive, capsys):
+def test_what_gave_more_than_the_budget_is_shown_as_active_and_not_as_stiff(given, passive, monkeypatch, tmp_path):
     one = Figures(STIFFNESS, 1e-4, 0.1, 0.1, given, 0.0, 1.0)
-    bench_exchange._show({Case("direct", 0.02, 0.0, 0.0, 1000.0): one}, "lock-step")
-    shown = capsys.readouterr().out
+    monkeypatch.setattr(bench_exchange, "measure", lambda *case: one)
+    words = "bench", "exchange", "--method", "direct", "--delay", "20", "--workers", "1"
+    shown = haptic(*words).stdout
     assert (one.passive, "active" in shown, "2000" in shown) == (passive, not passive, passive)
-    row = {**one._asdict(), "method": "direct", "delay": 0.02, "passive": passive}
-    assert [figure.value for figure in results._exchange({"cases": [row]})] == [STIFFNESS if passive else None]
+    (tmp_path / results.MACHINE).write_text("{}")
+    (tmp_path / "exchange.json").write_text(haptic(*words, "--json").stdout)
+    assert [figure.value for figure in results.figures(tmp_path)] == [STIFFNESS if passive else None]
 
 
 @pytest.mark.parametrize(("swing", "shown"), [(0.099, "2000"), (0.101, "unsteady")])
-def test_a_force_that_swings_by_more_than_a_tenth_of_its_mean_is_no_stiffness(swing, shown, capsys):
-    bench_local._show_felt({(1000.0, "wave"): [2000.0, 2000.0, 0.1, 0.1, 0.0, 0.0, 1e-3, 7, 0, swing]})
-    assert capsys.readouterr().out.splitlines()[-1].split()[3] == shown
+def test_a_force_that_swings_by_more_than_a_tenth_of_its_mean_is_no_stiffness(swing, shown, monkeypatch):
+    felt = local_felt.Felt(2000.0, 2000.0, 0.1, 0.1, 0.0, 0.0, 1e-3, 7, 0, swing)
+    monkeypatch.setattr(bench_local, "measure", lambda *job, live: felt)
+    said = haptic("bench", "local", "--only", "felt", "--rate", "1000").stdout
+    assert said.splitlines()[-1].split()[3] == shown
 
 
 @pytest.mark.parametrize("servo", [1000.0, 4000.0])  # `haptic bench local`: 10 kHz too

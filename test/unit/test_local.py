@@ -5,16 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from exchange_systems import demo_system, three_axes
+from exchange_systems import demo_system, one_axis
 
-from haptic_device import operating
-from haptic_device.analysis import contact_search
 from haptic_device.analysis import exchange_search as adversary
-from haptic_device.device import load_device
 from haptic_device.law import contact, local, servo
 from haptic_device.node import wire
 from haptic_device.node.bag import Bag
-from haptic_device.node.declared import NODES
 from haptic_device.runtime import recompute
 from haptic_sim.cli import local_felt
 from haptic_sim.cli.local_felt import FINE, NETWORKS, compare
@@ -111,7 +107,7 @@ def test_how_far_the_tools_are_apart_is_in_every_row(near):
 def test_beyond_how_far_the_tools_may_be_apart_modulation_takes_over():
     """A block pushed 20 ms away: the simulation's tool is elsewhere whenever the block speeds up."""
     most = 1e-3
-    free, held = (demo_system("local", "push_block", Network(0.02), local__apart=one).run(3.0) for one in (5e-3, most))
+    free, held = (demo_system("local", "push_block", Network(0.02), local__apart=one).run(1.2) for one in (5e-3, most))
     beyond_free, beyond = (np.count_nonzero(rows.tools_apart[rows.local > 0.0] > most) for rows in (free, held))
     assert free.local_fallbacks[-1] == 0.0 and free.tools_apart.max() <= 5e-3
     assert beyond_free > 0.03 * np.count_nonzero(free.local)
@@ -186,31 +182,15 @@ def test_what_the_hand_loses_in_an_impact_the_other_body_has_within_a_hundredth(
     assert pulled - gained == pytest.approx(has, rel=0.01)
 
 
-def settings(**given):
-    device = load_device("desktop")
-    axis = {"damping": 1.05 * 0.75, "counts_per_unit": 1e9, "velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
-    device = device.model_copy(update={"axes": (device.axes[0].model_copy(update=axis),)})
-    values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]}
-    values |= {"exchange.method": "local", "servo.rate": 1000.0, "coupling.stiffness": 1000.0,
-               "coupling.damping": 0.25, "passivity.control": False} | given  # fmt: skip
-    return operating.settings_from(device, values)
-
-
 @pytest.mark.parametrize("seed, loss, limit", [(1, 0.0, 20.0), (2, 0.3, 20.0), (3, 0.3, 2.0)])
 def test_no_message_draws_more_than_the_budget(seed, loss, limit):
-    found = adversary.search(settings(**{"force.limit": limit}), adversary.Adversary(loss=loss), 150, 400, seed)
+    found = adversary.search(one_axis("local", force__limit=limit), adversary.Adversary(loss=loss), 150, 400, seed)
     assert found.energy <= BUDGET
 
 
 def test_the_books_never_credit_what_contacts_said_beyond_the_truth():
-    found = adversary.search(settings(), adversary.Adversary(books=1), 150, 400, 5)
+    found = adversary.search(one_axis("local"), adversary.Adversary(books=1), 150, 400, 5)
     assert found.overcredit <= 1e-9
-
-
-@pytest.mark.parametrize("seed, loss", [(1, 0.0), (2, 0.3)])
-def test_no_contacts_in_three_axes_draw_more_than_the_budget_or_fool_the_books(seed, loss):
-    found = contact_search.search(three_axes("local"), 100, 150, loss, seed)
-    assert found.energy <= BUDGET and found.overcredit <= 1e-9 and found.moved > 1000
 
 
 def test_a_set_of_contacts_keeps_the_modes_of_those_that_were_there():

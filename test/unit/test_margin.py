@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The passivity margin of an operating point, and the refusal of gains beyond it."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +11,6 @@ from haptic_device import operating
 from haptic_device.analysis import closed_forms
 from haptic_device.analysis.switching import switched_cancellation_damping
 from haptic_device.law import passivity
-from haptic_device.node.driver import DriverNode
 
 NO_COUPLING = {"coupling__stiffness": 0.0, "coupling__damping": 0.0}
 
@@ -43,18 +40,6 @@ def test_a_wall_that_leans_by_rounding_towards_an_axis_that_is_not_there_is_refu
     assert operating.refusal(operating.settings_from(device(0.8, axes=1), lean)[0]).endswith(
         "the device has 0.8: at most 6000 N/m"
     )
-
-
-@pytest.mark.parametrize(("policy", "levels"), [("enforce", None), ("warn", ["warning"]), ("off", [])])
-def test_gains_beyond_the_damping_are_refused_said_or_taken_as_the_policy_wants(policy, levels):
-    said, beyond = [], settings(**walls(7000.0, 0.05, 90.0))
-    node = SimpleNamespace(servo=None, _lateness=lambda: 0.0, _say=lambda *words: said.append(words))
-    if levels is None:
-        with pytest.raises(ValueError, match=r"^wall\.stiffness 7000 N/m .* at most 6000 N/m$"):
-            DriverNode._judge(node, [beyond], {"passivity.policy": policy})
-    else:
-        DriverNode._judge(node, [beyond], {"passivity.policy": policy})
-    assert said == [(level, operating.refusal(beyond)) for level in levels or []]
 
 
 def test_gains_just_within_the_damping_are_taken_and_just_beyond_refused():

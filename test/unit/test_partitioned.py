@@ -38,8 +38,8 @@ def run(method, count, handle=STILL):
 
 def speed(method, body):
     """Velocity of the named body's mass centre, and its turn rate."""
-    index = method._compiled.places[body].body
-    return method._v[index]
+    moving = [solid.name for solid in method.scene.bodies if not solid.fixed]
+    return np.array(method.bodies()[1 + moving.index(body)][1])  # the tool is the first
 
 
 def block(**more):

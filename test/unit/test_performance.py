@@ -1,55 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Benchmarks: the twin in C is the same law, what is missing is said, results can be kept, shown and compared."""
+"""Benchmarks: what is missing is said, figures are those of what was measured, results are kept, shown, compared."""
 
 import json
-import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
-import psutil
 import pytest
+from bag_of_a_run import swing, write_run
 from typer.testing import CliRunner
 
 from haptic_device.analysis import sweep
-from haptic_device.law import servo as law
 from haptic_device.runtime import machine
 from haptic_sim.bench import c_twin, results, servo
 from haptic_sim.bench.c_source import REAL, Program
 from haptic_sim.cli import bench_all, bench_servo, demo, doctor, main, round_trip
 from haptic_sim.cli.bench import group
-
-ROOT = Path(__file__).parents[2]
-
-
-@pytest.fixture
-def compiler():
-    """A C compiler, or else Python itself in its place: then there is nothing to run."""
-    return c_twin.compiler()
-
-
-def test_the_tick_in_c_writes_the_same_rows_to_the_last_bit(compiler, tmp_path):
-    if compiler is None:
-        assert bench_servo.twins(1) is None
-        return
-    twin = c_twin.TickTwin(tmp_path, 2000)
-    twin.kernel()
-    ours = twin.rows
-    twin.c()
-    for name in law.TICK.names:
-        np.testing.assert_array_equal(ours[name], twin.rows[name], name)
-    assert ours["engage"][-1] == 1.0 and np.ptp(ours["force_coupling"]) > 0.0
-
-
-def test_a_cell_in_c_comes_to_the_same_outcome(compiler, tmp_path):
-    if compiler is None:
-        return
-    twin = c_twin.CellTwin(tmp_path, 20)
-    twin.kernel()
-    ours = twin.outcomes
-    twin.c()
-    np.testing.assert_array_equal(ours, twin.outcomes)
-    assert ours["growth"].max() > 1.0 > ours["growth"].min()
 
 
 def makes_an_array(x):
@@ -59,14 +24,6 @@ def makes_an_array(x):
 def test_what_is_no_law_is_not_translated():
     with pytest.raises(ValueError, match="cannot be translated to C"):
         Program().function(makes_an_array, [REAL])
-
-
-def test_the_servo_alone_ticks_at_whole_periods_and_counts_what_it_missed():
-    late, rows = servo.alone(1000.0, 0.3, "off")
-    steps = np.diff(rows["deadline"])
-    assert np.all(steps % 1_000_000 == 0)
-    assert late.missed == np.sum(steps // 1_000_000 - 1)
-    assert len(late.sorted_us) == len(rows) > 0 and late.sorted_us[0] >= 0.0
 
 
 def test_without_cyclictest_and_compiler_the_rest_is_measured_and_says_so(monkeypatch):
@@ -92,40 +49,53 @@ def test_a_compiler_that_refuses_is_said_and_the_rest_is_kept(monkeypatch, tmp_p
     assert (tmp_path / "out" / "servo.csv").exists()
 
 
-def test_under_the_demo_the_driver_is_started_at_a_rate_that_it_takes(monkeypatch):
-    def accepted(order):
-        [driver] = [each for each in demo.programs_of(order) if each.name == "haptic_driver"]
-        raise InterruptedError(driver.parameters["servo.rate"])
-
-    monkeypatch.setattr(demo, "play", accepted)
-    with pytest.raises(InterruptedError, match="1000.0"):
-        bench_servo._under_demo(1000, 1.0, "prefer")
-
-
-def test_a_demo_that_comes_to_nothing_is_said_and_what_else_was_measured_is_kept(monkeypatch, capsys):
-    def dies(rate, seconds, realtime):
-        if realtime == "off":
-            raise ValueError("no motor command came")
-        return late(2.0)
-
-    monkeypatch.setattr(bench_servo, "_alone", lambda *_: late(1.0))
-    monkeypatch.setattr(bench_servo, "_under_demo", dies)
-    monkeypatch.setattr(bench_servo, "_beside", lambda *_: None)
-    cases, samples = bench_servo.lateness([1000.0], 0.2, 1, demo=1.0)
-    assert [(one["realtime"], one["load"]) for one in cases] == [
-        ("prefer", "alone"), ("prefer", "demo"), ("off", "alone")]  # fmt: skip
-    assert len(samples) == 3
-    assert "no demo at 1000 Hz, realtime off: no motor command came" in capsys.readouterr().err
-
-
 def late(*microseconds):
     return servo.Lateness(np.array(microseconds, float), 0, "test")
 
 
-def test_a_turn_without_cyclictest_takes_no_part_in_the_ratio_and_the_others_do():
-    found = bench_servo._medians([(late(8.0), None), (late(6.0), late(2.0)), (late(4.0), late(4.0))])
+@pytest.fixture
+def measured(monkeypatch):
+    """measured(servo's, cyclictest's) has the next measurements come to these latenesses; once for all: the last."""
+
+    def given(*pairs):
+        ours, theirs = (list(column) for column in zip(*pairs, strict=True))
+        monkeypatch.setattr(servo, "alone", lambda *_: (ours.pop(0) if len(ours) > 1 else ours[0], None))
+        monkeypatch.setattr(servo, "cyclictest", lambda *_: theirs.pop(0) if len(theirs) > 1 else theirs[0])
+
+    return given
+
+
+def test_under_the_demo_the_driver_is_started_at_a_rate_that_it_takes(monkeypatch, measured):
+    def accepted(order):
+        [driver] = [each for each in demo.programs_of(order) if each.name == "haptic_driver"]
+        raise InterruptedError(driver.parameters["servo.rate"])
+
+    measured((late(1.0), None))
+    monkeypatch.setattr(demo, "play", accepted)
+    with pytest.raises(InterruptedError, match="1000.0"):
+        bench_servo.lateness([1000], 0.2, 1, demo=1.0)
+
+
+def test_a_demo_that_comes_to_nothing_is_said_and_what_else_was_measured_is_kept(monkeypatch, capsys, measured):
+    def play(order):
+        if order.given["haptic_driver"]["realtime"] == "off":
+            raise ValueError("no motor command came")
+        write_run(order.out / "bag", swing(400))
+
+    measured((late(1.0), None))
+    monkeypatch.setattr(demo, "play", play)
+    cases, samples = bench_servo.lateness([1000.0], 0.2, 1, demo=1.0)
+    assert [(one["realtime"], one["load"], one["p50"]) for one in cases] == [
+        ("prefer", "alone", 1.0), ("prefer", "demo", pytest.approx(8.0)), ("off", "alone", 1.0)]  # fmt: skip
+    assert len(samples) == 3
+    assert "no demo at 1000 Hz, realtime off: no motor command came" in capsys.readouterr().err
+
+
+def test_a_turn_without_cyclictest_takes_no_part_in_the_ratio_and_the_others_do(measured):
+    measured((late(8.0), None), (late(6.0), late(2.0)), (late(4.0), late(4.0)), (late(8.0), None))
+    (found, without), _ = bench_servo.lateness([1000.0], 0.2, 3)
     assert (found["p50"], found["cyclictest"]["p50"], found["p99_ratio"]) == (6.0, 3.0, 2.0)
-    assert bench_servo._medians([(late(8.0), None)])["p99_ratio"] is None
+    assert (without["p50"], without["cyclictest"], without["p99_ratio"]) == (8.0, None, None)
 
 
 def test_a_cyclictest_that_fails_is_told_from_one_that_is_not_there(monkeypatch, tmp_path):
@@ -136,24 +106,39 @@ def test_a_cyclictest_that_fails_is_told_from_one_that_is_not_there(monkeypatch,
     assert servo.cyclictest(1000.0, 0.2) is None and servo.why_missing() == servo.FAILED
 
 
-def test_histogram_of_cyclictest_with_late_ones_beyond_its_end():
-    thread = {"histogram": {"2": 2, "5": 1, "700": 1}, "cycles": 6, "max": 3_000_000}
-    found = servo._of_histogram(thread, 500)
+@pytest.fixture
+def cyclictest(monkeypatch, tmp_path):
+    """cyclictest(histogram, cycles, max) has a program of that name, alone on the path, say this of its thread.
+
+    A late wake-up of -1 stands for the latest that the histogram it was asked for has room for.
+    """
+
+    def says(histogram, cycles, most):
+        (tmp_path / "cyclictest").write_text(f"""#!{sys.executable}
+import json, sys
+[room] = [int(word[2:]) for word in sys.argv if word.startswith("-h")]
+[told] = [word[7:] for word in sys.argv if word.startswith("--json=")]
+histogram = {{late if late >= 0 else room + late: count for late, count in {histogram!r}.items()}}
+with open(told, "w") as file:
+    json.dump({{"thread": {{"0": {{"histogram": histogram, "cycles": {cycles}, "max": {most}}}}}}}, file)
+""")
+        (tmp_path / "cyclictest").chmod(0o755)
+        monkeypatch.setenv("PATH", str(tmp_path))
+
+    return says
+
+
+def test_histogram_of_cyclictest_with_late_ones_beyond_its_end(cyclictest):
+    cyclictest({2: 2, 5: 1, 700: 1}, 6, 3_000_000)
+    found = servo.cyclictest(2000.0, 0.2)
     assert found.sorted_us.tolist() == [2.0, 2.0, 5.0, 700.0, 1e5, 3e6]
     assert found.missed == 1 + 200 + 6000
-    assert servo._of_histogram({"histogram": {"2": 2}, "cycles": 2, "max": 2}, 500).missed == 0
+    cyclictest({2: 2}, 2, 2)
+    assert servo.cyclictest(2000.0, 0.2).missed == 0
 
 
-def test_cyclictest_is_asked_for_every_wake_up_within_a_tenth_of_a_second(monkeypatch, tmp_path):
-    (tmp_path / "cyclictest").write_text(f"""#!{sys.executable}
-import json, sys
-[most] = [int(word[2:]) for word in sys.argv if word.startswith("-h")]
-[told] = [word[7:] for word in sys.argv if word.startswith("--json=")]
-with open(told, "w") as file:
-    json.dump({{"thread": {{"0": {{"histogram": {{most - 1: 1}}, "cycles": 1, "max": 90000}}}}}}, file)
-""")
-    (tmp_path / "cyclictest").chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path))
+def test_cyclictest_is_asked_for_every_wake_up_within_a_tenth_of_a_second(cyclictest):
+    cyclictest({-1: 1}, 1, 90_000)
     found = servo.cyclictest(1000.0, 0.2)
     assert found.sorted_us.tolist() == [99_999.0] and found.missed == 99
 
@@ -269,15 +254,6 @@ def test_all_measures_only_what_is_missing_and_puts_the_table_between_the_marks(
     text = page.read_text()
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
     assert "| very first start, all nodes at work | 10 s | ≤ 20 s |" in text
-
-
-def test_a_benchmark_ends_with_the_command_that_runs_all_of_them(start, tmp_path):
-    words = ["bench", "all", "--only", "servo", "--out", tmp_path / "kept"]
-    process = start([sys.executable, "-m", "haptic_sim.cli.main", *words], cwd=ROOT, stderr=subprocess.PIPE)
-    assert "haptic bench servo" in process.stderr.readline() and "1000 Hz" in process.stderr.readline()
-    [one] = psutil.Process(process.pid).children()
-    process.terminate()
-    assert psutil.wait_procs([one], timeout=60.0)[1] == []  # a limit; nobody would end it otherwise
 
 
 @pytest.mark.parametrize(("words", "sentence"), [

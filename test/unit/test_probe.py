@@ -6,8 +6,9 @@ import pytest
 
 from haptic_device.analysis import probe
 from haptic_device.device import load_device
+from haptic_device.law import fault
 from haptic_sim.cli.zwidth_live import TRIES, Live
-from haptic_sim.cli.zwidth_twin import PHASES, Twin
+from haptic_sim.cli.zwidth_twin import DEPTH, PHASES, WALL, Twin
 
 
 def circling(damping=3.0, coulomb=0.02, mass=0.1, every=0.002, radius=0.02):
@@ -78,32 +79,52 @@ def test_a_wall_at_95_per_cent_of_the_passive_stiffness_is_quiet_and_one_beyond_
     assert twin.show(2.0 * (0.15 + 0.5) * 1000.0)
 
 
+class Hand:
+    """In place of the nodes: after a gesture to some share of the depth, `answer(share)` is whether the handle shakes;
+    None: the machine stalled."""
+
+    def __init__(self, answer):
+        self._answer, self.truths, self.touched = answer, [said(0.0, 0.0, 0.0)], []
+
+    def watch(self, seconds, aim):
+        if seconds != probe.GESTURE:
+            return
+        self.touched.append(round((WALL - aim(probe.GESTURE)[0]) / DEPTH, 6))
+        if (shaking := self._answer(self.touched[-1])) is None:
+            raise ValueError("a fault has latched")
+        truth, now = pressed(1e-4, 1e-4 if shaking else -1e-4), self.truths[-1]["time"][0]
+        self.truths += map(said, now + truth.time, truth.position, truth.energy_given)
+
+    def said(self, entry):
+        return fault.name_of(fault.DEVICE_SILENT)
+
+    def look(self):
+        """What comes is in `truths` already."""
+
+    set = recover = lambda self, **values: None
+
+
+def said(time, x, energy_given):
+    """A truth as the loopback says it."""
+    return {"time": (time, 0.0, 0.0), "x": (x, 0.0, 0.0), "energy_given": (energy_given, 0.0, 0.0)}
+
+
 @pytest.mark.parametrize("shaking", [None, *range(len(PHASES))])
-def test_a_live_wall_shakes_if_it_does_twice_at_any_depth(monkeypatch, shaking):
+def test_a_live_wall_shakes_if_it_does_twice_at_any_depth(shaking):
     """Friction calms small oscillations: one touch that stays still shows only its own phase."""
-    depths = []
-
-    def touch(self, stiffness, depth):
-        depths.append(depth)
-        return len(set(depths)) - 1 == shaking
-
-    monkeypatch.setattr(Live, "_touch", touch)
-    assert Live(None, 0.0, 1e-5).show(1000.0) is (shaking is not None)
-    assert len(set(depths)) == (len(PHASES) if shaking is None else shaking + 1)
-    assert len(depths) - len(set(depths)) == (shaking is not None)
+    hand = Hand(lambda share: shaking is not None and share == PHASES[shaking])
+    assert Live(hand, 0.0, 5e-6).show(1000.0) is (shaking is not None)
+    assert hand.touched == list(PHASES if shaking is None else (*PHASES[: shaking + 1], PHASES[shaking]))
 
 
-def test_a_live_wall_that_shakes_once_only_stands_still(monkeypatch):
+def test_a_live_wall_that_shakes_once_only_stands_still():
     answers = iter([False, True, False, *[False] * len(PHASES)])
-    monkeypatch.setattr(Live, "_touch", lambda self, stiffness, depth: next(answers))
-    assert not Live(None, 0.0, 1e-5).show(1000.0)
+    assert not Live(Hand(lambda share: next(answers)), 0.0, 5e-6).show(1000.0)
 
 
 @pytest.mark.parametrize("stalls", [0, 1, TRIES - 1])
-def test_a_touch_during_which_the_machine_stalled_says_nothing_and_is_tried_again(monkeypatch, stalls):
+def test_a_touch_during_which_the_machine_stalled_says_nothing_and_is_tried_again(stalls):
     answers = iter(([None] * stalls + [True]) * 2)
-    monkeypatch.setattr(Live, "_try", lambda self, stiffness, depth: next(answers))
-    assert Live(None, 0.0, 1e-5).show(1000.0)
-    monkeypatch.setattr(Live, "_try", lambda self, stiffness, depth: None)
+    assert Live(Hand(lambda share: next(answers)), 0.0, 5e-6).show(1000.0)
     with pytest.raises(ValueError, match=f"{TRIES} touches of a wall of 1000 N/m ended as the machine stalled"):
-        Live(None, 0.0, 1e-5).show(1000.0)
+        Live(Hand(lambda share: None), 0.0, 5e-6).show(1000.0)

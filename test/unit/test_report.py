@@ -31,6 +31,12 @@ def coarse(monkeypatch):
     monkeypatch.setattr(pages, "DPI", 20)
 
 
+@pytest.fixture
+def one_figure(monkeypatch):
+    """Pages of which the test looks at the words."""
+    monkeypatch.setattr(pages, "FIGURES", FIGURES[:1])
+
+
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bags")
@@ -94,7 +100,7 @@ def test_the_energy_at_the_tools_port_is_the_work_of_the_coupling_on_it(tmp_path
 def test_a_long_line_keeps_its_peaks_and_its_end(count):
     values = np.zeros(count)
     values[[count // 3, -1]] = 5.0, -3.0
-    time, thin = panel._thin(np.arange(count), values)
+    time, thin = panel.thin(np.arange(count), values)
     assert (thin.max(), thin.min()) == (5.0, -3.0)
     assert len(thin) <= 2 * panel.POINTS and time[-1] >= 0.998 * (count - 1)
 
@@ -240,7 +246,7 @@ def only(bag, folder, *topics):
     return folder
 
 
-def test_bags_that_cannot_be_shown_are_left_out_of_the_page_which_says_so(bags, tmp_path, capsys):
+def test_bags_that_cannot_be_shown_are_left_out_of_the_page_which_says_so(bags, tmp_path, capsys, one_figure):
     with pytest.raises(typer.Exit) as ended:
         report([foreign(tmp_path / "arm"), bags[0], tmp_path / "nowhere"], tmp_path / "report")
     assert ended.value.exit_code == 1
@@ -360,7 +366,7 @@ def test_a_bag_of_which_nothing_of_ours_can_be_read_is_refused_in_a_sentence(bag
         read_run(bags[0], "/other")
 
 
-def test_beside_others_a_bag_without_a_trace_takes_nothing_from_them(bags, tmp_path, capsys):
+def test_beside_others_a_bag_without_a_trace_takes_nothing_from_them(bags, tmp_path, capsys, one_figure):
     untraced = only(bags[0], tmp_path / "untraced", *OTHERS)
     report([untraced, bags[1], only(bags[0], tmp_path / "said", "/diagnostics")], tmp_path / "report")
     said = capsys.readouterr().err.splitlines()

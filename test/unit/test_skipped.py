@@ -6,11 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.analysis.recording import _skipped
-from haptic_device.skipped import UNKNOWN, Skipped
+from haptic_device.skipped import UNKNOWN, Skipped, counted
 
 
-def counted(sequences):
+def one_by_one(sequences):
     skipped = Skipped()
     for sequence in sequences:
         skipped.count(sequence)
@@ -19,7 +18,7 @@ def counted(sequences):
 
 @given(st.lists(st.integers(0, 12), min_size=1))
 def test_reading_at_once_counts_as_one_by_one(sequences):
-    assert _skipped(np.array(sequences, np.int64)) == counted(sequences)
+    assert counted(np.array(sequences, np.int64)) == one_by_one(sequences)
 
 
 @pytest.mark.parametrize(
@@ -35,4 +34,4 @@ def test_reading_at_once_counts_as_one_by_one(sequences):
     ],
 )
 def test_a_gap_counts_unless_it_may_be_another_publishers(topic, sequences, told):
-    assert counted(sequences).told(topic) == told
+    assert one_by_one(sequences).told(topic) == told

@@ -8,6 +8,7 @@ import pytest
 
 from haptic_device.device import load_device
 from haptic_sim.scene import load
+from haptic_sim.viewer import desk as desk_module
 from haptic_sim.viewer import stage
 from haptic_sim.viewer.desk import EDGE, Desk
 from haptic_sim.viewer.stage import SIMULATION, Stage
@@ -83,9 +84,16 @@ def test_a_motor_that_a_page_has_switched_off_stays_off():
     assert table.done == [pose("peg_in_hole"), "arrived", RESET, "poll"]
 
 
-def test_a_page_leads_no_hand_to_the_edge_of_the_workspace_but_draws_all_of_it():
-    desk = Desk.__new__(Desk)
-    desk.device, desk._speeds = load_device("desktop"), (1.0, 1.0)
+@pytest.fixture
+def desk(monkeypatch):
+    """One whose nodes never answer; the world is the device's workspace."""
+    monkeypatch.setattr(desk_module, "Services", lambda node: types.SimpleNamespace(prepare=lambda *words: None))
+    feed = types.SimpleNamespace(truth=None, axes=3, to_world=list)
+    return Desk(types.SimpleNamespace(create_publisher=lambda *words: None), feed, (1.0, 1.0))
+
+
+def test_a_page_leads_no_hand_to_the_edge_of_the_workspace_but_draws_all_of_it(desk):
+    desk.device = load_device("desktop")
     assert desk.workspace == tuple(axis.workspace for axis in desk.device.axes)
     for (low, high), axis in zip(desk.limits.workspace, desk.device.axes, strict=True):
         width = axis.workspace[1] - axis.workspace[0]
@@ -95,12 +103,11 @@ def test_a_page_leads_no_hand_to_the_edge_of_the_workspace_but_draws_all_of_it()
     assert desk.workspace is None
 
 
-def test_a_hand_has_arrived_when_the_device_says_so_and_not_when_it_was_told():
-    truth, hand = types.SimpleNamespace(target=[0.0, 0.0, 0.0]), types.SimpleNamespace(goal=(0.01, 0.0, 0.0))
-    feed = types.SimpleNamespace(truth=truth, axes=3, to_world=list)
-    desk = types.SimpleNamespace(feed=feed, hand=hand)
-    assert not Desk.arrived.fget(desk)
+def test_a_hand_has_arrived_when_the_device_says_so_and_not_when_it_was_told(desk):
+    truth, desk.hand.goal = types.SimpleNamespace(target=[0.0, 0.0, 0.0]), (0.01, 0.0, 0.0)
+    desk.feed.truth = truth
+    assert not desk.arrived
     truth.target = [0.01, 0.0, 0.0]
-    assert Desk.arrived.fget(desk)
-    feed.truth = None
-    assert not Desk.arrived.fget(desk)
+    assert desk.arrived
+    desk.feed.truth = None
+    assert not desk.arrived
