@@ -64,7 +64,7 @@ check: setup
 	$(BIN)/python -m pytest test/unit -n 2 --dist worksteal
 
 test: check
-	$(BIN)/python -m pytest test/live
+	$(BIN)/python -m pytest test/live -n 2 --dist loadfile
 
 soak: setup
 	$(BIN)/python -m pytest test/soak
