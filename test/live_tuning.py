@@ -4,6 +4,7 @@
 import contextlib
 import subprocess
 import sys
+import time
 
 from waiting import LIMIT, until
 
@@ -43,7 +44,7 @@ def disturbed(pair, start, condition, act):
         assert process.poll() is None, process.communicate()
         return condition()
 
-    until(there, "the moment to disturb it")
+    until(there, "the moment to disturb it", look=lambda: time.sleep(0.05))
     act(process)
     return sentence_of(process)
 
