@@ -178,7 +178,7 @@ def test_messages_that_the_queue_could_not_hold_are_counted_lost(speaker, nodes,
 
 
 @pytest.mark.parametrize("wish", ["prefer", "off"])
-def test_a_real_time_recorder_keeps_to_its_first_core_and_an_ordinary_one_may_run_on_all(ros_domain, nodes, tmp_path, wish):
+def test_a_real_time_recorder_keeps_to_its_first_core_and_an_ordinary_one_may_run_on_all(nodes, tmp_path, wish):
     every = os.sched_getaffinity(0)
     pid = begun(nodes, tmp_path / "bag", realtime=wish).pid
     until(lambda: files(tmp_path / "bag"), "the bag")
