@@ -13,7 +13,7 @@ from lifecycle_msgs.msg import State, Transition
 from live_nodes import MODULES, SLOW, Nodes, page_path
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
-from waiting import LIMIT
+from waiting import LIMIT, until
 
 from haptic_device.runtime.process import ending_with_us
 from haptic_sim.node.relay import RelayNode
@@ -138,9 +138,7 @@ def test_a_node_told_to_end_at_any_moment_of_its_start_ends_as_it_always_does(na
 def test_signals_that_come_while_a_node_ends_change_nothing_of_its_end(module, start):
     words = ["--ros-args", "-r", "__ns:=/told", "-p", "autostart:=false"]
     node = start([sys.executable, "-m", module, *words], stderr=subprocess.PIPE)
-    while not {signal.SIGHUP, signal.SIGINT, signal.SIGTERM} <= caught(node):
-        assert node.poll() is None
-        time.sleep(0.01)
+    until(lambda: {signal.SIGHUP, signal.SIGINT, signal.SIGTERM} <= caught(node), "it hears signals")
     while node.poll() is None:
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             node.send_signal(number)

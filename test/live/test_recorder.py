@@ -41,6 +41,9 @@ class Speaker(Client):
         self._publishers = {}
         self.node.declare_parameter(STIFFNESS, 750.0)
 
+    def look(self, seconds=0.05):  # a bag is read in that time
+        super().look(seconds)
+
     def say(self, topic, *numbers):
         if topic not in self._publishers:
             self._publishers[topic] = self.node.create_publisher(JointState, topic, BEST_EFFORT)

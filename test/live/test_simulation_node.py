@@ -34,7 +34,7 @@ class Peer(Client):
         self.tools, self.said, self.sequence = [], [], 0
         self.handle = self.node.create_publisher(wire.JointState, "handle", wire.LATEST)
         self.layout = wire.JointLayout(wire.exchange_names(3))
-        self.node.create_subscription(wire.JointState, "tool", self._take, wire.LATEST, raw=True)
+        self._tool = self.node.create_subscription(wire.JointState, "tool", self._take, wire.LATEST, raw=True)
         self.node.create_subscription(wire.DiagnosticArray, "/diagnostics", self._hear, 10)
 
     def _take(self, data):
@@ -82,6 +82,7 @@ class Peer(Client):
     def lead(self, position=HOME, times=1, step=1):
         """Sends samples one by one, each until it is answered or, lost or in a silence, the next has to be sent: with
         more and more patience, so that also on a slow machine none is left to be answered later."""
+        self.until(lambda: self.handle.get_subscription_count() and self._tool.get_publisher_count(), "a simulation")
         for _ in range(times):
             patience = 0.05
             self.send_handle(position, step)

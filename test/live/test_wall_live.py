@@ -5,6 +5,7 @@ How steady and stiff it is, and what `direct` gives in its place, is judged in l
 test_local.py).
 """
 
+import itertools
 import threading
 
 import pytest
@@ -53,14 +54,13 @@ def test_a_wall_behind_a_bad_network_is_felt_and_gives_no_energy_beyond_the_budg
     ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 0, what="an answer")
     ear.engaged()
     ear.go_to(OUT)
-    begin = len(ear.truths)
     ear.go_to(IN)
+    pushes = itertools.count(1)
 
-    def felt():
-        pushes = (ear.motor(truth)[0] > PRESSED for truth in ear.truths[begin:])
-        return sum(pushes) > 500  # of truths, 500 of which are a second of the plant's
+    def felt(truth):
+        return ear.motor(truth)[0] > PRESSED and next(pushes) > 500  # truths, which are a second of the plant's
 
-    ear.until(felt, "the wall pushes the hand for a while")
+    ear.truth(felt, "the wall pushes the hand for a while")
     values = ear.news("haptic_driver", lambda *said: True)[2]
     assert 0 < int(values["exchange_answered"]) < 0.95 * int(values["exchange_sent"])  # a tenth is lost either way
     assert max(truth.position[2 * ear.axes] for truth in ear.truths) <= BUDGET
