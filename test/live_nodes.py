@@ -31,11 +31,11 @@ MODULES = {
 BESIDE = {"haptic_recorder": "haptic_device.node.recorder", "haptic_relay": "haptic_sim.node.relay"}
 """Nodes that take no part in the exchange."""
 SLOW = {
-    "servo__rate": 1000.0,
+    "servo__rate": 1000.0, "publish__rate": 100.0,
     "coupling__stiffness": 1000.0, "coupling__damping": 1.0,
     "coupling__rotational_stiffness": 1.0, "coupling__rotational_damping": 0.001,
 }  # fmt: skip
-"""Of a driver in a test of what it says and refuses: a slower servo leaves more of the processors to the others."""
+"""Of a driver in a test of what it says and refuses: slower, it leaves more of the processors to the others."""
 CUT = "device_watchdog"
 STEADY = {"motor_watchdog": 2.0}  # [s] of a loopback whose servo may be held up by whatever else the machine does
 PATIENT = {"fault__silence": 1.0, "fault__unattended": 0.0}  # of a driver whose device and Python may be
