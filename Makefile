@@ -64,7 +64,7 @@ check: setup
 	$(BIN)/python -m pytest test/unit -n 2 --dist worksteal
 
 test: check
-	$(BIN)/python -m pytest test/live
+	$(BIN)/python -m pytest test/live -n 2 --dist loadfile --no-loadscope-reorder  # the demo, the longest, not last
 
 soak: setup
 	$(BIN)/python -m pytest test/soak

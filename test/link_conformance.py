@@ -8,6 +8,7 @@ import time
 
 import numba
 import numpy as np
+from waiting import until
 
 from haptic_device.runtime import clock, link
 
@@ -37,10 +38,7 @@ def has_its_signatures(device_link):
 
 
 def answers(device_link):
-    end = time.monotonic() + LIMIT * 1e-9
-    while not device_link.present():
-        assert time.monotonic() < end, "the device is not present"
-        time.sleep(0.01)
+    until(device_link.present, "the device is present")
 
 
 def drive(device_link, ticks, motor=0.0):
@@ -113,9 +111,11 @@ def changes_counts_with_their_time_only(device_link):
 def cuts_the_motor(device_link):
     """Silent for longer than the device's watchdog, the servo is told that the motor was cut; by writing it returns."""
     drive(device_link, 5, SMALL)
-    sample, end = np.zeros(link.SAMPLE), time.monotonic() + LIMIT * 1e-9
-    while not is_cut(sample):
-        assert time.monotonic() < end, "the device never cut the motor of a silent servo"
-        time.sleep(0.002)
+    sample = np.zeros(link.SAMPLE)
+
+    def cut():
         device_link.read(device_link.memory, 0, 0, sample)
+        return is_cut(sample)
+
+    until(cut, "the device cuts the motor of a silent servo")
     assert not all(is_cut(sample) for _, _, sample, _ in drive(device_link, 20)), "the servo was not taken back"

@@ -1,35 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Live nodes of the device in processes of their own, and an ear and a hand in this one.
-
-Nothing here judges how fast the machine is: whoever waits says what for, and has LIMIT for it, which is no assertion.
-"""
+"""Live nodes in processes of their own: started, ended, refused, and told nonsense."""
 
 import contextlib
 import json
-import math
 import os
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
-import time
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
-from std_srvs.srv import Trigger
+from waiting import LIMIT
 
-from haptic_device.node import wire
-from haptic_device.runtime import page
 from haptic_device.process import ending_with_us
+from haptic_device.runtime import page
 from haptic_sim.cli.processes import parameter_text
 
 MODULES = {
@@ -37,13 +28,14 @@ MODULES = {
     "haptic_loopback": "haptic_device.node.loopback",
     "haptic_simulation": "haptic_sim.node.simulation",
 }
+BESIDE = {"haptic_recorder": "haptic_device.node.recorder", "haptic_relay": "haptic_sim.node.relay"}
+"""Nodes that take no part in the exchange."""
 SLOW = {
-    "servo__rate": 1000.0,
+    "servo__rate": 1000.0, "publish__rate": 100.0,
     "coupling__stiffness": 1000.0, "coupling__damping": 1.0,
     "coupling__rotational_stiffness": 1.0, "coupling__rotational_damping": 0.001,
 }  # fmt: skip
-"""Of a driver in a test of what it says and refuses: a slower servo leaves more of the processors to the others."""
-LIMIT = 200.0  # [s] for whatever is waited for: a node that starts on a busy machine, or compiles first
+"""Of a driver in a test of what it says and refuses: slower, it leaves more of the processors to the others."""
 CUT = "device_watchdog"
 STEADY = {"motor_watchdog": 2.0}  # [s] of a loopback whose servo may be held up by whatever else the machine does
 PATIENT = {"fault__silence": 1.0, "fault__unattended": 0.0}  # of a driver whose device and Python may be
@@ -57,7 +49,7 @@ def command(name, namespace="/haptic", renamed=(), **given):
     given = BEARS.get(name, {}) | given
     words = [w for key, value in given.items() for w in ("-p", f"{key.replace('__', '.')}:={parameter_text(value)}")]
     rules = [word for rule in renamed for word in ("-r", rule)]
-    return [sys.executable, "-m", MODULES[name], "--ros-args", "-r", f"__ns:={namespace}", *rules, *words]
+    return [sys.executable, "-m", (MODULES | BESIDE)[name], "--ros-args", "-r", f"__ns:={namespace}", *rules, *words]
 
 
 def refusal_of(process):
@@ -178,6 +170,7 @@ class Nodes:
             self.end(name)
 
     def start(self, name, **given):
+        """Starts a node; its process, with the path of its `log`."""
         self._count += 1
         path = self._logs / f"{self._count}_{name}.log"
         with open(path, "w") as log:
@@ -210,149 +203,3 @@ class Nodes:
             process.kill()
             process.wait(60.0)
         return process.returncode
-
-
-class Ear:
-    """A node of this process in the namespace: keeps what the others say, asks their services."""
-
-    def __init__(self, domain, namespace="/haptic", axes=3):
-        self.context = Context()
-        rclpy.init(context=self.context, domain_id=domain)
-        self.node = rclpy.create_node("ear", namespace=namespace, context=self.context)
-        self._executor = SingleThreadedExecutor(context=self.context)
-        self._executor.add_node(self.node)
-        self.truths, self.handles, self.said, self.alone, self._clients = [], [], {}, {}, {}
-        self.axes, self.namespace = axes, namespace
-        self._handles = None
-        self._hear("operator/state", wire.JointLayout(wire.truth_names(axes)), self.truths, wire.STREAM)
-        self.node.create_subscription(wire.DiagnosticArray, "/diagnostics", self._note, 50)
-        self.tool = self.node.create_publisher(wire.JointState, "tool", wire.LATEST)
-        self.target = self.node.create_publisher(wire.JointState, "operator/target", wire.LATEST)
-
-    def close(self):
-        self.node.destroy_node()
-        rclpy.shutdown(context=self.context)
-
-    def _hear(self, topic, layout, kept, qos):
-        return self.node.create_subscription(
-            wire.JointState, topic, lambda data: kept.append(layout.unpack(data)), qos, raw=True
-        )
-
-    def hear_handles(self, wanted=True):
-        """Keeps handle samples from now on, or no more; they are many."""
-        if wanted:
-            layout = wire.JointLayout(wire.exchange_names(self.axes))
-            self._handles = self._hear("handle", layout, self.handles, wire.LATEST)
-        else:
-            self.node.destroy_subscription(self._handles)
-
-    def _note(self, array):
-        for status in array.status:
-            values = {entry.key: entry.value for entry in status.values}
-            self.said.setdefault(status.name, []).append((status.level[0], status.message, values))
-            if len(array.status) == 1:  # without the figures of each half second
-                self.alone.setdefault(status.name, []).append(values)
-
-    def until(self, condition, what=None, seconds=LIMIT):
-        """Listens until the condition holds, and returns what it gives; what: what is waited for."""
-        end = time.monotonic() + seconds
-        while not (found := condition()):
-            if time.monotonic() > end:
-                code = condition.__code__ if hasattr(condition, "__code__") else None
-                where = f"the condition of {code.co_filename}:{code.co_firstlineno}" if code else repr(condition)
-                raise AssertionError(f"not within {seconds:g} s: {what or where}; last said: {self.last()}")
-            self._executor.spin_once(timeout_sec=0.01)
-        return found
-
-    def last(self):
-        return {name: said[-1] for name, said in self.said.items() if said}
-
-    def _next(self, kept, condition, what, seconds, begin=None):
-        """The first of what is kept from now on, or from `begin` on, for which the condition holds; each is judged
-        once."""
-        place = len(kept) if begin is None else begin
-
-        def found():
-            nonlocal place
-            while place < len(kept):
-                one, place = kept[place], place + 1
-                if condition(one):
-                    return [one]
-            return None
-
-        return self.until(found, what, seconds)[0]
-
-    def news(self, name, condition, seconds=LIMIT, what=None):
-        """Values of the next diagnostics of a node for which condition(level, message, values) holds."""
-        heard = self.said.setdefault(name, [])
-        return self._next(heard, lambda said: condition(*said), what or f"news of {name}", seconds)
-
-    def ask(self, service, kind, request, again=3.0):
-        """A service's answer. Asked again after this time: an answer is lost if its server was found a moment ago."""
-        client = self._clients.get(service) or self.node.create_client(kind, service)
-        self._clients[service], answers, asked = client, [], -math.inf
-        self.until(client.service_is_ready, f"the service {service}")
-
-        def answered():
-            nonlocal asked
-            if time.monotonic() > asked + again:
-                asked = time.monotonic()
-                answers.append(client.call_async(request))
-            return next((answer for answer in answers if answer.done()), None)
-
-        return self.until(answered, f"an answer of {service}").result()
-
-    def trigger(self, name):
-        """A service of the driver: (success, message)."""
-        answer = self.ask(f"haptic_driver/{name}", Trigger, Trigger.Request())
-        return answer.success, answer.message
-
-    def set(self, name, value, node="haptic_driver"):
-        """Sets a live parameter: (accepted, reason)."""
-        wish = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-        [result] = self.ask(f"{node}/set_parameters", SetParameters, wish).results
-        return result.successful, result.reason
-
-    def truth(self, condition, seconds=LIMIT, what=None):
-        """The first truth from now on for which the condition holds."""
-        return self._next(self.truths, condition, what or "a truth", seconds)
-
-    def motor(self, truth):
-        return truth.effort[self.axes : 2 * self.axes]
-
-    def time(self, truth):
-        """CLOCK_MONOTONIC [s] up to which the plant was integrated."""
-        return truth.position[2 * self.axes + 1]
-
-    def motor_off_after(self, when):
-        """Waits for a truth past this time [s] of the plant; judges that in none past it the motor pushes."""
-        self.truth(lambda truth: self.time(truth) > when, what=f"a truth past {when} s")
-        assert not any(self.motor(truth).any() for truth in self.truths if self.time(truth) > when)
-
-    def cleared(self):
-        """No fault is latched, and the motor is off."""
-        assert (answer := self.trigger("reset"))[0], answer
-
-    def engaged(self):
-        """Enables, and waits until the driver says that its forces act; what it then said."""
-        heard = self.said["haptic_driver"]
-        begin = len(heard)
-        assert (answer := self.trigger("enable")) == (True, "enabled"), answer
-        return self.until(
-            lambda: next((said for said in heard[begin:] if said[2]["state"] == "engaged"), None), "it is engaged"
-        )
-
-    def go_to(self, x, y=0.0, theta=0.0):
-        """Has the hand follow to a target, and waits until it wants to be there."""
-        names, position = list(wire.AXES[: self.axes]), [x, y, theta][: self.axes]
-        begin, asked = len(self.truths), 0.0
-
-        def there():
-            nonlocal asked
-            if time.monotonic() > asked + 0.05:
-                self.target.publish(wire.JointState(name=names, position=position))
-                asked = time.monotonic()
-            latest = self.truths[-1] if len(self.truths) > begin else None
-            return latest and abs(latest.position[self.axes : 2 * self.axes] - position).max() < 1e-5
-
-        self.until(there, f"the hand wants to be at {position}")

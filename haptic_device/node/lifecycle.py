@@ -145,7 +145,11 @@ def hear_the_end():
 
 
 def _be_deaf():
-    """Python takes its handlers back while it ends: one signal more would be what a process that is done died of."""
+    """Python takes its handlers back while it ends: one signal more would be what a process that is done died of.
+
+    Blocked first: one between Python's last look and the change would be printed with a traceback.
+    """
+    signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
 

@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The driver's services from the terminal, with a driver that answers late or never."""
 
-import time
-
 import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
+from waiting import LIMIT, until
 
 from haptic_sim.cli import commands
 
 pytestmark = pytest.mark.timeout(300)
-
-LIMIT = 60.0  # [s] that anything is waited for
 
 
 class Driver:
@@ -39,10 +36,7 @@ def asked(ros_domain):
     node = rclpy.create_node("terminal", namespace="/haptic", context=context)
     driver, found = Driver(context), commands.Commands(node, context)
     clients = {client.srv_name.rsplit("/")[-1]: client for client in node.clients}
-    end = time.monotonic() + LIMIT
-    while not all(client.service_is_ready() for client in clients.values()):
-        assert time.monotonic() < end, "the services are not found"
-        time.sleep(0.01)
+    until(lambda: all(client.service_is_ready() for client in clients.values()), "the services")
     yield found, clients, driver
     found.close()
     context.shutdown()

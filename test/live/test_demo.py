@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic demo` alive: the job is done, and no way of ending it leaves anything behind."""
 
-import contextlib
 import json
 import os
 import pty
@@ -9,16 +8,14 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
-import psutil
 import pytest
+from live_demo import BUSY, HAPTIC, ROOT, children, demos, end, ends_well, pages, running, until
 from live_nodes import strange_diagnostics
+from waiting import LIMIT
 
 from haptic_device.analysis.recording import load
-from haptic_device.runtime import page
-from haptic_device.process import ending_with_us
 from haptic_sim import scene
 from haptic_sim.cli import main
 from haptic_sim.compile import compile_scene
@@ -26,77 +23,18 @@ from haptic_sim.recompute import verdict_on
 
 pytestmark = pytest.mark.timeout(900)
 
-ROOT = Path(__file__).resolve().parents[2]
-HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
 NODES = ("haptic_driver", "haptic_loopback", "haptic_recorder", "haptic_simulation")
-LIMIT = 240.0  # [s] for anything; no assertion
 # A child that makes its standard input the terminal that controls it, and then becomes the command.
 ON_TERMINAL = (
     "import fcntl, os, sys, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0); os.execvp(sys.argv[1], sys.argv[1:])"
 )
 
 
-class Demo:
-    """`haptic demo` as a process; what it says goes into files."""
-
-    def __init__(self, folder: Path, *options: str, scene: str = "peg_in_hole"):
-        self.out, self._folder = folder / "run", folder
-        command = [*HAPTIC, "demo", "--scene", scene, "--out", str(self.out), *options]
-        with open(folder / "stdout", "wb") as stdout, open(folder / "stderr", "wb") as stderr:
-            self.process = subprocess.Popen(ending_with_us(command), cwd=ROOT, stdout=stdout, stderr=stderr)
-
-    @property
-    def bag(self) -> Path:
-        return self.out / "bag"
-
-    @property
-    def said(self) -> str:
-        return (self._folder / "stdout").read_text()
-
-    @property
-    def progress(self) -> str:
-        return (self._folder / "stderr").read_text()
-
-    def ended(self) -> int:
-        """Its exit code, when it has ended."""
-        wait_for(lambda: self.process.poll() is not None, "the end of the demo", lambda: self.progress)
-        return self.process.returncode
-
-
 @pytest.fixture
 def demo(tmp_path):
     """demo(*options) starts it; whatever the test came to, it and its nodes have ended afterwards."""
-    started = []
-
-    def run(*options: str, **given) -> Demo:
-        started.append(Demo(tmp_path, *options, **given))
-        return started[-1]
-
-    yield run
-    for each in started:
-        end(each.process)
-
-
-def end(process: subprocess.Popen) -> None:
-    """A demo that is interrupted ends its nodes; nodes of one that was killed end with it."""
-    for number in (signal.SIGINT, signal.SIGKILL):
-        if process.poll() is None:
-            process.send_signal(number)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(LIMIT)
-
-
-def pages() -> list[str]:
-    """Shared memory of displays in this domain."""
-    return [path.name for path in page.FOLDER.glob(f"haptic_display.{os.environ['ROS_DOMAIN_ID']}.*")]
-
-
-def children(process: subprocess.Popen) -> list[psutil.Process]:
-    """Its nodes; what a node itself asks for a moment, such as git, is none."""
-    try:
-        return psutil.Process(process.pid).children()
-    except psutil.NoSuchProcess:
-        return []
+    with demos(tmp_path) as start:
+        yield start
 
 
 def flat(found: dict, prefix: str = "") -> set[str]:
@@ -111,16 +49,9 @@ def documented() -> set[str]:
     return set(re.findall(r"^\| `([\w.]+)` \|", text, re.MULTILINE))
 
 
-def wait_for(condition, what: str, said=lambda: "") -> None:
-    until = time.monotonic() + LIMIT
-    while not condition():
-        assert time.monotonic() < until, f"{what} did not come within {LIMIT:g} s; {said()}"
-        time.sleep(0.05)
-
-
 def test_the_peg_goes_into_the_hole_every_figure_is_reported_and_no_node_compiles(demo, monkeypatch):
     monkeypatch.setenv("NUMBA_DEBUG_CACHE", "1")  # numba says what it loads, and what it had to compile
-    run = demo("--json", "--params", str(ROOT / "test" / "busy.yaml"))
+    run = demo("--json", *BUSY)
     assert run.ended() == 0, run.progress + run.said
     logs = {log.stem: log.read_text() for log in (run.out / "log").glob("haptic_*.log")}
     assert all("data loaded from" in logs[name] for name in ("haptic_driver", "haptic_loopback", "haptic_simulation"))
@@ -144,58 +75,35 @@ def test_the_peg_goes_into_the_hole_every_figure_is_reported_and_no_node_compile
 def test_strange_diagnostics_neither_end_a_demo_nor_spoil_its_figures(demo):
     with strange_diagnostics():
         # Long enough for a machine that stands still for some tenths of a second: a tenth unanswered is not done.
-        run = demo("--json", "--seconds", "4.0", "--params", str(ROOT / "test" / "busy.yaml"), scene="free_space")
+        run = demo("--json", "--seconds", "4.0", *BUSY, scene="free_space")
         assert run.ended() == 0, run.progress + run.said
     found = json.loads(run.said.splitlines()[-1])
     assert found["done"] and found["faults"] == [] and "Traceback" not in run.progress
 
 
-def running(processes):
-    """Those that still run; one that has ended may wait as a zombie for somebody to ask how."""
-    found = []
-    for each in processes:
-        with contextlib.suppress(psutil.NoSuchProcess):
-            found += [each] if each.status() != psutil.STATUS_ZOMBIE else []
-    return found
-
-
-MOMENTS = {
-    "its first node is there": lambda run: children(run.process),
-    "its bag is open": lambda run: run.bag.exists(),
-    "it tells how it goes": lambda run: "motor" in run.progress,
-}
-
-
-@pytest.mark.parametrize(
-    ("number", "moment"), [*zip((signal.SIGINT, signal.SIGTERM, signal.SIGINT), MOMENTS, strict=True)]
-)
-def test_an_interrupt_leaves_no_process_no_page_and_no_half_written_bag(demo, number, moment):
-    run = demo()
-    wait_for(lambda: MOMENTS[moment](run), f"the moment that {moment}", lambda: run.progress)
-    nodes = children(run.process)
-    run.process.send_signal(number)
-    assert run.ended() == 130 and nodes, run.progress
-    wait_for(lambda: not running(nodes) and not pages(), "the end of every node", lambda: f"{nodes}, {pages()}")
-    assert not run.bag.exists() or (run.bag / "metadata.yaml").exists()
+def test_an_interrupt_leaves_no_process_no_page_and_no_half_written_bag(demo):
+    run = demo(*BUSY)
+    until(lambda: "motor" in run.progress, "it tells how it goes", said=lambda: run.progress)
+    ends_well(run, signal.SIGINT)
 
 
 @pytest.mark.parametrize("way", ["terminal closed", "command killed"])
 def test_a_closed_terminal_and_a_killed_command_leave_no_process_and_no_page(tmp_path, way):
     out, (control, terminal) = tmp_path / "run", pty.openpty()
-    command = [*HAPTIC, "demo", "--scene", "free_space", "--out", str(out)]
+    command = [*HAPTIC, "demo", "--scene", "free_space", "--out", str(out), *BUSY]
     own = {"stdin": terminal, "stdout": terminal, "stderr": terminal, "start_new_session": True}
     process = subprocess.Popen([sys.executable, "-c", ON_TERMINAL, *command], cwd=ROOT, **own)
     os.close(terminal)
     try:
-        wait_for((out / "bag").exists, "the bag")
-        wait_for(lambda: len(children(process)) == len(NODES), "the last of the nodes")
+        until((out / "bag").exists, "the bag")
+        until(lambda: len(children(process)) == len(NODES), "the last of the nodes")
         nodes = children(process)
         if way == "command killed":
             process.kill()
         os.close(control)
         control = None
         process.wait(LIMIT)
-        wait_for(lambda: not running(nodes) and not pages(), "the end of every node", lambda: f"{nodes}, {pages()}")
+        until(lambda: not running(nodes) and not pages(), "the end of every node", said=lambda: f"{nodes}, {pages()}")
     finally:
         if control is not None:
             os.close(control)
@@ -203,9 +111,9 @@ def test_a_closed_terminal_and_a_killed_command_leave_no_process_and_no_page(tmp
 
 
 def test_a_dead_node_ends_the_demo_and_is_named(demo):
-    run = demo("--json")
-    wait_for(run.bag.exists, "the bag", lambda: run.progress)
-    wait_for(lambda: len(children(run.process)) == len(NODES), "the last of the nodes", lambda: run.progress)
+    run = demo("--json", *BUSY)
+    until(run.bag.exists, "the bag", said=lambda: run.progress)
+    until(lambda: len(children(run.process)) == len(NODES), "the last of the nodes", said=lambda: run.progress)
     nodes = children(run.process)
     [victim] = [node for node in nodes if "haptic_sim.node.simulation" in node.cmdline()]
     victim.kill()

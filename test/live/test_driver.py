@@ -9,13 +9,12 @@ import sys
 import time
 
 import pytest
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
+from ear import Ear
+from lifecycle_msgs.msg import State, Transition
 from live_nodes import (
     CUT,
     HOLDING,
     SLOW,
-    Ear,
     Nodes,
     command,
     last_write,
@@ -236,20 +235,15 @@ def test_a_second_driver_of_the_same_device_is_refused(display, start):
     display.engaged()
 
 
-def change(ear, transition):
-    request = ChangeState.Request(transition=Transition(id=transition))
-    return ear.ask("haptic_driver/change_state", ChangeState, request).success
-
-
 def test_deactivation_zeroes_the_motor_before_it_answers_and_it_can_be_activated_again(display):
     press(display)
-    assert change(display, Transition.TRANSITION_DEACTIVATE)
+    display.change("haptic_driver", Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
     last = last_write()
     assert last.engaged == 0 and last.motor == [0.0, 0.0, 0.0]
     display.motor_off_after(max(last.written, last.deadline) * 1e-9)
     success, message = display.trigger("enable")
     assert not success and message == "the servo does not run: no device, or the node is not active"
-    assert change(display, Transition.TRANSITION_ACTIVATE)
+    display.change("haptic_driver", Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE)
     display.cleared()
     press(display)
 

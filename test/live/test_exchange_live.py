@@ -1,10 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The exchange on live nodes: what does not belong to it is refused, said and counted, and the handle stays quiet."""
+"""Live nodes among enemies: what is not theirs is refused, said and counted, and the handle does not notice."""
 
+import math
+import subprocess
+import sys
 import time
 
 import pytest
-from live_nodes import LIMIT, Ear, Nodes
+from ear import Ear
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from live_nodes import SLOW, Nodes
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 
 from haptic_device.law import exchange
 from haptic_device.node import wire
@@ -12,8 +20,10 @@ from haptic_device.node import wire
 pytestmark = pytest.mark.timeout(600)
 
 WARN = 1
-DRIVER = {"engage__time": 0.05, "exchange__fade": 0.05, "auto_enable": True}
-QUIET = 0.5  # [N] on the handle
+DRIVER = {"engage__time": 0.05, "exchange__fade": 0.05, "auto_enable": True, **SLOW}
+NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation")
+FLOOD = [sys.executable, "-m", "haptic_sim.cli.flood", "10000", "2"]
+QUIET, STILL = 0.5, 5e-4  # [N] on the handle, [m] of the handle
 BUDGET = 0.005  # [J]
 
 
@@ -21,11 +31,15 @@ BUDGET = 0.005  # [J]
 def nodes(ros_domain, tmp_path_factory):
     with Nodes(tmp_path_factory.mktemp("nodes")) as nodes:
         nodes.start("haptic_loopback", motion__name="follow")
+        nodes.start("haptic_simulation", scene="free_space")
+        nodes.start("haptic_driver", **DRIVER)
         yield nodes
+        for process in nodes.running.values():
+            assert process.poll() is None and "Traceback" not in process.log.read_text()
 
 
 @pytest.fixture(scope="module")
-def ear(ros_domain):
+def ear(ros_domain, nodes):
     ear = Ear(ros_domain)
     yield ear
     ear.close()
@@ -36,7 +50,6 @@ def exchanging(nodes, ear):
     """Values of the driver's diagnostics once it and the simulation exchange, and its forces are on."""
     nodes.have("haptic_simulation", scene="free_space")
     nodes.have("haptic_driver", **DRIVER)
-    ear.news("haptic_simulation", lambda level, message, values: int(values["answered"]) > 0, what="an answer")
     ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 300, what="answers")
     return engaged(ear)[2]
 
@@ -67,7 +80,7 @@ def send(ear, publisher, message, condition, what):
             asked = time.monotonic()
         return condition()
 
-    return ear.until(done, what, LIMIT)
+    return ear.until(done, what)
 
 
 def send_until_said(ear, publisher, message, node, sentence):
@@ -82,7 +95,76 @@ def send_until_said(ear, publisher, message, node, sentence):
     return level, values
 
 
+def survived(ear, nonsense):
+    """Sends nonsense(node) to each node, and waits until each says that it has survived one more."""
+    before = {node: int(ear.news(node, lambda *said: True)[2]["survived"]) for node in NODES}
+    for node in NODES:
+        nonsense(node)
+    for node, count in before.items():
+        ear.until(lambda node=node, count=count: int(ear.last()[node][2]["survived"]) > count, f"{node} survived it")
+
+
+def test_a_parameter_of_no_known_type_ends_no_node(exchanging, ear):
+    nonsense = Parameter(name="realtime", value=ParameterValue(type=99))
+    request = SetParameters.Request(parameters=[nonsense])
+    survived(ear, lambda node: ear.send(f"{node}/set_parameters", SetParameters, request))
+
+
+def test_a_transition_that_does_not_exist_or_does_not_fit_ends_no_node(exchanging, ear):
+    def nonsense(node):
+        for number in (250, Transition.TRANSITION_CONFIGURE):
+            ear.send(f"{node}/change_state", ChangeState, ChangeState.Request(transition=Transition(id=number)))
+
+    survived(ear, nonsense)
+    label = ChangeState.Request(transition=Transition(id=0, label="explode"))
+    assert not any(ear.ask(f"{node}/change_state", ChangeState, label).success for node in NODES)
+
+
+def refusals(values):
+    """How many messages a node says that it refused."""
+    return sum(int(value) for name, value in values.items() if name.startswith(("refused.", "refused_t")))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("no.such.parameter", ParameterValue(type=3, double_value=1.0)),
+        ("", ParameterValue(type=3, double_value=1.0)),
+        ("coupling.stiffness", ParameterValue(type=3, double_value=math.nan)),
+        ("coupling.stiffness", ParameterValue(type=4, string_value="x" * 100_000)),
+        ("coupling.stiffness", ParameterValue(type=8, double_array_value=[1e308] * 1000)),
+        ("wall.stiffness", ParameterValue(type=8, double_array_value=[1.0] * 10_000)),
+        ("diagnostics.margin.warn", ParameterValue(type=3, double_value=math.inf)),
+        ("engage.time", ParameterValue(type=0)),
+    ],
+)
+def test_a_wild_parameter_is_refused_with_its_reason(ear, name, value):
+    request = SetParametersAtomically.Request(parameters=[Parameter(name=name, value=value)])
+    result = ear.ask("haptic_driver/set_parameters_atomically", SetParametersAtomically, request).result
+    assert not result.successful and result.reason and len(result.reason) < 300_000
+
+
+def test_a_flood_of_messages_that_are_not_theirs_moves_nothing_and_is_counted(exchanging, ear, start):
+    ear.go_to(0.0)
+    before, begin = int(ear.engaged()[2]["ticks"]), len(ear.truths)
+    flood = start(FLOOD, stdout=subprocess.PIPE)
+    ear.until(lambda: flood.poll() is not None, "the flood is over")
+    assert flood.returncode == 0 and int(flood.stdout.read().split()[-1]) > 0
+    for node in NODES:
+        ear.news(node, lambda level, message, values: refusals(values) > 0, what=f"{node} counts what it refused")
+    _, _, values = ear.news("haptic_driver", lambda level, message, values: True)
+    assert values["fault"] == "" and int(values["ticks"]) > before
+    assert max(abs(truth.position[:2]).max() for truth in ear.truths[begin:]) < STILL and pushed(ear, begin) < QUIET
+
+
+def test_the_next_word_is_heard_as_before(ear):
+    assert ear.trigger("estop") == (True, "e-stop latched, motor zero")
+    ear.motor_off_after(time.monotonic())
+    assert ear.trigger("reset")[0] and ear.trigger("enable") == (True, "enabled")
+
+
 def test_an_exchange_method_that_differs_is_refused_in_a_sentence_and_the_handle_is_free(nodes, ear):
+    nodes.lack("haptic_driver")  # which knows the simulation
     nodes.have("haptic_simulation", scene="free_space", exchange__method="wave")
     nodes.have("haptic_driver", **DRIVER)
     said = "handle messages refused: other exchange method; set exchange.method alike on driver and simulation"

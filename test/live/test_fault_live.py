@@ -12,10 +12,12 @@ import time
 
 import numpy as np
 import pytest
-from live_nodes import HOLDING, LIMIT, Ear, command
+from ear import Ear
+from live_nodes import HOLDING, command
+from waiting import LIMIT, until
 
-from haptic_device.runtime import clock, page
 from haptic_device.process import ending_with_us
+from haptic_device.runtime import clock, page
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -193,8 +195,8 @@ def test_while_python_stands_still_the_servo_goes_on_and_afterwards_that_is_said
     begin = len(ear.said["haptic_driver: stall"])
     driver.hold()
     held, seen = time.monotonic(), len(hands.writes)
-    wait_for("20 writes of the servo", lambda: len(hands.writes) >= seen + 20)
-    wait_for("half a second", lambda: time.monotonic() > held + 0.5)
+    until(lambda: len(hands.writes) >= seen + 20, "20 writes of the servo")
+    until(lambda: time.monotonic() > held + 0.5, "half a second")
     stood = time.monotonic() - held
     written = [(when, motor) for when, motor in hands.writes[seen:]]
     driver.free()
@@ -222,18 +224,10 @@ def test_a_servo_that_nobody_could_stop_for_too_long_stops_itself(hands, driver,
     press(hands, ear)
     driver.hold()
     seen = len(hands.writes)
-    wait_for("the motor is off", lambda: hands.motor == 0.0)  # while python still stands
+    until(lambda: hands.motor == 0.0, "the motor is off")  # while python still stands
     pushed = [when for when, motor in hands.writes[seen:] if motor > 4.9]
     stopped = next(when for when, motor in hands.writes[seen:] if motor == 0.0)
     assert pushed and max(pushed) < stopped
     driver.free()
     said = ear.news("haptic_driver", lambda level, message, values: values["fault"], what="a fault")
     assert said[:2] == (ERROR, "fault unattended") and hands.motor == 0.0
-
-
-def wait_for(what, condition):
-    """Waits for what needs no ear."""
-    end = time.monotonic() + LIMIT
-    while not condition():
-        assert time.monotonic() < end, f"not within {LIMIT:g} s: {what}"
-        time.sleep(0.001)

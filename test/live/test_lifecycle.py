@@ -8,11 +8,12 @@ import time
 
 import pytest
 import rclpy
+from ear import Ear
 from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState, GetState
-from live_nodes import LIMIT, MODULES, SLOW, Ear, Nodes, page_path
+from live_nodes import MODULES, SLOW, Nodes, page_path
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
+from waiting import LIMIT, until
 
 from haptic_device.process import ending_with_us
 from haptic_sim.node.relay import RelayNode
@@ -47,55 +48,43 @@ def ear(ros_domain, nodes):
     ear.close()
 
 
-def state(ear, name):
-    return ear.ask(f"{name}/get_state", GetState, GetState.Request(), again=3.0).current_state.id
-
-
-def change(ear, name, transition, wanted):
-    """Asks for a transition once, and waits for the state: an answer may be lost while nodes still meet."""
-    client = ear.node.create_client(ChangeState, f"{name}/change_state")
-    ear.until(client.service_is_ready, f"transitions of {name}")
-    client.call_async(ChangeState.Request(transition=Transition(id=transition)))
-    ear.until(lambda: state(ear, name) == wanted, f"{name} is in state {wanted}")
-
-
 def test_without_autostart_the_nodes_wait_and_hold_nothing(ear):
-    assert [state(ear, name) for name in NODES] == [UNCONFIGURED] * len(NODES)
+    assert [ear.state(name) for name in NODES] == [UNCONFIGURED] * len(NODES)
     assert not page_path(SPACE).exists()
 
 
 def test_configured_they_hold_the_device_and_activated_they_run(ear):
     for name in NODES:
-        change(ear, name, Transition.TRANSITION_CONFIGURE, INACTIVE)
+        ear.change(name, Transition.TRANSITION_CONFIGURE, INACTIVE)
     assert page_path(SPACE).exists() and not ear.truths
     for name in NODES:
-        change(ear, name, Transition.TRANSITION_ACTIVATE, ACTIVE)
+        ear.change(name, Transition.TRANSITION_ACTIVATE, ACTIVE)
     ear.cleared()
     ear.engaged()
 
 
 def test_an_estop_outlives_a_deactivation_also_with_auto_enable(ear):
     def again():
-        change(ear, "haptic_driver", Transition.TRANSITION_ACTIVATE, ACTIVE)
+        ear.change("haptic_driver", Transition.TRANSITION_ACTIVATE, ACTIVE)
         ear.news("haptic_driver", lambda level, message, values: values["fault"] == "estop", what="the e-stop")
         assert ear.trigger("enable") == (False, "fault estop is latched; call ~/reset first")
 
     assert ear.trigger("estop")[0]
-    change(ear, "haptic_driver", Transition.TRANSITION_DEACTIVATE, INACTIVE)
+    ear.change("haptic_driver", Transition.TRANSITION_DEACTIVATE, INACTIVE)
     again()
     ear.cleared()
-    change(ear, "haptic_driver", Transition.TRANSITION_DEACTIVATE, INACTIVE)
+    ear.change("haptic_driver", Transition.TRANSITION_DEACTIVATE, INACTIVE)
     assert ear.trigger("estop") == (True, "e-stop latched for when the node is active again")
     again()
 
 
 def test_deactivated_cleaned_up_and_shut_down_in_any_order_they_let_everything_go(ear):
     for name in NODES:
-        change(ear, name, Transition.TRANSITION_DEACTIVATE, INACTIVE)
-        change(ear, name, Transition.TRANSITION_CLEANUP, UNCONFIGURED)
+        ear.change(name, Transition.TRANSITION_DEACTIVATE, INACTIVE)
+        ear.change(name, Transition.TRANSITION_CLEANUP, UNCONFIGURED)
     assert not page_path(SPACE).exists()
     for name in NODES:
-        change(ear, name, Transition.TRANSITION_UNCONFIGURED_SHUTDOWN, State.PRIMARY_STATE_FINALIZED)
+        ear.change(name, Transition.TRANSITION_UNCONFIGURED_SHUTDOWN, State.PRIMARY_STATE_FINALIZED)
 
 
 TOLD = """
@@ -149,9 +138,7 @@ def test_a_node_told_to_end_at_any_moment_of_its_start_ends_as_it_always_does(na
 def test_signals_that_come_while_a_node_ends_change_nothing_of_its_end(module, start):
     words = ["--ros-args", "-r", "__ns:=/told", "-p", "autostart:=false"]
     node = start([sys.executable, "-m", module, *words], stderr=subprocess.PIPE)
-    while not {signal.SIGHUP, signal.SIGINT, signal.SIGTERM} <= caught(node):
-        assert node.poll() is None
-        time.sleep(0.01)
+    until(lambda: {signal.SIGHUP, signal.SIGINT, signal.SIGTERM} <= caught(node), "it hears signals")
     while node.poll() is None:
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             node.send_signal(number)

@@ -9,6 +9,7 @@ import uuid
 import link_conformance
 import numpy as np
 import pytest
+from waiting import until
 
 from haptic_device.device import load_device, plant_of
 from haptic_device.jit import kernel
@@ -97,13 +98,6 @@ def servo_thread(device_link):
         thread.stop()
 
 
-def wait_for(what, condition, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, f"not within {seconds} s: {what}"
-        time.sleep(0.001)
-
-
 def test_the_page_keeps_every_promise_of_a_link(served, device_link):
     link_conformance.check(device_link)
 
@@ -170,12 +164,12 @@ def test_a_write_of_nonsense_moves_neither_the_plant_nor_its_clock(
     served, device_link, written, deadline, period, motor
 ):
     scratch = clock.scratch()
-    wait_for("the device is present", device_link.present)
+    until(device_link.present, "the device is present")
     now = int(clock.now_ns(scratch))
     device_link.write(device_link.memory, now + written, now + deadline, period, 1, np.array([motor, 0.5, 0.0]))
-    wait_for("the write is refused", lambda: served.control[loopback.REFUSED] == 1)
+    until(lambda: served.control[loopback.REFUSED] == 1, "the write is refused")
     before = float(served.truth.get()[0].time)
-    wait_for("20 ms of the plant", lambda: served.truth.get()[0].time > before + 0.02)
+    until(lambda: served.truth.get()[0].time > before + 0.02, "20 ms of the plant")
     truth = served.truth.get()[0]
     assert truth.time <= clock.now_ns(scratch) * 1e-9
     assert truth.motor_force.tolist() == [0.0, 0.0, 0.0] and np.isfinite(truth.position).all()
@@ -199,8 +193,8 @@ def press(device_link, served):
         device_link.write(device_link.memory, *last, 1_000_000, 1, np.array([0.5, 0.0, 0.0]))
         return served.truth.get()[0].motor_force[0] != 0.0
 
-    wait_for("the device is present", device_link.present)
-    wait_for("the motor pushes", pushed)
+    until(device_link.present, "the device is present")
+    until(pushed, "the motor pushes")
     return last
 
 
@@ -213,7 +207,7 @@ def test_a_silent_servos_motor_is_cut_when_the_watchdog_is_over_by_the_plants_ow
         seen.append(served.truth.get()[0].copy())
         return seen[-1].time > cut
 
-    wait_for("the plant is past the cut", past)
+    until(past, "the plant is past the cut")
     for truth in seen:
         pushes = truth.motor_force[0] != 0.0
         assert pushes == (truth.time <= cut) or truth.time <= written * 1e-9
@@ -249,7 +243,7 @@ def settings():
 def test_the_servo_runs_on_the_page_takes_its_home_and_leaves_the_motor_at_zero(served, servo_thread):
     thread = servo_thread(home=(0.25, 0.5, 0.75))
     thread.start()
-    wait_for("20 ticks", lambda: thread.row.get()[0].tick > 20)
+    until(lambda: thread.row.get()[0].tick > 20, "20 ticks")
     assert thread.running
     assert thread.row.get()[0].position.tolist() == pytest.approx([0.25, 0.5, 0.75], abs=2e-5)
     rows = thread.ring.take(1000)
@@ -259,7 +253,7 @@ def test_the_servo_runs_on_the_page_takes_its_home_and_leaves_the_motor_at_zero(
     page.read_servo(served.page.words, block)
     assert not thread.running and block[4:].tolist() == [0, 0, 0, 0]
     thread.link.close()
-    wait_for("the plant is free", lambda: not served.truth.get()[0].driven)
+    until(lambda: not served.truth.get()[0].driven, "the plant is free")
     assert served.control[loopback.TRIPS] == 0
 
 
@@ -287,7 +281,7 @@ class LateLink(StillLink):
 def test_a_device_that_has_no_sample_at_first_is_at_home_where_its_first_sample_is(servo_thread):
     thread = servo_thread(LateLink(without=3), home=HOME)
     thread.start()
-    wait_for("5 ticks", lambda: thread.row.get()[0].tick > 5)
+    until(lambda: thread.row.get()[0].tick > 5, "5 ticks")
     assert thread.row.get()[0].counts.tolist() == [6000.0, 0.0, 0.0]
     assert thread.row.get()[0].position.tolist() == pytest.approx(HOME)
 
@@ -296,7 +290,7 @@ def test_without_a_sample_there_is_no_home_and_no_tick_and_the_servo_can_be_stop
     silent = LateLink(without=2**62)
     thread = servo_thread(silent, home=HOME)
     thread.start()
-    wait_for("10 reads", lambda: silent.memory[0] <= 2**62 - 10)
+    until(lambda: silent.memory[0] <= 2**62 - 10, "10 reads")
     assert not thread.running
     thread.stop()
     assert thread.row.get()[0].tick == 0 and thread.row.get()[0].deadline == 0.0
@@ -316,9 +310,9 @@ def test_settings_that_are_put_while_the_home_is_taken_are_not_lost(servo_thread
 
     monkeypatch.setattr(thread.settings, "get", put_meanwhile)
     thread.start()
-    wait_for("a tick", lambda: thread.row.get()[0].deadline > 0)
+    until(lambda: thread.row.get()[0].deadline > 0, "a tick")
     others[0].join()
-    wait_for("the newer settings", lambda: thread.row.get()[0].parameter_version == 7)
+    until(lambda: thread.row.get()[0].parameter_version == 7, "the newer settings")
     assert thread.row.get()[0].position.tolist() == pytest.approx(HOME)
 
 
@@ -328,12 +322,13 @@ def test_signals_neither_repeat_a_tick_nor_take_missed_ones_back(servo_thread):
         thread, rows = servo_thread(StillLink()), []
         thread.start()
         [servo] = [one for one in threading.enumerate() if one.name == "servo"]
-        end = time.monotonic() + 60.0
-        while sum(map(len, rows)) < 500:
-            assert time.monotonic() < end, "500 ticks"
+
+        def disturb():
             signal.pthread_kill(servo.ident, signal.SIGUSR1)
             time.sleep(0.0003)
             rows.append(thread.ring.take(1000))
+
+        until(lambda: sum(map(len, rows)) >= 500, "500 ticks", disturb)
     finally:
         signal.signal(signal.SIGUSR1, before)
     rows = np.concatenate(rows)
@@ -351,18 +346,18 @@ def test_only_who_attends_keeps_an_enabled_servo_from_being_unattended(servo_thr
         thread.order(clear_flags=engage.CLUTCH)  # as a change of parameters does, again and again
         return thread.row.get()[0].fault == fault.UNATTENDED
 
-    wait_for("the fault unattended", unattended)
+    until(unattended, "the fault unattended")
 
 
 @pytest.mark.parametrize("mail", ["settings", "tool"])
 def test_a_record_whose_writer_does_not_end_is_not_taken_and_counted(served, servo_thread, mail):
     thread = servo_thread()
     thread.start()
-    wait_for("5 ticks", lambda: thread.row.get()[0].tick > 5)
+    until(lambda: thread.row.get()[0].tick > 5, "5 ticks")
     words = getattr(thread, mail).words
     words[8:] = np.float64(np.nan).view(np.int64)
     words[0] |= 1
-    wait_for("5 torn records", lambda: thread.control[loop.TORN] > 5)
+    until(lambda: thread.control[loop.TORN] > 5, "5 torn records")
     row = thread.row.get()[0]
     assert np.isfinite(row.position).all() and np.isfinite(row.tool_position).all() and row.fault == 0
 

@@ -7,9 +7,9 @@ import subprocess
 import time
 
 import pytest
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
-from live_nodes import Ear, Nodes, command, page_path, refusal_of, refusals_of
+from ear import Ear
+from lifecycle_msgs.msg import State, Transition
+from live_nodes import Nodes, command, page_path, refusal_of, refusals_of
 
 from haptic_device import operating
 from haptic_device.device import load_device
@@ -110,18 +110,13 @@ def test_a_second_loopback_is_refused_and_the_first_goes_on(ear, start):
 
 
 def test_deactivated_it_is_silent_and_activated_it_goes_on(ear):
-    def change(transition):
-        return ear.ask(
-            "haptic_loopback/change_state", ChangeState, ChangeState.Request(transition=Transition(id=transition))
-        ).success
-
-    assert change(Transition.TRANSITION_DEACTIVATE)
+    ear.change("haptic_loopback", Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
     stopped = time.monotonic()
-    assert change(Transition.TRANSITION_CLEANUP)
+    ear.change("haptic_loopback", Transition.TRANSITION_CLEANUP, State.PRIMARY_STATE_UNCONFIGURED)
     assert not page_path(SPACE).exists()
-    assert change(Transition.TRANSITION_CONFIGURE) and page_path(SPACE).exists()
-    assert not any(ear.time(truth) > stopped for truth in ear.truths)
-    assert change(Transition.TRANSITION_ACTIVATE)
+    ear.change("haptic_loopback", Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE)
+    assert page_path(SPACE).exists() and not any(ear.time(truth) > stopped for truth in ear.truths)
+    ear.change("haptic_loopback", Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE)
     ear.truth(lambda truth: ear.time(truth) > stopped, what="it goes on")
 
 

@@ -12,6 +12,7 @@ import bad_link
 import numpy as np
 import pytest
 from live_nodes import command, page_path
+from waiting import until
 
 from haptic_device.analysis.recording import load
 from haptic_device.runtime import page
@@ -28,7 +29,8 @@ DRIVER = {
 }  # fmt: skip
 SLEW, BUDGET = 0.5, 0.005  # [N/ms], [J]
 LEAST_AGE = 0.006  # [s] that half of the answers are older than, however fast the machine is
-CUT = 1.5  # [s] after the coupling has let go
+CONTACT = 0.8  # [N] and more
+LATEST = 1000  # ticks without a force
 
 
 def motor_x():
@@ -38,13 +40,6 @@ def motor_x():
     block = np.zeros(page.SERVO_WORDS, np.int64)
     page.read_servo(np.fromfile(page_path(), np.int64), block)
     return float(block[5:6].view(np.float64)[0])
-
-
-def wait_for(condition, what, seconds=120.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, f"not within {seconds:g} s: {what}; the motor's force is {motor_x()} N"
-        time.sleep(0.02)
 
 
 class Relayed:
@@ -104,15 +99,11 @@ def across(link, start, monkeypatch, tmp_path):
 
 def test_behind_a_bad_network_and_a_cut_contact_is_passive_and_comes_back_without_a_kick(link, across):
     end, bag = across
-    wait_for(lambda: motor_x() > 0.8, "contact")
-    wait_for(lambda: _has_trace(bag), "the recorder has found the driver")
-    time.sleep(0.5)  # of contact that is recorded
-    pressed = motor_x()
+    until(lambda: motor_x() > CONTACT and _recorded(bag, _pressed), "contact", look=patiently, said=motor_x)
     link.set(cut=True)
-    wait_for(lambda: abs(motor_x()) < 0.05, "letting go")
-    time.sleep(CUT)
+    until(lambda: abs(motor_x()) < 0.05 and _recorded(bag, _let_go), "letting go", look=patiently, said=motor_x)
     link.set(cut=False)
-    wait_for(lambda: motor_x() > 0.9 * pressed, "the force from before the cut")
+    until(lambda: motor_x() > CONTACT and _recorded(bag, _pressed_again), "contact again", look=patiently, said=motor_x)
     assert end() == [0] * 4
     recording = load(bag)
     rows = recording.trace[recording.trace["engage"] > 0]
@@ -121,11 +112,30 @@ def test_behind_a_bad_network_and_a_cut_contact_is_passive_and_comes_back_withou
     assert recording.joint("operator/state").entry("energy_given").max() <= BUDGET
 
 
-def _has_trace(bag):
+def patiently():
+    time.sleep(0.1)  # a bag is read in that time
+
+
+def _recorded(bag, found):
+    """Whether found(rows) holds for the ticks with forces on that are on the disk."""
     try:
-        return "trace" in load(bag).clouds
-    except (ValueError, OSError):
+        rows = load(bag).trace
+        return found(rows[rows["engage"] > 0])
+    except (ValueError, OSError, KeyError):
         return False
+
+
+def _pressed(rows):
+    return rows["force_on_handle"][:, 0].max() > CONTACT
+
+
+def _let_go(rows):
+    begin, end = _cut(rows["exchange_fade"] == 0.0)
+    return end == len(rows) and end - begin > LATEST
+
+
+def _pressed_again(rows):
+    return _pressed(rows[_cut(rows["exchange_fade"] == 0.0)[1] :])
 
 
 def _judge_network(recording, rows):
@@ -152,7 +162,7 @@ def _judge_force(rows):
     let_go, rejoined = _cut(rows["exchange_fade"] == 0.0)
     assert 0 < let_go < rejoined < len(rows)
     assert np.abs(force[let_go:rejoined]).max() < 0.05
-    assert force[:let_go].max() > 0.8 and force[rejoined:].max() > 0.8
+    assert force[:let_go].max() > CONTACT and force[rejoined:].max() > CONTACT
 
 
 def _cut(flags):

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_recorder alive, between a publisher in this process and a bag on the disk."""
 
-import math
 import os
 import re
 import signal
@@ -15,55 +14,35 @@ import pytest
 import rclpy
 import yaml
 from bag_of_a_run import joints
+from ear import Client
 from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState, GetState
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from live_nodes import Nodes, command
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
+from waiting import LIMIT, until
 
 from haptic_device.analysis.recording import load
 from haptic_device.process import ending_with_us
-from haptic_sim.cli.domain import isolated_domain
-from haptic_sim.cli.processes import NodeDiedError, Nodes, Program
 
 pytestmark = pytest.mark.timeout(900)
 
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-LIMIT = 240.0  # [s] for anything; no assertion
 BURST = 50  # messages sent at once: far fewer than any queue on the way to the recorder holds
 PROBE = -1.0  # x of the messages sent until the recorder is there
 STIFFNESS = "coupling.stiffness"
 
 
-@pytest.fixture(scope="module")
-def domain(tmp_path_factory):
-    with isolated_domain(tmp_path_factory.mktemp("domain")) as number:
-        yield number
+class Speaker(Client):
+    """Publishes numbered samples, and does so until the bag on the disk has them."""
 
-
-class Speaker:
-    """A node of this process that publishes numbered samples, and does so until the bag on the disk has them."""
-
-    def __init__(self, domain):
-        self.context = Context()
-        rclpy.init(context=self.context, domain_id=domain)
-        self.node = rclpy.create_node("publisher", namespace="/haptic", context=self.context)
-        self._executor = SingleThreadedExecutor(context=self.context)
-        self._executor.add_node(self.node)
+    def __init__(self, ros_domain):
+        super().__init__(ros_domain, "publisher")
         self._publishers = {}
         self.node.declare_parameter(STIFFNESS, 750.0)
 
-    def close(self):
-        self._executor.shutdown(timeout_sec=LIMIT)
-        self.node.destroy_node()
-        rclpy.shutdown(context=self.context)
-
-    def until(self, condition, what):
-        """Answers who asks this node, until the condition holds."""
-        wait_for(lambda: self._executor.spin_once(timeout_sec=0.02) or condition(), what)
+    def look(self, seconds=0.05):  # a bag is read in that time
+        super().look(seconds)
 
     def say(self, topic, *numbers):
         if topic not in self._publishers:
@@ -88,54 +67,46 @@ class Speaker:
             self.say(topic, *range(first, last + 1))
             self.until(lambda last=last: last in kept(bag, topic), f"message {last} of {topic} in {bag}")
 
-    def ask(self, kind, service, request):
-        """Answer of a service of the recorder. Asked again each three seconds: an answer is lost if the recorder was
-        found a moment ago, and has not found us."""
-        client, answers, asked = self.node.create_client(kind, f"haptic_recorder/{service}"), [], -math.inf
-        self.until(client.service_is_ready, f"the service {service}")
-
-        def answered():
-            nonlocal asked
-            if time.monotonic() > asked + 3.0:
-                asked = time.monotonic()
-                answers.append(client.call_async(request))
-            return any(answer.done() for answer in answers)
-
-        self.until(answered, f"an answer of {service}")
-        self.node.destroy_client(client)
-        return next(answer for answer in answers if answer.done()).result()
-
 
 @pytest.fixture(scope="module")
-def speaker(domain):
-    speaker = Speaker(domain)
+def speaker(ros_domain):
+    speaker = Speaker(ros_domain)
     yield speaker
     speaker.close()
 
 
 @pytest.fixture
-def newcomer(domain):
+def newcomer(ros_domain):
     """A speaker that nobody has asked anything yet: requests of recorders that have ended wait before no new one's."""
-    newcomer = Speaker(domain)
+    newcomer = Speaker(ros_domain)
     yield newcomer
     newcomer.close()
 
 
 @pytest.fixture
 def nodes(tmp_path):
-    with Nodes(tmp_path / "log") as nodes:
+    with Nodes(tmp_path) as nodes:
         yield nodes
 
 
-def recorder(bag, **parameters) -> Program:
-    return Program("haptic_recorder", "haptic_device.node.recorder", {"bag": str(bag), **parameters})
+def begun(nodes, bag, **parameters):
+    """A recorder that writes into this bag; parameters with `__` for a dot."""
+    return nodes.start("haptic_recorder", bag=str(bag), **parameters)
 
 
-def wait_for(condition, what: str) -> None:
-    end = time.monotonic() + LIMIT
-    while not condition():
-        assert time.monotonic() < end, f"{what} did not come within {LIMIT:g} s"
-        time.sleep(0.02)
+def ros_arguments(bag):
+    """Of the command line of a recorder."""
+    return recorder(bag)[3:]
+
+
+def recorder(bag, **parameters):
+    return command("haptic_recorder", bag=str(bag), **parameters)
+
+
+def well(nodes):
+    """The recorder runs, and has said nothing bad."""
+    process = nodes.running["haptic_recorder"]
+    assert process.poll() is None and "Traceback" not in process.log.read_text()
 
 
 def joint(bag, topic):
@@ -177,11 +148,11 @@ def files(bag):
 
 def test_every_message_is_kept_in_order_with_its_times_and_none_counted_lost(speaker, nodes, tmp_path):
     bag = tmp_path / "bag"
-    nodes.start(recorder(bag))
+    begun(nodes, bag)
     speaker.publish(bag, "encoder", 200)
     speaker.publish(bag, "something_new", 5)
-    nodes.check()
-    nodes.stop()
+    well(nodes)
+    assert nodes.end("haptic_recorder") == 0
     assert np.array_equal(numbers(bag, "encoder"), np.arange(200))
     assert np.array_equal(numbers(bag, "something_new"), np.arange(5))
     encoder = joint(bag, "encoder")
@@ -195,7 +166,7 @@ def test_every_message_is_kept_in_order_with_its_times_and_none_counted_lost(spe
 
 def test_messages_that_the_queue_could_not_hold_are_counted_lost(speaker, nodes, tmp_path):
     bag = tmp_path / "bag"
-    nodes.start(recorder(bag, queue=2, look_period=0.5))
+    begun(nodes, bag, queue=2, look_period=0.5)
     speaker.meet(bag, "encoder")
 
     def gap():
@@ -204,17 +175,16 @@ def test_messages_that_the_queue_could_not_hold_are_counted_lost(speaker, nodes,
         return np.any(np.diff(joint(bag, "encoder").sequence) > 1)
 
     speaker.until(gap, "a gap in the numbers of the publisher")
-    nodes.stop()
+    assert nodes.end("haptic_recorder") == 0
     sequence, lost = joint(bag, "encoder").sequence, int(losses(bag))
     assert lost > 0 and lost == sequence[-1] - sequence[0] + 1 - len(sequence)
 
 
 @pytest.mark.parametrize("wish", ["prefer", "off"])
-def test_a_real_time_recorder_keeps_to_its_first_core_and_an_ordinary_one_may_run_on_all(domain, nodes, tmp_path, wish):
+def test_a_real_time_recorder_keeps_to_its_first_core_and_an_ordinary_one_may_run_on_all(nodes, tmp_path, wish):
     every = os.sched_getaffinity(0)
-    nodes.start(recorder(tmp_path / "bag", realtime=wish))
-    wait_for(lambda: files(tmp_path / "bag"), "the bag")
-    pid = nodes.pid("haptic_recorder")
+    pid = begun(nodes, tmp_path / "bag", realtime=wish).pid
+    until(lambda: files(tmp_path / "bag"), "the bag")
     urgent = os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK == os.SCHED_RR
     cores = [os.sched_getaffinity(int(thread)) for thread in os.listdir(f"/proc/{pid}/task")]
     assert len(cores) > 1 and all(allowed == ({min(every)} if urgent else every) for allowed in cores)
@@ -223,22 +193,18 @@ def test_a_real_time_recorder_keeps_to_its_first_core_and_an_ordinary_one_may_ru
 
 def test_a_killed_recorder_has_kept_all_that_it_had_written_and_nothing_out_of_order(speaker, nodes, tmp_path):
     bag = tmp_path / "bag"
-    nodes.start(recorder(bag))
+    begun(nodes, bag)
     speaker.publish(bag, "encoder", 100)
     speaker.say("encoder", *range(100, 150))  # of these as many as it came to
-    pid = nodes.pid("haptic_recorder")
-    os.kill(pid, signal.SIGKILL)
-    wait_for(lambda: os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT), "the end of the recorder")
-    with pytest.raises(NodeDiedError, match="haptic_recorder ended with exit code -9"):
-        nodes.check()
+    assert nodes.end("haptic_recorder", signal.SIGKILL) == -signal.SIGKILL
     found = numbers(bag, "encoder")
     assert 100 <= len(found) <= 150 and np.array_equal(found, np.arange(len(found)))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_recorder_asked_to_end_leaves_a_complete_bag(domain, start, tmp_path, number):
-    process = start(recorder(tmp_path / "bag").command(), stderr=subprocess.PIPE)
-    wait_for(lambda: files(tmp_path / "bag"), "the bag")
+def test_a_recorder_asked_to_end_leaves_a_complete_bag(ros_domain, start, tmp_path, number):
+    process = start(recorder(tmp_path / "bag"), stderr=subprocess.PIPE)
+    until(lambda: files(tmp_path / "bag"), "the bag")
     process.send_signal(number)
     _, said = process.communicate(timeout=LIMIT)
     assert process.returncode == 0 and "Traceback" not in said
@@ -256,7 +222,7 @@ REFUSED = {
 
 
 @pytest.fixture(scope="module")
-def refusals(domain, tmp_path_factory):
+def refusals(ros_domain, tmp_path_factory):
     """Exit code of the recorder and what it said to each of REFUSED, all at once; and the folder that was in use."""
     used = tmp_path_factory.mktemp("used")
     (used / "notes.txt").write_text("mine")
@@ -264,7 +230,7 @@ def refusals(domain, tmp_path_factory):
     try:
         for wrong, (given, _) in REFUSED.items():
             bag = used if wrong == "folder in use" else free / wrong.replace(" ", "_")
-            command = ending_with_us(recorder(bag, **given).command())
+            command = ending_with_us(recorder(bag, **given))
             started[wrong] = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         for wrong, process in started.items():
             text = process.communicate(timeout=LIMIT)[1]
@@ -299,14 +265,14 @@ time.sleep(600)
 """
 
 
-def test_no_node_outlives_a_parent_that_was_killed(domain, start, tmp_path):
+def test_no_node_outlives_a_parent_that_was_killed(ros_domain, start, tmp_path):
     bag = tmp_path / "bag"
     parent = start([sys.executable, "-c", _PARENT, tmp_path / "log", bag], stdout=subprocess.PIPE)
     child = int(parent.stdout.readline())
-    wait_for(lambda: files(bag), "the bag")
+    until(lambda: files(bag), "the bag")
     parent.kill()
     parent.wait(LIMIT)
-    wait_for(
+    until(
         lambda: not psutil.pid_exists(child) or psutil.Process(child).status() == psutil.STATUS_ZOMBIE,
         "the end of the node",
     )
@@ -327,7 +293,7 @@ def test_the_record_command_ends_on_ctrl_c_with_a_line_for_each_topic(speaker, s
     assert count > 50 and re.search(rf"/haptic/motor +{count} messages, lost: 0", said)
 
 
-def test_the_record_command_ended_before_it_began_says_that_there_is_no_bag(domain, tmp_path, monkeypatch):
+def test_the_record_command_ended_before_it_began_says_that_there_is_no_bag(ros_domain, tmp_path, monkeypatch):
     from haptic_sim.cli import record
 
     def interrupt(nodes, program):
@@ -343,20 +309,20 @@ def test_a_mark_stands_in_the_bag_when_it_was_set_with_text_or_by_the_button(spe
 
     monkeypatch.setattr(mark, "PATIENCE", LIMIT)
     bag = tmp_path / "bag"
-    nodes.start(recorder(bag))
-    wait_for(lambda: files(bag), "the bag")
+    begun(nodes, bag)
+    until(lambda: files(bag), "the bag")
     before = time.time_ns()
     mark.mark("über den Rand")
     after = time.time_ns()
-    answer = speaker.ask(Trigger, "mark", Trigger.Request())
-    wait_for(lambda: len(marks(bag)) > 1, "the second mark on the disk")
-    nodes.check()
+    marked, _ = speaker.trigger("mark", "haptic_recorder")
+    until(lambda: len(marks(bag)) > 1, "the second mark on the disk")
+    well(nodes)
     text, *buttons = load(bag).marks
     assert text.text == "über den Rand" and before < text.time < after
-    assert answer.success and [one.text for one in buttons] == [f"mark {k + 1}" for k in range(len(buttons))]
+    assert marked and [one.text for one in buttons] == [f"mark {k + 1}" for k in range(len(buttons))]
 
 
-def test_a_mark_that_nobody_records_is_refused_in_a_sentence(domain, monkeypatch):
+def test_a_mark_that_nobody_records_is_refused_in_a_sentence(ros_domain, monkeypatch):
     from haptic_sim.cli import mark
 
     monkeypatch.setattr(mark, "PATIENCE", 0.5)
@@ -366,10 +332,10 @@ def test_a_mark_that_nobody_records_is_refused_in_a_sentence(domain, monkeypatch
 
 def test_a_bag_says_how_it_was_made(speaker, nodes, tmp_path):
     bag, trial = tmp_path / "bag", {"trial.participant": "P07", "trial.condition": "soft"}
-    nodes.start(recorder(bag, **trial, **{"trial.fields": ["hand=left", "age=31"]}))
+    begun(nodes, bag, **trial, **{"trial.fields": ["hand=left", "age=31"]})
     speaker.until(lambda: files(bag) and STIFFNESS.encode() in files(bag)[0].read_bytes(), f"{STIFFNESS} in the bag")
-    nodes.check()
-    nodes.stop()
+    well(nodes)
+    assert nodes.end("haptic_recorder") == 0
     attached = {name: yaml.safe_load(data) for name, data in load(bag).attachments.items()}
     assert attached["trial.yaml"] == {"participant": "P07", "condition": "soft", "hand": "left", "age": "31"}
     assert attached["made.yaml"]["machine"]["cores"] == os.cpu_count()
@@ -382,45 +348,34 @@ def test_a_bag_says_how_it_was_made(speaker, nodes, tmp_path):
 
 def test_a_recorder_that_is_shut_down_has_ended_its_bag_and_writes_no_more(newcomer, nodes, tmp_path):
     bag = tmp_path / "bag"
-    nodes.start(recorder(bag))
+    begun(nodes, bag)
     newcomer.publish(bag, "encoder", 20)
-    shutdown = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVE_SHUTDOWN))
-    newcomer.ask(ChangeState, "change_state", shutdown)
-    state = newcomer.ask(GetState, "get_state", GetState.Request()).current_state
+    newcomer.change("haptic_recorder", Transition.TRANSITION_ACTIVE_SHUTDOWN, State.PRIMARY_STATE_FINALIZED)
     ended = sorted(path.name for path in bag.iterdir())
     newcomer.say("encoder", *range(20, 30))
-    answer = newcomer.ask(Trigger, "mark", Trigger.Request())
-    nodes.check()
-    assert nodes.end("haptic_recorder")
-    assert state.id == State.PRIMARY_STATE_FINALIZED and ended == ["bag_0.mcap", "metadata.yaml"]
-    assert np.array_equal(numbers(bag, "encoder"), np.arange(20)) and not answer.success
+    marked, _ = newcomer.trigger("mark", "haptic_recorder")
+    well(nodes)
+    assert nodes.end("haptic_recorder") == 0
+    assert ended == ["bag_0.mcap", "metadata.yaml"]
+    assert np.array_equal(numbers(bag, "encoder"), np.arange(20)) and not marked
 
 
 def test_each_bag_holds_the_parameters_that_a_node_has_while_it_is_written(newcomer, start, tmp_path):
-    def order(number, wanted):
-        """Asks for a transition once, and waits for its state: the answer may be lost."""
-        client = newcomer.node.create_client(ChangeState, "haptic_recorder/change_state")
-        newcomer.until(client.service_is_ready, "the service change_state")
-        client.call_async(ChangeState.Request(transition=Transition(id=number)))
-        ask = GetState.Request()
-        wait_for(lambda: newcomer.ask(GetState, "get_state", ask).current_state.id == wanted, f"state {wanted}")
-        newcomer.node.destroy_client(client)
-
     def newest():
         bags = sorted(tmp_path.glob("haptic_bags/*/*.mcap"))
         return bags[-1].read_bytes() if bags else b""
 
-    process = start(recorder("", autostart=False).command(), cwd=tmp_path)
-    order(Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE)
+    process = start(recorder("", autostart=False), cwd=tmp_path)
+    newcomer.change("haptic_recorder", Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE)
     for value in (900.0, 750.0):
         newcomer.node.set_parameters([rclpy.parameter.Parameter(STIFFNESS, value=value)])
-        order(Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE)
+        newcomer.change("haptic_recorder", Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE)
         wanted = f"{STIFFNESS}: {value}".encode()
         newcomer.until(lambda wanted=wanted: wanted in newest(), f"{STIFFNESS} {value} in the newest bag")
-        order(Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
+        newcomer.change("haptic_recorder", Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
         assert wanted in newest()
         named = max(path.name for path in tmp_path.glob("haptic_bags/*"))
-        wait_for(lambda named=named: time.strftime("%Y%m%d-%H%M%S") > named, "the second that names the next bag")
+        until(lambda named=named: time.strftime("%Y%m%d-%H%M%S") > named, "the second that names the next bag")
     assert f"{STIFFNESS}: 900.0".encode() not in newest()
     process.terminate()
     assert process.wait(LIMIT) == 0
@@ -437,7 +392,7 @@ os.execvp(sys.argv[2], sys.argv[2:])
 
 def test_a_disk_that_takes_no_more_ends_the_bag_which_keeps_what_it_has(speaker, start, tmp_path):
     bag, limit = tmp_path / "bag", 6 * 2**20
-    command = [sys.executable, "-c", _LIMITED, limit, *recorder(bag).command()]
+    command = [sys.executable, "-c", _LIMITED, limit, *recorder(bag)]
     process = start(command, stderr=subprocess.PIPE)
     speaker.meet(bag, "encoder")
     message, random = JointState(name=[f"n{i}" for i in range(1000)]), np.random.default_rng(1)
@@ -474,20 +429,18 @@ sys.exit(recorder.main())
 """
 
 
-def test_a_disk_nearly_full_ends_the_bag(domain, tmp_path):
-    words = recorder(tmp_path / "bag").command()
-    command = [sys.executable, "-c", _NEARLY_FULL, *words[words.index("--ros-args") :]]
+def test_a_disk_nearly_full_ends_the_bag(ros_domain, tmp_path):
+    command = [sys.executable, "-c", _NEARLY_FULL, *ros_arguments(tmp_path / "bag")]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT)
     assert ended.returncode == 1 and "Traceback" not in ended.stderr
     assert "the disk has 150 MB left, disk_reserve is 200 MB" in ended.stderr and "are kept in" in ended.stderr
     assert (tmp_path / "bag" / "metadata.yaml").exists()
 
 
-def test_a_bag_that_cannot_be_ended_is_said_to_be_so_and_the_recorder_has_failed(domain, start, tmp_path):
-    words = recorder(tmp_path / "bag").command()
-    command = [sys.executable, "-c", _FAILING, str(tmp_path / "bag"), "_facts", *words[words.index("--ros-args") :]]
+def test_a_bag_that_cannot_be_ended_is_said_to_be_so_and_the_recorder_has_failed(ros_domain, start, tmp_path):
+    command = [sys.executable, "-c", _FAILING, str(tmp_path / "bag"), "_facts", *ros_arguments(tmp_path / "bag")]
     process = start(command, stderr=subprocess.PIPE)
-    wait_for(lambda: files(tmp_path / "bag"), "the bag")
+    until(lambda: files(tmp_path / "bag"), "the bag")
     process.send_signal(signal.SIGINT)
     said = process.communicate(timeout=LIMIT)[1]
     assert process.returncode == 1 and "could not be ended (nobody foresaw this): haptic recover" in said, said
@@ -511,10 +464,9 @@ sys.exit(recorder.main())
 
 
 @pytest.mark.parametrize("part", ["look", "take"])  # of another node's parameters, and of a message
-def test_an_exception_that_nobody_foresaw_ends_the_recorder_and_its_bag(domain, tmp_path, part):
+def test_an_exception_that_nobody_foresaw_ends_the_recorder_and_its_bag(ros_domain, tmp_path, part):
     bag = tmp_path / "bag"
-    words = recorder(bag).command()
-    command = [sys.executable, "-c", _FAILING, str(bag), part, *words[words.index("--ros-args") :]]
+    command = [sys.executable, "-c", _FAILING, str(bag), part, *ros_arguments(bag)]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT)
     assert ended.returncode == 1 and "nobody foresaw this" in ended.stderr
     assert sorted(path.name for path in bag.iterdir()) == ["bag_0.mcap", "metadata.yaml"]

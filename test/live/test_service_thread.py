@@ -2,15 +2,14 @@
 """Services with a thread of their own: who is answered first, who is refused, and how it ends."""
 
 import threading
-import time
 
 import pytest
 import rclpy
-from live_nodes import LIMIT
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
+from waiting import LIMIT, until
 
 from haptic_device.node.service_thread import ServiceThread
 
@@ -81,7 +80,4 @@ def test_the_first_goes_before_what_waits_longer_which_is_then_refused(asked):
 def test_it_says_whether_there_is_anybody_to_hear(asked):
     assert asked.services.running
     rclpy.shutdown(context=asked.context)
-    end = time.monotonic() + LIMIT
-    while asked.services.running:
-        assert time.monotonic() < end, "the thread goes on without its context"
-        time.sleep(0.01)
+    until(lambda: not asked.services.running, "the end of the thread, whose context has ended")

@@ -7,11 +7,11 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from waiting import LIMIT, until
 
 from haptic_device.analysis import sweep
 from haptic_device.analysis.zwidth import Setup
@@ -25,7 +25,6 @@ pytestmark = pytest.mark.timeout(900)
 
 SMALL = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(10.0, 1200.0, 40), np.linspace(-0.5, 1.0, 60))
 ROOT = Path(__file__).parents[2]
-LIMIT = 240.0  # [s] for anything; no assertion
 NOBODY = "tcp://127.0.0.1:9"  # the discard port: nothing listens there
 
 
@@ -81,15 +80,7 @@ def _said(process, log, words):
         assert process.poll() is None or words in log.read_text(), f"{process.args} ended: {log.read_text()}"
         return next((line for line in log.read_text().splitlines() if words in line), None)
 
-    return _wait_for(there, f"{words!r} of {process.args}")
-
-
-def _wait_for(condition, what):
-    end = time.monotonic() + LIMIT
-    while not (found := condition()):
-        assert time.monotonic() < end, f"{what} did not come within {LIMIT:g} s"
-        time.sleep(0.05)
-    return found
+    return until(there, f"{words!r} of {process.args}")
 
 
 def _wait_for_workers(address, count):
@@ -97,7 +88,7 @@ def _wait_for_workers(address, count):
     from distributed import Client
 
     with Client(address, timeout=LIMIT, set_as_default=False) as client:
-        _wait_for(lambda: len(client.scheduler_info(n_workers=-1)["workers"]) == count, f"{count} workers at {address}")
+        until(lambda: len(client.scheduler_info(n_workers=-1)["workers"]) == count, f"{count} workers at {address}")
 
 
 def test_a_cluster_maps_the_same_to_the_bit_though_a_worker_is_killed_in_the_middle(kept, worker, tmp_path):
@@ -167,7 +158,7 @@ def test_processes_of_a_sweep_end_with_the_one_that_is_killed(start):
     worker = int(process.stdout.readline())
     process.kill()
     process.wait(LIMIT)
-    _wait_for(lambda: not os.path.exists(f"/proc/{worker}"), "the end of the worker")
+    until(lambda: not os.path.exists(f"/proc/{worker}"), "the end of the worker")
 
 
 def test_a_scheduler_that_is_not_there_is_a_sentence_and_loses_nothing(tmp_path, monkeypatch):

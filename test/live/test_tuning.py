@@ -1,32 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tools on a live driver: gains are left as found, strangers and faults given way to, and a device recognized."""
+"""Tools on a live driver: gains are left as found, strangers and faults given way to."""
 
-import json
 import re
-import signal
-import subprocess
-import sys
-import time
 
 import pytest
-import typer
-import yaml
+from live_tuning import GAINS, disturbed, engaged_pair, sentence_of, zwidth_live
 from lockstep_systems import values
-from typer.testing import CliRunner
+from waiting import until
 
 from haptic_device import operating
 from haptic_device.device import load_device
-from haptic_device.share import find
-from haptic_sim.cli.bench_nodes import running
-from haptic_sim.cli.identify import identify
 from haptic_sim.cli.tuning import Tuning
 
 pytestmark = pytest.mark.timeout(900)
 
-GAINS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "passivity.policy", "coupling.stiffness")
 FREE = ("coupling.stiffness", "coupling.damping", "coupling.rotational_stiffness", "coupling.rotational_damping")
 FREE += ("cancellation.ratio",)
-LIMIT = 240.0  # [s] for anything; no assertion
 WALL = {
     "wall__normals": (1.0, 0.0), "wall__offsets": (-0.05,), "wall__stiffness": (300.0,), "wall__damping": (0.1,),
 }  # fmt: skip
@@ -34,16 +23,9 @@ WALL = {
 
 @pytest.fixture(scope="module")
 def pair():
-    """Driver and loopback with a hand that follows, engaged; no fault if the machine holds them up for a second."""
-    patient = {"servo.rate": 1000.0, "fault.silence": 1.0, "fault.unattended": 0.0}
-    device = {"motion.name": "follow", "motor_watchdog": 2.0}
-    with running(None, None, patient, device) as (domain, namespace, check):
-        tuning = Tuning(domain, namespace)
-        try:
-            tuning.wait_engaged(check)
-            yield tuning, domain, namespace
-        finally:
-            tuning.close()
+    """(tuning, domain, namespace) of driver and loopback."""
+    with engaged_pair() as pair:
+        yield pair
 
 
 def test_gains_are_as_they_were_after_an_interrupt(pair):
@@ -66,44 +48,6 @@ def test_gains_that_the_policy_would_not_take_any_more_are_put_back_too(pair):
         tuning.set(coupling__stiffness=10.0)
     assert tuning.get(GAINS) == beyond
     tuning.set(**{name.replace(".", "__"): value for name, value in before.items()})
-
-
-def zwidth_live(pair, start):
-    """`haptic zwidth --live` as a person starts it, on the nodes of the pair."""
-    words = ["zwidth", "--live", "--device", "desktop", "--domain", pair[1], "--namespace", pair[2]]
-    command = [sys.executable, "-m", "haptic_sim.cli.main", *words]
-    return start(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-
-
-def disturbed(pair, start, condition, act):
-    """How `haptic zwidth --live` ends if act(process) comes once condition() holds."""
-    process, end = zwidth_live(pair, start), time.monotonic() + LIMIT
-    while not condition():
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < end, f"{condition} did not come within {LIMIT:g} s"
-        time.sleep(0.05)
-    act(process)
-    return sentence_of(process)
-
-
-def sentence_of(process):
-    """Exit code and the one line that the command says at its end."""
-    said, complained = process.communicate(timeout=LIMIT)
-    assert said == ""
-    sentences = complained.strip().splitlines()
-    assert len(sentences) == 1, complained
-    return process.returncode, sentences[0]
-
-
-def test_zwidth_live_interrupted_at_a_wall_leaves_the_gains_as_found(pair, start):
-    tuning = pair[0]
-    before = tuning.get(GAINS)
-    ended = disturbed(
-        pair, start, lambda: tuning.get(["wall.stiffness"]) != {"wall.stiffness": ()},
-        lambda process: process.send_signal(signal.SIGINT),
-    )  # fmt: skip
-    assert ended == (130, "haptic zwidth: interrupted; the gains are as they were")
-    assert tuning.get(GAINS) == before
 
 
 def test_zwidth_live_gives_way_to_somebody_else_who_changes_its_gains(pair, start):
@@ -186,12 +130,13 @@ def test_a_driver_in_fault_is_refused(pair):
 def test_the_hand_goes_where_it_is_aimed(pair):
     tuning = pair[0]
     for x, y in ((0.02, 0.01), (0.0, 0.0)):
-        end = time.monotonic() + LIMIT
-        while abs(tuning.truths[-1]["x"][0] - x) > 2e-3 or abs(tuning.truths[-1]["y"][0] - y) > 2e-3:
-            assert time.monotonic() < end, f"the hand did not come to {x}, {y} within {LIMIT:g} s"
+
+        def there(x=x, y=y):
             tuning.aim((x, y, 0.0))
             tuning.look()
-            time.sleep(0.01)
+            return abs(tuning.truths[-1]["x"][0] - x) < 2e-3 and abs(tuning.truths[-1]["y"][0] - y) < 2e-3
+
+        until(there, f"the hand at {x}, {y}")
 
 
 def test_a_namespace_without_nodes_is_told_in_a_sentence(ros_domain, monkeypatch):
@@ -202,25 +147,3 @@ def test_a_namespace_without_nodes_is_told_in_a_sentence(ros_domain, monkeypatch
             tuning.wait_engaged()
     finally:
         tuning.close()
-
-
-def test_identify_writes_what_it_found_of_a_live_device_and_tells_it_from_the_one_that_the_driver_was_told(
-    tmp_path, monkeypatch
-):
-    monkeypatch.delenv("ROS_DOMAIN_ID")  # a pair of its own needs a domain of its own
-    content = yaml.safe_load(find("devices", "desktop").read_text())
-    for axis in content["axes"][:2]:
-        axis |= {"mass": 0.15, "damping": 2.0, "coulomb": 0.05}
-    content["axes"][2] |= {"mass": 0.00015, "damping": 0.003, "coulomb": 0.0003}
-    (tmp_path / "other.yaml").write_text(yaml.safe_dump(content | {"actuation_delay": 0.0005}))
-    app = typer.Typer()
-    app.command()(identify)
-    words = ["--loopback", tmp_path / "other.yaml", "--out", tmp_path / "found.yaml", "--seconds", 4, "--rate", 1000]
-    result = CliRunner().invoke(app, [*map(str, words), "--json"])
-    assert result.exit_code == 0, result.stderr
-    axes, written = json.loads(result.stdout)["axes"], load_device(str(tmp_path / "found.yaml"))
-    told, true = load_device("desktop"), load_device(str(tmp_path / "other.yaml"))
-    for had, has, axis in zip(told.axes, true.axes, written.axes, strict=True):
-        assert abs(axis.mass - has.mass) < abs(axis.mass - had.mass)
-        assert axis.mass == pytest.approx(axes[axis.name]["mass"][0], abs=1e-9)
-        assert axis.damping == pytest.approx(max(0.0, axes[axis.name]["damping"][0]), abs=1e-9)

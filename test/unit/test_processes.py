@@ -4,13 +4,13 @@
 import os
 import signal
 import sys
-import time
 
 import psutil
 import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from waiting import LIMIT, until
 
 from haptic_sim.cli import processes
 from haptic_sim.cli.domain import isolated_domain
@@ -26,7 +26,6 @@ for number in (signal.SIGINT, signal.SIGTERM):
 print("deaf", flush=True)
 time.sleep(600)
 """
-LIMIT = 240.0  # [s] for anything; no assertion
 # Interrupts who started it when it is asked to end, and ends only then.
 _TELLS = f"""
 import os, signal, sys, time
@@ -53,15 +52,8 @@ def program(tmp_path, monkeypatch):
     return make
 
 
-def wait_for(condition, what: str) -> None:
-    end = time.monotonic() + LIMIT
-    while not condition():
-        assert time.monotonic() < end, f"{what} did not come within {LIMIT:g} s"
-        time.sleep(0.02)
-
-
 def wait_for_line(nodes: Nodes, name: str, line: str) -> None:
-    wait_for(lambda: nodes.last_line(name) == line, f"{line!r} of {name}")
+    until(lambda: nodes.last_line(name) == line, f"{line!r} of {name}")
 
 
 @given(
@@ -109,7 +101,7 @@ def test_a_node_that_dies_is_named_with_its_last_line(tmp_path, program):
         nodes.start(program("falling_node", _FALLS))
         wait_for_line(nodes, "falling_node", "RuntimeError: the motor is gone")
         fallen = psutil.Process(nodes.pid("falling_node"))
-        wait_for(lambda: fallen.status() == psutil.STATUS_ZOMBIE, "the end of the node")
+        until(lambda: fallen.status() == psutil.STATUS_ZOMBIE, "the end of the node")
         with pytest.raises(NodeDiedError, match="falling_node ended with exit code 1: RuntimeError: the motor is gone"):
             nodes.check()
 

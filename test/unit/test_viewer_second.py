@@ -7,11 +7,11 @@ import json
 import os
 import signal
 import threading
-import time
 import types
 
 import numpy as np
 import pytest
+from waiting import LIMIT, until
 
 from haptic_sim.scene import load
 from haptic_sim.viewer import second as module
@@ -20,7 +20,6 @@ from haptic_sim.viewer.second import Second
 from haptic_sim.viewer.stage import Stage
 
 pytestmark = pytest.mark.timeout(600)
-PATIENCE = 180.0  # s: kernels that nobody has used yet are compiled
 PERIOD = 1.0 / 60.0  # s
 
 
@@ -39,13 +38,6 @@ def system(**other):
 FRAMES = itertools.count(1)  # the tests' own time: the hand is led by it, and each frame answered before the next
 
 
-def until(what, found):
-    end = time.monotonic() + PATIENCE
-    while not found():
-        assert time.monotonic() < end, f"not within {PATIENCE:g} s: {what}"
-        time.sleep(0.005)
-
-
 @contextlib.contextmanager
 def running(*systems):
     """Second operating points, each ready or with a problem."""
@@ -54,7 +46,7 @@ def running(*systems):
         for one in begun:
             stack.callback(one.close)
         for one in begun:
-            until("a state or a sentence", lambda one=one: one.latest or one.problem)
+            until(lambda one=one: one.latest or one.problem, "a state or a sentence")
         yield begun
 
 
@@ -77,7 +69,7 @@ def second(kept):
 
 
 def answered(second):
-    until("an answer to all that was asked", lambda: second._answered == second._asked or second.problem)
+    until(lambda: second._answered == second._asked or second.problem, "an answer to all that was asked")
 
 
 def frames(second, count, target):
@@ -118,7 +110,7 @@ def test_one_that_stands_still_is_said_to_be_behind_and_holds_nobody_up(second):
     assert "s behind" in second.note
     asking = threading.Thread(target=frames, args=(second, 10_000, place), daemon=True)
     asking.start()
-    asking.join(PATIENCE)
+    asking.join(LIMIT)
     assert not asking.is_alive(), "whoever asks is held up"
     assert second._asked - second._answered <= module.MOST_BEHIND
     os.kill(second._process.pid, signal.SIGCONT)
@@ -140,9 +132,9 @@ def test_one_that_gets_too_little_of_the_processor_goes_to_the_newest_place_and_
 
 def test_its_death_is_one_sentence_and_it_is_shown_no_longer(second):
     os.kill(second._process.pid, signal.SIGKILL)
-    until("a sentence", lambda: second.problem)
+    until(lambda: second.problem, "a sentence")
     assert second.note == "the second operating point has ended by itself (signal 9)"
-    until("that it is shown no longer", lambda: second.latest is None)
+    until(lambda: second.latest is None, "that it is shown no longer")
     frames(second, 6, (0.0, 0.0, 0.0))
     second.start_again()
     assert "signal 9" in second.note
@@ -152,7 +144,7 @@ def test_what_it_cannot_do_is_one_sentence():
     with running(system(driver={}), system(device="none")) as begun:
         for second, sentence in zip(begun, ("KeyError", "none is neither"), strict=True):
             assert sentence in second.note and "\n" not in second.note
-            until("that it is shown no longer", lambda second=second: second.latest is None)
+            until(lambda second=second: second.latest is None, "that it is shown no longer")
 
 
 @pytest.mark.parametrize("where", ("position", "bodies"))

@@ -1,17 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recorded ticks computed again to the bit, and a recorded hand on the same and on other gains, in lock-step."""
 
-import time
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import rclpy
 from lockstep_systems import device, values
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from sensor_msgs.msg import JointState
 from typer.testing import CliRunner
 
 from haptic_device import operating
@@ -257,39 +251,3 @@ def test_the_recorded_target_is_published_sample_by_sample_each_when_it_is_due(s
     assert replay_live._publish(short, publisher, layout, SCALE) == len(published) == 300
     assert [at - 5.0 for at, _ in published] == pytest.approx(list((short.times - short.times[0]) * 1e-9))
     assert [list(position) for _, position in published] == (short.points * SCALE).tolist()
-
-
-def test_live_a_listener_hears_samples_of_the_recorded_target(short, tmp_path):
-    from haptic_sim.cli.domain import isolated_domain
-    from haptic_sim.cli.replay_live import play
-
-    with isolated_domain(tmp_path / "domain") as domain:
-        context = Context()
-        rclpy.init(context=context, domain_id=domain)
-        node, heard = rclpy.create_node("listener", namespace="/haptic", context=context), []
-        deep = QoSProfile(depth=5000, reliability=ReliabilityPolicy.BEST_EFFORT)
-        node.create_subscription(JointState, "operator/target", heard.append, deep)
-        executor = SingleThreadedExecutor(context=context)
-        executor.add_node(node)
-        try:
-            end = time.monotonic() + LIMIT
-            while not heard:  # nobody says when the listener has learnt of who plays
-                assert time.monotonic() < end, f"no sample of the target was heard within {LIMIT:g} s"
-                assert play(short, ("x", "y", "theta"), SCALE, "/haptic") == 300
-                executor.spin_once(timeout_sec=0.1)
-        finally:
-            executor.shutdown(timeout_sec=LIMIT)
-            node.destroy_node()
-            rclpy.shutdown(context=context)
-    assert all(message.name == ["x", "y", "theta"] for message in heard)
-    published = (short.points * SCALE).tolist()
-    assert all(list(message.position) in published for message in heard)
-
-
-def test_live_without_a_loopback_is_refused_in_a_sentence(tmp_path, monkeypatch):
-    from haptic_sim.cli import replay_live
-    from haptic_sim.cli.domain import isolated_domain
-
-    monkeypatch.setattr(replay_live, "PATIENCE", 0.3)
-    with isolated_domain(tmp_path / "domain"), pytest.raises(ValueError, match="nobody listens on /haptic/operator/t"):
-        replay_live.play(PlayedTarget(np.array([0]), np.zeros((1, 3))), ("x",), (1.0,), "/haptic")

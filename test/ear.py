@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node of this process that hears what the others say and asks their services; and one that leads the hand too."""
+
+import math
+import time
+
+import rclpy
+import waiting
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import SetParameters
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+from haptic_device.node import wire
+
+AGAIN, ONCE_MORE = 0.3, 3.0  # [s] after which a service is asked again: one that never answered, and any other
+
+
+class Client:
+    """A node that is served while it waits, and the answers of services."""
+
+    def __init__(self, domain, name, namespace="/haptic"):
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = rclpy.create_node(name, namespace=namespace, context=self.context)
+        self._executor = EventsExecutor(context=self.context)
+        self._executor.add_node(self.node)
+        self._clients, self._met = {}, set()
+
+    def close(self):
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+    def look(self, seconds=0.01):
+        """Serves what has come, or comes in this time."""
+        self._executor.spin_once(timeout_sec=seconds)
+
+    def last(self):
+        """What is said of a wait that was in vain."""
+        return ""
+
+    def until(self, condition, what):
+        """Listens until the condition holds, and returns what it gives; what: what is waited for."""
+        return waiting.until(condition, what, self.look, self.last)
+
+    def client(self, service, kind):
+        """Client of a service that is there."""
+        found = self._clients[service] = self._clients.get(service) or self.node.create_client(kind, service)
+        self.until(found.service_is_ready, f"the service {service}")
+        return found
+
+    def send(self, service, kind, request):
+        """Asks a service once; the answer to come."""
+        return self.client(service, kind).call_async(request)
+
+    def ask(self, service, kind, request):
+        """A service's answer. Asked again after a while: an answer is lost if its server has not found us yet."""
+        answers, asked = [], -math.inf
+        again = ONCE_MORE if service in self._met else AGAIN
+
+        def answered():
+            nonlocal asked
+            if time.monotonic() > asked + again:
+                asked = time.monotonic()
+                answers.append(self.send(service, kind, request))
+            return next((answer for answer in answers if answer.done()), None)
+
+        found = self.until(answered, f"an answer of {service}").result()
+        self._met.add(service)
+        return found
+
+    def trigger(self, name, node="haptic_driver"):
+        """A service without arguments: (success, message)."""
+        answer = self.ask(f"{node}/{name}", Trigger, Trigger.Request())
+        return answer.success, answer.message
+
+    def set(self, name, value, node="haptic_driver"):
+        """Sets a live parameter: (accepted, reason)."""
+        wish = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        [result] = self.ask(f"{node}/set_parameters", SetParameters, wish).results
+        return result.successful, result.reason
+
+    def state(self, node):
+        """Number of the state that a managed node is in."""
+        return self.ask(f"{node}/get_state", GetState, GetState.Request()).current_state.id
+
+    def change(self, node, transition, wanted):
+        """Asks for a transition once, for the second would be refused; waits until the node is in the state wanted."""
+        wish = ChangeState.Request(transition=Transition(id=transition))
+        self.send(f"{node}/change_state", ChangeState, wish)
+        self.until(lambda: self.state(node) == wanted, f"{node} is in state {wanted}")
+
+
+class Ear(Client):
+    """Keeps what the nodes of a namespace say, asks the driver, and leads the hand."""
+
+    def __init__(self, domain, namespace="/haptic", axes=3):
+        super().__init__(domain, "ear", namespace)
+        self.truths, self.handles, self.said, self.alone = [], [], {}, {}
+        self.axes, self.namespace = axes, namespace
+        self._handles = None
+        self._hear("operator/state", wire.JointLayout(wire.truth_names(axes)), self.truths, wire.STREAM)
+        self.node.create_subscription(wire.DiagnosticArray, "/diagnostics", self._note, 50)
+        self.tool = self.node.create_publisher(wire.JointState, "tool", wire.LATEST)
+        self.target = self.node.create_publisher(wire.JointState, "operator/target", wire.LATEST)
+
+    def _hear(self, topic, layout, kept, qos):
+        return self.node.create_subscription(
+            wire.JointState, topic, lambda data: kept.append(layout.unpack(data)), qos, raw=True
+        )
+
+    def hear_handles(self, wanted=True):
+        """Keeps handle samples from now on, or no more; they are many."""
+        if wanted:
+            layout = wire.JointLayout(wire.exchange_names(self.axes))
+            self._handles = self._hear("handle", layout, self.handles, wire.LATEST)
+        else:
+            self.node.destroy_subscription(self._handles)
+
+    def _note(self, array):
+        for status in array.status:
+            values = {entry.key: entry.value for entry in status.values}
+            self.said.setdefault(status.name, []).append((status.level[0], status.message, values))
+            if len(array.status) == 1:  # without the figures of each half second
+                self.alone.setdefault(status.name, []).append(values)
+
+    def last(self):
+        return {name: said[-1] for name, said in self.said.items() if said}
+
+    def _next(self, kept, condition, what):
+        """The first of what is kept from now on for which the condition holds; each is judged once."""
+        place = len(kept)
+
+        def found():
+            nonlocal place
+            while place < len(kept):
+                one, place = kept[place], place + 1
+                if condition(one):
+                    return [one]
+            return None
+
+        return self.until(found, what)[0]
+
+    def news(self, name, condition, what=None):
+        """Values of the next diagnostics of a node for which condition(level, message, values) holds."""
+        heard = self.said.setdefault(name, [])
+        return self._next(heard, lambda said: condition(*said), what or f"news of {name}")
+
+    def truth(self, condition, what="a truth"):
+        """The first truth from now on for which the condition holds."""
+        return self._next(self.truths, condition, what)
+
+    def motor(self, truth):
+        return truth.effort[self.axes : 2 * self.axes]
+
+    def time(self, truth):
+        """CLOCK_MONOTONIC [s] up to which the plant was integrated."""
+        return truth.position[2 * self.axes + 1]
+
+    def motor_off_after(self, when):
+        """Waits for a truth past this time [s] of the plant; judges that in none past it the motor pushes."""
+        self.truth(lambda truth: self.time(truth) > when, what=f"a truth past {when} s")
+        assert not any(self.motor(truth).any() for truth in self.truths if self.time(truth) > when)
+
+    def cleared(self):
+        """Waits until no fault is latched and the motor is off, with a servo that runs."""
+        self.until(lambda: self.trigger("reset")[0], "the driver can be reset")
+
+    def engaged(self):
+        """Enables, and waits until the driver says that its forces act; what it then said."""
+        heard = self.said["haptic_driver"]
+        begin = len(heard)
+        assert (answer := self.trigger("enable")) == (True, "enabled"), answer
+        return self.until(
+            lambda: next((said for said in heard[begin:] if said[2]["state"] == "engaged"), None), "it is engaged"
+        )
+
+    def go_to(self, x, y=0.0, theta=0.0):
+        """Has the hand follow to a target, and waits until it wants to be there."""
+        names, position = list(wire.AXES[: self.axes]), [x, y, theta][: self.axes]
+        begin, asked = len(self.truths), 0.0
+
+        def there():
+            nonlocal asked
+            if time.monotonic() > asked + 0.05:
+                self.target.publish(wire.JointState(name=names, position=position))
+                asked = time.monotonic()
+            latest = self.truths[-1] if len(self.truths) > begin else None
+            return latest and abs(latest.position[self.axes : 2 * self.axes] - position).max() < 1e-5
+
+        self.until(there, f"the hand wants to be at {position}")

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The viewer as a process and as a node of this one: how it ends, what it prints, and a hand that it lets go."""
+
+import asyncio
+import itertools
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import aiohttp
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.signals import SignalHandlerOptions
+from waiting import LIMIT
+
+from haptic_device.node import wire
+from haptic_device.node.tap import Tap
+from haptic_sim.viewer import hand as hand_of_a_page
+from haptic_sim.viewer import viewer
+from haptic_sim.viewer.parameters import PARAMETERS
+
+pytestmark = pytest.mark.timeout(300)
+
+
+def opened(session, server):
+    """A page's socket with control."""
+    address = server.address(True)
+    origin = f"http://{address.split('/')[2]}"
+    return session.ws_connect(address.replace("http", "ws") + "socket", headers={"Origin": origin})
+
+
+def test_a_viewer_that_is_open_to_others_warns_before_it_prints_its_address(start):
+    command = [sys.executable, "-m", "haptic_sim.cli.main", "view", "--host"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    viewers = {host: start([*command, host], **pipes) for host in ("0.0.0.0", "127.0.0.1")}
+    for host, process in viewers.items():
+        limit = threading.Timer(LIMIT, process.kill)
+        limit.start()
+        said = ""
+        while "open http" not in said and (line := process.stdout.readline()):
+            said += line
+        limit.cancel()
+        assert "open http" in said, f"no address came within {LIMIT:g} s; it said {said}"
+        warned = f"WARNING: it listens on {host}, in plain text" in said.partition("open http")[0]
+        assert warned is (host == "0.0.0.0")
+
+
+@pytest.mark.parametrize("command", (["haptic_sim.cli.main", "view"], ["haptic_sim.viewer.viewer"]))
+def test_signals_that_come_while_a_viewer_ends_change_nothing_of_its_end(command, start):
+    process = start([sys.executable, "-m", *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    limit = threading.Timer(LIMIT, process.kill)
+    limit.start()
+    while "open http" not in (line := process.stdout.readline()):
+        assert line, process.stderr.read()
+    numbers = itertools.cycle((signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+    while process.poll() is None:
+        process.send_signal(next(numbers))
+        time.sleep(0.001)
+    limit.cancel()
+    assert (process.returncode, process.stderr.read()) == (0, "")
+
+
+def test_the_thread_of_a_viewer_has_ended_when_its_node_is_destroyed_which_is_before_ros_is_left(monkeypatch):
+    destroyed = []
+
+    class Kept(rclpy.node.Node):
+        def destroy_node(self):
+            destroyed.append(([one.name for one in threading.enumerate() if one.name == "services"], rclpy.ok()))
+            super().destroy_node()
+
+    monkeypatch.setattr(viewer, "Node", Kept)
+    viewer.serve(["--ros-args", "--disable-external-lib-logs"], iter((False, False, True)).__next__)
+    assert destroyed == [([], True)] and not rclpy.ok()
+
+
+class Pulled:
+    """A device whose handle does not follow its hand: it tells where that wants to be."""
+
+    def __init__(self, context):
+        self.target, self._node = (0.0, 0.0, 0.0), rclpy.create_node("pulled", namespace="/haptic", context=context)
+        self._targets = Tap(self._node, "operator/target", "sensor_msgs/msg/JointState", wire.LATEST)
+        self._layout = wire.JointLayout(wire.truth_names(3))
+        self._truths = self._node.create_publisher(wire.JointState, "operator/state", wire.STREAM)
+
+    async def wants_to_be_at(self, x):
+        while self.target[0] != x:
+            if sample := self._targets.latest():
+                self.target = tuple(sample.message.position)
+            self._truths.publish(self._layout.pack(0, (0.0,) * 3 + self.target + (0.0,) * 3, (0.0,) * 9, (0.0,) * 9))
+            await asyncio.sleep(0.01)
+
+
+@pytest.mark.parametrize("ends", ("gone", "silent"))
+def test_the_hand_lets_go_when_the_page_that_led_it_is(ends, ros_domain, monkeypatch):
+    monkeypatch.setattr(hand_of_a_page, "SILENCE", 0.2)
+
+    async def live(shown, device):
+        over = []
+        running = asyncio.create_task(shown.run(lambda: over))
+        while ":0/" in shown.server.address(True):
+            await asyncio.sleep(0.01)
+        async with aiohttp.ClientSession() as session, opened(session, shown.server) as other:
+            page = await opened(session, shown.server)
+            following = asyncio.create_task(device.wants_to_be_at(0.05))
+            while not following.done():
+                await page.send_str('{"do": "aim", "x": 0.05}')
+                await asyncio.sleep(0.05)
+            if ends == "gone":
+                await page.close()
+            following = asyncio.create_task(device.wants_to_be_at(0.0))
+            while not following.done():  # another page, which has not led the hand, is no reason to go on
+                await other.send_str('{"do": "seen", "frame": 0}')
+                await asyncio.sleep(0.05)
+            over.append(True)
+            await running
+
+    context = Context()
+    rclpy.init(context=context, domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node("haptic_viewer", namespace="/haptic", context=context)
+        shown = viewer.Viewer(node, {one.name: one.default for one in PARAMETERS})
+        asyncio.run(asyncio.wait_for(live(shown, Pulled(context)), LIMIT))
+    finally:
+        context.shutdown()
