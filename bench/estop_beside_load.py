@@ -25,7 +25,8 @@ from std_srvs.srv import Trigger
 from haptic_sim.cli.domain import isolated_domain
 
 sys.path.append(str(Path(__file__).parents[1] / "test"))
-from live_nodes import Ear, Nodes  # noqa: E402
+from ear import Ear  # noqa: E402
+from live_nodes import Nodes  # noqa: E402
 
 ENTRIES = (0, 100, 1000, 3000)  # of one request
 RATES = (0, 1000, 5000)  # messages a second of one page

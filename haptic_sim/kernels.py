@@ -107,7 +107,8 @@ def penalty():
 def closed_form():
     """A tool among flat walls, and the ports behind which any method stands."""
     for method in ("pspm", "wave"):
-        world = Simulation.by_parameters(load(IN_CLOSED_FORM), _values("haptic_simulation") | {"exchange.method": method})
+        values = _values("haptic_simulation") | {"exchange.method": method}
+        world = Simulation.by_parameters(load(IN_CLOSED_FORM), values)
         compile_for(world, wire.JointLayout(wire.exchange_names(1)))
 
 

@@ -48,7 +48,8 @@ def _compile(names):
             left = {*names}
             while left:
                 done, left = wait(left, EACH_SECOND, FIRST_COMPLETED)
-                wrong += [f"{names[one]} ({type(error).__name__}: {error})" for one in done if (error := one.exception())]
+                failed = [(names[one], error) for one in done if (error := one.exception())]
+                wrong += [f"{name} ({type(error).__name__}: {error})" for name, error in failed]
                 show(len(names) - len(left), time.monotonic() - began)
         except BaseException:  # interrupted: at once, also in the middle of LLVM; the cache has whole files only
             for worker in multiprocessing.active_children():

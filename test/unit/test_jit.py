@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled kernels: never a stale law, the same arithmetic without the compiler, compiled once whoever asks."""
+
+import errno
+import os
+import shutil
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from haptic_device import jit
+from haptic_device.law import servo
+
+pytestmark = pytest.mark.timeout(600)
+
+ROOT = Path(__file__).resolve().parents[2]
+SMALL = "identification"  # of few functions
+
+
+def python(script, cwd=ROOT, **environment):
+    """(words of standard output, standard error) of a script that ends well."""
+    known = {**os.environ, "PYTHONPATH": f"{cwd}:{ROOT / 'test'}", **environment}
+    known = {name: value for name, value in known.items() if value is not None}
+    command = [sys.executable, "-P", "-c", textwrap.dedent(script)]
+    done = subprocess.run(command, cwd=cwd, env=known, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split(), done.stderr
+
+
+@pytest.fixture
+def tree(tmp_path):
+    """A copy of the packages."""
+    for package in ("haptic_device", "haptic_sim"):
+        shutil.copytree(ROOT / package, tmp_path / "tree" / package, ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path / "tree"
+
+
+ASK = """
+    import numpy as np
+    from haptic_device import jit
+    from haptic_device.runtime import zwidth_cell
+    setup = np.zeros(1, zwidth_cell.CELL)
+    setup["resolution"] = 1.0
+    reading = zwidth_cell._read(setup.view(np.recarray)[0], 6.2)  # by law/encoder.py, which is a part of it
+    print(jit.__file__, jit.folder(), reading)
+"""
+
+
+def test_an_edited_law_is_compiled_anew_and_an_old_one_is_never_run(tree, tmp_path):
+    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    before, _ = python(ASK, tree, **cache)
+    assert before[0].startswith(str(tree)) and before[1].startswith(str(tmp_path / "cache")) and before[2] == "6.0"
+    assert python(ASK, tree, **cache)[0] == before
+    law = tree / "haptic_device/law/encoder.py"
+    law.write_text(law.read_text().replace("return counts * position", "return 2.0 * counts * position"))
+    after, _ = python(ASK, tree, **cache)
+    assert after[1] != before[1] and after[2] == "12.0"
+
+
+def test_whatever_a_kernel_may_be_made_of_changes_the_folder_and_a_command_or_a_page_does_not(tree, monkeypatch):
+    monkeypatch.setattr(jit, "ROOT", tree)
+    before = jit.digest()
+    for source in ("haptic_sim/cli/demo.py", "haptic_sim/viewer/desk.py", "haptic_sim/bench/hard.py"):
+        os.utime(tree / source, (1.0, 1.0))
+    assert jit.digest() == before
+    for source in ("haptic_device/law/wall.py", "haptic_device/parameters.py", "haptic_sim/kernels.py"):
+        os.utime(tree / source, (1.0, 1.0))
+        assert jit.digest() != before
+        before = jit.digest()
+
+
+def test_no_kernel_is_where_the_digest_does_not_look():
+    for package in ("haptic_device", "haptic_sim"):
+        for source in (ROOT / package).rglob("*.py"):
+            if not jit.WITHOUT_KERNELS.isdisjoint(source.parts[len(ROOT.parts) :]):
+                assert not {"@njit", "@kernel"} & {*source.read_text().splitlines()}, source
+
+
+def test_folders_of_old_sources_are_removed_and_the_own_one_stays(tmp_path):
+    for i in range(9):
+        (tmp_path / f"old{i}").mkdir()
+        os.utime(tmp_path / f"old{i}", (i, i))
+    own = jit.made(tmp_path, "own")
+    left = {path.name for path in tmp_path.iterdir()}
+    assert own.name in left and len(left) == jit.KEPT
+    assert "old0" not in left and "old8" in left
+
+
+LOCKSTEP = """
+    import numpy as np
+    from lockstep_systems import device, values
+    from haptic_device import operating
+    from haptic_device.law import plant, servo
+    from haptic_device.runtime import loop
+
+    described = device(1.0, 2e5, 0.02)
+    wall = dict(wall__normals=(0.8, 0.6), wall__offsets=(0.0,), wall__stiffness=(4000.0,), wall__damping=(0.2,))
+    settings = operating.settings_from(described, values("haptic_driver", **wall, engage__time=0.01,
+        coupling__stiffness=0.0, coupling__damping=0.0, cancellation__ratio=0.5))
+    body, memory, motion = operating.hand_from(described, values("haptic_loopback", motion__name="press_wall",
+        motion__start=(-0.0002, 0.0, 0.0), motion__target=(-0.01, -0.005, 0.0), motion__duration=0.1))
+    memory["time"] = start = 1_000_000_000
+    state, rows, tool = np.zeros(1, servo.MEMORY), np.zeros(100, servo.TICK), np.zeros(1, loop.TOOL)
+    records = [array.view(np.recarray) for array in (settings, state, rows, tool, body, memory, motion)]
+    loop.run_lockstep(*records, start, 0, 5000, 1)
+    rows.tofile(OUT)
+"""
+
+
+def test_without_the_compiler_the_same_servo_and_plant_compute_the_same(tmp_path):
+    results = []
+    for disabled in ("0", "1"):
+        out = tmp_path / disabled
+        python(f"OUT = {str(out)!r}\n" + textwrap.dedent(LOCKSTEP), NUMBA_DISABLE_JIT=disabled)
+        results.append(np.fromfile(out, servo.TICK))
+    compiled, plain = results
+    assert np.abs(compiled["force_walls"]).max() > 0.1 and compiled["engage"][-1] == 1.0
+    for name in servo.TICK.names:
+        assert np.allclose(compiled[name], plain[name], rtol=1e-9, atol=1e-12), name
+
+
+def test_who_needs_kernels_that_are_not_there_has_them_compiled_in_sight_and_the_next_finds_them(tmp_path):
+    ask = f"from haptic_device import jit; jit.have('{SMALL}'); print(jit.missing(['{SMALL}']))"
+    (tmp_path / "haptic_device").mkdir()  # in the current folder lies another package of this name
+    (tmp_path / "haptic_device/__init__.py").write_text("raise ImportError('the wrong package')\n")
+    known = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
+    said, progress = python(ask, tmp_path, **known)
+    assert said == ["[]"] and "compiling, once for this machine: 1 of 1" in progress
+    assert python(ask, tmp_path, **known) == (["[]"], "")
+
+
+def test_kernels_that_do_not_exist_are_refused_in_a_sentence():
+    command = [sys.executable, "-m", "haptic_sim.cli.main", "compile", "servo", "serfo"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "no kernels are called serfo; there are methods, servo" in done.stderr
+
+
+def where(**environment):
+    """(folder, sentence) of the cache of a process with this environment; None takes a variable away."""
+    [folder, *note], _ = python("from haptic_device import jit; print(jit.folder(), jit.note())", **environment)
+    return Path(folder), " ".join(note)
+
+
+def test_a_cache_that_cannot_be_written_is_said_in_one_sentence_and_kernels_are_kept_in_memory(tmp_path):
+    (tmp_path / "file").touch()
+    folder, note = where(XDG_CACHE_HOME=str(tmp_path / "file"))
+    assert folder.is_relative_to(jit.MEMORY) and folder.parent.stat().st_mode & 0o777 == 0o700
+    assert note.startswith(f"{tmp_path}/file/haptic_display cannot hold the compiled kernels (Not a directory)")
+    assert str(folder) in note
+
+
+def test_without_home_and_cache_variables_there_is_a_cache_all_the_same():
+    folder, _ = where(XDG_CACHE_HOME=None, HOME=None)
+    assert folder.is_dir()
+
+
+def test_importing_what_kernels_are_kept_by_makes_no_folder(tmp_path):
+    python("import haptic_device.jit, haptic_sim.cli.prepare, haptic_sim.cli.main", XDG_CACHE_HOME=str(tmp_path))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_disk_without_room_for_the_kernels_is_refused_before_anything_is_compiled(tmp_path, monkeypatch):
+    monkeypatch.setattr(jit, "ROOM", 2**62)
+    with pytest.raises(OSError) as refusal:
+        jit.made(tmp_path, "digest")
+    assert refusal.value.errno in (errno.ENOSPC, errno.EFBIG)
+
+
+def test_kernels_that_are_there_already_serve_though_the_disk_is_full_now(tmp_path, monkeypatch):
+    folder = jit.made(tmp_path, "digest")
+    (folder / "servo.done").touch()
+    monkeypatch.setattr(jit, "ROOM", 2**62)
+    assert jit.made(tmp_path, "digest") == folder
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o750])
+def test_a_folder_that_others_can_write_is_no_place_for_code(tmp_path, mode):
+    folder = tmp_path / "memory"
+    folder.mkdir()
+    folder.chmod(mode)
+    with pytest.raises(PermissionError, match="is another user's"):
+        jit.private(folder)
+
+
+def test_a_link_in_place_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    (tmp_path / "memory").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(PermissionError):
+        jit.private(tmp_path / "memory")
