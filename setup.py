@@ -69,7 +69,7 @@ setup(
         "llvmlite>=0.43",
         "matplotlib>=3.8",
         "mcap>=1.6",
-        "numba>=0.60",
+        "numba>=0.68",
         "numpy>=1.26",
         "psutil>=5.9",
         "pydantic>=2",
