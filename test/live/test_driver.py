@@ -437,6 +437,7 @@ def test_an_estop_latches_even_before_the_device_is_there(nodes, ear):
     nodes.lack(*list(nodes.running))
     nodes.start("haptic_driver", auto_enable=True, **DRIVER)
     assert ear.news("haptic_driver", absent, what="it misses its device")[0] == WARN
+    ear.until(lambda: ear.state("haptic_driver") == State.PRIMARY_STATE_ACTIVE, "it is active")
     assert ear.trigger("enable") == (False, "the servo does not run: no device, or the node is not active")
     assert ear.trigger("estop") == (True, "e-stop latched for the device that is not there yet")
     nodes.start("haptic_loopback")
