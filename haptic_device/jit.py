@@ -9,10 +9,12 @@ Compiling takes all of a core for many seconds, and some hundred MB that stay. `
 its own; `have(...)` runs that command where an entry (haptic_sim/kernels.py) is not in the cache yet.
 """
 
+import contextlib
 import functools
 import hashlib
 import os
 import shutil
+import signal
 import stat
 import subprocess
 import sys
@@ -31,6 +33,7 @@ KEPT = 4  # folders; older ones are removed
 ROOM = 32 * 2**20  # bytes that must be free: all kernels take less
 MEMORY = Path("/dev/shm")  # where kernels are kept until the next restart if the user's cache cannot be written
 LOOK = 0.1  # [s] between looks at whether a process that waits shall end
+END = 2.0  # [s] for an interrupted `haptic compile` to end by itself
 
 
 def njit(function, **options):
@@ -41,8 +44,11 @@ def njit(function, **options):
 
 
 def kernel(function):
-    """As njit, for a function that Python calls: kept in the cache. Given a signature in place of the function, a
-    decorator that compiles for it at once, into a function pointer."""
+    """As njit, for a function that Python calls, in a test at least: kept in the cache.
+
+    Given a signature in place of the function, a decorator that compiles for it at once, into a function pointer. Two
+    entries must not need it for different types: numba does not lock what it writes (test/soak/test_compiling.py).
+    """
     import numba
 
     numba.config.CACHE_DIR = str(folder())
@@ -64,8 +70,12 @@ def have(*entries, told=()):
         try:
             while process.poll() is None and not told:
                 time.sleep(LOOK)
-        finally:  # interrupted
-            process.kill()
+        finally:
+            if process.poll() is None:  # interrupted: it puts the terminal's cursor back, or is ended
+                process.send_signal(signal.SIGINT)
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(END)
+                process.kill()
     if told:
         raise KeyboardInterrupt
 

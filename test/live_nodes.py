@@ -202,4 +202,5 @@ class Nodes:
         if process.poll() is None:
             process.kill()
             process.wait(60.0)
+        assert "Traceback" not in process.log.read_text(), process.log.read_text()
         return process.returncode

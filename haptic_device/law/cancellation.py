@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 
 MODEL, MEASURED = range(2)
 GUARD = 2.0  # measured drag beyond this many times the described damping is not believed
@@ -31,7 +31,7 @@ def share_beside_coupling(held, exchange_fade):
     return 1.0 - exchange_fade * (1.0 - held)
 
 
-@kernel
+@njit
 def cancellation_force(ratio, damping, velocity):
     """Force on the handle along its motion [N | N m] that cancels this part of the physical damping b."""
     return ratio * damping * velocity

@@ -21,7 +21,7 @@ even so the caller has v = 0.
 
 import math
 
-from haptic_device.jit import kernel
+from haptic_device.jit import njit
 
 EXACT, BRAKED = 10, 30  # solutions at most
 PATIENCE = 5  # solutions for which all wrong modes may change at once without their number falling
@@ -31,7 +31,7 @@ COLUMNS = 16  # BOUND: f of the last tick
 ROUNDING = 1e-9
 
 
-@kernel
+@njit
 def solve(rows, mass, right, system, velocity, most):
     """Velocity (3) of (1), and the impulses in rows; returns the solutions it took, above EXACT if braked, or −1.
 
@@ -48,7 +48,7 @@ def solve(rows, mass, right, system, velocity, most):
     return turns
 
 
-@kernel
+@njit
 def _pivot(rows, mass, right, system, velocity, braked, most):
     fewest, patience = 4 * rows.shape[0], PATIENCE
     for turn in range(most):
@@ -67,7 +67,7 @@ def _pivot(rows, mass, right, system, velocity, braked, most):
     return -1
 
 
-@kernel
+@njit
 def _assemble(rows, mass, right, system, braked):
     for i in range(3):
         for k in range(3):
@@ -86,7 +86,7 @@ def _assemble(rows, mass, right, system, braked):
                 system[i, 3] += one[T_X + i] * one[SENSE] * one[BOUND]
 
 
-@kernel
+@njit
 def _close(one, system, sliding):
     """λ_n = −(G_n v + b)/e, and λ_t = `sliding` times as much."""
     stiff = 1.0 / one[E_N]
@@ -97,7 +97,7 @@ def _close(one, system, sliding):
             system[i, k] += pushed * one[N_X + k]
 
 
-@kernel
+@njit
 def _grip(one, system):
     """λ_t = −(G_t v + b)/e."""
     grip = 1.0 / one[E_T]
@@ -107,7 +107,7 @@ def _grip(one, system):
             system[i, k] += grip * one[T_X + i] * one[T_X + k]
 
 
-@kernel
+@njit
 def _eliminate(system, velocity):
     """Solves the three equations, each scaled by its diagonal; False if they are singular."""
     for i in range(3):
@@ -135,7 +135,7 @@ def _eliminate(system, velocity):
     return abs(velocity[0]) + abs(velocity[1]) + abs(velocity[2]) < 1e12
 
 
-@kernel
+@njit
 def _review(rows, velocity, change, braked):
     """Impulses of this solution; number and worst of the contacts whose modes it contradicts, which may change."""
     wrong, worst, most = 0, -1, 0.0
@@ -154,14 +154,14 @@ def _review(rows, velocity, change, braked):
     return wrong, worst
 
 
-@kernel
+@njit
 def _change(one, velocity, braked):
     """Takes the modes that the solution asks for."""
     mode, sense, size = _wished(one, velocity, braked)
     one[MODE], one[SENSE] = mode, sense
 
 
-@kernel
+@njit
 def _wished(one, velocity, braked):
     """Mode and sense that this solution asks for, and how wrong those there are [m/s]; notes its impulses."""
     rate, slip, size = one[B_N], one[B_T], abs(one[B_N]) + abs(one[B_T])
@@ -191,7 +191,7 @@ def _wished(one, velocity, braked):
     return (STICK if against > small else one[MODE]), one[SENSE], against
 
 
-@kernel
+@njit
 def _wished_braked(one, rate, slip, small):
     """The same with friction of a fixed bound, whose sense is apart from whether the contact is closed."""
     closed, sense, wrong = one[MODE] != OPEN, one[SENSE], 0.0

@@ -22,7 +22,7 @@ import math
 import numpy as np
 
 from haptic_device.entries import COMMON, EACH, MOST
-from haptic_device.jit import kernel
+from haptic_device.jit import njit
 
 FLAT_THERE, FLAT_HERE, ROUND = 1, 2, 3
 IDENTITY, GROUP, KIND, GAP, POINT_X, POINT_Y, TOOL_X, TOOL_Y, NORMAL_X, NORMAL_Y, LOW, HIGH = range(12)
@@ -39,7 +39,7 @@ GAP_NOW, NX, NY, ARM_X, ARM_Y = range(PLACE)
 UNIT, APART, LARGEST = 1e-6, 1e-3, 1e3  # of |n|² − 1; overlap [m] of planes face to face; of friction, mobility, …
 
 
-@kernel
+@njit
 def place(one, pose, age, back, out):
     """Gap, normal and arm of a contact (row of a table) now, into out.
 
@@ -76,7 +76,7 @@ def place(one, pose, age, back, out):
     out[GAP_NOW], out[NX], out[NY], out[ARM_X], out[ARM_Y] = gap, nx, ny, arm_x, arm_y
 
 
-@kernel
+@njit
 def _over_the_end(one, nx, ny, dx, dy):
     """Whether an end of the edge is nearest, and where it is along the edge's tangent (−n_y, n_x) [m]."""
     if one[KIND] == ROUND:
@@ -87,7 +87,7 @@ def _over_the_end(one, nx, ny, dx, dy):
     return held != along, held
 
 
-@kernel
+@njit
 def hide_others(table, gaps, shown):
     """Fills in shown: 1 for each contact that counts now; of a group the one with the largest gap. gaps: (MOST, …)."""
     for i in range(MOST):
@@ -116,7 +116,7 @@ REFUSALS = (
 )
 
 
-@kernel
+@njit
 def judge_table(table):
     """ACCEPTED, or why this table of contacts cannot be used."""
     for i in range(MOST):
@@ -139,7 +139,7 @@ def judge_table(table):
     return _judge_room(table)
 
 
-@kernel
+@njit
 def _judge_room(table):
     """NO_WAY_OUT where two planes face each other and overlap, with no other member in their groups to give way."""
     for i in range(MOST):
@@ -152,7 +152,7 @@ def _judge_room(table):
     return ACCEPTED
 
 
-@kernel
+@njit
 def _alone(table, i):
     members = 0
     for k in range(MOST):

@@ -16,12 +16,6 @@ def coupling_force(stiffness, damping, stretch, rate):
 
 
 @kernel
-def coupling_store(stiffness, stretch):
-    """Energy in the coupling's spring along one axis [J]."""
-    return 0.5 * stiffness * stretch * stretch
-
-
-@kernel
 def spring_force(stiffness, limit, stretch):
     """Force of the coupling's spring on the handle [N], never beyond what the motor can hold: a clamped spring.
 

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Encoder counts to position, and positions to velocity."""
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.parameters import KEPT
 
 BACKWARD_DIFFERENCE, LOWPASS, ADAPTIVE_WINDOW = range(3)
 
 
-@kernel
+@njit
 def position_of(counts, position_per_count, zero):
     """Device position [m | rad] of encoder counts; position_per_count carries the sign of the axis."""
     return counts * position_per_count - zero
@@ -25,7 +25,7 @@ def velocity_of(previous, displacement, elapsed, lag):
     return (lag * previous + displacement) / (lag + elapsed)
 
 
-@kernel
+@njit
 def adaptive_velocity(times, positions, newest, count, longest, step):
     """End-fit first-order adaptive window (Janabi-Sharifi, Hayward & Chen 2000) [m/s | rad/s].
 
@@ -46,7 +46,7 @@ def adaptive_velocity(times, positions, newest, count, longest, step):
     return velocity
 
 
-@kernel
+@njit
 def _on_line(times, positions, newest, window, slope, step):
     for back in range(1, window):
         index = (newest - back) % KEPT

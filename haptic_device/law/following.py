@@ -7,7 +7,7 @@ factor on the coupling's force (engaging, fading) multiplies its spring, so that
 
 import math
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import coupling, engage, exchange, local, pspm, tank, wave
 
 AXES = 3
@@ -75,14 +75,14 @@ def settle(settings, memory, row):
     memory.factor = memory.factor_held = factor
 
 
-@kernel
+@njit
 def _unpaid(settings, memory, row, i):
     """Velocity [m/s | rad/s] at which the damper pulls and that only the tank pays for: waves pay for their port's."""
     paid = memory.own_velocity[i] if settings.exchange_method == exchange.WAVE else 0.0
     return row.coupling_velocity[i] - paid
 
 
-@kernel
+@njit
 def _let_go_unseen(settings, memory, factor):
     """A tick whose counts are old: nothing rises in it (law/servo), and what falls is not paid back."""
     if factor < memory.factor:
@@ -92,14 +92,14 @@ def _let_go_unseen(settings, memory, factor):
             memory.damped[i] = math.nan  # more than one force in one hold
 
 
-@kernel
+@njit
 def _risen(settings, memory):
     """The most that engaging can be in this tick: waiting may end in it."""
     state = engage.ENGAGING if memory.state == engage.WAITING else int(memory.state)
     return engage.engage_factor(state, memory.engage, settings.period, settings.engage_time)
 
 
-@kernel
+@njit
 def _stay(settings, memory, row):
     """A tick whose counts are those of the tick before: where the handle is now nobody knows, so nothing is moved."""
     row.exchange_fade, row.exchange_let_go, row.exchange_energy = memory.exchange_fade, memory.let_go, memory.shipped
@@ -111,7 +111,7 @@ def _stay(settings, memory, row):
     _keep(settings, memory, row)
 
 
-@kernel
+@njit
 def _tool_is_near(settings, row):
     """Whether the coupling to a tool that (re)joins would begin with a small force, as engaging does.
 
@@ -125,7 +125,7 @@ def _tool_is_near(settings, row):
     return pull < settings.engage_force and abs(twist) < settings.engage_torque
 
 
-@kernel
+@njit
 def _is_number(row):
     """Whether the tool sample is made of numbers; one that is not goes on as it is, to become a fault."""
     total = row.tool_energy + row.tool_age
@@ -134,7 +134,7 @@ def _is_number(row):
     return abs(total) < math.inf
 
 
-@kernel
+@njit
 def _as_it_is(settings, memory, row):
     """The tool as it is said to be; where a method would have to book it, what is not a number becomes no place."""
     for i in range(AXES):
@@ -146,7 +146,7 @@ def _as_it_is(settings, memory, row):
         _keep(settings, memory, row)
 
 
-@kernel
+@njit
 def _modulate(settings, memory, row):
     """Set position after the tool's samples, foretold, as far as slew and tank allow (law/pspm, 2)."""
     tank.take_returned(settings, memory, row)
@@ -173,7 +173,7 @@ def _modulate(settings, memory, row):
     row.exchange_energy = memory.shipped
 
 
-@kernel
+@njit
 def _foretold(settings, row, i):
     """Where the tool is now, in contact or free [m | rad]."""
     position, velocity, age = row.tool_position[i], row.tool_velocity[i], row.tool_age
@@ -185,14 +185,14 @@ def _foretold(settings, row, i):
     return pspm.beside(straight, row.position[i], stretch, age, settings.exchange_agility[i], _trust(settings, i))
 
 
-@kernel
+@njit
 def _trust(settings, i):
     """Age [s] at which half of a free tool's force is believed: (2 b + B)/K, of what of b is not cancelled."""
     left = (1.0 - settings.cancellation_ratio) * settings.physical_damping[i] / settings.scale[i] ** 2
     return max(0.0, 2.0 * left + settings.damping[i]) / settings.stiffness[i]
 
 
-@kernel
+@njit
 def _take_waves(settings, memory, row):
     """Port behind the coupling that the waves from the tool move, and the waves it sends back (law/wave)."""
     _receive_waves(settings, memory, row)
@@ -215,7 +215,7 @@ def _take_waves(settings, memory, row):
     row.exchange_energy = memory.shipped
 
 
-@kernel
+@njit
 def _move_port(settings, memory, row, i, incoming):
     """Port of axis i for an incoming wave, as fast as the slew lets the spring change; and the wave that goes back.
 
@@ -238,7 +238,7 @@ def _move_port(settings, memory, row, i, incoming):
     memory.set_velocity[i] = _damper_slewed(settings, memory, i, velocity)
 
 
-@kernel
+@njit
 def _felt_share(settings, memory):
     """Share 0…1 that the tank covers of the dampers' forces beyond those that the waves pay for."""
     force_square = 0.0
@@ -250,7 +250,7 @@ def _felt_share(settings, memory):
     return pspm.damper_share(memory.tank - tank.reserve(settings, memory), force_square, settings.period)
 
 
-@kernel
+@njit
 def _damper_slewed(settings, memory, i, wanted):
     """Next velocity at which the damper pulls: the wanted one, as far as the damper's share of the slew lets it."""
     damping = memory.factor * settings.damping[i]
@@ -258,7 +258,7 @@ def _damper_slewed(settings, memory, i, wanted):
     return min(memory.set_velocity[i] + reach, max(memory.set_velocity[i] - reach, wanted))
 
 
-@kernel
+@njit
 def _receive_waves(settings, memory, row):
     """Adds what has come since the last sample that counted to what is still to be played.
 
@@ -285,7 +285,7 @@ def _receive_waves(settings, memory, row):
         memory.rate[i] = memory.pending[i] / time
 
 
-@kernel
+@njit
 def _play(settings, memory):
     """Fills in memory.wave; returns the share of these waves that energy received, and the tank, cover; spends it."""
     energy = 0.0
@@ -302,7 +302,7 @@ def _play(settings, memory):
     return share
 
 
-@kernel
+@njit
 def _keep(settings, memory, row):
     """Axes the device does not have follow nothing."""
     for i in range(int(settings.axes), AXES):

@@ -27,7 +27,7 @@ sequence of messages. The same is the answer where pivoting found none.
 
 import math
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import complementarity, contact, coupling, tank
 
 AXES = 3
@@ -55,7 +55,7 @@ def acts(settings, memory, row):
     return memory.acting == ACTING
 
 
-@kernel
+@njit
 def _is_near(settings, memory, row):
     """Whether the contacts are new enough, and both the copy and the simulation's tool where they were meant for."""
     if row.contact_age > settings.local_hold:
@@ -120,7 +120,7 @@ def move(settings, memory, row):
         row.exchange_effort[i] = 0.0
 
 
-@kernel
+@njit
 def _begin(settings, memory, row):
     """The copy where the set position is, as fast as the simulation's tool if the tank covers that; no axis more."""
     for i in range(AXES):
@@ -131,14 +131,14 @@ def _begin(settings, memory, row):
         memory.copy_velocity[:] = 0.0
 
 
-@kernel
+@njit
 def _open_all(memory):
     for one in memory.rows:
         one[complementarity.MODE] = min(one[complementarity.MODE], complementarity.OPEN)
         one[complementarity.IMPULSE] = 0.0
 
 
-@kernel
+@njit
 def _effective_mass(settings, memory, row):
     """A and r of (2) into memory.mass, memory.right."""
     period = settings.period
@@ -153,7 +153,7 @@ def _effective_mass(settings, memory, row):
             memory.right[i] += period * pull
 
 
-@kernel
+@njit
 def _see_contacts(settings, memory, age):
     """The rows of all contacts at the copy's pose."""
     near, period = memory.near, settings.period
@@ -178,7 +178,7 @@ def _see_contacts(settings, memory, age):
         row[complementarity.E_T] = GRIP * soft + near[i, contact.SLIP_MOBILITY]
 
 
-@kernel
+@njit
 def _fill(memory, near, place, row, pushed, period, time):
     """Directions, rates and friction of one contact; pushed [m/s]: of the other body along −n, by the copy.
 
@@ -198,7 +198,7 @@ def _fill(memory, near, place, row, pushed, period, time):
     row[complementarity.MU] = near[contact.FRICTION]
 
 
-@kernel
+@njit
 def _rebound(memory, near, row, rate, surface, gap, period):
     """The rate with restitution, if this tick is that of an impact hard enough; else as it is."""
     e = near[contact.RESTITUTION]
@@ -213,7 +213,7 @@ def _rebound(memory, near, row, rate, surface, gap, period):
     return e * speed if impact else rate  # speed < 0: the gap's rate becomes −e times it
 
 
-@kernel
+@njit
 def _solve(settings, memory, row):
     """The copy's next velocity into memory.trial; False if pivoting found none. A spring at its limit is a force.
 
@@ -248,7 +248,7 @@ def kinetic(memory, axes, velocity):
     return energy + (0.5 * memory.near_inertia * velocity[2] ** 2 if axes > 2.0 else 0.0)
 
 
-@kernel
+@njit
 def _affordable(settings, memory, row):
     """Whether (3) holds for memory.trial; the tank's books are then those of the move."""
     stored, hidden, worst = 0.0, 0.0, 0.0
@@ -267,7 +267,7 @@ def _affordable(settings, memory, row):
     return True
 
 
-@kernel
+@njit
 def _worst_draw(settings, i, force):
     """What the damper's force may draw in a hold: g² T/4 (b − c), and no more than the handle may move at all."""
     most = force * settings.velocity_limit[i] * settings.period
@@ -276,7 +276,7 @@ def _worst_draw(settings, i, force):
     return min(most, 0.25 * force * force * settings.period / settings.surplus[i])
 
 
-@kernel
+@njit
 def _go(settings, memory, row):
     for i in range(AXES):
         memory.copy_velocity[i] = memory.trial[i]
@@ -288,7 +288,7 @@ def _go(settings, memory, row):
             memory.clamp[i] = memory.factor * settings.coupling_limit[i]
 
 
-@kernel
+@njit
 def _stay(settings, memory, row):
     """The copy stays, or goes along with the handle as far as the tank asks for it."""
     for i in range(int(settings.axes)):
@@ -301,7 +301,7 @@ def _stay(settings, memory, row):
     _open_all(memory)
 
 
-@kernel
+@njit
 def _ship(settings, memory):
     """What the tank has beyond its keep and the copy's own claim goes to the simulation."""
     over = memory.tank - kinetic(memory, settings.axes, memory.copy_velocity) - settings.exchange_tank
@@ -310,7 +310,7 @@ def _ship(settings, memory):
         memory.tank -= over
 
 
-@kernel
+@njit
 def _rebase(settings, memory, age):
     """With a new set, bodies are where it says: only what they were pushed since its time is still to be added.
 
@@ -326,7 +326,7 @@ def _rebase(settings, memory, age):
         memory.shifted[i] = memory.shifts[i, now] - way - velocity * ticks * settings.period
 
 
-@kernel
+@njit
 def _remember_pushes(settings, memory):
     before = int(memory.near_turn) % KEPT
     memory.near_turn += 1.0

@@ -6,7 +6,7 @@ Where more energy was generated than the budget it injects damping; what missed 
 
 import math
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import cancellation, coupling, fault, passivity, tank, wall
 
 AXES = 3
@@ -40,7 +40,7 @@ def book(settings, memory, row, elapsed):
         _book_long_hold(settings, memory, row, elapsed)
 
 
-@kernel
+@njit
 def _count_changes(settings, memory, row):
     """By how much, and for how long, the force held until this tick was not the one that the hold began with."""
     time = (row.deadline - memory.deadline) * 1e-9
@@ -51,13 +51,13 @@ def _count_changes(settings, memory, row):
     memory.deadline = row.deadline
 
 
-@kernel
+@njit
 def _changed(memory, i, damping, elapsed):
     """What the force's changes in the hold that ends here may have given beyond the force it began with [J]."""
     return passivity.energy_changed(memory.held_change[i], memory.held_square[i], memory.moved[i], damping, elapsed)
 
 
-@kernel
+@njit
 def _spring_growth(settings, memory, row):
     """How the stores of all springs that held grew from the last sample to this one, by axis: x first, then y.
 
@@ -83,7 +83,7 @@ def _spring_growth(settings, memory, row):
         memory.growth[1] += end - corner - cross
 
 
-@kernel
+@njit
 def _book_long_hold(settings, memory, row, elapsed):
     """What the walls gave over the hold of a missed tick [J], with forces up to the motor's limit.
 
@@ -104,7 +104,7 @@ def _book_long_hold(settings, memory, row, elapsed):
     memory.late = max(0.0, memory.late + settings.passivity_control * given)
 
 
-@kernel
+@njit
 def _beyond_limit(settings, memory, position):
     """Whether the springs of all walls together push beyond the motor's limit here, in x or in y."""
     push_x, push_y = 0.0, 0.0
@@ -194,7 +194,7 @@ def remember(settings, memory, row):
         memory.damper[1] += settings.scale[1] ** 2 * damping * (ny * ny + abs(nx * ny) / settings.cross)
 
 
-@kernel
+@njit
 def _begin_hold(settings, memory, row, measured):
     """The force that a hold begins with, of which measured drag pays this share of the damping that it cancels."""
     memory.credit = 1.0 - measured  # what cancels measured drag is paid by that drag, b or not

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 
 MOST = 32  # waypoints
 WAYPOINTS, CIRCLE, FOLLOW, PATH = range(4)  # a path is waypoints joined by straight lines
@@ -92,7 +92,7 @@ def follow(goal, target, lag, elapsed):
     return goal + (target - goal) * math.exp(-elapsed / lag)
 
 
-@kernel
+@njit
 def _circle(motion, time, target):
     """Circle that starts and ends at its rightmost point, smoothly speeding up and slowing down."""
     angle = 2.0 * math.pi * motion.turns * _eased(time / motion.duration)
@@ -102,7 +102,7 @@ def _circle(motion, time, target):
     return 1.0
 
 
-@kernel
+@njit
 def _eased(fraction):
     """0…1 with constant rate between a tenth of easing in and a tenth of easing out."""
     s, ease = min(1.0, max(0.0, fraction)), 0.1

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 
 SUB_STEP = 50_000  # [ns]
 QUEUED = 512  # motor values on their way through the actuation delay
@@ -89,7 +89,7 @@ def drift(mass, damping, stiffness, force, force_rate, position, velocity, time)
     return x, v
 
 
-@kernel
+@njit
 def _reversal(mass, damping, stiffness, force, force_rate, position, velocity, time):
     """Time within (0, time) at which the velocity, which changes sign over it, is zero; by bisection."""
     low, high = 0.0, time
@@ -126,7 +126,7 @@ def slide(mass, damping, stiffness, coulomb, force, force_rate, position, veloci
     return x, 0.0, slid
 
 
-@kernel
+@njit
 def push_motor(plant, memory, written, motor):
     """Queues motor values [motor units] written at this time [ns]; they act after the actuation delay."""
     slot = memory.queue_head % QUEUED
@@ -180,14 +180,14 @@ def sub_step(plant, memory, end, target, grip):
     _keep_knot(plant, memory)
 
 
-@kernel
+@njit
 def _squared(x0, x1, v0, v1, time):
     """∫ v² dt over the sub-step by Simpson, with the middle velocity of the cubic through both ends."""
     middle = 1.5 * (x1 - x0) / time - 0.25 * (v0 + v1)
     return time * (v0 * v0 + 4.0 * middle * middle + v1 * v1) / 6.0
 
 
-@kernel
+@njit
 def _grip_force(plant, memory, i, grip):
     """Force of the hand on the handle [N | N m]: spring and damper to its target, less what its own mass takes."""
     stretch = memory.target[i] - memory.position[i]
@@ -202,14 +202,14 @@ def _grip_force(plant, memory, i, grip):
     return spring - grip * plant.hand_mass[i] * acceleration
 
 
-@kernel
+@njit
 def _filter_drag(plant, memory, i, velocity, time):
     """The sensor's reading of the damper's drag, first-order behind its bandwidth."""
     share = 1.0 if plant.drag_bandwidth <= 0.0 else -math.expm1(-plant.drag_bandwidth * time)
     memory.drag[i] += share * (plant.damping[i] * velocity - memory.drag[i])
 
 
-@kernel
+@njit
 def _keep_knot(plant, memory):
     """Remembers this state for delayed sensing."""
     memory.knot += 1
@@ -246,7 +246,7 @@ def sense(plant, memory, latched, counts, drag):
         drag[i] = memory.drag[i] + plant.drag_bias + plant.drag_noise * _gauss(memory)
 
 
-@kernel
+@njit
 def _gauss(memory):
     """Sum of twelve uniform numbers less six: near normal, one generator state, the same bits every time."""
     total = -6.0

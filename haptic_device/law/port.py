@@ -13,7 +13,7 @@ is what a pull may be: then it can be let go slowly whatever comes. Limits: d â†
 
 import math
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import pspm
 
 DAMPER_SLEW = 0.25  # share of the slew that the handle's velocity may make on top of it, where there is a spring too
@@ -56,18 +56,18 @@ def drive(rules, memory, handle, rate, tool):
     memory[PULL], memory[PULL + 1] = nearer_line * line, nearer_turn * turn
 
 
-@kernel
+@njit
 def _pull(rules, memory, tool, i):
     return rules[STIFFNESS + i] * (memory[AIM + i] - tool[i]) + rules[DAMPING + i] * memory[SPEED + i]
 
 
-@kernel
+@njit
 def _draw(memory, tool, i, share):
     memory[AIM + i] = tool[i] + share * (memory[AIM + i] - tool[i])
     memory[SPEED + i] *= share
 
 
-@kernel
+@njit
 def _allowed(rules, memory, line, turn):
     """Shares 0â€¦1 of the pull in the plane and of the torque; SHARE says how much energy has left of either."""
     straight, around = min(line, rules[LIMIT]), min(turn, rules[LIMIT + 1])
@@ -85,7 +85,7 @@ def _allowed(rules, memory, line, turn):
     return straight / line if line > 0.0 else 1.0, around / turn if turn > 0.0 else 1.0
 
 
-@kernel
+@njit
 def _kept(rules, i, pull):
     """Energy [J] of a pull over a sub-step and of letting go of it at the slew."""
     return rules[WORST + i] * pull * pull * (1.0 + pull / (3.0 * rules[STEP + i]))

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import (
     cancellation,
     complementarity,
@@ -158,7 +158,7 @@ def tick(settings, memory, row):
     following.settle(settings, memory, row)
 
 
-@kernel
+@njit
 def _clear(settings, row):
     """Outputs that not every tick writes: rows are used again, and nothing of an old tick may stay in them."""
     row.exchange_energy = row.exchange_tank = row.exchange_shortened = 0.0
@@ -167,7 +167,7 @@ def _clear(settings, row):
         row.position[i] = row.velocity[i] = row.force_cancellation[i] = row.exchange_effort[i] = row.warmth[i] = 0.0
 
 
-@kernel
+@njit
 def _sense(settings, memory, row):
     """Counts to handle position and velocity; books the energy of the hold that ends here.
 
@@ -194,7 +194,7 @@ def _sense(settings, memory, row):
     memory.started = 1.0
 
 
-@kernel
+@njit
 def _keep_time(memory, row, elapsed):
     """A new sample's place in the history."""
     fresh = elapsed > 0.0 or not memory.started
@@ -204,7 +204,7 @@ def _keep_time(memory, row, elapsed):
         memory.times[int(memory.history) % encoder.KEPT] = row.latched * 1e-9
 
 
-@kernel
+@njit
 def _velocity(settings, memory, i, position, moved, elapsed):
     """Device velocity of axis i by the estimator that is set."""
     history = memory.positions_x if i == 0 else (memory.positions_y if i == 1 else memory.positions_theta)
@@ -218,7 +218,7 @@ def _velocity(settings, memory, i, position, moved, elapsed):
     return encoder.velocity_of(memory.device_velocity[i], moved, elapsed, lag)
 
 
-@kernel
+@njit
 def _check_motion(settings, memory, i, position, velocity, moved, elapsed):
     low, high, limit = settings.position_low[i], settings.position_high[i], settings.velocity_limit[i]
     code = fault.motion_fault(position, velocity, low, high, limit, moved, elapsed)
@@ -226,7 +226,7 @@ def _check_motion(settings, memory, i, position, velocity, moved, elapsed):
         memory.fault = code
 
 
-@kernel
+@njit
 def _filter_drag(settings, memory, row, i, elapsed):
     """The measured drag behind its filter, which must never swallow what is not a number."""
     if abs(row.drag[i]) < math.inf:
@@ -235,7 +235,7 @@ def _filter_drag(settings, memory, row, i, elapsed):
         memory.fault = fault.NOT_A_NUMBER
 
 
-@kernel
+@njit
 def _to_world(settings, memory, row, i, before, position, velocity):
     """Handle in the world; under an open clutch it stays where it is."""
     scale = settings.scale[i]
@@ -247,7 +247,7 @@ def _to_world(settings, memory, row, i, before, position, velocity):
     row.velocity[i] = 0.0 if opened else scale * velocity
 
 
-@kernel
+@njit
 def _walls(settings, memory, row):
     """Sum of all walls' forces, x and y."""
     row.force_walls[:] = 0.0
@@ -261,7 +261,7 @@ def _walls(settings, memory, row):
         row.force_walls[1] += ny * force
 
 
-@kernel
+@njit
 def _coupling(settings, row):
     """Force of the virtual coupling on the handle, faded; its spring gives no more than the motor can hold."""
     for i in range(AXES):
@@ -274,7 +274,7 @@ def _coupling(settings, row):
             row.exchange_effort[i] = row.force_coupling[i]
 
 
-@kernel
+@njit
 def _cancellation(settings, memory, row):
     """Negative damping of the device's own, in free space only."""
     clearance = math.inf
@@ -294,7 +294,7 @@ def _cancellation(settings, memory, row):
         row.force_cancellation[i] = force / settings.scale[i]
 
 
-@kernel
+@njit
 def _left_by_coupling(settings, row):
     """Share of the cancellation that the coupling leaves: all without a tool, which then need not be anywhere."""
     if row.exchange_fade == 0.0:
@@ -306,7 +306,7 @@ def _left_by_coupling(settings, row):
     return cancellation.share_beside_coupling(held, row.exchange_fade)
 
 
-@kernel
+@njit
 def _faults(settings, memory, row):
     """Latches the first fault; a new count of resets clears it."""
     command = int(row.command)
@@ -329,7 +329,7 @@ def _faults(settings, memory, row):
     row.fault = memory.fault
 
 
-@kernel
+@njit
 def _engage(settings, memory, row):
     """State and rise of the forces."""
     command = int(row.command)
@@ -343,7 +343,7 @@ def _engage(settings, memory, row):
     row.state, row.engage = memory.state, memory.engage
 
 
-@kernel
+@njit
 def _command_motor(settings, memory, row):
     """Total force, limited, to the device and into motor units; not finite is a fault and zero."""
     saturated = False
@@ -371,7 +371,7 @@ def _command_motor(settings, memory, row):
     _warm(settings, memory, row)
 
 
-@kernel
+@njit
 def _warm(settings, memory, row):
     """Warmth of each motor after this tick's force."""
     for i in range(int(settings.axes)):

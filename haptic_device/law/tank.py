@@ -7,7 +7,7 @@ the spring gains when the set position, or a factor on the spring, moves. One ta
 
 import math
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import coupling, encoder, exchange, fault, passivity, pspm
 
 DAMPER_SLEW = 0.25  # share of the slew that the set position's velocity may make on top of it
@@ -39,7 +39,7 @@ def fill(settings, memory, row):
     memory.latched_before, memory.hold_before, memory.version = row.latched, hold, settings.version
 
 
-@kernel
+@njit
 def _count_drawn(settings, memory):
     """What the set position's velocity gave the handle through the damper."""
     for i in range(int(settings.axes)):
@@ -48,7 +48,7 @@ def _count_drawn(settings, memory):
         memory.tank -= max(0.0, drawn) if less else drawn
 
 
-@kernel
+@njit
 def _charge_changes(settings, memory, hold):
     """What new gains on old counts may have given beyond the force that the books of this hold are about.
 
@@ -60,7 +60,7 @@ def _charge_changes(settings, memory, hold):
         memory.tank -= max(0.0, given) if memory.engage > 0.0 else 0.0
 
 
-@kernel
+@njit
 def _forget_spring(settings, memory):
     """The device has cut the motor, some time in this hold: the spring let go unseen, and its energy is not paid back.
 
@@ -71,7 +71,7 @@ def _forget_spring(settings, memory):
         memory.spring[i] = memory.clamp[i] = 0.0
 
 
-@kernel
+@njit
 def _open_window(settings, memory, row):
     """With the midpoint of the hold that ends now, a window begins."""
     memory.window_start, memory.window_holds = row.latched, 0.0
@@ -80,7 +80,7 @@ def _open_window(settings, memory, row):
         memory.counted[i] = 0.0
 
 
-@kernel
+@njit
 def _charge_long_hold(settings, memory, hold):
     """What the handle may have gained over the hold of a missed tick, beyond what the damper took for certain.
 
@@ -99,7 +99,7 @@ def _charge_long_hold(settings, memory, hold):
         memory.tank -= max(0.0, gained + _damper_gained(settings, memory, i, hold))
 
 
-@kernel
+@njit
 def _damper_gained(settings, memory, i, hold):
     """What the coupling's damper gave over a long hold [J], with what (1) leaves open on both sides of it.
 
@@ -115,7 +115,7 @@ def _damper_gained(settings, memory, i, hold):
     return begun - memory.damped[i] * moved + hidden_energy(settings, i, 2.0 * memory.damped[i])
 
 
-@kernel
+@njit
 def _count_dissipated(settings, memory, row):
     """What the way of the midpoints shows to have been dissipated in this window, less what has been counted."""
     if memory.window_holds >= pspm.WINDOW:
@@ -132,7 +132,7 @@ def _count_dissipated(settings, memory, row):
         memory.counted[i] = counted
 
 
-@kernel
+@njit
 def _worth(settings, memory, i):
     """What ∫ v² dt fills in [N s/m]: b − c, and for pspm what the coupling's damper takes beside its bound."""
     modulated = exchange.is_modulated(settings.exchange_method)
@@ -179,7 +179,7 @@ def hidden_energy(settings, i, change):
     return 0.5 * settings.scale[i] * abs(settings.position_per_count[i]) * abs(change)
 
 
-@kernel
+@njit
 def _spring(settings, memory, i):
     return memory.factor * settings.stiffness[i], memory.factor * settings.coupling_limit[i]
 
@@ -198,7 +198,7 @@ def held(settings, memory, row):
     return energy
 
 
-@kernel
+@njit
 def _reach_out(settings, memory, row, own, available):
     """Fills in the stretches, whose energy is at most what is available; returns that energy. own: 0 for no slew."""
     wanted, square = 0.0, 0.0

@@ -7,7 +7,7 @@ from numba.core.imputils import impl_ret_borrowed
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 
 ATTEMPTS = 1000
 
@@ -66,7 +66,7 @@ def words_of(typing_context, records):
     return words(records), generate
 
 
-@kernel
+@njit
 def publish(words, lock, first, values):
     """Writes int64 values into words from first on, under the sequence lock at words[lock]; one writer only."""
     turn = load(words, lock) | 1
@@ -78,7 +78,7 @@ def publish(words, lock, first, values):
     store(words, lock, turn + 1)
 
 
-@kernel
+@njit
 def collect(words, lock, first, values):
     """Copies a consistent record out of words; returns its even sequence, or −1 if the writer never left it alone."""
     for _ in range(ATTEMPTS):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import contact, exchange
 from haptic_device.runtime import atomic, clock, mailbox
 
@@ -155,7 +155,7 @@ def take_in(frame, size, state, watch, gains, tool, tool_mail, now):
     return verdict
 
 
-@kernel
+@njit
 def _judge(frame, size, state, gains, now):
     if size != frame.template.size:
         return exchange.OTHER_NAMES
@@ -198,7 +198,7 @@ def take_in_contacts(frame, size, state, watch, near, near_mail):
     return verdict
 
 
-@kernel
+@njit
 def _judge_contacts(frame, size, state):
     if size != frame.template.size:
         return contact.OTHER_LAYOUT

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One axis run again under the motor forces of a trace: where it would have been at each latch, for any m, b, f_c."""
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import plant
 
 SEGMENT = 500e-6  # [s] longest step of the exact solution: at most one reversal fits in
@@ -34,7 +34,7 @@ def run_segments(begins, time, written, force, mass, damping, coulomb, bias, del
             out[k + 1] = x
 
 
-@kernel
+@njit
 def _hold(mass, damping, coulomb, force, x, v, time):
     while time > 0.0:
         step = min(time, SEGMENT)

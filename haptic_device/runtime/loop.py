@@ -7,7 +7,7 @@ import numba
 import numpy as np
 from numba import types
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import contact, engage, local, servo
 from haptic_device.runtime import atomic, clock, link, loopback, mailbox
 
@@ -109,7 +109,7 @@ def realtime(memory):
     return kernel(_signature(memory))(run_realtime)
 
 
-@kernel
+@njit
 def _command(control, unattended, now):
     """The command word; UNATTENDED is added where nobody has said for `unattended` [s] that he is there (0: never).
 
@@ -126,7 +126,7 @@ def row_words(rows, slot):
     return atomic.words_of(rows[index : index + 1])
 
 
-@kernel
+@njit
 def _take(control, mail, staged, words, known):
     """The latest record of a mailbox into words if it is not the known one; returns which is known now.
 
@@ -139,7 +139,7 @@ def _take(control, mail, staged, words, known):
     return turn if turn >= 0 else known
 
 
-@kernel
+@njit
 def fill_inputs(row, settings, tool, sample, fresh):
     """The tick's inputs from the device's sample and the tool sample that counts; deadline is in the row already."""
     row.parameter_version, row.latched = settings.version, sample[link.LATCHED]

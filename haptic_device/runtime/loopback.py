@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import engage, operator, plant
 from haptic_device.runtime import atomic, clock, link, mailbox, page
 
@@ -35,7 +35,7 @@ def advance(device, memory, motion, until):
         plant.take_motor(memory)
 
 
-@kernel
+@njit
 def _target(memory, motion, end, target):
     """Where the hand wants to be at this time; returns its grip."""
     if motion.kind == operator.FOLLOW:
@@ -60,7 +60,7 @@ def command(device, memory, motion, written, row):
     _begin(motion, row.state == engage.ENGAGED, written)
 
 
-@kernel
+@njit
 def _begin(motion, engaged, now):
     if engaged and motion.started == 0:
         motion.started = now
@@ -117,7 +117,7 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
     return seen
 
 
-@kernel
+@njit
 def _sensible(inbox, now, watchdog):
     """Whether a write's times lie near now, its period is one of a servo, and its motor values are numbers.
 
@@ -130,14 +130,14 @@ def _sensible(inbox, now, watchdog):
     return near and PERIODS[0] <= inbox[3] <= PERIODS[1] and finite
 
 
-@kernel
+@njit
 def _holds(inbox):
     """Whether a write engages the display or drives the motor; the last one of a servo that ends does neither."""
     motor = inbox.view(np.float64)[5:]
     return inbox[4] != 0 or motor[0] != 0.0 or motor[1] != 0.0 or motor[2] != 0.0
 
 
-@kernel
+@njit
 def _cut_motor(device, memory, motion, when, zero):
     """Motor zero from `when` on, whatever is still queued."""
     advance(device, memory, motion, when)
@@ -146,7 +146,7 @@ def _cut_motor(device, memory, motion, when, zero):
     plant.take_motor(memory)
 
 
-@kernel
+@njit
 def _tell(mail, memory, motion, truth, driven):
     """The truth for whoever publishes it."""
     t = truth[0]

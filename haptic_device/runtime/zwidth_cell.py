@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import encoder, plant, wall
 
 CELL = np.dtype(
@@ -77,7 +77,7 @@ def cell(setup, stiffness, damping, waiting, outcome):
     outcome.energy_given = most - own
 
 
-@kernel
+@njit
 def _read(setup, x):
     """Position as the encoder shows it; resolution 0 is an encoder without steps."""
     if setup.resolution <= 0.0:
@@ -85,7 +85,7 @@ def _read(setup, x):
     return encoder.position_of(math.floor(x / setup.resolution + 0.5), setup.resolution, 0.0)
 
 
-@kernel
+@njit
 def _hold(setup, motor, x, v, time):
     """Position, velocity and energy given to the operator over one hold of the motor force [N].
 
@@ -102,7 +102,7 @@ def _hold(setup, motor, x, v, time):
     return x1, v1, given
 
 
-@kernel
+@njit
 def _motion(setup, stiffness, friction, x, v):
     """Mechanical energy [J] of device, operator and the wall's spring above that of the nearest place where this much
     friction [N] holds the handle: where push and springs pull with no more. What it loses on its way there is no part.
@@ -118,7 +118,7 @@ def _motion(setup, stiffness, friction, x, v):
     return kinetic + 0.5 * max(0.0, pull - setup.operator_stiffness * x) ** 2 / max(setup.operator_stiffness, TINY)
 
 
-@kernel
+@njit
 def _rest(setup, stiffness):
     """Depth [m] at which the operator's push rests against the wall; 0 where nothing would hold it."""
     spring = stiffness + setup.operator_stiffness

@@ -43,8 +43,8 @@ def _compile(names):
     wrong, began, own = [], time.monotonic(), multiprocessing.get_context("spawn")
     workers = min(len(names), len(os.sched_getaffinity(0)))
     with _display(len(names)) as show, ProcessPoolExecutor(workers, own, _begin, (os.getpid(),)) as pool:
-        names = {pool.submit(_entry, name): name for name in names}
         try:
+            names = {pool.submit(_entry, name): name for name in names}
             left = {*names}
             while left:
                 done, left = wait(left, EACH_SECOND, FIRST_COMPLETED)

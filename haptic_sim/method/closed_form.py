@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import port
 from haptic_sim.compile import compile_scene
 from haptic_sim.method import Contact, Coupling, Planar, Travel
@@ -145,7 +145,7 @@ class ClosedForm:
         return Contact(TOOL, wall, point, normal, (push * axis[0], push * axis[1]), 0.0)
 
 
-@kernel
+@njit
 def _advance(place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low, high, h, count):
     """Places, rates, forces of coupling and walls; energy supplied; the walls' largest force; energy they took."""
     x, y, t = (place[0], rate[0], 0.0, 0.0), (place[1], rate[1], 0.0, 0.0), (place[2], rate[2], 0.0, 0.0)
@@ -186,7 +186,7 @@ def advance_drawn(rules, memory, place, rate, p0, v0, p1, v1, stiffness, damping
     return place, rate, force, push, supplied, most, taken
 
 
-@kernel
+@njit
 def _advance_along(place, rate, axes, path, gains, settings, count):
     """`_advance` from each row of a path in the plane to the next."""
     force = push = (0.0, 0.0, 0.0)
@@ -198,14 +198,14 @@ def _advance_along(place, rate, axes, path, gains, settings, count):
     return place, rate, force, push, supplied, most, taken
 
 
-@kernel
+@njit
 def _on(axes, row, at):
     """Three numbers of a row, turned from the plane's axes to those of the walls."""
     x, y = axes
     return x * row[at] + y * row[at + 1], x * row[at + 1] - y * row[at], row[at + 2]
 
 
-@kernel
+@njit
 def _axis(i, start, handle, handle_rate, stiffness, damping, mass, gravity, low, high, h):
     """Axis i after a sub-step: place, rate, force of the coupling and mean force of the wall on the tool."""
     place, rate = start[0], start[1]

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import contact
 
 MOST = 512  # pairs of features looked at
@@ -54,7 +54,7 @@ def find(model, pose, velocity, lead, out):
     return count
 
 
-@kernel
+@njit
 def _discs(model, pose, p, out, count):
     body, start, corners, radius, pairs, friction, restitution = model
     a, b = pairs[p, 0], pairs[p, 1]
@@ -75,7 +75,7 @@ def _discs(model, pose, p, out, count):
     return count + 1
 
 
-@kernel
+@njit
 def _corners(model, pose, p, point_shape, edge_shape, there, out, count):
     """Every corner of one shape against every edge of the other; there: the edges are the other body's."""
     body, start, corners, radius, pairs, friction, restitution = model
@@ -110,7 +110,7 @@ def _corners(model, pose, p, point_shape, edge_shape, there, out, count):
     return count
 
 
-@kernel
+@njit
 def _rank(out, first, count):
     """From gaps when they are used to ways until they matter, for the candidates of one pair of shapes."""
     start = first
@@ -130,7 +130,7 @@ def _rank(out, first, count):
             out[i, URGENCY] = max(best, (best - out[i, URGENCY]) / between) if i != leader else best
 
 
-@kernel
+@njit
 def _at_edge(one, corner, next_corner, edge_pose, x, y, there):
     """Distance of the point (x, y) from an edge's line; fills in normal, reference point and extent of the edge."""
     px, py = _world(corner, edge_pose)
@@ -153,7 +153,7 @@ def _at_edge(one, corner, next_corner, edge_pose, x, y, there):
     return distance
 
 
-@kernel
+@njit
 def _move(one, pose, velocity, other, lead):
     """Velocity of the other body at its point, and the gap when the contact is used."""
     px, py = one[contact.POINT_X], one[contact.POINT_Y]
@@ -173,7 +173,7 @@ def _move(one, pose, velocity, other, lead):
     one[WORLD_NX], one[WORLD_NY] = nx, ny
 
 
-@kernel
+@njit
 def _world(point, pose):
     c, s = math.cos(pose[2]), math.sin(pose[2])
     return pose[0] + c * point[0] - s * point[1], pose[1] + s * point[0] + c * point[1]
@@ -207,7 +207,7 @@ def choose(candidates, count, places, table):
     return trust
 
 
-@kernel
+@njit
 def _keep_places(candidates, chosen, places, slot):
     """Fills in slot: those that were there keep their place, the others take what is free."""
     taken = np.zeros(contact.MOST)

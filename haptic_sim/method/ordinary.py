@@ -7,7 +7,7 @@ sample of the same session with the same gains, in time. Whatever else comes is 
 
 import numpy as np
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.law import exchange, port
 from haptic_sim.method.closed_form import advance_drawn
 
@@ -56,7 +56,7 @@ def answer(data, inbox, fixed, outbox, state, rules, drawn):
     return True
 
 
-@kernel
+@njit
 def _is_ordinary(own, asked):
     """Whether a sample is the next of the session, as the one before, and made of numbers within their limits."""
     axes = int(own.axes)
@@ -74,7 +74,7 @@ def _is_ordinary(own, asked):
     return asked[first + exchange.SEQUENCE] > own.tail[exchange.SEQUENCE]
 
 
-@kernel
+@njit
 def _advance(own, asked, passed, rules, drawn):
     """As Simulation.exchange and Modulated have it."""
     axes = int(own.axes)
@@ -108,7 +108,7 @@ def _advance(own, asked, passed, rules, drawn):
     own.returned += over
 
 
-@kernel
+@njit
 def _say(own, said):
     """Writes the numbers of the answer, as Port.answer has it."""
     axes, first = int(own.axes), own.first[0] + int(own.axes)
@@ -126,18 +126,18 @@ def _say(own, said):
     said[first + exchange.ENERGY] = own.returned
 
 
-@kernel
+@njit
 def _three(vector):
     return vector[0], vector[1], vector[2]
 
 
-@kernel
+@njit
 def _turned(own, vector):
     x, y, theta = vector
     return own.axis[0] * x + own.axis[1] * y, own.axis[0] * y - own.axis[1] * x, theta
 
 
-@kernel
+@njit
 def _plane(own, vector):
     u, w, theta = _three(vector)
     return own.axis[0] * u - own.axis[1] * w, own.axis[1] * u + own.axis[0] * w, theta

@@ -11,6 +11,8 @@ import pytest
 from live_nodes import MODULES
 from waiting import LIMIT, until
 
+from haptic_sim.kernels import ENTRIES
+
 pytestmark = pytest.mark.timeout(600)
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -90,3 +92,15 @@ def test_a_node_told_to_end_while_its_kernels_compile_ends_well_and_so_does_all_
     assert node.returncode == 0 and "Traceback" not in said, said
     until(lambda: not compiling(tmp_path), "the end of all that compiled")
     assert not list(tmp_path.rglob("*.done"))
+
+
+def test_what_two_entries_keep_they_keep_for_the_same_types(tmp_path):
+    """Two processes that keep other types of one kernel at the same moment would mix them up: numba locks nothing."""
+    kept = {}
+    for name in ENTRIES:
+        ended(asking(tmp_path / name, name))
+        kept[name] = {path.name.split(".py3")[0] for path in (tmp_path / name).rglob("*.nbi")}
+    ended(asking(tmp_path / "all", *ENTRIES))
+    several = {path.name.split(".py3")[0] for path in (tmp_path / "all").rglob("*.2.nbc")}
+    shared = {kernel: [name for name in ENTRIES if kernel in kept[name]] for kernel in several}
+    assert {kernel: names for kernel, names in shared.items() if len(names) > 1} == {}
