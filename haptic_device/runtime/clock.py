@@ -4,7 +4,7 @@
 import numpy as np
 from numba import types
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 
 MONOTONIC, REALTIME = 1, 0
 TIMER_ABSTIME = 1
@@ -17,17 +17,22 @@ _nanosleep = types.ExternalFunction(
 )
 
 
-@kernel
-def read_clock(which, scratch):
-    """Nanoseconds of MONOTONIC or REALTIME; scratch: int64 array (2)."""
+@njit
+def _read(which, scratch):
     _gettime(which, scratch.ctypes)
     return scratch[0] * 1_000_000_000 + scratch[1]
 
 
 @kernel
+def read_clock(which, scratch):
+    """Nanoseconds of MONOTONIC or REALTIME; scratch: int64 array (2)."""
+    return _read(which, scratch)
+
+
+@kernel
 def now_ns(scratch):
     """Nanoseconds of CLOCK_MONOTONIC, the same for all processes of this host."""
-    return read_clock(MONOTONIC, scratch)
+    return _read(MONOTONIC, scratch)
 
 
 @kernel
