@@ -13,7 +13,7 @@ from waiting import LIMIT, until
 
 from haptic_sim.kernels import ENTRIES
 
-pytestmark = pytest.mark.timeout(600)
+pytestmark = pytest.mark.timeout(1800)
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = "wall maps"  # of few functions
