@@ -8,7 +8,7 @@ import time
 
 from waiting import LIMIT, until
 
-from haptic_sim.cli.bench_nodes import running
+from haptic_sim.cli.pair import running
 from haptic_sim.cli.tuning import Tuning
 
 GAINS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "passivity.policy", "coupling.stiffness")

@@ -6,17 +6,17 @@ import importlib
 import typer
 
 COMMANDS = {
-    "all": "haptic_sim.cli.bench_all:run_all",
+    "all": "bench.all:run_all",
     "costs": "haptic_sim.cli.bench_costs:costs",
-    "exchange": "haptic_sim.cli.bench_exchange:exchange",
+    "exchange": "bench.exchange.exchange:exchange",
     "growth": "haptic_sim.cli.bench_growth:growth",
-    "hard-cases": "haptic_sim.cli.bench_hard_cases:hard_cases",
-    "load": "haptic_sim.cli.bench_load:load",
-    "local": "haptic_sim.cli.bench_local:local",
-    "reference": "haptic_sim.cli.bench_speed_error:reference",
-    "servo": "haptic_sim.cli.bench_servo:servo",
-    "speed-error": "haptic_sim.cli.bench_speed_error:speed_error",
-    "start": "haptic_sim.cli.bench_start:start",
+    "hard-cases": "bench.methods.hard_cases:hard_cases",
+    "load": "bench.servo.load:load",
+    "local": "bench.exchange.local:local",
+    "reference": "bench.methods.speed_error:reference",
+    "servo": "bench.servo.servo:servo",
+    "speed-error": "bench.methods.speed_error:speed_error",
+    "start": "bench.servo.start:start",
 }
 
 

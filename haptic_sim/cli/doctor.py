@@ -23,7 +23,7 @@ def examine(seconds: float) -> dict:
     """Checks of the machine, lateness of the servo at its rates, cost of an exchange, and the rates to choose."""
     from haptic_device.runtime import machine
     from haptic_device.runtime.servo_thread import PRIORITY
-    from haptic_sim.bench.servo import RATES, alone
+    from bench.servo.lateness import RATES, alone
 
     checks = [check._asdict() for check in machine.checks(PRIORITY)]
     trials = {}

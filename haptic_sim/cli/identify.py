@@ -51,7 +51,7 @@ def identify(
 def _identify(name, loopback, seconds, force, torque, rate, domain, namespace):
     from haptic_device.device import load_device
     from haptic_device.share import find
-    from haptic_sim.cli.bench_nodes import running
+    from haptic_sim.cli.pair import running
     from haptic_sim.cli.shaking import record
 
     positive("force", force, "N")

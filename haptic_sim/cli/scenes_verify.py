@@ -7,8 +7,8 @@ from pathlib import Path
 import typer
 
 from haptic_device.share import names
-from haptic_sim.bench.verify import verify, within
-from haptic_sim.cli.bench_jobs import INTERRUPTED, progress
+from haptic_sim.verify import verify, within
+from bench.jobs import INTERRUPTED, progress
 from haptic_sim.cli.processes import interruptible
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.measured import Measured, read, write

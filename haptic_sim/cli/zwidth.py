@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from haptic_sim.cli.bench_jobs import SCHEDULER, Crew
+from bench.jobs import SCHEDULER, Crew
 
 INTERRUPTED = 130
 _DEVICE = "Take m, b, friction, encoder step and delays from this device's x axis (a name in config/devices or a file)."

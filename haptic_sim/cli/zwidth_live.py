@@ -12,7 +12,7 @@ import numpy as np
 from haptic_device.analysis import probe
 from haptic_device.law import fault
 from haptic_device.status import number
-from haptic_sim.cli.bench_nodes import running
+from haptic_sim.cli.pair import running
 from haptic_sim.cli.tuning import Tuning, refuse_other_device
 from haptic_sim.cli.zwidth_twin import DEPTH, HAND, LAG, OUT, PHASES, RADIUS, WALL, Twin
 

@@ -17,9 +17,9 @@ from haptic_device.analysis import sweep
 from haptic_device.analysis.zwidth import Setup
 from haptic_device.analysis.zwidth_map import Request, draw_map
 from haptic_device.process import ending_with_us
-from haptic_sim.cli.bench_exchange import Figures
-from haptic_sim.cli.bench_jobs import Crew, Kept
-from haptic_sim.cli.bench_jobs import sweep as run_jobs
+from bench.exchange.exchange import Figures
+from bench.jobs import Crew, Kept
+from bench.jobs import sweep as run_jobs
 
 pytestmark = pytest.mark.timeout(900)
 

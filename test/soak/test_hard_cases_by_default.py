@@ -3,7 +3,7 @@
 
 import pytest
 
-from haptic_sim.bench.hard import verdict
+from bench.methods.hard import verdict
 from haptic_sim.compile import compile_scene
 from haptic_sim.scene import load
 

@@ -12,9 +12,9 @@ import pytest
 from in_process import haptic
 
 from haptic_sim.bench import compare, hard, table, world
-from haptic_sim.bench.case import case
-from haptic_sim.bench.measure import STABLE, Run, judge, run
-from haptic_sim.bench.reference import reference
+from reference.case import case
+from bench.methods.measure import STABLE, Run, judge, run
+from reference.reference import reference
 from haptic_sim.cli import bench_speed_error
 
 ROOT = Path(__file__).parents[2]
@@ -151,7 +151,7 @@ def test_bad_input_is_refused_in_one_sentence(words, sentence):
 
 
 def test_a_peer_that_is_not_installed_is_left_out_with_a_sentence(monkeypatch):
-    for module in ("mujoco", "haptic_sim.bench.peer_mujoco", "haptic_sim.bench.mujoco_model"):
+    for module in ("mujoco", "bench.methods.peer_mujoco", "bench.methods.mujoco_model"):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "mujoco", None)
     done = haptic("bench", "speed-error", "--short", "--scenes", "wall", "--methods", "closed_form,mujoco_rk4")

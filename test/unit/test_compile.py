@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from haptic_device.share import names
-from haptic_sim.bench.case import NAMES as CASES
-from haptic_sim.bench.hard import CREATED, OVERLAP
-from haptic_sim.bench.verify import within
+from reference.case import NAMES as CASES
+from bench.methods.hard import CREATED, OVERLAP
+from haptic_sim.verify import within
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.beyond import HIGH, HOLDS, LOAD, SHORT, TOUCHING
 from haptic_sim.compile.choice import ACTS, SOLVED, STEPS

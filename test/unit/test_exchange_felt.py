@@ -8,7 +8,7 @@ from in_process import haptic
 
 from haptic_sim.bench import results
 from haptic_sim.cli import bench_exchange, bench_local, local_felt
-from haptic_sim.cli.bench_exchange import Case, Figures, measure
+from bench.exchange.exchange import Case, Figures, measure
 from haptic_sim.lockstep import Network
 
 pytestmark = pytest.mark.timeout(600)  # kernels that nobody has used yet are compiled

@@ -11,7 +11,7 @@ import pytest
 from in_process import haptic
 
 from haptic_sim.bench import growth, growth_report, loads
-from haptic_sim.bench.world import make
+from bench.methods.world import make
 from haptic_sim.clearance import body_distance
 from haptic_sim.compile import compile_scene
 from haptic_sim.method import Coupling

@@ -9,7 +9,7 @@ import math
 
 import pytest
 
-from haptic_sim.bench.hard import verdict
+from bench.methods.hard import verdict
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.model import framed
 from haptic_sim.scene import Scene, load

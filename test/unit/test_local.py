@@ -13,7 +13,7 @@ from haptic_device.node import wire
 from haptic_device.node.bag import Bag
 from haptic_device.runtime import recompute
 from haptic_sim.cli import local_felt
-from haptic_sim.cli.local_felt import FINE, NETWORKS, compare
+from bench.exchange.felt import FINE, NETWORKS, compare
 from haptic_sim.cli.replay import replay
 from haptic_sim.lockstep import Network
 from haptic_sim.scene import load, parse

@@ -3,7 +3,7 @@
 
 import pytest
 
-from haptic_sim.bench.orders import PROBLEMS, errors, order, steps_of
+from bench.methods.orders import PROBLEMS, errors, order, steps_of
 
 CLAIMED = [(problem, method) for problem, of in PROBLEMS.items() for method in of.orders]
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from haptic_sim.bench.case import NAMES, case
-from haptic_sim.bench.exact_axis import Axis, axis_motion
-from haptic_sim.bench.exact_four_bar import angles
-from haptic_sim.bench.measure import run
-from haptic_sim.bench.reference import CLOSED, apart, make, reference
+from reference.case import NAMES, case
+from reference.exact_axis import Axis, axis_motion
+from reference.exact_four_bar import angles
+from bench.methods.measure import run
+from reference.reference import CLOSED, apart, make, reference
 
 STORED = [name for name in NAMES if name not in CLOSED]
 G = 9.81

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from haptic_device.share import find, names
-from haptic_sim.bench.verify import within
+from haptic_sim.verify import within
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.explain import explain
 from haptic_sim.compile.measured import Measured, of_scene, read

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`python -m bench`: lists the measurements; `python -m bench NAME …` runs one, `--help` says what it takes."""
+
+import importlib
+import sys
+
+import typer
+
+from haptic_sim.cli.main import ending_in_a_sentence
+
+COMMANDS = {  # name: (module with a `main`, what it measures)
+    "all": ("bench.all", "the short or the full form of nine of these into a folder, and the one table made of it"),
+    "chosen": ("bench.methods.chosen", "every method that a shipped scene could have, against its reference"),
+    "costs": ("bench.servo.costs", "what a tick, an exchange, a sub-step and a cell cost, and how each grows"),
+    "exchange": ("bench.exchange.exchange", "exchange methods against delay, jitter, loss and rate; --round-trip"),
+    "growth": ("bench.methods.growth", "an exchange with 10 to 300 bodies, ours and the peers'"),
+    "hard_cases": ("bench.methods.hard_cases", "which method and which peer survives which hard scene"),
+    "load": ("bench.servo.load", "processor and memory of the whole live system, node by node"),
+    "local": ("bench.exchange.local", "what the tool in the servo is worth: stiffness, drag and mass, Fig. 5, tasks"),
+    "reference": ("bench.methods.converged", "the stored references made again"),
+    "servo": ("bench.servo.servo", "how late the servo wakes, beside cyclictest"),
+    "speed_error": ("bench.methods.speed_error", "wall time against error of every method and peer on every scene"),
+    "start": ("bench.servo.start", "the very first start and the next ones"),
+}
+
+
+def main() -> None:
+    """Entry point."""
+    name, words = (sys.argv[1] if len(sys.argv) > 1 else ""), sys.argv[2:]
+    if name in COMMANDS:
+        run = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+        run.command()(importlib.import_module(COMMANDS[name][0]).main)
+        with ending_in_a_sentence("bench"):
+            run(words, prog_name=f"python -m bench {name}")
+    print(*(f"{each:22} {what}" for each, (_, what) in COMMANDS.items()), sep="\n")
+    if name not in ("", "--help"):
+        sys.exit(f"bench: there is no {name}")
+
+
+if __name__ == "__main__":
+    main()

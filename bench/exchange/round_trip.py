@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic bench exchange --round-trip`: handle → tool → handle on live nodes, beside a bare ping-pong."""
+
+import contextlib
+import statistics
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import psutil
+
+from bench.jobs import deaths_told
+from haptic_sim.cli.domain import isolated_domain
+from haptic_sim.cli.processes import Nodes, Program, interruptible
+
+RATES = (500.0, 1000.0, 2000.0)  # [Hz]
+SECONDS, TURNS = 4.0, 5
+ANSWERERS = {
+    "simulation": Program("haptic_simulation", "haptic_sim.node.simulation", {"scene": "free_space"}),
+    "bare": Program("haptic_simulation", "bench.exchange.ping_pong"),
+}
+_CIRCLE = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.duration": 3600.0}
+
+
+def measure(rates=RATES, turns: int = TURNS, seconds: float = SECONDS) -> list[dict]:
+    """One entry a rate and answerer: medians over the turns of round trip p50, p99 [us], share answered, and the
+    processor time of each node as a share of a core; `ratio`: of the p50 to the bare one's, the median of the turns."""
+    found = []
+    with (
+        interruptible(), deaths_told(),
+        tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain,
+    ):  # fmt: skip
+        for rate in rates:
+            runs = {name: [] for name in ANSWERERS}
+            for turn in range(turns):
+                for name, answerer in ANSWERERS.items():
+                    print(f"{rate:g} Hz, {name}, turn {turn + 1}", file=sys.stderr, flush=True)
+                    runs[name].append(_once(domain, answerer, rate, seconds))
+            pairs = zip(runs["simulation"], runs["bare"], strict=True)
+            ratio = statistics.median(one["p50_us"] / other["p50_us"] for one, other in pairs)
+            found += [{"rate": rate, "answerer": name, "ratio": ratio, **_medians(many)} for name, many in runs.items()]
+    return found
+
+
+def _once(domain, answerer, rate, seconds):
+    from haptic_sim.cli.tuning import Tuning
+
+    driver = {"auto_enable": True, "exchange.rate": rate}
+    with tempfile.TemporaryDirectory() as logs, Nodes(Path(logs)) as nodes:
+        nodes.start(Program("haptic_loopback", "haptic_device.node.loopback", _CIRCLE))
+        nodes.start(answerer)
+        nodes.start(Program("haptic_driver", "haptic_device.node.driver", driver))
+        with contextlib.closing(Tuning(domain, "/haptic")) as tuning:
+            tuning.wait_engaged(nodes.check)
+            tuning.wait_answered(nodes.check)
+            names = ("haptic_loopback", "haptic_simulation", "haptic_driver")
+            watched = {name: psutil.Process(nodes.pid(name)) for name in names}
+            before, began = {name: _spent(one) for name, one in watched.items()}, time.monotonic()
+            answered, sent = (int(tuning.said(f"exchange_{word}")) for word in ("answered", "sent"))
+            tuning.watch(seconds)
+            cores = {f"{name.removeprefix('haptic_')}_cores": (_spent(one) - before[name]) / (time.monotonic() - began)
+                     for name, one in watched.items()}  # fmt: skip
+            share = (int(tuning.said("exchange_answered")) - answered) / max(
+                1, int(tuning.said("exchange_sent")) - sent
+            )
+            trips = {f"{name}_us": float(tuning.said(f"round_trip_us_{name}")) for name in ("p50", "p99")}
+            return trips | {"answered": share} | cores
+
+
+def _spent(process):
+    times = process.cpu_times()
+    return times.user + times.system
+
+
+def _medians(runs):
+    return {name: statistics.median(run[name] for run in runs) for name in runs[0]}
+
+
+def table(found: list[dict]) -> str:
+    """As a table of Markdown."""
+    names = ("p50_us", "p99_us", "answered", "loopback_cores", "simulation_cores", "driver_cores", "ratio")
+    lines = ["| rate | answerer | p50 us | p99 us | answered | device | answerer | driver cores | p50 to bare |",
+             "|" + " --- |" * 9]  # fmt: skip
+    for one in found:
+        p50, p99, *others = (one[name] for name in names)
+        numbers = " | ".join(f"{value:.3f}" for value in others)
+        lines.append(f"| {one['rate']:g} Hz | {one['answerer']} | {p50:.0f} | {p99:.0f} | {numbers} |")
+    return "\n".join(lines)

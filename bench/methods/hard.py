@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hard cases: who survives which, with the plane turned and the contact's phase shifted, not in one lucky position.
+
+Every world gets the scene's own sub-step. It fails by one letter each: N not finite, T through a wall, P overlap beyond
+0.1 mm, E energy created beyond 1 % of the largest about; e, no failure of a peer, is energy beyond rounding.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from reference.case import Case
+from bench.methods.measure import FAR, stretch
+from bench.methods.world import Impossible, make
+from haptic_sim.compile import compile_scene
+from haptic_sim.compile.model import framed
+from haptic_sim.method import Coupling
+from haptic_sim.scene import load
+from haptic_sim.solid import TOOL
+from haptic_sim.trial import GAINS, hand, jump, overlap_watch, turned_scene
+
+OVERLAP, CREATED, ROUNDING = 1e-4, 0.01, 1e-7  # m; shares of the largest energy about
+LEAST, JUMP = 1e-3, 0.02  # J that count as the largest energy about, where all is nearly at rest; s
+LOOK_EVERY = 3  # exchanges of 1 ms
+_STEP = 0.25e-3
+STIFF = Coupling(100.0 * 0.1 / _STEP**2, 0.0, 100.0 * 6.7e-6 / _STEP**2, 0.0)
+"""100 m/h², undamped."""
+SECONDS = {
+    "collinear_1e3": 0.06, "collinear_1e6": 0.06, "corner_overlap": 0.6, "falling_rod": 0.1, "four_bar_singular": 2.0,
+    "handle_jump": 0.15, "heavy_on_light_1e3": 0.7, "heavy_on_light_1e6": 0.7, "light_tool": 0.6, "painleve_rod": 0.3,
+    "peg_jammed": 3.6, "peg_tight": 3.6, "peg_wedged": 3.6, "slider_stop": 0.2, "spinning_wrench": 7.0,
+    "stack_20": 0.12, "stiff_coupling": 0.6, "thin_plate": 0.02, "zeno_ball": 1.5,
+}
+NAMES = tuple(SECONDS)
+SIDES = {  # where a body must stay: (body, axis, least coordinate)
+    "thin_plate": ("shot", (-1.0, 0.0), -0.0451), "handle_jump": (TOOL, (1.0, 0.0), 0.0),
+    "stiff_coupling": (TOOL, (1.0, 0.0), 0.0), "light_tool": (TOOL, (1.0, 0.0), 0.0),
+    "corner_overlap": (TOOL, (1.0, 0.0), 0.0),
+}
+
+
+class Verdict(NamedTuple):
+    """The worst of a sweep: letters of what failed, deepest overlap [m], energy created over the largest about."""
+
+    scene: str
+    world: str
+    letters: str
+    overlap_m: float
+    created: float
+    tried: int
+    """Positions of the sweep."""
+
+    @property
+    def survives(self) -> bool:
+        """Whether nothing failed anywhere."""
+        return not set(self.letters) & set("NTPE") and not self.letters.startswith("cannot")
+
+
+def case(name: str, look: int) -> Case:
+    """A hard scene as it stands, as a case that is looked at every so many ns."""
+    gains = STIFF if name == "stiff_coupling" else Coupling(*GAINS)
+    return Case(name, "hard", SECONDS[name], load(name), gains, True, look, JUMP if name == "handle_jump" else None)
+
+
+def sweep(count: int) -> list[tuple[float, float]]:
+    """(angle of the plane [rad], phase in sub-steps); the first is the scene as it stands."""
+    return [(2.0 * math.pi * k * 0.381966 % (2.0 * math.pi), 0.37 * k % 1.0) for k in range(count)]
+
+
+def verdict(name: str, world: str, count: int) -> Verdict:
+    """The worst of `count` positions of the scene called `name`."""
+    letters, overlap, created = set(), 0.0, 0.0
+    for angle, phase in sweep(count):
+        try:
+            found = _attempt(name, world, angle, phase)
+        except Impossible as reason:
+            return Verdict(name, world, f"cannot: {reason}", math.nan, math.nan, 0)
+        letters |= set(found[0])
+        overlap, created = max(overlap, found[1]), max(created, found[2])
+    return Verdict(name, world, "".join(sorted(letters)), overlap, created, count)
+
+
+def _attempt(name, kind, angle, phase):
+    """Letters, deepest overlap, energy created over the largest about."""
+    scene = load(name)
+    step = _STEP if name == "stiff_coupling" else compile_scene(scene).sub_step
+    lead = jump(scene, angle, JUMP) if name == "handle_jump" else hand(scene, angle)
+    scene = turned_scene(scene, angle, phase * step)
+    world = make(kind, scene, step)
+    gains = case(name, LOOK_EVERY).gains
+    world.couple(gains)
+    path = np.array([lead(k * 1e-3 + phase * step) for k in range(round(SECONDS[name] * 1e3) + 1)])
+    rates = np.zeros_like(path) if name == "handle_jump" else np.gradient(path, 1e-3, axis=0)
+    return _judge(name, world, scene, gains, np.hstack([path, rates]), round(1e-3 / step), angle)
+
+
+def _judge(name, world, scene, gains, path, count, angle):
+    watch = overlap_watch(scene, world.pose)
+    start = stored = sum(world.energy())
+    scale, lost, created, overlap, letters = abs(start), 0.0, 0.0, 0.0, set()
+    for k in range(len(path) - 1):
+        world.follow(path[k:k + 2], count)
+        stored = sum(world.energy())
+        if not all(abs(number) < FAR for number in (stored, *world.pose(TOOL))):
+            return "N", math.inf, math.inf
+        dissipated = world.supplied - (stored - start)
+        created, lost = max(created, lost - dissipated), max(lost, dissipated)
+        scale = max(scale, *map(abs, world.energy()), stretch(gains, path[k + 1], world.pose(TOOL)))
+        if k % LOOK_EVERY == 0:
+            overlap = max(overlap, watch())
+    share = created / max(scale, LEAST)
+    letters |= {"E"} if share > CREATED else {"e"} if share > ROUNDING else set()
+    letters |= {"P"} if overlap > OVERLAP else set()
+    if name in SIDES and _passed(world, *SIDES[name], angle):
+        letters.add("T")
+    return "".join(sorted(letters)), overlap, share
+
+
+def _passed(world, body, axis, least, angle):
+    x, y = framed(world.pose(body)[:2], (0.0, 0.0, angle))
+    return axis[0] * x + axis[1] * y < least

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a step goes into [µs of the thread]: pieces of one of `partitioned`, and a whole one of `event_driven`.
+
+`python bench/step_profile.py [scene ...]`; scenes of the speed-error bench halfway through, at 1 ms, each piece done
+again and again on the same state.
+"""
+
+import sys
+import time
+
+from haptic_device.jit import kernel
+from reference.case import NAMES, case
+from haptic_sim.method.meet import add_met, look_around
+from haptic_sim.method.press import free_velocity, put_right, solve
+from haptic_sim.method.registry import make
+from haptic_sim.method.rows import add_joints
+from haptic_sim.method.step import event_step, hold_to_tool, sub_step
+
+H, TIMES, REPEATS = 1e-3, 1000, 5
+
+
+@kernel
+def hold(models, layouts, works, times):
+    """Who can be reached by the coupling."""
+    for _ in range(times):
+        hold_to_tool(models[0], layouts[0], works[0], H)
+
+
+@kernel
+def free(models, layouts, works, times):
+    """Velocities without contacts: reduced coordinates, coupling, springs."""
+    for _ in range(times):
+        free_velocity(models[0], layouts[0], works[0], H)
+
+
+@kernel
+def meet(models, layouts, works, times):
+    """Who meets whom on the way."""
+    for _ in range(times):
+        look_around(models[0], layouts[0], works[0])
+        add_met(models[0], layouts[0], works[0], 0)
+
+
+@kernel
+def contacts(models, layouts, works, times):
+    """The contact problem, from its rows to the velocities."""
+    model, layout, work = models[0], layouts[0], works[0]
+    look_around(model, layout, work)
+    n = add_met(model, layout, work, add_joints(model, layout, work, 0, work.q, work.v, 1e9, H))
+    for _ in range(times):
+        solve(model, layout, work, n, H, 1.0)
+
+
+@kernel
+def right(models, layouts, works, times):
+    """Joints closed again, overlaps of rounding pushed out."""
+    for _ in range(times):
+        put_right(models[0], layouts[0], works[0], 0)
+
+
+@kernel
+def held_step(models, layouts, works, times):
+    """A whole step of `partitioned`."""
+    for _ in range(times):
+        sub_step(models[0], layouts[0], works[0], H)
+
+
+@kernel
+def flown_step(models, layouts, works, times):
+    """A whole step of `event_driven`."""
+    for _ in range(times):
+        event_step(models[0], layouts[0], works[0], H)
+
+
+PIECES = {"hold": hold, "free": free, "meet": meet, "contacts": contacts, "right": right, "partitioned": held_step,
+          "event_driven": flown_step}
+
+
+def spent(of, name):
+    """Least time of a piece [µs]."""
+    method = make("event_driven" if name == "event_driven" else "partitioned", of.scene, H)
+    method.couple(of.gains)
+    path = of.path()
+    method.follow(path[:len(path) // 2], max(1, round(of.period * 1e-9 / H)))
+    best = float("inf")
+    for _ in range(REPEATS):
+        records = [record.copy() for record in method._records]
+        hold(*records, 1)
+        PIECES[name](*records, 1)
+        began = time.thread_time()
+        PIECES[name](*records, TIMES)
+        best = min(best, (time.thread_time() - began) / TIMES)
+    return 1e6 * best
+
+
+def main():
+    """One line a scene."""
+    print(f"{'scene':14}" + "".join(f"{name:>13}" for name in PIECES))
+    for name in sys.argv[1:] or [name for name in NAMES if case(name).moving]:
+        print(f"{name:14}" + "".join(f"{spent(case(name), piece):13.2f}" for piece in PIECES), flush=True)
+
+
+if __name__ == "__main__":
+    main()

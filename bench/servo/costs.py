@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The cost model: what a tick, an exchange, a sub-step and a cell cost in processor time, and how each grows."""
+
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+
+from haptic_device import operating
+from haptic_device.analysis.zwidth import Setup
+from haptic_device.analysis.zwidth_map import Request, draw_map
+from haptic_device.device import load_device
+from haptic_device.law import servo
+from haptic_device.runtime import loop, recompute
+from haptic_device.share import find
+from haptic_sim.bench.c_twin import recorded
+from bench.servo.lateness import values
+from haptic_sim.scene import load
+from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.trial import EXCHANGE_NS, GAINS, hand
+
+REPEATS = 7  # of which the fastest counts
+EXCHANGES = 600  # of which the first third is not counted
+SUB_STEPS = (1e-3, 0.5e-3, 0.25e-3, 0.125e-3)  # [s]
+BLOCKS = (1, 2, 4, 6, 8)
+METHODS = ("partitioned", "impulse")
+
+
+class Cost(NamedTuple):
+    """A straight line through measured points: `base` at zero and `slope` for one more [us]; `apart`: the largest
+    distance of a point from it as a share of the point."""
+
+    what: str
+    grows_with: str
+    base: float
+    slope: float
+    apart: float
+    counts: list
+    microseconds: list
+
+
+def line(what: str, grows_with: str, counts, microseconds) -> Cost:
+    """The line of least squares through the points."""
+    slope, base = np.polyfit(counts, microseconds, 1)
+    apart = np.max(np.abs(np.polyval((slope, base), counts) / np.array(microseconds) - 1.0))
+    return Cost(what, grows_with, float(base), float(slope), float(apart), list(map(float, counts)),
+                list(map(float, microseconds)))  # fmt: skip
+
+
+def measure() -> list[Cost]:
+    """All of them; about half a minute."""
+    cells = (2000, 4000, 8000, 16000)
+    return [
+        line("tick", "axis", (1, 2, 3), [tick(axes=n) for n in (1, 2, 3)]),
+        line("tick", "wall", (0, 2, 4, 8), [tick(walls=n) for n in (0, 2, 4, 8)]),
+        line("tick of a recorded insertion", "tick", (2000, 4000, 8000), [insertion(n) for n in (2000, 4000, 8000)]),
+        *(line(f"exchange of peg_in_hole, {method}", "sub-step", [1e-3 / step for step in SUB_STEPS],
+               [exchange(load("peg_in_hole"), method, step) for step in SUB_STEPS]) for method in METHODS),
+        *(line(f"exchange of a stack, {method}", "block (2 contacts)", BLOCKS,
+               [exchange(stack(n), method, 0.25e-3) for n in BLOCKS]) for method in METHODS),
+        line("Z-width map", "cell", cells, [sweep(n, 1)[0] for n in cells]),
+    ]  # fmt: skip
+
+
+def tick(axes: int = 3, walls: int = 4, ticks: int = 4000) -> float:
+    """Processor time of a tick [us] in lock-step without a plant: a handle that turns slowly within all walls."""
+    shipped = load_device("desktop")
+    device = shipped.model_copy(update={"axes": shipped.axes[:axes]})
+    angles = 2.0 * np.pi * np.arange(walls) / max(1, walls)
+    normals = np.column_stack([np.cos(angles), np.sin(angles)]).ravel()
+    around = {"wall.normals": tuple(normals), "wall.offsets": (-0.015,) * walls, "wall.stiffness": (500.0,) * walls,
+              "wall.damping": (0.1,) * walls, "cancellation.ratio": 0.5, "engage.time": 0.01}  # fmt: skip
+    around = {key: value for key, value in around.items() if axes > 1 or not key.startswith("wall")}
+    settings = operating.settings_from(device, values(**around))
+    turn = np.arange(ticks)[:, None] * 1e-3 + np.array([0.0, np.pi / 2.0, 0.0])
+    counts = np.round(0.016 * np.cos(turn) / 5e-6) * (np.arange(3) < axes)
+    return _fastest(lambda: _run(settings, counts), ticks)
+
+
+def _run(settings, counts):
+    memory, rows = np.zeros(1, servo.MEMORY), np.zeros(len(counts), servo.TICK)
+    records = [array.view(np.recarray) for array in (settings, memory, rows, np.zeros(1, loop.TOOL))]
+    began = time.thread_time()
+    recompute.run_on_counts(*records, counts, 1_000_000_000, 0, 5000, 1)
+    return time.thread_time() - began
+
+
+def insertion(ticks: int) -> float:
+    """Processor time of all ticks [us] of a recorded insertion, with everything on (bench/servo.py: COMMON)."""
+    settings, memory, rows = (record.view(np.recarray) for record in recorded(ticks))
+
+    def once():
+        work, out = memory.copy(), rows.copy()
+        began = time.thread_time()
+        recompute.recompute(settings, work, out, recompute.NO_SETS)
+        return time.thread_time() - began
+
+    return _fastest(once, 1)
+
+
+def _fastest(once, count):
+    return 1e6 * min(once() for _ in range(REPEATS)) / count
+
+
+def exchange(scene, method: str, sub_step: float) -> float:
+    """Median processor time of an exchange at 1 kHz [us], sub-steps and answer, over the scene's suggested motion."""
+    world, lead, spent = Simulation(scene, sub_step, method=method), hand(scene), []
+    for k in range(EXCHANGES):
+        at = lead(k * scene.motion["duration"] / EXCHANGES)
+        sample = HandleSample(k * EXCHANGE_NS, at, (0.0, 0.0, 0.0), *GAINS)
+        began = time.thread_time()
+        world.exchange(sample)
+        spent.append(time.thread_time() - began)
+    return 1e6 * float(np.median(spent[EXCHANGES // 3 :]))
+
+
+def stack(blocks: int):
+    """The scene `stack` with another number of blocks: two contacts each, and those of the tool."""
+    text = yaml.safe_load(find("scenes", "stack").read_text())
+    del text["measure"]
+    floor, block = text["bodies"][0], text["bodies"][1]
+    floor["shapes"][0]["half_plane"]["point"] = [0.0, -0.02 * blocks]
+    text["bodies"] = [floor] + [
+        block | {"name": f"block_{k}", "pose": [0.0, -0.01 - 0.02 * k, 0.0]} for k in range(blocks)
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "stack.yaml"
+        file.write_text(yaml.safe_dump(text))
+        return load(str(file))
+
+
+def sweep(cells: int, workers: int) -> tuple[float, float]:
+    """Processor and wall time [us] of a Z-width map of so many cells."""
+    rows = 40
+    request = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(10.0, 1200.0, cells // rows),
+                      np.linspace(-0.5, 1.0, rows))  # fmt: skip
+    found = []
+    for _ in range(3):
+        busy, began = time.process_time(), time.perf_counter()
+        draw_map(request, workers)
+        found.append((time.process_time() - busy, time.perf_counter() - began))
+    return tuple(1e6 * min(column) for column in zip(*found, strict=True))
+
+
+def efficiency(workers: int, cells: int = 16000) -> float:
+    """Speed on so many cores over that many times the speed on one."""
+    return sweep(cells, 1)[1] / (workers * sweep(cells, workers)[1])

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic bench load`: processor and memory of the whole live system, node by node."""
+
+import contextlib
+import json
+import tempfile
+import time
+from pathlib import Path
+from typing import Annotated
+
+import psutil
+import typer
+
+from bench.jobs import deaths_told
+
+SETTLING = 2.0  # [s] after engaging
+
+
+def load(
+    seconds: Annotated[float, typer.Option(help="Length of the measurement.", min=1.0, max=3600.0)] = 10.0,
+    scene: Annotated[str, typer.Option(help="A name in config/scenes or a YAML file.")] = "peg_in_hole",
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
+) -> None:
+    """Processor time and memory (PSS) of device, driver, simulation and recorder: 4 kHz servo, 1 kHz exchange."""
+    from haptic_sim.cli.processes import interruptible
+
+    with interruptible(), deaths_told():
+        found = measure(seconds, scene)
+    if as_json:
+        typer.echo(json.dumps(found))
+        return
+    for name, share in found["node_cores"].items():
+        typer.echo(f"{name:20} {share:6.3f} cores {found['pss_mb'][name]:8.0f} MB")
+    typer.echo(f"{'all':20} {found['cores']:6.3f} cores")
+
+
+def measure(seconds: float, scene: str = "peg_in_hole") -> dict:
+    """{"cores": of all, "node_cores": {node: share of a core}, "pss_mb": {node: MB}}."""
+    from haptic_sim.cli.domain import isolated_domain
+    from haptic_sim.cli.prepare import prepare
+    from haptic_sim.cli.processes import Nodes
+    from haptic_sim.cli.tuning import Tuning
+
+    with tempfile.TemporaryDirectory(prefix="haptic_") as place, isolated_domain(Path(place)) as domain:
+        programs = _programs(Path(place) / "bag", scene)
+        prepare(programs)
+        with Nodes(Path(place) / "log") as nodes:
+            for program in programs:
+                nodes.start(program)
+            with contextlib.closing(Tuning(domain, "/haptic")) as tuning:
+                tuning.wait_engaged(nodes.check)
+            time.sleep(SETTLING)
+            watched = {program.name: psutil.Process(nodes.pid(program.name)) for program in programs}
+            before, began = {name: _spent(one) for name, one in watched.items()}, time.monotonic()
+            time.sleep(seconds)
+            nodes.check()
+            passed = time.monotonic() - began
+            shares = {name: (_spent(one) - before[name]) / passed for name, one in watched.items()}
+            memory = {name: one.memory_full_info().pss / 1e6 for name, one in watched.items()}
+    return {"cores": sum(shares.values()), "node_cores": shares, "pss_mb": memory}
+
+
+def _programs(bag, scene):
+    from haptic_device.share import find
+    from haptic_sim.cli.processes import Program
+
+    path = str(find("scenes", scene).absolute())
+    circle = {"motion.name": "circle", "motion.start": (0.0, 0.11, 0.0), "motion.radius": 0.01,
+              "motion.duration": 3600.0}  # fmt: skip
+    return [
+        Program("haptic_recorder", "haptic_device.node.recorder", {"bag": str(bag)}),
+        Program("haptic_loopback", "haptic_device.node.loopback", circle),
+        Program("haptic_simulation", "haptic_sim.node.simulation", {"scene": path}),
+        Program("haptic_driver", "haptic_device.node.driver", {"auto_enable": True}),
+    ]
+
+
+def _spent(process):
+    times = process.cpu_times()
+    return times.user + times.system

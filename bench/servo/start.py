@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic bench start`: seconds from starting device, driver and simulation to each doing its work, and its memory."""
+
+import contextlib
+import json
+import os
+import statistics
+import tempfile
+import time
+from pathlib import Path
+from typing import Annotated
+
+import psutil
+import typer
+
+from bench.jobs import deaths_told
+from haptic_sim.cli.domain import isolated_domain
+from haptic_sim.cli.processes import Nodes, Program, interruptible
+
+READY = {  # the diagnostic entry that a node counts up in once it does its work
+    "haptic_loopback": "driven",
+    "haptic_driver": "ticks",
+    "haptic_simulation": "answered",
+}
+LOOK = 0.02  # [s]
+PATIENCE = 180.0  # [s]
+FIRST, SECOND = 20.0, 3.0  # [s] that a person waits: a first start that compiles, and every other
+
+
+def start(
+    scene: Annotated[str, typer.Option(help="A name in config/scenes or a YAML file.")] = "peg_in_hole",
+    again: Annotated[int, typer.Option(min=1, max=100, help="Starts after the very first one.")] = 3,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
+) -> None:
+    """Start-up of the three nodes at once: with an empty cache of kernels, and from that cache."""
+    with interruptible(), deaths_told():
+        found = measure(scene, again)
+    typer.echo(json.dumps(found)) if as_json else _show(found)
+
+
+def measure(scene: str = "peg_in_hole", again: int = 3) -> dict:
+    """{"first": {node: s}, "first_pss_mb": {node: MB}, "again": [{node: s}, …]}, memory when the last node was at work.
+
+    ValueError for a scene that is none, NodeDiedError.
+    """
+    from haptic_device.share import find
+
+    path = str(find("scenes", scene).absolute())
+    with tempfile.TemporaryDirectory(prefix="haptic_") as folder, _cache(Path(folder) / "cache"):
+        (first, memory), *others = (_once(Path(folder), path) for _ in range(1 + again))
+    return {"scene": scene, "first": first, "first_pss_mb": memory, "again": [ready for ready, _ in others]}
+
+
+def _once(folder, scene):
+    """Seconds from the first process to each node at work (diagnostics come every 0.5 s); their memory [MB]."""
+    programs = (
+        Program("haptic_loopback", "haptic_device.node.loopback"),
+        Program("haptic_simulation", "haptic_sim.node.simulation", {"scene": scene}),
+        Program("haptic_driver", "haptic_device.node.driver", {"auto_enable": True}),
+    )
+    began, ready = time.monotonic(), {}
+    with isolated_domain(folder) as domain, Nodes(folder / "log") as nodes:
+        for program in programs:
+            nodes.start(program)
+        from haptic_sim.cli.live import Live  # ROS is imported while the nodes start
+
+        with contextlib.closing(Live(domain)) as live:
+            while len(ready) < len(READY):
+                nodes.check()
+                live.look()
+                new = [name for name, entry in READY.items() if live.said(name, entry) not in ("", "0", "False")]
+                ready = {name: time.monotonic() - began for name in new} | ready
+                if time.monotonic() - began > PATIENCE:
+                    raise ValueError(f"{', '.join(set(READY) - set(ready))} did not start within {PATIENCE:g} s")
+                time.sleep(LOOK)
+        memory = {name: psutil.Process(nodes.pid(name)).memory_full_info().pss / 1e6 for name in READY}
+    return ready, memory
+
+
+@contextlib.contextmanager
+def _cache(folder):
+    """Processes started meanwhile keep their kernels in this folder."""
+    before = os.environ.get("XDG_CACHE_HOME")
+    os.environ["XDG_CACHE_HOME"] = str(folder)
+    try:
+        yield
+    finally:
+        del os.environ["XDG_CACHE_HOME"]
+        if before is not None:
+            os.environ["XDG_CACHE_HOME"] = before
+
+
+def _show(found):
+    typer.echo(f"{'node':20} {'very first start':>17} {'later (median)':>15} {'memory, very first':>20}")
+    for name in READY:
+        later = statistics.median(one[name] for one in found["again"])
+        typer.echo(f"{name:20} {found['first'][name]:15.1f} s {later:13.2f} s {found['first_pss_mb'][name]:17.0f} MB")
+    typer.echo(f"wanted: {FIRST:g} s and {SECOND:g} s, diagnostics' period of 0.5 s included")

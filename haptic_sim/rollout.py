@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A world led along a hand's path, and what came of it: poses, time spent, overlap, energy created.
+
+Overlap is measured with the shapes and poses, not taken from what the world says of itself. Energy created is the
+largest fall of what has been dissipated, supplied − Δstored, from one booking to a later one.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from haptic_device.law import operator
+from haptic_device.parameters import OPERATOR
+from haptic_sim import clearance
+from haptic_sim.compile import compile_scene
+from haptic_sim.method import Coupling, Planar
+from haptic_sim.scene import Scene
+from haptic_sim.shape import turned
+from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.solid import TOOL
+
+EXCHANGE_NS = 1_000_000
+GAINS = Coupling(2000.0, 2.0, 2.0, 0.002)
+FAR = 1e3  # m, rad or J; nothing goes there but what has blown up
+
+
+class World(Protocol):
+    """A scene with a tool in it, led by a hand."""
+
+    supplied: float
+    """Energy [J] that the coupling has given to the tool since the start."""
+
+    def follow(self, path: np.ndarray, count: int) -> None:
+        """`count` steps from each row of the hand's path (n, 6: position, velocity) evenly to the next."""
+
+    def pose(self, body: str) -> Planar:
+        """Pose of a body's frame."""
+
+    def energy(self) -> tuple[float, float]:
+        """Kinetic and potential energy [J]. Whoever asks wants them after each `follow`: it may book from now on."""
+
+
+class Led:
+    """A method as such a world, its supply summed."""
+
+    def __init__(self, method):
+        self._method, self.supplied = method, 0.0
+        self.couple, self.pose, self.energy = method.couple, method.pose, method.energy
+
+    def follow(self, path, count):
+        """`count` steps from each row of the path to the next, in one call where the method can."""
+        follow = getattr(self._method, "follow", None)
+        if follow:
+            self.supplied += follow(path, count).supplied
+            return
+        rows = [(tuple(row[:3]), tuple(row[3:])) for row in path.tolist()]
+        for start, end in zip(rows, rows[1:], strict=False):
+            self.supplied += self._method.travel(*start, *end, count).supplied
+
+
+class Exchanged:
+    """A simulation as such a world: a handle sample for each row of the path, EXCHANGE_NS apart; `start` is the first.
+
+    `count` is the simulation's own.
+    """
+
+    def __init__(self, simulation: Simulation, start, gains: Coupling = GAINS):
+        self.simulation, self._gains, self._time = simulation, gains, -EXCHANGE_NS
+        self.pose = simulation.method.pose
+        self._exchange(np.asarray(start, float).tolist())
+
+    def follow(self, path, count=1):
+        """An exchange for each row of the path but its first."""
+        for row in path[1:].tolist():
+            self._exchange(row)
+
+    def energy(self):
+        """Kinetic and potential energy [J] after the last exchange."""
+        return self.simulation.ledger.balance[:2]
+
+    @property
+    def supplied(self):
+        """Energy [J] that the coupling has given to the tool since the start."""
+        return self.simulation.ledger.supplied
+
+    def _exchange(self, row):
+        self._time += EXCHANGE_NS
+        self.simulation.exchange(HandleSample(self._time, tuple(row[:3]), tuple(row[3:]), *self._gains))
+
+
+class Rollout(NamedTuple):
+    """What came of it. `scale` [J] is the largest energy about: kinetic, potential or in the coupling's spring."""
+
+    finite: bool
+    """Whether nothing went beyond FAR; it ends there."""
+    poses: dict[str, np.ndarray]
+    """Body → poses (n, 3) at the start and at the looks."""
+    spent: np.ndarray
+    """Processor time [s] of each stride."""
+    overlap: float
+    """Deepest at the looks [m]."""
+    created: float
+    """Energy [J]."""
+    scale: float
+
+
+def rollout(world: World, path: np.ndarray, count: int = 1, stride: int = 1, look: int | None = None,
+            bodies: Iterable[str] = (), overlap: Callable[[], float] | None = None, gains: Coupling | None = None,
+            limit: float = math.inf) -> Rollout:  # fmt: skip
+    """Lead a world along the hand's path (n, 6: position, velocity), `count` steps from row to row, `stride` rows a call.
+
+    Every `look` rows (each stride) poses of the bodies and the overlap, () → m, are taken. With the coupling's gains
+    energies are booked after each stride; without them the world is not asked, and its time is its own. It ends early
+    beyond FAR, and after `limit` [s] of processor time.
+    """
+    seen, spent, deepest = {name: [world.pose(name)] for name in bodies}, [], 0.0
+    books = Books(world, gains) if gains else None
+    for row in range(0, len(path) - 1, stride):
+        began = time.thread_time()
+        world.follow(path[row : row + stride + 1], count)
+        spent.append(time.thread_time() - began)
+        if books and not books.book(path[min(row + stride, len(path) - 1)]):
+            break
+        if (row + stride) % (look or stride) == 0:
+            for name, poses in seen.items():
+                poses.append(world.pose(name))
+            deepest = max(deepest, overlap() if overlap else 0.0)
+        if sum(spent) > limit:
+            break
+    booked = (books.finite, books.created, books.scale) if books else (True, 0.0, 0.0)
+    poses = {name: np.array(places) for name, places in seen.items()}
+    return Rollout(booked[0], poses, np.array(spent), deepest, *booked[1:])
+
+
+class Books:
+    """Energy created and the largest about [J], booked again and again."""
+
+    def __init__(self, world: World, gains: Coupling):
+        stored = world.energy()
+        self._world, self._gains, self._start, self._lost = world, gains, sum(stored), 0.0
+        self.finite, self.created, self.scale = True, 0.0, max(map(abs, stored))
+
+    def book(self, handle) -> bool:
+        """Books what is there now, the handle at (x, y, theta, …); whether it is finite."""
+        stored, tool = self._world.energy(), self._world.pose(TOOL)
+        self.finite = all(abs(number) < FAR for number in (*stored, *tool))
+        if self.finite:
+            dissipated = self._world.supplied - (sum(stored) - self._start)
+            self.created, self._lost = max(self.created, self._lost - dissipated), max(self._lost, dissipated)
+            self.scale = max(self.scale, *map(abs, stored), stretch(self._gains, handle, tool))
+        return self.finite
+
+
+def stretch(gains: Coupling, handle, tool) -> float:
+    """Energy in the coupling's spring [J]; handle and tool at poses (x, y, theta)."""
+    x, y, theta = np.subtract(handle[:3], tool)
+    return 0.5 * (gains.stiffness * (x * x + y * y) + gains.rotational_stiffness * theta * theta)
+
+
+def hand(scene: Scene, angle: float = 0.0):
+    """time [s] → where the suggested motion leads the handle (x, y, theta), the plane turned by `angle` [rad]."""
+    values = {parameter.name: parameter.default for parameter in OPERATOR}
+    values |= {"motion.start": scene.tool.pose, "motion.target": scene.tool.pose}
+    motion = operator.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
+    place = np.empty(3)
+
+    def at(time):
+        operator.target_at(motion[0], time, place)
+        return (*turned(place[:2].tolist(), (0.0, 0.0, angle)), float(place[2]) + angle)
+
+    return at
+
+
+def way(lead, times) -> np.ndarray:
+    """Path (n, 6) of a hand that is at `lead(time)` at these times [s], evenly spaced, its rates by differences."""
+    places = np.array([lead(time) for time in times])
+    return np.hstack([places, np.gradient(places, times[1] - times[0], axis=0)])
+
+
+def overlap_watch(scene: Scene, pose):
+    """() → deepest overlap [m] of all bodies that can touch, where `pose` (body → pose) says that they are."""
+    solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
+    outlines = {name: solid.outlines for name, solid in solids.items()}
+    rank = {name: k for k, name in enumerate(solids)}
+    touching = compile_scene(scene).needs.touching
+    first, second = np.array([(rank[a], rank[b]) for a, b in touching], dtype=int).reshape(-1, 2).T
+    sizes = np.array([max(math.hypot(*vertex) + outline.radius for outline in parts for vertex in outline.vertices)
+                      for parts in outlines.values()])
+    reach = sizes[first] + sizes[second]
+
+    def look():
+        poses = {name: pose(name) for name in solids}
+        places = np.array([place[:2] for place in poses.values()])
+        near = np.flatnonzero(np.hypot(*(places[first] - places[second]).T) < reach)
+        return max((clearance.overlap(outlines[a], poses[a], outlines[b], poses[b])
+                    for a, b in (touching[k] for k in near)), default=0.0)
+
+    return look
