@@ -14,7 +14,7 @@ unexport PYTHONPATH PYTHONHOME LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTAT
 # Each of the many processes would read all sources again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup check demo test soak test-browser docs clean
+.PHONY: help setup check demo test soak bench test-browser docs clean
 
 help:
 	@echo "make setup   create .venv with everything (no root needed)"
@@ -22,6 +22,7 @@ help:
 	@echo "make check   lint, import contracts, and all tests that need no live node"
 	@echo "make test    make check, and the tests of live nodes"
 	@echo "make soak    what takes long or breaks things on purpose: packages, chaos, compiling under interrupts"
+	@echo "make bench   measurements in their short form, and the table of docs/performance.md made of them"
 	@echo "make docs    write docs/parameters.md and docs/faults.md from the code"
 	@echo "make test-browser   the page in a real Chromium; as root it installs one if there is none"
 	@echo "make clean   remove .venv and everything built"
@@ -68,6 +69,9 @@ test: check
 
 soak: setup
 	$(BIN)/python -m pytest test/soak
+
+bench: setup
+	$(BIN)/python -m bench all --short --out bench_results/$(shell date +%F_%H%M) --insert docs/performance.md
 
 test-browser: setup $(BROWSER)
 	$(BIN)/python test/browser/chromium.py

@@ -59,9 +59,7 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=["haptic_device", "haptic_device.*", "haptic_sim", "haptic_sim.*"]),
-    package_data={
-        "haptic_sim.bench": ["converged/*.csv"], "haptic_sim.compile": ["*.csv"], "haptic_sim.viewer": ["web/*"],
-    },
+    package_data={"haptic_sim.compile": ["*.csv"], "haptic_sim.viewer": ["web/*"]},
     data_files=installed_files(),
     zip_safe=False,
     install_requires=[

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic bench all`: every benchmark into one folder, one table made of it, and two folders compared."""
+"""Nine of the measurements into a folder, and the one table made of it."""
 
 import json
 import re
@@ -10,37 +10,35 @@ from typing import Annotated
 
 import typer
 
-MARKS = "<!-- benchmarks: haptic bench all -->", "<!-- end of benchmarks -->"
+from bench import results
+from bench.results import MACHINE
+from haptic_device.process import ending_with_us, own_environment, running_module
+from haptic_device.provenance import facts
+
+MARKS = "<!-- benchmarks: python -m bench all -->", "<!-- end of benchmarks -->"
 BENCHMARKS = {  # name of the file: words of the command; words for a short run, for a full one
-    "doctor": (("doctor",), (), ()),
+    "doctor": (("haptic_sim.cli.main", "doctor"), (), ()),
     "start": (("bench", "start"), ("--again", "1"), ()),
     "servo": (("bench", "servo"), ("--seconds", "0.5", "--turns", "3"), ("--seconds", "5", "--demo", "20")),
     "costs": (("bench", "costs"), (), ()),
     "load": (("bench", "load"), ("--seconds", "3"), ()),
     "round_trip": (("bench", "exchange", "--round-trip"), ("--rate", "1000"), ()),
     "exchange": (("bench", "exchange"), ("--delay", "0", "--delay", "20"), ()),
-    "hard_cases": (("bench", "hard-cases"), ("--short", "--methods", "impulse,partitioned"), ()),
-    "speed_error": (("bench", "speed-error"), ("--short", "--scenes", "wall", "--methods", "closed_form"), ()),
+    "hard_cases": (("bench", "hard_cases"), ("--short", "--methods", "impulse,partitioned"), ()),
+    "speed_error": (("bench", "speed_error"), ("--short", "--scenes", "wall", "--methods", "closed_form"), ()),
 }
+_OUT = "Folder of results; what is there already is not measured again."
 _ONLY = f"Comma-separated benchmarks of {', '.join(BENCHMARKS)} [all]."
 _INSERT = f"Put the table between the marks {MARKS[0]} of this file; may be repeated."
 
 
-def run_all(
-    out: Annotated[Path, typer.Option(help="Folder of results; what is there already is not measured again.")] = Path(
-        "bench_results"
-    ),
+def main(
+    out: Annotated[Path, typer.Option(help=_OUT)] = Path("bench_results"),
     short: Annotated[bool, typer.Option("--short", help="Some minutes, for a first look, instead of hours.")] = False,
     only: Annotated[str | None, typer.Option(help=_ONLY)] = None,
     insert: Annotated[list[Path] | None, typer.Option(help=_INSERT)] = None,
-    compare: Annotated[tuple[Path, Path] | None, typer.Option(help="Compare two folders; nothing is measured.")] = None,
 ) -> None:
-    """Every benchmark into a folder with the machine's facts, and one table; or two such folders beside each other."""
-    from haptic_sim.bench import results
-
-    if compare:
-        typer.echo(results.compared(*compare))
-        return
+    """Nine measurements into a folder with the machine's facts, JSON each, and one table of them."""
     measure(out, short, _names(only))
     table = results.markdown(out)
     (out / "table.md").write_text(table + "\n", encoding="utf-8")
@@ -62,10 +60,6 @@ def measure(out: Path, short: bool, names: list[str]) -> None:
 
     Raises ValueError if it lacks some of a run of another length.
     """
-    from haptic_device.process import ending_with_us, own_environment, running_module
-    from haptic_device.provenance import facts
-    from bench.results import MACHINE
-
     out.mkdir(parents=True, exist_ok=True)
     length = "short" if short else "full"
     if not (out / MACHINE).exists():
@@ -75,13 +69,13 @@ def measure(out: Path, short: bool, names: list[str]) -> None:
         raise ValueError(f"folder {out} has a {known} run; a {length} one needs a folder of its own")
     for name in missing:
         file, (words, few, many) = out / f"{name}.json", BENCHMARKS[name]
-        print(f"haptic {' '.join(words)}", file=sys.stderr, flush=True)
-        command = [*running_module("haptic_sim.cli.main"), *words, *(few if short else many), "--json"]
+        print(f"python -m {' '.join(words)}", file=sys.stderr, flush=True)
+        command = [*running_module(words[0]), *words[1:], *(few if short else many), "--json"]
         done = subprocess.run(ending_with_us(command), stdout=subprocess.PIPE, text=True, env=own_environment())
         if done.returncode == 0:
             file.write_text(done.stdout.strip().splitlines()[-1] + "\n", encoding="utf-8")
         else:
-            print(f"haptic bench all: {name} came to nothing (exit code {done.returncode})", file=sys.stderr)
+            print(f"bench: {name} came to nothing (exit code {done.returncode})", file=sys.stderr)
 
 
 def _known(machine: Path) -> str:

@@ -2,70 +2,83 @@
 """What the long measurements have in common: whom to ask, how far it is, the exit code of an interrupted one."""
 
 import contextlib
-import json
+import csv
 import os
-import sys
-import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import typer
 
-INTERRUPTED = 130
+from haptic_device.analysis.sweep import spread
+from haptic_sim.cli.progress import INTERRUPTED, progress  # noqa: F401
+
 SCHEDULER = "Address of a Dask scheduler (tcp://host:8786) whose workers do the runs, instead of this machine's cores."
 WORKERS = "Processes at once [one a core]."
-RESUME = "File that keeps every run as it is done; the same command with it goes on from there."
-
-
-class Crew(NamedTuple):
-    """Who does the runs: so many workers here, or those behind a scheduler."""
-
-    workers: int
-    scheduler: str = ""
 
 
 class Kept:
-    """What came of a sweep's runs, line by line in a file from which the sweep goes on; without a path, in memory."""
+    """Rows of a table, kept in a CSV file as they come: what the file has is not done again. Without a path, in memory.
 
-    def __init__(self, path: Path | None, of: str):
-        """`of` says what the sweep is of. ValueError, one sentence, for a file that is of another one."""
-        self._path, self.known = path, {}
-        if path is None:
-            return
-        lines = path.read_text(encoding="utf-8").split("\n")[:-1] if path.exists() else []  # a torn last line is none
-        if lines and json.loads(lines[0]) != of:
-            raise ValueError(f"resume file {path} is of another sweep; delete it or name another")
-        self.known = {key: values for key, values in map(json.loads, lines[1:])}
-        beside = path.with_name(path.name + ".part")  # no half file is ever under its name
-        beside.write_text("".join(f"{line}\n" for line in lines or [json.dumps(of)]), encoding="utf-8")
-        os.replace(beside, path)
+    `kind` is the NamedTuple of a row, `key` says which run a row is of.
+    """
 
-    def keep(self, key: str, values) -> None:
-        """Keeps what JSON can say of a run."""
-        self.known[key] = list(values)
+    def __init__(self, path: Path | None, kind: type, key: Callable):
+        self._path, self._key = path, key
+        self.known = {key(row): row for row in (read_csv(path, kind) if path and path.exists() else ())}
+        if self.known:
+            write_csv(path, list(self.known.values()))  # without a line that was torn off
+
+    def keep(self, row) -> None:
+        """Keeps a row, at once."""
+        self.known[self._key(row)] = row
         if self._path is not None:
-            with open(self._path, "a", encoding="utf-8") as file:
-                file.write(json.dumps([key, self.known[key]]) + "\n")
+            new = not self._path.exists()
+            with self._path.open("a", encoding="utf-8", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows([*([row._fields] if new else []), row])
 
 
-def sweep(function, jobs: dict, crew: Crew, kept: Kept, show=lambda done, what: None) -> None:
-    """Runs the jobs {key: arguments} that `kept` does not know yet; what comes of each is kept as it comes.
+def write_csv(path: Path, rows: list) -> None:
+    """Writes NamedTuples of a kind, at least one, a line each; no half file is ever under its name."""
+    beside = path.with_name(path.name + ".part")
+    with beside.open("w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(rows[0]._fields)
+        out.writerows(rows)
+    os.replace(beside, path)
+
+
+def read_csv(path: Path, kind: type) -> list:
+    """The rows of a file, as NamedTuples; a last line that was torn off is none. ValueError if it is no such file."""
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    if not lines or lines[0].strip().split(",") != list(kind._fields):
+        raise ValueError(f"{path} has not the columns {', '.join(kind._fields)}")
+    whole = lines if lines[-1].endswith("\n") else lines[:-1]
+    try:
+        return [kind(*(_READ[kind.__annotations__[name]](text) for name, text in zip(kind._fields, row, strict=True)))
+                for row in csv.reader(whole[1:])]  # fmt: skip
+    except ValueError:
+        raise ValueError(f"{path} has a line that is no row of {', '.join(kind._fields)}") from None
+
+
+_READ = {str: str, int: int, float: float, bool: "True".__eq__}
+
+
+def sweep(function, jobs: dict, kept: Kept, workers: int, scheduler: str = "", show=lambda done, what: None) -> None:
+    """Runs the jobs {key: arguments} that `kept` does not know yet; the row that each comes to is kept as it comes.
 
     By processes, by the workers of the scheduler, or here if one worker is enough. Raises ValueError, one sentence, for
-    a scheduler that is not there or goes away; what was done is kept.
+    a scheduler that is not there or goes away.
     """
-    from haptic_device.analysis.sweep import spread
-
     todo = {key: arguments for key, arguments in jobs.items() if key not in kept.known}
-    workers = min(crew.workers, len(todo))
+    done = len(jobs) - len(todo)
+    show(done, "begins")
+    many = scheduler or min(workers, len(todo)) > 1
     alone = ((key, function(*arguments)) for key, arguments in todo.items())
-    many = crew.scheduler or workers > 1
-    results = spread(function, todo, workers, crew.scheduler, processes=True) if many else alone
-    show(len(jobs) - len(todo), "begins")
-    with contextlib.closing(results):
-        for key, found in results:
-            kept.keep(key, found)
-            show(len(kept.known), key)
+    with contextlib.closing(spread(function, todo, workers, scheduler) if many else alone) as results:
+        for key, row in results:
+            kept.keep(row)
+            done += 1
+            show(done, key)
 
 
 @contextlib.contextmanager
@@ -94,31 +107,5 @@ def usable(given: str | None) -> list[str]:
             raise ValueError(f"method is {name!r}; it must be one of {', '.join(NAMES)}")
     reasons = {name: missing(name) for name in names}
     for reason in filter(None, reasons.values()):
-        typer.echo(f"haptic bench: {reason}", err=True)
+        typer.echo(f"bench: {reason}", err=True)
     return [name for name in names if not reasons[name]]
-
-
-def progress(total: int):
-    """Context of a function (runs done, what is next) on standard error: a bar on a terminal, else some lines."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    @contextlib.contextmanager
-    def lines():
-        last = [0.0]
-
-        def show(done, what):
-            if time.monotonic() - last[0] > 5.0 or done == total:
-                last[0] = time.monotonic()
-                print(f"{done}/{total} {what}", file=sys.stderr, flush=True)
-
-        yield show
-
-    @contextlib.contextmanager
-    def bar():
-        columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-        with Progress(*columns, console=Console(file=sys.stderr)) as shown:
-            task = shown.add_task("", total=total)
-            yield lambda done, what: shown.update(task, completed=done, description=what)
-
-    return bar() if sys.stderr.isatty() else lines()

@@ -20,7 +20,7 @@ class Figure(NamedTuple):
 def figures(folder: Path) -> list[Figure]:
     """All figures that the folder's files hold. Raises ValueError, one sentence, if it is no folder of results."""
     if not (folder / MACHINE).exists():
-        raise ValueError(f"{folder} holds no results of `haptic bench all`: {MACHINE} is missing")
+        raise ValueError(f"{folder} holds no results of `python -m bench all`: {MACHINE} is missing")
     found = []
     for name, read in READERS.items():
         if (content := _content(folder, name)) is not None:
@@ -39,27 +39,9 @@ def markdown(folder: Path) -> str:
     return "\n".join(lines)
 
 
-def compared(one: Path, other: Path) -> str:
-    """Both folders' figures side by side, and the ratio of the second to the first."""
-    known = {figure.name: figure for figure in figures(one)}
-    lines = [f"| figure | {one.name} | {other.name} | ratio |", "| --- | --- | --- | --- |"]
-    for figure in figures(other):
-        before = known.pop(figure.name, None)
-        old = "–" if before is None else f"{shown(before.value)} {before.unit}"
-        lines.append(f"| {figure.name} | {old} | {shown(figure.value)} {figure.unit} | {_ratio(before, figure)} |")
-    lines += [f"| {name} | {shown(figure.value)} {figure.unit} | – | |" for name, figure in known.items()]
-    return "\n".join(lines)
-
-
 def shown(value: float | None) -> str:
     """Three digits, or a dash for what could not be had."""
     return "–" if value is None else f"{value:.3g}"
-
-
-def _ratio(before, now):
-    if before is None or not before.value or now.value is None:
-        return ""
-    return f"{now.value / before.value:.2f}"
 
 
 def _content(folder, name):
@@ -88,10 +70,6 @@ def _servo(found):
         if one["load"] == "demo":
             missed = 100.0 * one["missed"] / max(1.0, one["ticks"])
             lines.append(Figure(f"missed ticks, {where}", missed, "%", "≤ 0.01 % beyond cyclictest's"))
-    limits = {"tick": "≤ 1.3", "sweep cell": "≤ 1.67"}
-    for name, one in (found["compute"] or {}).items():
-        lines += [Figure(f"{name}", one["kernel_us"], "µs"),
-                  Figure(f"{name} to the same in C -O2", one["ratio"], "×", limits[name])]  # fmt: skip
     return lines
 
 

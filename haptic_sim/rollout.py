@@ -110,25 +110,26 @@ class Rollout(NamedTuple):
 def rollout(world: World, path: np.ndarray, count: int = 1, stride: int = 1, look: int | None = None,
             bodies: Iterable[str] = (), overlap: Callable[[], float] | None = None, gains: Coupling | None = None,
             limit: float = math.inf) -> Rollout:  # fmt: skip
-    """Lead a world along the hand's path (n, 6: position, velocity), `count` steps from row to row, `stride` rows a call.
+    """Lead a world along the hand's path (n, 6: position, velocity), `count` steps a row, `stride` rows a call.
 
     Every `look` rows (each stride) poses of the bodies and the overlap, () → m, are taken. With the coupling's gains
     energies are booked after each stride; without them the world is not asked, and its time is its own. It ends early
     beyond FAR, and after `limit` [s] of processor time.
     """
-    seen, spent, deepest = {name: [world.pose(name)] for name in bodies}, [], 0.0
+    seen, spent, total, deepest = {name: [world.pose(name)] for name in bodies}, [], 0.0, 0.0
     books = Books(world, gains) if gains else None
     for row in range(0, len(path) - 1, stride):
         began = time.thread_time()
         world.follow(path[row : row + stride + 1], count)
         spent.append(time.thread_time() - began)
+        total += spent[-1]
         if books and not books.book(path[min(row + stride, len(path) - 1)]):
             break
         if (row + stride) % (look or stride) == 0:
             for name, poses in seen.items():
                 poses.append(world.pose(name))
             deepest = max(deepest, overlap() if overlap else 0.0)
-        if sum(spent) > limit:
+        if total > limit:
             break
     booked = (books.finite, books.created, books.scale) if books else (True, 0.0, 0.0)
     poses = {name: np.array(places) for name, places in seen.items()}

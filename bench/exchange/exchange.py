@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic bench exchange`: what each exchange method makes of a network, in lock-step, at handle and tool."""
+"""What each exchange method makes of a network, in lock-step, at handle and tool."""
 
 import csv
 import itertools
@@ -11,11 +11,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import typer
 
+from bench.exchange import round_trip
+from bench.exchange.exchange_live import run as run_live
+from bench.jobs import SCHEDULER, WORKERS, Kept, sweep
 from haptic_device.device import load_device
 from haptic_device.parameter import read_operating_point
 from haptic_device.parameters import EXCHANGE, EXCHANGE_METHODS
 from haptic_device.share import find
-from bench.jobs import RESUME, SCHEDULER, WORKERS, Crew, Kept, sweep
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.scene import load
@@ -26,6 +28,7 @@ PRESS = {"motion.name": "press_wall", "motion.start": (0.03, 0.0, 0.0), "motion.
 CIRCLE = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.radius": 0.03, "motion.turns": 3.0}
 SECONDS = 3.0
 _DELAYS, _RATES = "Round trip (ms) [0 1 2 5 10 20 50 100].", "Handle samples a second [1000]."
+_CSV = "CSV file for the figures, each as it comes; cases that are in it are not done again."
 _ROUND_TRIP = "Handle to tool to handle on running nodes at each rate [500 1000 2000], beside a bare ping-pong."
 BUDGET = next(one.default for one in EXCHANGE if one.name == "exchange.budget")  # [J]
 TURNING = 2.0 * np.pi * 3.0 / (0.9 * SECONDS)  # [rad/s] between easing in and out
@@ -64,7 +67,11 @@ class Figures(NamedTuple):
         return self.given <= BUDGET
 
 
-def exchange(
+_HOW = ("params", str), ("live", bool)
+Row = NamedTuple("Row", [*Case.__annotations__.items(), *_HOW, *Figures.__annotations__.items()])
+
+
+def main(
     method: Annotated[list[str] | None, typer.Option(help="Exchange method; may be repeated [all].")] = None,
     delay: Annotated[list[float] | None, typer.Option(help=_DELAYS, min=0.0, max=2000.0)] = None,
     jitter: Annotated[float, typer.Option(help="Uniform jitter, ± share of the delay.", min=0.0, max=1.0)] = 0.0,
@@ -72,12 +79,11 @@ def exchange(
     rate: Annotated[list[float] | None, typer.Option(help=_RATES, min=100.0, max=2000.0)] = None,
     params: Annotated[str, typer.Option(help="Operating point: a name in config or a YAML file.")] = "demo",
     plot: Annotated[Path | None, typer.Option(help="Write the figure to this PNG file.")] = None,
-    table: Annotated[Path | None, typer.Option("--csv", help="Write the figures to this CSV file.")] = None,
+    table: Annotated[Path | None, typer.Option("--csv", help=_CSV)] = None,
     live: Annotated[bool, typer.Option("--live", help="On running nodes behind a relay, not in lock-step.")] = False,
     round_trip: Annotated[bool, typer.Option("--round-trip", help=_ROUND_TRIP)] = False,
     workers: Annotated[int | None, typer.Option(min=1, max=1024, help=WORKERS)] = None,
     scheduler: Annotated[str, typer.Option(help=SCHEDULER)] = "",
-    resume: Annotated[Path | None, typer.Option(help=RESUME)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:
     """Exchange methods against delay, jitter, loss and rate: stiffness, tool error, drag, energies, force jumps.
@@ -90,18 +96,16 @@ def exchange(
     delays = [value * 1e-3 for value in delay or (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)]
     cases = [Case(name, late, jitter * late, lost, fast) for lost, fast, late, name in
              itertools.product(loss or (0.0,), rate or (1000.0,), delays, method or EXCHANGE_METHODS)]  # fmt: skip
-    kept = Kept(resume, f"exchange at {params}, live: {live}")
-    jobs = {json.dumps(case): (case, params, live) for case in cases}
-    sweep(measure, jobs, Crew(1 if live else workers or len(os.sched_getaffinity(0)), scheduler), kept)
-    found = {case: Figures(*kept.known[key]) for key, (case, *_) in jobs.items()}
+    kept = Kept(table, Row, lambda row: row[:7])
+    jobs = {(*case, params, live): (case, params, live) for case in cases}
+    sweep(_row, jobs, kept, 1 if live else workers or len(os.sched_getaffinity(0)), scheduler)
+    found = {case: Figures(*kept.known[key][7:]) for key, (case, *_) in jobs.items()}
     if plot is not None:
-        from bench.exchange.exchange_figure import save
+        from bench.exchange.exchange_figure import save  # which takes its kinds from here
 
         save(found, plot)
     rows = [{**case._asdict(), **one._asdict(), "impedance_ratio": one.impedance_ratio, "passive": one.passive}
             for case, one in found.items()]  # fmt: skip
-    if table is not None:
-        _write_csv(rows, table)
     if as_json:
         typer.echo(json.dumps({"live": live, "params": params, "cases": rows}))
     else:
@@ -109,19 +113,17 @@ def exchange(
 
 
 def _round_trip(rates, path, as_json):
-    from haptic_sim.cli import round_trip
-
     found = round_trip.measure(rates or round_trip.RATES)
     if path is not None:
-        _write_csv(found, path)
+        with open(path, "w", encoding="utf-8", newline="") as file:
+            writer = csv.DictWriter(file, list(found[0]))
+            writer.writeheader()
+            writer.writerows(found)
     typer.echo(json.dumps(found) if as_json else round_trip.table(found))
 
 
-def _write_csv(rows, path):
-    with open(path, "w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
+def _row(case, params, live):
+    return Row(*case, params, live, *measure(case, params, live))
 
 
 def measure(case: Case, params: str = "demo", live: bool = False) -> Figures:
@@ -162,10 +164,8 @@ def _run(case, params, scene, motion):
 
 
 def _run_live(case, params, scene, motion):
-    from bench.exchange.exchange_live import run
-
     motion = motion | {"motion.duration": SECONDS}
-    rows, told = run(case, find("", params).absolute(), scene, motion, PATIENT, SECONDS + 0.3)
+    rows, told = run_live(case, find("", params).absolute(), scene, motion, PATIENT, SECONDS + 0.3)
     return rows[: np.searchsorted(rows.deadline, rows.deadline[0] + SECONDS * 1e9)], told
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figure of `haptic bench exchange`: transparency and energy against the delay, one line a method.
+"""Figure of `python -m bench exchange`: transparency and energy against the delay, one line a method.
 
 A cross is a case that gave more energy than the budget: what it felt like means little.
 """

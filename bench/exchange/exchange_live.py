@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One motion of `haptic bench exchange --live`: the nodes as processes, a relay between driver and simulation."""
+"""One motion of `python -m bench exchange --live`: the nodes as processes, a relay between driver and simulation."""
 
 import sys
 import tempfile

@@ -1,25 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """How closely a late tool follows the handle, how a cut in contact is felt, and what foretelling is worth.
 
-usage: python bench/exchange_reference.py
-
 First the reference of test/exchange_systems.py: a handle led 20 mm at 0.5 Hz through a wall, N samples either way. Then
 the demo's operating point: the network cut for 0.6 s while the handle presses a wall; and a round trip of 20 ms in
 free space, with and without `exchange.agility`.
 """
 
-import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import yaml
 
-from haptic_device.share import find
 from bench.exchange.exchange import Case, measure
+from haptic_device.share import find
 from haptic_sim.lockstep import PERFECT, Network
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "test"))
 PRESS = {"start": [0.03, 0.0, 0.0], "target": [0.005, 0.0, 0.0], "duration": 8.0}
 LATE, LIMITS = (1, 5, 20, 100), (0.156, 0.283, 0.749, 3.145)  # [mm] published for the same task
 
@@ -40,7 +36,8 @@ def cut(method):
     return np.abs(force[4:] - force[:-4]).max(), late, float(system.plant_memory["energy_given"][0])
 
 
-def main():
+def main() -> None:
+    """How closely a late tool follows the handle, a cut in contact, and what foretelling is worth."""
     from exchange_systems import reference
 
     for method in ("pspm", "wave"):
@@ -61,7 +58,3 @@ def main():
             found = measure(Case("pspm", 0.02, 0.0, 0.0, 1000.0), str(file))
             print(f"agility {agility:g} m/s^2: drag {found.damping:.3f} N s/m, mass {found.mass:.3f} kg, "
                   f"tool error {found.tool_error * 1e3:.2f} mm", flush=True)  # fmt: skip
-
-
-if __name__ == "__main__":
-    main()

@@ -1,8 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the exchange methods add to a servo tick's own work: median of interleaved runs of 20 000 ticks, three axes.
-
-usage: python bench/exchange_tick.py
-"""
+"""What the exchange methods add to a servo tick's own work: median of interleaved runs of 20 000 ticks, three axes."""
 
 import statistics
 import time
@@ -48,7 +45,8 @@ def timed(method):
     return (time.perf_counter() - began) / TICKS * 1e6
 
 
-def main():
+def main() -> None:
+    """What the exchange methods add to a servo tick's own work."""
     found = {method: [] for method in EXCHANGE_METHODS}
     for turn in range(TURNS + 1):
         for method in EXCHANGE_METHODS:
@@ -59,7 +57,3 @@ def main():
     for method, times in found.items():
         extra = statistics.median(one - other for one, other in zip(times, found["direct"], strict=True))
         print(f"{method:7} {statistics.median(times):.3f} us a tick, {extra:+.3f} us on direct's {base:.3f}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs of `haptic bench local` in lock-step or on live nodes, and what the hand feels in them."""
+"""Runs of `python -m bench local` in lock-step or on live nodes, and what the hand feels in them."""
 
 from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import savgol_filter
 
+from bench.exchange import local_live
+from bench.exchange.exchange import CIRCLE, PATIENT, PRESS
+from bench.methods import insertion as peg
 from haptic_device.device import load_device
 from haptic_device.law.local import LEAVING
 from haptic_device.parameter import read_operating_point
 from haptic_device.share import find
-from haptic_sim.bench import insertion as peg
-from haptic_sim.cli import local_live
-from bench.exchange.exchange import CIRCLE, PATIENT, PRESS
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.method import Coupling

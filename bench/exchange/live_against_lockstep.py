@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays a recorded demo again in lock-step, with the delay measured in it, and prints how far the handles are apart.
+"""Plays a recorded demo again in lock-step, with the delay measured in it, and prints how far the handles are apart."""
 
-usage: python bench/live_against_lockstep.py RUN_FOLDER [--scene peg_in_hole] [--params demo]
-"""
-
-import argparse
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
 from haptic_device.analysis import recording
 from haptic_device.device import load_device
@@ -40,17 +38,17 @@ def first_use_age(trace):
     return float(np.median(trace["tool_age"][new]))
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("run", type=Path)
-    parser.add_argument("--scene", default="peg_in_hole")
-    parser.add_argument("--params", default="demo")
-    given = parser.parse_args()
-    trace = recording.load(given.run / "bag").trace
+def main(
+    run: Annotated[Path, typer.Argument(help="Folder of the demo's run.")],
+    scene: Annotated[str, typer.Option(help="A name in config/scenes or a YAML file.")] = "peg_in_hole",
+    params: Annotated[str, typer.Option(help="Operating point: a name in config or a YAML file.")] = "demo",
+) -> None:
+    """Plays a recorded demo again in lock-step and prints how far the handles are apart."""
+    trace = recording.load(run / "bag").trace
     begun = int(np.argmax(trace["state"] == engage.ENGAGED))
     live = trace["position"][begun:]
     age, late = first_use_age(trace[begun:]), float(np.median(trace["lateness"][begun:]))
-    twin = system(given.scene, given.params, age, late)
+    twin = system(scene, params, age, late)
     rows = twin.run(1.0 + len(live) * twin.period * 1e-9)
     twin_begun = int(np.argmax(rows.state == engage.ENGAGED))
     count = min(len(live), len(rows) - twin_begun)
@@ -59,7 +57,3 @@ def main():
     rms = np.sqrt(np.mean(apart**2, axis=0))
     print(f"round trip {age * 1e3:.3f} ms, write {late * 1e6:.1f} us after the deadline, {count} ticks")
     print(f"handle apart, RMS: x {rms[0] * 1e3:.4f} mm, y {rms[1] * 1e3:.4f} mm, theta {rms[2]:.5f} rad")
-
-
-if __name__ == "__main__":
-    main()

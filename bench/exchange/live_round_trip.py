@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Round trip of the exchange on live nodes against a bare ping-pong by the same receive path, in turns.
 
-usage: python bench/live_round_trip.py [turns [seconds]]
-       python bench/live_round_trip.py profile [turns [seconds]]   (where the time of a round trip goes)
-
 Both are what the driver's exchange measures at 1 kHz in free space, from composing a handle sample to its answer, which
 it looks for every 10 us (runtime/rcl.py: LOOK). The share of servo ticks whose tool sample is younger than 3 ms is
 counted in the trace. The bare answerer waits for bytes as the simulation does, and sends
@@ -21,15 +18,19 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
 from haptic_device.law import exchange
+from haptic_device.process import running_module
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes, Program
 
 AXES = 3
 YOUNG = 3e-3  # [s]
+THIS = "bench.exchange.live_round_trip"
 
 
 def answer_barely(folder):
@@ -157,7 +158,12 @@ def profile(folder):
     return np.median(np.diff(rows, axis=1), axis=0) * 1e-3
 
 
-def main(turns, seconds, profiled):
+def main(
+    turns: Annotated[int, typer.Argument(min=1)] = 5,
+    seconds: Annotated[float, typer.Argument(min=0.1, help="Of each turn.")] = 5.0,
+    profiled: Annotated[bool, typer.Option("--profile", help="Say where the time of a round trip goes.")] = False,
+) -> None:
+    """Round trip of the exchange on live nodes against a bare ping-pong, in turns."""
     found, stages = {}, {}
     with tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain:
         for turn in range(turns):
@@ -183,20 +189,14 @@ def main(turns, seconds, profiled):
 
 
 class Here(Program):
-    """An answerer of this file as a program."""
+    """An answerer of this module as a program."""
 
     def command(self):
         times, others = self.parameters["_times"], {k: v for k, v in self.parameters.items() if k != "_times"}
         words = Program(self.name, self.module, others).command()
-        return [sys.executable, __file__, self.module, times, *words[words.index("--ros-args") :]]
+        return [*running_module(THIS), self.module, times, *words[words.index("--ros-args") :]]
 
 
-if __name__ == "__main__":
-    words = sys.argv[1:]
-    if words[:1] in (["bare"], ["bare_only"]):
-        answer_barely(words[1] if words[0] == "bare" else "")
-    elif words[:1] == ["timed"]:
-        sys.exit(answer_timed(words[1]))
-    else:
-        numbers = [float(word) for word in words if word != "profile"]
-        main(int(numbers[0]) if numbers else 5, numbers[1] if len(numbers) > 1 else 5.0, "profile" in words)
+if __name__ == "__main__":  # the other process
+    which, where = sys.argv[1:3]
+    sys.exit(answer_timed(where) if which == "timed" else answer_barely(where if which == "bare" else ""))

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic bench local`: what the tool in the servo is worth: stiffness, drag and mass, Fig. 5, tasks."""
+"""What the tool in the servo is worth: stiffness, drag and mass, Fig. 5, tasks."""
 
 import json
 import math
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from haptic_device.parameters import EXCHANGE_METHODS
-from bench.jobs import RESUME, Crew, Kept, deaths_told, sweep
 from bench.exchange.felt import NETWORKS, Felt, compare, insertion, measure
+from bench.exchange.local_figure import save
+from bench.jobs import deaths_told
+from haptic_device.parameters import EXCHANGE_METHODS
 
 TASKS = ("wall", "corner", "peg_in_hole", "wrench_on_nut", "push_block")
 DEPTHS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # [m] of the peg in Fig. 5
@@ -21,14 +21,13 @@ _PARTS = "What to measure: felt, insertion, tasks; may be repeated [all]."
 _PARAMS = "Operating point of the tasks: a name in config or a YAML file."
 
 
-def local(
+def main(
     rate: Annotated[list[float] | None, typer.Option(help="Servo rate (Hz) [1000 4000 10000].")] = None,
     task: Annotated[list[str] | None, typer.Option(help="Scene of the comparison; may be repeated [all].")] = None,
     only: Annotated[list[str] | None, typer.Option(help=_PARTS)] = None,
     params: Annotated[str, typer.Option(help=_PARAMS)] = "demo",
     live: Annotated[bool, typer.Option("--live", help="On running nodes, not in lock-step.")] = False,
     plot: Annotated[Path | None, typer.Option(help="Write the figure to this PNG file.")] = None,
-    resume: Annotated[Path | None, typer.Option(help=RESUME)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
     """The tool in the servo: stiffness against drag for every method, Fig. 5, scenes against the synchronous world."""
@@ -41,14 +40,10 @@ def local(
     for part in only or ():
         if part not in jobs:
             raise ValueError(f"--only {part}: it must be one of {', '.join(jobs)}")
-    asked = {json.dumps([part, *job]): (part, *job) for part in only or jobs for job in jobs[part]}
-    kept = Kept(resume, f"local at {params}, live: {live}")
     with deaths_told():
-        sweep(partial(_do, live, params), asked, Crew(1), kept)
-    found = {part: {tuple(job): kept.known[key] for key, (of, *job) in asked.items() if of == part} for part in jobs}
+        found = {part: {job: _do(live, params, part, *job) for job in of if part in (only or jobs)}
+                 for part, of in jobs.items()}  # fmt: skip
     if plot is not None:
-        from bench.exchange.local_figure import save
-
         save(found, plot, live)
     if as_json:
         rows = {part: [[*job, *one] for job, one in done.items()] for part, done in found.items()}
@@ -69,7 +64,7 @@ def _do(live, params, part, *job):
     except ValueError as error:
         if not live:
             raise
-        typer.echo(f"haptic bench: {error}", err=True)
+        typer.echo(f"bench: {error}", err=True)
         return [str(error)]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figure of `haptic bench local`: the whole display's stiffness against its drag, and Fig. 5 of the paper.
+"""Figure of `python -m bench local`: the whole display's stiffness against its drag, and Fig. 5 of the paper.
 
 Fig. 5: Colgate, Stanley & Brown (1995), equations in haptic_sim/bench/insertion.py, with the contacts in the servo made
 soft enough to be seen.
@@ -8,9 +8,9 @@ soft enough to be seen.
 import numpy as np
 from matplotlib.figure import Figure
 
-from haptic_device.law.local import LEAVING
-from haptic_sim.bench import insertion as peg
 from bench.exchange.felt import HAND, SOFT, Felt
+from bench.methods import insertion as peg
+from haptic_device.law.local import LEAVING
 
 LINES = {  # of the methods: colours that all eyes can tell apart (Okabe and Ito), and how the line is drawn
     "direct": ("#D55E00", ":"), "wave": ("#CC79A7", "-."), "pspm": ("#0072B2", "--"), "local": ("#009E73", "-"),

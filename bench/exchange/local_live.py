@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One motion of `haptic bench local --live`: the nodes as processes, messages by DDS, rows from the recording."""
+"""One motion of `python -m bench local --live`: the nodes as processes, messages by DDS, rows from the recording."""
 
 import sys
 import tempfile

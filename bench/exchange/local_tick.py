@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Work of a servo tick with the tool in it: three axes, four flanks pressed with friction, of 100 000 ticks.
 
-usage: python bench/local_tick.py [ticks]
-
 Prints median, p99.9 and worst of the whole tick [us], with `direct` and with `local`, and how many linear systems the
 contacts took. Times are read around each tick, so a disturbance by others counts; run it on a quiet machine. The same
 ticks run REPEATS times from the same start; `work` is the worst tick by the least of its times, which no disturbance
 lengthens unless it strikes a tick each time. Last, the contacts alone where pivoting goes on to its bound.
 """
 
-import sys
+from typing import Annotated
 
 import numba
 import numpy as np
+import typer
 
 from haptic_device import operating
 from haptic_device.device import load_device
@@ -57,8 +56,8 @@ def slot():
     return near
 
 
-def main():
-    ticks = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
+def main(ticks: Annotated[int, typer.Argument(min=1)] = 100_000) -> None:
+    """Work of a servo tick with the tool in it."""
     print("method   median us   p99.9 us   worst us    work us   systems: mean, most   acting")
     for method in ("direct", EXCHANGE_METHODS[-1]):
         values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]}
@@ -107,7 +106,3 @@ def systems(rows, mass, right, system, velocity):
         complementarity._eliminate(system, velocity)
         complementarity._review(rows, velocity, True, braked)
     return clock.now_ns(scratch) - began
-
-
-if __name__ == "__main__":
-    main()

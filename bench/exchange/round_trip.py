@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic bench exchange --round-trip`: handle → tool → handle on live nodes, beside a bare ping-pong."""
+"""`python -m bench exchange --round-trip`: handle → tool → handle on live nodes, beside a bare ping-pong."""
 
 import contextlib
 import statistics

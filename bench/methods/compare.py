@@ -6,9 +6,9 @@ On our side stands whichever of these methods is the fastest at that error.
 
 from typing import NamedTuple
 
-from reference.case import FREE, JOINTED, RICH, SINGLE
 from bench.methods.measure import Run
 from bench.methods.world import PEERS
+from reference.case import FREE, JOINTED, RICH, SINGLE
 
 OURS = "closed_form", "partitioned", "event_driven"
 WANTED = {JOINTED: 15.0, SINGLE: 5.0, RICH: 1.0, FREE: 1.0}

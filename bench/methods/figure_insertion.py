@@ -1,24 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a peg in a hole feels over its insertion: python bench/figure_insertion.py [PNG], docs/methods/insertion.png.
+"""How a peg in a hole feels over its insertion, by default into docs/methods/insertion.png.
 
-After Fig. 5 of Colgate, Stanley & Brown (1995); the equations stand in haptic_sim/bench/insertion.py.
+After Fig. 5 of Colgate, Stanley & Brown (1995); the equations stand in bench/methods/insertion.py.
 """
 
-import sys
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from matplotlib.figure import Figure
 
-from haptic_sim.bench import insertion as peg
+from bench.methods import insertion as peg
 from bench.methods.figure import LOOKS
 
+PNG = Path(__file__).parents[2] / "docs" / "methods" / "insertion.png"
 CLEARANCE, WIDE = 5e-5, 2e-4  # m
 GAIN = 2.0  # N m/rad
 DEEP = np.geomspace(peg.INSERTIONS[0], peg.INSERTIONS[-1], 100)
 
 
-def main(path):
+def main(path: Annotated[Path, typer.Argument(show_default="docs/methods/insertion.png")] = PNG) -> None:
+    """How a peg in a hole feels over its insertion."""
     figure = Figure(figsize=(14.0, 4.6), layout="constrained")
     panels = figure.subplots(1, 3)
     for draw, axes in zip((stiffness, play, pull), panels, strict=True):
@@ -79,7 +82,3 @@ def pull(axes):
     axes.plot([], [], "k-", linewidth=1.0, label="theory")
     axes.set(xlabel="handle aside [mm]", ylabel="force on the hand [N]",
              title=f"Rigid contacts, L = {1e3 * deep:g} mm, c = {1e3 * WIDE:g} mm")
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]) if sys.argv[1:] else Path(__file__).parents[1] / "docs" / "methods" / "insertion.png")

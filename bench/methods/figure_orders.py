@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How fast errors fall with the step: python bench/figure_orders.py [PNG], by default docs/methods/orders.png."""
+"""How fast errors fall with the step, by default into docs/methods/orders.png."""
 
-import sys
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from bench.methods.figure import LOOKS
 from bench.methods.orders import PROBLEMS, errors, order, steps_of
 
+PNG = Path(__file__).parents[2] / "docs" / "methods" / "orders.png"
 
-def main(path):
+
+def main(path: Annotated[Path, typer.Argument(show_default="docs/methods/orders.png")] = PNG) -> None:
+    """How fast errors fall with the step."""
     figure = Figure(figsize=(18.0, 7.6), layout="constrained")
     panels = figure.subplots(2, -(-len(PROBLEMS) // 2)).flat
     for (name, problem), axes in zip(PROBLEMS.items(), panels, strict=False):
@@ -35,7 +39,3 @@ def main(path):
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=90)
     print(path)
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]) if sys.argv[1:] else Path(__file__).parents[1] / "docs" / "methods" / "orders.png")

@@ -25,13 +25,9 @@ def seconds(method, cache):
     return float(done.stdout)
 
 
-def main():
-    """One line a method."""
+def main() -> None:
+    """What the first step of each compiled method costs, one line a method."""
     print(f"{'method':18} {'empty cache':>12} {'warm':>6}")
     for method in METHODS:
         with tempfile.TemporaryDirectory() as cache:
             print(f"{method:18} {seconds(method, cache):12.1f} {seconds(method, cache):6.2f}", flush=True)
-
-
-if __name__ == "__main__":
-    main()

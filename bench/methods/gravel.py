@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the scene of a hundred stones again: python bench/gravel.py, which writes config/scenes/gravel.yaml."""
+"""Makes the scene of a hundred stones again, config/scenes/gravel.yaml."""
 
 from pathlib import Path
 
 from bench.methods.loads import gravel_content
 
-FILE = Path(__file__).parents[1] / "config" / "scenes" / "gravel.yaml"
+FILE = Path(__file__).parents[2] / "config" / "scenes" / "gravel.yaml"
 COUNT, DURATION = 100, 3.0
 TIP = -0.071
 START, TARGET = [-0.022, 0.125, 0.0], [0.0121, 0.105, 0.0]
-"""Less deep than the load of `haptic bench growth`, off the wall: a stone jammed there is more than sweeps carry."""
+"""Less deep than the load of `python -m bench growth`, off the wall: a stone jammed there is more than sweeps carry."""
 HEAD = """# 100 stones of 6 to 9 mm at rest between two walls 100 mm apart; the tool is a shovel, led down through them.
-# Made by bench/gravel.py. SI: m, kg, rad; x right, y up.
+# Made by `python -m bench gravel`. SI: m, kg, rad; x right, y up.
 name: gravel
 description: A shovel in a box of a hundred stones
 gravity: [0.0, -9.81]
@@ -21,7 +21,8 @@ bodies:
 """
 
 
-def main():
+def main() -> None:
+    """Writes config/scenes/gravel.yaml again."""
     content = gravel_content(COUNT, DURATION)
     lines = [f"  - {_flow({key: body[key] for key in body if key != 'layers'})}" for body in content["bodies"]]
     tool = content["tool"] | {"pose": START}
@@ -44,6 +45,3 @@ def _flow(value):
         text = f"{value:.7f}".rstrip("0")
         return text + "0" if text.endswith(".") else text
     return str(value).lower() if value is True else str(value)
-
-
-main()

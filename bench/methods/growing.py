@@ -7,17 +7,13 @@ then there is no other; the other at half of it.
 """
 
 import math
-import time
 from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.bench import loads
-from bench.methods.measure import FAR
+from bench.methods import loads
 from bench.methods.world import Impossible, make
-from haptic_sim.method import Coupling
-from haptic_sim.solid import TOOL
-from haptic_sim.trial import GAINS, overlap_watch
+from haptic_sim.rollout import GAINS, overlap_watch, rollout
 
 WORLDS = ("row", "heap", "chain", "gravel", "pyramid", "joint_grid")
 COUNTS = (10, 30, 100, 300)
@@ -77,7 +73,7 @@ def run(world: str, count: int, engine: str, step: int, seconds: float, limit: f
 
 def _ready(load, engine, step):
     world = make(engine, load.scene, step * 1e-6)
-    world.couple(Coupling(*GAINS))
+    world.couple(GAINS)
     if hasattr(world, "suit_many"):
         world.suit_many()
     return world
@@ -85,41 +81,27 @@ def _ready(load, engine, step):
 
 def _timed(load, engine, step, limit):
     """Processor time [s] of each exchange, and whether all were done."""
-    path, count, spent = load.path(), 1000 // step, []
-    _ready(load, engine, step).follow(path[:2], count)  # what is compiled or allocated once is so now
-    world, total = _ready(load, engine, step), 0.0
-    for k in range(len(path) - 1):
-        began = time.thread_time()
-        world.follow(path[k : k + 2], count)
-        spent.append(time.thread_time() - began)
-        total += spent[-1]
-        if total > limit:
-            return spent, False
-    return spent, True
+    path, count = load.path(), 1000 // step
+    rollout(_ready(load, engine, step), path[:2], count)  # what is compiled or allocated once is so now
+    spent = rollout(_ready(load, engine, step), path, count, limit=limit).spent
+    return spent, float(np.sum(spent)) <= limit
 
 
 def _judged(load, engine, step, limit):
     """Deepest overlap [µm], energy created over the largest about, error [µm]; and whether it came to the end."""
-    path, count, world, total = load.path(), 1000 // step, _ready(load, engine, step), 0.0
+    path, world = load.path(), _ready(load, engine, step)
     look, wrong = overlap_watch(load.scene, world.pose), _error(load, world)
-    start = sum(world.energy())
-    scale, lost, created, overlap, error = abs(start), 0.0, 0.0, 0.0, wrong()
-    for k in range(0, len(path) - 1, BOOK_EVERY):
-        began = time.thread_time()
-        world.follow(path[k : k + BOOK_EVERY + 1], count)
-        total += time.thread_time() - began
-        energies = world.energy()
-        if not all(abs(number) < FAR for number in (*energies, *world.pose(TOOL))):
-            return (math.inf, math.inf, math.inf), True
-        dissipated = world.supplied - (sum(energies) - start)
-        created, lost = max(created, lost - dissipated), max(lost, dissipated)
-        scale = max(scale, *map(abs, energies))
-        if (k + BOOK_EVERY) % LOOK_EVERY == 0:
-            overlap, error = max(overlap, look()), max(error, wrong())
-        if total > limit:
-            break
-    judged = 1e6 * overlap, created / max(scale, 1e-3), 1e6 * error
-    return judged, k + BOOK_EVERY >= len(path) - 1
+    errors = [wrong()]
+
+    def watched():
+        errors.append(wrong())
+        return look()
+
+    found = rollout(world, path, 1000 // step, BOOK_EVERY, LOOK_EVERY, overlap=watched, gains=GAINS, limit=limit)
+    if not found.finite:
+        return (math.inf, math.inf, math.inf), True
+    judged = 1e6 * found.overlap, found.created / max(found.scale, 1e-3), 1e6 * np.max(errors)
+    return judged, len(found.spent) * BOOK_EVERY >= len(path) - 1
 
 
 def _error(load, world):

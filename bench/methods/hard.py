@@ -10,18 +10,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from reference.case import Case
-from bench.methods.measure import FAR, stretch
 from bench.methods.world import Impossible, make
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.model import framed
+from haptic_sim.judged import Case
 from haptic_sim.method import Coupling
+from haptic_sim.rollout import GAINS, hand, overlap_watch, rollout, way
 from haptic_sim.scene import load
 from haptic_sim.solid import TOOL
-from haptic_sim.trial import GAINS, hand, jump, overlap_watch, turned_scene
+from haptic_sim.verify import CREATED, LEAST, OVERLAP
+from reference.trial import jump, turned_scene
 
-OVERLAP, CREATED, ROUNDING = 1e-4, 0.01, 1e-7  # m; shares of the largest energy about
-LEAST, JUMP = 1e-3, 0.02  # J that count as the largest energy about, where all is nearly at rest; s
+ROUNDING, JUMP = 1e-7, 0.02  # share of the largest energy about; s
 LOOK_EVERY = 3  # exchanges of 1 ms
 _STEP = 0.25e-3
 STIFF = Coupling(100.0 * 0.1 / _STEP**2, 0.0, 100.0 * 6.7e-6 / _STEP**2, 0.0)
@@ -59,8 +59,9 @@ class Verdict(NamedTuple):
 
 def case(name: str, look: int) -> Case:
     """A hard scene as it stands, as a case that is looked at every so many ns."""
-    gains = STIFF if name == "stiff_coupling" else Coupling(*GAINS)
-    return Case(name, "hard", SECONDS[name], load(name), gains, True, look, JUMP if name == "handle_jump" else None)
+    scene, gains = load(name), STIFF if name == "stiff_coupling" else GAINS
+    lead = jump(scene, 0.0, JUMP) if name == "handle_jump" else None
+    return Case(name, "hard", SECONDS[name], scene, gains, True, look, lead)
 
 
 def sweep(count: int) -> list[tuple[float, float]]:
@@ -85,36 +86,22 @@ def _attempt(name, kind, angle, phase):
     """Letters, deepest overlap, energy created over the largest about."""
     scene = load(name)
     step = _STEP if name == "stiff_coupling" else compile_scene(scene).sub_step
-    lead = jump(scene, angle, JUMP) if name == "handle_jump" else hand(scene, angle)
+    times = np.arange(round(SECONDS[name] * 1e3) + 1) * 1e-3 + phase * step
+    path = way(jump(scene, angle, JUMP) if name == "handle_jump" else hand(scene, angle), times)
+    if name == "handle_jump":
+        path[:, 3:] = 0.0
     scene = turned_scene(scene, angle, phase * step)
-    world = make(kind, scene, step)
-    gains = case(name, LOOK_EVERY).gains
+    world, gains = make(kind, scene, step), case(name, LOOK_EVERY).gains
     world.couple(gains)
-    path = np.array([lead(k * 1e-3 + phase * step) for k in range(round(SECONDS[name] * 1e3) + 1)])
-    rates = np.zeros_like(path) if name == "handle_jump" else np.gradient(path, 1e-3, axis=0)
-    return _judge(name, world, scene, gains, np.hstack([path, rates]), round(1e-3 / step), angle)
-
-
-def _judge(name, world, scene, gains, path, count, angle):
-    watch = overlap_watch(scene, world.pose)
-    start = stored = sum(world.energy())
-    scale, lost, created, overlap, letters = abs(start), 0.0, 0.0, 0.0, set()
-    for k in range(len(path) - 1):
-        world.follow(path[k:k + 2], count)
-        stored = sum(world.energy())
-        if not all(abs(number) < FAR for number in (stored, *world.pose(TOOL))):
-            return "N", math.inf, math.inf
-        dissipated = world.supplied - (stored - start)
-        created, lost = max(created, lost - dissipated), max(lost, dissipated)
-        scale = max(scale, *map(abs, world.energy()), stretch(gains, path[k + 1], world.pose(TOOL)))
-        if k % LOOK_EVERY == 0:
-            overlap = max(overlap, watch())
-    share = created / max(scale, LEAST)
-    letters |= {"E"} if share > CREATED else {"e"} if share > ROUNDING else set()
-    letters |= {"P"} if overlap > OVERLAP else set()
-    if name in SIDES and _passed(world, *SIDES[name], angle):
-        letters.add("T")
-    return "".join(sorted(letters)), overlap, share
+    found = rollout(world, path, round(1e-3 / step), look=LOOK_EVERY, overlap=overlap_watch(scene, world.pose),
+                    gains=gains)  # fmt: skip
+    if not found.finite:
+        return "N", math.inf, math.inf
+    share = found.created / max(found.scale, LEAST)
+    letters = {"E"} if share > CREATED else {"e"} if share > ROUNDING else set()
+    letters |= {"P"} if found.overlap > OVERLAP else set()
+    letters |= {"T"} if name in SIDES and _passed(world, *SIDES[name], angle) else set()
+    return "".join(sorted(letters)), found.overlap, share
 
 
 def _passed(world, body, axis, least, angle):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic bench hard-cases`: which method and which peer survives which hard scene."""
+"""Which method and which peer survives which hard scene."""
 
 import csv
 import json
@@ -10,13 +10,16 @@ from typing import Annotated
 import typer
 
 from bench.jobs import INTERRUPTED, listed, progress, usable
+from bench.methods.hard import NAMES, verdict
+from bench.methods.table import TITLES, default_method
+from haptic_sim.cli.processes import interruptible
 
 LEGEND = ("✓ survives · N not finite · T through a wall · P overlap beyond 0.1 mm · E creates more than 1 % of the "
           "energy about · (e) creates more than rounding · – cannot model it")
 MANY, FEW = 6, 2
 
 
-def hard_cases(
+def main(
     scenes: Annotated[str | None, typer.Option(help="Comma-separated hard scenes [all].")] = None,
     methods: Annotated[str | None, typer.Option(help="Comma-separated methods and peers [all].")] = None,
     short: Annotated[bool, typer.Option("--short", help=f"{FEW} positions of each scene instead of {MANY}.")] = False,
@@ -24,9 +27,6 @@ def hard_cases(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ):
     """Hard scenes, turned and shifted: what stays finite, apart, on its side of walls, and creates no energy."""
-    from bench.methods.hard import NAMES, verdict
-    from haptic_sim.cli.processes import interruptible
-
     names, worlds = listed(scenes, NAMES), usable(methods)
     for name in names:
         if name not in NAMES:
@@ -40,7 +40,7 @@ def hard_cases(
             show(len(jobs), "done")
             whole = True
     except KeyboardInterrupt:
-        typer.echo(f"haptic bench: interrupted; {len(found)} of {len(jobs)} are kept", err=True)
+        typer.echo(f"bench: interrupted; {len(found)} of {len(jobs)} are kept", err=True)
     _report(found, out, as_json)
     if not whole:
         raise typer.Exit(INTERRUPTED)
@@ -65,8 +65,6 @@ def _report(found, out, as_json):
 
 def markdown(found) -> str:
     """Scene by world, and what the letters mean."""
-    from bench.methods.table import TITLES, default_method
-
     worlds = list(dict.fromkeys(item.world for item in found))
     cells = {(item.scene, item.world): item for item in found}
     rows = [["scene", "default", *(TITLES.get(world, world) for world in worlds)], ["---"] * (2 + len(worlds))]

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `impulse` carries: a block that falls on a tower of lighter ones, and a light tool that presses a plate.
 
-`python bench/impulse_bounds.py`: of each the deepest overlap, measured with the shapes, and the energy created by the
-largest about, the worst of some heights of fall. haptic_sim/compile/beyond.py has the bound that follows.
+Of each the deepest overlap, measured with the shapes, and the energy created by the largest about, the worst of some
+heights of fall. haptic_sim/compile/beyond.py has the bound that follows.
 """
 
 from bench.methods.hard import CREATED, LEAST, OVERLAP
 from haptic_sim.scene import load, parse
-from haptic_sim.trial import attempt
+from reference.trial import attempt
 
 RATIOS, TOWERS = (1.0, 3.0, 10.0, 30.0, 60.0, 100.0, 300.0, 1000.0), (1, 2, 5, 10, 20)
 GAPS, SIZE = (0.0, 0.5e-3, 2e-3, 10e-3, 30e-3, 50e-3), 0.01
@@ -47,8 +47,8 @@ def cell(overlap, created):
     return f"{1e6 * overlap:.0f} um, {100.0 * created:.1g} %{'' if overlap <= OVERLAP and created <= CREATED else ' *'}"
 
 
-def main():
-    """Two tables."""
+def main() -> None:
+    """What `impulse` carries: a table of towers, and lines of light tools."""
     print("| on a tower of | " + " | ".join(f"{ratio:g} times as heavy" for ratio in RATIOS) + " |")
     print("|---" * (len(RATIOS) + 1) + "|")
     for count in TOWERS:
@@ -56,7 +56,3 @@ def main():
         print(f"| {count} | " + " | ".join(row) + " |", flush=True)
     for grams in GRAMS:
         print(f"tool of {grams:g} g: {cell(*worst([light(grams)], 0.7))}", flush=True)
-
-
-if __name__ == "__main__":
-    main()

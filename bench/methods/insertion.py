@@ -18,6 +18,7 @@ from haptic_sim.method import Coupling
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
+from haptic_sim.rollout import Led, rollout
 from haptic_sim.scene import Scene
 from haptic_sim.world import World
 
@@ -33,7 +34,6 @@ STEP, SETTLING = 1e-4, 0.6
 """s."""
 PENALTY = {"penalty_explicit": PenaltyExplicit, "penalty_implicit": PenaltyImplicit}
 RIGID = {"impulse": World, "partitioned": Partitioned}
-_STILL = (0.0, 0.0, 0.0)
 
 
 class Felt(NamedTuple):
@@ -118,7 +118,5 @@ def _world(method, insertion, clearance):
 
 def _settled(world, pull):
     """Handle's place, grip's place, force of the coupling, all along x."""
-    handle = pull, HEIGHT, 0.0
-    for _ in range(round(SETTLING / STEP)):
-        world.step(handle, _STILL)
+    rollout(Led(world), np.array([[pull, HEIGHT, 0.0, 0.0, 0.0, 0.0]] * 2), round(SETTLING / STEP))
     return pull, world.position[0], world.force_on_tool[0]

@@ -11,11 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.method import Coupling
+from haptic_sim.rollout import GAINS, hand, way
 from haptic_sim.scene import Scene
 from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
-from haptic_sim.trial import GAINS, hand
 
 MATERIAL = {"material": "stone"}
 BLOCK, PITCH, LINK = 0.005, 0.01, 0.005  # m
@@ -31,9 +30,7 @@ class Load(NamedTuple):
 
     def path(self) -> np.ndarray:
         """Positions and velocities (n + 1, 6) of the handle, once a millisecond."""
-        lead = hand(self.scene)
-        places = np.array([lead(k * 1e-3) for k in range(round(self.seconds * 1e3) + 1)])
-        return np.hstack([places, np.gradient(places, 1e-3, axis=0)])
+        return way(hand(self.scene), np.arange(round(self.seconds * 1e3) + 1) * 1e-3)
 
 
 def row(count: int, seconds: float) -> Load:
@@ -107,7 +104,7 @@ def gravel_content(count: int, seconds: float) -> dict:
     above = [round(0.02 - half, 6), 0.1 + PITCH * count / int(2.0 * half / PITCH), 0.0]
     scene = Scene.model_validate(_gravel(_stones(count, half, GROWN), half, above, {}))
     world = World(scene, 0.25e-3)
-    world.couple(Coupling(*GAINS))
+    world.couple(GAINS)
     world.follow(np.tile([*above, 0.0, 0.0, 0.0], (round(SETTLING * 1e3), 1)), 4)
     stones = [stone | {"pose": [round(value, 6) for value in world.pose(stone["name"])]}
               for stone in _stones(count, half, 1.0)]

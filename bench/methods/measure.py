@@ -7,22 +7,13 @@ that no one's glue is timed; the best of some repeats counts.
 """
 
 import math
-import time
 from typing import NamedTuple
 
-import numpy as np
-
-from reference.case import Case
-from reference.reference import Reference, apart
 from bench.methods.world import Impossible, make
-from haptic_sim.method import Coupling
-from haptic_sim.solid import TOOL
-from haptic_sim.trial import overlap_watch
+from haptic_sim.judged import LOST, STABLE, UNSTABLE, Case, Reference, judge
+from haptic_sim.rollout import rollout
 
 REPEATS, ENOUGH = 5, 0.25  # times, s
-LOST = 1.0  # of the way that the bodies come: a larger error is no answer any more
-FAR = 1e3  # m or rad; nothing goes there but what has blown up
-STABLE, UNSTABLE = "stable", "unstable"
 
 
 class Run(NamedTuple):
@@ -46,15 +37,6 @@ class Run(NamedTuple):
         return self.status == STABLE
 
 
-class Judged(NamedTuple):
-    """Error, energy created [J], largest energy about [J], deepest overlap [m]."""
-
-    error: float
-    created: float
-    scale: float
-    penetration: float
-
-
 def run(case: Case, reference: Reference, method: str, step: int) -> Run:
     """A method or peer on a case at this step [µs]."""
     try:
@@ -66,45 +48,6 @@ def run(case: Case, reference: Reference, method: str, step: int) -> Run:
     return Run(case.name, case.kind, method, step, wall, *judged, status)
 
 
-def judge(case: Case, reference: Reference, world, count: int) -> Judged:
-    """The pass that is looked at; `count` steps from one sample of the hand to the next."""
-    path, every, bodies = case.path(), case.look // case.period, case.bodies()
-    seen, energies, deepest = {name: [world.pose(name)] for name in bodies}, [sum(world.energy())], 0.0
-    scale, supplied, overlap = max(map(abs, world.energy())), [0.0], overlap_watch(case.scene, world.pose)
-    for k in range(len(path) - 1):
-        world.follow(path[k:k + 2], count)
-        stored = world.energy()
-        if not all(abs(number) < FAR for number in (*stored, *world.pose(TOOL))):
-            return Judged(math.inf, math.inf, scale, math.inf)
-        energies.append(sum(stored))
-        supplied.append(world.supplied)
-        scale = max(scale, *map(abs, stored), stretch(case.gains, path[k + 1], world.pose(TOOL)))
-        if (k + 1) % every == 0:
-            deepest = max(deepest, overlap())
-            for name in bodies:
-                seen[name].append(world.pose(name))
-    return Judged(error_of(seen, reference, bodies), _created(np.array(supplied), np.array(energies)), scale, deepest)
-
-
-def error_of(seen, reference: Reference, bodies: dict[str, float]) -> float:
-    """Root mean square over time of the worst body's distance from its reference, over the longest way of any."""
-    gaps = [apart(np.array(seen[name]), reference.poses[name], radius) for name, radius in bodies.items()]
-    worst = np.max(gaps, axis=0)
-    return float(np.sqrt(np.mean(worst**2))) / way(reference, bodies) if np.all(np.isfinite(worst)) else math.inf
-
-
-def way(reference: Reference, bodies: dict[str, float]) -> float:
-    """Longest way [m] that any body comes."""
-    return max(float(apart(reference.poses[name], reference.poses[name][:1], radius).max())
-               for name, radius in bodies.items())
-
-
-def stretch(gains: Coupling, handle, tool) -> float:
-    """Energy in the coupling's spring [J]; handle and tool at poses (x, y, theta)."""
-    x, y, theta = np.subtract(handle[:3], tool)
-    return 0.5 * (gains.stiffness * (x * x + y * y) + gains.rotational_stiffness * theta * theta)
-
-
 def clock(case: Case, method: str, step: int) -> float:
     """Time per simulated time, the best of some repeats.
 
@@ -112,10 +55,7 @@ def clock(case: Case, method: str, step: int) -> float:
     """
     path, count, best, spent = case.path(), case.period // (1000 * step), math.inf, 0.0
     for repeat in range(REPEATS + 1):
-        world = _ready(case, method, step)
-        began = time.thread_time()
-        world.follow(path, count)
-        took = time.thread_time() - began
+        took = float(rollout(_ready(case, method, step), path, count, stride=len(path) - 1).spent[0])
         spent += took
         if repeat > 0 or took > ENOUGH:  # the first fills caches
             best = min(best, took)
@@ -128,9 +68,3 @@ def _ready(case, method, step):
     world = make(method, case.scene, step * 1e-6)
     world.couple(case.gains)
     return world
-
-
-def _created(supplied, stored):
-    """Largest fall of what has been dissipated: energy [J] that came from nowhere."""
-    dissipated = supplied - (stored - stored[0])
-    return float(np.max(np.maximum.accumulate(dissipated) - dissipated))

@@ -12,14 +12,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from reference.case import Case, case
-from reference.exact_axis import Axis, axis_motion
-from reference.reference import apart, reference
 from bench.methods.world import make
 from haptic_sim.method import Coupling
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
+from haptic_sim.rollout import rollout
 from haptic_sim.scene import Scene, load
+from reference.case import Case, case
+from reference.exact_axis import Axis, axis_motion
+from reference.reference import apart, reference
 
 FINE, COARSE = (0.5e-3, 0.25e-3, 0.125e-3, 0.0625e-3), (50e-3, 25e-3, 12.5e-3)
 LED = 10e-3, 5e-3, 2.5e-3
@@ -73,14 +74,11 @@ def _of_case(of: Case, method, step):
     """Root mean square over the looks of the first half second."""
     world = make(method, of.scene, step)
     world.couple(of.gains)
-    path, every, bodies = of.path(), of.look // of.period, of.bodies()
-    gaps = []
-    for look, k in enumerate(range(0, round(0.5e9) // of.period, every), 1):
-        world.follow(path[k:k + every + 1], round(of.period * 1e-9 / step))
-        exact = reference(of.name).poses
-        gaps.append(max(float(apart(np.array([world.pose(name)]), exact[name][look:look + 1], radius)[0])
-                        for name, radius in bodies.items()))
-    return math.sqrt(np.mean(np.square(gaps)))
+    bodies, exact = of.bodies(), reference(of.name).poses
+    path = of.path()[: round(0.5e9) // of.period + 1]
+    poses = rollout(world, path, round(of.period * 1e-9 / step), of.look // of.period, bodies=bodies).poses
+    gaps = [apart(poses[name], exact[name][: len(poses[name])], radius) for name, radius in bodies.items()]
+    return float(np.sqrt(np.mean(np.max(gaps, axis=0)[1:] ** 2)))
 
 
 def _elastic(method, step):

@@ -1,109 +1,87 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic bench speed-error`: scene × method × step, time against error; `haptic bench reference` makes references."""
+"""Wall time against error of every method and peer on every scene, at every step."""
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from bench.jobs import INTERRUPTED, RESUME, SCHEDULER, Crew, Kept, listed, progress, sweep, usable
+from bench.jobs import INTERRUPTED, SCHEDULER, Kept, listed, progress, sweep, usable, write_csv
+from bench.methods import table
+from bench.methods.compare import ratios
+from bench.methods.figure import pareto_figure
+from bench.methods.measure import Run, run
+from bench.methods.world import PEERS, version
+from haptic_sim.cli.processes import interruptible
+from reference.case import NAMES, case
+from reference.reference import reference
 
 SHORT = ("pendulum", "four_bar", "wall", "zeno_ball", "push_block", "peg_in_hole")
 SHORT_STEPS = (10000, 1000, 250)
-_OUT = "Folder for speed_error.csv, speed_error.md and the plots; without it the table is printed and nothing kept."
+_OUT = "Folder for speed_error.csv, speed_error.md and the plots; runs in it are not done again [nothing kept]."
 _WORKERS = "Processes at once; times are measured alone on a machine, so one is right for them [1]."
 _SHORT = f"Scenes {', '.join(SHORT)} and steps {', '.join(f'{step * 1e-3:g}' for step in SHORT_STEPS)} ms only."
 
 
-def speed_error(
+def main(
     scenes: Annotated[str | None, typer.Option(help="Comma-separated cases [all that have a reference].")] = None,
     methods: Annotated[str | None, typer.Option(help="Comma-separated methods and peers [all].")] = None,
     short: Annotated[bool, typer.Option("--short", help=_SHORT)] = False,
     out: Annotated[Path | None, typer.Option(help=_OUT)] = None,
     workers: Annotated[int, typer.Option(min=1, max=1024, help=_WORKERS)] = 1,
     scheduler: Annotated[str, typer.Option(help=SCHEDULER)] = "",
-    resume: Annotated[Path | None, typer.Option(help=RESUME)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ):
     """Wall time against error of every method and peer on every scene, energy created and overlap; one table."""
-    from reference.case import NAMES
-    from haptic_sim.cli.processes import interruptible
-
     names = listed(scenes, SHORT if short else NAMES)
     jobs = _jobs(names, usable(methods), SHORT_STEPS if short else None)
     if out:
         out.mkdir(parents=True, exist_ok=True)
-    kept, whole = Kept(resume, "speed against error"), False
+    file, whole = out / "speed_error.csv" if out else None, False
+    kept = Kept(file, Run, lambda row: (row.scene, row.method, row.step_us))
     try:
         with interruptible(), progress(len(jobs)) as show:
-            sweep(measured, jobs, Crew(workers, scheduler), kept, show)
+            sweep(measured, jobs, kept, workers, scheduler, show)
             whole = True
     except KeyboardInterrupt:
-        typer.echo(f"haptic bench: interrupted; {len(kept.known)} of {len(jobs)} runs are kept", err=True)
-    _report(_runs(jobs, kept), out, as_json)
+        typer.echo(f"bench: interrupted; {len(kept.known.keys() & jobs)} of {len(jobs)} runs are kept", err=True)
+    _report(_runs(jobs, kept), [row for key, row in kept.known.items() if key not in jobs], out, as_json)
     if not whole:
         raise typer.Exit(INTERRUPTED)
 
 
-def reference(
-    names: Annotated[list[str] | None, typer.Argument(help="Cases [all without a closed form].")] = None,
-):
-    """Make the stored references again: converged solutions of the cases without a closed form, some minutes."""
-    from reference.case import NAMES, case
-    from reference.reference import CLOSED, make, write
-
-    for name in names or [name for name in NAMES if name not in CLOSED]:
-        found = case(name)
-        if name in CLOSED:
-            raise ValueError(f"scene {name!r} has a closed form; there is nothing to store")
-        made = make(found)
-        typer.echo(f"{write(name, made)}  may be off by {made.doubt:.1e} m")
-
-
 def _jobs(scenes, methods, steps):
-    """{what it is: (scene, method, step [µs])}"""
-    from reference.case import case
-    from reference.reference import reference
-
+    """{(scene, method, step [µs]): the same}"""
     jobs = {}
     for name in scenes:
         found = case(name)
         reference(name)  # a case without one is refused before anything runs
         wanted = [step for step in found.steps if steps is None or step in steps]
-        jobs |= {f"{name}, {method}, {step * 1e-3:g} ms": (name, method, step) for method in methods for step in wanted}
+        jobs |= {(name, method, step): (name, method, step) for method in methods for step in wanted}
     return jobs
 
 
 def measured(name: str, method: str, step: int):
     """The run of a method on a case at this step [µs]."""
-    from reference.case import case
-    from bench.methods.measure import run
-    from reference.reference import reference
-
     return run(case(name), reference(name), method, step)
 
 
 def _runs(jobs, kept):
     """What is known of the jobs, in their order; what a method cannot do counts once, at whatever step."""
-    from bench.methods.measure import Run
-
     runs, impossible = [], set()
-    for key, (name, method, _) in jobs.items():
-        if key in kept.known and (name, method) not in impossible:
-            runs.append(Run(*kept.known[key]))
+    for key in jobs:
+        if key in kept.known and key[:2] not in impossible:
+            runs.append(kept.known[key])
             if runs[-1].status.startswith("cannot"):
-                impossible.add((name, method))
+                impossible.add(key[:2])
     return runs
 
 
-def _report(runs, out, as_json):
-    from haptic_sim.bench import table
-
+def _report(runs, others, out, as_json):
     if out and runs:
-        from bench.methods.figure import pareto_figure
-
-        table.write_csv(out / "speed_error.csv", runs)
+        write_csv(out / "speed_error.csv", [*runs, *others])
         (out / "speed_error.md").write_text(_page(runs), encoding="utf-8")
         for scene in table.scenes_of(runs):
             pareto_figure([item for item in runs if item.scene == scene]).savefig(out / f"pareto_{scene}.png", dpi=100)
@@ -118,30 +96,21 @@ def _report(runs, out, as_json):
 
 
 def _page(runs):
-    from bench.methods.table import costs, markdown
-    from bench.methods.world import PEERS, version
-
     used = [version(name) for name in PEERS if any(item.method == name for item in runs)]
-    return (f"# Speed against error\n\nWritten by `haptic bench speed-error`. Peers: {', '.join(dict.fromkeys(used))}. "
-            "In bold the scene's default method, beside it the pymunk world and the direct solver, each at the step "
-            "that the scene would give it, with its share of an exchange's time; behind them, how many times faster "
-            "the best of closed_form, partitioned and event_driven reaches the smallest error that it and the peer "
-            "both reach; ✗: below 15 for linkages against RK4, 5 for "
-            f"single contacts, 1 else.\n\n{markdown(runs)}\n\n## Wall time of a step [µs]\n\n"
-            f"The least over the steps tried.\n\n{costs(runs)}\n")
+    return (f"# Speed against error\n\nWritten by `python -m bench speed_error`. "
+            f"Peers: {', '.join(dict.fromkeys(used))}. In bold the scene's default method, beside it the pymunk world "
+            "and the direct solver, each at the step that the scene would give it, with its share of an exchange's "
+            "time; behind them, how many times faster the best of closed_form, partitioned and event_driven reaches "
+            "the smallest error that it and the peer both reach; ✗: below 15 for linkages against RK4, 5 for "
+            f"single contacts, 1 else.\n\n{table.markdown(runs)}\n\n## Wall time of a step [µs]\n\n"
+            f"The least over the steps tried.\n\n{table.costs(runs)}\n")
 
 
 def _content(runs):
-    import math
-
-    from bench.methods.compare import ratios
-    from bench.methods.table import scenes_of
-    from bench.methods.world import PEERS, version
-
     def plain(value):
         return None if isinstance(value, float) and not math.isfinite(value) else value
 
-    equal = [ratio._asdict() | {"ratio": ratio.ratio} for scene in scenes_of(runs)
+    equal = [ratio._asdict() | {"ratio": ratio.ratio} for scene in table.scenes_of(runs)
              for ratio in ratios([item for item in runs if item.scene == scene])]
     used = {item.method for item in runs}
     return {"runs": [{key: plain(value) for key, value in item._asdict().items()} for item in runs],

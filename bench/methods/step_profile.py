@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a step goes into [µs of the thread]: pieces of one of `partitioned`, and a whole one of `event_driven`.
 
-`python bench/step_profile.py [scene ...]`; scenes of the speed-error bench halfway through, at 1 ms, each piece done
-again and again on the same state.
+Scenes of the speed_error bench halfway through, at 1 ms, each piece done again and again on the same state.
 """
 
-import sys
 import time
+from typing import Annotated
+
+import typer
 
 from haptic_device.jit import kernel
-from reference.case import NAMES, case
 from haptic_sim.method.meet import add_met, look_around
 from haptic_sim.method.press import free_velocity, put_right, solve
 from haptic_sim.method.registry import make
 from haptic_sim.method.rows import add_joints
 from haptic_sim.method.step import event_step, hold_to_tool, sub_step
+from reference.case import NAMES, case
 
 H, TIMES, REPEATS = 1e-3, 1000, 5
 
@@ -93,12 +94,10 @@ def spent(of, name):
     return 1e6 * best
 
 
-def main():
-    """One line a scene."""
+def main(
+    scenes: Annotated[list[str] | None, typer.Argument(help="Scenes with a reference; else all that move.")] = None,
+) -> None:
+    """What a step goes into [µs of the thread], one line a scene."""
     print(f"{'scene':14}" + "".join(f"{name:>13}" for name in PIECES))
-    for name in sys.argv[1:] or [name for name in NAMES if case(name).moving]:
+    for name in scenes or [name for name in NAMES if case(name).moving]:
         print(f"{name:14}" + "".join(f"{spent(case(name), piece):13.2f}" for piece in PIECES), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,37 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs as CSV and as one Markdown table."""
+"""Runs as one Markdown table."""
 
-import csv
 import math
-from pathlib import Path
-from typing import NamedTuple
 
-from reference.case import case
 from bench.methods.compare import WANTED, pareto, ratios
 from bench.methods.measure import Run
 from bench.methods.world import OURS, PEERS
 from haptic_sim.compile import compile_scene
 from haptic_sim.scene import load
+from reference.case import case
 
 TITLES = {"pymunk": "pymunk", "box2d": "Box2D", "mujoco_rk4": "MuJoCo RK4", "mujoco_implicit": "MuJoCo implicit"}
-
-
-def write_csv(path: Path, runs: list[NamedTuple]) -> None:
-    """One line a run; there is at least one."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        out = csv.writer(file, lineterminator="\n")
-        out.writerow(runs[0]._fields)
-        out.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in item] for item in runs)
-
-
-def read_csv(path: Path) -> list[Run]:
-    """Runs of a file. ValueError if it is no such file."""
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    try:
-        return [Run(**{name: Run.__annotations__[name](row[name]) for name in Run._fields}) for row in rows]
-    except (KeyError, TypeError, ValueError):
-        raise ValueError(f"{path} has not the columns {', '.join(Run._fields)}") from None
 
 
 def scenes_of(runs: list[Run]) -> list[str]:

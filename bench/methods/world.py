@@ -2,13 +2,12 @@
 """What can be measured: one of the methods, or a peer, on a scene; by name, imported only when it is used."""
 
 import importlib
-from typing import Protocol
 
 import numpy as np
 
-from haptic_sim.method import Coupling, Planar
 from haptic_sim.method.registry import METHODS
 from haptic_sim.method.registry import make as make_method
+from haptic_sim.rollout import Led, World
 from haptic_sim.scene import Scene
 
 PEERS = {
@@ -26,25 +25,6 @@ class Impossible(Exception):
     """A scene that this one cannot model; the message says what of it."""
 
 
-class World(Protocol):
-    """A scene with a tool in it, led by a hand."""
-
-    supplied: float
-    """Energy [J] that the coupling has given to the tool since the start."""
-
-    def couple(self, gains: Coupling) -> None:
-        """Takes these gains."""
-
-    def follow(self, path: np.ndarray, count: int) -> None:
-        """`count` steps from each row of the hand's path (n, 6: position, velocity) evenly to the next."""
-
-    def pose(self, body: str) -> Planar:
-        """Pose of a body's frame."""
-
-    def energy(self) -> tuple[float, float]:
-        """Kinetic and potential energy [J]. Whoever asks wants them after each `follow`: it may book from now on."""
-
-
 def make(name: str, scene: Scene, sub_step: float) -> World:
     """The world called `name`. Impossible if it cannot model the scene; ValueError if there is none of that name."""
     if name in PEERS:
@@ -52,7 +32,7 @@ def make(name: str, scene: Scene, sub_step: float) -> World:
     if name not in METHODS:
         raise ValueError(f"method is {name!r}; it must be one of {', '.join(NAMES)}")
     try:
-        return _Own(make_method(name, scene, sub_step))
+        return Led(make_method(name, scene, sub_step))
     except ValueError as refusal:
         raise Impossible(str(refusal)) from None
 
@@ -84,20 +64,3 @@ def between(path: np.ndarray, count: int) -> np.ndarray:
 def _peer(name):
     module, kind = PEERS[name].split(":")
     return getattr(importlib.import_module(module), kind)
-
-
-class _Own:
-    """A method of this project, its supply summed."""
-
-    def __init__(self, method):
-        self._method, self.supplied = method, 0.0
-        self.couple, self.pose, self.energy = method.couple, method.pose, method.energy
-
-    def follow(self, path, count):
-        follow = getattr(self._method, "follow", None)
-        if follow:
-            self.supplied += follow(path, count).supplied
-            return
-        rows = [(tuple(row[:3]), tuple(row[3:])) for row in path.tolist()]
-        for start, end in zip(rows, rows[1:], strict=False):
-            self.supplied += self._method.travel(*start, *end, count).supplied

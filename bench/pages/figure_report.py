@@ -1,25 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A report's page as a Chromium draws it, into docs/figures/report.png: python bench/figure_report.py BAG.
+"""A report's page as a Chromium draws it, into docs/figures/report.png.
 
 On the left its top, on the right its figures from the first on. Needs the extra `browser` and a Chromium (make
 test-browser). A palette makes the picture a third as large.
 """
 
 import io
-import sys
 import tempfile
 from pathlib import Path
+from typing import Annotated
 
+import typer
+from browser.chromium import OPTIONS, find
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from haptic_device.analysis.page import write_report
 from haptic_device.analysis.run import read_run
 
-ROOT = Path(__file__).parents[1]
-sys.path.append(str(ROOT / "test" / "browser"))
-from chromium import OPTIONS, find  # noqa: E402
-
+ROOT = Path(__file__).parents[2]
 SIZE = {"width": 760, "height": 1600}
 COLOURS = 256
 
@@ -37,16 +36,13 @@ def photographs(page):
     return [Image.open(io.BytesIO(shot)).convert("RGB") for shot in shots]
 
 
-def main():
+def main(bag: Annotated[Path, typer.Argument(help="Bag of a recorded run.")]) -> None:
+    """A report's page as a Chromium draws it, into docs/figures/report.png."""
     path = ROOT / "docs" / "figures" / "report.png"
     with tempfile.TemporaryDirectory() as folder:
-        top, figures = photographs(write_report([read_run(Path(sys.argv[1]))], Path(folder)))
+        top, figures = photographs(write_report([read_run(bag)], Path(folder)))
     both = Image.new("RGB", (top.width + figures.width, top.height))
     both.paste(top, (0, 0))
     both.paste(figures, (top.width, 0))
     both.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE).save(path, optimize=True)
     print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1024:.0f} KiB")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,24 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of docs/model.md and docs/cli.md: python bench/figures_model.py [RUN_FOLDER].
+"""The figures of docs/model.md and docs/cli.md.
 
 Writes docs/figures/model.png, and with the folder of a run (`haptic demo --out RUN_FOLDER`) docs/figures/demo.png.
 """
 
-import sys
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 
 from haptic_device.analysis.recording import load
 from haptic_device.analysis.report import draw as draw_report
 
-FOLDER = Path(__file__).parents[1] / "docs" / "figures"
+FOLDER = Path(__file__).parents[2] / "docs" / "figures"
 REAL, VIRTUAL, FORCE, GROUND = "#0072B2", "#D55E00", "#009E73", "0.35"
 
 
-def main(run=None):
+def main(run: Annotated[Path | None, typer.Argument(help="Folder of a run of the demo.")] = None) -> None:
+    """The figures of docs/model.md, and of docs/cli.md from a run."""
     figure = Figure(figsize=(11.0, 8.6), layout="constrained")
     panels = figure.subplot_mosaic([["chain", "chain"], ["plane", "time"]], height_ratios=(1.0, 1.05))
     for name, panel in panels.items():
@@ -26,7 +28,7 @@ def main(run=None):
         panel.set_axis_off()
     figure.savefig(FOLDER / "model.png", dpi=110)
     if run is not None:
-        draw_report(load(Path(run) / "bag"), FOLDER / "demo.png", "peg_in_hole")
+        draw_report(load(run / "bag"), FOLDER / "demo.png", "peg_in_hole")
 
 
 def chain(axes):
@@ -156,7 +158,3 @@ def peg(axes, x, y, angle, colour, text, aside):
     axes.add_patch(Polygon(turned, facecolor=colour, alpha=0.25, edgecolor=colour))
     axes.add_patch(Circle((x, y), 0.1, color=colour, zorder=4))
     axes.text(x + aside, y - 0.9, text, ha="center", va="center", fontsize=8, color=colour)
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:2])

@@ -4,7 +4,7 @@
 For each figure median and range; how it differs with a page from that without, in the median over the pairs; and the
 noise, which is how two runs alike differ (median over all twos of runs with a page, and of runs without).
 
-python bench/viewer_disturbs.py [pairs] [seconds]   (needs the extra `browser` and a Chromium: make test-browser)
+Needs the extra `browser` and a Chromium: make test-browser.
 """
 
 import json
@@ -16,14 +16,14 @@ import sys
 import tempfile
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Annotated
 
-from paired import compared
+import typer
+from browser.chromium import OPTIONS, find
 from playwright.sync_api import sync_playwright
 
+from bench.recording.paired import compared
 from haptic_sim.cli.domain import isolated_domain
-
-sys.path.append(str(Path(__file__).parents[1] / "test" / "browser"))
-from chromium import OPTIONS, find  # noqa: E402
 
 HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
 FIGURES = {
@@ -72,8 +72,11 @@ def row(name, found):
     return f"| {name} | {shown[0]} | {shown[1]} | {added:+.2f} | {noise:.2f} | {within} |"
 
 
-def main():
-    pairs, seconds = (int(word) for word in [*sys.argv[1:], "6", "8"][:2])
+def main(
+    pairs: Annotated[int, typer.Argument(min=1)] = 6,
+    seconds: Annotated[int, typer.Argument(min=1, help="Of each run.")] = 8,
+) -> None:
+    """What the servo notices of a viewer whose page a Chromium draws."""
     found, drawn = {False: [], True: []}, []
     with tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=find(), args=list(OPTIONS))
@@ -88,7 +91,3 @@ def main():
     print("| what the servo notices | without page | with page | with less without | noise | within noise |")
     print("\n".join(["|---|---|---|---|---|---|", *(row(name, found) for name in FIGURES)]))
     print(f"frames drawn per second at the end, viewer's share of a core [%]: {drawn}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes a bag of many minutes by repeating the trace of a recorded run, and prints what its report costs.
+"""Writes a bag of many minutes by repeating the trace of a recorded run, and prints what its report costs."""
 
-usage: python bench/long_bag.py BAG OUT [--minutes 10]
-"""
-
-import argparse
 import multiprocessing
 import os
 import struct
@@ -13,8 +9,10 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 
 from haptic_device.analysis.bagfile import Keep, read
 from haptic_device.analysis.cdr import cloud_layout, cloud_records, joint_layout
@@ -94,25 +92,21 @@ class Shift:
         return np.frombuffer(bytearray(cloud_records(layout, data)), layout.record).copy(), layout.size + 4
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("bag", type=Path)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--minutes", type=float, default=10.0)
-    given = parser.parse_args()
-    if not given.out.exists():  # by a process of its own: the report's peak counts on from that of who starts it
+def main(
+    bag: Annotated[Path, typer.Argument(help="Bag of a recorded run.")],
+    out: Annotated[Path, typer.Argument(help="Bag to write; one that is there is taken as it is.")],
+    minutes: Annotated[float, typer.Option(min=0.1)] = 10.0,
+) -> None:
+    """Writes a bag of many minutes and prints what its report costs."""
+    if not out.exists():  # by a process of its own: the report's peak counts on from that of who starts it
         with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as writer:
-            writer.submit(repeat, given.bag, given.out, given.minutes * 60.0).result()
-    size = sum(file.stat().st_size for file in given.out.glob("*.mcap"))
+            writer.submit(repeat, bag, out, minutes * 60.0).result()
+    size = sum(file.stat().st_size for file in out.glob("*.mcap"))
     print(f"bag: {size / 1e6:.0f} MB")
     began = time.monotonic()
-    command = [sys.executable, "-m", "haptic_sim.cli.main", "report", str(given.out), "--out", f"{given.out}_report"]
+    command = [sys.executable, "-m", "haptic_sim.cli.main", "report", str(out), "--out", f"{out}_report"]
     process = subprocess.Popen(command)
     _, status, usage = os.wait4(process.pid, 0)
     seconds, cpu = time.monotonic() - began, usage.ru_utime + usage.ru_stime
     most = usage.ru_maxrss / 1024
     print(f"report: exit {status}, {seconds:.1f} s ({cpu:.1f} s of processor), {most:.0f} MiB at most")
-
-
-if __name__ == "__main__":
-    main()

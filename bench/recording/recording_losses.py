@@ -1,29 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the demo's system with and without a recorder, in pairs, and prints what was lost and what it cost.
 
-usage: python bench/recording_losses.py [--rates 4000 10000] [--seconds 60] [--pairs 5] [--out FOLDER]
-
 Lateness is that of the driver's last 20000 ticks. CPU is of one core, after the first seconds. At the end, for each
 rate: how lateness with a recorder differs from that without, in the median over the pairs, beside the noise, which is
 how two runs alike differ (median over all twos of runs with a recorder, and of runs without).
 """
 
-import argparse
 import contextlib
 import tempfile
 import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
-from paired import compared
+import typer
 
+from bench.recording.paired import compared
 from haptic_device.analysis.recording import load
 from haptic_sim.cli.demo import Order, programs_of
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.live import Live
 from haptic_sim.cli.processes import Nodes
 
+RATES = 4000.0, 10000.0  # Hz
 SETTLING = 5.0  # s
 
 
@@ -90,28 +89,24 @@ def verdict(rate, name, found):
     return f"| {rate:.0f} | {name} | {added:+.1f} | {noise:.1f} | {within} |"
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rates", type=float, nargs="+", default=[4000.0, 10000.0])
-    parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--pairs", type=int, default=5)
-    parser.add_argument("--out", type=Path)
-    given = parser.parse_args()
-    base = given.out or Path(tempfile.mkdtemp(prefix="haptic_losses_"))
+def main(
+    rate: Annotated[list[float] | None, typer.Option(help="Servo rate (Hz), once or more [4000 10000].")] = None,
+    seconds: Annotated[float, typer.Option(min=SETTLING + 1.0, help="Of each run.")] = 60.0,
+    pairs: Annotated[int, typer.Option(min=1, help="Runs with and without a recorder at each rate.")] = 5,
+    out: Annotated[Path | None, typer.Option(help="Folder for the runs; else a temporary one.")] = None,
+) -> None:
+    """What a recorder loses and what it costs, in pairs of runs with and without one."""
+    base = out or Path(tempfile.mkdtemp(prefix="haptic_losses_"))
     verdicts = []
     print("| rate Hz | recorded | rows | missing | dropped | lost messages | recorder % | publishing % | p50, p99 |")
-    for rate in given.rates:
+    for each in rate or RATES:
         found = {True: [], False: []}
-        for pair in range(given.pairs):
+        for pair in range(pairs):
             for recorded in (False, True) if pair % 2 else (True, False):
-                seen = run(rate, given.seconds, base / f"{rate:.0f}_{pair}_{recorded:d}", recorded)
+                seen = run(each, seconds, base / f"{each:.0f}_{pair}_{recorded:d}", recorded)
                 found[recorded].append(seen)
                 bag = f"{'yes' if recorded else 'no'} | {seen.rows} | {seen.missing} | {seen.dropped} | {seen.lost}"
                 cpu = f"{100 * seen.recorder:.1f} | {100 * seen.publishing:.1f}"
-                print(f"| {rate:.0f} | {bag} | {cpu} | {seen.p50:.1f}, {seen.p99:.1f} µs |", flush=True)
-        verdicts += [verdict(rate, name, found) for name in ("p50", "p99")]
+                print(f"| {each:.0f} | {bag} | {cpu} | {seen.p50:.1f}, {seen.p99:.1f} µs |", flush=True)
+        verdicts += [verdict(each, name, found) for name in ("p50", "p99")]
     print("\n".join(["| rate Hz | lateness | with less without µs | noise µs | within noise |", *verdicts]))
-
-
-if __name__ == "__main__":
-    main()

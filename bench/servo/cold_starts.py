@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Demos with an empty cache of kernels, one after the other; and the end of a demo told to end while it compiles.
 
-`python bench/cold_starts.py [COUNT [BUSY]]`: COUNT starts of `haptic demo --scene wall --seconds 1` (15), beside BUSY
+`python -m bench cold_starts COUNT BUSY`: COUNT starts of `haptic demo --scene wall --seconds 1` (15), beside BUSY
 processes that do nothing but count (0). A line each: time to the first motor command and of the whole [s], lines that
 said what is compiled, processes left behind. Then SIGINT and SIGTERM while it compiles: time until everything has
 ended, and whether the next demo, on that cache, does its work. Exit code 1 if one stood still, left something behind,
@@ -18,8 +18,10 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Annotated
 
 import psutil
+import typer
 
 STILL = 600.0  # [s] after which a start stands still
 DEMO = [sys.executable, "-m", "haptic_sim.cli.main", "demo", "--scene", "wall", "--seconds", "1", "--json"]
@@ -79,7 +81,11 @@ def interrupted(folder, number):
     return time.monotonic() - told
 
 
-def main(count, busy):
+def main(
+    count: Annotated[int, typer.Argument(min=0, help="Starts.")] = 15,
+    busy: Annotated[int, typer.Argument(min=0, help="Processes beside them that do nothing but count.")] = 0,
+) -> None:
+    """Demos with an empty cache of kernels, and the end of one told to end while it compiles."""
     loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(busy)]
     good, firsts = True, []
     try:
@@ -99,9 +105,4 @@ def main(count, busy):
             loop.kill()
     if firsts:
         print(f"first command: median {statistics.median(firsts):.2f} s, at most {max(firsts):.2f} s")
-    return 0 if good else 1
-
-
-if __name__ == "__main__":
-    given = [int(word) for word in sys.argv[1:]]
-    sys.exit(main(*given, *(15, 0)[len(given) :]))
+    raise typer.Exit(0 if good else 1)

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The cost model: what a tick, an exchange, a sub-step and a cell cost in processor time, and how each grows."""
 
+import json
 import tempfile
 import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+import typer
 import yaml
 
 from haptic_device import operating
@@ -14,13 +16,15 @@ from haptic_device.analysis.zwidth import Setup
 from haptic_device.analysis.zwidth_map import Request, draw_map
 from haptic_device.device import load_device
 from haptic_device.law import servo
+from haptic_device.node.declared import NODES
 from haptic_device.runtime import loop, recompute
+from haptic_device.runtime.machine import cores
 from haptic_device.share import find
-from haptic_sim.bench.c_twin import recorded
-from bench.servo.lateness import values
+from haptic_sim.cli.lateness import COMMON, values
+from haptic_sim.lockstep import Lockstep
+from haptic_sim.rollout import Exchanged, hand, rollout
 from haptic_sim.scene import load
-from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.trial import EXCHANGE_NS, GAINS, hand
+from haptic_sim.simulation import Simulation
 
 REPEATS = 7  # of which the fastest counts
 EXCHANGES = 600  # of which the first third is not counted
@@ -40,6 +44,28 @@ class Cost(NamedTuple):
     apart: float
     counts: list
     microseconds: list
+
+
+def main(
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
+) -> None:
+    """What a tick, an exchange, a sub-step and a cell cost, and how each grows with axes, walls, blocks, contacts."""
+    found = {"costs": [one._asdict() for one in measure()], "two_cores": efficiency(2) if cores() > 1 else None}
+    typer.echo(json.dumps(found) if as_json else table(found))
+
+
+def table(found: dict) -> str:
+    """As a table of Markdown, and a sentence on the cores."""
+    lines = [
+        "| what | at none [us] | for one more [us] | | off the line |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for one in found["costs"]:
+        numbers = f"{one['base']:.3g} | {one['slope']:.3g} | {one['grows_with']}"
+        lines.append(f"| {one['what']} | {numbers} | {100.0 * one['apart']:.1f} % |")
+    shared = found["two_cores"]
+    said = "one core only: no efficiency" if shared is None else f"two cores do {2.0 * shared:.2f} times the map of one"
+    return "\n".join([*lines, "", said])
 
 
 def line(what: str, grows_with: str, counts, microseconds) -> Cost:
@@ -89,7 +115,7 @@ def _run(settings, counts):
 
 
 def insertion(ticks: int) -> float:
-    """Processor time of all ticks [us] of a recorded insertion, with everything on (bench/servo.py: COMMON)."""
+    """Processor time of all ticks [us] of a recorded insertion, with all on (haptic_sim/cli/lateness.py: COMMON)."""
     settings, memory, rows = (record.view(np.recarray) for record in recorded(ticks))
 
     def once():
@@ -101,19 +127,28 @@ def insertion(ticks: int) -> float:
     return _fastest(once, 1)
 
 
+def recorded(ticks: int):
+    """Settings, memory at the start, and rows with inputs, of a peg on its way into the hole with everything on."""
+    driver = values(**COMMON, **{"engage.time": 0.05})
+    scene = load("peg_in_hole")
+    moved = {parameter.name: parameter.default for parameter in NODES["haptic_loopback"]}
+    moved |= {f"motion.{key}": value for key, value in scene.motion.items()}
+    system = Lockstep(load_device("desktop"), driver, moved, Simulation(scene))
+    system.run(0.5)
+    memory = system.memory.copy()
+    return system.settings.copy(), memory, system.run(ticks / driver["servo.rate"]).view(np.ndarray)
+
+
 def _fastest(once, count):
     return 1e6 * min(once() for _ in range(REPEATS)) / count
 
 
 def exchange(scene, method: str, sub_step: float) -> float:
     """Median processor time of an exchange at 1 kHz [us], sub-steps and answer, over the scene's suggested motion."""
-    world, lead, spent = Simulation(scene, sub_step, method=method), hand(scene), []
-    for k in range(EXCHANGES):
-        at = lead(k * scene.motion["duration"] / EXCHANGES)
-        sample = HandleSample(k * EXCHANGE_NS, at, (0.0, 0.0, 0.0), *GAINS)
-        began = time.thread_time()
-        world.exchange(sample)
-        spent.append(time.thread_time() - began)
+    lead = hand(scene)
+    path = np.zeros((EXCHANGES, 6))
+    path[:, :3] = [lead(k * scene.motion["duration"] / EXCHANGES) for k in range(EXCHANGES)]
+    spent = rollout(Exchanged(Simulation(scene, sub_step, method=method), path[0]), path).spent
     return 1e6 * float(np.median(spent[EXCHANGES // 3 :]))
 
 

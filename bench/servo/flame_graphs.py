@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Flame graphs of device, driver and simulation at 1 kHz exchange, as SVG.
 
-usage: python bench/flame_graphs.py FOLDER [seconds [scene]]
-
 Needs py-spy (pip install py-spy). Compiled loops show as the Python line that called them: what is to be looked for is
 Python that runs once a tick or once an exchange.
 """
@@ -14,6 +12,9 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes, Program
@@ -25,7 +26,12 @@ NODES = {
 }
 
 
-def main(out, seconds=10, scene="peg_in_hole"):
+def main(
+    out: Annotated[Path, typer.Argument(help="Folder for the SVG files.")],
+    seconds: Annotated[int, typer.Argument(min=1, help="Of each node.")] = 10,
+    scene: Annotated[str, typer.Argument(help="A name in config/scenes or a YAML file.")] = "peg_in_hole",
+) -> None:
+    """Flame graphs of device, driver and simulation at 1 kHz exchange, as SVG."""
     from haptic_sim.cli.tuning import Tuning
 
     if shutil.which("py-spy") is None:
@@ -49,7 +55,3 @@ def main(out, seconds=10, scene="peg_in_hole"):
                             "-o", file, "-p", str(nodes.pid(name))], check=True, capture_output=True)  # fmt: skip
             file.write_text(re.sub(r"py-spy record [^<]*", f"{name}, {seconds} s, {scene}", file.read_text()))
             print(file)
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]), *sys.argv[2:])

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Damping cancellation on live nodes: what a circling hand feels, and what walls keep of their bound.
 
-usage: python bench/live_cancellation.py
-
 Judged on the loopback's truth. The measured form runs with a driver whose device description is 30 % off. Under
 `enforce` the wall is at 95 % of 2b/T where the driver takes it, else, writes being late, at 95 % of what it names.
 """
@@ -79,7 +77,8 @@ def keeps_its_bound(display, tuning, share, ratio, band, rate=RATE):
     )
 
 
-def main():
+def main() -> None:
+    """What a circling hand feels with damping cancelled, and what walls keep of their bound."""
     true = load_device("desktop").axes[0].damping
     with tempfile.TemporaryDirectory() as folder:
         with live("desktop", "desktop") as (display, tuning):
@@ -95,7 +94,3 @@ def main():
             with live(description(folder, share), "desktop") as (display, tuning):
                 left = felt(display, tuning, "measured") / true
                 print(f"measured, {RATIO:.0%}, description {share - 1.0:+.0%} off: {left:.1%} of b is felt")
-
-
-if __name__ == "__main__":
-    main()

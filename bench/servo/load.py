@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic bench load`: processor and memory of the whole live system, node by node."""
+"""Processor and memory of the whole live system, node by node."""
 
 import contextlib
 import json
@@ -12,18 +12,21 @@ import psutil
 import typer
 
 from bench.jobs import deaths_told
+from haptic_device.share import find
+from haptic_sim.cli.domain import isolated_domain
+from haptic_sim.cli.prepare import prepare
+from haptic_sim.cli.processes import Nodes, Program, interruptible
+from haptic_sim.cli.tuning import Tuning
 
 SETTLING = 2.0  # [s] after engaging
 
 
-def load(
+def main(
     seconds: Annotated[float, typer.Option(help="Length of the measurement.", min=1.0, max=3600.0)] = 10.0,
     scene: Annotated[str, typer.Option(help="A name in config/scenes or a YAML file.")] = "peg_in_hole",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ) -> None:
     """Processor time and memory (PSS) of device, driver, simulation and recorder: 4 kHz servo, 1 kHz exchange."""
-    from haptic_sim.cli.processes import interruptible
-
     with interruptible(), deaths_told():
         found = measure(seconds, scene)
     if as_json:
@@ -36,11 +39,6 @@ def load(
 
 def measure(seconds: float, scene: str = "peg_in_hole") -> dict:
     """{"cores": of all, "node_cores": {node: share of a core}, "pss_mb": {node: MB}}."""
-    from haptic_sim.cli.domain import isolated_domain
-    from haptic_sim.cli.prepare import prepare
-    from haptic_sim.cli.processes import Nodes
-    from haptic_sim.cli.tuning import Tuning
-
     with tempfile.TemporaryDirectory(prefix="haptic_") as place, isolated_domain(Path(place)) as domain:
         programs = _programs(Path(place) / "bag", scene)
         prepare(programs)
@@ -61,9 +59,6 @@ def measure(seconds: float, scene: str = "peg_in_hole") -> dict:
 
 
 def _programs(bag, scene):
-    from haptic_device.share import find
-    from haptic_sim.cli.processes import Program
-
     path = str(find("scenes", scene).absolute())
     circle = {"motion.name": "circle", "motion.start": (0.0, 0.11, 0.0), "motion.radius": 0.01,
               "motion.duration": 3600.0}  # fmt: skip

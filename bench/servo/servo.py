@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic bench servo`: how late the servo wakes beside cyclictest, and what a tick costs beside the same law in C."""
+"""How late the servo wakes, beside cyclictest."""
 
 import csv
 import json
@@ -13,6 +13,14 @@ import numpy as np
 import typer
 
 from bench.jobs import deaths_told
+from bench.servo import cyclictest
+from bench.servo.servo_figure import save
+from haptic_device.analysis.recording import load
+from haptic_device.analysis.summary import engaged_rows, faults
+from haptic_device.share import find
+from haptic_sim.cli import demo
+from haptic_sim.cli import lateness as servo_lateness
+from haptic_sim.cli.processes import NodeDiedError, interruptible
 
 QUANTITIES = ("ticks", "missed", "p50", "p99", "p999", "max")
 _RATE = "Servo rate [Hz], 500 to 10000; may be repeated [1000 2000 4000 8000 10000]."
@@ -20,89 +28,73 @@ _DEMO = "Also under the whole demo (device, driver, simulation, recorder), for s
 _TURNS = "Turns, servo and cyclictest one after the other; medians count."
 
 
-def servo(
+def main(
     rate: Annotated[list[float] | None, typer.Option(help=_RATE, min=500.0, max=10000.0)] = None,
     seconds: Annotated[float, typer.Option(help="Length of a measurement.", min=0.2, max=3600.0)] = 2.0,
     turns: Annotated[int, typer.Option(help=_TURNS, min=1, max=100)] = 5,
-    demo: Annotated[float, typer.Option(help=_DEMO, min=0.0, max=3600.0)] = 0.0,
+    demo_seconds: Annotated[float, typer.Option("--demo", help=_DEMO, min=0.0, max=3600.0)] = 0.0,
     out: Annotated[Path | None, typer.Option(help="Folder for servo.csv, servo_histogram.csv and servo.png.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ) -> None:
-    """Lateness of the servo with real-time priority and without, beside cyclictest; a tick beside the same in C."""
-    from bench.servo.lateness import RATES
-    from haptic_sim.cli.processes import interruptible
-
+    """Lateness of the servo with real-time priority and without, beside cyclictest."""
     with interruptible(), deaths_told():
-        cases, samples = lateness(rate or RATES, seconds, turns, demo)
-        compute = twins(turns)
+        cases, samples = lateness(rate or servo_lateness.RATES, seconds, turns, demo_seconds)
     if out is not None:
         keep(cases, samples, out)
     for lack in _lacking(cases):
-        typer.echo(f"haptic bench: {lack}", err=True)
-    found = {"lateness": cases, "compute": compute}
-    typer.echo(json.dumps(found)) if as_json else _show(found)
+        typer.echo(f"bench: {lack}", err=True)
+    typer.echo(json.dumps({"lateness": cases}) if as_json else table(cases))
 
 
-def lateness(rates, seconds: float, turns: int, demo: float = 0.0) -> tuple[list[dict], dict]:
+def lateness(rates, seconds: float, turns: int, beside_demo: float = 0.0) -> tuple[list[dict], dict]:
     """One entry a rate, scheduling and load: medians over the turns [us]; and {case: all samples [us]}.
 
     A demo that comes to nothing, as one without real-time priority may on a busy machine, is said and left out.
     """
-    from haptic_sim.cli.processes import NodeDiedError
-
     cases, samples = [], {}
     for rate in rates:
         for realtime in ("prefer", "off"):
-            loads = {"alone": (seconds, turns, _alone)} | ({"demo": (demo, 1, _under_demo)} if demo else {})
-            for load, (length, times, measured) in loads.items():
-                print(f"{rate:g} Hz, realtime {realtime}, {load}", file=sys.stderr, flush=True)
+            loads = {"alone": (seconds, turns, _alone)}
+            loads |= {"demo": (beside_demo, 1, _under_demo)} if beside_demo else {}
+            for beside, (length, times, measured) in loads.items():
+                print(f"{rate:g} Hz, realtime {realtime}, {beside}", file=sys.stderr, flush=True)
                 try:
                     pairs = [(measured(rate, length, realtime), _beside(rate, length, realtime)) for _ in range(times)]
                 except (ValueError, NodeDiedError) as error:
-                    if load == "alone":
+                    if beside == "alone":
                         raise
-                    print(f"haptic bench: no demo at {rate:g} Hz, realtime {realtime}: {error}", file=sys.stderr)
+                    print(f"bench: no demo at {rate:g} Hz, realtime {realtime}: {error}", file=sys.stderr)
                     continue
-                cases.append({"rate": rate, "realtime": realtime, "load": load, **_medians(pairs)})
+                cases.append({"rate": rate, "realtime": realtime, "load": beside, **_medians(pairs)})
                 for who, column in zip(("servo", "cyclictest"), zip(*pairs, strict=True), strict=True):
                     known = [one.sorted_us for one in column if one is not None]
                     if known:
-                        samples[rate, realtime, load, who] = np.concatenate(known)
+                        samples[rate, realtime, beside, who] = np.concatenate(known)
     return cases, samples
 
 
 def _alone(rate, seconds, realtime):
-    from bench.servo.lateness import alone
-
-    return alone(rate, seconds, realtime)[0]
+    return servo_lateness.alone(rate, seconds, realtime)[0]
 
 
 def _beside(rate, seconds, realtime):
-    from bench.servo.lateness import cyclictest
-
-    return cyclictest(rate, seconds, realtime)
+    return cyclictest.cyclictest(rate, seconds, realtime)
 
 
 def _under_demo(rate, seconds, realtime):
     """Of the driver of a whole demo, from its recording. Raises ValueError if a fault ended it before its time."""
-    from haptic_device.analysis.recording import load
-    from haptic_device.analysis.summary import engaged_rows, faults
-    from haptic_device.share import find
-    from bench.servo.lateness import lateness_of
-    from haptic_sim.cli.demo import Order, play
-
     with tempfile.TemporaryDirectory(prefix="haptic_") as folder:
         wish = {"realtime": realtime}
         given = {name: wish for name in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
-        order = Order(
+        order = demo.Order(
             "peg_in_hole", seconds, Path(folder) / "run", None, float(rate), find("", "demo").absolute(), None, given
         )
-        play(order)
+        demo.play(order)
         recording = load(order.out / "bag")
         said, rows = recording.last_values("haptic_driver").get("realtime", ""), engaged_rows(recording.trace)
         if found := faults(recording):
             raise ValueError(f"fault {', '.join(found)} after {len(rows) / rate:.1f} s of {seconds:g} s")
-        return lateness_of(rows, said)
+        return servo_lateness.lateness_of(rows, said)
 
 
 def _medians(pairs):
@@ -117,31 +109,8 @@ def _medians(pairs):
     return found | {"cyclictest": beside, "p99_ratio": ratio}
 
 
-def twins(turns: int) -> dict | None:
-    """{kernel: times [us] of it and of its twin in C, and the median ratio of interleaved turns}.
-
-    None, and a sentence on standard error, where no compiler compiles it.
-    """
-    from haptic_sim.bench import c_twin
-
-    with tempfile.TemporaryDirectory(prefix="haptic_") as folder:
-        found = {}
-        for name, make in (("tick", c_twin.TickTwin), ("sweep cell", c_twin.CellTwin)):
-            try:
-                twin = make(Path(folder))
-            except c_twin.CompilerError as error:
-                typer.echo(f"haptic bench: {error}", err=True)
-                return None
-            pairs = [(twin.kernel() * 1e6, twin.c() * 1e6) for _ in range(turns)]
-            ours, theirs = (statistics.median(column) for column in zip(*pairs, strict=True))
-            found[name] = {"kernel_us": ours, "c_us": theirs, "ratio": statistics.median(a / b for a, b in pairs)}
-    return found
-
-
 def keep(cases: list[dict], samples: dict, out: Path) -> None:
     """Table, histograms with bins of a microsecond, and their picture."""
-    from bench.servo.servo_figure import save
-
     out.mkdir(parents=True, exist_ok=True)
     with open(out / "servo.csv", "w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
@@ -160,17 +129,9 @@ def keep(cases: list[dict], samples: dict, out: Path) -> None:
 
 def _lacking(cases):
     """What there was no cyclictest or no real-time priority for, a sentence each."""
-    from bench.servo.lateness import why_missing
-
     if any(case["cyclictest"] is None for case in cases):
-        yield why_missing()
+        yield cyclictest.why_missing()
     yield from sorted({case["scheduling"] for case in cases if "no SCHED_FIFO" in case["scheduling"]})
-
-
-def _show(found):
-    typer.echo(table(found["lateness"]))
-    for name, one in (found["compute"] or {}).items():
-        typer.echo(f"{name}: {one['kernel_us']:.3f} us, in C -O2 {one['c_us']:.3f} us, ratio {one['ratio']:.2f}")
 
 
 def table(cases: list[dict]) -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figure of `haptic bench servo`: histograms of lateness, one panel a rate, servo and cyclictest in each."""
+"""Figure of `python -m bench servo`: histograms of lateness, one panel a rate, servo and cyclictest in each."""
 
 import numpy as np
 from matplotlib.figure import Figure

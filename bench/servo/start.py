@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic bench start`: seconds from starting device, driver and simulation to each doing its work, and its memory."""
+"""Seconds from starting device, driver and simulation to each doing its work, and its memory."""
 
 import contextlib
 import json
@@ -14,6 +14,7 @@ import psutil
 import typer
 
 from bench.jobs import deaths_told
+from haptic_device.share import find
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes, Program, interruptible
 
@@ -27,7 +28,7 @@ PATIENCE = 180.0  # [s]
 FIRST, SECOND = 20.0, 3.0  # [s] that a person waits: a first start that compiles, and every other
 
 
-def start(
+def main(
     scene: Annotated[str, typer.Option(help="A name in config/scenes or a YAML file.")] = "peg_in_hole",
     again: Annotated[int, typer.Option(min=1, max=100, help="Starts after the very first one.")] = 3,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
@@ -43,8 +44,6 @@ def measure(scene: str = "peg_in_hole", again: int = 3) -> dict:
 
     ValueError for a scene that is none, NodeDiedError.
     """
-    from haptic_device.share import find
-
     path = str(find("scenes", scene).absolute())
     with tempfile.TemporaryDirectory(prefix="haptic_") as folder, _cache(Path(folder) / "cache"):
         (first, memory), *others = (_once(Path(folder), path) for _ in range(1 + again))

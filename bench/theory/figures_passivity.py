@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of docs/passivity.md: python bench/figures_passivity.py [FOLDER], by default docs/figures."""
+"""The figures of docs/passivity.md, by default into docs/figures."""
 
-import sys
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from matplotlib.figure import Figure
 
 from haptic_device.analysis.closed_forms import (
@@ -19,8 +20,11 @@ from haptic_device.analysis.switching import switched_cancellation_damping
 from haptic_device.analysis.transfer import wall_transfer
 from haptic_device.analysis.verdict import Display
 
+FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 
-def main(folder):
+
+def main(folder: Annotated[Path, typer.Argument(show_default="docs/figures")] = FIGURES) -> None:
+    """The figures of docs/passivity.md."""
     folder.mkdir(parents=True, exist_ok=True)
     figure = Figure(figsize=(11.0, 8.0), layout="constrained")
     for draw, panel in zip((demand, delay, simulation, switch), figure.subplots(2, 2).flat, strict=True):
@@ -79,7 +83,3 @@ def switch(axes):
     axes.plot(share, 0.5 / (1.0 - share), label="cancelled inside too")
     axes.set(xlabel="share ρ of b that is cancelled", ylabel="damping needed b/(KT)", ylim=(0.4, 2.2))
     axes.set_title("Damping cancellation up to the wall, B = 0")
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]) if sys.argv[1:] else Path(__file__).parents[1] / "docs" / "figures")

@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of docs/zwidth.md: python bench/figures_zwidth.py [FOLDER] [LIVE.json …].
-
-The latter are what `haptic zwidth --live --json` prints.
-"""
+"""The figures of docs/zwidth.md, with files of what `haptic zwidth --live --json` prints."""
 
 import json
-import sys
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
 from matplotlib.figure import Figure
 
 from haptic_device.analysis import probe
@@ -19,12 +17,17 @@ from haptic_device.device import load_device
 from haptic_sim.cli.zwidth_live import CANCELLED
 from haptic_sim.cli.zwidth_twin import HAND, Twin
 
+FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 RATES = (1000.0, 4000.0, 10000.0)
 DEVICES = (("desktop", "with damper", "tab:green"), ("undamped", "without", "tab:red"))
 LATE = 4e-6  # [s] of the servo's writes, as `zwidth --live` says
 
 
-def main(folder, live):
+def main(
+    folder: Annotated[Path, typer.Argument(show_default="docs/figures")] = FIGURES,
+    live: Annotated[list[Path] | None, typer.Argument(help="What `haptic zwidth --live --json` printed.")] = None,
+) -> None:
+    """The figures of docs/zwidth.md."""
     folder.mkdir(parents=True, exist_ok=True)
     figure = Figure(figsize=(11.0, 5.2), layout="constrained")
     for axes, operator in zip(figure.subplots(1, 2), ("none", "worst"), strict=True):
@@ -33,7 +36,7 @@ def main(folder, live):
         draw_cells(axes, request, draw_map(request, 2), 1e-4)
     figure.savefig(folder / "zwidth_map.png", dpi=110)
     figure = Figure(figsize=(11.0, 4.8), layout="constrained")
-    both_ends(figure.subplots(1, 2), [json.loads(path.read_text()) for path in live])
+    both_ends(figure.subplots(1, 2), [json.loads(path.read_text()) for path in live or ()])
     figure.savefig(folder / "zwidth.png", dpi=110)
 
 
@@ -75,7 +78,3 @@ def draw_free(axes, device, label, colour):
     for ratio, style in ((0.0, "-"), (CANCELLED, ":")):
         felt = [Twin(device, rate, 0.0, LATE).turn(ratio) for rate in RATES]
         axes.loglog(RATES, felt, "o" + style, color=colour, label=f"{label}, {100 * ratio:g} % cancelled")
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]) if sys.argv[1:] else Path("docs/figures"), [Path(word) for word in sys.argv[2:]])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of the theory: python bench/theory.py: condition (1) against closed forms, tables, and the μ test."""
+"""Figures of the theory: condition (1) against closed forms, tables, and the μ test."""
 
 import numpy as np
 
@@ -19,7 +19,8 @@ from haptic_device.analysis.transfer import wall_transfer
 DRAWS = 2000
 
 
-def main():
+def main() -> None:
+    """Condition (1) against closed forms, tables, and the μ test."""
     closed_forms()
     tables()
     stability()
@@ -99,7 +100,3 @@ def one_sample_late():
         endless = np.isinf(least_damping_for_any_simulation(wall, 1.0, "late").damping)
         found += bool(endless and mu_margin(wall, 1.0, b, "late") < 0.0)
     print(f"one sample late: {found} of {DRAWS // 10} cases unpassive")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where walls begin to shake in lock-step, against the eigenvalues: python bench/zwidth_boundary.py [SECONDS].
+"""Where walls begin to shake in lock-step, against the eigenvalues.
 
 The handle is pressed against the wall by a constant force, without operator, encoder steps or friction.
 """
 
-import sys
+from typing import Annotated
+
+import typer
 
 from haptic_device.analysis.stability import largest_stable_stiffness
 from haptic_device.analysis.zwidth import Operator, Setup, boundary_stiffness
@@ -22,7 +24,8 @@ CASES = (  # m [kg], b [N s/m], B [N s/m], T [s], delay [T]
 )
 
 
-def main(seconds):
+def main(seconds: Annotated[float, typer.Argument(min=0.1, help="Of each run.")] = 10.0) -> None:
+    """Where walls begin to shake in lock-step, against the eigenvalues."""
     for mass, physical_damping, damping, period, delay in CASES:
         setup = Setup(mass, physical_damping, period, delay_samples=delay, seconds=seconds)
         exact = largest_stable_stiffness(mass, physical_damping, damping, period, delay)
@@ -31,7 +34,3 @@ def main(seconds):
             f"m {mass:g} kg, b {physical_damping:g}, B {damping:g} N s/m, T {period * 1e3:g} ms, delay {delay:g} T: "
             f"lock-step {found:.1f} N/m, eigenvalues {exact:.1f} N/m, {100.0 * (found / exact - 1.0):+.2f} %"
         )
-
-
-if __name__ == "__main__":
-    main(float(sys.argv[1]) if sys.argv[1:] else 10.0)

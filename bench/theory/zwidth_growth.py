@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the stiffest wall that stands still grows with the servo's rate, on live nodes.
 
-usage: python bench/zwidth_growth.py [TURNS]
-
 Five turns of the search of `haptic zwidth --live` unless told, at 1 and 10 kHz one after the other; the median of the
 turns' ratios. A turn in which the machine stalled is done again, and said.
 """
 
 import contextlib
 import statistics
-import sys
+from typing import Annotated
+
+import typer
 
 from haptic_device.analysis import probe
 from haptic_device.device import load_device
@@ -34,7 +34,8 @@ def stiffest(path, rate):
             return probe.find_boundary(display.show, 0.95 * bound, 20.0 * bound).quiet
 
 
-def main(turns):
+def main(turns: Annotated[int, typer.Argument(min=1)] = 5) -> None:
+    """How the stiffest wall that stands still grows with the servo's rate, on live nodes."""
     path, ratios = find("devices", "desktop"), []
     while len(ratios) < turns:
         try:
@@ -48,7 +49,3 @@ def main(turns):
         slow, fast = (wall / 1e3 for wall in walls)
         print(f"turn {len(ratios)}: {slow:.2f} kN/m at 1 kHz, {fast:.1f} at 10: {ratios[-1]:.1f} times", flush=True)
     print(f"median of {turns}: {statistics.median(ratios):.1f} times")
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 5)

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speed of the Z-width map: python bench/zwidth_speed.py [POINTS]: core time of the kernel, and what two threads bring.
+"""Speed of the Z-width map: core time of the kernel, and what two threads bring.
 
 Device m = 0.1 kg, b = 0.5 N s/m, T = 1 ms; a tap without operator, 1 s a cell.
 Error: the boundary against the eigenvalues.
 """
 
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from typing import Annotated
 
 import numpy as np
+import typer
 
 from haptic_device.analysis.stability import largest_stable_stiffness
 from haptic_device.analysis.zwidth import Operator, Setup, boundary_stiffness, run_cells
@@ -17,7 +18,8 @@ from haptic_device.analysis.zwidth import Operator, Setup, boundary_stiffness, r
 SETUP, TAP = Setup(0.1, 0.5, 1e-3), Operator()
 
 
-def main(points):
+def main(points: Annotated[int, typer.Argument(min=1, help="Cells along each edge.")] = 100) -> None:
+    """Core time of the map's kernel, and what two threads bring."""
     damping, stiffness = np.linspace(-0.5, 2.0, points), np.linspace(50.0, 6000.0, points)
     run_cells(SETUP, (TAP,), stiffness[:1], damping[:1])
     alone, core, giving = _map(1, stiffness, damping)
@@ -42,7 +44,3 @@ def _map(threads, stiffness, damping):
         rows = list(pool.map(lambda value: run_cells(SETUP, (TAP,), stiffness, value), damping))
     wall, core = time.perf_counter() - began, time.process_time() - busy
     return wall, core, sum(int(np.sum(row.energy_given > 0.0)) for row in rows)
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]) if sys.argv[1:] else 100)

@@ -35,8 +35,7 @@ def checks(priority: int) -> list[Check]:
     """Everything that sets how late a thread of this priority wakes."""
     return [
         _preemption(), _fifo(priority), _memory(), _slack(), _governor(), _cores(), _clock(), _virtual(), _throttle(),
-        _kernels(), _tool("cyclictest", "`apt install rt-tests`; haptic bench servo measures beside it"),
-        _tool("cc", "`apt install gcc`; haptic bench servo compares the tick with C"),
+        _kernels(), _tool("cyclictest", "`apt install rt-tests`; python -m bench servo measures beside it"),
     ]  # fmt: skip
 
 

@@ -23,7 +23,7 @@ def examine(seconds: float) -> dict:
     """Checks of the machine, lateness of the servo at its rates, cost of an exchange, and the rates to choose."""
     from haptic_device.runtime import machine
     from haptic_device.runtime.servo_thread import PRIORITY
-    from bench.servo.lateness import RATES, alone
+    from haptic_sim.cli.lateness import RATES, alone
 
     checks = [check._asdict() for check in machine.checks(PRIORITY)]
     trials = {}
@@ -64,20 +64,16 @@ def exchange_rate(servo_rate: int, answer_us: float, trials: dict, cores: int) -
 
 def _exchange_us(scene: str = "peg_in_hole", count: int = 1000) -> float:
     """p99 of an exchange's processor time [us] while a peg goes into a hole."""
-    import time
+    import numpy as np
 
+    from haptic_sim.rollout import Exchanged, hand, rollout
     from haptic_sim.scene import load
-    from haptic_sim.simulation import HandleSample, Simulation
-    from haptic_sim.trial import EXCHANGE_NS, GAINS, hand
+    from haptic_sim.simulation import Simulation
 
-    described, spent = load(scene), []
-    world, lead = Simulation(described), hand(described)
-    for k in range(2 * count):
-        sample = HandleSample(k * EXCHANGE_NS, lead(k * 1e-3), (0.0, 0.0, 0.0), *GAINS)
-        began = time.thread_time_ns()
-        world.exchange(sample)
-        spent.append((time.thread_time_ns() - began) / 1e3)
-    return sorted(spent[count:])[int(0.99 * count)]
+    lead, path = hand(load(scene)), np.zeros((2 * count, 6))
+    path[:, :3] = [lead(k * 1e-3) for k in range(2 * count)]
+    spent = rollout(Exchanged(Simulation(load(scene)), path[0]), path).spent
+    return 1e6 * float(np.percentile(spent[count:], 99))
 
 
 def _show(found):

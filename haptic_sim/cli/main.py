@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The `haptic` command. One file a subcommand; only the one that runs is imported, so `haptic check` needs no ROS."""
 
+import contextlib
 import importlib
 import sys
 
 import typer
 
 COMMANDS = {
-    "bench": "haptic_sim.cli.bench:group",
     "check": "haptic_sim.cli.check:check",
     "compile": "haptic_sim.cli.compile:compile",
     "chaos": "haptic_sim.cli.chaos:chaos",
@@ -27,24 +27,33 @@ COMMANDS = {
     "view": "haptic_sim.cli.view:view",
     "zwidth": "haptic_sim.cli.zwidth:zwidth",
 }
-GROUPS = ("bench",)  # of subcommands
+BENCH = "measurements are no part of what is installed; python -m bench, in a clone of the sources, lists and runs them"
 ROS_MISSING = "ROS 2 Jazzy is missing: pip install '.[ros]' in the clone, or source an installed ROS 2 first"
 
 
 def main():
     """Entry point. Bad input ends in one sentence on standard error and exit code 1, never in a traceback."""
-    try:
+    with ending_in_a_sentence("haptic"):
+        if sys.argv[1:2] == ["bench"]:
+            raise ValueError(BENCH)
         application = _application(sys.argv[1:2])
         _prepare(sys.argv[1:])
         application(prog_name="haptic")
+
+
+@contextlib.contextmanager
+def ending_in_a_sentence(name: str):
+    """What is refused meanwhile is said in one sentence that begins with `name`, exit code 1; interrupted: 130."""
+    try:
+        yield
     except KeyboardInterrupt:
         sys.exit(130)
     except (ValueError, OSError) as error:
-        _refuse(error)
+        _refuse(name, error)
     except ModuleNotFoundError as error:
         if error.name != "rclpy":
             raise
-        _refuse(ROS_MISSING)
+        _refuse(name, ROS_MISSING)
 
 
 def _application(wanted):
@@ -53,11 +62,7 @@ def _application(wanted):
     app.callback(help="Haptic display of tool use: run it, check its files, compute its bounds.")(lambda: None)
     for name in set(wanted) & set(COMMANDS) or COMMANDS:
         module, function = COMMANDS[name].split(":")
-        found = getattr(importlib.import_module(module), function)
-        if name in GROUPS:
-            app.add_typer(found(), name=name)
-        else:
-            app.command(name)(found)
+        app.command(name)(getattr(importlib.import_module(module), function))
     return app
 
 
@@ -70,8 +75,8 @@ def _prepare(words):
         have(*COMMANDS[words[0]])
 
 
-def _refuse(reason):
-    print(f"haptic: {reason}", file=sys.stderr)
+def _refuse(name, reason):
+    print(f"{name}: {reason}", file=sys.stderr)
     sys.exit(1)
 
 

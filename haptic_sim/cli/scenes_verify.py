@@ -7,19 +7,19 @@ from pathlib import Path
 import typer
 
 from haptic_device.share import names
-from haptic_sim.verify import verify, within
-from bench.jobs import INTERRUPTED, progress
 from haptic_sim.cli.processes import interruptible
+from haptic_sim.cli.progress import INTERRUPTED, progress
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.measured import Measured, read, write
 from haptic_sim.scene import load
+from haptic_sim.verify import case_of, verify, within
 
 ALL = "all"
 KEPT, BEYOND, OTHER = "kept", "**beyond**", ""  # bounds of the method that is chosen; another one has none
 HEADS = "scene", "method", "step", "error", "reference to", "energy created", "overlap", "exchange", "bounds"
 
 
-def run(scene: str, out: Path | None) -> None:
+def run(scene: str, out: Path | None, measure=lambda name: verify(case_of(name))) -> None:
     """Prints a table of this scene, or of all that are shipped; the rows take the place of older ones in `out`.
 
     Exit code 1: a method that is chosen does not keep its scene's bounds. 130: interrupted; what was measured is shown
@@ -29,7 +29,7 @@ def run(scene: str, out: Path | None) -> None:
         raise ValueError(f"--out is {out}, but there is no folder {out.parent}")
     scenes = {name: load(name) for name in (names("scenes") if scene == ALL else [scene])}
     known, found = read(out) if out else [], []
-    whole = _measure(scenes, found)
+    whole = _measure(scenes, found, measure)
     verdicts = [_verdict(scenes[name], row) for name, row in found]
     rows = [row for _, row in found]
     typer.echo(markdown(rows, verdicts))
@@ -42,13 +42,13 @@ def run(scene: str, out: Path | None) -> None:
         raise typer.Exit(1)
 
 
-def _measure(scenes, found):
+def _measure(scenes, found, measure):
     """Appends (name, row) of each candidate of each scene; whether all were done."""
     try:
         with interruptible(), progress(len(scenes)) as show:
             for done, name in enumerate(scenes):
                 show(done, name)
-                found += [(name, row) for row in verify(name)]
+                found += [(name, row) for row in measure(name)]
             show(len(scenes), "done")
     except KeyboardInterrupt:
         done = len({name for name, _ in found})

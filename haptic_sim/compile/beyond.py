@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene asks for that the sweeps of `impulse` cannot give; `python bench/impulse_bounds.py` measures the bounds.
+"""What a scene asks for that the sweeps of `impulse` cannot give; `python -m bench impulse_bounds` measures the bounds.
 
 Sequential impulses pass a load on from contact to contact: of two bodies with mass ratio R a sweep leaves R/(1 + R),
 and up a tower of n the load has come one body farther. The sweeps are counted, so what is left of the load after the
@@ -21,7 +21,7 @@ LOAD = 60.0
 """Mass ratio times bodies on one another up to which it overlaps below 0.1 mm and creates below 1 % of the energy."""
 HIGH = 15
 """Bodies on one another up to which a tower stands: of 20 equal ones it sinks in by 1.3 mm in two of six positions
-(`haptic bench hard-cases --scenes stack_20`)."""
+(`python -m bench hard_cases --scenes stack_20`)."""
 TOUCHING = 1e-5
 """m; bodies that are no farther apart at the start rest on each other."""
 

@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from waiting import LIMIT, until
 
+from bench.exchange.exchange import Figures
+from bench.jobs import Crew, Kept
+from bench.jobs import sweep as run_jobs
 from haptic_device.analysis import sweep
 from haptic_device.analysis.zwidth import Setup
 from haptic_device.analysis.zwidth_map import Request, draw_map
 from haptic_device.process import ending_with_us
-from bench.exchange.exchange import Figures
-from bench.jobs import Crew, Kept
-from bench.jobs import sweep as run_jobs
 
 pytestmark = pytest.mark.timeout(900)
 

@@ -1,77 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is measured: a scene, how its hand goes, how long, and how far its bodies have to come.
-
-A hand that moves is known once a millisecond and goes straight in between, for every method alike, so that the answer
-does not depend on who asks how often. One at rest lets a method step as far as it likes.
-"""
+"""Cases that have a reference: scenes as they are measured, each in the class that it is compared in."""
 
 import math
-from typing import NamedTuple
 
-import numpy as np
-
-from haptic_sim.compile import compile_scene
+from haptic_sim.judged import Case
 from haptic_sim.method import Coupling
-from haptic_sim.scene import Scene, load
-from haptic_sim.solid import TOOL
-from haptic_sim.trial import GAINS, hand, jump, turned_scene
+from haptic_sim.rollout import GAINS
+from haptic_sim.scene import load
+from reference.trial import turned_scene
 
 LOOK, LONG_LOOK = 10_000_000, 50_000_000
 """ns between the looks at the bodies' places; the longer one where steps beyond 10 ms make sense."""
-EXCHANGE = 1_000_000
-"""ns between two samples of a hand that moves."""
-STEPS = (50000, 25000, 10000, 5000, 2500, 1000, 500, 250, 100, 50, 25)
-"""µs."""
 AHEAD = 1e-3 / math.pi  # s
 JOINTED, SINGLE, RICH, FREE = "jointed", "single contact", "contact-rich", "no contact"
 DOWN = (0.0, -9.81)
-
-
-class Case(NamedTuple):
-    """A scene to be measured; `kind` is the class that it is compared in, `seconds` the simulated time."""
-
-    name: str
-    kind: str
-    seconds: float
-    scene: Scene
-    gains: Coupling
-    moving: bool
-    """Whether the hand moves."""
-    look: int
-    """ns between the looks."""
-    jumps: float | None = None
-    """s; when the hand goes from its motion's start to its target at once, and at rest otherwise."""
-
-    @property
-    def period(self) -> int:
-        """ns from one sample of the hand to the next."""
-        return EXCHANGE if self.moving else self.look
-
-    @property
-    def steps(self) -> tuple[int, ...]:
-        """Steps to be tried [µs]."""
-        return tuple(step for step in STEPS if 1000 * step <= self.period)
-
-    def path(self) -> np.ndarray:
-        """Positions and velocities (n + 1, 6) of the handle at its samples."""
-        lead = hand(self.scene) if self.jumps is None else jump(self.scene, 0.0, self.jumps)
-        places = np.array([lead(k * self.period * 1e-9) for k in range(round(self.seconds * 1e9) // self.period + 1)])
-        smooth = self.moving and self.jumps is None
-        rates = np.gradient(places, self.period * 1e-9, axis=0) if smooth else np.zeros_like(places)
-        return np.hstack([places, rates])
-
-    def bodies(self) -> dict[str, float]:
-        """Bodies that are looked at → radius of gyration [m], by which a turn counts as a way.
-
-        All that can move, but not a tool that hangs idle beside them.
-        """
-        solids = {body.name: body for body in self.scene.bodies} | {TOOL: self.scene.tool}
-        moving = compile_scene(self.scene).needs.moving
-        idle = not self.moving and not any(TOOL in joint.bodies for joint in self.scene.joints)
-        return {name: math.sqrt(solids[name].mass_properties[1] / solids[name].mass_properties[0])
-                for name in moving if not (idle and name == TOOL)}
-
-
 _AT_REST = {"motion": {"name": "hold"}}
 _RELEASED = _AT_REST | {"gains": (0.0, 0.0, 0.0, 0.0), "look": LONG_LOOK}
 _CASES = {
@@ -111,4 +53,5 @@ def case(name: str) -> Case:
     # Bodies on their way have left a little earlier, so that no impact falls on the end of a step.
     scene = turned_scene(scene.model_copy(update=update), 0.0, 0.0 if "throw" in changes else AHEAD)
     moving = scene.motion["name"] != "hold"
-    return Case(name, kind, seconds, scene, Coupling(*changes.get("gains", GAINS)), moving, changes.get("look", LOOK))
+    gains = Coupling(*changes.get("gains", GAINS))
+    return Case(name, kind, seconds, scene, gains, moving, changes.get("look", LOOK))

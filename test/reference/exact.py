@@ -9,9 +9,10 @@ import math
 import numpy as np
 from scipy.special import ellipj, ellipk
 
-from reference.case import EXCHANGE, Case
-from reference.exact_axis import Axis, axis_motion
+from haptic_sim.judged import Case
+from haptic_sim.rollout import EXCHANGE_NS
 from haptic_sim.shape import turned
+from reference.exact_axis import Axis, axis_motion
 
 
 def looks(case: Case) -> np.ndarray:
@@ -104,7 +105,7 @@ def slider(case: Case) -> dict[str, np.ndarray]:
     guide, tool = case.scene.joints[0], case.scene.tool
     places, rates = np.hsplit(case.path(), 2)
     both = Axis(tool.mass + case.scene.bodies[0].mass, *case.gains[:2], guide.friction, 0.0, *guide.limits)
-    way = _seen(case, axis_motion(both, places[:, 0], rates[:, 0], EXCHANGE * 1e-9, 0.0))
+    way = _seen(case, axis_motion(both, places[:, 0], rates[:, 0], EXCHANGE_NS * 1e-9, 0.0))
     level = np.zeros_like(way)
     angle = _turning(case, places, rates)
     return {"carriage": np.column_stack([way, level, level]), "tool": np.column_stack([way, level, angle])}

@@ -2,19 +2,18 @@
 """Where the bodies of a case really go: closed forms where there are any, else a converged solution that is stored.
 
 A stored one is the partitioned method's at a step of 1 us; the file's head says how far that is from 2 us, which is as
-far as it may be off. `haptic bench reference NAME` makes it again.
+far as it may be off. `python -m bench reference NAME` makes it again.
 """
 
 import functools
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.bench import exact
-from reference.case import Case, case
+from haptic_sim.judged import Case, Reference, apart, solution
+from reference import exact
+from reference.case import case
 from reference.exact_four_bar import four_bar
-from bench.methods.world import make as make_world
 
 CLOSED = {
     "free_space": exact.free_space, "pendulum": exact.pendulum, "four_bar_free": four_bar, "four_bar": four_bar,
@@ -26,14 +25,6 @@ FINE = (2000, 1000)
 """ns; the steps of a converged solution."""
 
 
-class Reference(NamedTuple):
-    """Body → poses (n, 3) at the looks; what it comes from; how far it may be off [m]."""
-
-    poses: dict[str, np.ndarray]
-    source: str
-    doubt: float
-
-
 @functools.lru_cache
 def reference(name: str) -> Reference:
     """Reference of the case called `name`. ValueError if it has none."""
@@ -41,7 +32,7 @@ def reference(name: str) -> Reference:
         return Reference(CLOSED[name](case(name)), "closed form", 0.0)
     path = STORED / f"{name}.csv"
     if not path.is_file():
-        raise ValueError(f"scene {name!r} has no reference yet; haptic bench reference {name} makes it")
+        raise ValueError(f"scene {name!r} has no reference yet; python -m bench reference {name} makes it")
     return _read(path)
 
 
@@ -52,31 +43,12 @@ def make(of: Case) -> Reference:
     return Reference(fine, f"partitioned at {FINE[1]} ns", doubt)
 
 
-def solution(of: Case, method: str, step: int) -> dict[str, np.ndarray]:
-    """Body → poses (n, 3) at the looks, by a method at this step [ns]. Impossible if the method cannot model it."""
-    world = make_world(method, of.scene, step * 1e-9)
-    world.couple(of.gains)
-    path, every, names = of.path(), of.look // of.period, of.bodies()
-    found = {name: [world.pose(name)] for name in names}
-    for k in range(0, len(path) - 1, every):
-        world.follow(path[k:k + every + 1], of.period // step)
-        for name in names:
-            found[name].append(world.pose(name))
-    return {name: np.array(poses) for name, poses in found.items()}
-
-
-def apart(poses, others, radius: float) -> np.ndarray:
-    """Distances [m] of poses, a turn counted at this radius."""
-    gap = (poses - others) * (1.0, 1.0, radius)
-    return np.sqrt(np.sum(gap * gap, axis=1))
-
-
 def write(name: str, made: Reference) -> Path:
     """Stores a converged solution."""
     STORED.mkdir(exist_ok=True)
     names = sorted(made.poses)
     head = (f"{name}: {made.source}; twice the step differs by up to {made.doubt:.2e} m; "
-            f"made by: haptic bench reference {name}\ntime," + ",".join(f"{body}.{k}" for body in names for k in
+            f"made by: python -m bench reference {name}\ntime," + ",".join(f"{body}.{k}" for body in names for k in
                                                                      ("x", "y", "theta")))
     count = len(made.poses[names[0]])
     table = np.column_stack([np.arange(count) * case(name).look * 1e-9, *(made.poses[body] for body in names)])

@@ -9,13 +9,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from in_process import haptic
+from in_process import bench
 
-from haptic_sim.bench import compare, hard, table, world
+from bench.jobs import read_csv, write_csv
+from bench.methods import compare, hard, speed_error, table, world
+from bench.methods.measure import Run, run
+from haptic_sim.judged import STABLE, judge
 from reference.case import case
-from bench.methods.measure import STABLE, Run, judge, run
 from reference.reference import reference
-from haptic_sim.cli import bench_speed_error
 
 ROOT = Path(__file__).parents[2]
 
@@ -93,23 +94,23 @@ def test_the_front_has_no_run_that_another_beats_in_time_and_error():
 
 def test_a_table_read_back_is_the_table_written(tmp_path):
     runs = [made(), made("box2d", math.nan, math.nan, status="cannot: no weld")]
-    table.write_csv(tmp_path / "a.csv", runs)
-    again = table.read_csv(tmp_path / "a.csv")
+    write_csv(tmp_path / "a.csv", runs)
+    again = read_csv(tmp_path / "a.csv", Run)
     assert again[0] == runs[0]
     assert again[1].status == "cannot: no weld"
     (tmp_path / "b.csv").write_text("x,y\n1,2\n")
     with pytest.raises(ValueError, match="b.csv has not the columns scene, kind"):
-        table.read_csv(tmp_path / "b.csv")
+        read_csv(tmp_path / "b.csv", Run)
 
 
 def test_the_table_in_the_documents_is_that_of_the_stored_runs():
     folder = ROOT / "docs" / "methods"
     shown = (folder / "speed_error.md").read_text(encoding="utf-8").split("\n\n")[2]
-    assert shown == table.markdown(table.read_csv(folder / "speed_error.csv"))
+    assert shown == table.markdown(read_csv(folder / "speed_error.csv", Run))
 
 
 def test_speed_error_writes_runs_table_and_plots_and_prints_one_json_object(tmp_path):
-    done = haptic("bench", "speed-error", "--short", "--scenes", "pendulum,wall", "--methods", "partitioned,mujoco_rk4",
+    done = bench("speed_error", "--short", "--scenes", "pendulum,wall", "--methods", "partitioned,mujoco_rk4",
                   "--out", tmp_path, "--json")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
@@ -117,11 +118,11 @@ def test_speed_error_writes_runs_table_and_plots_and_prints_one_json_object(tmp_
     assert {item["status"] for item in found["runs"]} == {STABLE}
     assert found["versions"]["mujoco_rk4"].startswith("MuJoCo ")
     assert {"speed_error.csv", "speed_error.md", "pareto.png", "pareto_wall.png"} <= set(os.listdir(tmp_path))
-    assert len(table.read_csv(tmp_path / "speed_error.csv")) == len(found["runs"])
+    assert len(read_csv(tmp_path / "speed_error.csv", Run)) == len(found["runs"])
 
 
 def test_interrupted_it_keeps_what_it_has(tmp_path, monkeypatch):
-    measured, asked = bench_speed_error.measured, []
+    measured, asked = speed_error.measured, []
 
     def interrupted(*job):
         asked.append(job)
@@ -129,23 +130,23 @@ def test_interrupted_it_keeps_what_it_has(tmp_path, monkeypatch):
             signal.raise_signal(signal.SIGINT)
         return measured(*job)
 
-    monkeypatch.setattr(bench_speed_error, "measured", interrupted)
+    monkeypatch.setattr(speed_error, "measured", interrupted)
     words = ["--short", "--scenes", "wall,zeno_ball", "--methods", "partitioned,closed_form", "--out", tmp_path]
-    done = haptic("bench", "speed-error", *words)
+    done = bench("speed_error", *words)
     assert done.returncode == 130 and "interrupted; 4 of 10 runs are kept" in done.stderr
-    kept = table.read_csv(tmp_path / "speed_error.csv")
+    kept = read_csv(tmp_path / "speed_error.csv", Run)
     assert [(one.scene, one.method, one.step_us) for one in kept] == asked[:4]
     assert (tmp_path / "pareto_wall.png").exists()
 
 
 @pytest.mark.parametrize(("words", "sentence"), [
-    (("speed-error", "--scenes", "walls"), "scene is 'walls'; those that have a reference are free_space"),
-    (("speed-error", "--methods", "magic"), "method is 'magic'; it must be one of impulse"),
-    (("hard-cases", "--scenes", "wall"), "scene is 'wall'; the hard ones are collinear_1e3"),
+    (("speed_error", "--scenes", "walls"), "scene is 'walls'; those that have a reference are free_space"),
+    (("speed_error", "--methods", "magic"), "method is 'magic'; it must be one of impulse"),
+    (("hard_cases", "--scenes", "wall"), "scene is 'wall'; the hard ones are collinear_1e3"),
     (("reference", "wall"), "scene 'wall' has a closed form; there is nothing to store"),
 ])
 def test_bad_input_is_refused_in_one_sentence(words, sentence):
-    done = haptic("bench", *words)
+    done = bench(*words)
     assert done.returncode != 0
     assert sentence in done.stderr
 
@@ -154,7 +155,7 @@ def test_a_peer_that_is_not_installed_is_left_out_with_a_sentence(monkeypatch):
     for module in ("mujoco", "bench.methods.peer_mujoco", "bench.methods.mujoco_model"):
         monkeypatch.delitem(sys.modules, module, raising=False)
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    done = haptic("bench", "speed-error", "--short", "--scenes", "wall", "--methods", "closed_form,mujoco_rk4")
+    done = bench("speed_error", "--short", "--scenes", "wall", "--methods", "closed_form,mujoco_rk4")
     assert done.returncode == 0, done.stderr
     assert "mujoco_rk4 is left out: package mujoco is not installed; pip install '.[bench]'" in done.stderr
     assert "closed_form" in done.stdout
@@ -175,7 +176,7 @@ def test_a_shot_that_came_through_a_thin_plate_is_seen():
 
 
 def test_hard_cases_prints_a_table_of_who_survives(tmp_path):
-    done = haptic("bench", "hard-cases", "--short", "--scenes", "thin_plate", "--methods", "partitioned,mujoco_rk4",
+    done = bench("hard_cases", "--short", "--scenes", "thin_plate", "--methods", "partitioned,mujoco_rk4",
                   "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     assert "| thin_plate | impulse | ✓ | – |" in done.stdout

@@ -8,9 +8,10 @@ is right is known: the face that the tool reached first holds it, and it never c
 import pytest
 
 from haptic_sim.compile.model import framed
+from haptic_sim.rollout import EXCHANGE_NS
 from haptic_sim.scene import Scene
 from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.trial import EXCHANGE_NS, turned_scene
+from reference.trial import turned_scene
 
 STILL = (0.0, 0.0, 0.0)
 GAINS = (5000.0, 10.0, 1e4, 1.0)  # hardly turns: what is held off centre would rightly roll around the corner

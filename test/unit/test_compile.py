@@ -7,9 +7,6 @@ import numpy as np
 import pytest
 
 from haptic_device.share import names
-from reference.case import NAMES as CASES
-from bench.methods.hard import CREATED, OVERLAP
-from haptic_sim.verify import within
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.beyond import HIGH, HOLDS, LOAD, SHORT, TOUCHING
 from haptic_sim.compile.choice import ACTS, SOLVED, STEPS
@@ -19,8 +16,10 @@ from haptic_sim.compile.modes import STIFFNESS
 from haptic_sim.method import Coupling
 from haptic_sim.method.closed_form import ClosedForm
 from haptic_sim.scene import SceneError, load, parse
-from haptic_sim.trial import attempt
+from haptic_sim.verify import CREATED, OVERLAP, within
 from haptic_sim.world import World
+from reference.case import NAMES as CASES
+from reference.trial import attempt
 
 DISC = {"mass": 0.1, "pose": [0.5, 0.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
 BAR = {"name": "bar", "mass": 1.0, "shapes": [{"box": {"size": [0.2, 0.02], "center": [0.1, 0.0]}}]}
@@ -294,7 +293,7 @@ def test_the_parameter_method_wins_over_what_the_scene_needs_or_asks_for_and_say
 
 @pytest.mark.parametrize("name", names("scenes"))
 def test_the_kept_table_has_each_shipped_scene_at_the_step_it_gets_and_the_chosen_method_keeps_its_bounds(name):
-    """`haptic scenes --verify all --out haptic_sim/compile/measured.csv` measures it anew."""
+    """`python -m bench chosen --out haptic_sim/compile/measured.csv` measures it anew."""
     scene, rows = load(name), {row.method: row for row in of_scene(name)}
     chosen = compile_scene(scene)
     assert {"impulse", "partitioned", chosen.method} <= set(rows)

@@ -5,9 +5,10 @@ import math
 
 import pytest
 
+from haptic_sim.rollout import EXCHANGE_NS, GAINS, hand
 from haptic_sim.scene import load
 from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.trial import EXCHANGE_NS, GAINS, attempt, hand
+from reference.trial import attempt
 
 STILL = (0.0, 0.0, 0.0)
 

@@ -4,10 +4,12 @@
 import numpy as np
 import pytest
 from exchange_systems import demo_system
-from in_process import haptic
+from in_process import bench
 
-from haptic_sim.bench import results
-from haptic_sim.cli import bench_exchange, bench_local, local_felt
+from bench import results
+from bench.exchange import exchange as bench_exchange
+from bench.exchange import felt as local_felt
+from bench.exchange import local as bench_local
 from bench.exchange.exchange import Case, Figures, measure
 from haptic_sim.lockstep import Network
 
@@ -47,11 +49,11 @@ def test_foretelling_does_not_pay_in_mass(felt, late):
 def test_what_gave_more_than_the_budget_is_shown_as_active_and_not_as_stiff(given, passive, monkeypatch, tmp_path):
     one = Figures(STIFFNESS, 1e-4, 0.1, 0.1, given, 0.0, 1.0)
     monkeypatch.setattr(bench_exchange, "measure", lambda *case: one)
-    words = "bench", "exchange", "--method", "direct", "--delay", "20", "--workers", "1"
-    shown = haptic(*words).stdout
+    words = "exchange", "--method", "direct", "--delay", "20", "--workers", "1"
+    shown = bench(*words).stdout
     assert (one.passive, "active" in shown, "2000" in shown) == (passive, not passive, passive)
     (tmp_path / results.MACHINE).write_text("{}")
-    (tmp_path / "exchange.json").write_text(haptic(*words, "--json").stdout)
+    (tmp_path / "exchange.json").write_text(bench(*words, "--json").stdout)
     assert [figure.value for figure in results.figures(tmp_path)] == [STIFFNESS if passive else None]
 
 
@@ -59,11 +61,11 @@ def test_what_gave_more_than_the_budget_is_shown_as_active_and_not_as_stiff(give
 def test_a_force_that_swings_by_more_than_a_tenth_of_its_mean_is_no_stiffness(swing, shown, monkeypatch):
     felt = local_felt.Felt(2000.0, 2000.0, 0.1, 0.1, 0.0, 0.0, 1e-3, 7, 0, swing)
     monkeypatch.setattr(bench_local, "measure", lambda *job, live: felt)
-    said = haptic("bench", "local", "--only", "felt", "--rate", "1000").stdout
+    said = bench("local", "--only", "felt", "--rate", "1000").stdout
     assert said.splitlines()[-1].split()[3] == shown
 
 
-@pytest.mark.parametrize("servo", [1000.0, 4000.0])  # `haptic bench local`: 10 kHz too
+@pytest.mark.parametrize("servo", [1000.0, 4000.0])  # `python -m bench local`: 10 kHz too
 def test_a_coupling_as_stiff_as_the_device_covers_does_not_shake_a_free_tool_1_ms_away(servo):
     """An old force of the tool, believed whole, is K · age of negative damping: it shook, and dragged by 61 N s/m."""
     felt = local_felt.measure(servo, "pspm")

@@ -9,10 +9,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from ticks import tick
 
+from bench.exchange import stalling
 from haptic_device.analysis import exchange_search as adversary
 from haptic_device.analysis import port_search
 from haptic_device.law import coupling, engage, fault, port
-from haptic_sim.bench import stalling
 from haptic_sim.lockstep import Network
 from haptic_sim.port_limits import BUDGET, Limits
 from haptic_sim.scene import Scene, load

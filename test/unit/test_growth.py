@@ -8,20 +8,21 @@ import os
 
 import numpy as np
 import pytest
-from in_process import haptic
+from in_process import bench
 
-from haptic_sim.bench import growth, growth_report, loads
+from bench.methods import growing, growth, loads
 from bench.methods.world import make
 from haptic_sim.clearance import body_distance
 from haptic_sim.compile import compile_scene
 from haptic_sim.method import Coupling
+from haptic_sim.rollout import GAINS, overlap_watch
 from haptic_sim.scene import load
 from haptic_sim.solid import TOOL
-from haptic_sim.trial import GAINS, overlap_watch
 
 
-def made(engine="impulse", world="heap", bodies=100, step=growth.STEP, median=100.0, p99=200.0, overlap=5.0, status=""):
-    return growth.Run(world, bodies, engine, step, median, p99, overlap, 1e-4, math.nan, status)
+def made(engine="impulse", world="heap", bodies=100, step=growing.STEP, median=100.0, p99=200.0, overlap=5.0,
+         status=""):  # fmt: skip
+    return growing.Run(world, bodies, engine, step, median, p99, overlap, 1e-4, math.nan, status)
 
 
 @pytest.mark.parametrize("count", [10, 30])
@@ -57,7 +58,7 @@ def test_the_shovel_s_way_leads_into_the_stones_and_the_stirring_tool_s_stays_be
 @pytest.mark.parametrize("engine", ["impulse", "partitioned"])
 @pytest.mark.parametrize("world", ["row", "pyramid"])
 def test_what_nobody_touches_stays_where_it_is(engine, world):
-    found = growth.run(world, 10, engine, growth.STEP, 0.1)
+    found = growing.run(world, 10, engine, growing.STEP, 0.1)
     assert (found.bodies, found.status) == (10, "")
     assert found.error_um < 5.0
     assert found.overlap_um < 5.0
@@ -73,12 +74,12 @@ def test_a_block_that_is_pushed_aside_is_an_error_of_its_way(monkeypatch):
             return np.hstack([way, np.gradient(way, 1e-3, axis=0)])
 
     row = Pushing(*loads.row(3, 0.6))
-    world = make("partitioned", row.scene, growth.STEP * 1e-6)
+    world = make("partitioned", row.scene, growing.STEP * 1e-6)
     world.couple(Coupling(*GAINS))
-    world.follow(row.path(), 1000 // growth.STEP)
+    world.follow(row.path(), 1000 // growing.STEP)
     came = [math.dist(world.pose(body.name)[:2], body.pose[:2]) for body in row.scene.bodies if not body.fixed]
     monkeypatch.setattr(loads, "row", lambda count, seconds: row)
-    assert growth.run("row", 3, "partitioned", growth.STEP, 0.6).error_um == pytest.approx(1e6 * max(came))
+    assert growing.run("row", 3, "partitioned", growing.STEP, 0.6).error_um == pytest.approx(1e6 * max(came))
     assert max(came) > 1e-3
 
 
@@ -95,23 +96,23 @@ def test_a_pin_that_is_open_is_an_error_of_its_gap():
 @pytest.mark.parametrize(("world", "count"), [("chain", 30), ("joint_grid", 10), ("joint_grid", 30)])
 def test_many_pins_stay_closed_in_pymunk_s_world_and_create_no_energy(world, count):
     """As fast as a few joints take their errors back, 17 pins in a grid gain six times the energy that is about."""
-    found = growth.run(world, count, "impulse", growth.STEP, 0.4)
+    found = growing.run(world, count, "impulse", growing.STEP, 0.4)
     assert found.error_um < 50.0
     assert found.created < 0.01
 
 
 def test_a_run_that_takes_too_long_is_ended_and_says_so():
-    found = growth.run("row", 10, "partitioned", growth.STEP, 0.1, limit=0.0)
+    found = growing.run("row", 10, "partitioned", growing.STEP, 0.1, limit=0.0)
     assert found.status == "over"
     assert math.isnan(found.overlap_um)
-    cells = growth_report.markdown([found, made(), made()._replace(created=math.inf)]).splitlines()[2:5]
+    cells = growth.markdown([found, made(), made()._replace(created=math.inf)]).splitlines()[2:5]
     assert [row.count("over ") for row in cells] == [2, 0, 0]
     assert ["not finite" in row for row in cells] == [False, False, True]
-    assert growth.run("row", 10, "partitioned", growth.STEP, 0.1).status == ""
+    assert growing.run("row", 10, "partitioned", growing.STEP, 0.1).status == ""
 
 
 def test_the_table_has_a_row_for_each_engine_and_says_which_cannot(tmp_path):
-    done = haptic("bench", "growth", "--short", "--worlds", "chain", "--methods", "partitioned,pymunk,box2d",
+    done = bench("growth", "--short", "--worlds", "chain", "--methods", "partitioned,pymunk,box2d",
                   "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     rows = [line for line in done.stdout.splitlines() if line.startswith("| chain")]
@@ -126,34 +127,34 @@ def test_the_table_has_a_row_for_each_engine_and_says_which_cannot(tmp_path):
 
 
 def test_as_json_a_number_that_is_not_known_is_null():
-    done = haptic("bench", "growth", "--short", "--worlds", "chain", "--methods", "partitioned", "--json")
+    done = bench("growth", "--short", "--worlds", "chain", "--methods", "partitioned", "--json")
     (found,) = json.loads(done.stdout)["runs"]
     assert found["median_us"] is None
     assert found["status"].startswith("cannot")
 
 
 def test_every_world_is_run_at_each_count_and_the_row_without_any_block_too():
-    listed = growth.jobs(growth.WORLDS, growth.COUNTS, growth.ENGINES)
-    assert len(listed) == len(set(listed)) == (4 * len(growth.WORLDS) + 1) * (len(growth.ENGINES) + 1)
-    assert ("row", 0, "impulse", growth.STEP) in listed
+    listed = growing.jobs(growing.WORLDS, growing.COUNTS, growing.ENGINES)
+    assert len(listed) == len(set(listed)) == (4 * len(growing.WORLDS) + 1) * (len(growing.ENGINES) + 1)
+    assert ("row", 0, "impulse", growing.STEP) in listed
 
 
 def test_the_goals_compare_with_no_block_and_with_box2d_at_the_overlap_nearest_to_ours():
     runs = [made(world="row", bodies=0, median=100.0), made(world="row", bodies=300, median=131.0),
             made(median=500.0, p99=999.0), made("box2d", median=200.0, overlap=50.0),
             made("box2d", median=260.0, overlap=6.0, step=50)]
-    rest, late, heap = growth.goals(runs)
+    rest, late, heap = growing.goals(runs)
     assert (rest.value, rest.reached) == (pytest.approx(1.31), False)
     assert (late.value, late.reached) == (999.0, True)
     assert (heap.value, heap.reached) == (pytest.approx(500.0 / 260.0), True)
-    assert "✗" in growth_report.markdown(runs)
-    assert growth.goals([made("pymunk")]) == []
+    assert "✗" in growth.markdown(runs)
+    assert growing.goals([made("pymunk")]) == []
 
 
 def test_the_figure_has_a_panel_a_world_and_leaves_out_who_cannot():
     runs = [made(bodies=10), made(bodies=30), made("partitioned", bodies=30, status="cannot: too many"),
             made(world="chain", bodies=10)]
-    heap, chain = (axes for axes in growth_report.figure(runs).axes if axes.get_visible())
+    heap, chain = (axes for axes in growth.figure(runs).axes if axes.get_visible())
     assert (heap.get_title(), chain.get_title()) == ("heap", "chain")
     assert len(heap.get_lines()) == 3  # median, p99 and the time there is
 
@@ -171,6 +172,6 @@ def test_the_stones_of_the_shipped_scene_are_those_of_the_load_and_lie_on_someth
 
 
 def test_a_world_that_is_not_there_is_refused_in_one_sentence():
-    done = haptic("bench", "growth", "--worlds", "dune")
+    done = bench("growth", "--worlds", "dune")
     assert done.returncode != 0
     assert "world is 'dune'; it must be one of row, heap" in done.stderr

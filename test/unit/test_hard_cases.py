@@ -12,15 +12,16 @@ import pytest
 from bench.methods.hard import verdict
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.model import framed
+from haptic_sim.rollout import GAINS
 from haptic_sim.scene import Scene, load
-from haptic_sim.trial import GAINS, attempt, jump
+from reference.trial import attempt, jump
 
 OVERLAP = 1e-4
 TOUCHING = 1e-12  # m; gap up to which the direct solver takes two shapes for touching
 TURNS = [(0.0, 0.0), (0.7, 0.37), (2.9, 0.81)]  # angle of the whole plane [rad], phase of the contact in sub-steps
 LONG = {"four_bar_singular": 2, "light_tool": 2, "peg_in_hole": 1, "peg_jammed": 2, "peg_tight": 1, "peg_wedged": 0,
         "spinning_wrench": 0, "stack_20": 1}
-"""Scenes of many steps or bodies, and which of TURNS they are tried at; bench/hard_cases.py turns them all ways."""
+"""Scenes of many steps or bodies, and which of TURNS they are tried at; `python -m bench by_default`: all."""
 SECONDS = {"collinear_1e3": 0.06, "collinear_1e6": 0.06, "falling_rod": 0.05, "handle_jump": 0.15, "slider_stop": 0.2,
            "thin_plate": 0.02, "painleve_rod": 0.3, "zeno_ball": 1.5, "peg_tight": 3.6, "peg_jammed": 3.6,
            "peg_wedged": 3.6, "peg_in_hole": 3.6, "spinning_wrench": 7.0, "four_bar_singular": 3.4}

@@ -3,7 +3,7 @@
 
 import pytest
 
-from haptic_sim.bench import insertion as peg
+from bench.methods import insertion as peg
 
 GAIN = 2.0  # N m/rad
 

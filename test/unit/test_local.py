@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from exchange_systems import demo_system, one_axis
 
+from bench.exchange import felt as local_felt
+from bench.exchange.felt import FINE, NETWORKS, compare
 from haptic_device.analysis import exchange_search as adversary
 from haptic_device.law import contact, local, servo
 from haptic_device.node import wire
 from haptic_device.node.bag import Bag
 from haptic_device.runtime import recompute
-from haptic_sim.cli import local_felt
-from bench.exchange.felt import FINE, NETWORKS, compare
 from haptic_sim.cli.replay import replay
 from haptic_sim.lockstep import Network
 from haptic_sim.scene import load, parse

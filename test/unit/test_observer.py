@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from lockstep_systems import wall_system
 from ticks import tick
 
+from bench.exchange import stalling
 from haptic_device import operating
 from haptic_device.analysis import exchange_search
 from haptic_device.law import engage, fault, passivity
-from haptic_sim.bench import stalling
 
 TICK = 1 / 4000.0
 ROUNDING = 1e-9  # [J] against stores of 10 to 100 mJ

@@ -7,50 +7,29 @@ import sys
 import numpy as np
 import pytest
 from bag_of_a_run import swing, write_run
-from typer.testing import CliRunner
+from in_process import bench, haptic
 
+from bench import all as every
+from bench import results
+from bench.exchange import round_trip
+from bench.servo import cyclictest
+from bench.servo import servo as bench_servo
 from haptic_device.analysis import sweep
 from haptic_device.runtime import machine
-from haptic_sim.bench import c_twin, results, servo
-from haptic_sim.bench.c_source import REAL, Program
-from haptic_sim.cli import bench_all, bench_servo, demo, doctor, main, round_trip
-from haptic_sim.cli.bench import group
+from haptic_sim.cli import demo, doctor, lateness
 
 
-def makes_an_array(x):
-    return [x]
-
-
-def test_what_is_no_law_is_not_translated():
-    with pytest.raises(ValueError, match="cannot be translated to C"):
-        Program().function(makes_an_array, [REAL])
-
-
-def test_without_cyclictest_and_compiler_the_rest_is_measured_and_says_so(monkeypatch):
+def test_without_cyclictest_the_rest_is_measured_and_kept_and_says_so(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", "/nowhere")
-    done = CliRunner().invoke(group(), ["servo", "--rate", "1000", "--seconds", "0.2", "--turns", "1"])
-    assert done.exit_code == 0, done.output
-    assert servo.MISSING in done.output and c_twin.MISSING in done.output
-    assert "| 1000 Hz | prefer | alone |" in done.output
-
-
-@pytest.mark.parametrize("said", ["law.c:1:10: fatal error: math.h: No such file or directory", ""])
-def test_a_compiler_that_refuses_is_said_and_the_rest_is_kept(monkeypatch, tmp_path, said):
-    (tmp_path / "cc").write_text(f"#!/bin/sh\necho '{said}' >&2\nexit 1\n")
-    (tmp_path / "cc").chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    words = ["servo", "--rate", "1000", "--seconds", "0.2", "--turns", "1", "--json", "--out", str(tmp_path / "out")]
-    done = CliRunner().invoke(group(), words)
-    assert done.exit_code == 0, done.output
-    assert f"cc does not compile the law, nothing to compare with: {said or 'exit code 1'}" in done.stderr
-    assert servo.MISSING in done.stderr
-    found = json.loads(done.stdout)
-    assert found["compute"] is None and found["lateness"][0]["ticks"] > 0
+    done = bench("servo", "--rate", "1000", "--seconds", "0.2", "--turns", "1", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert cyclictest.MISSING in done.stderr
+    assert "| 1000 Hz | prefer | alone |" in done.stdout
     assert (tmp_path / "out" / "servo.csv").exists()
 
 
 def late(*microseconds):
-    return servo.Lateness(np.array(microseconds, float), 0, "test")
+    return lateness.Lateness(np.array(microseconds, float), 0, "test")
 
 
 @pytest.fixture
@@ -59,8 +38,8 @@ def measured(monkeypatch):
 
     def given(*pairs):
         ours, theirs = (list(column) for column in zip(*pairs, strict=True))
-        monkeypatch.setattr(servo, "alone", lambda *_: (ours.pop(0) if len(ours) > 1 else ours[0], None))
-        monkeypatch.setattr(servo, "cyclictest", lambda *_: theirs.pop(0) if len(theirs) > 1 else theirs[0])
+        monkeypatch.setattr(lateness, "alone", lambda *_: (ours.pop(0) if len(ours) > 1 else ours[0], None))
+        monkeypatch.setattr(cyclictest, "cyclictest", lambda *_: theirs.pop(0) if len(theirs) > 1 else theirs[0])
 
     return given
 
@@ -73,7 +52,7 @@ def test_under_the_demo_the_driver_is_started_at_a_rate_that_it_takes(monkeypatc
     measured((late(1.0), None))
     monkeypatch.setattr(demo, "play", accepted)
     with pytest.raises(InterruptedError, match="1000.0"):
-        bench_servo.lateness([1000], 0.2, 1, demo=1.0)
+        bench_servo.lateness([1000], 0.2, 1, 1.0)
 
 
 def test_a_demo_that_comes_to_nothing_is_said_and_what_else_was_measured_is_kept(monkeypatch, capsys, measured):
@@ -84,7 +63,7 @@ def test_a_demo_that_comes_to_nothing_is_said_and_what_else_was_measured_is_kept
 
     measured((late(1.0), None))
     monkeypatch.setattr(demo, "play", play)
-    cases, samples = bench_servo.lateness([1000.0], 0.2, 1, demo=1.0)
+    cases, samples = bench_servo.lateness([1000.0], 0.2, 1, 1.0)
     assert [(one["realtime"], one["load"], one["p50"]) for one in cases] == [
         ("prefer", "alone", 1.0), ("prefer", "demo", pytest.approx(8.0)), ("off", "alone", 1.0)]  # fmt: skip
     assert len(samples) == 3
@@ -100,15 +79,15 @@ def test_a_turn_without_cyclictest_takes_no_part_in_the_ratio_and_the_others_do(
 
 def test_a_cyclictest_that_fails_is_told_from_one_that_is_not_there(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert servo.why_missing() == servo.MISSING
+    assert cyclictest.why_missing() == cyclictest.MISSING
     (tmp_path / "cyclictest").write_text("#!/bin/sh\nexit 1\n")
     (tmp_path / "cyclictest").chmod(0o755)
-    assert servo.cyclictest(1000.0, 0.2) is None and servo.why_missing() == servo.FAILED
+    assert cyclictest.cyclictest(1000.0, 0.2) is None and cyclictest.why_missing() == cyclictest.FAILED
 
 
 @pytest.fixture
-def cyclictest(monkeypatch, tmp_path):
-    """cyclictest(histogram, cycles, max) has a program of that name, alone on the path, say this of its thread.
+def program(monkeypatch, tmp_path):
+    """program(histogram, cycles, max) has a program of that name, alone on the path, say this of its thread.
 
     A late wake-up of -1 stands for the latest that the histogram it was asked for has room for.
     """
@@ -128,18 +107,18 @@ with open(told, "w") as file:
     return says
 
 
-def test_histogram_of_cyclictest_with_late_ones_beyond_its_end(cyclictest):
-    cyclictest({2: 2, 5: 1, 700: 1}, 6, 3_000_000)
-    found = servo.cyclictest(2000.0, 0.2)
+def test_histogram_of_cyclictest_with_late_ones_beyond_its_end(program):
+    program({2: 2, 5: 1, 700: 1}, 6, 3_000_000)
+    found = cyclictest.cyclictest(2000.0, 0.2)
     assert found.sorted_us.tolist() == [2.0, 2.0, 5.0, 700.0, 1e5, 3e6]
     assert found.missed == 1 + 200 + 6000
-    cyclictest({2: 2}, 2, 2)
-    assert servo.cyclictest(2000.0, 0.2).missed == 0
+    program({2: 2}, 2, 2)
+    assert cyclictest.cyclictest(2000.0, 0.2).missed == 0
 
 
-def test_cyclictest_is_asked_for_every_wake_up_within_a_tenth_of_a_second(cyclictest):
-    cyclictest({-1: 1}, 1, 90_000)
-    found = servo.cyclictest(1000.0, 0.2)
+def test_cyclictest_is_asked_for_every_wake_up_within_a_tenth_of_a_second(program):
+    program({-1: 1}, 1, 90_000)
+    found = cyclictest.cyclictest(1000.0, 0.2)
     assert found.sorted_us.tolist() == [99_999.0] and found.missed == 99
 
 
@@ -174,8 +153,8 @@ def test_every_check_of_the_machine_that_is_not_good_says_how_to_get_more():
 def test_the_round_trip_is_kept_as_csv(monkeypatch, tmp_path):
     rows = [{"rate": 500.0, "answerer": name, "ratio": 1.0, "p50_us": 50.0} for name in ("simulation", "bare")]
     monkeypatch.setattr(round_trip, "measure", lambda rates: rows)
-    done = CliRunner().invoke(group(), ["exchange", "--round-trip", "--json", "--csv", str(tmp_path / "trips.csv")])
-    assert done.exit_code == 0, done.output
+    done = bench("exchange", "--round-trip", "--json", "--csv", tmp_path / "trips.csv")
+    assert done.returncode == 0, done.stderr
     assert (tmp_path / "trips.csv").read_text().splitlines() == [
         "rate,answerer,ratio,p50_us", "500.0,simulation,1.0,50.0", "500.0,bare,1.0,50.0"]  # fmt: skip
 
@@ -192,13 +171,9 @@ def folder(path, first):
     return path
 
 
-def test_two_folders_of_results_are_compared_figure_by_figure(tmp_path):
-    one, two = folder(tmp_path / "one", 10.0), folder(tmp_path / "two", 5.0)
-    done = CliRunner().invoke(group(), ["all", "--compare", str(one), str(two)])
-    assert done.exit_code == 0, done.output
-    assert "| very first start, all nodes at work | 10 s | 5 s | 0.50 |" in done.output
+def test_a_folder_without_the_machine_s_facts_is_no_folder_of_results(tmp_path):
     with pytest.raises(ValueError, match="holds no results"):
-        results.compared(one, tmp_path)
+        results.figures(tmp_path)
 
 
 def test_the_table_has_the_worst_of_the_hard_cases_and_the_least_speed_ratio(tmp_path):
@@ -231,7 +206,7 @@ def test_where_the_kernel_refused_real_time_priority_the_table_says_so(tmp_path)
     had = ("prefer", "SCHED_FIFO 80, memory locked"), ("prefer", "no SCHED_FIFO 80: set"), ("off", "realtime off")
     cases = [case | {"realtime": wish, "scheduling": said} for wish, said in had]
     kept = folder(tmp_path / "kept", 10.0)
-    (kept / "servo.json").write_text(json.dumps({"lateness": cases, "compute": None}))
+    (kept / "servo.json").write_text(json.dumps({"lateness": cases}))
     table = results.markdown(kept)
     assert "| lateness p99 to cyclictest's, 1000 Hz, FIFO, alone | – × | ≤ 2 |" in table
     assert "| lateness p99 to cyclictest's, 1000 Hz, FIFO refused, alone | – × |  |" in table
@@ -241,16 +216,15 @@ def test_where_the_kernel_refused_real_time_priority_the_table_says_so(tmp_path)
 def test_a_short_run_is_not_filled_up_with_benchmarks_of_a_full_one(tmp_path):
     kept = folder(tmp_path / "kept", 10.0)
     with pytest.raises(ValueError, match="has a short run; a full one needs a folder of its own"):
-        bench_all.measure(kept, False, ["start", "servo"])
+        every.measure(kept, False, ["start", "servo"])
     assert not (kept / "servo.json").exists()
 
 
 def test_all_measures_only_what_is_missing_and_puts_the_table_between_the_marks(tmp_path):
     page, kept = tmp_path / "page.md", folder(tmp_path / "kept", 10.0)
-    page.write_text(f"before\n{bench_all.MARKS[0]}\nold\n{bench_all.MARKS[1]}\nafter\n")
-    words = ["all", "--only", "start", "--out", str(kept), "--insert", str(page)]
-    done = CliRunner().invoke(group(), words)
-    assert done.exit_code == 0, done.output
+    page.write_text(f"before\n{every.MARKS[0]}\nold\n{every.MARKS[1]}\nafter\n")
+    done = bench("all", "--only", "start", "--out", kept, "--insert", page)
+    assert done.returncode == 0, done.stderr
     text = page.read_text()
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
     assert "| very first start, all nodes at work | 10 s | ≤ 20 s |" in text
@@ -260,10 +234,19 @@ def test_all_measures_only_what_is_missing_and_puts_the_table_between_the_marks(
     (("all", "--only", "speed"), "benchmark is 'speed'; it must be one of doctor"),
     (("exchange", "--delay", "0", "--method", "direct", "--scheduler", "tcp://127.0.0.1:9"), "no scheduler answers"),
 ])  # fmt: skip
-def test_bad_input_is_refused_in_one_sentence(monkeypatch, capsys, words, sentence):
+def test_bad_input_is_refused_in_one_sentence(monkeypatch, words, sentence):
     monkeypatch.setattr(sweep, "PATIENCE", 0.5)
-    monkeypatch.setattr(sys, "argv", ["haptic", "bench", *words])
-    with pytest.raises(SystemExit) as refused:
-        main.main()
-    said = capsys.readouterr().err
-    assert refused.value.code == 1 and sentence in said and "Traceback" not in said
+    done = bench(*words)
+    assert done.returncode == 1 and sentence in done.stderr and "Traceback" not in done.stderr
+
+
+def test_what_there_is_is_listed_and_what_is_not_is_refused():
+    listed = bench()
+    assert listed.returncode == 0 and "speed_error " in listed.stdout
+    refused = bench("speed-error")
+    assert refused.returncode == 1 and "measurement is 'speed-error'; it must be one of all, " in refused.stderr
+
+
+def test_haptic_bench_says_in_one_sentence_where_the_measurements_are():
+    done = haptic("bench", "servo", "--rate", "1000")
+    assert done.returncode == 1 and "python -m bench" in done.stderr and len(done.stderr.splitlines()) == 1

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from bench.methods.measure import run
 from reference.case import NAMES, case
 from reference.exact_axis import Axis, axis_motion
 from reference.exact_four_bar import angles
-from bench.methods.measure import run
 from reference.reference import CLOSED, apart, make, reference
 
 STORED = [name for name in NAMES if name not in CLOSED]

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands that take long say before they begin what they cannot do, and keep what they have done."""
 
-import json
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
-from haptic_sim.cli import bench_jobs
+from bench import jobs
 from haptic_sim.cli.compare import compare
 from haptic_sim.cli.replay import As, replay
 
@@ -35,18 +35,27 @@ def test_what_a_mode_of_replay_does_not_take_is_refused_by_name(given, option, m
         replay(BAG, **plain | {mode: True} | given, namespace=None)
 
 
-def test_an_interrupted_start_of_a_sweep_leaves_its_resume_file_as_it_was(tmp_path, monkeypatch):
-    file = tmp_path / "kept"
-    bench_jobs.Kept(file, "a sweep").keep("one", [1.0])
-    before = file.read_text() + '["two", [2.'
+class Row(NamedTuple):
+    name: str
+    value: float
+
+
+def test_an_interrupted_start_of_a_sweep_leaves_what_is_kept_as_it_was(tmp_path, monkeypatch):
+    file = tmp_path / "kept.csv"
+
+    def kept():
+        return jobs.Kept(file, Row, lambda row: row.name)
+
+    kept().keep(Row("one", 1.0))
+    before = file.read_text() + "two,2."
     file.write_text(before)
 
     def interrupted(source, target):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as stopped, pytest.raises(KeyboardInterrupt):
-        stopped.setattr(bench_jobs.os, "replace", interrupted)
-        bench_jobs.Kept(file, "a sweep")
+        stopped.setattr(jobs.os, "replace", interrupted)
+        kept()
     assert file.read_text() == before
-    assert bench_jobs.Kept(file, "a sweep").known == {"one": [1.0]}
-    assert [json.loads(line) for line in file.read_text().splitlines()] == ["a sweep", ["one", [1.0]]]
+    assert kept().known == {"one": Row("one", 1.0)}
+    assert file.read_text() == "name,value\none,1.0\n"

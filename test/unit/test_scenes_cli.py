@@ -8,12 +8,12 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from haptic_device.share import find, names
-from haptic_sim.verify import within
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.explain import explain
 from haptic_sim.compile.measured import Measured, of_scene, read
 from haptic_sim.draw import draw, handle_way
 from haptic_sim.scene import load
+from haptic_sim.verify import within
 
 LIBRARY = {"free_space", "wall", "corner", "peg_in_hole", "wrench_on_nut", "push_block", "slider", "four_bar",
            "pendulum", "stack", "hammer_nail", "ratchet"}

@@ -1,37 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every scene with its default method, turned and shifted many ways: worst overlap, energy created, whether finite.
 
-`python bench/hard_cases.py [turns] [phases] [scene ...]`; energy is relative to the largest that is about.
+Energy is relative to the largest that is about.
 """
 
 import math
-import sys
+from typing import Annotated
 
+import typer
+
+from bench.methods.hard import JUMP, STIFF
 from haptic_device.share import names
 from haptic_sim.compile import compile_scene
 from haptic_sim.scene import load
-from haptic_sim.trial import attempt, jump
-
-STIFF = (100.0 * 0.1 / 0.25e-3**2, 0.0, 100.0 * 6.7e-6 / 0.25e-3**2, 0.0)  # 100 m/h², undamped
+from reference.trial import attempt, jump
 
 
 def tried(name, angle, phase):
     """Outcome of one attempt at a scene."""
     scene, more = load(name), {}
     if name == "handle_jump":
-        more["way"] = jump(scene, angle, 0.02)
+        more["way"] = jump(scene, angle, JUMP)
     if name == "stiff_coupling":
         more |= {"gains": STIFF, "sub_step": 0.25e-3}
     seconds = min(scene.motion["duration"], 4.0)
     return attempt(scene, seconds, angle=angle, phase=phase, look_every=3, **more)
 
 
-def main():
+def main(
+    scenes: Annotated[list[str] | None, typer.Argument(help="Scenes [all that are shipped].")] = None,
+    turns: Annotated[int, typer.Option(min=1, help="Angles of the plane.")] = 8,
+    phases: Annotated[int, typer.Option(min=1, help="Shares of a sub-step by which the start is shifted.")] = 4,
+) -> None:
     """One line a scene."""
-    turns, phases = (int(word) for word in (*sys.argv[1:3], "8", "4")[:2]) if len(sys.argv) > 2 else (8, 4)
     print(f"{'scene':20} {'method':12} {'step ms':>8} {'finite':>7} {'overlap um':>11}"
           f" {'created J':>10} {'relative':>9}")
-    for name in sys.argv[3:] or names("scenes"):
+    for name in scenes or names("scenes"):
         outcomes = [tried(name, 2.0 * math.pi * (i + 0.3 * (i > 0)) / turns, (j + 0.37 * (j > 0)) / phases)
                     for i in range(turns) for j in range(phases)]
         compiled = compile_scene(load(name))
@@ -39,7 +43,3 @@ def main():
         print(f"{name:20} {compiled.method:12} {compiled.sub_step * 1e3:8g} {all(o.finite for o in outcomes)!s:>7} "
               f"{max(o.overlap for o in outcomes) * 1e6:11.3g} {max(o.created for o in outcomes):10.2g} "
               f"{worst.created / max(worst.scale, 1e-3):9.2g}", flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,13 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The servo by the clock, alone or beside cyclictest, which is the least lateness that this machine gives anybody."""
+"""The servo by the clock, alone against a handle that stands still: how late it wakes."""
 
-import contextlib
-import json
-import shutil
-import subprocess
-import tempfile
 import time
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,17 +10,14 @@ from haptic_device import operating
 from haptic_device.device import load_device
 from haptic_device.law import engage
 from haptic_device.node.declared import DRIVER
-from haptic_device.runtime.servo_thread import PRIORITY, ServoThread
+from haptic_device.runtime.servo_thread import ServoThread
 from haptic_device.runtime.still import StillLink
 
 RATES = (1000, 2000, 4000, 8000, 10000)  # [Hz]
-MISSING = "cyclictest is not installed (Debian, Ubuntu: apt install rt-tests)"
-FAILED = f"cyclictest failed, perhaps for want of permission; `cyclictest -q -t1 -l1000 -m -p {PRIORITY}` says why"
 COMMON = {  # 3 axes, 4 walls, coupling, cancellation, observer and controller, faults, trace: all that a tick can do
     "wall.normals": (1.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, -1.0), "wall.offsets": (-0.06, -0.06, 0.07, -0.15),
     "wall.stiffness": (500.0,) * 4, "wall.damping": (0.1,) * 4, "cancellation.ratio": 0.5,
 }  # fmt: skip
-_LONGEST = 100_000  # [us] of cyclictest's histogram, which it locks in memory
 
 
 class Lateness(NamedTuple):
@@ -76,33 +67,3 @@ def lateness_of(rows: np.ndarray, scheduling: str) -> Lateness:
     """Of the rows of a trace."""
     missed = int(rows["missed"][-1] - rows["missed"][0]) if len(rows) else 0
     return Lateness(np.sort(rows["lateness"]) * 1e6, missed, scheduling)
-
-
-def cyclictest(rate: float, seconds: float, realtime: str = "prefer") -> Lateness | None:
-    """The same of cyclictest at the servo's priority; None if it is not installed or fails."""
-    if shutil.which("cyclictest") is None:
-        return None
-    period = round(1e6 / rate)
-    policy = ("-p", str(PRIORITY), "-m") if realtime != "off" else ("--policy=other",)
-    with tempfile.TemporaryDirectory() as folder:
-        told = Path(folder) / "cyclictest.json"
-        command = ["cyclictest", "-q", "-t1", *policy, f"-i{period}", f"-l{round(seconds * rate)}", f"-h{_LONGEST}",
-                   f"--json={told}"]  # fmt: skip
-        with contextlib.suppress(subprocess.SubprocessError, OSError, ValueError, KeyError):
-            subprocess.run(command, capture_output=True, timeout=30.0 + 3.0 * seconds, check=True)
-            return _of_histogram(json.loads(told.read_text())["thread"]["0"], period)
-    return None
-
-
-def why_missing() -> str:
-    """Why there is nothing of cyclictest."""
-    return MISSING if shutil.which("cyclictest") is None else FAILED
-
-
-def _of_histogram(thread, period):
-    counts = {int(late): int(count) for late, count in thread["histogram"].items()}
-    within = np.repeat(np.array(sorted(counts), float), [counts[late] for late in sorted(counts)])
-    beyond = np.full(max(0, int(thread["cycles"]) - len(within)), float(_LONGEST))  # at least; the latest is known
-    beyond[-1:] = float(thread["max"])
-    late = np.concatenate([within, beyond])
-    return Lateness(late, int(np.sum(late // period)), "cyclictest")  # it too goes on with the next that is to come

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every method that a shipped scene could have, as `haptic scenes --verify` measures it, against its reference."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bench.methods import hard
+from haptic_sim.cli.scenes_verify import ALL, run
+from haptic_sim.verify import LOOK, case_of, verify
+from reference.case import NAMES, case
+from reference.reference import reference
+
+
+def main(
+    scene: Annotated[str, typer.Argument(help=f"A scene, or `{ALL}`.")] = ALL,
+    out: Annotated[Path | None, typer.Option(help="CSV file whose rows of these scenes are measured anew.")] = None,
+) -> None:
+    """Error against closed forms and stored references; hard scenes as `hard_cases` leads them.
+
+    `--out haptic_sim/compile/measured.csv` makes the table anew that `haptic scenes --explain` shows.
+    """
+    run(scene, out, _measured)
+
+
+def _measured(name):
+    if name in NAMES:
+        return verify(case(name), reference(name))
+    return verify(hard.case(name, LOOK) if name in hard.NAMES else case_of(name))

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far a long command is, on standard error, and the exit code of an interrupted one."""
+
+import contextlib
+import sys
+import time
+
+INTERRUPTED = 130
+
+
+def progress(total: int):
+    """Context of a function (runs done, what is next) on standard error: a bar on a terminal, else some lines."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    @contextlib.contextmanager
+    def lines():
+        last = [0.0]
+
+        def show(done, what):
+            if time.monotonic() - last[0] > 5.0 or done == total:
+                last[0] = time.monotonic()
+                print(f"{done}/{total} {what}", file=sys.stderr, flush=True)
+
+        yield show
+
+    @contextlib.contextmanager
+    def bar():
+        columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+        with Progress(*columns, console=Console(file=sys.stderr)) as shown:
+            task = shown.add_task("", total=total)
+            yield lambda done, what: shown.update(task, completed=done, description=what)
+
+    return bar() if sys.stderr.isatty() else lines()
