@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often a property is tried: seldom in every run, MANY times as often in bench/many_examples.py."""
+"""How often a property is tried: seldom in every run, MANY times as often in `make soak`."""
 
 from hypothesis import settings
 

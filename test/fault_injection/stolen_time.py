@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Takes all processors away at times, as a host does that other guests share: what runs beside it must bear that.
 
-`python bench/stolen_time.py HOLE EVERY`, in seconds, runs until interrupted: each processor is held for HOLE at the
-highest real-time priority, at intervals drawn around EVERY. Needs the right to real-time priority. Run the live tests
-beside it: none may fail.
+`python test/fault_injection/stolen_time.py HOLE EVERY`, in seconds, runs until interrupted: each processor is held for
+HOLE at the highest real-time priority, at intervals drawn around EVERY. Needs the right to real-time priority. Run the
+live tests beside it: none may fail.
 """
 
 import os

@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kills the recorder of a running demo at random moments, repairs its bags, and prints what was missing.
+"""Kills the recorder of a running demo at random moments, repairs its bags, and prints what was missing."""
 
-usage: python bench/crash_table.py [--kills 20] [--rate 4000] [--seed 1] [--out FOLDER]
-"""
-
-import argparse
 import os
 import random
 import signal
 import tempfile
 import time
 from pathlib import Path
+from typing import Annotated
 
+import typer
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
@@ -61,25 +59,21 @@ def judge(bag, killed):
     return missing, after.trace_rows_missing, by_rosbags, whole
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=20)
-    parser.add_argument("--rate", type=float, default=4000.0)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--out", type=Path)
-    given = parser.parse_args()
-    base = given.out or Path(tempfile.mkdtemp(prefix="haptic_crashes_"))
-    moments, worst = random.Random(given.seed), 0.0
+def main(
+    kills: Annotated[int, typer.Option(min=1, help="How often.")] = 20,
+    rate: Annotated[float, typer.Option(min=500.0, max=10000.0, help="Servo rate [Hz].")] = 4000.0,
+    seed: Annotated[int, typer.Option(help="Of the moments.")] = 1,
+    out: Annotated[Path | None, typer.Option(help="Folder for the bags [a temporary one].")] = None,
+) -> None:
+    """Kill the recorder of a running demo (SIGKILL), repair what it left, and say what was missing."""
+    base = out or Path(tempfile.mkdtemp(prefix="haptic_crashes_"))
+    moments, worst = random.Random(seed), 0.0
     print("| kill | after s | missing ms | trace rows missing | messages | opens after recover |")
-    for number in range(given.kills):
+    for number in range(kills):
         wait = moments.uniform(0.0, 3.0)
-        killed = kill_one(base / f"{number}", wait, given.rate)
+        killed = kill_one(base / f"{number}", wait, rate)
         missing, rows, messages, whole = judge(base / f"{number}" / "bag", killed)
         worst = max(worst, missing)
         opens = "yes" if whole else "NO"
         print(f"| {number + 1} | {wait:.2f} | {missing:.0f} | {rows} | {messages} | {opens} |", flush=True)
     print(f"worst: the last {worst:.0f} ms are missing")
-
-
-if __name__ == "__main__":
-    main()

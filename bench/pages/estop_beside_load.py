@@ -2,8 +2,6 @@
 """How long an e-stop waits beside load: until the driver has answered that the motor is at zero, median and worst.
 
 Beside requests to set many parameters, asked for as a service; and on a page that sends many messages itself.
-
-python bench/estop_beside_load.py [runs]
 """
 
 import asyncio
@@ -16,17 +14,17 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Annotated
 
 import aiohttp
+import typer
+from ear import Ear
+from live_nodes import Nodes
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from haptic_sim.cli.domain import isolated_domain
-
-sys.path.append(str(Path(__file__).parents[1] / "test"))
-from ear import Ear  # noqa: E402
-from live_nodes import Nodes  # noqa: E402
 
 ENTRIES = (0, 100, 1000, 3000)  # of one request
 RATES = (0, 1000, 5000)  # messages a second of one page
@@ -93,8 +91,8 @@ async def _answer(page):
     raise ConnectionError("the viewer closed the page's connection")
 
 
-def main():
-    runs = int([*sys.argv[1:], "50"][0])
+def main(runs: Annotated[int, typer.Option(min=1, help="Of each load.")] = 50) -> None:
+    """Median and worst time from an e-stop to its answer."""
     with tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain, Nodes(Path(folder)) as nodes:
         ear = Ear(domain)
         nodes.start("haptic_loopback", motion__name="follow")
@@ -116,7 +114,3 @@ def main():
             view.terminate()
             view.wait(20)
         ear.close()
-
-
-if __name__ == "__main__":
-    main()

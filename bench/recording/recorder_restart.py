@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kills the recorder of a running demo and starts it again, many times; prints how long each took to hear the servo.
 
-usage: python bench/recorder_restart.py [--kills 20] [--patience 30] [--same-port] [--out FOLDER]
-
 The other nodes are started once. Each kill (SIGKILL) strikes while the recorder's receiving thread runs, which is when
 it does harm. With --same-port every recorder takes the network port of its predecessor, as Fast DDS by itself has it.
 """
 
-import argparse
 import os
 import signal
 import tempfile
 import time
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from haptic_device.analysis.recording import load
 from haptic_sim.cli.demo import Order, programs_of
@@ -66,25 +66,25 @@ def fix_port():
     os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(fixed)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=20)
-    parser.add_argument("--patience", type=float, default=30.0)
-    parser.add_argument("--same-port", action="store_true")
-    parser.add_argument("--out", type=Path)
-    given = parser.parse_args()
-    base = given.out or Path(tempfile.mkdtemp(prefix="haptic_restarts_"))
+def main(
+    kills: Annotated[int, typer.Option(min=1, help="How often.")] = 20,
+    patience: Annotated[float, typer.Option(min=1.0, help="Longest wait for the servo [s].")] = 30.0,
+    same_port: Annotated[bool, typer.Option("--same-port", help="Every recorder on its predecessor's port.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for the bags [a temporary one].")] = None,
+) -> None:
+    """Kill the recorder of a running demo (SIGKILL) and start another, and say how long it took to hear the servo."""
+    base = out or Path(tempfile.mkdtemp(prefix="haptic_restarts_"))
     recorder, *others = programs_of(Order("peg_in_hole", None, base, None, None, Path("config/demo.yaml").absolute()))
     print("| start | heard the trace after s | topics |")
     with isolated_domain(base / "log"), Nodes(base / "log") as nodes:
         for program in others:
             nodes.start(program)
-        if given.same_port:
+        if same_port:
             fix_port()
-        waits = [restart(nodes, recorder, base / f"bag_{number}", given.patience) for number in range(given.kills + 1)]
+        waits = [restart(nodes, recorder, base / f"bag_{number}", patience) for number in range(kills + 1)]
     reached = [waited for waited in waits if waited is not None]
     deaf = len(waits) - len(reached)
-    told = f"{deaf} of {len(waits)} recorders heard no servo within {given.patience:g} s"
+    told = f"{deaf} of {len(waits)} recorders heard no servo within {patience:g} s"
     print(f"{told}; the others within {max(reached):.1f} s")
 
 
@@ -96,7 +96,3 @@ def restart(nodes, recorder, bag, patience):
     kill_busy(nodes.pid(recorder.name))
     nodes.end(recorder.name)
     return waited
-
-
-if __name__ == "__main__":
-    main()
