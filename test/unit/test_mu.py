@@ -30,7 +30,7 @@ def largest_mu(stiffness, damping, physical_damping, environment="synchronous", 
 
 def test_for_positive_damping_mu_agrees_with_the_condition_of_the_wall_in_every_case():
     rng = np.random.default_rng(7)
-    for draw in range(120):  # bench/theory.py: 2000
+    for draw in range(120):  # `python -m bench theory`: 2000
         period = 10.0 ** rng.uniform(-4.0, -2.0)
         stiffness = 10.0 ** rng.uniform(0.0, 5.0)
         damping = stiffness * period * 10.0 ** rng.uniform(-3.0, 1.0) * (draw % 10 > 0)

@@ -94,7 +94,7 @@ def test_a_tick_later_than_the_period_that_the_margin_counts_on_is_the_observers
     assert injections == 1
 
 
-@pytest.mark.parametrize("share, longest", [(0.02, 40), (0.05, 40)])  # bench/late_ticks.py: more
+@pytest.mark.parametrize("share, longest", [(0.02, 40), (0.05, 40)])  # `python -m bench late_ticks`: more
 def test_walls_let_go_of_what_missed_ticks_gave_and_then_the_hand_gets_nothing(share, longest):
     """A wall of 0.95 of its bound; a hold of two periods is beyond."""
     given, rows = stalling.pressed("wall", 0.95, share, longest)
