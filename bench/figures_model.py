@@ -11,8 +11,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 
+from haptic_device.analysis.page import draw_picture
 from haptic_device.analysis.recording import load
-from haptic_device.analysis.report import draw as draw_report
+from haptic_device.analysis.run import Run
 
 FOLDER = Path(__file__).parents[1] / "docs" / "figures"
 REAL, VIRTUAL, FORCE, GROUND = "#0072B2", "#D55E00", "#009E73", "0.35"
@@ -26,7 +27,7 @@ def main(run=None):
         panel.set_axis_off()
     figure.savefig(FOLDER / "model.png", dpi=110)
     if run is not None:
-        draw_report(load(Path(run) / "bag"), FOLDER / "demo.png", "peg_in_hole")
+        draw_picture(Run(load(Path(run) / "bag"), "peg_in_hole"), FOLDER / "demo.png")
 
 
 def chain(axes):

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report of one or more runs side by side: one HTML file that needs nothing else, and its figures as PNG files."""
+"""The report of one or more runs side by side: one HTML file that needs nothing else, and its figures as PNG files.
+
+Of one run also a single picture of the figures that tell most.
+"""
 
 import base64
 import html
@@ -58,6 +61,23 @@ FIGURES = (
         "impedance", "Stiffness and damping that the display added, 95 % sure; dotted: set.", panel.impedance, 2.2, 2
     ),
 )
+
+TELLING = ("positions", "angles", "forces", "energies", "lateness")  # of the single picture
+
+
+def draw_picture(run: Run, picture: Path) -> None:
+    """Writes the picture (PNG), headed by the run's name and by gains, period, damping and exchange method."""
+    figures = [figure for figure in FIGURES if figure.name in TELLING]
+    heights = [figure.height for figure in figures]
+    shown, grid = pyplot.subplots(len(figures), 1, figsize=(9, 14), layout="constrained", height_ratios=heights)
+    try:
+        shown.suptitle("\n".join([run.name, ", ".join(f"{name} = {value}" for name, value in run.conditions.items())]),
+                       fontsize=10)  # fmt: skip
+        for figure, axes in zip(figures, grid, strict=True):
+            _try(figure, [axes], run)
+        shown.savefig(picture, dpi=110)
+    finally:
+        pyplot.close(shown)
 
 
 def write_report(runs: list[Run], folder: Path, left_out: Sequence[str] = ()) -> Path:
