@@ -71,8 +71,7 @@ def draw_picture(run: Run, picture: Path) -> None:
     heights = [figure.height for figure in figures]
     shown, grid = pyplot.subplots(len(figures), 1, figsize=(9, 14), layout="constrained", height_ratios=heights)
     try:
-        shown.suptitle("\n".join([run.name, ", ".join(f"{name} = {value}" for name, value in run.conditions.items())]),
-                       fontsize=10)  # fmt: skip
+        shown.suptitle(_heading(run, 110), fontsize=10)
         for figure, axes in zip(figures, grid, strict=True):
             _try(figure, [axes], run)
         shown.savefig(picture, dpi=110)
@@ -106,13 +105,17 @@ def _draw(figure: Figure, runs: list[Run], picture: Path) -> None:
     try:
         for number, run in enumerate(runs):
             part = grid[0, number * figure.wide : (number + 1) * figure.wide]
-            labels = ", ".join(f"{name} = {value}".replace(" ", "\u00a0") for name, value in run.conditions.items())
-            lines = [run.name, *textwrap.wrap(labels, 72)]
-            part[0].set_title("\n".join(lines), fontsize=8, loc="left")
+            part[0].set_title(_heading(run, 72), fontsize=8, loc="left")
             _try(figure, part, run)
         shown.savefig(picture, dpi=DPI)
     finally:
         pyplot.close(shown)
+
+
+def _heading(run: Run, width: int) -> str:
+    """Name and conditions, in lines of so many letters."""
+    labels = ", ".join(f"{name} = {value}".replace(" ", "\u00a0") for name, value in run.conditions.items())
+    return "\n".join([run.name, *textwrap.wrap(labels, width)])
 
 
 def _try(figure: Figure, part, run: Run) -> None:
