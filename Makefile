@@ -68,7 +68,8 @@ test: check
 	$(BIN)/python -m pytest test/live -n 2 --dist loadfile --no-loadscope-reorder  # the demo, the longest, not last
 
 soak: setup
-	$(BIN)/python -m pytest test/soak
+	$(BIN)/python -m pytest test/soak test/adversary test/fault_injection
+	$(BIN)/python -m pytest --hypothesis-profile=search --timeout=0 $$(grep -l "from examples import" test/unit/test_*.py)
 
 bench: setup
 	$(BIN)/python -m bench all --short --out bench_results/$(shell date +%F_%H%M) --insert docs/performance.md

@@ -5,7 +5,6 @@ import numba
 import numpy as np
 
 from haptic_device import operating
-from haptic_device.analysis import contact_search, exchange_search
 from haptic_device.device import load_device
 from haptic_device.law import contact, operator, servo
 from haptic_device.node import declared, wire
@@ -86,12 +85,6 @@ def identification():
     _compile(held_run.run_segments, np.zeros(2, np.int64), *[reals] * 3, *[0.0] * 5, *[reals] * 3)
 
 
-def searches():
-    """What looks for messages and contacts that draw energy."""
-    for one in (exchange_search, contact_search):
-        one.search(_settings(), ticks=1, evaluations=1)
-
-
 def methods():
     """Generalized coordinates; from event to event it is the same kernel."""
     make("partitioned", load(JOINTED), SUB_STEP).energy()
@@ -140,7 +133,6 @@ ENTRIES = {  # those that take longest first
     "methods": methods,
     "servo": driven,
     "replay": replay,
-    "searches": searches,
     "local contacts": local_contacts,
     "exchange": exchange_of_the_driver,
     "lock-step": lock_step,

@@ -8,8 +8,8 @@ import numpy as np
 from lockstep_systems import device, values
 from ticks import tick
 
+from adversary import exchange_search as adversary
 from haptic_device import operating
-from haptic_device.analysis import exchange_search as adversary
 from haptic_device.device import load_device
 from haptic_device.law import coupling, engage, fault, servo
 from haptic_sim.lockstep import PERFECT, Lockstep

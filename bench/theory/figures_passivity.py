@@ -8,6 +8,7 @@ import numpy as np
 import typer
 from matplotlib.figure import Figure
 
+from adversary.switching import switched_cancellation_damping
 from haptic_device.analysis.closed_forms import (
     delayed_wall_damping,
     fractionally_delayed_spring_damping,
@@ -16,7 +17,6 @@ from haptic_device.analysis.closed_forms import (
 from haptic_device.analysis.coupling_damping import wall_damping_for_any_simulation
 from haptic_device.analysis.delay import delayed_demand, wall_damping_needed
 from haptic_device.analysis.passivity_figure import draw_map
-from haptic_device.analysis.switching import switched_cancellation_damping
 from haptic_device.analysis.transfer import wall_transfer
 from haptic_device.analysis.verdict import Display
 

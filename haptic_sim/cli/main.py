@@ -10,7 +10,6 @@ import typer
 COMMANDS = {
     "check": "haptic_sim.cli.check:check",
     "compile": "haptic_sim.cli.compile:compile",
-    "chaos": "haptic_sim.cli.chaos:chaos",
     "compare": "haptic_sim.cli.compare:compare",
     "demo": "haptic_sim.cli.demo:demo",
     "docs": "haptic_sim.cli.params_doc:docs",

@@ -3,7 +3,6 @@
 
 import math
 import subprocess
-import sys
 import time
 
 import pytest
@@ -14,6 +13,7 @@ from live_nodes import SLOW, Nodes
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 
+from fault_injection.flood import COMMAND
 from haptic_device.law import exchange
 from haptic_device.node import wire
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.timeout(600)
 WARN = 1
 DRIVER = {"engage__time": 0.05, "exchange__fade": 0.05, "auto_enable": True, **SLOW}
 NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation")
-FLOOD = [sys.executable, "-m", "haptic_sim.cli.flood", "10000", "2"]
+FLOOD = [*COMMAND, "10000", "2"]
 QUIET, STILL = 0.5, 5e-4  # [N] on the handle, [m] of the handle
 BUDGET = 0.005  # [J]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic status` on a running node and among strange diagnostics; the witness of `haptic chaos` among them too."""
+"""`haptic status` on a running node and among strange diagnostics; the witness of chaos among them too."""
 
 import contextlib
 import json
@@ -11,8 +11,8 @@ import pytest
 from live_nodes import command, strange_diagnostics
 from waiting import LIMIT, until
 
+from fault_injection.witness import Witness
 from haptic_device.node import health
-from haptic_sim.cli.witness import Witness
 
 pytestmark = pytest.mark.timeout(600)
 

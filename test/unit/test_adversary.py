@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from haptic_device.analysis.adversary import Display, search
+from adversary.switching import switched_cancellation_damping
+from adversary.wall_search import Display, search
 from haptic_device.analysis.closed_forms import delayed_wall_damping, lagged_wall_damping, wall_damping
-from haptic_device.analysis.switching import switched_cancellation_damping
 from haptic_device.law import encoder, wall
 from haptic_device.law.cancellation import cancellation_fade, cancellation_force
 

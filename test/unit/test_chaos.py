@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of `haptic chaos` on made-up records; the limits of diagnostics; the keys of `haptic status`."""
+"""Figures of chaos on made-up records; the limits of diagnostics; the keys of `haptic status`."""
 
 import os
 import pty
@@ -12,11 +12,11 @@ import pytest
 from live_nodes import STRANGE
 from waiting import until
 
+from fault_injection import chaos_figures, chaos_loads, conductor
+from fault_injection.soak import _row
+from fault_injection.witness import ROW, TRUTH
 from haptic_device.node import health, wire
-from haptic_sim.cli import chaos_figures, chaos_loads, conductor
 from haptic_sim.cli.keys import ESTOP, keys
-from haptic_sim.cli.soak import _row
-from haptic_sim.cli.witness import ROW, TRUTH
 
 ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 250_000  # ns

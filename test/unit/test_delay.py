@@ -7,6 +7,7 @@ from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
 
+from adversary.horizon import least_damping_over_horizon
 from haptic_device.analysis.closed_forms import delayed_wall_damping, fractionally_delayed_spring_damping
 from haptic_device.analysis.coupling_damping import largest_stiffness_for_any_simulation
 from haptic_device.analysis.delay import (
@@ -15,7 +16,6 @@ from haptic_device.analysis.delay import (
     least_damping_delayed,
     wall_damping_needed,
 )
-from haptic_device.analysis.horizon import least_damping_over_horizon
 from haptic_device.analysis.stability import largest_stable_stiffness
 from haptic_device.analysis.transfer import wall_transfer
 

@@ -9,9 +9,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from ticks import tick
 
+from adversary import exchange_search as adversary
+from adversary import port_search
 from bench.exchange import stalling
-from haptic_device.analysis import exchange_search as adversary
-from haptic_device.analysis import port_search
 from haptic_device.law import coupling, engage, fault, port
 from haptic_sim.lockstep import Network
 from haptic_sim.port_limits import BUDGET, Limits

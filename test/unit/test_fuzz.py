@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from in_process import haptic
 from rclpy.serialization import deserialize_message
 
+from fault_injection.flood import mutated
 from haptic_device.law import exchange as law
 from haptic_device.node import wire
 from haptic_sim.cli.check import problems
-from haptic_sim.cli.flood import mutated
 from haptic_sim.node.port import Port
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "config").rglob("*.yaml"))

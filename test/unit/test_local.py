@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from exchange_systems import demo_system, one_axis
 
+from adversary import exchange_search as adversary
 from bench.exchange import felt as local_felt
 from bench.exchange.felt import FINE, NETWORKS, compare
-from haptic_device.analysis import exchange_search as adversary
 from haptic_device.law import contact, local, servo
 from haptic_device.node import wire
 from haptic_device.node.bag import Bag

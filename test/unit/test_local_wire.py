@@ -6,11 +6,11 @@ import random
 import numpy as np
 import pytest
 
+from fault_injection.flood import mutated
 from haptic_device.law import contact
 from haptic_device.law import exchange as law
 from haptic_device.node import wire
 from haptic_device.runtime import exchange, mailbox
-from haptic_sim.cli.flood import mutated
 from haptic_sim.node.port import Port, Question
 from haptic_sim.simulation import HandleSample
 

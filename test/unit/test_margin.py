@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lockstep_systems import device, values
 
+from adversary.switching import switched_cancellation_damping
 from haptic_device import operating
 from haptic_device.analysis import closed_forms
-from haptic_device.analysis.switching import switched_cancellation_damping
 from haptic_device.law import passivity
 
 NO_COUPLING = {"coupling__stiffness": 0.0, "coupling__damping": 0.0}

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from lockstep_systems import wall_system
 from ticks import tick
 
+from adversary import exchange_search
 from bench.exchange import stalling
 from haptic_device import operating
-from haptic_device.analysis import exchange_search
 from haptic_device.law import engage, fault, passivity
 
 TICK = 1 / 4000.0

@@ -7,6 +7,7 @@ from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
 
+from adversary.horizon import least_damping_over_horizon
 from haptic_device.analysis.closed_forms import (
     coulomb_friction_needed,
     delayed_wall_damping,
@@ -15,7 +16,6 @@ from haptic_device.analysis.closed_forms import (
     late_write_damping,
     wall_damping,
 )
-from haptic_device.analysis.horizon import least_damping_over_horizon
 from haptic_device.analysis.passivity import damping_demand, least_damping
 from haptic_device.analysis.transfer import wall_transfer
 

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
+from adversary.switching import switched_cancellation_damping
 from haptic_device.analysis.closed_forms import wall_damping
-from haptic_device.analysis.switching import switched_cancellation_damping
 
 
 def energy_given(path, damping, physical_damping, cancelled):

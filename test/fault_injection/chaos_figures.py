@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an event of `haptic chaos` did to the handle: forces, their fastest change, energy given, time to safe."""
+"""What an event of chaos did to the handle: forces, their fastest change, energy given, time to safe."""
 
 from typing import NamedTuple
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.analysis.exchange_search import engaged
+from adversary.exchange_search import engaged
 from haptic_device.jit import kernel, njit
 from haptic_device.law import complementarity, contact, coupling, engage, fault, servo
 

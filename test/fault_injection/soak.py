@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic chaos --soak`: the demo for a long time, its hand going to the wall and back; what grows is a leak."""
+"""Chaos with `--soak`: the demo for a long time, its hand going to the wall and back; what grows is a leak."""
 
 import sys
 import tempfile
@@ -8,8 +8,8 @@ from pathlib import Path
 
 import psutil
 
+from fault_injection.conductor import FREE, PRESSED, Conductor
 from haptic_device.law.fault import NAMES
-from haptic_sim.cli.conductor import FREE, PRESSED, Conductor
 from haptic_sim.cli.domain import isolated_domain
 
 SETTLED = 60.0  # [s] after which memory must stay flat
@@ -47,7 +47,7 @@ def _watch(conductor, seconds):
         faults |= {conductor.witness.said("haptic_driver", "fault")} & NAMES
         conductor.witness.begin()
         if int(age) % 60 == 0:
-            print(f"haptic chaos: soak {age:.0f} s; {conductor.driver_says()}", file=sys.stderr, flush=True)
+            print(f"chaos: soak {age:.0f} s; {conductor.driver_says()}", file=sys.stderr, flush=True)
         time.sleep(PERIOD)
     return samples, sorted(faults)
 

@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much energy an optimizer draws from the tool in the servo by sets of contacts that say what they like.
 
-    python bench/contact_adversary.py [evaluations a row, default 20000]
+    python test/adversary/contacts.py [evaluations a row, default 20000]
 
 Three axes at the demo's gains, T = 1 and 0.25 ms, b = 1.05 (K T/2 + B) in each, budget 5 mJ. `credited`: the most by
 which the tank's books were ever above the truth; `moved`, `stayed`: ticks in which the copy moved, and in which the
-tank did not cover its move or no answer was found. Then one axis, by exchange_adversary's own rows for `local`.
+tank did not cover its move or no answer was found. Then one axis, by the rows of exchange.py for `local`.
 """
 
 import sys
+from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
+
+from adversary import contact_search
 from haptic_device import operating
-from haptic_device.analysis import contact_search
 from haptic_device.device import load_device
 from haptic_device.node.declared import NODES
 

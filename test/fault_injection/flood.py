@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A process that floods the topics which the nodes listen to, as fast as it is told, with what is not theirs.
 
-`python -m haptic_sim.cli.flood RATE SECONDS`. Mutations of the right message, other names, other sizes, NaN, noise.
+`python test/fault_injection/flood.py RATE SECONDS`. Mutations of the right message, other names,
+other sizes, NaN, noise.
 """
 
 import math
@@ -27,6 +28,7 @@ from haptic_device.node.wire import (
 )
 from haptic_sim.cli.processes import NAMESPACE
 
+COMMAND = [sys.executable, __file__]
 SENT = "sent "
 TOPICS = ("tool", "handle", "operator/target")
 KINDS = 64  # different messages a topic

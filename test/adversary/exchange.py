@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much energy an optimizer draws from each exchange method: at the handle of the servo, and at the tool port.
 
-    python bench/exchange_adversary.py [evaluations [method ...]]
+    python test/adversary/exchange.py [evaluations [method ...]]
 
 One axis, K = 1000 N/m, B = 0.25 N s/m, T = 1 ms, b = 1.05 (KT/2 + B), budget 5 mJ; then the same at a force limit of
 2 N, with encoder steps, with the passivity controller on, and with missed ticks. A row is one search; `free` samples
@@ -10,10 +10,13 @@ books were ever above the truth. The tool port is searched with a tenth of the e
 """
 
 import sys
+from pathlib import Path
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
+
+from adversary import exchange_search, port_search
+from adversary.exchange_search import FREE, Adversary
 from haptic_device import operating
-from haptic_device.analysis import exchange_search, port_search
-from haptic_device.analysis.exchange_search import FREE, Adversary
 from haptic_device.device import load_device
 from haptic_device.node.declared import NODES
 from haptic_device.parameters import EXCHANGE_METHODS

@@ -4,7 +4,7 @@
 import pytest
 from exchange_systems import three_axes
 
-from haptic_device.analysis import contact_search
+from adversary import contact_search
 
 BUDGET = 0.005  # [J]
 

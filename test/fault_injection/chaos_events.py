@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The events of `haptic chaos`: each takes the running demo, does something to it, and says what came of it."""
+"""The events of chaos: each takes the running demo, does something to it, and says what came of it."""
 
 import itertools
 import math
@@ -9,10 +9,10 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
+from fault_injection import chaos_figures as figures
+from fault_injection import chaos_loads as loads
+from fault_injection.conductor import NODES, PATIENCE, Conductor
 from haptic_device.law import engage
-from haptic_sim.cli import chaos_figures as figures
-from haptic_sim.cli import chaos_loads as loads
-from haptic_sim.cli.conductor import NODES, PATIENCE, Conductor
 
 FROZEN = 0.4  # s
 HEARD = 0.2  # [s] until everything that happened has been heard of

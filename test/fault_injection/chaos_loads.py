@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Events of `haptic chaos` that take no node away but its peace: processor time, the network, the wall clock."""
+"""Events of chaos that take no node away but its peace: processor time, the network, the wall clock."""
 
 import math
 import os
@@ -7,11 +7,11 @@ import subprocess
 import sys
 import time
 
-from haptic_device.process import ending_with_us, own_environment, running_module
+from fault_injection import chaos_figures as figures
+from fault_injection.conductor import PATIENCE, Conductor
+from fault_injection.flood import COMMAND, SENT
+from haptic_device.process import ending_with_us, own_environment
 from haptic_device.status import LEVELS, number
-from haptic_sim.cli import chaos_figures as figures
-from haptic_sim.cli.conductor import PATIENCE, Conductor
-from haptic_sim.cli.flood import SENT
 
 HOGGED, FLOODED, STEPPED = 4.0, 4.0, 0.4  # s
 HOGS = 2  # a core
@@ -42,7 +42,7 @@ def hogs(conductor: Conductor) -> figures.Figures:
 def flood(conductor: Conductor) -> figures.Figures:
     """10 kHz of foreign, mutated and meaningless messages on the topics of the exchange; the hand holds still."""
     before = _refusals(conductor)
-    flooding = _process([*running_module("haptic_sim.cli.flood"), str(FLOOD_RATE), str(FLOODED)])
+    flooding = _process([*COMMAND, str(FLOOD_RATE), str(FLOODED)])
     flooding.wait(FLOODED + PATIENCE)
     sent = int((flooding.stdout.read().split(SENT) + ["0"])[1] or 0)
     conductor.wait(0.6)

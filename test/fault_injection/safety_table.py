@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Puts the figures of `haptic chaos --json` and `haptic chaos --soak --json` into docs/safety.md, between its marks.
+"""Puts the figures of `chaos.py --json` and `chaos.py --soak --json` into docs/safety.md, between its marks.
 
-python bench/safety_table.py CHAOS_OR_SOAK.json...
+python test/fault_injection/safety_table.py CHAOS_OR_SOAK.json...
 """
 
 import json
@@ -9,7 +9,7 @@ import re
 import sys
 from pathlib import Path
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "safety.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "safety.md"
 HEADS = {
     "event": "event", "runs": "runs", "force": "force N", "change": "change N/ms", "step": "step N/ms",
     "energy": "energy mJ", "safe": "safe ms", "recovered": "recovered s", "faults": "faults", "note": "note",

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic chaos`: the running demo loses nodes, processor time and peace on its network; a table of what was felt."""
+"""The running demo loses nodes, processor time and peace on its network; a table of what was felt.
+
+`python test/fault_injection/chaos.py --help`; docs/safety.md says what the figures are.
+"""
 
 import json as json_text
 import os
@@ -12,7 +15,10 @@ from typing import Annotated, NamedTuple
 
 import typer
 
+sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
+
 from haptic_sim.cli.domain import isolated_domain
+from haptic_sim.cli.main import ending_in_a_sentence
 from haptic_sim.cli.processes import NodeDiedError, interruptible
 
 STEP, ENERGY, RECOVERED = 0.5, 0.005, 3.0  # [N/ms], [J] of the default exchange.budget, [s]
@@ -45,7 +51,7 @@ def chaos(
         with interruptible():
             found = _soak(minutes or 30.0) if soak else _chaos(minutes, _chosen(event, short, clock))
     except KeyboardInterrupt:
-        print("haptic chaos: interrupted; all nodes have ended", file=sys.stderr, flush=True)
+        print("chaos: interrupted; all nodes have ended", file=sys.stderr, flush=True)
         os._exit(130)
     except NodeDiedError as error:
         raise ValueError(str(error)) from error
@@ -54,7 +60,7 @@ def chaos(
 
 
 def _chosen(wanted, short, clock):
-    from haptic_sim.cli.chaos_events import CLOCK, EVENTS
+    from fault_injection.chaos_events import CLOCK, EVENTS
 
     events = (*EVENTS, *([CLOCK] if clock else []))
     wanted = SHORT if short else wanted
@@ -74,7 +80,7 @@ def _programs(folder: Path, rate: float = 1000.0):
 
 
 def _chaos(minutes, events) -> dict:
-    from haptic_sim.cli.conductor import Conductor
+    from fault_injection.conductor import Conductor
 
     with tempfile.TemporaryDirectory(prefix="haptic_chaos_") as name:
         folder = Path(name)
@@ -96,7 +102,7 @@ def _play(conductor, events, minutes) -> dict:
         event = waiting.pop(0) if waiting else random.choice(events)
         conductor.begin()
         results[event.name].append(event.run(conductor))
-        print(f"haptic chaos: {event.name}: {_said(results[event.name][-1])}", file=sys.stderr, flush=True)
+        print(f"chaos: {event.name}: {_said(results[event.name][-1])}", file=sys.stderr, flush=True)
     return results
 
 
@@ -106,7 +112,7 @@ def _said(figures):
 
 
 def _row(event, several) -> Row:
-    from haptic_sim.cli.chaos_figures import worst
+    from fault_injection.chaos_figures import worst
 
     found = worst(several)
     bounds = {"step": STEP, "energy": ENERGY, "safe": event.safe, "recovered": RECOVERED}
@@ -126,7 +132,7 @@ def _found(rows, tracebacks, left) -> dict:
 
 
 def _soak(minutes) -> dict:
-    from haptic_sim.cli.soak import soak
+    from fault_injection.soak import soak
 
     return soak(minutes, _programs)
 
@@ -154,3 +160,8 @@ def _text(value) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(map(str, value))
     return "" if value is None else str(value)
+
+
+if __name__ == "__main__":
+    with ending_in_a_sentence("chaos"):
+        typer.run(chaos)

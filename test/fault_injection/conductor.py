@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The running demo in the hands of `haptic chaos`: a hand that presses a wall, and nodes that are taken away."""
+"""The running demo in the hands of chaos: a hand that presses a wall, and nodes that are taken away."""
 
 import contextlib
 import os
@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from fault_injection.witness import Witness
 from haptic_device.runtime import page
 from haptic_sim.cli.prepare import prepare
 from haptic_sim.cli.processes import NAMESPACE, NodeDiedError, Nodes, Program
-from haptic_sim.cli.witness import Witness
 
 NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation")
 FREE, PRESSED = 0.03, -0.003  # [m] where the hand is in free space; and where it wants to be in the wall

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Searches handle paths for energy on both sides of each bound.
 
-usage: OPENBLAS_NUM_THREADS=1 python bench/adversary.py [STARTS]   (threads only wait for one another here)
+usage: OPENBLAS_NUM_THREADS=1 python test/adversary/walls.py [STARTS]   (threads only wait for one another here)
 """
 
 import sys
+from pathlib import Path
 
-from haptic_device.analysis.adversary import Display, search
+sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
+
+from adversary.switching import switched_cancellation_damping
+from adversary.wall_search import Display, search
 from haptic_device.analysis.closed_forms import delayed_wall_damping, lagged_wall_damping, wall_damping
-from haptic_device.analysis.switching import switched_cancellation_damping
 
 SIDES = (0.98, 1.02)
 
