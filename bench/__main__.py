@@ -40,7 +40,7 @@ COMMANDS = {  # name: (module with a `main`, what it measures)
     "local": ("bench.exchange.local", "what the tool in the servo is worth: stiffness, drag and mass, Fig. 5, tasks"),
     "local_tick": ("bench.exchange.local_tick", "work of a servo tick with the tool in it"),
     "long_bag": ("bench.recording.long_bag", "a bag of many minutes, and what its report costs"),
-    "recorder_restart": ("bench.recording.recorder_restart", "how soon a recorder hears the servo after one was killed"),
+    "recorder_restart": ("bench.recording.recorder_restart", "how soon a new recorder hears the servo"),
     "recording_losses": ("bench.recording.recording_losses", "what a recorder loses and costs, in pairs of runs"),
     "reduction": ("bench.methods.reduction", "the wall in closed form against the general method"),
     "reference": ("bench.methods.converged", "the stored references made again"),

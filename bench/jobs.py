@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the long measurements have in common: whom to ask, how far it is, the exit code of an interrupted one."""
+"""What the long measurements have in common: whom to ask, and what is done kept in a table."""
 
 import contextlib
 import csv
@@ -10,9 +10,7 @@ from pathlib import Path
 import typer
 
 from haptic_device.analysis.sweep import spread
-from haptic_sim.cli.progress import INTERRUPTED, progress  # noqa: F401
 
-SCHEDULER = "Address of a Dask scheduler (tcp://host:8786) whose workers do the runs, instead of this machine's cores."
 WORKERS = "Processes at once [one a core]."
 
 

@@ -39,11 +39,6 @@ def distance(a: Outline, pose_a: Pose, b: Outline, pose_b: Pose) -> float:
     return _core_distance(placed_a, placed_b) - a.radius - b.radius
 
 
-def body_distance(outlines_a, pose_a: Pose, outlines_b, pose_b: Pose) -> float:
-    """Distance between two compounds of outlines [m]: the least over all pairs of their parts."""
-    return min(distance(a, pose_a, b, pose_b) for a in outlines_a for b in outlines_b)
-
-
 def overlap(outlines_a, pose_a: Pose, outlines_b, pose_b: Pose) -> float:
     """Depth of the deepest overlap of two compounds [m], 0 if there is none: the width of a gap is not worked out."""
     here, there = ([(_place(outline.vertices, pose), outline.radius) for outline in outlines]

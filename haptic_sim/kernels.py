@@ -12,7 +12,6 @@ from haptic_device.runtime import clock, exchange, held_run, link, loop, loopbac
 from haptic_device.runtime import zwidth_cell as cell
 from haptic_device.runtime.mailbox import Mailbox
 from haptic_device.runtime.servo_thread import ServoThread
-from haptic_sim.at_once import compile_for
 from haptic_sim.method.registry import make
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.scene import load
@@ -101,8 +100,7 @@ def closed_form():
     """A tool among flat walls, and the ports behind which any method stands."""
     for method in ("pspm", "wave"):
         values = _values("haptic_simulation") | {"exchange.method": method}
-        world = Simulation.by_parameters(load(IN_CLOSED_FORM), values)
-        compile_for(world, wire.JointLayout(wire.exchange_names(1)))
+        Simulation.by_parameters(load(IN_CLOSED_FORM), values)
 
 
 def local_contacts():

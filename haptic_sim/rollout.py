@@ -175,9 +175,9 @@ def hand(scene: Scene, angle: float = 0.0):
     return at
 
 
-def way(lead, times) -> np.ndarray:
+def way(lead: Callable, times: np.ndarray) -> np.ndarray:
     """Path (n, 6) of a hand that is at `lead(time)` at these times [s], evenly spaced, its rates by differences."""
-    places = np.array([lead(time) for time in times])
+    places = np.array([lead(time) for time in times.tolist()])
     return np.hstack([places, np.gradient(places, times[1] - times[0], axis=0)])
 
 

@@ -127,11 +127,6 @@ class Simulation:
         self._travel = self._way()
         port.restart()
 
-    @property
-    def handle(self) -> Planar | None:
-        """Where the handle was in the last sample [m, m, rad]; None: none has come."""
-        return self._last.position if self._last else None
-
     def rejoin(self) -> None:
         """The next handle sample starts a new time base (a new session of the device); the tool stays where it is."""
         self._last = None
@@ -151,25 +146,6 @@ class Simulation:
         exchanges, sub_steps, *others = self.counters
         self.counters = Counters(exchanges + 1, sub_steps + count, *others)
         return self._sample(touched)
-
-    def lend(self, record) -> None:
-        """Time base, handle and sums, for haptic_sim/at_once.py to go on from."""
-        record["stamp"], record["remainder"] = self._last.time_ns, self._remainder_ns
-        record["sub_step"], record["most"] = self.sub_step_ns, self.max_catch_up_ns
-        record["position"], record["velocity"] = self._last.position, self._last.velocity
-        record["exchanges"], record["sub_steps"] = self.counters.exchanges, self.counters.sub_steps
-        record["force"] = self.counters.max_contact_force
-        record["supplied"], record["contacts"] = self.ledger.supplied, self.ledger.contacts
-
-    def take_back(self, record) -> None:
-        """The same as that has left them; the energies stored are those of the method as it now is."""
-        ways = {name: tuple(record[name].tolist()) for name in ("position", "velocity")}
-        self._last = self._last._replace(time_ns=int(record["stamp"]), **ways)
-        self._remainder_ns = int(record["remainder"])
-        counts = {name: int(record[name]) for name in ("exchanges", "sub_steps")}
-        self.counters = self.counters._replace(max_contact_force=float(record["force"]), **counts)
-        self.ledger.supplied, self.ledger.contacts = float(record["supplied"]), float(record["contacts"])
-        self.ledger.close(*self.method.energy())
 
     @cached_property
     def local_contacts(self) -> LocalContacts:

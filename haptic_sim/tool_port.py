@@ -135,14 +135,6 @@ class Modulated(Drawn):
             self._rule(gains, sub_step, inner)
         return gains
 
-    def lend(self, record) -> None:
-        """The sums of energy, for haptic_sim/at_once.py to go on from; it shares rules and memory."""
-        record["known"], record["budget"], record["returned"] = self._known, self.budget, self.returned
-
-    def take_back(self, record) -> None:
-        """The sums as that has left them."""
-        self._known, self.returned = float(record["known"]), float(record["returned"])
-
     def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
         """What the coupling supplied leaves the tank."""
         self.memory[port.TANK] -= supplied

@@ -13,12 +13,13 @@ import typer
 
 from bench.exchange import round_trip
 from bench.exchange.exchange_live import run as run_live
-from bench.jobs import SCHEDULER, WORKERS, Kept, sweep
+from bench.jobs import WORKERS, Kept, sweep
 from haptic_device.device import load_device
 from haptic_device.parameter import read_operating_point
 from haptic_device.parameters import EXCHANGE, EXCHANGE_METHODS
 from haptic_device.share import find
 from haptic_sim.cli.nodes import NODES
+from haptic_sim.cli.progress import SCHEDULER
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figure of `python -m bench local`: the whole display's stiffness against its drag, and Fig. 5 of the paper.
 
-Fig. 5: Colgate, Stanley & Brown (1995), equations in haptic_sim/bench/insertion.py, with the contacts in the servo made
+Fig. 5: Colgate, Stanley & Brown (1995), equations in bench/methods/insertion.py, with the contacts in the servo made
 soft enough to be seen.
 """
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from matplotlib.figure import Figure
 
-from bench.jobs import INTERRUPTED, listed, progress, usable, write_csv
+from bench.jobs import listed, usable, write_csv
 from bench.methods.figure import LOOKS
 from bench.methods.growing import (
     COUNTS,
@@ -27,6 +27,7 @@ from bench.methods.growing import (
 from bench.methods.table import TITLES
 from bench.methods.world import PEERS, version
 from haptic_sim.cli.processes import interruptible
+from haptic_sim.cli.progress import INTERRUPTED, progress
 
 FEW = (10,)
 EXCHANGE = 1e3  # µs, the time that an exchange has

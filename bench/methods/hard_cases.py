@@ -9,10 +9,11 @@ from typing import Annotated
 
 import typer
 
-from bench.jobs import INTERRUPTED, listed, progress, usable
+from bench.jobs import listed, usable
 from bench.methods.hard import NAMES, verdict
 from bench.methods.table import TITLES, default_method
 from haptic_sim.cli.processes import interruptible
+from haptic_sim.cli.progress import INTERRUPTED, progress
 
 LEGEND = ("✓ survives · N not finite · T through a wall · P overlap beyond 0.1 mm · E creates more than 1 % of the "
           "energy about · (e) creates more than rounding · – cannot model it")

@@ -8,13 +8,14 @@ from typing import Annotated
 
 import typer
 
-from bench.jobs import INTERRUPTED, SCHEDULER, Kept, listed, progress, sweep, usable, write_csv
+from bench.jobs import Kept, listed, sweep, usable, write_csv
 from bench.methods import table
 from bench.methods.compare import ratios
 from bench.methods.figure import pareto_figure
 from bench.methods.measure import Run, run
 from bench.methods.world import PEERS, version
 from haptic_sim.cli.processes import interruptible
+from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER, progress
 from reference.case import NAMES, case
 from reference.reference import reference
 

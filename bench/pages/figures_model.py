@@ -12,8 +12,9 @@ import typer
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 
+from haptic_device.analysis.page import draw_picture
 from haptic_device.analysis.recording import load
-from haptic_device.analysis.report import draw as draw_report
+from haptic_device.analysis.run import Run
 
 FOLDER = Path(__file__).parents[2] / "docs" / "figures"
 REAL, VIRTUAL, FORCE, GROUND = "#0072B2", "#D55E00", "#009E73", "0.35"
@@ -28,7 +29,7 @@ def main(run: Annotated[Path | None, typer.Argument(help="Folder of a run of the
         panel.set_axis_off()
     figure.savefig(FOLDER / "model.png", dpi=110)
     if run is not None:
-        draw_report(load(run / "bag"), FOLDER / "demo.png", "peg_in_hole")
+        draw_picture(Run(load(run / "bag"), "peg_in_hole"), FOLDER / "demo.png")
 
 
 def chain(axes):

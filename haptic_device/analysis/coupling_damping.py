@@ -17,7 +17,7 @@ spring needs (N + 1)² KT/2 here, where a wall needs (N + ½) KT.
 
 import numpy as np
 
-from haptic_device.analysis.environment import kind_of, leak, leak_at_rest, supply, supply_at_rest
+from haptic_device.analysis.delay import split_delay
 from haptic_device.analysis.passivity import as_transfer, larger_of_rest, sharp_angles
 from haptic_device.analysis.quantity import over_grids, positive
 from haptic_device.analysis.supremum import supremum
@@ -27,18 +27,16 @@ POLE = 1e12
 """A demand this many times T|H| is a pole of the closed form that rounding has made finite."""
 
 
-def least_damping_for_any_simulation(transfer, period, environment="synchronous", delay_samples=0.0):
+def least_damping_for_any_simulation(transfer, period, delay_samples=0.0):
     """Least physical damping (LeastDamping) with any operator and any passive simulation; infinite if none is enough.
 
-    `transfer` as in `least_damping`; `environment` one of ENVIRONMENTS; delay_samples lie in the display's own loop,
-    fractions allowed. Refuses a period that is not positive.
+    `transfer` as in `least_damping`; delay_samples lie in the display's own loop, fractions allowed. Refuses a period
+    that is not positive.
     """
     positive("period", period, "s")
-    transfer, kind = as_transfer(transfer), kind_of(environment)
-    moving, angle = supremum(
-        lambda angle: _demand(angle, transfer, period, kind, delay_samples), sharp_angles(transfer)
-    )
-    return larger_of_rest(_demand_at_rest(transfer, period, kind, delay_samples), moving, angle, period)
+    transfer = as_transfer(transfer)
+    moving, angle = supremum(lambda angle: _demand(angle, transfer, period, delay_samples), sharp_angles(transfer))
+    return larger_of_rest(_demand_at_rest(transfer, period, delay_samples), moving, angle, period)
 
 
 @over_grids
@@ -49,17 +47,17 @@ def largest_stiffness_for_any_simulation(physical_damping, damping, period, velo
     all of them lies between the largest lower root and the smallest upper one.
     """
     positive("physical_damping", physical_damping, "N s/m")
-    damper, kind = wall_transfer(0.0, damping, period, velocity_lag), kind_of("synchronous")
+    damper = wall_transfer(0.0, damping, period, velocity_lag)
     near = sharp_angles(damper)
 
     def roots(angle):
         response = damper(np.exp(1j * angle))
-        given = 0.5 * period * leak(angle, kind, delay_samples)
-        return _between(given, response, physical_damping, supply(response, angle, kind))
+        given = 0.5 * period * leak(angle, delay_samples)
+        return _between(given, response, physical_damping, supply(response, angle))
 
     value, slope = value_at_rest(damper)
-    given = 0.5 * period * leak_at_rest(kind, delay_samples)
-    resting = _between(given, value, physical_damping, supply_at_rest(value, slope, kind))
+    given = 0.5 * period * _leak_at_rest(delay_samples)
+    resting = _between(given, value, physical_damping, value + 2.0 * slope)
     low = max(float(resting[0][0]), float(supremum(lambda angle: roots(angle)[0], near)[0]))
     high = min(float(resting[1][0]), -float(supremum(lambda angle: -roots(angle)[1], near)[0]))
     return high if high > max(low, 0.0) else 0.0
@@ -73,29 +71,40 @@ def wall_damping_for_any_simulation(stiffness, damping, period):
         return np.where(np.asarray(damping) >= 0.0, total, np.where(total > 0.0, half**2 / total, np.inf))[()]
 
 
-def late_simulation_damping(stiffness, damping, period, environment_damping):
-    """Least b when the simulation is one sample late but guarantees damping b_e: 1/b + 1/b_e < 1/(KT/2 + |B|) [N s/m].
+def supply(response, angle):
+    """|H|² Re{Ī/H} |z − 1|²/T over 1 − cos θ: what the coupling itself takes from an exchange [N/m].
 
-    Both ports then act like devices with a damper, in series through the coupling. Infinite for b_e ≤ KT/2 + |B|.
+    At rest it is H(1) + 2 dH/dz.
     """
-    positive("environment_damping", environment_damping, "N s/m")
-    need = np.asarray(stiffness) * period / 2.0 + np.abs(damping)
-    surplus = np.asarray(environment_damping) - need
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(surplus > 0.0, need * environment_damping / surplus, np.inf)[()]
+    return np.imag(np.exp(0.5j * angle) * response) / np.sin(0.5 * angle)
 
 
-def _demand(angle, transfer, period, environment, delay_samples):
+def leak(angle, delay_samples):
+    """(1 − cos (N+1)θ)/(1 − cos θ): what the held force may give away; a fraction of a delay is interpolated."""
+    whole, fraction = split_delay(delay_samples)
+
+    def ratio(lead):
+        return (np.sin(0.5 * lead * angle) / np.sin(0.5 * angle)) ** 2
+
+    return (1.0 - fraction) * ratio(whole + 1.0) + fraction * ratio(whole + 2.0)
+
+
+def _leak_at_rest(delay_samples):
+    whole, fraction = split_delay(delay_samples)
+    return (1.0 - fraction) * (whole + 1.0) ** 2 + fraction * (whole + 2.0) ** 2
+
+
+def _demand(angle, transfer, period, delay_samples):
     response = transfer(np.exp(1j * angle))
-    given = 0.5 * period * leak(angle, environment, delay_samples) * np.abs(response) ** 2
-    demand = _ratio(given, supply(response, angle, environment))
+    given = 0.5 * period * leak(angle, delay_samples) * np.abs(response) ** 2
+    demand = _ratio(given, supply(response, angle))
     return np.where(demand > POLE * period * np.abs(response), np.inf, demand)
 
 
-def _demand_at_rest(transfer, period, environment, delay_samples):
+def _demand_at_rest(transfer, period, delay_samples):
     value, slope = value_at_rest(transfer)
-    given = 0.5 * period * leak_at_rest(environment, delay_samples) * value**2
-    return _ratio(given, supply_at_rest(value, slope, environment))
+    given = 0.5 * period * _leak_at_rest(delay_samples) * value**2
+    return _ratio(given, value + 2.0 * slope)
 
 
 def _between(given, response, physical_damping, kept):

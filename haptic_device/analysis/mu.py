@@ -3,7 +3,7 @@
 
 Two unknown blocks of gain at most 1: the operator with the display, w = (z−1)x₁/T = −(1 + Δ₁)/(2b) · u, and the
 passive environment, u − b₀v₂ = Δ₂ (u + b₀v₂) for any b₀ > 0. With the display's sampled position per speed
-r = T z^{−N}/(z−1), the environment's I (Tz/(z−1) when it is in step), and D = 1/H + r/(2b) + I/b₀,
+r = T z^{−N}/(z−1), that of an environment in step I = Tz/(z−1), and D = 1/H + r/(2b) + I/b₀,
 
     M = (1/D) [[−r/(2b), I/b₀], [−r/b, 2I/b₀ − D]],   passive ⇔ D has a stable inverse and μ(M) < 1 for 0 < ω ≤ π/T.
 
@@ -13,75 +13,45 @@ with |det M| < 1. μ → 1 at rest for every gain; the margin (1 + |det M|² −
 
 import numpy as np
 
+from haptic_device.analysis.coupling_damping import leak, supply
 from haptic_device.analysis.delay import split_delay
-from haptic_device.analysis.environment import kind_of, leak, supply
 from haptic_device.analysis.passivity import as_transfer, sharp_angles
 from haptic_device.analysis.quantity import positive
 from haptic_device.analysis.supremum import supremum
 from haptic_device.analysis.transfer import Transfer
 
 
-def two_port(transfer, period, physical_damping, angle, environment="synchronous", reference=1.0, delay_samples=0):
-    """The matrix M at the angles θ = ωT in (0, π], shape (…, 2, 2).
-
-    `reference` is b₀ [N s/m], `environment` a name of ENVIRONMENTS, delay_samples whole samples in the display's loop.
-    """
-    z = np.exp(1j * np.asarray(angle))
-    display = period * z ** -int(delay_samples) / (z - 1.0) / (2.0 * physical_damping)
-    simulation = period * np.polyval(kind_of(environment).integrator, z) / (z - 1.0) / reference
-    loop = 1.0 / transfer(z) + display + simulation
-    rows = [[-display / loop, simulation / loop], [-2.0 * display / loop, 2.0 * simulation / loop - 1.0]]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
-
-
-def structured_singular_value(matrix):
-    """μ of 2 × 2 matrices for two complex scalar blocks, exact, over the leading axes."""
-    size, product = _size(matrix), np.abs(np.linalg.det(matrix)) ** 2
-    return np.sqrt(0.5 * (size + np.sqrt(np.maximum(size**2 - 4.0 * product, 0.0))))
-
-
-def margin_of(matrix, angle):
-    """(1 + |det M|² − F)/(1 − cos θ) of matrices M at the angles θ."""
-    return (1.0 + np.abs(np.linalg.det(matrix)) ** 2 - _size(matrix)) / (2.0 * np.sin(0.5 * angle) ** 2)
-
-
-def mu_margin(transfer, period, physical_damping, environment="synchronous", delay_samples=0.0):
+def mu_margin(transfer, period, physical_damping, delay_samples=0.0):
     """Smallest margin over 0 < ω ≤ π/T with b₀ = b: dimensionless, passive iff positive; −inf if D is not stable.
 
     `transfer` as in `least_damping`, a callable being taken to give a stable D; one that broadcasts parameters, period
-    and b with a trailing axis of length one gives an answer for each. `environment` one of ENVIRONMENTS;
-    delay_samples lie in the display's own loop, fractions allowed. Refuses period ≤ 0 and b ≤ 0.
+    and b with a trailing axis of length one gives an answer for each. delay_samples lie in the display's own loop,
+    fractions allowed. Refuses period ≤ 0 and b ≤ 0.
     """
     positive("period", period, "s")
     positive("physical_damping", physical_damping, "N s/m")
-    transfer, kind = as_transfer(transfer), kind_of(environment)
+    transfer = as_transfer(transfer)
     known = isinstance(transfer, Transfer)
-    if known and not _nominally_stable(transfer, period, physical_damping, kind, delay_samples):
+    if known and not _nominally_stable(transfer, period, physical_damping, delay_samples):
         return -np.inf
     lowest, _ = supremum(
-        lambda angle: -margin_at(transfer, period, physical_damping, angle, kind, delay_samples),
-        sharp_angles(transfer),
+        lambda angle: -margin_at(transfer, period, physical_damping, angle, delay_samples), sharp_angles(transfer)
     )
     return -lowest
 
 
-def margin_at(transfer, period, physical_damping, angle, environment, delay_samples=0.0):
+def margin_at(transfer, period, physical_damping, angle, delay_samples=0.0):
     """The margin with b₀ = b at the angles θ, the poles of D cleared so that nothing cancels near rest.
 
     For a fractional delay its sign is exact, and D has the delay interpolated.
     """
     z = np.exp(1j * angle)
     response = transfer(z)
-    integrators = 0.5 * _late(angle, delay_samples) + np.polyval(environment.integrator, z)
+    integrators = 0.5 * _late(angle, delay_samples) + z
     loop = physical_damping * 2j * np.sin(0.5 * angle) * np.exp(0.5j * angle) + response * period * integrators
-    kept = period * physical_damping * supply(response, angle, environment)
-    given = 0.5 * period**2 * np.abs(response) ** 2 * leak(angle, environment, delay_samples)
+    kept = period * physical_damping * supply(response, angle)
+    given = 0.5 * period**2 * np.abs(response) ** 2 * leak(angle, delay_samples)
     return 4.0 * (kept - given) / np.abs(loop) ** 2
-
-
-def _size(matrix):
-    cross = matrix[..., 0, 1] * matrix[..., 1, 0]
-    return np.abs(matrix[..., 0, 0]) ** 2 + np.abs(matrix[..., 1, 1]) ** 2 + 2.0 * np.abs(cross)
 
 
 def _late(angle, delay_samples):
@@ -89,12 +59,12 @@ def _late(angle, delay_samples):
     return np.exp(-1j * whole * angle) * (1.0 - fraction + fraction * np.exp(-1j * angle))
 
 
-def _nominally_stable(transfer, period, physical_damping, environment, delay_samples):
+def _nominally_stable(transfer, period, physical_damping, delay_samples):
     """Whether D, with both unknown blocks at 0 and b₀ = b, has all its zeros inside the unit circle."""
     whole, fraction = split_delay(delay_samples)
     shift = np.append(1.0, np.zeros(whole + 1))
     display = 0.5 * np.array([1.0 - fraction, fraction])
-    ports = np.polyadd(display, np.polymul(shift, environment.integrator))
+    ports = np.polyadd(display, np.append(shift, 0.0))
     free = physical_damping * np.polymul(np.polymul(shift, [1.0, -1.0]), transfer.denominator)
     roots = np.roots(np.polyadd(free, period * np.polymul(ports, transfer.numerator)))
     if np.polyval(transfer.numerator, 1.0) == 0.0:  # without a spring the positions drift apart freely

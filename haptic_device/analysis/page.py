@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report of one or more runs side by side: one HTML file that needs nothing else, and its figures as PNG files."""
+"""The report of one or more runs side by side: one HTML file that needs nothing else, and its figures as PNG files.
+
+Of one run also a single picture of the figures that tell most.
+"""
 
 import base64
 import html
@@ -59,6 +62,22 @@ FIGURES = (
     ),
 )
 
+TELLING = ("positions", "angles", "forces", "energies", "lateness")  # of the single picture
+
+
+def draw_picture(run: Run, picture: Path) -> None:
+    """Writes the picture (PNG), headed by the run's name and by gains, period, damping and exchange method."""
+    figures = [figure for figure in FIGURES if figure.name in TELLING]
+    heights = [figure.height for figure in figures]
+    shown, grid = pyplot.subplots(len(figures), 1, figsize=(9, 14), layout="constrained", height_ratios=heights)
+    try:
+        shown.suptitle(_heading(run, 110), fontsize=10)
+        for figure, axes in zip(figures, grid, strict=True):
+            _try(figure, [axes], run)
+        shown.savefig(picture, dpi=110)
+    finally:
+        pyplot.close(shown)
+
 
 def write_report(runs: list[Run], folder: Path, left_out: Sequence[str] = ()) -> Path:
     """Writes report.html and the figures into the folder; the path of the page. Raises ValueError for too many runs.
@@ -86,13 +105,17 @@ def _draw(figure: Figure, runs: list[Run], picture: Path) -> None:
     try:
         for number, run in enumerate(runs):
             part = grid[0, number * figure.wide : (number + 1) * figure.wide]
-            labels = ", ".join(f"{name} = {value}".replace(" ", "\u00a0") for name, value in run.conditions.items())
-            lines = [run.name, *textwrap.wrap(labels, 72)]
-            part[0].set_title("\n".join(lines), fontsize=8, loc="left")
+            part[0].set_title(_heading(run, 72), fontsize=8, loc="left")
             _try(figure, part, run)
         shown.savefig(picture, dpi=DPI)
     finally:
         pyplot.close(shown)
+
+
+def _heading(run: Run, width: int) -> str:
+    """Name and conditions, in lines of so many letters."""
+    labels = ", ".join(f"{name} = {value}".replace(" ", "\u00a0") for name, value in run.conditions.items())
+    return "\n".join([run.name, *textwrap.wrap(labels, width)])
 
 
 def _try(figure: Figure, part, run: Run) -> None:

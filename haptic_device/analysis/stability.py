@@ -98,17 +98,6 @@ def largest_stable_stiffness(mass, physical_damping, damping, period, delay_samp
     return ranges[0][1] if ranges and ranges[0][0] == 0.0 else 0.0
 
 
-def undamped_stable_stiffness(mass, damping, period):
-    """No physical damping: K < (m/T²) 2β(2−β)/(2+β), β = BT/m, for 0 < β < 2; at most 0.68629 m/T² [N/m]."""
-    share = np.asarray(damping) * period / mass
-    return mass / period**2 * np.maximum(2.0 * share * (2.0 - share) / (2.0 + share), 0.0)
-
-
-def small_gain_stiffness(physical_damping, damping, period, delay):
-    """K < (b + B)/(T/2 + t_d) (Gil, Sánchez, Hulin, Preusche & Hirzinger 2009): good only while (b+B) T/m is small."""
-    return (physical_damping + damping) / (period / 2.0 + delay)
-
-
 def _glide(mass, physical_damping, time):
     """Distance covered in `time` per unit of initial velocity [s]."""
     decay = physical_damping * time / mass

@@ -27,51 +27,40 @@ class SchedulerError(ValueError):
     """The scheduler, or what stands behind it, cannot do the work; one sentence."""
 
 
-def spread(
-    function: Callable, jobs: dict, workers: int, scheduler: str = "", processes: bool = False
-) -> Iterator[tuple]:
+def spread(function: Callable, jobs: dict, workers: int, scheduler: str = "", threads: bool = False) -> Iterator[tuple]:
     """Yields (key, function(*arguments)) of jobs {key: arguments} as they are done, in whatever order.
 
-    By threads, for kernels without the interpreter's lock; by `processes`, for what is mostly Python; or by all workers
-    of the scheduler at this address (tcp://host:port), which must run the same sources. A worker that dies has its jobs
-    done by others. Raises SchedulerError; what a job raises is raised.
+    By processes, or by `threads` for kernels without the interpreter's lock; or by all workers of the Dask scheduler at
+    this address (tcp://host:port), which must run the same sources. A worker of it that dies has its jobs done by
+    others. Raises SchedulerError; what a job raises is raised.
     """
-    results = _by_cluster(function, jobs, scheduler) if scheduler else _here(function, jobs, workers, processes)
-    with contextlib.closing(results):
-        yield from results
-
-
-def _here(function, jobs, workers, processes):
-    with _processes(workers) if processes else ThreadPoolExecutor(workers) as pool:
+    with _executor(workers, scheduler, threads) as pool:
         waiting = {pool.submit(function, *arguments): key for key, arguments in jobs.items()}
         try:
             for done in as_completed(waiting):
                 yield waiting[done], done.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _processes(workers):
-    """They end with this process, however it ends: killed, it would leave them waiting for good."""
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(workers, context, initializer=die_with_parent, initargs=(os.getpid(),))
-
-
-def _by_cluster(function, jobs, scheduler):
-    with _client(scheduler) as client:
-        from distributed import as_completed
-
-        waiting = {client.submit(function, *arguments, pure=False): key for key, arguments in jobs.items()}
-        try:
-            for done, result in as_completed(waiting, loop=client.loop, with_results=True):
-                if done.cancelled():  # by a scheduler that went away; the result is then the error
-                    raise result
-                yield waiting[done], result
         except Exception as error:
-            if type(error).__name__ in ("KilledWorker", "CancelledError", "FutureCancelledError", "CommClosedError"):
-                reason = str(error).partition("\n")[0].rstrip(".")
+            if scheduler and type(error).__name__ in ("KilledWorker", "CancelledError", "CommClosedError"):
+                reason = str(error).partition("\n")[0].rstrip(".") or "it went away"
                 raise SchedulerError(f"the work was lost at {scheduler} ({reason}); what was done is kept") from None
             raise
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+@contextlib.contextmanager
+def _executor(workers, scheduler, threads):
+    if scheduler:
+        with _client(scheduler) as client, client.get_executor(pure=False) as pool:
+            yield pool
+    elif threads:
+        with ThreadPoolExecutor(workers) as pool:
+            yield pool
+    else:  # they end with this process, however it ends: killed, it would leave them waiting for good
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(workers, context, initializer=die_with_parent, initargs=(os.getpid(),)) as pool:
+            yield pool
 
 
 @contextlib.contextmanager

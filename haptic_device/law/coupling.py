@@ -7,19 +7,11 @@ from haptic_device.jit import kernel
 
 
 @kernel
-def coupling_force(stiffness, damping, stretch, rate):
-    """Force on the handle along one axis [N | N m]; the tool receives the opposite.
-
-    stretch = tool − handle [m | rad], rate = its derivative. K = 0, B = 0 is free space.
-    """
-    return stiffness * stretch + damping * rate
-
-
-@kernel
 def spring_force(stiffness, limit, stretch):
-    """Force of the coupling's spring on the handle [N], never beyond what the motor can hold: a clamped spring.
+    """Force of the coupling's spring on the handle along one axis [N | N m]; the tool receives the opposite.
 
-    A stretch that is not finite is no force but not a number.
+    stretch = tool − handle [m | rad]. Never beyond what the motor can hold: a clamped spring. A stretch that is not
+    finite is no force but not a number.
     """
     force = stiffness * stretch
     if abs(force) <= limit:

@@ -36,7 +36,6 @@ def _columns(*names):
     return np.dtype([(n.rstrip("*#^"), "f8", (widths[n[-1]],)) if n[-1] in widths else (n, "f8") for n in names])
 
 
-TRACE_VERSION = 1
 INPUTS = (
     *(
         "tick",

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The hardware seam. A link is how the servo reaches a device; another device is one more file with such a class.
 
-A link has `memory` (int64 array, its own), `read` and `write` (compiled with the signatures below), `present()` and
-`close()`. test/link_conformance.py checks any link against this text.
+A link has `memory` (int64 array, its own), `read` and `write` (compiled with the signatures below), `present()`,
+whether the device answers, and `close()`. test/link_conformance.py checks any link against this text.
 
 * read(memory, deadline, give_up, sample) → 1 if the sample is of this deadline, 0 if it is older. It may wait for
   the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (8): latched [ns], status (bit 2: motor cut),
@@ -12,7 +12,6 @@ A link has `memory` (int64 array, its own), `read` and `write` (compiled with th
 """
 
 import functools
-from typing import Protocol
 
 import numpy as np
 from numba import types
@@ -28,18 +27,6 @@ LATCHED, STATUS, COUNTS, DRAG, SAMPLE = 0, 1, 2, 5, 8
 
 LIVELY = 100_000_000  # [ns] since which a device that is there has written its page
 AHEAD = 20_000_000  # [ns] beyond which a sample from the future is nonsense: it would hide a silent device so long
-
-
-class Link(Protocol):
-    """What the servo needs of a device."""
-
-    memory: np.ndarray
-
-    def present(self) -> bool:
-        """Whether the device answers."""
-
-    def close(self) -> None:
-        """Lets the device go."""
 
 
 class PageLink:

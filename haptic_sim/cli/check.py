@@ -36,7 +36,6 @@ def problems(path: Path) -> list[str]:
         return [error.strerror or str(error)]
     except ValueError as error:
         return [str(error).removeprefix(f"{path}: ")]
-    return []
 
 
 def _together(path):

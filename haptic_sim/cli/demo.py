@@ -163,8 +163,9 @@ def _play(order: Order, programs: list[Program]) -> bool:
 
 
 def _evaluate(order: Order, started: float) -> dict:
+    from haptic_device.analysis.page import draw_picture
     from haptic_device.analysis.recording import load
-    from haptic_device.analysis.report import draw
+    from haptic_device.analysis.run import Run
     from haptic_sim.cli.outcome import figures
 
     recording = load(order.out / "bag")
@@ -173,7 +174,7 @@ def _evaluate(order: Order, started: float) -> dict:
         print(f"haptic demo: {note}", file=sys.stderr)
     report = order.out / "report.png"
     found = figures(recording, started)
-    draw(recording, report, order.scene)
+    draw_picture(Run(recording, order.scene), report)
     return found | {"report": str(report)}
 
 

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a long command is, on standard error, and the exit code of an interrupted one."""
+"""What long commands share: how far they are, the exit code of an interrupted one, the option of a scheduler."""
 
 import contextlib
 import sys
 import time
 
 INTERRUPTED = 130
+SCHEDULER = "Address of a Dask scheduler (tcp://host:8786) whose workers do the runs, instead of this machine's cores."
 
 
 def progress(total: int):

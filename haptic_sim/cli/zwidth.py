@@ -13,9 +13,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from bench.jobs import SCHEDULER, Crew
+from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER
 
-INTERRUPTED = 130
 _DEVICE = "Take m, b, friction, encoder step and delays from this device's x axis (a name in config/devices or a file)."
 
 _LIVE = "Raise the wall's stiffness on driver and loopback until it shakes, instead of drawing the map of a model."
@@ -42,7 +41,6 @@ def zwidth(
     points: Annotated[int, typer.Option(min=2, max=1000, help="Cells along each axis.")] = 100,
     seconds: Annotated[float, typer.Option(help="Simulated time of a cell (s).")] = 1.0,
     out: Annotated[Path, typer.Option(help="Folder for map.csv and map.png.")] = Path("zwidth"),
-    resume: Annotated[Path | None, typer.Option(help="File to go on from [OUT/resume.npz].")] = None,
     workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Threads [one a core].")] = None,
     scheduler: Annotated[str, typer.Option(help=SCHEDULER)] = "",
     live: Annotated[bool, typer.Option("--live", help=_LIVE)] = False,
@@ -63,12 +61,12 @@ def zwidth(
         base = {"mass": 0.1, "physical_damping": 0.5} if device is None else _of_device(device, period)
         setup = Setup(**{**base, **given, "period": period, "velocity_lag": velocity_lag, "seconds": seconds})
         request = _request(setup, operator, stiffness_max, damping_max, points)
-        found = _run(request, lateness, out, resume, Crew(workers or len(os.sched_getaffinity(0)), scheduler))
+        found = _run(request, lateness, out, workers or len(os.sched_getaffinity(0)), scheduler)
     except (ValueError, OSError) as error:
         typer.echo(f"haptic zwidth: {error}", err=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
-        kept = "the gains are as they were" if live else f"the same command goes on from {resume or out / 'resume.npz'}"
+        kept = "the gains are as they were" if live else f"the rows that were done are in {out / 'map.csv'}"
         typer.echo(f"haptic zwidth: interrupted; {kept}", err=True)
         raise typer.Exit(INTERRUPTED) from None
     typer.echo(json.dumps(found)) if as_json else _show(found)
@@ -159,20 +157,21 @@ def _request(setup, operator, stiffness_max, damping_max, points):
     return Request(setup, operator, np.linspace(0.0, stiffness_max, points + 1)[1:], damping)
 
 
-def _run(request, lateness, out, resume, crew):
+def _run(request, lateness, out, workers, scheduler):
     from haptic_device.analysis.zwidth import theory
     from haptic_device.analysis.zwidth_figure import save_map
-    from haptic_device.analysis.zwidth_map import boundaries, draw_map, write_csv
+    from haptic_device.analysis.zwidth_map import boundaries, draw_map, empty, write_csv
 
     theory(request.setup, request.damping[:1], lateness)
     out.mkdir(parents=True, exist_ok=True)
-    kept = resume or out / "resume.npz"
-    with interruptible(), _progress(request.damping.size) as progress:
-        plane = draw_map(request, crew.workers, kept, progress, crew.scheduler)
-    write_csv(out / "map.csv", request, plane)
+    plane = empty(request)
+    try:
+        with interruptible(), _progress(request.damping.size) as progress:
+            draw_map(request, workers, progress, scheduler, plane)
+    finally:
+        write_csv(out / "map.csv", request, plane)
     save_map(request, plane, lateness, out / "map.png")
     lines = {name.replace(" ", "_"): line.tolist() for name, line in boundaries(request, plane, lateness).items()}
-    kept.unlink()
     return {
         **request.setup._asdict(),
         "operator": request.operator,

@@ -87,18 +87,6 @@ class ClosedForm:
         axes = self._x, self._y
         return self._take(_advance_along(*self._state[:2], axes, path, self._gains, self._settings, count))
 
-    def lend(self, record) -> None:
-        """State, gains and scene, in the axes of the walls, for haptic_sim/at_once.py to go on from."""
-        record["place"], record["rate"], record["pull"], record["push"] = *self._state[:3], (*self._state[3], 0.0)[:3]
-        record["stiffness"], record["damping"] = self._gains
-        record["mass"], record["gravity"], record["low"], record["high"], _ = self._settings
-        record["axis"] = self._x, self._y
-
-    def take_back(self, record) -> None:
-        """The state as that has left it."""
-        vectors = (tuple(record[name].tolist()) for name in ("place", "rate", "pull", "push"))
-        self._take((*vectors, 0.0, 0.0, 0.0))
-
     def _take(self, found):
         place, rate, force, push, supplied, most, taken = found
         self._state = place, rate, force, push

@@ -20,7 +20,6 @@ from haptic_device.jit import njit
 GAP, NX, NY, AX, AY, BX, BY, PX, PY, ROUND, OWNER = range(11)
 """Fields of a contact: gap [m], unit normal from a to b, the points of a and of b whose distance is the gap (relative
 to nothing, in the plane), the point of contact, 1/ρ [1/m], and +1 if the edge is a's, -1 if b's, 0 if there is none."""
-FIELDS = 11
 ON_EDGE, TWO_POINTS = 0, 1
 """Kinds of feature (kind, first, second, sign): vertex `first` on edge `second`, which is a's if the sign is 1, b's if
 it is -1; or vertex `first` of a near vertex `second` of b. A disc is a vertex with a radius."""

@@ -13,7 +13,6 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from haptic_device.node.tap import Untouched
 from haptic_device.node.wire import LATEST, JointState
-from haptic_sim.at_once import AtOnce, is_for
 from haptic_sim.node.port import Port
 from haptic_sim.node.showing import Showing
 from haptic_sim.simulation import Counters, Simulation
@@ -59,7 +58,7 @@ class ExchangeThread:
         self.report = Report({}, Counters(), 0.0)
         self.answered = 0
         self.compute_ns = deque(maxlen=TIMES_KEPT)
-        self._showing, self._handle, self._at_once = Showing(node), None, None
+        self._showing, self._handle = Showing(node), None
         self._thread = threading.Thread(target=self._run, name="exchange")
 
     def start(self) -> None:
@@ -131,6 +130,7 @@ class ExchangeThread:
         data = self._latest()
         if data is not None:
             self._answer(data)
+            self._showing.show(self.simulation, self._handle, time.monotonic_ns())
         if self._wish is not None:
             self._grant()
         if time.monotonic_ns() >= self._next_report_ns:
@@ -148,47 +148,23 @@ class ExchangeThread:
 
     def _answer(self, data):
         began, now_ns = time.perf_counter_ns(), time.monotonic_ns()
-        at_once = self._at_once is not None and not self._silent(now_ns)
-        if at_once and (answer := self._at_once.answer(data, now_ns)) is not None:
-            self.compute_ns.append(time.perf_counter_ns() - began)
-            self._publisher.publish(answer)
-            self.answered += 1
-        else:
-            self._answer_at_length(data, began)
-        now_ns = time.monotonic_ns()
-        if self._showing.is_due(self.simulation, now_ns):
-            self._show(now_ns)
-
-    def _answer_at_length(self, data, began):
-        self._learn()
-        now_ns = time.monotonic_ns()
         question = self.port.take(data, now_ns)
         if question is None:
             return
-        self._at_once = None
         if question.new_session or self._silent(now_ns):
             self.simulation.rejoin()
         if self._silent(now_ns):
             return
-        handle = self._faded(question.handle, now_ns)
-        answer = self.port.answer(question, self.simulation.exchange(handle))
+        tool = self.simulation.exchange(self._faded(question.handle, now_ns))
+        answer = self.port.answer(question, tool)
         self.compute_ns.append(time.perf_counter_ns() - began)
         self._publisher.publish(answer)
         if self._near_publisher is not None:
             near = self.simulation.local_contacts
             near.look(self.port.lag(question))
             self._near_publisher.publish(self.port.local_contacts(question, near.common, near.table))
-        elif handle is question.handle and is_for(self.simulation):
-            self._at_once = AtOnce(self.simulation, self.port.layout(question.axes), question.axes)
-            self._at_once.borrow(self.port, question.tail)
         self.answered += 1
         self._handle = question.handle.position
-
-    def _learn(self):
-        """From what answers at once, how things stand."""
-        if self._at_once is not None:
-            self._at_once.give_back(self.port)
-            self._handle = self.simulation.handle
 
     def _silent(self, now_ns):
         if self.paused or now_ns < self._silent_until_ns:
@@ -207,20 +183,14 @@ class ExchangeThread:
         with self._granting:
             if self._wish is None:  # withdrawn
                 return
-            self._learn()
-            self._at_once = None
             self._wish()
             self._wish = None
         self._fall_silent()
         self._say()
         self._granted.set()
 
-    def _show(self, now_ns):
-        self._learn()
-        self._showing.show(self.simulation, self._handle, now_ns)
-
     def _say(self):
         now_ns = time.monotonic_ns()
         self._next_report_ns = now_ns + 2 * LOOK_UP_NS
-        self._show(now_ns)
+        self._showing.show(self.simulation, self._handle, now_ns)
         self.report = Report(self.simulation.measure(), self.simulation.counters, self.simulation.ledger.supplied)

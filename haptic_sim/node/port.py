@@ -51,19 +51,6 @@ class Port:
         self._accepted_ns = 0
         exchange.gains_hash(0.0, 0.0, 0.0, 0.0)  # compiled here, not with the first sample
 
-    def layout(self, axes: int) -> JointLayout:
-        """Of the messages of a device with so many axes, either way."""
-        return self._layouts[axes]
-
-    def lend(self, record) -> None:
-        """Session, home and number of the last answer, for haptic_sim/at_once.py to go on from."""
-        record["session"], record["answers"], record["home"] = self.session, self._sequence, self.home
-
-    def take_back(self, record, heard_ns: int) -> None:
-        """The numbers as that has left them, which was last asked then [ns]."""
-        self._sequence, self._peer_sequence = int(record["answers"]), float(record["tail"][exchange.SEQUENCE])
-        self._accepted_ns = max(self._accepted_ns, heard_ns)
-
     def take(self, data: bytes, now_ns: int) -> Question | None:
         """The question in a message that arrived at `now_ns` (own monotonic clock), or None: refused and counted."""
         axes = self._axes.get(len(data), 1)

@@ -36,16 +36,12 @@ class Showing:
         self._contacts = node.create_publisher(PointCloud2, "scene/contacts", STREAM)
         self._cloud = CloudLayout(CONTACT, FRAME)
 
-    def is_due(self, simulation: Simulation, now_ns: int) -> bool:
-        """Whether there is anything to show: a new scene, or the time has come."""
-        return now_ns >= self._due_ns or simulation.scene is not self._shown
-
     def show(self, simulation: Simulation, handle, now_ns: int) -> None:
         """The world as it is, if it is time; handle: its pose in the world, as last heard; None: not heard of."""
-        if not self.is_due(simulation, now_ns):
-            return
         if simulation.scene is not self._shown:
             self._introduce(simulation.scene)
+        elif now_ns < self._due_ns:
+            return
         self._due_ns = max(self._due_ns + PERIOD_NS, now_ns)
         stamp = self._node.get_clock().now().nanoseconds
         self._state.publish(self._layout.pack(stamp, *self._numbers(simulation, handle)))

@@ -15,7 +15,6 @@ from haptic_device.node.lifecycle import ManagedNode, run
 from haptic_device.node.params import on_change
 from haptic_device.node.refusals import Refusals
 from haptic_device.runtime.realtime import go_realtime, lift_threads, spare_collections
-from haptic_sim.at_once import compile_for
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.port import Port
@@ -111,7 +110,6 @@ class SimulationNode(ManagedNode):
         scene = load(values["scene"])
         have(*kernels_of(scene, values["method"], values["exchange.method"]), told=self.told)
         world = Simulation.by_parameters(scene, values)
-        compile_for(world, wire.JointLayout(wire.exchange_names(1)))
         if values["exchange.method"] == "local":
             world.local_contacts.look(0.0)  # compiled here, not in the first exchange
         return world

@@ -8,17 +8,17 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from waiting import LIMIT, until
 
-from bench.exchange.exchange import Figures
-from bench.jobs import Crew, Kept
+from bench.jobs import Kept
 from bench.jobs import sweep as run_jobs
 from haptic_device.analysis import sweep
 from haptic_device.analysis.zwidth import Setup
-from haptic_device.analysis.zwidth_map import Request, draw_map
+from haptic_device.analysis.zwidth_map import Request, draw_map, empty
 from haptic_device.process import ending_with_us
 
 pytestmark = pytest.mark.timeout(900)
@@ -99,7 +99,7 @@ def test_a_cluster_maps_the_same_to_the_bit_though_a_worker_is_killed_in_the_mid
         if done >= 10 and workers[0].poll() is None:
             os.kill(workers[0].pid, signal.SIGKILL)
 
-    far, near = draw_map(SMALL, 1, tmp_path / "resume.npz", kill, kept), draw_map(SMALL, 2)
+    far, near = draw_map(SMALL, 1, kill, kept), draw_map(SMALL, 2)
     assert workers[0].wait(LIMIT) == -signal.SIGKILL
     assert far.done.all()
     for one, other in zip(far.outcome, near.outcome, strict=True):
@@ -107,7 +107,8 @@ def test_a_cluster_maps_the_same_to_the_bit_though_a_worker_is_killed_in_the_mid
 
 
 def test_a_scheduler_that_is_killed_in_the_middle_is_a_sentence_and_what_was_done_is_kept(worker, tmp_path, caplog):
-    file, seen = tmp_path / "resume.npz", []
+    request, seen = SMALL._replace(setup=SMALL.setup._replace(seconds=3.0)), []
+    plane = empty(request)
 
     def kill(done):
         seen.append(done)
@@ -117,10 +118,9 @@ def test_a_scheduler_that_is_killed_in_the_middle_is_a_sentence_and_what_was_don
     with _scheduler(tmp_path / "log") as (address, process):
         worker(address)
         with pytest.raises(ValueError, match=f"the work was lost at {address} .*; what was done is kept"):
-            draw_map(SMALL._replace(setup=SMALL.setup._replace(seconds=3.0)), 1, file, kill, address)
+            draw_map(request, 1, kill, address, plane)
     assert 3 <= seen[-1] < 60
-    with np.load(file) as kept:
-        assert kept["done"].sum() == seen[-1]
+    assert plane.done.sum() == seen[-1]
     assert not caplog.records
 
 
@@ -152,7 +152,7 @@ def test_what_is_no_address_of_a_scheduler_is_refused_before_anything_is_tried(a
 def test_processes_of_a_sweep_end_with_the_one_that_is_killed(start):
     code = (
         "import os; from haptic_device.analysis.sweep import spread;"
-        "[print(pid, flush=True) or input() for _, pid in spread(os.getpid, {0: ()}, 1, processes=True)]"
+        "[print(pid, flush=True) or input() for _, pid in spread(os.getpid, {0: ()}, 1)]"
     )
     process = start([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     worker = int(process.stdout.readline())
@@ -161,22 +161,10 @@ def test_processes_of_a_sweep_end_with_the_one_that_is_killed(start):
     until(lambda: not os.path.exists(f"/proc/{worker}"), "the end of the worker")
 
 
-def test_a_scheduler_that_is_not_there_is_a_sentence_and_loses_nothing(tmp_path, monkeypatch):
+def test_a_scheduler_that_is_not_there_is_a_sentence(monkeypatch):
     monkeypatch.setattr(sweep, "PATIENCE", 0.5)
-    file, seen = tmp_path / "resume.npz", []
-
-    def interrupt(done):
-        seen.append(done)
-        if done >= 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        draw_map(SMALL, 1, file, interrupt)
     with pytest.raises(ValueError, match="no scheduler answers at tcp://127.0.0.1:9 within 0.5 s; nothing is lost"):
-        draw_map(SMALL, 1, file, scheduler=NOBODY)
-    seen.clear()
-    draw_map(SMALL, 1, file, seen.append)
-    assert seen[0] >= 3 and seen[-1] == 60
+        draw_map(SMALL, 1, scheduler=NOBODY)
 
 
 def test_without_dask_the_option_says_what_to_install(monkeypatch):
@@ -185,27 +173,32 @@ def test_without_dask_the_option_says_what_to_install(monkeypatch):
         draw_map(SMALL, 1, scheduler=NOBODY)
 
 
-def figures(k):
-    return Figures(*(k + i / 3.0 for i in range(6)), np.inf)
+class Row(NamedTuple):
+    number: int
+    value: float
+
+
+def row(k):
+    return Row(k, k + 1.0 / 3.0 if k else np.inf)
+
+
+def kept_in(path):
+    return Kept(path, Row, lambda row: row.number)
 
 
 def test_a_kept_sweep_goes_on_where_it_was_torn_off_and_numbers_come_back_to_the_bit(tmp_path):
-    file, jobs = tmp_path / "kept", {f"job {k}": (k,) for k in range(4)}
-    run_jobs(figures, dict(list(jobs.items())[:2]), Crew(1), Kept(file, "a sweep"))
+    file, jobs = tmp_path / "kept.csv", {k: (k,) for k in range(4)}
+    run_jobs(row, {k: jobs[k] for k in (0, 1)}, kept_in(file), 1)
     with open(file, "a") as torn:
-        torn.write('["job 2", [1.0, 2')
-    kept, asked = Kept(file, "a sweep"), []
-    run_jobs(lambda k: asked.append(k) or figures(k), jobs, Crew(1), kept)
+        torn.write("2,2.3")
+    kept, asked = kept_in(file), []
+    run_jobs(lambda k: asked.append(k) or row(k), jobs, kept, 1)
     assert asked == [2, 3]
-    again = Kept(file, "a sweep")
-    assert [Figures(*again.known[key]) for key in jobs] == [figures(k) for k in range(4)]
-    with pytest.raises(ValueError, match="is of another sweep"):
-        Kept(file, "another one")
+    assert kept_in(file).known == {k: row(k) for k in jobs}
 
 
 def test_processes_come_to_what_one_alone_does():
-    jobs = {f"job {k}": (k,) for k in range(4)}
-    one, two = Kept(None, ""), Kept(None, "")
-    run_jobs(figures, jobs, Crew(1), one)
-    run_jobs(figures, jobs, Crew(2), two)
+    jobs, one, two = {k: (k,) for k in range(4)}, kept_in(None), kept_in(None)
+    run_jobs(row, jobs, one, 1)
+    run_jobs(row, jobs, two, 2)
     assert one.known == two.known

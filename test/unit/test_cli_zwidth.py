@@ -2,11 +2,15 @@
 """`haptic zwidth`: a map in a folder, one object with --json, and a sentence for what cannot be."""
 
 import json
+import signal
 
+import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
+from haptic_device.analysis import zwidth_map
+from haptic_device.analysis.zwidth import run_cells
 from haptic_sim.cli.zwidth import zwidth
 
 
@@ -28,7 +32,6 @@ def test_json_tells_the_map_and_both_files_are_there(tmp_path):
     assert found["stiffness_max"].keys() == {"quiet", "not_shaking", "passive", "stable"}
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
     assert len((tmp_path / "map.csv").read_text().splitlines()) == 145
-    assert not (tmp_path / "resume.npz").exists()
 
 
 def test_the_table_shows_the_largest_stiffness_over_the_damping(tmp_path):
@@ -67,14 +70,17 @@ def test_bad_input_ends_in_one_sentence_and_exit_code_2(tmp_path, options, sente
     assert result.stdout == ""
 
 
-def test_an_unreadable_resume_file_ends_in_one_sentence_and_stays(tmp_path):
-    file = tmp_path / "resume.npz"
-    file.write_text("not a map")
-    result = haptic(tmp_path)
-    assert result.exit_code == 2
-    assert "resume file" in result.stderr
-    assert "cannot be read" in result.stderr
-    assert file.read_text() == "not a map"
+def test_interrupted_it_keeps_the_rows_that_were_done_and_says_where(tmp_path, monkeypatch):
+    def interrupted(*request):
+        if request[3] > 0.0:
+            signal.raise_signal(signal.SIGINT)
+        return run_cells(*request)
+
+    monkeypatch.setattr(zwidth_map, "run_cells", interrupted)
+    result = haptic(tmp_path, workers=1)
+    assert result.exit_code == 130 and f"the rows that were done are in {tmp_path / 'map.csv'}" in result.stderr
+    table = np.loadtxt(tmp_path / "map.csv", delimiter=",", skiprows=1)
+    assert 0 < len(table) < 144 and len(table) % 12 == 0
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 import pytest
+from apart import apart
 
 from haptic_device.law import contact
-from haptic_sim.clearance import body_distance
 from haptic_sim.local_contacts import LocalContacts
 from haptic_sim.method.registry import make
 from haptic_sim.scene import load, parse
@@ -111,7 +111,7 @@ def test_the_nearest_contact_is_as_far_as_fcl_says_where_features_face_each_othe
             assert gap[0] <= max(row[contact.GAP], gap[0])
     contact.hide_others(near.table, gaps, shown)
     least = min(
-        body_distance(scene.tool.outlines, scene.tool.pose, body.outlines, body.pose)
+        apart(scene.tool, scene.tool.pose, body, body.pose)
         for body in scene.bodies
         if body.name != "floor" or name == "corner"
     )
@@ -146,8 +146,8 @@ def test_wherever_the_tool_goes_within_the_trust_a_set_touches_where_the_shapes_
             for row, gap in zip(near.table, gaps, strict=True):
                 contact.place(row, there, 0.0, 0.0, gap)
             contact.hide_others(near.table, gaps, shown)
-            apart = body_distance(here.tool.outlines, tuple(there), here.bodies[0].outlines, here.bodies[0].pose)
-            assert (gaps[shown > 0.0, 0].min() < 0.0) == (apart <= 0.0)
+            inside = apart(here.tool, tuple(there), here.bodies[0], here.bodies[0].pose) <= 0.0
+            assert (gaps[shown > 0.0, 0].min() < 0.0) == inside
 
 
 @pytest.mark.parametrize("speed, stands_in", [(0.0, True), (1e-3, False)])

@@ -101,13 +101,12 @@ def answering(monkeypatch):
     clock, tools = types.SimpleNamespace(ns=0), []
     clocks = types.SimpleNamespace(monotonic_ns=lambda: clock.ns, perf_counter_ns=lambda: clock.ns)
     monkeypatch.setattr(exchange_thread, "time", clocks)
-    monkeypatch.setattr(exchange_thread, "is_for", lambda simulation: False)
     thread = object.__new__(ExchangeThread)
     thread.simulation, thread.port = Simulation(load("wall"), port=port_of("pspm")), Port((0.03, 0.0, 0.0))
     thread._publisher, thread._near_publisher = types.SimpleNamespace(publish=tools.append), None
-    thread._showing = types.SimpleNamespace(is_due=lambda *_: False, show=lambda *_: None)
+    thread._showing = types.SimpleNamespace(show=lambda *_: None)
     thread._wish, thread._granted, thread._granting = None, threading.Event(), threading.Lock()
-    thread._at_once, thread._handle, thread.failure = None, None, ""
+    thread._handle, thread.failure = None, ""
     thread._silent_until_ns, thread._returned_ns, thread.paused = 0, 0, False
     thread.answered, thread.compute_ns = 0, []
 

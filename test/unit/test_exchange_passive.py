@@ -385,8 +385,10 @@ def test_what_a_long_hold_leaves_owing_the_spring_pays_at_once_and_no_more(tank,
 
 @pytest.mark.parametrize("method, share, longest", [("local", 0.05, 40), ("pspm", 0.05, 16), ("wave", 0.02, 24)])
 def test_missed_ticks_by_the_hundred_give_no_more_than_the_budget(method, share, longest):
-    """A tool at a wall, of 0.95 of what b covers at the period: a hold of two periods is beyond. `python -m bench late_ticks`
-    tries each method with each."""
+    """A tool at a wall, of 0.95 of what b covers at the period: a hold of two periods is beyond.
+
+    `python -m bench late_ticks` tries each method with each.
+    """
     given, rows = stalling.pressed(method, 0.95, share, longest)
     assert np.count_nonzero(np.diff(rows.latched) == 0.0) > 1000  # ticks
     assert np.abs(rows.force_coupling[:, 0]).max() > 1.5

@@ -8,11 +8,11 @@ import os
 
 import numpy as np
 import pytest
+from apart import apart
 from in_process import bench
 
 from bench.methods import growing, growth, loads
 from bench.methods.world import make
-from haptic_sim.clearance import body_distance
 from haptic_sim.compile import compile_scene
 from haptic_sim.method import Coupling
 from haptic_sim.rollout import GAINS, overlap_watch
@@ -166,8 +166,7 @@ def test_the_stones_of_the_shipped_scene_are_those_of_the_load_and_lie_on_someth
         assert (body.name, body.mass) == (made_of["name"], made_of.get("mass"))
     solids = list(scene.bodies)
     for stone in solids[3::10]:
-        near = min(body_distance(stone.outlines, stone.pose, other.outlines, other.pose) for other in solids
-                   if other is not stone)
+        near = min(apart(stone, stone.pose, other, other.pose) for other in solids if other is not stone)
         assert -1e-9 <= near < 1e-4
 
 

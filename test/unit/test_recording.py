@@ -263,12 +263,13 @@ def test_a_motor_that_never_engaged_has_no_figures():
         summary.engaged_rows(rows)
 
 
-def test_the_report_is_a_picture_of_readable_size(run, tmp_path):
+def test_the_picture_of_a_run_is_of_readable_size(run, tmp_path):
     from matplotlib.image import imread
 
-    from haptic_device.analysis.report import draw
+    from haptic_device.analysis.page import draw_picture
+    from haptic_device.analysis.run import Run
 
-    draw(load(run), tmp_path / "report.png", "a swing")
+    draw_picture(Run(load(run), "a swing"), tmp_path / "report.png")
     height, width, _ = imread(tmp_path / "report.png").shape
     assert height > 1000 and width > 800
 

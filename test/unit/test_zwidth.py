@@ -23,7 +23,7 @@ from haptic_device.analysis.zwidth import (
     run_cells,
     theory,
 )
-from haptic_device.analysis.zwidth_map import Request, boundaries, draw_map, write_csv
+from haptic_device.analysis.zwidth_map import Request, boundaries, draw_map, empty, write_csv
 from haptic_device.device import Axis, Device, plant_of
 from haptic_device.law import engage, operator, plant, servo
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
@@ -191,48 +191,20 @@ def test_the_map_is_the_same_with_one_thread_and_with_two():
         np.testing.assert_array_equal(first, second)
 
 
-def test_an_interrupted_map_goes_on_where_it_stopped(tmp_path):
-    file, seen = tmp_path / "map.npz", []
+def test_of_an_interrupted_map_the_rows_that_were_done_are_in_the_csv_file(tmp_path):
+    plane, whole = empty(SMALL), draw_map(SMALL, 2)
 
     def interrupt(done):
-        seen.append(done)
         if done == 20:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        draw_map(SMALL, 1, file, interrupt)
-    resumed = []
-    plane = draw_map(SMALL, 1, file, resumed.append)
-    assert 20 <= resumed[0] < 40
-    assert resumed[-1] == 40
-    np.testing.assert_array_equal(plane.outcome.growth, draw_map(SMALL, 1).outcome.growth)
-
-
-@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut off", b"nonsense"])
-def test_an_unreadable_resume_file_is_refused_in_a_sentence_and_kept(tmp_path, content):
-    file = tmp_path / "map.npz"
-    file.write_bytes(content)
-    with pytest.raises(ValueError, match="resume file .* cannot be read .*; delete it or name another"):
-        draw_map(SMALL, 1, file)
-    assert file.read_bytes() == content
-
-
-def test_a_resume_file_that_is_a_bare_array_or_has_damaged_content_is_refused_in_a_sentence(tmp_path):
-    np.save(tmp_path / "bare.npy", np.zeros(3))
-    draw_map(SMALL, 1, tmp_path / "damaged.npz")
-    content = bytearray((tmp_path / "damaged.npz").read_bytes())
-    content[60:120] = b"\xff" * 60
-    (tmp_path / "damaged.npz").write_bytes(content)
-    for name in ("bare.npy", "damaged.npz"):
-        with pytest.raises(ValueError, match="resume file .* cannot be read .*; delete it or name another"):
-            draw_map(SMALL, 1, tmp_path / name)
-
-
-def test_a_resume_file_of_another_map_is_refused(tmp_path):
-    draw_map(SMALL, 1, tmp_path / "map.npz")
-    other = SMALL._replace(setup=SMALL.setup._replace(mass=0.2))
-    with pytest.raises(ValueError, match="is of another map"):
-        draw_map(other, 1, tmp_path / "map.npz")
+        draw_map(SMALL, 1, interrupt, plane=plane)
+    write_csv(tmp_path / "map.csv", SMALL, plane)
+    table = np.loadtxt(tmp_path / "map.csv", delimiter=",", skiprows=1)
+    assert table.shape == (20 * SMALL.stiffness.size, 5)
+    assert set(table[:, 0]) == {float(f"{value:.10g}") for value in SMALL.damping[plane.done]}
+    np.testing.assert_array_equal(plane.outcome.growth[plane.done], whole.outcome.growth[plane.done])
 
 
 def test_boundaries_and_csv_tell_what_the_cells_did(tmp_path):
