@@ -10,7 +10,7 @@ from exchange_systems import demo_system, one_axis
 from haptic_device.analysis import exchange_search as adversary
 from haptic_device.law import contact, local, servo
 from haptic_device.node import wire
-from haptic_device.node.bag import Bag
+from haptic_device.recording.writer import Bag
 from haptic_device.runtime import recompute
 from haptic_sim.cli import local_felt
 from haptic_sim.cli.local_felt import FINE, NETWORKS, compare
