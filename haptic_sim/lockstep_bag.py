@@ -11,7 +11,8 @@ from haptic_device.node.making import YAML
 from haptic_device.parameter import SECTION
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, CloudLayout, JointLayout, types
-from haptic_device.recording.writer import Bag, dump
+from haptic_device.recording.metadata import dump
+from haptic_device.recording.writer import Bag
 from haptic_device.runtime import recompute
 
 NAMESPACE, FRAME = "/haptic", "haptic_base"

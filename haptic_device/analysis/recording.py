@@ -204,16 +204,17 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     FileNotFoundError or ValueError with a sentence; a bag that is cut off or damaged is read as far as it goes and
     `notes` says so.
     """
-    bag, failed = Path(bag), {}
-    contents = read(bag, lambda topic, type_name: _collector(topic, type_name, only, failed))
-    notes = contents.notes + [f"topic {topic} is left out: {reason}" for topic, reason in failed.items()]
-    topics = contents.topics
+    bag = Path(bag)
+    topics, attachments, notes = read(bag, lambda topic, type_name: _collector(topic, type_name, only))
+    notes += [f"topic {name} is left out: {topic.refused}" for name, topic in topics.items() if topic.refused]
     diagnostics = _diagnostics(topics.get("/diagnostics"), notes)
     namespace = _only_namespace(topics, diagnostics, bag) if namespace is None else namespace.rstrip("/")
     ours = {name[len(namespace) + 1 :]: topic for name, topic in topics.items() if name.startswith(namespace + "/")}
-    found = {name: topic for name, topic in ours.items() if f"{namespace}/{name}" not in failed}
-    joints = {name: _joints(name, topic, notes) for name, topic in found.items() if _is(topic, JointColumns)}
-    clouds = {name: _cloud(name, topic, notes) for name, topic in found.items() if _is(topic, CloudColumns)}
+    found = {name: topic for name, topic in ours.items() if not topic.refused}
+    joints, clouds = (
+        {name: taken(name, topic, notes) for name, topic in found.items() if isinstance(topic.collector, kind)}
+        for kind, taken in ((JointColumns, _joints), (CloudColumns, _cloud))
+    )
     return Recording(
         bag,
         namespace,
@@ -221,7 +222,7 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
         clouds,
         diagnostics,
         _marks(found.get(MARK), notes),
-        contents.attachments,
+        attachments,
         {name: len(topic) for name, topic in topics.items()},
         {name: counted(topic.times.sequence) for name, topic in topics.items()},
         _pairs(found.get("trace"), clouds.get("trace"), joints.get("operator/state")),
@@ -229,21 +230,7 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     )
 
 
-class _Guard:
-    """Hands on to a collector until it refuses; then says why, and takes the rest for nothing."""
-
-    def __init__(self, topic: str, collector, failed: dict[str, str]):
-        self.inner, self._topic, self._failed = collector, topic, failed
-
-    def add(self, data: list[bytes]) -> None:
-        if self._topic not in self._failed:
-            try:
-                self.inner.add(data)
-            except ValueError as error:
-                self._failed[self._topic] = str(error)
-
-
-def _collector(topic: str, type_name: str, only, failed):
+def _collector(topic: str, type_name: str, only):
     short = next((name for name in only or () if topic.endswith(f"/{name}")), None)
     if topic == "/diagnostics" or type_name == STRING:
         return Keep()
@@ -251,12 +238,8 @@ def _collector(topic: str, type_name: str, only, failed):
         return None
     wanted = only[short] if only else None
     if type_name == JOINTS or type_name in STAMPED:
-        return _Guard(topic, JointColumns(type_name, wanted), failed)
-    return _Guard(topic, CloudColumns(wanted), failed) if type_name == CLOUD else None
-
-
-def _is(topic: Topic, kind: type) -> bool:
-    return isinstance(topic.collector, _Guard) and isinstance(topic.collector.inner, kind)
+        return JointColumns(type_name, wanted)
+    return CloudColumns(wanted) if type_name == CLOUD else None
 
 
 def _only_namespace(topics: Iterable[str], diagnostics: Iterable[str], bag: Path) -> str:
@@ -277,7 +260,7 @@ def _namespaces(topics: Iterable[str], names: Iterable[str]) -> set[str]:
 
 
 def _joints(name: str, topic: Topic, notes: list[str]) -> Joints:
-    columns, times = topic.collector.inner, topic.times
+    columns, times = topic.collector, topic.times
     kept = columns.kept
     if others := int(np.sum(~kept)):
         notes.append(f"topic {name}: {others} messages of another layout than the first are left out")
@@ -286,7 +269,7 @@ def _joints(name: str, topic: Topic, notes: list[str]) -> Joints:
 
 
 def _cloud(name: str, topic: Topic, notes: list[str]) -> np.ndarray:
-    columns = topic.collector.inner
+    columns = topic.collector
     if columns.others:
         notes.append(f"topic {name}: {columns.others} messages of another layout than the first are left out")
     if columns.missing:
@@ -297,7 +280,7 @@ def _cloud(name: str, topic: Topic, notes: list[str]) -> np.ndarray:
 def _pairs(trace: Topic | None, rows: np.ndarray | None, state: Joints | None) -> tuple[np.ndarray, np.ndarray]:
     """Times on the system clock and on CLOCK_MONOTONIC: of the trace's blocks, else of `operator/state`."""
     if rows is not None and "deadline" in rows.dtype.names:
-        columns = trace.collector.inner
+        columns = trace.collector
         begins, stamps = np.array(columns.begins, np.int64), np.array(columns.stamps, np.int64)
         some = begins < len(rows)
         first = rows["deadline"][begins[some]]

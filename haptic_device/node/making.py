@@ -4,7 +4,7 @@
 from pathlib import Path
 
 from haptic_device.parameter import SECTION
-from haptic_device.recording.writer import dump
+from haptic_device.recording.metadata import dump
 from haptic_device.share import find
 
 YAML = "application/yaml"

@@ -25,7 +25,8 @@ from haptic_device.node.track import Track, joining_qos, offered_qos
 from haptic_device.node.wire import STATE, TRACE, DiagnosticArray, String, diagnostics
 from haptic_device.recording.layouts import CLOUD, JOINTS, POSE, STRING, WRENCH
 from haptic_device.recording.layouts import DIAGNOSTICS as STATUSES
-from haptic_device.recording.writer import RESERVE_BYTES, Bag, dump
+from haptic_device.recording.metadata import dump
+from haptic_device.recording.writer import RESERVE_BYTES, Bag
 from haptic_device.runtime import realtime
 
 KNOWN = {  # joined before their publishers exist, so that no first message is missed

@@ -110,7 +110,7 @@ class Collector(Protocol):
     """Takes batches of one topic's serialized messages, in the order of the file."""
 
     def add(self, data: list[bytes]) -> None:
-        """Takes the next messages."""
+        """Takes the next messages. Raises ValueError if they are not what it can take."""
 
 
 class Keep:
@@ -133,16 +133,16 @@ class Times(NamedTuple):
 
 
 class Topic:
-    """One topic as it is read: its type, its times, and its collector (None: only counted)."""
+    """One topic as it is read: its type, its times, its collector (None: only counted), and why that took no more."""
 
     def __init__(self, type_name: str, collector: Collector | None):
-        self.type_name, self.collector = type_name, collector
+        self.type_name, self.collector, self.refused = type_name, collector, ""
         self._times, self._waiting, self._bytes = array("Q"), [], 0
 
     @property
     def times(self) -> Times:
         """Times and sequences of all messages."""
-        return Times(*np.array(self._times).reshape(-1, 3).T.astype(np.int64))
+        return Times(*np.array(self._times).reshape(-1, 3).T.astype(np.int64, "C"))
 
     def __len__(self) -> int:
         return len(self._times) // 3
@@ -157,10 +157,13 @@ class Topic:
                 self.hand_on()
 
     def hand_on(self) -> None:
-        """Hands what waits to the collector."""
-        if self._waiting:
-            self.collector.add(self._waiting)
-            self._waiting, self._bytes = [], 0
+        """Hands what waits to the collector, unless that has refused before."""
+        waiting, self._waiting, self._bytes = self._waiting, [], 0
+        if waiting and not self.refused:
+            try:
+                self.collector.add(waiting)
+            except ValueError as error:
+                self.refused = str(error)
 
 
 class Contents(NamedTuple):

@@ -12,16 +12,9 @@ import yaml
 from mcap.records import Attachment, Channel, McapRecord, Message, Schema
 from mcap.writer import Writer
 
+from haptic_device.recording.metadata import METADATA, FileSpan, information, topic_metadata, write_metadata
 from haptic_device.recording.reader import Records, files
-from haptic_device.recording.writer import (
-    CHUNK_BYTES,
-    METADATA,
-    RESERVE,
-    FileSpan,
-    information,
-    topic_metadata,
-    write_metadata,
-)
+from haptic_device.recording.writer import CHUNK_BYTES, RESERVE
 from haptic_device.skipped import Skipped
 
 

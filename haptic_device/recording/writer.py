@@ -8,32 +8,16 @@ Each file holds all schemas, channels and attachments, so that it can be read al
 
 import os
 from pathlib import Path
-from typing import NamedTuple
 
-import yaml
 from mcap.writer import Writer
 
 from haptic_device.recording.layouts import types
+from haptic_device.recording.metadata import FileSpan, dump, information, topic_metadata, write_metadata
 
-METADATA = "metadata.yaml"
 CHUNK_BYTES = 256 * 2**10
 RESERVE = ".reserve"
 RESERVE_BYTES = 16 * 2**20  # given back when the disk is full: a chunk, and the index of some two hours at 4 kHz
 _UINT32 = 0xFFFFFFFF
-
-
-class FileSpan(NamedTuple):
-    """One file of a bag: name, times of its first and last message [ns of the system clock], number of messages."""
-
-    name: str
-    first: int = 0
-    last: int = 0
-    messages: int = 0
-
-    def with_message(self, received: int) -> "FileSpan":
-        """The span with one more message."""
-        first = min(self.first, received) if self.messages else received
-        return FileSpan(self.name, first, max(self.last, received), self.messages + 1)
 
 
 class _Disk:
@@ -124,7 +108,7 @@ class Bag:
         span = self._files[-1]
         large = 0 < self._split_bytes <= self._disk.tell()
         if span.messages and (large or 0 < self._split_ns <= span.last - span.first):
-            self._end_file()
+            self._end_file({})
             self._begin_file()
 
     def close(self, custom_data: dict[str, str]) -> None:
@@ -133,10 +117,8 @@ class Bag:
         Raises OSError if that finds no room even in what was held in reserve.
         """
         (self.folder / RESERVE).unlink(missing_ok=True)
-        self._writer.flush()
         content = information(self._files, self._topics, self._counts, custom_data)
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": dump(content)})
-        self._end_file()
+        self._end_file({"rosbag2": {"serialized_metadata": dump(content)}})
         write_metadata(self.folder, content)
 
     def _begin_file(self) -> None:
@@ -149,8 +131,10 @@ class Bag:
         for topic in self._topics:
             self._register(topic)
 
-    def _end_file(self) -> None:
+    def _end_file(self, metadata: dict[str, dict[str, str]]) -> None:
         try:
+            for name, content in metadata.items():
+                self._writer.add_metadata(name, content)
             self._writer.finish()
         finally:
             self._disk.close()
@@ -167,62 +151,3 @@ class Bag:
             definition, _ = types().generate_msgdef(type_name, ros_version=2)
             self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", definition.encode())
         return self._schemas[type_name]
-
-
-def topic_metadata(name: str, type_name: str, encoding: str, offered_qos: list, type_hash: str) -> dict:
-    """A topic as metadata.yaml lists it."""
-    return {
-        "name": name,
-        "type": type_name,
-        "serialization_format": encoding,
-        "offered_qos_profiles": offered_qos,
-        "type_description_hash": type_hash,
-    }
-
-
-def information(files: list[FileSpan], topics: list[dict], counts: list[int], custom_data: dict[str, str]) -> dict:
-    """The content of rosbag2_bagfile_information; counts: messages of each topic."""
-    spans = [file for file in files if file.messages]
-    first = min((file.first for file in spans), default=0)
-    whole = FileSpan("", first, max((file.last for file in spans), default=0), sum(file.messages for file in files))
-    return {
-        "version": 9,
-        "storage_identifier": "mcap",
-        **_times(whole),
-        "topics_with_message_count": [
-            {"topic_metadata": topic, "message_count": count} for topic, count in zip(topics, counts, strict=True)
-        ],
-        "compression_format": "",  # of the folder's own compression; the MCAP chunks name theirs
-        "compression_mode": "",
-        "relative_file_paths": [file.name for file in files],
-        "files": [{"path": file.name, **_times(file)} for file in files],
-        "custom_data": custom_data,
-        "ros_distro": "jazzy",
-    }
-
-
-def _times(span: FileSpan) -> dict:
-    return {
-        "duration": {"nanoseconds": span.last - span.first},
-        "starting_time": {"nanoseconds_since_epoch": span.first},
-        "message_count": span.messages,
-    }
-
-
-class _Plain(yaml.SafeDumper):
-    """Writes what stands twice twice: not every reader of metadata.yaml knows anchors."""
-
-    def ignore_aliases(self, data):
-        return True
-
-
-def dump(content) -> str:
-    """YAML text without anchors, in the order given."""
-    return yaml.dump(content, Dumper=_Plain, sort_keys=False, allow_unicode=True)
-
-
-def write_metadata(folder: Path, content: dict) -> None:
-    """Writes metadata.yaml into the bag's folder."""
-    half = folder / f"{METADATA}.part"
-    half.write_text(dump({"rosbag2_bagfile_information": content}), encoding="utf-8")
-    os.replace(half, folder / METADATA)

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What metadata.yaml of a rosbag2 folder says (version 9, ROS 2 Jazzy), written complete or not at all."""
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import yaml
+
+METADATA = "metadata.yaml"
+
+
+class FileSpan(NamedTuple):
+    """One file of a bag: name, times of its first and last message [ns of the system clock], number of messages."""
+
+    name: str
+    first: int = 0
+    last: int = 0
+    messages: int = 0
+
+    def with_message(self, received: int) -> "FileSpan":
+        """The span with one more message."""
+        first = min(self.first, received) if self.messages else received
+        return FileSpan(self.name, first, max(self.last, received), self.messages + 1)
+
+
+def topic_metadata(name: str, type_name: str, encoding: str, offered_qos: list, type_hash: str) -> dict:
+    """A topic as metadata.yaml lists it."""
+    return {
+        "name": name,
+        "type": type_name,
+        "serialization_format": encoding,
+        "offered_qos_profiles": offered_qos,
+        "type_description_hash": type_hash,
+    }
+
+
+def information(files: list[FileSpan], topics: list[dict], counts: list[int], custom_data: dict[str, str]) -> dict:
+    """The content of rosbag2_bagfile_information; counts: messages of each topic."""
+    spans = [file for file in files if file.messages]
+    first = min((file.first for file in spans), default=0)
+    whole = FileSpan("", first, max((file.last for file in spans), default=0), sum(file.messages for file in files))
+    return {
+        "version": 9,
+        "storage_identifier": "mcap",
+        **_times(whole),
+        "topics_with_message_count": [
+            {"topic_metadata": topic, "message_count": count} for topic, count in zip(topics, counts, strict=True)
+        ],
+        "compression_format": "",  # of the folder's own compression; the MCAP chunks name theirs
+        "compression_mode": "",
+        "relative_file_paths": [file.name for file in files],
+        "files": [{"path": file.name, **_times(file)} for file in files],
+        "custom_data": custom_data,
+        "ros_distro": "jazzy",
+    }
+
+
+def _times(span: FileSpan) -> dict:
+    return {
+        "duration": {"nanoseconds": span.last - span.first},
+        "starting_time": {"nanoseconds_since_epoch": span.first},
+        "message_count": span.messages,
+    }
+
+
+class _Plain(yaml.SafeDumper):
+    """Writes what stands twice twice: not every reader of metadata.yaml knows anchors."""
+
+    def ignore_aliases(self, data):
+        return True
+
+
+def dump(content) -> str:
+    """YAML text without anchors, in the order given."""
+    return yaml.dump(content, Dumper=_Plain, sort_keys=False, allow_unicode=True)
+
+
+def write_metadata(folder: Path, content: dict) -> None:
+    """Writes metadata.yaml into the bag's folder."""
+    half = folder / f"{METADATA}.part"
+    half.write_text(dump({"rosbag2_bagfile_information": content}), encoding="utf-8")
+    os.replace(half, folder / METADATA)
