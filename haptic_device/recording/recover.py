@@ -40,7 +40,7 @@ class Found:
                     channels[record.id] = record.topic
                     self._describe(record, types.get(record.schema_id, ""))
                 elif isinstance(record, Message) and (topic := channels.get(record.channel_id)):
-                    span = span.with_message(record.log_time)
+                    span.count(record.log_time)
                     self.counts[topic] += 1
                     self.skipped[topic].count(record.sequence)
         self.spans.append(span)

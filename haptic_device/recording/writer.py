@@ -94,7 +94,7 @@ class Bag:
     def write(self, channel: int, data: bytes, received: int, published: int, sequence: int) -> None:
         """Adds one serialized message; times in ns of the system clock."""
         self._counts[channel - 1] += 1
-        self._files[-1] = self._files[-1].with_message(received)
+        self._files[-1].count(received)
         self._writer.add_message(channel, received, data, published, sequence & _UINT32)
 
     def flush(self) -> None:
