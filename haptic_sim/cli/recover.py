@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic recover`: a bag whose recorder died becomes a whole one again, where it lies."""
+"""`haptic recover`: a bag whose recorder died becomes a whole one again."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,9 +8,9 @@ import typer
 
 
 def recover(bag: Annotated[Path, typer.Argument(help="Folder of a bag, or one .mcap file.")]) -> None:
-    """Repair a bag that was cut off or damaged: its files get their index, its folder metadata.yaml.
+    """Make a bag whole that was cut off or damaged: its files anew from what can be read, metadata.yaml beside them.
 
-    A file that is whole stays as it is. Exit code 1 if there is nothing to repair from.
+    A file that is whole stays as it is; one that is not stays as NAME.damaged. Exit code 1 if there is nothing to read.
     """
     from haptic_device.recording.recover import recovered
 
