@@ -4,23 +4,20 @@
 from pathlib import Path
 
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
 
 from haptic_device import provenance
 from haptic_device.law import exchange
-from haptic_device.node.bag import Bag
-from haptic_device.node.bag_information import dump
 from haptic_device.node.making import YAML
 from haptic_device.parameter import SECTION
 from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, CloudLayout, JointLayout, types
+from haptic_device.recording.metadata import dump
+from haptic_device.recording.writer import Bag
 from haptic_device.runtime import recompute
 
-JOINTS, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 NAMESPACE, FRAME = "/haptic", "haptic_base"
 EPOCH = 1_000_000_000_000_000_000  # [ns] system clock at lock-step's time 0: lock-step knows no date
 BLOCK = 400  # ticks
-FLOAT64 = 8  # sensor_msgs/PointField
 SECOND = 1_000_000_000
 
 
@@ -29,7 +26,6 @@ class LockstepBag:
 
     def __init__(self, folder: Path, system, point):
         self._system, self._bag = system, Bag(folder)
-        self._types = get_typestore(Stores.ROS2_JAZZY).types, get_typestore(Stores.ROS2_JAZZY)
         topics = {"trace": CLOUD, "snapshot": CLOUD, "handle": JOINTS, "operator/state": JOINTS}
         self._channels = {name: self._bag.add_topic(f"{NAMESPACE}/{name}", kind, []) for name, kind in topics.items()}
         self._channels["diagnostics"] = self._bag.add_topic("/diagnostics", DIAGNOSTICS, [])
@@ -38,7 +34,7 @@ class LockstepBag:
         self._sequences = dict.fromkeys(self._channels, 0)  # of each topic, as a publisher counts
         self._attach()
         start = recompute.snapshot_of(-1, system.settings[0], system.memory[0])
-        self._write("snapshot", self._cloud(start, EPOCH), EPOCH)
+        self._write("snapshot", CloudLayout(start.dtype, FRAME).pack(EPOCH, start), EPOCH)
         self._write("handle", self._handle(), EPOCH)
 
     def add(self, rows: np.ndarray) -> None:
@@ -81,39 +77,19 @@ class LockstepBag:
     def _write_rows(self) -> None:
         if self._rows:
             rows = np.concatenate(self._rows)
-            self._write("trace", self._cloud(rows, EPOCH + int(rows["deadline"][0])), EPOCH + int(rows["deadline"][-1]))
+            first, last = (EPOCH + int(rows["deadline"][i]) for i in (0, -1))
+            self._write("trace", CloudLayout(rows.dtype, FRAME).pack(first, rows), last)
             self._rows, self._waiting = [], 0
-
-    def _header(self, stamp: int):
-        kinds = self._types[0]
-        return kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](*divmod(stamp, SECOND)), FRAME)
-
-    def _cloud(self, rows: np.ndarray, stamp: int) -> bytes:
-        kinds, types = self._types
-        fields = [
-            kinds["sensor_msgs/msg/PointField"](name, offset, FLOAT64, kind.itemsize // 8)
-            for name, (kind, offset) in ((name, rows.dtype.fields[name][:2]) for name in rows.dtype.names)
-        ]
-        data, step = np.frombuffer(rows.tobytes(), np.uint8), rows.dtype.itemsize
-        header = self._header(stamp)
-        message = kinds[CLOUD](header, 1, len(rows), fields, False, step, len(data), data, True)
-        return bytes(types.serialize_cdr(message, CLOUD))
-
-    def _joints(self, names, position, velocity, effort, stamp: int) -> bytes:
-        kinds, types = self._types
-        parts = (np.asarray(part, float) for part in (position, velocity, effort))
-        return bytes(types.serialize_cdr(kinds[JOINTS](self._header(stamp), list(names), *parts), JOINTS))
 
     def _truth(self, now: int) -> bytes:
         memory, n = self._system.plant_memory[0], len(self._axes)
         names = (*self._axes, *(f"motor_{name}" for name in self._axes), "energy_given", "time", "motion_done")
         extra = (memory["energy_given"], memory["time"] * 1e-9, 0.0)
-        return self._joints(
-            names,
+        return JointLayout(names, FRAME).pack(
+            now,
             (*memory["position"][:n], *memory["target"][:n], *extra),
             (*memory["velocity"][:n], *memory["target_velocity"][:n], 0.0, 0.0, 0.0),
             (*memory["operator_force"][:n], *memory["motor_force"][:n], 0.0, 0.0, 0.0),
-            now,
         )
 
     def _handle(self) -> bytes:
@@ -123,7 +99,7 @@ class LockstepBag:
         known["exchange_method"] = EXCHANGE_METHODS.index(driver["exchange.method"])
         names = self._axes + exchange.TAIL
         zeros = np.zeros(len(names))
-        return self._joints(names, [known.get(name, 0.0) for name in names], zeros, zeros, EPOCH)
+        return JointLayout(names, FRAME).pack(EPOCH, [known.get(name, 0.0) for name in names], zeros, zeros)
 
     def _driver(self) -> dict:
         damping = ", ".join(f"{axis.damping:g}" for axis in self._point.device.axes)
@@ -140,8 +116,8 @@ class LockstepBag:
         return {name: str(value) for name, value in {**figures, **results}.items()}
 
     def _status(self, name: str, values: dict[str, str]) -> bytes:
-        kinds, types = self._types
+        kinds = types().types
         pairs = [kinds["diagnostic_msgs/msg/KeyValue"](key, value) for key, value in values.items()]
         status = kinds["diagnostic_msgs/msg/DiagnosticStatus"](0, name, "", "", pairs)
-        message = kinds[DIAGNOSTICS](self._header(EPOCH), [status])
-        return bytes(types.serialize_cdr(message, DIAGNOSTICS))
+        header = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](*divmod(EPOCH, SECOND)), FRAME)
+        return bytes(types().serialize_cdr(kinds[DIAGNOSTICS](header, [status]), DIAGNOSTICS))

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import yaml
 
-from haptic_device.analysis.columns import Entries
 from haptic_device.analysis.recording import Recording, load
 from haptic_device.device import Device, load_device
 from haptic_device.parameter import SECTION, Parameter, check_value
+from haptic_device.recording.columns import Entries
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.lockstep_bag import LockstepBag
 from haptic_sim.played import PlayedDevice, PlayedTarget

@@ -7,7 +7,7 @@ import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
 from haptic_device.law.exchange import TAIL
-from haptic_device.node.bag import Bag
+from haptic_device.recording.writer import Bag
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 JOINTS, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"

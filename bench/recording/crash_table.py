@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from haptic_device.analysis.recording import load
-from haptic_device.node.recovery import recovered
+from haptic_device.recording.recover import recovered
 from haptic_sim.cli.demo import Order, programs_of
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes

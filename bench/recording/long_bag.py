@@ -14,9 +14,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from haptic_device.analysis.bagfile import Keep, read
-from haptic_device.analysis.cdr import cloud_layout, cloud_records, joint_layout
-from haptic_device.node.bag import Bag
+from haptic_device.recording.layouts import CLOUD, JOINTS, layout_of
+from haptic_device.recording.reader import Keep, read
+from haptic_device.recording.writer import Bag
 
 SECOND = 1_000_000_000
 
@@ -82,14 +82,14 @@ class Shift:
         return data[:4] + head + data[12:]
 
     def _timed(self, data):
-        layout = joint_layout(data)
-        at = layout.arrays[0][0] + 8 * layout.names.index("time")
+        layout = layout_of(JOINTS, data)
+        at = layout.offsets[0] + 8 * layout.names.index("time")
         (time,) = struct.unpack_from("<d", data, at)
         return data[:at] + struct.pack("<d", time + self.seconds) + data[at + 8 :]
 
     def _rows(self, data):
-        layout = cloud_layout(data)
-        return np.frombuffer(bytearray(cloud_records(layout, data)), layout.record).copy(), layout.size + 4
+        layout = layout_of(CLOUD, data)
+        return np.frombuffer(bytearray(layout.records(data)), layout.record).copy(), len(layout.template)
 
 
 def main(

@@ -5,7 +5,6 @@ Clocks: `deadline` in the trace is CLOCK_MONOTONIC [ns]; stamps, received and pu
 `Recording.monotonic` turns the latter into the former.
 """
 
-import functools
 import importlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -13,11 +12,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from rosbags.typesys import Stores, get_typestore
 
-from haptic_device.analysis.bagfile import Keep, Topic, read
-from haptic_device.analysis.cdr import stamped_layout
-from haptic_device.analysis.columns import CloudColumns, Entries, JointColumns
+from haptic_device.recording.columns import CloudColumns, JointColumns
+from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STAMPED, STRING, types
+from haptic_device.recording.reader import Keep, Topic, read
 from haptic_device.skipped import Skipped, counted
 from haptic_device.status import Status, named_statuses
 
@@ -61,14 +59,6 @@ TRACE_UNITS = {
 }
 MARK = "mark"
 _NODE = "haptic_"  # begins the name of every node of ours
-_JOINT_STATE, _CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
-_STRING, _DIAGNOSTICS = "std_msgs/msg/String", "diagnostic_msgs/msg/DiagnosticArray"
-_STAMPED = {  # fields after the header, and the part of a Joints that they are
-    "geometry_msgs/msg/WrenchStamped": ("force.x force.y force.z torque.x torque.y torque.z", "effort"),
-    "geometry_msgs/msg/PoseStamped": (
-        "position.x position.y position.z orientation.x orientation.y orientation.z orientation.w", "position"
-    ),
-}  # fmt: skip
 _SECOND = 1_000_000_000
 
 
@@ -214,16 +204,17 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     FileNotFoundError or ValueError with a sentence; a bag that is cut off or damaged is read as far as it goes and
     `notes` says so.
     """
-    bag, failed = Path(bag), {}
-    contents = read(bag, lambda topic, type_name: _collector(topic, type_name, only, failed))
-    notes = contents.notes + [f"topic {topic} is left out: {reason}" for topic, reason in failed.items()]
-    topics = contents.topics
+    bag = Path(bag)
+    topics, attachments, notes = read(bag, lambda topic, type_name: _collector(topic, type_name, only))
+    notes += [f"topic {name} is left out: {topic.refused}" for name, topic in topics.items() if topic.refused]
     diagnostics = _diagnostics(topics.get("/diagnostics"), notes)
     namespace = _only_namespace(topics, diagnostics, bag) if namespace is None else namespace.rstrip("/")
     ours = {name[len(namespace) + 1 :]: topic for name, topic in topics.items() if name.startswith(namespace + "/")}
-    found = {name: topic for name, topic in ours.items() if f"{namespace}/{name}" not in failed}
-    joints = {name: _joints(name, topic, notes) for name, topic in found.items() if _is(topic, JointColumns)}
-    clouds = {name: _cloud(name, topic, notes) for name, topic in found.items() if _is(topic, CloudColumns)}
+    found = {name: topic for name, topic in ours.items() if not topic.refused}
+    joints, clouds = (
+        {name: taken(name, topic, notes) for name, topic in found.items() if isinstance(topic.collector, kind)}
+        for kind, taken in ((JointColumns, _joints), (CloudColumns, _cloud))
+    )
     return Recording(
         bag,
         namespace,
@@ -231,7 +222,7 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
         clouds,
         diagnostics,
         _marks(found.get(MARK), notes),
-        contents.attachments,
+        attachments,
         {name: len(topic) for name, topic in topics.items()},
         {name: counted(topic.times.sequence) for name, topic in topics.items()},
         _pairs(found.get("trace"), clouds.get("trace"), joints.get("operator/state")),
@@ -239,44 +230,16 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     )
 
 
-@functools.cache
-def _types():
-    return get_typestore(Stores.ROS2_JAZZY)
-
-
-class _Guard:
-    """Hands on to a collector until it refuses; then says why, and takes the rest for nothing."""
-
-    def __init__(self, topic: str, collector, failed: dict[str, str]):
-        self.inner, self._topic, self._failed = collector, topic, failed
-
-    def add(self, data: list[bytes]) -> None:
-        if self._topic not in self._failed:
-            try:
-                self.inner.add(data)
-            except ValueError as error:
-                self._failed[self._topic] = str(error)
-
-
-def _collector(topic: str, type_name: str, only, failed):
+def _collector(topic: str, type_name: str, only):
     short = next((name for name in only or () if topic.endswith(f"/{name}")), None)
-    if topic == "/diagnostics" or type_name == _STRING:
+    if topic == "/diagnostics" or type_name == STRING:
         return Keep()
     if only is not None and short is None:
         return None
     wanted = only[short] if only else None
-    if type_name == _JOINT_STATE:
-        return _Guard(topic, JointColumns(wanted), failed)
-    if type_name in _STAMPED:
-        fields, part = _STAMPED[type_name]
-        names = tuple(fields.split())
-        layout_of = functools.partial(stamped_layout, names, part)
-        return _Guard(topic, JointColumns(wanted or Entries(names, (part,)), layout_of), failed)
-    return _Guard(topic, CloudColumns(wanted), failed) if type_name == _CLOUD else None
-
-
-def _is(topic: Topic, kind: type) -> bool:
-    return isinstance(topic.collector, _Guard) and isinstance(topic.collector.inner, kind)
+    if type_name == JOINTS or type_name in STAMPED:
+        return JointColumns(type_name, wanted)
+    return CloudColumns(wanted) if type_name == CLOUD else None
 
 
 def _only_namespace(topics: Iterable[str], diagnostics: Iterable[str], bag: Path) -> str:
@@ -297,7 +260,7 @@ def _namespaces(topics: Iterable[str], names: Iterable[str]) -> set[str]:
 
 
 def _joints(name: str, topic: Topic, notes: list[str]) -> Joints:
-    columns, times = topic.collector.inner, topic.times
+    columns, times = topic.collector, topic.times
     kept = columns.kept
     if others := int(np.sum(~kept)):
         notes.append(f"topic {name}: {others} messages of another layout than the first are left out")
@@ -306,7 +269,7 @@ def _joints(name: str, topic: Topic, notes: list[str]) -> Joints:
 
 
 def _cloud(name: str, topic: Topic, notes: list[str]) -> np.ndarray:
-    columns = topic.collector.inner
+    columns = topic.collector
     if columns.others:
         notes.append(f"topic {name}: {columns.others} messages of another layout than the first are left out")
     if columns.missing:
@@ -317,11 +280,12 @@ def _cloud(name: str, topic: Topic, notes: list[str]) -> np.ndarray:
 def _pairs(trace: Topic | None, rows: np.ndarray | None, state: Joints | None) -> tuple[np.ndarray, np.ndarray]:
     """Times on the system clock and on CLOCK_MONOTONIC: of the trace's blocks, else of `operator/state`."""
     if rows is not None and "deadline" in rows.dtype.names:
-        columns = trace.collector.inner
-        some = columns.begins < len(rows)
-        first = rows["deadline"][columns.begins[some]]
+        columns = trace.collector
+        begins, stamps = np.array(columns.begins, np.int64), np.array(columns.stamps, np.int64)
+        some = begins < len(rows)
+        first = rows["deadline"][begins[some]]
         known = np.isfinite(first)
-        return columns.stamps[some][known], first[known].round().astype(np.int64)
+        return stamps[some][known], first[known].round().astype(np.int64)
     if state is not None and "time" in state.names:
         known = np.isfinite(state.entry("time"))
         return state.published[known], np.round(state.entry("time")[known] * 1e9).astype(np.int64)
@@ -331,14 +295,14 @@ def _pairs(trace: Topic | None, rows: np.ndarray | None, state: Joints | None) -
 def _diagnostics(topic: Topic | None, notes: list[str]) -> dict[str, tuple[Status, ...]]:
     """Statuses by name, oldest first."""
     statuses: dict[str, list[Status]] = {}
-    for time, message in _messages(topic, notes, "diagnostics", _DIAGNOSTICS):
+    for time, message in _messages(topic, notes, "diagnostics", DIAGNOSTICS):
         for name, status in named_statuses(message, time):
             statuses.setdefault(name, []).append(status)
     return {name: tuple(found) for name, found in statuses.items()}
 
 
 def _marks(topic: Topic | None, notes: list[str]) -> tuple[Mark, ...]:
-    return tuple(Mark(time, message.data) for time, message in _messages(topic, notes, MARK, _STRING))
+    return tuple(Mark(time, message.data) for time, message in _messages(topic, notes, MARK, STRING))
 
 
 def _messages(topic: Topic | None, notes: list[str], name: str, type_name: str) -> Iterator[tuple[int, Any]]:
@@ -351,7 +315,7 @@ def _messages(topic: Topic | None, notes: list[str], name: str, type_name: str) 
     broken = 0
     for data, time in zip(topic.collector.data, topic.times.received.tolist(), strict=True):
         try:
-            message = _types().deserialize_cdr(data, topic.type_name)
+            message = types().deserialize_cdr(data, topic.type_name)
         except Exception:  # whatever a message of another version makes the decoder say
             broken += 1
             continue

@@ -9,11 +9,11 @@ import numpy as np
 import yaml
 
 from haptic_device.analysis import summary
-from haptic_device.analysis.columns import Entries
 from haptic_device.analysis.contact import Contact, contacts, touching
 from haptic_device.analysis.impedance import Impedance, fit
 from haptic_device.analysis.oscillation import Spectrum, spectrum_of
 from haptic_device.analysis.recording import TOPICS, Joints, Recording, load
+from haptic_device.recording.columns import Entries
 from haptic_device.status import number
 
 AXES = ("x", "y", "theta")

@@ -3,8 +3,8 @@
 
 from pathlib import Path
 
-from haptic_device.node.bag_information import dump
 from haptic_device.parameter import SECTION
+from haptic_device.recording.metadata import dump
 from haptic_device.share import find
 
 YAML = "application/yaml"

@@ -15,14 +15,14 @@ INT64 = (-(2**63), 2**63 - 1)
 MOST_AT_ONCE = 200  # entries of a request, more than any node has; each takes milliseconds, and others wait for all
 
 
-def declare(node: Node, parameters: Iterable[Parameter], known: Iterable[str] = ()) -> dict:
+def declare(node: Node, parameters: Iterable[Parameter]) -> dict:
     """Declares the parameters and returns their values: the default, or what a file or -p gave, checked.
 
-    Raises ValueError, one sentence, for a bad value and for a given name that is neither declared here nor among known
-    (names of the nodes that share the file: a /** section reaches them all).
+    Raises ValueError, one sentence, for a bad value and for a given name that is not declared here (a section /** of a
+    file reaches every node).
     """
     parameters = tuple(parameters)
-    _refuse_unknown(node, [parameter.name for parameter in parameters], known)
+    _refuse_unknown(node, [parameter.name for parameter in parameters])
     values = {parameter.name: _initial(node, parameter) for parameter in parameters}
     for parameter in parameters:
         _declare(node, parameter, values[parameter.name])
@@ -70,9 +70,9 @@ def _bounded(serve):
     return decide
 
 
-def _refuse_unknown(node, declared, known):
+def _refuse_unknown(node, declared):
     for name in node._parameter_overrides:
-        if name not in declared and name not in known and not ROS_OWN.fullmatch(name):
+        if name not in declared and not ROS_OWN.fullmatch(name):
             raise ValueError(unknown(name, f"a parameter of {node.get_name()}", declared))
 
 

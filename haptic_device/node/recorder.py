@@ -14,8 +14,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 from haptic_device import provenance
-from haptic_device.node.bag import RESERVE_BYTES, Bag
-from haptic_device.node.bag_information import dump
 from haptic_device.node.inquiry import Inquiry
 from haptic_device.node.lifecycle import begin_ros, hear_the_end
 from haptic_device.node.making import YAML, files_of, parameter_file, trial_of
@@ -25,23 +23,26 @@ from haptic_device.node.recorder_parameters import PARAMETERS
 from haptic_device.node.tap import Sample, Tap
 from haptic_device.node.track import Track, joining_qos, offered_qos
 from haptic_device.node.wire import STATE, TRACE, DiagnosticArray, String, diagnostics
+from haptic_device.recording.layouts import CLOUD, JOINTS, POSE, STRING, WRENCH
+from haptic_device.recording.layouts import DIAGNOSTICS as STATUSES
+from haptic_device.recording.metadata import dump
+from haptic_device.recording.writer import RESERVE_BYTES, Bag
 from haptic_device.runtime import realtime
 
-_JOINTS, _CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 KNOWN = {  # joined before their publishers exist, so that no first message is missed
-    "encoder": _JOINTS,
-    "motor": _JOINTS,
-    "handle": _JOINTS,
-    "tool": _JOINTS,
-    "local_contacts": _CLOUD,
-    "operator/state": _JOINTS,
-    "operator/target": _JOINTS,
-    "trace": _CLOUD,
-    "snapshot": _CLOUD,
-    "mark": "std_msgs/msg/String",
-    "wrench": "geometry_msgs/msg/WrenchStamped",
-    "pose": "geometry_msgs/msg/PoseStamped",
-    "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+    "encoder": JOINTS,
+    "motor": JOINTS,
+    "handle": JOINTS,
+    "tool": JOINTS,
+    "local_contacts": CLOUD,
+    "operator/state": JOINTS,
+    "operator/target": JOINTS,
+    "trace": CLOUD,
+    "snapshot": CLOUD,
+    "mark": STRING,
+    "wrench": WRENCH,
+    "pose": POSE,
+    "/diagnostics": STATUSES,
     "/parameter_events": "rcl_interfaces/msg/ParameterEvent",
 }
 _QOS = {"trace": TRACE, "snapshot": STATE, "mark": TRACE, "/parameter_events": TRACE}  # the others: best effort
@@ -136,25 +137,19 @@ class Recorder(Node):
                 self.bag.flush()
                 self._watch_disk()
         except OSError as error:
-            self._end(f"the bag could not be written: {error.strerror}", Bag.abandon)
+            self._end(f"the bag could not be written: {error.strerror}")
 
     def finish(self) -> None:
         """Closes the bag, if one is open, with everything that has arrived."""
         if self.bag is None:
             return
+        reason = ""
         try:
             for track in self.tracks.values():
                 self._take(track)
-            self.bag.close(self._facts())
-        except OSError as error:
-            self._end(f"the bag could not be written: {error.strerror}", Bag.abandon)
-            return
         except Exception as error:  # what has been taken is in the bag, which ends well without the rest
-            self._end(f"{type(error).__name__}: {error}", Bag.close)
-            return
-        bag, self.bag = self.bag, None
-        self._restart()
-        self.get_logger().info(f"{bag.messages} messages in {bag.folder}")
+            reason = f"{type(error).__name__}: {error}"
+        self._end(reason)
 
     def _open(self) -> Bag:
         folder, given = self._folder(), self.parameters
@@ -174,28 +169,29 @@ class Recorder(Node):
         free = shutil.disk_usage(self.bag.folder).free
         if free < self.parameters["disk_reserve"] * _MEGA:
             reserve = self.parameters["disk_reserve"]
-            self._end(f"the disk has {free / _MEGA:.0f} MB left, disk_reserve is {reserve:g} MB", Bag.close)
+            self._end(f"the disk has {free / _MEGA:.0f} MB left, disk_reserve is {reserve:g} MB")
 
-    def _end(self, reason: str, way) -> None:
-        """Ends the bag by itself; Bag.close or Bag.abandon is the way."""
+    def _end(self, reason: str) -> None:
+        """Ends the bag; reason: why by itself, "" if it was told to."""
         bag, self.bag = self.bag, None
         try:
-            way(bag, self._facts())
+            bag.close(self._facts())
             kept = f"{bag.messages} messages are kept in {bag.folder}"
         except Exception as error:
             why = getattr(error, "strerror", None) or error
             kept = f"{bag.folder} could not be ended ({why}): haptic recover {bag.folder}"
+            reason = reason or "its end failed"
         finally:
-            self._restart()
-        self.stopped = f"recording stopped: {reason}; {kept}"
-        self.get_logger().error(self.stopped)
+            for track in self.tracks.values():
+                track.restart()
+        if reason:
+            self.stopped = f"recording stopped: {reason}; {kept}"
+            self.get_logger().error(self.stopped)
+        else:
+            self.get_logger().info(kept)
 
     def _facts(self) -> dict[str, str]:
         return {"namespace": self.get_namespace(), **trial_of(self.parameters), **self._losses()}
-
-    def _restart(self) -> None:
-        for track in self.tracks.values():
-            track.restart()
 
     def _losses(self) -> dict[str, str]:
         return {f"lost {topic}": track.losses for topic, track in self.tracks.items() if track.channel}

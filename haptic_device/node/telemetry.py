@@ -9,6 +9,7 @@ from rclpy.duration import Duration
 
 from haptic_device.law.servo import SETTINGS, TICK
 from haptic_device.node import wire
+from haptic_device.recording.layouts import POSE, WRENCH
 from haptic_device.runtime import clock
 from haptic_device.runtime.recompute import SNAPSHOT
 
@@ -42,7 +43,7 @@ class Telemetry:
         self._ticks, self._latched, self._position = 0, 0.0, np.zeros(3)
         self._told = {"axes": 0.0, "pose": 0.0}  # deadline of the tick that was published last
         self._row, self._settings = np.zeros(1, TICK), np.zeros(1, SETTINGS)
-        self._wrench_layout, self._pose_layout = wire.StampedLayout(6, FRAME), wire.StampedLayout(7, FRAME)
+        self._wrench_layout, self._pose_layout = wire.StampedLayout(WRENCH, FRAME), wire.StampedLayout(POSE, FRAME)
         self._thread = threading.Thread(target=self._run, name="telemetry")
 
     def start(self):

@@ -12,7 +12,7 @@ def recover(bag: Annotated[Path, typer.Argument(help="Folder of a bag, or one .m
 
     A file that is whole stays as it is. Exit code 1 if there is nothing to repair from.
     """
-    from haptic_device.node.recovery import recovered
+    from haptic_device.recording.recover import recovered
 
     for sentence in recovered(bag):
         typer.echo(sentence)

@@ -216,7 +216,7 @@ REFUSED = {
     "unknown": ({"flush_perod": 0.1}, "flush_perod"),
     "no queue": ({"queue": 0}, "queue is 0 messages"),
     "field without a value": ({"trial.fields": ["left"]}, "'left'; write name=value"),
-    "disk full": ({"disk_reserve": 1e6}, "MB free; disk_reserve needs 1000004 MB"),
+    "disk full": ({"disk_reserve": 1e6}, "MB free; disk_reserve needs 1000017 MB"),
     "folder in use": ({}, "is not empty"),
 }
 
@@ -382,17 +382,28 @@ def test_each_bag_holds_the_parameters_that_a_node_has_while_it_is_written(newco
     assert len(list(tmp_path.glob("haptic_bags/*/metadata.yaml"))) == 2
 
 
-# A child that may write files of so many bytes only, and then becomes the command.
-_LIMITED = """
-import os, resource, sys
-resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
-os.execvp(sys.argv[2], sys.argv[2:])
+# On a disk that takes so many bytes of a bag, and more only where its reserve was given back.
+_FULL = """
+import errno, os, sys
+from pathlib import Path
+from haptic_device.node import recorder
+from haptic_device.recording.writer import RESERVE
+reserve, limit, written, write = Path(sys.argv.pop(1)) / RESERVE, int(sys.argv.pop(1)), 0, os.write
+def filling(descriptor, data):
+    global written
+    if written > limit and reserve.exists():
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    count = write(descriptor, data)
+    written += count
+    return count
+os.write = filling
+sys.exit(recorder.main())
 """
 
 
 def test_a_disk_that_takes_no_more_ends_the_bag_which_keeps_what_it_has(speaker, start, tmp_path):
     bag, limit = tmp_path / "bag", 6 * 2**20
-    command = [sys.executable, "-c", _LIMITED, limit, *recorder(bag)]
+    command = [sys.executable, "-c", _FULL, str(bag), str(limit), *ros_arguments(bag)]
     process = start(command, stderr=subprocess.PIPE)
     speaker.meet(bag, "encoder")
     message, random = JointState(name=[f"n{i}" for i in range(1000)]), np.random.default_rng(1)
@@ -409,7 +420,7 @@ def test_a_disk_that_takes_no_more_ends_the_bag_which_keeps_what_it_has(speaker,
     speaker.node.destroy_publisher(publisher)
     _, said = process.communicate(timeout=LIMIT)
     assert process.returncode == 1 and "Traceback" not in said
-    assert "recording stopped: the bag could not be written: File too large" in said
+    assert "recording stopped: the bag could not be written: No space left on device" in said
     sequence = joint(bag, "large").sequence
     assert np.all(np.diff(sequence) >= 1) and 2 * files(bag)[0].stat().st_size > limit
     with AnyReader([bag]) as reader:

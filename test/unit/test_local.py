@@ -12,7 +12,7 @@ from bench.exchange import felt as local_felt
 from bench.exchange.felt import FINE, NETWORKS, compare
 from haptic_device.law import contact, local, servo
 from haptic_device.node import wire
-from haptic_device.node.bag import Bag
+from haptic_device.recording.writer import Bag
 from haptic_device.runtime import recompute
 from haptic_sim.cli.replay import replay
 from haptic_sim.lockstep import Network

@@ -12,11 +12,11 @@ from rclpy.parameter import Parameter
 
 from haptic_device.analysis.recording import load
 from haptic_device.node import recorder as module
-from haptic_device.node.bag import Bag
 from haptic_device.node.inquiry import Inquiry
 from haptic_device.node.recorder import Recorder
 from haptic_device.node.tap import Sample
 from haptic_device.node.track import Track
+from haptic_device.recording.writer import Bag
 
 
 class Deaf(Recorder):
@@ -43,7 +43,7 @@ class Deaf(Recorder):
         return []
 
 
-@pytest.mark.parametrize("way", ["close", "abandon"])
+@pytest.mark.parametrize("way", ["told to end", "disk full"])
 def test_a_bag_that_cannot_be_ended_leaves_the_next_one_whole(tmp_path, monkeypatch, way):
     recorder, said = Deaf(), []
 
@@ -52,26 +52,29 @@ def test_a_bag_that_cannot_be_ended_leaves_the_next_one_whole(tmp_path, monkeypa
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as full:
-        full.setattr(Bag, way, refuse)
+        full.setattr(Bag, "close", refuse)
         recorder.bag, recorder.waiting = Bag(tmp_path / "first"), [1, 2, 4]
         recorder._take(recorder.tracks["/haptic/encoder"])
-        recorder.finish() if way == "close" else recorder._end("the disk is full", Bag.abandon)
+        recorder.finish() if way == "told to end" else recorder._end("the disk is full")
     assert recorder.bag is None and said[0]["lost /haptic/encoder"] == "1"
-    assert "recording stopped" in recorder.stopped
+    assert "recording stopped" in recorder.stopped and "haptic recover" in recorder.stopped
     recorder.bag, recorder.waiting = Bag(tmp_path / "second"), [5, 6]
     recorder.finish()
     assert "message_count: 2\n" in (tmp_path / "second" / "metadata.yaml").read_text()
 
 
-def test_a_bag_that_only_its_abandoning_ends_still_says_what_was_lost(tmp_path, monkeypatch):
+def test_a_bag_that_a_full_disk_ends_says_what_was_lost(tmp_path, monkeypatch):
     recorder = Deaf()
+    recorder._next_discovery, recorder._next_flush, recorder._fresh = 10**30, 0, {}
+    recorder.parameters |= {"flush_period": 0.25, "disk_reserve": 0.0}
     recorder.bag, recorder.waiting = Bag(tmp_path / "bag"), [1, 2, 4]
 
-    def refuse(bag, custom_data):
+    def refuse(bag):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(Bag, "close", refuse)
-    recorder.finish()
+    monkeypatch.setattr(Bag, "flush", refuse)
+    recorder.look()
+    assert recorder.bag is None and "No space left on device; 3 messages are kept" in recorder.stopped
     assert "lost /haptic/encoder: '1'" in (tmp_path / "bag" / "metadata.yaml").read_text()
 
 

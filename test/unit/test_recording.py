@@ -10,7 +10,7 @@ import bag_of_a_run
 import numpy as np
 import pytest
 import yaml
-from bag_of_a_run import AXES, BOOT_TO_EPOCH, CLOUD, JOINTS, PERIOD_NS, SAID, TYPES, joints, swing, write_run
+from bag_of_a_run import AXES, BOOT_TO_EPOCH, CLOUD, PERIOD_NS, SAID, TYPES, joints, swing, write_run
 from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,14 +18,10 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from haptic_device.analysis import summary
-from haptic_device.analysis.cdr import joint_arrays, joint_layout
-from haptic_device.analysis.columns import Entries
 from haptic_device.analysis.recording import ENTRY_UNITS, TRACE_UNITS, load
-from haptic_device.node.bag import Bag
-from haptic_device.node.wire import StampedLayout
-
-STRING = "std_msgs/msg/String"
-WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
+from haptic_device.recording.columns import Entries
+from haptic_device.recording.layouts import JOINTS, POSE, STRING, WRENCH, StampedLayout, layout_of
+from haptic_device.recording.writer import Bag
 
 
 @pytest.fixture(scope="module")
@@ -109,9 +105,10 @@ def test_rows_missing_from_the_trace_are_counted_and_none_without_a_gap(tmp_path
 def test_joint_states_of_any_names_and_values_decode_like_the_reference_decoder(names, values, stamp):
     position = np.resize(values, len(names))
     data = [joints(names, position * factor, stamp, effort=position) for factor in (1.0, 0.5)]
-    stamps, (positions, velocities, efforts) = joint_arrays(joint_layout(data[0]), data)
+    layout = layout_of(JOINTS, data[0])
+    stamps, positions, velocities, efforts = layout.arrays(data)
     expected = [TYPES.deserialize_cdr(item, JOINTS) for item in data]
-    assert joint_layout(data[0]).names == tuple(names) and list(stamps) == [stamp, stamp]
+    assert all(map(layout.matches, data)) and layout.names == tuple(names) and list(stamps) == [stamp, stamp]
     assert np.array_equal(positions, [item.position for item in expected])
     assert np.array_equal(efforts, [item.effort for item in expected]) and not velocities.any()
 
@@ -121,7 +118,7 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from bag_of_a_run import JOINTS, joints
-from haptic_device.node.bag import Bag
+from haptic_device.recording.writer import Bag
 bag = Bag(Path(sys.argv[1]))
 channel = bag.add_topic("/haptic/encoder", JOINTS, [])
 for number in range(1, 351):
@@ -307,7 +304,7 @@ def test_every_entry_of_a_joint_state_is_an_axis_or_has_its_unit_or_counts():
 
 def stamped(kind, frame, stamp_ns, *numbers):
     """A serialized WrenchStamped or PoseStamped with these numbers after its header."""
-    message = TYPES.deserialize_cdr(StampedLayout(len(numbers), frame).pack(stamp_ns, numbers), kind)
+    message = TYPES.deserialize_cdr(StampedLayout(kind, frame).pack(stamp_ns, numbers), kind)
     return bytes(TYPES.serialize_cdr(message, kind))
 
 

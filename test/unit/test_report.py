@@ -17,7 +17,7 @@ from haptic_device.analysis import panel
 from haptic_device.analysis.page import FIGURES, write_report
 from haptic_device.analysis.run import read_run
 from haptic_device.analysis.table import sections
-from haptic_device.node.bag import Bag
+from haptic_device.recording.writer import Bag
 from haptic_sim.cli.compared import figures_of
 from haptic_sim.cli.report import report
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from live_nodes import STRANGE
 
-from haptic_device.analysis.cdr import cloud_layout, cloud_records
 from haptic_device.node.tap import Sample
 from haptic_device.node.wire import JointLayout
+from haptic_device.recording.layouts import CLOUD, layout_of
 from haptic_sim.node.showing import CONTACT, PERIOD_NS, Showing, state_names
 from haptic_sim.scene import Scene, load, parse
 from haptic_sim.simulation import HandleSample, Simulation
@@ -89,7 +89,7 @@ def test_contacts_carry_the_force_that_holds_the_tool_up(pressed):
     node = FakeNode()
     Showing(node).show(simulation, handle, 0)
     message = bytes(node.said["scene/contacts"][0])
-    rows = np.frombuffer(cloud_records(cloud_layout(message), message), CONTACT)
+    rows = np.frombuffer(layout_of(CLOUD, message).records(message), CONTACT)
     [contact] = simulation.method.contacts()[-1:]
     assert (rows["body_a"][-1], rows["body_b"][-1]) == (0.0, 1.0)
     assert (rows["force_x"][-1], rows["force_y"][-1]) == contact.force_on_a and rows["force_y"][-1] > 0.0

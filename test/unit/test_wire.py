@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from haptic_device.law import servo
 from haptic_device.node import wire
+from haptic_device.recording.layouts import POSE, WRENCH
 from haptic_device.status import LEVELS, number
 
 NAMES = [wire.exchange_names(axes) for axes in (1, 2, 3)] + [wire.truth_names(axes) for axes in (1, 2, 3)]
@@ -104,12 +105,12 @@ def test_a_trace_describes_itself_and_holds_every_column_of_every_tick():
 
 def test_wrench_and_pose_are_planar_and_a_full_turn_is_the_identity():
     for frame in ("haptic_base", "", "abcd"):
-        packed = wire.StampedLayout(6, frame).pack(STAMP, wire.wrench_numbers((1.0, 2.0, 3.0)))
+        packed = wire.StampedLayout(WRENCH, frame).pack(STAMP, wire.wrench_numbers((1.0, 2.0, 3.0)))
         read = deserialize_message(packed, wire.WrenchStamped)
         force = read.wrench
         assert (force.force.x, force.force.y, force.force.z, force.torque.z) == (1.0, 2.0, 0.0, 3.0)
         assert (read.header.stamp, read.header.frame_id) == (wire.to_time(STAMP), frame)
-    poses = wire.StampedLayout(7, "haptic_base")
+    poses = wire.StampedLayout(POSE, "haptic_base")
     packed = poses.pack(STAMP, wire.pose_numbers((0.1, 0.2, math.pi / 2)))
     quarter = deserialize_message(packed, wire.PoseStamped).pose
     assert (quarter.position.x, quarter.position.y) == (0.1, 0.2)

@@ -2,15 +2,16 @@
 """What metadata.yaml of a rosbag2 folder says (version 9, ROS 2 Jazzy), written complete or not at all."""
 
 import os
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import yaml
 
 METADATA = "metadata.yaml"
 
 
-class FileSpan(NamedTuple):
+@dataclass
+class FileSpan:
     """One file of a bag: name, times of its first and last message [ns of the system clock], number of messages."""
 
     name: str
@@ -18,10 +19,24 @@ class FileSpan(NamedTuple):
     last: int = 0
     messages: int = 0
 
-    def with_message(self, received: int) -> "FileSpan":
-        """The span with one more message."""
-        first = min(self.first, received) if self.messages else received
-        return FileSpan(self.name, first, max(self.last, received), self.messages + 1)
+    def count(self, received: int) -> None:
+        """One more message."""
+        if received < self.first or not self.messages:
+            self.first = received
+        if received > self.last:
+            self.last = received
+        self.messages += 1
+
+
+def topic_metadata(name: str, type_name: str, encoding: str, offered_qos: list, type_hash: str) -> dict:
+    """A topic as metadata.yaml lists it."""
+    return {
+        "name": name,
+        "type": type_name,
+        "serialization_format": encoding,
+        "offered_qos_profiles": offered_qos,
+        "type_description_hash": type_hash,
+    }
 
 
 def information(files: list[FileSpan], topics: list[dict], counts: list[int], custom_data: dict[str, str]) -> dict:

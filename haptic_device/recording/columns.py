@@ -1,21 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Collectors that turn serialized messages into arrays: JointStates by entry, clouds of records by column."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.analysis.cdr import (
-    PARTS,
-    JointLayout,
-    cloud_layout,
-    cloud_records,
-    joint_arrays,
-    joint_layout,
-    same_layout,
-    stamp_of,
-)
+from haptic_device.recording.layouts import CLOUD, PARTS, STAMPED, layout_of, stamp_of
 
 
 class Entries(NamedTuple):
@@ -26,45 +16,34 @@ class Entries(NamedTuple):
 
 
 class JointColumns:
-    """Stamps and position, velocity, effort of a JointState topic; of the entries wanted, or of all.
+    """Stamps and position, velocity, effort of a JointState topic or one of STAMPED; of the entries wanted, or of all.
 
-    layout_of: finds the layout in the first message. kept: for each message whether it had that layout too; the others
-    are left out.
+    kept: for each message whether it had the layout of the first; the others are left out.
     """
 
-    def __init__(self, entries: Entries | None = None, layout_of: Callable[[bytes], JointLayout] = joint_layout):
-        self._wanted, self._layout_of = entries, layout_of
-        self._layout = None
+    def __init__(self, type_name: str, entries: Entries | None = None):
+        self._type_name, self._wanted, self._layout = type_name, entries, None
         self._parts: list[np.ndarray] = []
         self._count = 0
-        self._kept: list[np.ndarray] = []
+        self._kept: list[bool] = []
 
     def add(self, data: list[bytes]) -> None:
         """Takes the next messages. Raises ValueError if the first of all has no such layout."""
         if self._layout is None:
-            self._layout = self._layout_of(data[0])
-            everything = self._layout.names
-            wanted = Entries(everything) if self._wanted is None else self._wanted
-            self.names = tuple(name for name in everything if name in wanted.names)
-            index = [everything.index(name) for name in self.names]
-            self._index = [index if part in wanted.parts else [] for part in PARTS]
-            self._parts = [np.empty(0, np.int64), *(np.empty((0, len(columns))) for columns in self._index)]
-        kept = np.array([same_layout(self._layout, item) for item in data])
-        if not kept.all():
-            data = [item for item, keep in zip(data, kept, strict=True) if keep]
-        self._kept.append(kept)
-        if data:
-            stamp, arrays = joint_arrays(self._layout, data)
-            chosen = (array[:, index] for array, index in zip(arrays, self._index, strict=True))
-            before, self._count = self._count, self._count + len(data)
-            for part, piece in zip(self._parts, (stamp, *chosen), strict=True):
-                _make_room(part, self._count)
-                part[before : self._count] = piece
+            self._begin(data[0])
+        kept = [self._layout.matches(item) for item in data]
+        self._kept += kept
+        stamp, *parts = self._layout.arrays([item for item, keep in zip(data, kept, strict=True) if keep])
+        before, self._count = self._count, self._count + len(stamp)
+        chosen = (array[:, index] for array, index in zip(parts, self._index, strict=True))
+        for part, piece in zip(self._parts, (stamp, *chosen), strict=True):
+            _make_room(part, self._count)
+            part[before : self._count] = piece
 
     @property
     def kept(self) -> np.ndarray:
         """Which messages are in the arrays."""
-        return np.concatenate(self._kept)
+        return np.array(self._kept, bool)
 
     def arrays(self) -> list[np.ndarray]:
         """Stamps [ns], then position, velocity, effort as (messages, names)."""
@@ -72,48 +51,46 @@ class JointColumns:
             part.resize((self._count, *part.shape[1:]), refcheck=False)
         return self._parts
 
+    def _begin(self, first: bytes) -> None:
+        self._layout = layout_of(self._type_name, first)
+        everything = self._layout.names
+        wanted = self._wanted or Entries(everything, STAMPED.get(self._type_name, ("", PARTS))[1])
+        self.names = tuple(name for name in everything if name in wanted.names)
+        index = [everything.index(name) for name in self.names]
+        self._index = [index if part in wanted.parts else [] for part in PARTS]
+        self._parts = [np.empty(0, np.int64), *(np.empty((0, len(columns))) for columns in self._index)]
+
 
 class CloudColumns:
     """Records of a PointCloud2 topic: with the columns and types of a structured type, or all as they are.
 
-    stamps: of the messages kept; begins: index of the first record of each. A column that the messages lack is NaN and
-    stands in `missing`.
+    others: messages of another layout than the first, which are left out. stamps [ns]: of the others; begins: index of
+    the first record of each. A column that the messages lack is NaN and stands in `missing`.
     """
 
     def __init__(self, columns: np.dtype | None = None):
         self._wanted, self._layout, self._rows = columns, None, None
-        self._stamps: list[int] = []
-        self._begins: list[int] = []
+        self.stamps: list[int] = []
+        self.begins: list[int] = []
         self._count = self.others = 0
         self.missing: list[str] = []
 
     def add(self, data: list[bytes]) -> None:
         """Takes the next messages. Raises ValueError if the first of all is no cloud of named fields."""
         if self._layout is None:
-            self._layout = cloud_layout(data[0])
+            self._layout = layout_of(CLOUD, data[0])
             self._rows = np.empty(0, self._layout.record if self._wanted is None else self._subset())
         pieces, before = [], self._count
         for message in data:
-            piece = cloud_records(self._layout, message)
-            if piece is None:
+            if not self._layout.matches(message):
                 self.others += 1
                 continue
-            pieces.append(piece)
-            self._stamps.append(stamp_of(message))
-            self._begins.append(self._count)
-            self._count += len(piece) // self._layout.record.itemsize
+            pieces.append(self._layout.records(message))
+            self.stamps.append(stamp_of(message))
+            self.begins.append(self._count)
+            self._count += len(pieces[-1]) // self._layout.record.itemsize
         _make_room(self._rows, self._count)
         self._fill(self._rows[before : self._count], np.frombuffer(b"".join(pieces), self._layout.record))
-
-    @property
-    def stamps(self) -> np.ndarray:
-        """Header stamps [ns] of the messages."""
-        return np.array(self._stamps, np.int64)
-
-    @property
-    def begins(self) -> np.ndarray:
-        """Index of the first record of each message."""
-        return np.array(self._begins, np.int64)
 
     def records(self) -> np.ndarray:
         """All records as one structured array."""

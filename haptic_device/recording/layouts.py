@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Layouts of the messages that do not vary in size, for who writes them and for who reads thousands at once.
+
+CDR as ROS 2 writes it: 4 bytes of encapsulation, then little-endian fields, each aligned to its size counted from
+there; a sequence is its uint32 length, then its elements. A message whose names and frame never change has bytes in
+which only stamp and numbers vary: a layout keeps that template, reads and writes by offsets, and tells foreign bytes at
+once. Needs no ROS.
+"""
+
+import functools
+import struct
+from typing import NamedTuple
+
+import numpy as np
+
+JOINTS, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
+STRING, DIAGNOSTICS = "std_msgs/msg/String", "diagnostic_msgs/msg/DiagnosticArray"
+PARTS = ("position", "velocity", "effort")
+WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
+STAMPED = {  # messages of a header and float64 fields, and the parts of a joint that these are
+    WRENCH: ("force.x force.y force.z torque.x torque.y torque.z", ("effort",)),
+    POSE: ("position.x position.y position.z orientation.x orientation.y orientation.z orientation.w", ("position",)),
+}
+FORMATS = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}  # sensor_msgs/PointField
+_CODES = {np.dtype(kind): code for code, kind in FORMATS.items()}
+_SECOND = 1_000_000_000
+_STAMP_AT, _STAMP, _WORD = 4, struct.Struct("<iI"), struct.Struct("<I")
+
+
+class JointSample(NamedTuple):
+    """One JointState's stamp [ns of the sender's ROS clock] and numbers, each array in the order of the names."""
+
+    stamp_ns: int
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+
+
+class _Template:
+    """CDR bytes as they grow, and beside them which of them are fixed; alignment counts from behind the header."""
+
+    def __init__(self, frame_id: str):
+        self.data, self.mask = bytearray(b"\x00\x01\x00\x00"), bytearray(b"\x01" * 4)
+        self.varying(8)  # stamp
+        self.text(frame_id)
+
+    def varying(self, count):
+        self.data += bytes(count)
+        self.mask += bytes(count)
+
+    def fixed(self, data):
+        self.data += data
+        self.mask += b"\x01" * len(data)
+
+    def align(self, size):
+        self.varying(-(len(self.data) - 4) % size)
+
+    def word(self, value):
+        self.align(4)
+        self.fixed(_WORD.pack(value))
+
+    def text(self, value):
+        encoded = value.encode() + b"\0"
+        self.word(len(encoded))
+        self.fixed(encoded)
+
+    def counted(self):
+        self.align(4)
+        self.varying(4)
+        return len(self.data) - 4
+
+    def reals(self, count):
+        self.align(8)
+        self.varying(8 * count)
+        return len(self.data) - 8 * count
+
+
+class _Layout:
+    """A template, and whether other bytes begin as it does wherever it is fixed; padding is the sender's."""
+
+    def __init__(self, head: _Template):
+        self.template = bytes(head.data)
+        self._mask = int.from_bytes(bytes(0xFF * byte for byte in head.mask), "little")
+        self._known = int.from_bytes(self.template, "little") & self._mask
+
+    def begins(self, data: bytes) -> bool:
+        """Whether the fixed bytes of the template stand in these bytes too."""
+        return int.from_bytes(data[: len(self.template)], "little") & self._mask == self._known
+
+    def stamped(self, stamp_ns: int) -> bytearray:
+        """The template with this stamp."""
+        data = bytearray(self.template)
+        _STAMP.pack_into(data, _STAMP_AT, *divmod(stamp_ns, _SECOND))
+        return data
+
+
+class _Sized(_Layout):
+    """A layout of one size: blocks of `count` float64 behind the head, one for each of these parts of a joint."""
+
+    def __init__(self, head: _Template, names, parts, offsets):
+        super().__init__(head)
+        self.names, self.offsets, self.size = tuple(names), offsets, len(self.template)
+        self.count = len(self.names)
+        self._reals = struct.Struct(f"<{self.count}d")
+        fields = {"seconds": ("<i4", _STAMP_AT), "nanoseconds": ("<u4", _STAMP_AT + 4)}
+        fields |= {part: (("<f8", (self.count,)), at) for part, at in zip(parts, offsets, strict=True)}
+        formats, places = zip(*fields.values(), strict=True)
+        told = {"names": list(fields), "formats": formats, "offsets": places, "itemsize": self.size}
+        self._record = np.dtype(told)
+
+    def matches(self, data: bytes) -> bool:
+        """Whether these bytes have exactly this layout."""
+        return len(data) == self.size and self.begins(data)
+
+    def packed(self, stamp_ns: int, *blocks) -> bytes:
+        """Bytes of one message with these numbers in its blocks."""
+        data = self.stamped(stamp_ns)
+        for offset, numbers in zip(self.offsets, blocks, strict=True):
+            self._reals.pack_into(data, offset, *numbers)
+        return bytes(data)
+
+    def arrays(self, messages: list[bytes]) -> list[np.ndarray]:
+        """Of bytes that match: stamps [ns], then position, velocity, effort (messages, names), NaN if not there."""
+        rows = np.frombuffer(b"".join(messages), self._record)
+        none = np.full((len(rows), self.count), np.nan)
+        parts = [rows[part] if part in self._record.names else none for part in PARTS]
+        return [rows["seconds"].astype(np.int64) * _SECOND + rows["nanoseconds"], *parts]
+
+
+class JointLayout(_Sized):
+    """A JointState with fixed names and frame: n numbers in each of its arrays, none in those not filled."""
+
+    def __init__(self, names, frame_id="", filled=PARTS):
+        head, offsets = _Template(frame_id), []
+        head.word(len(names))
+        for name in names:
+            head.text(name)
+        for part in PARTS:
+            head.word(len(names) if part in filled else 0)
+            if part in filled:
+                offsets.append(head.reals(len(names)))
+        super().__init__(head, names, filled, offsets)
+        self.fixed = np.frombuffer(bytes(head.mask), np.uint8)  # 1 where a byte never varies
+
+    def pack(self, stamp_ns, position, velocity, effort):
+        """Bytes of one message; each array of length count."""
+        return self.packed(stamp_ns, position, velocity, effort)
+
+    def numbers(self, data):
+        """Stamp [ns], positions, velocities and efforts of bytes that match, as tuples: quicker than unpack if few."""
+        return stamp_of(data), *(self._reals.unpack_from(data, offset) for offset in self.offsets)
+
+    def unpack(self, data):
+        """JointSample of bytes that match."""
+        return JointSample(stamp_of(data), *(np.frombuffer(data, "<f8", self.count, at) for at in self.offsets))
+
+
+class StampedLayout(_Sized):
+    """A message that is a header and then one float64 for each name: WrenchStamped, PoseStamped (STAMPED)."""
+
+    def __init__(self, type_name, frame_id=""):
+        (fields, parts), head = STAMPED[type_name], _Template(frame_id)
+        names = fields.split()
+        super().__init__(head, names, parts, [head.reals(len(names))])
+
+    def pack(self, stamp_ns, numbers):
+        """Bytes of one message."""
+        return self.packed(stamp_ns, numbers)
+
+
+class CloudLayout(_Layout):
+    """A PointCloud2 of records: one point a record, one field a column."""
+
+    def __init__(self, dtype, frame_id=""):
+        head, self.record = _Template(frame_id), dtype
+        head.word(1)  # height
+        self._counts = [head.counted()]  # width
+        head.word(len(dtype.names))
+        for name in dtype.names:
+            kind, offset = dtype.fields[name][:2]
+            head.text(name)
+            head.word(offset)
+            head.fixed(bytes([_CODES[kind.base]]))
+            head.word(kind.itemsize // kind.base.itemsize)
+        head.fixed(b"\0")  # is_bigendian
+        head.word(dtype.itemsize)
+        self._counts += [head.counted(), head.counted()]  # bytes of a row, of all
+        super().__init__(head)
+        self._fixed = np.frombuffer(bytes(head.mask), np.uint8)
+
+    def fixed(self, count):
+        """Template of a message of so many records, 1 where its bytes never vary, and where the records begin."""
+        template = np.frombuffer(self.pack(0, np.zeros(count, self.record)), np.uint8)
+        fixed = np.zeros(len(template), np.uint8)
+        fixed[: len(self.template)] = self._fixed
+        for place in self._counts:
+            fixed[place : place + 4] = 1
+        return template, fixed, len(self.template)
+
+    def pack(self, stamp_ns, records):
+        """Bytes of one message."""
+        data = self.stamped(stamp_ns)
+        for place, number in zip(self._counts, (len(records), records.nbytes, records.nbytes), strict=True):
+            _WORD.pack_into(data, place, number)
+        whole = b"".join((data, records.tobytes(), b"\1"))  # is_dense
+        return whole + bytes(-len(whole) % 4)  # as it arrives: RTPS rounds a payload up to four bytes
+
+    def matches(self, data):
+        """Whether these bytes have this layout, with all of their records."""
+        begin = len(self.template)
+        if len(data) < begin or not self.begins(data):
+            return False
+        count, _, size = (_WORD.unpack_from(data, place)[0] for place in self._counts)
+        return size == count * self.record.itemsize and len(data) >= begin + size
+
+    def records(self, data):
+        """The bytes of the records of bytes that match."""
+        begin = len(self.template)
+        return data[begin : begin + _WORD.unpack_from(data, self._counts[-1])[0]]
+
+
+def stamp_of(data: bytes) -> int:
+    """Stamp [ns] of a serialized message that begins with a std_msgs/Header."""
+    seconds, nanoseconds = _STAMP.unpack_from(data, _STAMP_AT)
+    return seconds * _SECOND + nanoseconds
+
+
+def layout_of(type_name: str, data: bytes) -> JointLayout | StampedLayout | CloudLayout:
+    """The layout of a message of a type above, and of all like it. Raises ValueError if the bytes are none."""
+    try:
+        layout = _described(type_name, types().deserialize_cdr(data, type_name))
+    except Exception as error:  # whatever strange bytes make the decoder say
+        said = str(error) or type(error).__name__
+        raise ValueError(f"a message of {len(data)} bytes is no {type_name} ({said})") from None
+    if not layout.matches(data):
+        raise ValueError(f"a message of {len(data)} bytes is a {type_name} of another layout than is read here")
+    return layout
+
+
+def _described(type_name, message):
+    frame_id = message.header.frame_id
+    if type_name == JOINTS:
+        return JointLayout(message.name, frame_id, [part for part in PARTS if len(getattr(message, part))])
+    if type_name in STAMPED:
+        return StampedLayout(type_name, frame_id)
+    fields = message.fields
+    kinds = [(FORMATS[field.datatype], (field.count,) if field.count > 1 else ()) for field in fields]
+    places = {"names": [field.name for field in fields], "offsets": [field.offset for field in fields]}
+    return CloudLayout(np.dtype({**places, "formats": kinds, "itemsize": message.point_step}), frame_id)
+
+
+@functools.cache
+def types():
+    """The message types of ROS 2 Jazzy's common packages."""
+    from rosbags.typesys import Stores, get_typestore  # which a node that only packs does without
+
+    return get_typestore(Stores.ROS2_JAZZY)

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bag made whole after its recorder died: files written anew from what can be read of them, metadata.yaml beside.
+
+Needs no ROS.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+from mcap.records import Attachment, Channel, McapRecord, Message, Schema
+from mcap.writer import Writer
+
+from haptic_device.recording.metadata import METADATA, FileSpan, information, topic_metadata, write_metadata
+from haptic_device.recording.reader import Records, files
+from haptic_device.recording.writer import CHUNK_BYTES, RESERVE
+from haptic_device.skipped import Skipped
+
+
+@dataclass
+class Found:
+    """What can be read of the bag's files: their spans, and by topic its metadata, its messages, what was skipped."""
+
+    spans: list[FileSpan] = field(default_factory=list)
+    topics: dict[str, dict] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+    skipped: dict[str, Skipped] = field(default_factory=dict)
+    renewed: bool = False
+
+    def take(self, path: Path) -> str:
+        """The next file, written anew if it is not whole; what was done. Raises ValueError if it is no MCAP file."""
+        span, channels, types = FileSpan(path.name), {}, {}
+        with open(path, "rb") as stream:
+            records = Records(stream)
+            for record in records:
+                if isinstance(record, Schema):
+                    types[record.id] = record.name
+                elif isinstance(record, Channel):
+                    channels[record.id] = record.topic
+                    self._describe(record, types.get(record.schema_id, ""))
+                elif isinstance(record, Message) and (topic := channels.get(record.channel_id)):
+                    span.count(record.log_time)
+                    self.counts[topic] += 1
+                    self.skipped[topic].count(record.sequence)
+        self.spans.append(span)
+        done = "whole"
+        if records.damaged or records.wrong:
+            self.renewed = True
+            damaged = [f"{records.damaged} damaged records are passed over"] if records.damaged else []
+            done = " and ".join([*damaged, *filter(None, [records.wrong])])
+            done += f", written anew (as it was: {_rewritten(path).name})"
+        return f"{path.name}: {done}; {span.messages} messages"
+
+    def _describe(self, channel: Channel, type_name: str) -> None:
+        name, said = channel.topic, channel.metadata
+        qos = yaml.safe_load(said.get("offered_qos_profiles", "[]"))
+        type_hash = said.get("topic_type_hash", "")
+        self.topics[name] = topic_metadata(name, type_name, channel.message_encoding, qos, type_hash)
+        self.counts.setdefault(name, 0)
+        self.skipped.setdefault(name, Skipped())
+
+
+def recovered(bag: Path) -> Iterator[str]:
+    """Makes the bag whole, and says of each file what was done. Raises FileNotFoundError, OSError, ValueError.
+
+    A file that is empty or no MCAP file is left alone and out of metadata.yaml.
+    """
+    found = Found()
+    for path in files(bag):
+        try:
+            yield found.take(path)
+        except ValueError as error:
+            yield f"{path.name} is left out: {error} ({path.stat().st_size} bytes)"
+    if not found.spans:
+        raise ValueError(f"bag {bag} has no file that could be repaired")
+    if bag.is_dir():
+        (bag / RESERVE).unlink(missing_ok=True)
+        yield _metadata(bag, found)
+
+
+def _rewritten(path: Path) -> Path:
+    """Writes what can be read of the file into a new one of its name; where the file itself is then."""
+    half, kept = path.with_name(f"{path.name}.part"), path.with_name(f"{path.name}.damaged")
+    try:
+        with open(path, "rb") as source, open(half, "wb") as target:
+            writer, numbers = Writer(target, CHUNK_BYTES), {}
+            writer.start("ros2", "haptic_display")
+            for record in Records(source):
+                _copy(record, writer, numbers)
+            writer.finish()
+    except OSError:
+        half.unlink()
+        raise
+    path.rename(kept)
+    return half.rename(path) and kept
+
+
+def _copy(record: McapRecord, writer: Writer, numbers: dict) -> None:
+    """numbers: of schemas and channels in the new file, by those in the one that is read."""
+    kind = type(record)
+    if kind is Message and (Channel, record.channel_id) in numbers:
+        channel = numbers[Channel, record.channel_id]
+        writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
+    elif kind is Schema and (kind, record.id) not in numbers:
+        numbers[kind, record.id] = writer.register_schema(record.name, record.encoding, record.data)
+    elif kind is Channel and (kind, record.id) not in numbers:
+        schema = numbers.get((Schema, record.schema_id), 0)
+        told = record.topic, record.message_encoding, schema, record.metadata
+        numbers[kind, record.id] = writer.register_channel(*told)
+    elif kind is Attachment:
+        writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
+
+
+def _metadata(bag: Path, found: Found) -> str:
+    before = _said(bag / METADATA)
+    named = before.get("relative_file_paths") == [span.name for span in found.spans]
+    if named and not found.renewed:
+        return f"{METADATA} is there"
+    lost = {name: skipped.told(name) for name, skipped in found.skipped.items()}
+    custom = _with_losses(before.get("custom_data"), lost)
+    write_metadata(bag, information(found.spans, list(found.topics.values()), list(found.counts.values()), custom))
+    return f"{METADATA} is written: {sum(found.counts.values())} messages in {len(found.spans)} files"
+
+
+def _said(path: Path) -> dict:
+    """What metadata.yaml says; empty if there is none, or it is none."""
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError, yaml.YAMLError):
+        return {}
+    said = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+    return said if isinstance(said, dict) else {}
+
+
+def _with_losses(before, lost: dict[str, str]) -> dict[str, str]:
+    """custom_data with what the files lack; `missing` beside a `lost` that the recorder itself has counted."""
+    custom = before if isinstance(before, dict) else {}
+    words = {name: "missing" if f"lost {name}" in custom else "lost" for name in lost}
+    return {**custom, "recovered": "true", **{f"{words[name]} {name}": told for name, told in lost.items()}}
