@@ -89,20 +89,6 @@ class Nodes:
         """Process id of a running node."""
         return self._running[name].pid
 
-    def signal(self, name: str, number: int) -> None:
-        """Sends a running node a signal."""
-        self._running[name].send_signal(number)
-
-    def kill(self, name: str) -> None:
-        """Ends a node by SIGKILL, and waits for its end."""
-        process = self._running.pop(name)
-        process.kill()
-        process.wait()
-
-    def tracebacks(self) -> int:
-        """How many tracebacks the nodes have printed so far."""
-        return sum(log.read_text(errors="replace").count("Traceback (most") for log in self._logs.glob("haptic_*.log"))
-
     def last_line(self, name: str) -> str:
         """The last line that the node printed."""
         lines = self._log(name).read_text(errors="replace").split("\n")

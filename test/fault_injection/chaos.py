@@ -89,7 +89,7 @@ def _chaos(minutes, events) -> dict:
             with conductor:
                 conductor.begin()
                 results = _play(conductor, events, minutes)
-                tracebacks = conductor.nodes.tracebacks()
+                tracebacks = conductor.tracebacks()
             left = conductor.left_over()
     return _found([_row(event, results[event.name]) for event in events if results[event.name]], tracebacks, left)
 

@@ -72,15 +72,19 @@ class Conductor:
 
     def kill(self, name: str) -> None:
         """kill -9."""
-        self.nodes.kill(name)
+        self._signal(name, signal.SIGKILL)
+        self.nodes.end(name)
 
     def freeze(self, name: str) -> None:
         """SIGSTOP."""
-        self.nodes.signal(name, signal.SIGSTOP)
+        self._signal(name, signal.SIGSTOP)
 
     def thaw(self, name: str) -> None:
         """SIGCONT."""
-        self.nodes.signal(name, signal.SIGCONT)
+        self._signal(name, signal.SIGCONT)
+
+    def _signal(self, name, number):
+        os.kill(self.nodes.pid(name), number)
 
     def start(self, name: str) -> None:
         """Starts a node again; the recorder with a new bag."""
@@ -165,6 +169,11 @@ class Conductor:
         """The driver's last status, or that there is none."""
         said = self.witness.statuses.get("haptic_driver")
         return said.message if said else "nothing was heard"
+
+    def tracebacks(self) -> int:
+        """How many tracebacks the nodes have printed so far."""
+        logs = (self.folder / "log").glob("haptic_*.log")
+        return sum(log.read_text(errors="replace").count("Traceback (most") for log in logs)
 
     def left_over(self) -> list[str]:
         """What is there though all nodes have ended: the page."""

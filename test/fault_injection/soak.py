@@ -27,7 +27,7 @@ def soak(minutes: float, programs) -> dict:
             with conductor:
                 conductor.begin()
                 samples, faults = _watch(conductor, 60.0 * minutes)
-                tracebacks = conductor.nodes.tracebacks()
+                tracebacks = conductor.tracebacks()
     rows = [_row(name, found) for name, found in samples.items()]
     ok = not faults and not tracebacks and all(row["grown"] <= GROWTH for row in rows)
     ok = ok and all(row["threads"][0] >= row["threads"][1] and row["files"][0] >= row["files"][1] for row in rows)
