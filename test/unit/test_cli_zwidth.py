@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic zwidth`: a map in a folder, one object with --json, and a sentence for what cannot be."""
 
+import contextlib
 import json
-import signal
 
 import numpy as np
 import pytest
 import typer
 from typer.testing import CliRunner
 
-from haptic_device.analysis import zwidth_map
-from haptic_device.analysis.zwidth import run_cells
+from haptic_sim.cli import zwidth as cli
 from haptic_sim.cli.zwidth import zwidth
 
 
@@ -71,16 +70,18 @@ def test_bad_input_ends_in_one_sentence_and_exit_code_2(tmp_path, options, sente
 
 
 def test_interrupted_it_keeps_the_rows_that_were_done_and_says_where(tmp_path, monkeypatch):
-    def interrupted(*request):
-        if request[3] > 0.0:
-            signal.raise_signal(signal.SIGINT)
-        return run_cells(*request)
+    @contextlib.contextmanager
+    def interrupting(rows):
+        def show(done):
+            if done == 5:
+                raise KeyboardInterrupt
 
-    monkeypatch.setattr(zwidth_map, "run_cells", interrupted)
-    result = haptic(tmp_path, workers=1)
+        yield show
+
+    monkeypatch.setattr(cli, "_progress", interrupting)
+    result = haptic(tmp_path)
     assert result.exit_code == 130 and f"the rows that were done are in {tmp_path / 'map.csv'}" in result.stderr
-    table = np.loadtxt(tmp_path / "map.csv", delimiter=",", skiprows=1)
-    assert 0 < len(table) < 144 and len(table) % 12 == 0
+    assert np.loadtxt(tmp_path / "map.csv", delimiter=",", skiprows=1).shape == (5 * 12, 5)
 
 
 @pytest.mark.parametrize(
