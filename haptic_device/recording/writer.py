@@ -65,6 +65,7 @@ class Bag:
         self._counts: list[int] = []
         self._attachments: dict[str, tuple[int, int, str, str, bytes]] = {}
         self._files: list[FileSpan] = []
+        types()  # takes long the first time: not while messages wait, nor beside a servo that runs
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             raise ValueError(f"bag folder {folder} is not empty; name a new one")
