@@ -95,7 +95,7 @@ class Rollout(NamedTuple):
     """What came of it. `scale` [J] is the largest energy about: kinetic, potential or in the coupling's spring."""
 
     finite: bool
-    """Whether nothing went beyond FAR; it ends there."""
+    """Whether no energy and no tool went beyond FAR, where energies are booked; it ends there."""
     poses: dict[str, np.ndarray]
     """Body → poses (n, 3) at the start and at the looks."""
     spent: np.ndarray
@@ -112,9 +112,9 @@ def rollout(world: World, path: np.ndarray, count: int = 1, stride: int = 1, loo
             limit: float = math.inf) -> Rollout:  # fmt: skip
     """Lead a world along the hand's path (n, 6: position, velocity), `count` steps a row, `stride` rows a call.
 
-    Every `look` rows (each stride) poses of the bodies and the overlap, () → m, are taken. With the coupling's gains
-    energies are booked after each stride; without them the world is not asked, and its time is its own. It ends early
-    beyond FAR, and after `limit` [s] of processor time.
+    Every `look` rows, a multiple of `stride` (each stride), poses of the bodies and the overlap, () → m, are taken. With
+    the coupling's gains energies are booked after each stride; without them the world is not asked, and its time is its
+    own. It ends early beyond FAR, and after `limit` [s] of processor time.
     """
     seen, spent, total, deepest = {name: [world.pose(name)] for name in bodies}, [], 0.0, 0.0
     books = Books(world, gains) if gains else None
@@ -123,9 +123,10 @@ def rollout(world: World, path: np.ndarray, count: int = 1, stride: int = 1, loo
         world.follow(path[row : row + stride + 1], count)
         spent.append(time.thread_time() - began)
         total += spent[-1]
-        if books and not books.book(path[min(row + stride, len(path) - 1)]):
+        reached = min(row + stride, len(path) - 1)
+        if books and not books.book(path[reached]):
             break
-        if (row + stride) % (look or stride) == 0:
+        if reached % (look or stride) == 0:
             for name, poses in seen.items():
                 poses.append(world.pose(name))
             deepest = max(deepest, overlap() if overlap else 0.0)

@@ -9,10 +9,11 @@ from typing import Annotated
 
 import typer
 
-from bench.methods.hard import JUMP, STIFF
+from bench.methods.hard import JUMP, OWN_GAINS
 from haptic_device.share import names
 from haptic_sim.compile import compile_scene
 from haptic_sim.scene import load
+from haptic_sim.verify import LEAST
 from reference.trial import attempt, jump
 
 
@@ -21,8 +22,8 @@ def tried(name, angle, phase):
     scene, more = load(name), {}
     if name == "handle_jump":
         more["way"] = jump(scene, angle, JUMP)
-    if name == "stiff_coupling":
-        more |= {"gains": STIFF, "sub_step": 0.25e-3}
+    if name in OWN_GAINS:
+        more |= {"gains": OWN_GAINS[name], "sub_step": 0.25e-3}
     seconds = min(scene.motion["duration"], 4.0)
     return attempt(scene, seconds, angle=angle, phase=phase, look_every=3, **more)
 
@@ -39,7 +40,7 @@ def main(
         outcomes = [tried(name, 2.0 * math.pi * (i + 0.3 * (i > 0)) / turns, (j + 0.37 * (j > 0)) / phases)
                     for i in range(turns) for j in range(phases)]
         compiled = compile_scene(load(name))
-        worst = max(outcomes, key=lambda outcome: outcome.created / max(outcome.scale, 1e-3))
+        worst = max(outcomes, key=lambda outcome: outcome.created / max(outcome.scale, LEAST))
         print(f"{name:20} {compiled.method:12} {compiled.sub_step * 1e3:8g} {all(o.finite for o in outcomes)!s:>7} "
               f"{max(o.overlap for o in outcomes) * 1e6:11.3g} {max(o.created for o in outcomes):10.2g} "
-              f"{worst.created / max(worst.scale, 1e-3):9.2g}", flush=True)
+              f"{worst.created / max(worst.scale, LEAST):9.2g}", flush=True)

@@ -13,9 +13,9 @@ def main(
     names: Annotated[list[str] | None, typer.Argument(help="Cases [all without a closed form].")] = None,
 ) -> None:
     """Make the stored references again, some minutes."""
-    for name in names or [name for name in NAMES if name not in CLOSED]:
-        found = case(name)
-        if name in CLOSED:
-            raise ValueError(f"scene {name!r} has a closed form; there is nothing to store")
+    asked = {name: case(name) for name in names or NAMES if names or name not in CLOSED}
+    for name in CLOSED.keys() & asked:
+        raise ValueError(f"scene {name!r} has a closed form; there is nothing to store")
+    for name, found in asked.items():
         made = make(found)
         typer.echo(f"{write(name, made)}  may be off by {made.doubt:.1e} m")

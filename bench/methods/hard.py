@@ -26,6 +26,7 @@ LOOK_EVERY = 3  # exchanges of 1 ms
 _STEP = 0.25e-3
 STIFF = Coupling(100.0 * 0.1 / _STEP**2, 0.0, 100.0 * 6.7e-6 / _STEP**2, 0.0)
 """100 m/h², undamped."""
+OWN_GAINS = {"stiff_coupling": STIFF}
 SECONDS = {
     "collinear_1e3": 0.06, "collinear_1e6": 0.06, "corner_overlap": 0.6, "falling_rod": 0.1, "four_bar_singular": 2.0,
     "handle_jump": 0.15, "heavy_on_light_1e3": 0.7, "heavy_on_light_1e6": 0.7, "light_tool": 0.6, "painleve_rod": 0.3,
@@ -59,9 +60,9 @@ class Verdict(NamedTuple):
 
 def case(name: str, look: int) -> Case:
     """A hard scene as it stands, as a case that is looked at every so many ns."""
-    scene, gains = load(name), STIFF if name == "stiff_coupling" else GAINS
+    scene = load(name)
     lead = jump(scene, 0.0, JUMP) if name == "handle_jump" else None
-    return Case(name, "hard", SECONDS[name], scene, gains, True, look, lead)
+    return Case(name, "hard", SECONDS[name], scene, OWN_GAINS.get(name, GAINS), True, look, lead)
 
 
 def sweep(count: int) -> list[tuple[float, float]]:
@@ -91,7 +92,7 @@ def _attempt(name, kind, angle, phase):
     if name == "handle_jump":
         path[:, 3:] = 0.0
     scene = turned_scene(scene, angle, phase * step)
-    world, gains = make(kind, scene, step), case(name, LOOK_EVERY).gains
+    world, gains = make(kind, scene, step), OWN_GAINS.get(name, GAINS)
     world.couple(gains)
     found = rollout(world, path, round(1e-3 / step), look=LOOK_EVERY, overlap=overlap_watch(scene, world.pose),
                     gains=gains)  # fmt: skip

@@ -22,7 +22,7 @@ from reference.reference import reference
 SHORT = ("pendulum", "four_bar", "wall", "zeno_ball", "push_block", "peg_in_hole")
 SHORT_STEPS = (10000, 1000, 250)
 _OUT = "Folder for speed_error.csv, speed_error.md and the plots; runs in it are not done again [nothing kept]."
-_WORKERS = "Processes at once; times are measured alone on a machine, so one is right for them [1]."
+_WORKERS = "Processes at once; times are measured alone on a machine, so one is right for them."
 _SHORT = f"Scenes {', '.join(SHORT)} and steps {', '.join(f'{step * 1e-3:g}' for step in SHORT_STEPS)} ms only."
 
 

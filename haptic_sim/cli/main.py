@@ -7,6 +7,8 @@ import sys
 
 import typer
 
+from haptic_sim.cli.progress import INTERRUPTED
+
 COMMANDS = {
     "check": "haptic_sim.cli.check:check",
     "compile": "haptic_sim.cli.compile:compile",
@@ -46,7 +48,7 @@ def ending_in_a_sentence(name: str):
     try:
         yield
     except KeyboardInterrupt:
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
     except (ValueError, OSError) as error:
         _refuse(name, error)
     except ModuleNotFoundError as error:
