@@ -112,7 +112,7 @@ def rollout(world: World, path: np.ndarray, count: int = 1, stride: int = 1, loo
             limit: float = math.inf) -> Rollout:  # fmt: skip
     """Lead a world along the hand's path (n, 6: position, velocity), `count` steps a row, `stride` rows a call.
 
-    Every `look` rows, a multiple of `stride` (each stride), poses of the bodies and the overlap, () → m, are taken. With
+    Every `look` rows, a multiple of `stride` (each stride), poses of bodies and the overlap, () → m, are taken. With
     the coupling's gains energies are booked after each stride; without them the world is not asked, and its time is its
     own. It ends early beyond FAR, and after `limit` [s] of processor time.
     """
