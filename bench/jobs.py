@@ -4,7 +4,7 @@
 import contextlib
 import csv
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import typer
@@ -21,10 +21,14 @@ class Kept:
     """
 
     def __init__(self, path: Path | None, kind: type, key: Callable):
-        self._path, self._key = path, key
-        self.known = {key(row): row for row in (read_csv(path, kind) if path and path.exists() else ())}
-        if self.known:
-            write_csv(path, list(self.known.values()))  # without a line that was torn off
+        self._path, self._key, self.known = path, key, {}
+        if path is None:
+            return
+        if not path.parent.is_dir():
+            raise ValueError(f"{path} cannot be written: there is no folder {path.parent}")
+        if path.exists():
+            self.known = {key(row): row for row in read_csv(path, kind)}
+            write_csv(path, kind, self.known.values())  # without a line that was torn off
 
     def keep(self, row) -> None:
         """Keeps a row, at once."""
@@ -35,12 +39,12 @@ class Kept:
                 csv.writer(file, lineterminator="\n").writerows([*([row._fields] if new else []), row])
 
 
-def write_csv(path: Path, rows: list) -> None:
-    """Writes NamedTuples of a kind, at least one, a line each; no half file is ever under its name."""
+def write_csv(path: Path, kind: type, rows: Iterable) -> None:
+    """Writes NamedTuples of a kind, a line each; no half file is ever under its name."""
     beside = path.with_name(path.name + ".part")
     with beside.open("w", newline="", encoding="utf-8") as file:
         out = csv.writer(file, lineterminator="\n")
-        out.writerow(rows[0]._fields)
+        out.writerow(kind._fields)
         out.writerows(rows)
     os.replace(beside, path)
 
@@ -76,7 +80,7 @@ def sweep(function, jobs: dict, kept: Kept, workers: int, scheduler: str = "", s
         for key, row in results:
             kept.keep(row)
             done += 1
-            show(done, key)
+            show(done, ", ".join(map(str, key)))
 
 
 @contextlib.contextmanager

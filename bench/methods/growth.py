@@ -138,7 +138,7 @@ def _panel(axes, runs, world):
 def write(folder: Path, runs: list[Run]) -> None:
     """growth.csv, growth.md and growth.png; OSError if they cannot be written."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_csv(folder / "growth.csv", runs)
+    write_csv(folder / "growth.csv", Run, runs)
     used = dict.fromkeys(version(name) for name in PEERS if any(item.engine == name for item in runs))
     head = (f"# Growth\n\nWritten by `python -m bench growth`: processor time of an exchange of 1 ms, the first half "
             f"of the run left out. Peers: {', '.join(used)}, at sub-steps of {STEP} µs unless said otherwise, allowed "

@@ -82,7 +82,7 @@ def _runs(jobs, kept):
 
 def _report(runs, others, out, as_json):
     if out and runs:
-        write_csv(out / "speed_error.csv", [*runs, *others])
+        write_csv(out / "speed_error.csv", Run, [*runs, *others])
         (out / "speed_error.md").write_text(_page(runs), encoding="utf-8")
         for scene in table.scenes_of(runs):
             pareto_figure([item for item in runs if item.scene == scene]).savefig(out / f"pareto_{scene}.png", dpi=100)

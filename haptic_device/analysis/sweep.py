@@ -34,9 +34,12 @@ def spread(function: Callable, jobs: dict, workers: int, scheduler: str = "", th
     this address (tcp://host:port), which must run the same sources. A worker of it that dies has its jobs done by
     others. Raises SchedulerError; what a job raises is raised.
     """
-    with _executor(workers, scheduler, threads) as pool:
-        waiting = {pool.submit(function, *arguments): key for key, arguments in jobs.items()}
+    package = function.__module__.partition(".")[0]
+    with _executor(workers, scheduler, threads, package) as pool:
+        waiting = {}
         try:
+            for key, arguments in jobs.items():
+                waiting[pool.submit(function, *arguments)] = key
             for done in as_completed(waiting):
                 yield waiting[done], done.result()
         except Exception as error:
@@ -50,9 +53,9 @@ def spread(function: Callable, jobs: dict, workers: int, scheduler: str = "", th
 
 
 @contextlib.contextmanager
-def _executor(workers, scheduler, threads):
+def _executor(workers, scheduler, threads, package):
     if scheduler:
-        with _client(scheduler) as client, client.get_executor(pure=False) as pool:
+        with _client(scheduler, package) as client, client.get_executor(pure=False) as pool:
             yield pool
     elif threads:
         with ThreadPoolExecutor(workers) as pool:
@@ -64,7 +67,7 @@ def _executor(workers, scheduler, threads):
 
 
 @contextlib.contextmanager
-def _client(scheduler):
+def _client(scheduler, package):
     try:
         from distributed import Client
     except ModuleNotFoundError:
@@ -81,33 +84,34 @@ def _client(scheduler):
         logger.setLevel(logging.CRITICAL + 1)  # of a scheduler that went away they write tracebacks
     try:
         with client:
-            _check(client, scheduler)
+            _check(client, scheduler, package)
             yield client
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
 
 
-def sources() -> str:
-    """Digest of all that a run is made of: both packages, the descriptions in config, numba, numpy and Python."""
+def sources(package: str = "haptic_device") -> str:
+    """Digest of all that a run of this package is made of: it and the product's, config, numba, numpy and Python."""
     root, digest = Path(__file__).resolve().parents[2], hashlib.sha256()
     for part in (numba.__version__, np.__version__, sys.version):
         digest.update(part.encode())
-    files = [file for package in ("haptic_device", "haptic_sim") for file in sorted((root / package).rglob("*.py"))]
+    packages = sorted({"haptic_device", "haptic_sim", package})
+    files = [file for folder in packages for file in sorted((root / folder).rglob("*.py"))]
     for file in (*files, *(find(folder, name) for folder in ("", "devices", "scenes") for name in names(folder))):
         digest.update(file.read_bytes())
     return digest.hexdigest()
 
 
-def _check(client, scheduler):
+def _check(client, scheduler, package):
     """Other sources would compute something else under the same name."""
     try:
-        digests = client.run(sources)
+        digests = client.run(sources, package)
     except Exception as error:
         raise SchedulerError(f"a worker of {scheduler} does not run haptic_display: {error}") from None
     if not digests:
         raise SchedulerError(f"the scheduler at {scheduler} has no workers: start some with `dask worker {scheduler}`")
-    own = sources()
+    own = sources(package)
     other = [worker for worker, digest in digests.items() if digest != own]
     if other:
         raise SchedulerError(f"worker {other[0]} runs other sources or versions than this command; install the same")

@@ -2,6 +2,7 @@
 """A map of the K–B plane: rows of cells over all cores."""
 
 import contextlib
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -75,7 +76,9 @@ def write_csv(path: Path, request: Request, plane: Plane) -> None:
     damping, stiffness = np.meshgrid(request.damping, request.stiffness, indexing="ij")
     columns = [column[plane.done].ravel() for column in (damping, stiffness, *plane.outcome)]
     head = "damping_ns_per_m,stiffness_n_per_m,verdict,energy_given_j,growth"
-    np.savetxt(path, np.column_stack(columns), "%.10g", ",", header=head, comments="")
+    beside = path.with_name(path.name + ".part")  # no half file is ever under its name
+    np.savetxt(beside, np.column_stack(columns), "%.10g", ",", header=head, comments="")
+    os.replace(beside, path)
 
 
 def _first(stiffness, bad):

@@ -66,7 +66,7 @@ def zwidth(
         typer.echo(f"haptic zwidth: {error}", err=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
-        kept = "the gains are as they were" if live else f"the rows that were done are in {out / 'map.csv'}"
+        kept = "the gains are as they were" if live else f"rows that were done are in {out / 'map.csv'}"
         typer.echo(f"haptic zwidth: interrupted; {kept}", err=True)
         raise typer.Exit(INTERRUPTED) from None
     typer.echo(json.dumps(found)) if as_json else _show(found)
@@ -169,7 +169,8 @@ def _run(request, lateness, out, workers, scheduler):
         with interruptible(), _progress(request.damping.size) as progress:
             draw_map(request, workers, progress, scheduler, plane)
     finally:
-        write_csv(out / "map.csv", request, plane)
+        if plane.done.any():
+            write_csv(out / "map.csv", request, plane)
     save_map(request, plane, lateness, out / "map.png")
     lines = {name.replace(" ", "_"): line.tolist() for name, line in boundaries(request, plane, lateness).items()}
     return {

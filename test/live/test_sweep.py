@@ -183,22 +183,28 @@ def row(k):
 
 
 def kept_in(path):
-    return Kept(path, Row, lambda row: row.number)
+    return Kept(path, Row, lambda row: (row.number,))
 
 
-def test_a_kept_sweep_goes_on_where_it_was_torn_off_and_numbers_come_back_to_the_bit(tmp_path):
-    file, jobs = tmp_path / "kept.csv", {k: (k,) for k in range(4)}
-    run_jobs(row, {k: jobs[k] for k in (0, 1)}, kept_in(file), 1)
-    with open(file, "a") as torn:
-        torn.write("2,2.3")
+@pytest.mark.parametrize("whole", [0, 2])
+def test_a_kept_sweep_goes_on_where_it_was_torn_off_and_numbers_come_back_to_the_bit(tmp_path, whole):
+    file, jobs = tmp_path / "kept.csv", {(k,): (k,) for k in range(4)}
+    run_jobs(row, dict(list(jobs.items())[: whole or 1]), kept_in(file), 1)
+    lines = file.read_text().splitlines(keepends=True)[: 1 + whole]
+    file.write_text("".join(lines) + "2,2.3")
     kept, asked = kept_in(file), []
     run_jobs(lambda k: asked.append(k) or row(k), jobs, kept, 1)
-    assert asked == [2, 3]
-    assert kept_in(file).known == {k: row(k) for k in jobs}
+    assert asked == list(range(whole, 4))
+    assert kept_in(file).known == {(k,): row(k) for k in range(4)}
+
+
+def test_a_table_in_a_folder_that_is_not_there_is_refused_before_anything_runs(tmp_path):
+    with pytest.raises(ValueError, match="there is no folder"):
+        kept_in(tmp_path / "nowhere" / "kept.csv")
 
 
 def test_processes_come_to_what_one_alone_does():
-    jobs, one, two = {k: (k,) for k in range(4)}, kept_in(None), kept_in(None)
+    jobs, one, two = {(k,): (k,) for k in range(4)}, kept_in(None), kept_in(None)
     run_jobs(row, jobs, one, 1)
     run_jobs(row, jobs, two, 2)
     assert one.known == two.known

@@ -94,7 +94,7 @@ def test_the_front_has_no_run_that_another_beats_in_time_and_error():
 
 def test_a_table_read_back_is_the_table_written(tmp_path):
     runs = [made(), made("box2d", math.nan, math.nan, status="cannot: no weld")]
-    write_csv(tmp_path / "a.csv", runs)
+    write_csv(tmp_path / "a.csv", Run, runs)
     again = read_csv(tmp_path / "a.csv", Run)
     assert again[0] == runs[0]
     assert again[1].status == "cannot: no weld"

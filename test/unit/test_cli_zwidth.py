@@ -9,6 +9,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from haptic_device.analysis import sweep
 from haptic_sim.cli import zwidth as cli
 from haptic_sim.cli.zwidth import zwidth
 
@@ -80,8 +81,16 @@ def test_interrupted_it_keeps_the_rows_that_were_done_and_says_where(tmp_path, m
 
     monkeypatch.setattr(cli, "_progress", interrupting)
     result = haptic(tmp_path)
-    assert result.exit_code == 130 and f"the rows that were done are in {tmp_path / 'map.csv'}" in result.stderr
+    assert result.exit_code == 130 and f"rows that were done are in {tmp_path / 'map.csv'}" in result.stderr
     assert np.loadtxt(tmp_path / "map.csv", delimiter=",", skiprows=1).shape == (5 * 12, 5)
+
+
+def test_what_is_refused_before_the_first_row_leaves_an_earlier_map_as_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep, "PATIENCE", 0.5)
+    (tmp_path / "map.csv").write_text("an earlier map")
+    result = haptic(tmp_path, scheduler="tcp://127.0.0.1:9")
+    assert result.exit_code == 2 and "no scheduler answers" in result.stderr
+    assert (tmp_path / "map.csv").read_text() == "an earlier map"
 
 
 @pytest.mark.parametrize(
