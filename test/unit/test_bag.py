@@ -166,6 +166,69 @@ def test_a_file_that_may_not_grow_is_said_and_recovery_keeps_every_whole_chunk(t
     assert 2 * (folder / "bag_0.mcap").stat().st_size > limit
 
 
+def as_a_file_is_ended(begin, monkeypatch):
+    """From the end of a file on, the disk does what `begin` makes it do."""
+    finish = writer.Writer.finish
+
+    def ending(self):
+        begin()
+        finish(self)
+
+    monkeypatch.setattr(writer.Writer, "finish", ending)
+
+
+@pytest.mark.parametrize("trouble", ["No space left", "Too many open files"])
+def test_a_split_that_meets_a_full_disk_or_can_open_no_file_ends_the_bag_whole(tmp_path, monkeypatch, trouble):
+    bag = Bag(tmp_path / "bag", split_seconds=0.3)
+
+    def refuse(*given):
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    with monkeypatch.context() as failing:
+        if trouble == "No space left":
+            as_a_file_is_ended(lambda: fills_at(0, bag.folder, failing), failing)
+        else:
+            failing.setattr(writer.os, "open", refuse)
+        with pytest.raises(OSError, match=trouble):
+            fill(bag, 1000)
+        bag.close({})
+    assert bag.messages == 350 and information(bag.folder)["message_count"] == 350
+    assert sorted(path.name for path in bag.folder.iterdir()) == ["bag_0.mcap", "metadata.yaml"]
+    assert values_by_rosbags(bag.folder) == list(range(350))
+
+
+def tears(monkeypatch):
+    """The disk takes half of the next write, fails twice and then has room."""
+    real, failures = os.write, iter([None, *2 * [OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))]])
+
+    def write(descriptor, data):
+        try:
+            failure = next(failures)
+        except StopIteration:
+            return real(descriptor, data)
+        if failure:
+            raise failure
+        return real(descriptor, data[: len(data) // 2])
+
+    monkeypatch.setattr(writer.os, "write", write)
+
+
+@pytest.mark.parametrize(("split", "kept"), [(0.0, 100), (0.3, 350)])
+def test_nothing_follows_a_torn_record_and_the_end_says_what_the_disk_said(tmp_path, monkeypatch, split, kept):
+    bag = Bag(tmp_path / "bag", split_seconds=split)
+    fill(bag, 100)
+    with monkeypatch.context() as failing:
+        if split:
+            as_a_file_is_ended(lambda: tears(failing), failing)
+        else:
+            tears(failing)
+        for end in (lambda: fill(bag, 1000, first=100), lambda: bag.close({})):
+            with pytest.raises(OSError, match="No space left"):
+                end()
+    assert not (bag.folder / "metadata.yaml").exists()
+    assert list(recovered(bag.folder)) and values_by_rosbags(bag.folder) == list(range(kept))
+
+
 @few(8)
 @given(share=st.floats(0.01, 1.0, exclude_max=True))
 def test_a_file_cut_anywhere_is_written_anew_with_all_its_whole_chunks_and_stays_beside(tmp_path_factory, share):
