@@ -113,6 +113,14 @@ def test_joint_states_of_any_names_and_values_decode_like_the_reference_decoder(
     assert np.array_equal(efforts, [item.effort for item in expected]) and not velocities.any()
 
 
+def test_the_options_of_a_message_that_another_writer_has_set_do_not_matter():
+    data = joints(("x",), [1.0], 0)
+    foreign = data[:2] + b"\x00\x03" + data[4:]  # DDS: how many bytes of padding stand at the end
+    for first, second in ((data, foreign), (foreign, data)):
+        assert layout_of(JOINTS, first).matches(second)
+    assert not layout_of(JOINTS, data).matches(b"\x00\x00" + data[2:])
+
+
 _KILLED = """
 import sys
 from pathlib import Path
