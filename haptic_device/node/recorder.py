@@ -147,6 +147,8 @@ class Recorder(Node):
         try:
             for track in self.tracks.values():
                 self._take(track)
+        except OSError as error:
+            reason = f"the bag could not be written: {error.strerror}"
         except Exception as error:  # what has been taken is in the bag, which ends well without the rest
             reason = f"{type(error).__name__}: {error}"
         self._end(reason)
@@ -173,9 +175,13 @@ class Recorder(Node):
 
     def _end(self, reason: str) -> None:
         """Ends the bag; reason: why by itself, "" if it was told to."""
-        bag, self.bag = self.bag, None
+        bag, self.bag, facts = self.bag, None, {}
         try:
-            bag.close(self._facts())
+            facts = self._facts()
+        except Exception as error:  # the bag ends well without them
+            reason = reason or f"{type(error).__name__}: {error}"
+        try:
+            bag.close(facts)
             kept = f"{bag.messages} messages are kept in {bag.folder}"
         except Exception as error:
             why = getattr(error, "strerror", None) or error

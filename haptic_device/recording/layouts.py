@@ -76,11 +76,12 @@ class _Template:
 
 
 class _Layout:
-    """A template, and whether other bytes begin as it does wherever it is fixed; padding is the sender's."""
+    """A template, and whether other bytes begin as it does where it is fixed; padding and options are the sender's."""
 
     def __init__(self, head: _Template):
         self.template = bytes(head.data)
-        self._mask = int.from_bytes(bytes(0xFF * byte for byte in head.mask), "little")
+        mask = head.mask[:2] + bytes(2) + head.mask[4:]  # bytes 2 and 3 are the sender's options
+        self._mask = int.from_bytes(bytes(0xFF * byte for byte in mask), "little")
         self._known = int.from_bytes(self.template, "little") & self._mask
 
     def begins(self, data: bytes) -> bool:

@@ -4,8 +4,10 @@
 Needs no ROS.
 """
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 import yaml
@@ -30,7 +32,7 @@ class Found:
 
     def take(self, path: Path) -> str:
         """The next file, written anew if it is not whole; what was done. Raises ValueError if it is no MCAP file."""
-        span, channels, types = FileSpan(path.name), {}, {}
+        span, channels, types, strangers = FileSpan(path.name), {}, {}, 0
         with open(path, "rb") as stream:
             records = Records(stream)
             for record in records:
@@ -39,16 +41,19 @@ class Found:
                 elif isinstance(record, Channel):
                     channels[record.id] = record.topic
                     self._describe(record, types.get(record.schema_id, ""))
-                elif isinstance(record, Message) and (topic := channels.get(record.channel_id)):
+                elif isinstance(record, Message) and record.channel_id not in channels:
+                    strangers += 1
+                elif isinstance(record, Message):
+                    topic = channels[record.channel_id]
                     span.count(record.log_time)
                     self.counts[topic] += 1
                     self.skipped[topic].count(record.sequence)
         self.spans.append(span)
-        done = "whole"
+        lost = {"damaged records": records.damaged, "messages of channels that it does not describe": strangers}
+        said = [f"{number} {what} are passed over" for what, number in lost.items() if number]
+        done = " and ".join([*said, *filter(None, [records.wrong])]) or "whole"
         if records.damaged or records.wrong:
             self.renewed = True
-            damaged = [f"{records.damaged} damaged records are passed over"] if records.damaged else []
-            done = " and ".join([*damaged, *filter(None, [records.wrong])])
             done += f", written anew (as it was: {_rewritten(path).name})"
         return f"{path.name}: {done}; {span.messages} messages"
 
@@ -81,7 +86,9 @@ def recovered(bag: Path) -> Iterator[str]:
 
 def _rewritten(path: Path) -> Path:
     """Writes what can be read of the file into a new one of its name; where the file itself is then."""
-    half, kept = path.with_name(f"{path.name}.part"), path.with_name(f"{path.name}.damaged")
+    half = path.with_name(f"{path.name}.part")
+    names = (path.with_name(f"{path.name}.damaged{number or ''}") for number in count())
+    kept = next(name for name in names if not name.exists())
     try:
         with open(path, "rb") as source, open(half, "wb") as target:
             writer, numbers = Writer(target, CHUNK_BYTES), {}
@@ -89,11 +96,15 @@ def _rewritten(path: Path) -> Path:
             for record in Records(source):
                 _copy(record, writer, numbers)
             writer.finish()
-    except OSError:
-        half.unlink()
+    except BaseException:
+        half.unlink(missing_ok=True)
         raise
-    path.rename(kept)
-    return half.rename(path) and kept
+    try:
+        os.link(path, kept)  # a kill between this and the next leaves a file of that name
+    except OSError:  # a file system without links
+        path.rename(kept)
+    os.replace(half, path)
+    return kept
 
 
 def _copy(record: McapRecord, writer: Writer, numbers: dict) -> None:

@@ -23,21 +23,26 @@ _UINT32 = 0xFFFFFFFF
 class _Disk:
     """A new file as the MCAP writer sees it: nothing waits in it for a later write.
 
-    full: what the disk said when it took no more; from then on, what was held in reserve takes the rest.
+    full: what the disk said when it took no more; from then on, what was held in reserve takes the rest. If even that
+    does not help, the last record is torn, and every later write is refused.
     """
 
     def __init__(self, path: Path, reserve: Path):
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         self._reserve, self._size = reserve, 0
         self.full: OSError | None = None
+        self._torn: OSError | None = None
 
     def write(self, data: bytes) -> None:
+        if self._torn:
+            raise self._torn
         left = memoryview(data)
         while left:
             try:
                 count = os.write(self._descriptor, left)
             except OSError as error:
                 if self.full:
+                    self._torn = error
                     raise
                 self.full = error
                 self._reserve.unlink(missing_ok=True)
@@ -51,7 +56,10 @@ class _Disk:
         """All is written."""
 
     def close(self) -> None:
-        os.close(self._descriptor)
+        """Closes the file; once only, as its number may be another file's by then."""
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
 
 
 class Bag:
@@ -101,7 +109,8 @@ class Bag:
     def flush(self) -> None:
         """Hands everything written so far to the operating system, as a whole chunk; splits if it is time to.
 
-        Raises OSError if the disk takes no more; all is in the bag then too, and `close` ends it.
+        Raises OSError if the disk takes no more or no new file can be opened; all is in the bag then too, and `close`
+        ends it.
         """
         self._writer.flush()
         if self._disk.full:
@@ -110,6 +119,8 @@ class Bag:
         large = 0 < self._split_bytes <= self._disk.tell()
         if span.messages and (large or 0 < self._split_ns <= span.last - span.first):
             self._end_file({})
+            if self._disk.full:
+                raise self._disk.full
             self._begin_file()
 
     def close(self, custom_data: dict[str, str]) -> None:
@@ -119,12 +130,14 @@ class Bag:
         """
         (self.folder / RESERVE).unlink(missing_ok=True)
         content = information(self._files, self._topics, self._counts, custom_data)
-        self._end_file({"rosbag2": {"serialized_metadata": dump(content)}})
+        if self._writer:  # else a split has ended the last file, and could begin no other
+            self._end_file({"rosbag2": {"serialized_metadata": dump(content)}})
         write_metadata(self.folder, content)
 
     def _begin_file(self) -> None:
-        self._files.append(FileSpan(f"{self.folder.name}_{len(self._files)}.mcap"))
-        self._disk = _Disk(self.folder / self._files[-1].name, self.folder / RESERVE)
+        name = f"{self.folder.name}_{len(self._files)}.mcap"
+        self._disk = _Disk(self.folder / name, self.folder / RESERVE)
+        self._files.append(FileSpan(name))
         self._writer, self._schemas = Writer(self._disk, CHUNK_BYTES), {}
         self._writer.start("ros2", "haptic_display")
         for attachment in self._attachments.values():
@@ -137,6 +150,7 @@ class Bag:
             for name, content in metadata.items():
                 self._writer.add_metadata(name, content)
             self._writer.finish()
+            self._writer = None
         finally:
             self._disk.close()
 

@@ -449,7 +449,7 @@ def test_a_disk_nearly_full_ends_the_bag(ros_domain, tmp_path):
 
 
 def test_a_bag_that_cannot_be_ended_is_said_to_be_so_and_the_recorder_has_failed(ros_domain, start, tmp_path):
-    command = [sys.executable, "-c", _FAILING, str(tmp_path / "bag"), "_facts", *ros_arguments(tmp_path / "bag")]
+    command = [sys.executable, "-c", _FAILING, str(tmp_path / "bag"), "close", *ros_arguments(tmp_path / "bag")]
     process = start(command, stderr=subprocess.PIPE)
     until(lambda: files(tmp_path / "bag"), "the bag")
     process.send_signal(signal.SIGINT)
@@ -462,13 +462,14 @@ _FAILING = """
 import sys
 from pathlib import Path
 from haptic_device.node import inquiry, recorder, tap
+from haptic_device.recording import writer
 bag, name = Path(sys.argv.pop(1)), sys.argv.pop(1)
-owner = {"look": inquiry.Inquiry, "take": tap.Tap, "_facts": recorder.Recorder}[name]
+owner = {"look": inquiry.Inquiry, "take": tap.Tap, "close": writer.Bag}[name]
 does = getattr(owner, name)
-def fails(self):
+def fails(self, *given):
     if any(bag.glob("*.mcap")):
         raise RuntimeError("nobody foresaw this")
-    return does(self)
+    return does(self, *given)
 setattr(owner, name, fails)
 sys.exit(recorder.main())
 """

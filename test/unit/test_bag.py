@@ -20,7 +20,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from rosbags.highlevel import AnyReader
 
 from haptic_device.analysis.recording import load
-from haptic_device.recording import writer
+from haptic_device.recording import recover, writer
 from haptic_device.recording.reader import described
 from haptic_device.recording.recover import recovered
 from haptic_device.recording.writer import RESERVE, RESERVE_BYTES, Bag
@@ -166,6 +166,69 @@ def test_a_file_that_may_not_grow_is_said_and_recovery_keeps_every_whole_chunk(t
     assert 2 * (folder / "bag_0.mcap").stat().st_size > limit
 
 
+def as_a_file_is_ended(begin, monkeypatch):
+    """From the end of a file on, the disk does what `begin` makes it do."""
+    finish = writer.Writer.finish
+
+    def ending(self):
+        begin()
+        finish(self)
+
+    monkeypatch.setattr(writer.Writer, "finish", ending)
+
+
+@pytest.mark.parametrize("trouble", ["No space left", "Too many open files"])
+def test_a_split_that_meets_a_full_disk_or_can_open_no_file_ends_the_bag_whole(tmp_path, monkeypatch, trouble):
+    bag = Bag(tmp_path / "bag", split_seconds=0.3)
+
+    def refuse(*given):
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    with monkeypatch.context() as failing:
+        if trouble == "No space left":
+            as_a_file_is_ended(lambda: fills_at(0, bag.folder, failing), failing)
+        else:
+            failing.setattr(writer.os, "open", refuse)
+        with pytest.raises(OSError, match=trouble):
+            fill(bag, 1000)
+        bag.close({})
+    assert bag.messages == 350 and information(bag.folder)["message_count"] == 350
+    assert sorted(path.name for path in bag.folder.iterdir()) == ["bag_0.mcap", "metadata.yaml"]
+    assert values_by_rosbags(bag.folder) == list(range(350))
+
+
+def tears(monkeypatch):
+    """The disk takes half of the next write, fails twice and then has room."""
+    real, failures = os.write, iter([None, *2 * [OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))]])
+
+    def write(descriptor, data):
+        try:
+            failure = next(failures)
+        except StopIteration:
+            return real(descriptor, data)
+        if failure:
+            raise failure
+        return real(descriptor, data[: len(data) // 2])
+
+    monkeypatch.setattr(writer.os, "write", write)
+
+
+@pytest.mark.parametrize(("split", "kept"), [(0.0, 100), (0.3, 350)])
+def test_nothing_follows_a_torn_record_and_the_end_says_what_the_disk_said(tmp_path, monkeypatch, split, kept):
+    bag = Bag(tmp_path / "bag", split_seconds=split)
+    fill(bag, 100)
+    with monkeypatch.context() as failing:
+        if split:
+            as_a_file_is_ended(lambda: tears(failing), failing)
+        else:
+            tears(failing)
+        for end in (lambda: fill(bag, 1000, first=100), lambda: bag.close({})):
+            with pytest.raises(OSError, match="No space left"):
+                end()
+    assert not (bag.folder / "metadata.yaml").exists()
+    assert list(recovered(bag.folder)) and values_by_rosbags(bag.folder) == list(range(kept))
+
+
 @few(8)
 @given(share=st.floats(0.01, 1.0, exclude_max=True))
 def test_a_file_cut_anywhere_is_written_anew_with_all_its_whole_chunks_and_stays_beside(tmp_path_factory, share):
@@ -266,6 +329,81 @@ def test_a_damaged_attachment_is_passed_over_and_the_other_stays(tmp_path):
     assert set(found.attachments) == {"trial.yaml"} and found.notes == ()
     with open(file, "rb") as stream:
         assert [one.name for one in make_reader(stream).iter_attachments()] == ["trial.yaml"]
+
+
+@pytest.fixture
+def cut(tmp_path):
+    """A bag whose one file ends without its index."""
+    folder = write_run(tmp_path / "run", swing(400))
+    file = folder / "run_0.mcap"
+    file.write_bytes(file.read_bytes()[:-100])
+    return folder
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_a_repair_keeps_the_file_that_an_earlier_one_kept_and_replaces_what_it_had_half_written(
+    cut, monkeypatch, links
+):
+    def refuse(*given):
+        raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+
+    if not links:  # as on a stick
+        monkeypatch.setattr(recover.os, "link", refuse)
+    file, before = cut / "run_0.mcap", (cut / "run_0.mcap").read_bytes()
+    (cut / "run_0.mcap.damaged").write_text("earlier")
+    (cut / "run_0.mcap.part").write_text("half")
+    assert "as it was: run_0.mcap.damaged1" in list(recovered(cut))[0]
+    assert (cut / "run_0.mcap.damaged").read_text() == "earlier"
+    assert (cut / "run_0.mcap.damaged1").read_bytes() == before and mcap_summary(file)
+    assert not (cut / "run_0.mcap.part").exists()
+
+
+def test_a_repair_that_is_killed_at_any_step_leaves_a_file_of_that_name(cut, monkeypatch):
+    there = []
+    for real in (os.link, os.rename, os.replace):
+
+        def step(*given, real=real):
+            real(*given)
+            there.append((cut / "run_0.mcap").exists())
+
+        monkeypatch.setattr(os, real.__name__, step)
+    assert list(recovered(cut)) and len(there) >= 2 and all(there)
+
+
+def test_a_repair_in_a_folder_that_cannot_be_written_says_so(cut, monkeypatch):
+    def read_only(path, mode):
+        if "w" in mode:
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+        return open(path, mode)
+
+    monkeypatch.setattr(recover, "open", read_only, raising=False)
+    with pytest.raises(OSError, match="Read-only file system"):
+        list(recovered(cut))
+
+
+def test_a_repair_that_is_interrupted_leaves_the_folder_as_it_was(cut, monkeypatch):
+    def interrupt(*given):
+        raise KeyboardInterrupt
+
+    before = sorted(cut.iterdir())
+    monkeypatch.setattr(recover, "_copy", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        list(recovered(cut))
+    assert sorted(cut.iterdir()) == before
+
+
+def test_messages_that_nothing_describes_any_more_are_counted_as_they_are_left_out(tmp_path):
+    folder = write_run(tmp_path / "run", swing(4000))
+    file = folder / "run_0.mcap"
+    data, first = bytearray(file.read_bytes()[:-100]), mcap_summary(file).chunk_indexes[0]
+    with open(file, "rb") as stream:
+        chunk = next(one for one in StreamReader(stream, emit_chunks=True).records if isinstance(one, Chunk))
+    lost = sum(isinstance(record, Message) for record in breakup_chunk(chunk))
+    data[first.chunk_start_offset + first.chunk_length // 2] ^= 0xFF
+    file.write_bytes(data)
+    left = information(folder)["message_count"] - lost
+    said = list(recovered(folder))[0]
+    assert left and f"{left} messages of channels that it does not describe are passed over" in said
 
 
 def test_recovery_counts_the_publishers_numbers_that_were_skipped(tmp_path):

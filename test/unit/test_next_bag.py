@@ -78,6 +78,32 @@ def test_a_bag_that_a_full_disk_ends_says_what_was_lost(tmp_path, monkeypatch):
     assert "lost /haptic/encoder: '1'" in (tmp_path / "bag" / "metadata.yaml").read_text()
 
 
+def test_a_write_that_fails_as_the_bag_is_ended_is_said_as_while_it_records(tmp_path, monkeypatch):
+    recorder = Deaf()
+
+    def refuse(*given):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(Bag, "write", refuse)
+        recorder.bag, recorder.waiting = Bag(tmp_path / "bag"), [1]
+        recorder.finish()
+    assert "the bag could not be written: No space left on device; 0 messages are kept" in recorder.stopped
+
+
+def test_a_bag_of_which_nothing_can_be_said_is_ended_whole(tmp_path, monkeypatch):
+    recorder = Deaf()
+
+    def fail(recorder):
+        raise RuntimeError("nobody foresaw this")
+
+    monkeypatch.setattr(Deaf, "_facts", fail)
+    recorder.bag, recorder.waiting = Bag(tmp_path / "bag"), [1, 2]
+    recorder.finish()
+    assert "recording stopped: RuntimeError: nobody foresaw this; 2 messages are kept" in recorder.stopped
+    assert "message_count: 2\n" in (tmp_path / "bag" / "metadata.yaml").read_text()
+
+
 def test_a_message_waits_for_the_disk_no_longer_than_the_flush_period_whatever_kills_the_recorder(
     tmp_path, monkeypatch
 ):

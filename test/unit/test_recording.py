@@ -113,6 +113,14 @@ def test_joint_states_of_any_names_and_values_decode_like_the_reference_decoder(
     assert np.array_equal(efforts, [item.effort for item in expected]) and not velocities.any()
 
 
+def test_the_options_of_a_message_that_another_writer_has_set_do_not_matter():
+    data = joints(("x",), [1.0], 0)
+    foreign = data[:2] + b"\x00\x03" + data[4:]  # DDS: how many bytes of padding stand at the end
+    for first, second in ((data, foreign), (foreign, data)):
+        assert layout_of(JOINTS, first).matches(second)
+    assert not layout_of(JOINTS, data).matches(b"\x00\x00" + data[2:])
+
+
 _KILLED = """
 import sys
 from pathlib import Path
@@ -260,15 +268,21 @@ def test_a_motor_that_never_engaged_has_no_figures():
         summary.engaged_rows(rows)
 
 
-def test_the_picture_of_a_run_is_of_readable_size(run, tmp_path):
+def test_the_picture_of_a_run_is_of_readable_size_and_shows_all_its_panels(run, tmp_path, monkeypatch):
     from matplotlib.image import imread
 
-    from haptic_device.analysis.page import draw_picture
+    from haptic_device.analysis import page
     from haptic_device.analysis.run import Run
 
-    draw_picture(Run(load(run), "a swing"), tmp_path / "report.png")
+    drawn = []
+    with monkeypatch.context() as open_still:
+        open_still.setattr(page.pyplot, "close", drawn.append)
+        page.draw_picture(Run(load(run), "a swing"), tmp_path / "report.png")
     height, width, _ = imread(tmp_path / "report.png").shape
     assert height > 1000 and width > 800
+    said = [text.get_text() for axes in drawn[0].axes for text in axes.texts]
+    page.pyplot.close(drawn[0])
+    assert [text for text in said if "not shown" in text] == []
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars"])
