@@ -22,7 +22,6 @@ from haptic_sim.verify import CREATED, LEAST, OVERLAP
 from reference.trial import jump, turned_scene
 
 ROUNDING, JUMP = 1e-7, 0.02  # share of the largest energy about; s
-LOOK_EVERY = 3  # exchanges of 1 ms
 _STEP = 0.25e-3
 STIFF = Coupling(100.0 * 0.1 / _STEP**2, 0.0, 100.0 * 6.7e-6 / _STEP**2, 0.0)
 """100 m/h², undamped."""
@@ -94,8 +93,7 @@ def _attempt(name, kind, angle, phase):
     scene = turned_scene(scene, angle, phase * step)
     world, gains = make(kind, scene, step), OWN_GAINS.get(name, GAINS)
     world.couple(gains)
-    found = rollout(world, path, round(1e-3 / step), look=LOOK_EVERY, overlap=overlap_watch(scene, world.pose),
-                    gains=gains)  # fmt: skip
+    found = rollout(world, path, round(1e-3 / step), overlap=overlap_watch(scene, world.pose), gains=gains)
     if not found.finite:
         return "N", math.inf, math.inf
     share = found.created / max(found.scale, LEAST)
