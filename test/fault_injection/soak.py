@@ -15,6 +15,7 @@ from haptic_sim.cli.domain import isolated_domain
 SETTLED = 60.0  # [s] after which memory must stay flat
 PERIOD = 1.0  # [s] between looks
 GROWTH = 0.02  # of the resident memory, at most
+RECORDER_GROWTH = 0.1  # its memory has the index of the present file, some 8 MB in half an hour
 STROKE = 4.0  # [s] from the wall to the wall
 
 
@@ -29,7 +30,7 @@ def soak(minutes: float, programs) -> dict:
                 samples, faults = _watch(conductor, 60.0 * minutes)
                 tracebacks = conductor.tracebacks()
     rows = [_row(name, found) for name, found in samples.items()]
-    ok = not faults and not tracebacks and all(row["grown"] <= GROWTH for row in rows)
+    ok = not faults and not tracebacks and all(row["grown"] <= _bound(row["node"]) for row in rows)
     ok = ok and all(row["threads"][0] >= row["threads"][1] and row["files"][0] >= row["files"][1] for row in rows)
     return {"ok": ok, "minutes": minutes, "faults": faults, "tracebacks": tracebacks, "nodes": rows}
 
@@ -50,6 +51,10 @@ def _watch(conductor, seconds):
             print(f"chaos: soak {age:.0f} s; {conductor.driver_says()}", file=sys.stderr, flush=True)
         time.sleep(PERIOD)
     return samples, sorted(faults)
+
+
+def _bound(node) -> float:
+    return RECORDER_GROWTH if node == "haptic_recorder" else GROWTH
 
 
 def _row(name, samples) -> dict:
