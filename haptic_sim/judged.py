@@ -20,8 +20,6 @@ from haptic_sim.solid import TOOL
 
 LOST = 1.0  # of the way that the bodies come: a larger error is no answer any more
 STABLE, UNSTABLE = "stable", "unstable"
-STEPS = (50000, 25000, 10000, 5000, 2500, 1000, 500, 250, 100, 50, 25)
-"""µs."""
 
 
 class Case(NamedTuple):
@@ -43,11 +41,6 @@ class Case(NamedTuple):
     def period(self) -> int:
         """ns from one sample of the hand to the next."""
         return EXCHANGE_NS if self.moving else self.look
-
-    @property
-    def steps(self) -> tuple[int, ...]:
-        """Steps to be tried [µs]."""
-        return tuple(step for step in STEPS if 1000 * step <= self.period)
 
     def path(self) -> np.ndarray:
         """Positions and velocities (n + 1, 6) of the handle at its samples."""

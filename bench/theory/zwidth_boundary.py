@@ -9,19 +9,8 @@ from typing import Annotated
 import typer
 
 from haptic_device.analysis.stability import largest_stable_stiffness
-from haptic_device.analysis.zwidth import Operator, Setup, boundary_stiffness
-
-CASES = (  # m [kg], b [N s/m], B [N s/m], T [s], delay [T]
-    (0.1, 0.5, 0.0, 1e-3, 0.0),
-    (0.1, 0.5, -0.2, 1e-3, 0.0),
-    (0.1, 0.5, 5.0, 1e-3, 0.0),
-    (0.05, 2.0, 1.0, 1e-3, 1.0),
-    (0.3, 1.0, 0.5, 1e-3, 2.0),
-    (0.1, 0.5, 0.25, 1e-3, 0.5),
-    (0.1, 3.0, 0.5, 2.5e-4, 0.0),
-    (0.1, 0.8, 0.2, 2.5e-4, 1.3),
-    (0.1, 3.0, 1.0, 1e-4, 0.0),
-)
+from haptic_device.analysis.zwidth import Operator, Setup
+from reference.boundary import CASES, boundary_stiffness
 
 
 def main(seconds: Annotated[float, typer.Argument(min=0.1, help="Of each run.")] = 10.0) -> None:

@@ -13,7 +13,8 @@ import numpy as np
 import typer
 
 from haptic_device.analysis.stability import largest_stable_stiffness
-from haptic_device.analysis.zwidth import Operator, Setup, boundary_stiffness, run_cells
+from haptic_device.analysis.zwidth import Operator, Setup, run_cells
+from reference.boundary import boundary_stiffness
 
 SETUP, TAP = Setup(0.1, 0.5, 1e-3), Operator()
 

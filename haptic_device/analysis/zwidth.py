@@ -133,23 +133,6 @@ def _verdict(setup, operator, outcomes):
     return np.where(shaking, SHAKING, np.where(giving, GIVING, QUIET))
 
 
-def boundary_stiffness(setup, operators, damping, high, precision=1e-3):
-    """Largest K [N/m] below which no wall of this B shakes with these operators, by bisection below `high`.
-
-    Stops at this relative precision; `high` itself if nothing shakes there.
-    """
-    low = 0.0
-    if run_cells(setup, operators, high, damping).verdict < SHAKING:
-        return high
-    while high - low > precision * high:
-        middle = 0.5 * (low + high)
-        if run_cells(setup, operators, middle, damping).verdict == SHAKING:
-            high = middle
-        else:
-            low = middle
-    return 0.5 * (low + high)
-
-
 def theory(setup, damping, lateness=0.0):
     """Lines over B [N s/m] (array): name → largest K [N/m]. lateness [s]: writes late by anything up to it."""
     check_setup(setup)

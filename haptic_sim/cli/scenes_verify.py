@@ -52,7 +52,7 @@ def _measure(scenes, found, measure):
             show(len(scenes), "done")
     except KeyboardInterrupt:
         done = len({name for name, _ in found})
-        typer.echo(f"interrupted; {done} of {len(scenes)} scenes are measured", err=True)
+        typer.echo(f"haptic scenes: interrupted; {done} of {len(scenes)} scenes are measured", err=True)
         return False
     return True
 

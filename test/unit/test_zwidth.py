@@ -17,7 +17,6 @@ from haptic_device.analysis.zwidth import (
     SHAKING,
     Operator,
     Setup,
-    boundary_stiffness,
     operators_of,
     record_of,
     run_cells,
@@ -28,6 +27,7 @@ from haptic_device.device import Axis, Device, plant_of
 from haptic_device.law import engage, operator, plant, servo
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.runtime import loop, zwidth_cell
+from reference.boundary import CASES, boundary_stiffness
 
 PRESSED = (Operator(pressed=True),)
 SMALL = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(100.0, 2000.0, 12), np.linspace(-0.5, 1.0, 40))
@@ -72,20 +72,7 @@ def test_a_cell_gives_the_energy_that_servo_and_plant_give(delay, coulomb, lag):
     assert outcome.energy_given == pytest.approx(most - budget, rel=1e-6, abs=1e-10)
 
 
-@pytest.mark.parametrize(
-    "mass, physical_damping, damping, period, delay",
-    [
-        (0.1, 0.5, 0.0, 1e-3, 0.0),
-        (0.1, 0.5, -0.2, 1e-3, 0.0),
-        (0.1, 0.5, 5.0, 1e-3, 0.0),
-        (0.05, 2.0, 1.0, 1e-3, 1.0),
-        (0.3, 1.0, 0.5, 1e-3, 2.0),
-        (0.1, 0.5, 0.25, 1e-3, 0.5),
-        (0.1, 3.0, 0.5, 2.5e-4, 0.0),
-        (0.1, 0.8, 0.2, 2.5e-4, 1.3),
-        (0.1, 3.0, 1.0, 1e-4, 0.0),
-    ],
-)
+@pytest.mark.parametrize("mass, physical_damping, damping, period, delay", CASES)
 def test_walls_begin_to_shake_where_the_eigenvalues_say(mass, physical_damping, damping, period, delay):
     setup = Setup(mass, physical_damping, period, delay_samples=delay, seconds=10.0)
     exact = largest_stable_stiffness(mass, physical_damping, damping, period, delay)
