@@ -61,6 +61,7 @@ demo: setup
 check: setup
 	@$(BIN)/haptic compile  # what was edited since
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python -m pytest test/unit -n 2 --dist worksteal
 

@@ -81,14 +81,19 @@ setup(
         "zstandard>=0.22",
     ],
     extras_require={
-        "bench": BENCH, "browser": BROWSER, "dataframe": DATAFRAME, "ros": ROS, "sweep": SWEEP, "test": TEST,
+        "bench": BENCH,
+        "browser": BROWSER,
+        "dataframe": DATAFRAME,
+        "ros": ROS,
+        "sweep": SWEEP,
+        "test": TEST,
     },
     entry_points={
         "console_scripts": [
             "haptic = haptic_sim.cli.main:main",
-            "haptic_driver = haptic_device.node.driver:main",
-            "haptic_loopback = haptic_device.node.loopback:main",
-            "haptic_recorder = haptic_device.node.recorder:main",
+            "haptic_driver = haptic_device.nodes.driver:main",
+            "haptic_loopback = haptic_device.nodes.loopback:main",
+            "haptic_recorder = haptic_device.nodes.recorder:main",
             "haptic_simulation = haptic_sim.node.simulation:main",
             "haptic_viewer = haptic_sim.viewer.viewer:main",
         ],

@@ -85,8 +85,12 @@ def _known(machine: Path) -> str:
 def put(table: str, file: Path) -> None:
     """Replaces what stands between the marks. Raises ValueError, one sentence, where there are none."""
     first, last = map(re.escape, MARKS)
-    text, count = re.subn(f"{first}.*?{last}", lambda _: f"{MARKS[0]}\n{table}\n{MARKS[1]}",
-                          file.read_text(encoding="utf-8"), flags=re.DOTALL)  # fmt: skip
+    text, count = re.subn(
+        f"{first}.*?{last}",
+        lambda _: f"{MARKS[0]}\n{table}\n{MARKS[1]}",
+        file.read_text(encoding="utf-8"),
+        flags=re.DOTALL,
+    )
     if not count:
         raise ValueError(f"{file} has no marks {MARKS[0]} … {MARKS[1]} to put the table between")
     file.write_text(text, encoding="utf-8")

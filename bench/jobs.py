@@ -56,8 +56,10 @@ def read_csv(path: Path, kind: type) -> list:
         raise ValueError(f"{path} has not the columns {', '.join(kind._fields)}")
     whole = lines if lines[-1].endswith("\n") else lines[:-1]
     try:
-        return [kind(*(_READ[kind.__annotations__[name]](text) for name, text in zip(kind._fields, row, strict=True)))
-                for row in csv.reader(whole[1:])]  # fmt: skip
+        return [
+            kind(*(_READ[kind.__annotations__[name]](text) for name, text in zip(kind._fields, row, strict=True)))
+            for row in csv.reader(whole[1:])
+        ]
     except ValueError:
         raise ValueError(f"{path} has a line that is no row of {', '.join(kind._fields)}") from None
 

@@ -32,8 +32,10 @@ def markdown(folder: Path) -> str:
     """The one table, with the machine above it."""
     facts = _content(folder, MACHINE.removesuffix(".json"))
     machine, program = facts["machine"], facts["program"]
-    head = (f"{machine['cores']} cores of {machine['processor']}, {machine['system'].split('-with')[0]}; "
-            f"Python {program['python']}, numba {facts['packages']['numba']}; {facts['length']} run.")  # fmt: skip
+    head = (
+        f"{machine['cores']} cores of {machine['processor']}, {machine['system'].split('-with')[0]}; "
+        f"Python {program['python']}, numba {facts['packages']['numba']}; {facts['length']} run."
+    )
     lines = [head, "", "| figure | measured | wanted |", "| --- | --- | --- |"]
     lines += [f"| {one.name} | {shown(one.value)} {one.unit} | {one.wanted} |" for one in figures(folder)]
     return "\n".join(lines)
@@ -54,8 +56,10 @@ def _start(found):
     return [
         Figure("very first start, all nodes at work", max(found["first"].values()), "s", "≤ 20 s"),
         Figure("later start", sorted(again)[len(again) // 2], "s", "≤ 3 s"),
-        *(Figure(f"memory of {name} (PSS), very first start", value, "MB", "≤ 200 MB")
-          for name, value in found.get("first_pss_mb", {}).items()),
+        *(
+            Figure(f"memory of {name} (PSS), very first start", value, "MB", "≤ 200 MB")
+            for name, value in found.get("first_pss_mb", {}).items()
+        ),
     ]
 
 
@@ -95,8 +99,11 @@ def _round_trip(found):
 def _costs(found):
     lines = [Figure(f"{one['what']}: one more {one['grows_with']}", one["slope"], "µs") for one in found["costs"]]
     cell = next(one for one in found["costs"] if one["grows_with"] == "cell")
-    return [*lines, Figure("map off a straight line by at most", 100.0 * cell["apart"], "%", "≤ 10 %"),
-            Figure("two cores on a map, efficiency", found["two_cores"], "", "≥ 0.9")]  # fmt: skip
+    return [
+        *lines,
+        Figure("map off a straight line by at most", 100.0 * cell["apart"], "%", "≤ 10 %"),
+        Figure("two cores on a map, efficiency", found["two_cores"], "", "≥ 0.9"),
+    ]
 
 
 def _demo(found):
@@ -107,9 +114,14 @@ def _demo(found):
 
 
 def _exchange(found):
-    return [Figure(f"stiffness felt, {one['method']}, {1e3 * one['delay']:g} ms",
-                   one["stiffness"] if one.get("passive", True) else None, "N/m")
-            for one in found["cases"]]  # fmt: skip
+    return [
+        Figure(
+            f"stiffness felt, {one['method']}, {1e3 * one['delay']:g} ms",
+            one["stiffness"] if one.get("passive", True) else None,
+            "N/m",
+        )
+        for one in found["cases"]
+    ]
 
 
 def _hard_cases(found):
@@ -123,9 +135,13 @@ def _hard_cases(found):
     return [
         Figure("hard cases survived by the method chosen", survived, f"of {len(tried)}", "all"),
         Figure("deepest overlap of these", _worst(tried, "overlap_m", 1e6), "µm", f"≤ {1e6 * OVERLAP:g} µm"),
-        Figure("energy created in these, of the largest about", _worst(tried, "created", 100.0), "%",
-               f"≤ {100.0 * CREATED:g} %"),
-    ]  # fmt: skip
+        Figure(
+            "energy created in these, of the largest about",
+            _worst(tried, "created", 100.0),
+            "%",
+            f"≤ {100.0 * CREATED:g} %",
+        ),
+    ]
 
 
 def _worst(entries, name, scale):
@@ -143,9 +159,19 @@ def _speed_error(found):
     ours = [one for one in runs if one.counts and one.method in OURS]
     least = [min(one.error for one in ours if one.scene == scene) for scene in scenes_of(ours)]
     lines = [Figure(f"least error, worst of {len(least)} scenes", 100.0 * max(least), "% of the way")] if least else []
-    return lines + [Figure(f"least speed ratio at equal error, {kind}, to {peer}", ratio, "×", f"≥ {wanted:g}")
-                    for kind, peer, ratio, wanted, _, _ in summary(runs)]  # fmt: skip
+    return lines + [
+        Figure(f"least speed ratio at equal error, {kind}, to {peer}", ratio, "×", f"≥ {wanted:g}")
+        for kind, peer, ratio, wanted, _, _ in summary(runs)
+    ]
 
 
-READERS = {"start": _start, "servo": _servo, "round_trip": _round_trip, "load": _demo, "costs": _costs,
-           "exchange": _exchange, "hard_cases": _hard_cases, "speed_error": _speed_error}  # fmt: skip
+READERS = {
+    "start": _start,
+    "servo": _servo,
+    "round_trip": _round_trip,
+    "load": _demo,
+    "costs": _costs,
+    "exchange": _exchange,
+    "hard_cases": _hard_cases,
+    "speed_error": _speed_error,
+}

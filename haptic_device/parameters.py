@@ -88,11 +88,18 @@ EXCHANGE = (
 
 LOCAL = (
     Parameter("local.compliance", 1e-9, "m/N", "of a contact in the servo", 1e-10, 1e-5, True),
-    Parameter("local.apart", 0.005, "m", "between the tools of servo and simulation, beyond which pspm takes over",
-              1e-4, 1.0, True),
+    Parameter(
+        "local.apart",
+        0.005,
+        "m",
+        "between the tools of servo and simulation, beyond which pspm takes over",
+        1e-4,
+        1.0,
+        True,
+    ),
     Parameter("local.hold", 0.06, "s", "age up to which local contacts count", 0.001, 2.0, True),
     Parameter("local.rejoin", 0.02, "s", "time for which all must be well before they count again", 0.0, 1.0, True),
-)  # fmt: skip
+)
 
 POLICIES = ("enforce", "warn", "off")
 PASSIVITY = (

@@ -11,9 +11,20 @@ from pathlib import Path
 import psutil
 
 PACKAGES = (
-    "haptic_display", "mcap", "numba", "numpy", "psutil", "pymunk", "python-fcl", "rosbags", "scipy", "zstandard",
-    "ros-rclpy", "ros-rmw-fastrtps-cpp", "ros-fastrtps",
-)  # fmt: skip
+    "haptic_display",
+    "mcap",
+    "numba",
+    "numpy",
+    "psutil",
+    "pymunk",
+    "python-fcl",
+    "rosbags",
+    "scipy",
+    "zstandard",
+    "ros-rclpy",
+    "ros-rmw-fastrtps-cpp",
+    "ros-fastrtps",
+)
 _GIT_PATIENCE = 2.0  # s
 
 
@@ -33,8 +44,7 @@ def facts() -> dict:
             "realtime_priority_limit": _realtime_limit(),
         },
         "ros": {
-            name: os.environ.get(name)
-            for name in ("ROS_DISTRO", "RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE")
+            name: os.environ.get(name) for name in ("ROS_DISTRO", "RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE")
         },
     }
 

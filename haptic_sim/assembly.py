@@ -73,14 +73,18 @@ def _check_together(path, joint, ends):
         across = -joint.axis[1] / length, joint.axis[0] / length
         gap, rate = (tuple((v[0] * across[0] + v[1] * across[1]) * n for n in across) for v in (gap, rate))
     if math.hypot(*gap) > TOGETHER:
-        raise ValueError(f"{path} cannot be met: its anchors on {_pair(joint)} are {math.hypot(*gap) * 1e3:.4g} mm "
-                         f"apart at the start, by [{gap[0]:.6g}, {gap[1]:.6g}] m; move a body or an anchor")
+        raise ValueError(
+            f"{path} cannot be met: its anchors on {_pair(joint)} are {math.hypot(*gap) * 1e3:.4g} mm "
+            f"apart at the start, by [{gap[0]:.6g}, {gap[1]:.6g}] m; move a body or an anchor"
+        )
     turns = {0.0 if end is None else end.velocity[2] for end in ends}
     if joint.type != "pin" and len(turns) > 1:
         raise ValueError(f"{path} is twisted by the velocities of {_pair(joint)}; let both turn at the same rate")
     if math.hypot(*rate) > APART:
-        raise ValueError(f"{path} is pulled apart at {math.hypot(*rate):.4g} m/s by the velocities of {_pair(joint)}; "
-                         "give them velocities that the joint allows")
+        raise ValueError(
+            f"{path} is pulled apart at {math.hypot(*rate):.4g} m/s by the velocities of {_pair(joint)}; "
+            "give them velocities that the joint allows"
+        )
 
 
 def _speed(place, solid):
@@ -114,10 +118,13 @@ def _near(bodies):
 
 def _around(solid):
     """Lowest and highest x, y of a body at the start."""
-    corners = [(*turned(vertex, solid.pose), outline.radius) for outline in solid.outlines
-               for vertex in outline.vertices]
-    return tuple(tuple(extreme(p[k] + sign * p[2] for p in corners) for k in (0, 1))
-                 for extreme, sign in ((min, -1.0), (max, 1.0)))
+    corners = [
+        (*turned(vertex, solid.pose), outline.radius) for outline in solid.outlines for vertex in outline.vertices
+    ]
+    return tuple(
+        tuple(extreme(p[k] + sign * p[2] for p in corners) for k in (0, 1))
+        for extreme, sign in ((min, -1.0), (max, 1.0))
+    )
 
 
 def _pair(joint):

@@ -41,8 +41,10 @@ def distance(a: Outline, pose_a: Pose, b: Outline, pose_b: Pose) -> float:
 
 def overlap(outlines_a, pose_a: Pose, outlines_b, pose_b: Pose) -> float:
     """Depth of the deepest overlap of two compounds [m], 0 if there is none: the width of a gap is not worked out."""
-    here, there = ([(_place(outline.vertices, pose), outline.radius) for outline in outlines]
-                   for outlines, pose in ((outlines_a, pose_a), (outlines_b, pose_b)))
+    here, there = (
+        [(_place(outline.vertices, pose), outline.radius) for outline in outlines]
+        for outlines, pose in ((outlines_a, pose_a), (outlines_b, pose_b))
+    )
     return max(_depth(a, b, radius_a + radius_b) for a, radius_a in here for b, radius_b in there)
 
 

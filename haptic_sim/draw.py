@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import patches
 from matplotlib.figure import Figure
 
-from haptic_device.law import operator
+from haptic_device.device import operator_hand
 from haptic_device.parameters import OPERATOR
 from haptic_sim.joint import WORLD
 from haptic_sim.scene import Scene
@@ -41,10 +41,10 @@ def handle_way(scene: Scene) -> np.ndarray:
     """Places (x, y, theta) of the suggested motion's hand, evenly in time."""
     values = {parameter.name: parameter.default for parameter in OPERATOR}
     values |= {"motion.start": scene.tool.pose, "motion.target": scene.tool.pose}
-    motion = operator.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
+    motion = operator_hand.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
     way = np.empty((POINTS, 3))
     for place, time in zip(way, np.linspace(0.0, float(motion["duration"][0]), POINTS), strict=True):
-        operator.target_at(motion[0], time, place)
+        operator_hand.target_at(motion[0], time, place)
     return way
 
 
@@ -57,17 +57,31 @@ def _draw_solid(axes, solid):
         axes.add_patch(shape)
     if any(map(abs, solid.velocity[:2])):
         speed = math.hypot(*solid.velocity[:2])
-        axes.annotate(f"{speed:g} m/s", xy=1e3 * np.array(solid.pose[:2]), textcoords="offset points",
-                      xytext=[36.0 * v / speed for v in solid.velocity[:2]], fontsize=8, ha="center", va="center",
-                      arrowprops={"arrowstyle": "<-", "color": "tab:red"})
+        axes.annotate(
+            f"{speed:g} m/s",
+            xy=1e3 * np.array(solid.pose[:2]),
+            textcoords="offset points",
+            xytext=[36.0 * v / speed for v in solid.velocity[:2]],
+            fontsize=8,
+            ha="center",
+            va="center",
+            arrowprops={"arrowstyle": "<-", "color": "tab:red"},
+        )
 
 
 def _draw_joints(axes, scene):
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool, WORLD: None}
     for joint in scene.joints:
         ends = 1e3 * np.array(joint.places(*(solids[name] for name in joint.bodies)))
-        axes.plot(*ends.T, linestyle="-" if joint.type == "spring" else "", color="black", marker=MARKS[joint.type],
-                  markersize=5, markerfacecolor="white", zorder=7)
+        axes.plot(
+            *ends.T,
+            linestyle="-" if joint.type == "spring" else "",
+            color="black",
+            marker=MARKS[joint.type],
+            markersize=5,
+            markerfacecolor="white",
+            zorder=7,
+        )
         if joint.type == "slider" and joint.limits:
             way = np.outer(joint.limits, joint.axis) / math.hypot(*joint.axis)
             axes.plot(*(ends[0] + 1e3 * way).T, "|-", color="black", linewidth=0.8, zorder=6)
@@ -75,14 +89,23 @@ def _draw_joints(axes, scene):
 
 def _frame(axes, scene, way):
     """Shows everything that ends somewhere, with a margin, one scale."""
-    corners = [turned(vertex, solid.pose) for solid in (*scene.bodies, scene.tool)
-               for shape, outline in zip(solid.shapes, solid.outlines, strict=True) if shape.half_plane is None
-               for vertex in _around(outline)]
+    corners = [
+        turned(vertex, solid.pose)
+        for solid in (*scene.bodies, scene.tool)
+        for shape, outline in zip(solid.shapes, solid.outlines, strict=True)
+        if shape.half_plane is None
+        for vertex in _around(outline)
+    ]
     seen = 1e3 * np.array([*corners, *_feet(scene), *way[:, :2]])
     low, high = seen.min(axis=0), seen.max(axis=0)
     center, half = (low + high) / 2.0, 0.56 * max(*(high - low), 1.0)
-    axes.set(xlim=(center[0] - half, center[0] + half), ylim=(center[1] - half, center[1] + half), aspect="equal",
-             xlabel="x [mm]", ylabel="y [mm]")
+    axes.set(
+        xlim=(center[0] - half, center[0] + half),
+        ylim=(center[1] - half, center[1] + half),
+        aspect="equal",
+        xlabel="x [mm]",
+        ylabel="y [mm]",
+    )
     axes.set_title(scene.name, fontsize=10)
 
 

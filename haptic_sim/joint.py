@@ -74,8 +74,10 @@ class Joint(Part):
             raise ValueError(f"joins {self.bodies[0]!r} to itself; name two bodies")
         given = {key for key in _STRENGTH.values() if getattr(self.motor, key, None) is not None}
         if self.motor and given != {_STRENGTH[self.type]}:
-            raise ValueError(f"the motor of a {self.type} is given by speed and {_STRENGTH[self.type]}, not by "
-                             f"{' and '.join(sorted(given)) or 'speed alone'}")
+            raise ValueError(
+                f"the motor of a {self.type} is given by speed and {_STRENGTH[self.type]}, not by "
+                f"{' and '.join(sorted(given)) or 'speed alone'}"
+            )
         return self
 
     @model_validator(mode="after")
@@ -94,8 +96,9 @@ class Joint(Part):
         """Points of the plane [m] where the joint holds on to its bodies at the start; None is the world."""
         if self.at is not None:
             return self.at, self.at
-        return tuple(turned(anchor, solid.pose) if solid else anchor
-                     for anchor, solid in zip(self.anchors, (a, b), strict=True))
+        return tuple(
+            turned(anchor, solid.pose) if solid else anchor for anchor, solid in zip(self.anchors, (a, b), strict=True)
+        )
 
     @property
     def drive(self) -> tuple[float, float]:

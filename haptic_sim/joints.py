@@ -34,8 +34,11 @@ def _joint(model, j, bodies):
     on_a, on_b = (tuple(anchor) for anchor in model.joint_anchor[j].tolist())
     kind, (low, high) = model.joint_kind[j], model.joint_limit[j].tolist()
     stiffness, damping, rest = model.joint_spring[j].tolist()
-    friction, (speed, strength), start = float(model.joint_friction[j]), model.joint_motor[j].tolist(), float(
-        model.joint_angle[j])
+    friction, (speed, strength), start = (
+        float(model.joint_friction[j]),
+        model.joint_motor[j].tolist(),
+        float(model.joint_angle[j]),
+    )
     if kind == SPRING:
         yield pymunk.DampedSpring(a, b, on_a, on_b, rest, stiffness, damping)
         return
@@ -78,10 +81,12 @@ def _drive(a, b, on_a, on_b, axis, speed, most):
         x, y = turned(axis, (0.0, 0.0, a.angle - b.angle))
         drive.anchor_b = on_b[0] - ahead * x, on_b[1] - ahead * y
     else:
+
         def set_ahead(_drive, space):
             way = space.current_time_step * speed
             x, y = a.world_to_local(b.local_to_world(on_b))
             drive.anchor_a = x + way * axis[0], y + way * axis[1]
+
         drive.pre_solve = set_ahead
     return drive
 
@@ -93,8 +98,11 @@ def _bounded(joint, most):
 
 def stored(model, poses) -> float:
     """Energy in the springs of all joints [J], bodies at `poses` (mass centre, angle)."""
-    return sum(0.5 * spring[0] * _stretch(model, j, (*poses, (0.0, 0.0, 0.0))) ** 2
-               for j, spring in enumerate(model.joint_spring.tolist()) if spring[0] > 0.0)
+    return sum(
+        0.5 * spring[0] * _stretch(model, j, (*poses, (0.0, 0.0, 0.0))) ** 2
+        for j, spring in enumerate(model.joint_spring.tolist())
+        if spring[0] > 0.0
+    )
 
 
 def _stretch(model, j, poses):

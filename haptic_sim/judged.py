@@ -58,8 +58,11 @@ class Case(NamedTuple):
         solids = {body.name: body for body in self.scene.bodies} | {TOOL: self.scene.tool}
         moving = compile_scene(self.scene).needs.moving
         idle = not self.moving and not any(TOOL in joint.bodies for joint in self.scene.joints)
-        return {name: math.sqrt(solids[name].mass_properties[1] / solids[name].mass_properties[0])
-                for name in moving if not (idle and name == TOOL)}
+        return {
+            name: math.sqrt(solids[name].mass_properties[1] / solids[name].mass_properties[0])
+            for name in moving
+            if not (idle and name == TOOL)
+        }
 
 
 class Reference(NamedTuple):
@@ -82,8 +85,15 @@ class Judged(NamedTuple):
 def judge(case: Case, reference: Reference, world, count: int) -> Judged:
     """A world on the whole path; `count` steps from one sample of the hand to the next."""
     bodies = case.bodies()
-    found = rollout(world, case.path(), count, look=case.look // case.period, bodies=bodies,
-                    overlap=overlap_watch(case.scene, world.pose), gains=case.gains)  # fmt: skip
+    found = rollout(
+        world,
+        case.path(),
+        count,
+        look=case.look // case.period,
+        bodies=bodies,
+        overlap=overlap_watch(case.scene, world.pose),
+        gains=case.gains,
+    )
     if not found.finite:
         return Judged(math.inf, math.inf, found.scale, math.inf)
     return Judged(error_of(found.poses, reference, bodies), found.created, found.scale, found.overlap)
@@ -105,8 +115,9 @@ def error_of(seen, reference: Reference, bodies: dict[str, float]) -> float:
 
 def longest_way(reference: Reference, bodies: dict[str, float]) -> float:
     """Longest way [m] that any body comes."""
-    return max(float(apart(reference.poses[name], reference.poses[name][:1], radius).max())
-               for name, radius in bodies.items())
+    return max(
+        float(apart(reference.poses[name], reference.poses[name][:1], radius).max()) for name, radius in bodies.items()
+    )
 
 
 def apart(poses, others, radius: float) -> np.ndarray:

@@ -4,14 +4,24 @@
 import numba
 import numpy as np
 
-from haptic_device import operating
-from haptic_device.device import load_device
-from haptic_device.law import contact, operator, servo
-from haptic_device.node import declared, wire
-from haptic_device.runtime import clock, exchange, held_run, link, loop, loopback, page, rcl, recompute, still
-from haptic_device.runtime import zwidth_cell as cell
-from haptic_device.runtime.mailbox import Mailbox
-from haptic_device.runtime.servo_thread import ServoThread
+from haptic_device import controller_config
+from haptic_device.control import contact_model, exchange_samples, servo
+from haptic_device.description import load_device
+from haptic_device.device import axis_rerun, loopback_config, simulated_device
+from haptic_device.device import wall_tapping as cell
+from haptic_device.nodes import declared, messages
+from haptic_device.realtime import (
+    clock,
+    exchange_loop,
+    exchange_step,
+    hardware_interface,
+    null_device,
+    servo_loop,
+    shared_memory,
+    tick_replay,
+)
+from haptic_device.realtime.seqlock import Mailbox
+from haptic_device.realtime.servo_thread import ServoThread
 from haptic_sim.method.registry import make
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.scene import load
@@ -25,53 +35,73 @@ SUB_STEP = 1e-3  # [s]
 
 def driven():
     """The driver's servo, and all by which others meet it."""
-    thread = ServoThread(still.StillLink(), _settings())
-    thread.gains.put(operating.gains_from(_values("haptic_driver")))
+    thread = ServoThread(null_device.StillLink(), _settings())
+    thread.gains.put(controller_config.gains_from(_values("haptic_driver")))
     thread.ring.take(1)
     scratch = clock.scratch()
     clock.sleep_until(clock.now_ns(scratch), scratch)
     clock.read_clock(clock.REALTIME, scratch)
-    link.compiled()
+    hardware_interface.compiled()
 
 
 def loopback_plant():
     """The loopback's loop around the plant."""
-    words, control = np.zeros(page.WORDS, np.int64), np.zeros(loopback.CONTROLS, np.int64)
-    truth = np.zeros(1, loopback.TRUTH)
-    _compile(loopback.serve, words, control, Mailbox(loopback.TRUTH).words, 1, *_hand(), truth)
+    words, control = np.zeros(shared_memory.WORDS, np.int64), np.zeros(simulated_device.CONTROLS, np.int64)
+    truth = np.zeros(1, simulated_device.TRUTH)
+    _compile(simulated_device.serve, words, control, Mailbox(simulated_device.TRUTH).words, 1, *_hand(), truth)
 
 
 def exchange_of_the_driver():
     """The driver's side of the exchange, with and without local contacts, on librcl and by rclpy."""
-    layout = wire.JointLayout(wire.exchange_names(3))
-    frame = exchange.make_frame(layout.template, layout.fixed, layout.offsets, layout.count)
-    near_frame = exchange.make_near_frame(*wire.CloudLayout(wire.NEAR).fixed(contact.MOST))
-    state, watch = np.zeros(1, exchange.STATE), np.zeros(exchange.WATCHES, np.int64)
-    row, gains, tool = np.zeros(1, servo.TICK), np.zeros(1, exchange.GAINS), np.zeros(1, loop.TOOL)
+    layout = messages.JointLayout(messages.exchange_names(3))
+    frame = exchange_step.make_frame(layout.template, layout.fixed, layout.offsets, layout.count)
+    near_frame = exchange_step.make_near_frame(*messages.CloudLayout(messages.NEAR).fixed(contact_model.MOST))
+    state, watch = np.zeros(1, exchange_step.STATE), np.zeros(exchange_step.WATCHES, np.int64)
+    row, gains, tool = (
+        np.zeros(1, servo.TICK),
+        np.zeros(1, exchange_samples.COUPLING_GAINS),
+        np.zeros(1, servo_loop.TOOL),
+    )
     row_mail, gains_mail, tool_mail = (Mailbox(record.dtype).words for record in (row, gains, tool))
-    contacts = 1, near_frame, Mailbox(contact.SET).words, np.zeros(1, contact.SET)
-    _compile(exchange.take_in_contacts, near_frame, 1, state[0], watch, contacts[3], contacts[2])
-    rcl.load_library()
+    contacts = 1, near_frame, Mailbox(contact_model.SET).words, np.zeros(1, contact_model.SET)
+    _compile(exchange_step.take_in_contacts, near_frame, 1, state[0], watch, contacts[3], contacts[2])
+    exchange_loop.load_library()
     buffer = np.zeros(8, np.int64)
     for near in (contacts, (None, None, None, None)):
-        _compile(rcl.run_exchange, 1, 1, buffer, buffer, 1, frame, state, watch, row_mail, gains_mail, tool_mail, row,
-                 gains, tool, *near)  # fmt: skip
-    _compile(exchange.next_handle, frame, state, row_mail, gains_mail, row, gains, clock.scratch())
-    _compile(exchange.take_in, frame, 1, state[0], watch, gains[0], tool, tool_mail, 1)
+        _compile(
+            exchange_loop.run_exchange,
+            1,
+            1,
+            buffer,
+            buffer,
+            1,
+            frame,
+            state,
+            watch,
+            row_mail,
+            gains_mail,
+            tool_mail,
+            row,
+            gains,
+            tool,
+            *near,
+        )
+    _compile(exchange_step.next_handle, frame, state, row_mail, gains_mail, row, gains, clock.scratch())
+    _compile(exchange_step.take_in, frame, 1, state[0], watch, gains[0], tool, tool_mail, 1)
 
 
 def replay():
     """The servo's ticks again, from a trace and on a recorded hand's counts."""
     settings, memory, rows, tool = _lock_step_records()
-    _compile(recompute.recompute, settings, memory, rows, recompute.NO_SETS)
-    _compile(recompute.run_on_counts, settings, memory, rows, tool, np.zeros((1, 3)), 1, 0, 1, 1)
+    _compile(tick_replay.recompute, settings, memory, rows, replay.NO_SETS)
+    _compile(tick_replay.run_on_counts, settings, memory, rows, tool, np.zeros((1, 3)), 1, 0, 1, 1)
 
 
 def lock_step():
     """Servo and plant in lock-step."""
     hand = _hand()
-    _compile(loop.run_lockstep, *_lock_step_records(), *hand, 1, 0, 1, 1)
-    operator.target_at(hand[2][0], 0.0, np.zeros(3))
+    _compile(simulated_device.run_lockstep, *_lock_step_records(), *hand, 1, 0, 1, 1)
+    hand.target_at(hand[2][0], 0.0, np.zeros(3))
 
 
 def wall_maps():
@@ -82,7 +112,7 @@ def wall_maps():
 def identification():
     """One axis run again under recorded forces."""
     reals = np.zeros(1)
-    _compile(held_run.run_segments, np.zeros(2, np.int64), *[reals] * 3, *[0.0] * 5, *[reals] * 3)
+    _compile(axis_rerun.run_segments, np.zeros(2, np.int64), *[reals] * 3, *[0.0] * 5, *[reals] * 3)
 
 
 def methods():
@@ -118,15 +148,15 @@ def _values(node):
 
 
 def _settings():
-    return operating.settings_from(load_device(DEVICE), _values("haptic_driver"))
+    return controller_config.settings_from(load_device(DEVICE), _values("haptic_driver"))
 
 
 def _hand():
-    return operating.hand_from(load_device(DEVICE), _values("haptic_loopback"))
+    return loopback_config.hand_from(load_device(DEVICE), _values("haptic_loopback"))
 
 
 def _lock_step_records():
-    return _settings(), np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK), np.zeros(1, loop.TOOL)
+    return _settings(), np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK), np.zeros(1, servo_loop.TOOL)
 
 
 ENTRIES = {  # those that take longest first

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from haptic_device.law import contact
+from haptic_device.control import contact_model
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.model import PIN, SLIDER, SPRING
 from haptic_sim.method import Method, nearby
@@ -51,7 +51,7 @@ class LocalContacts:
             if model.shape_body[shape] == 0
             for x, y in model.vertices[model.shape_start[shape] : model.shape_start[shape + 1]]
         )
-        self.table, self.trust, self.offered = np.zeros((contact.MOST, len(contact.EACH))), 0.0, 0
+        self.table, self.trust, self.offered = np.zeros((contact_model.MOST, len(contact_model.EACH))), 0.0, 0
         self.look(0.0)
 
     @property
@@ -82,7 +82,7 @@ class LocalContacts:
             count = self._find(lead) if lead < lag else count
         self._expected = self._pose[0] + lead * self._velocity[0]
         self.offered = count
-        self.trust = nearby.choose(self._candidates, count, self.table[:, contact.IDENTITY].copy(), self.table)
+        self.trust = nearby.choose(self._candidates, count, self.table[:, contact_model.IDENTITY].copy(), self.table)
         if not self._stands_in or count >= nearby.MOST:
             self.trust = 0.0  # the servo knows no joints and no belts, or too little
         if self._moving:
@@ -95,7 +95,7 @@ class LocalContacts:
         """How far ahead the tool goes as it does [s]: not through what it meets."""
         ways = self._candidates[:count, nearby.URGENCY]
         first = ways.argmin()
-        gap, then = float(self._candidates[first, contact.GAP]), float(ways[first])
+        gap, then = float(self._candidates[first, contact_model.GAP]), float(ways[first])
         if then >= -THROUGH or then >= gap:
             return lag
         return lag * max(0.0, (gap + THROUGH) / (gap - then))
@@ -107,33 +107,33 @@ class LocalContacts:
         pressed = [one for one in contacts if one.body_a == "tool"]
         rubbed = {name for one in contacts if one.body_a != "tool" for name in (one.body_a, one.body_b)}
         for one in self.table:
-            if one[contact.IDENTITY] == 0.0:
+            if one[contact_model.IDENTITY] == 0.0:
                 continue
             body = int(body_of[self._other(one)])
             if body not in self._moving:
                 continue
             name, (nx, ny) = self._names[self._other(one)], self._world_normal(one)
-            place = one[contact.POINT_X], one[contact.POINT_Y]
-            if one[contact.KIND] == contact.FLAT_THERE:
+            place = one[contact_model.POINT_X], one[contact_model.POINT_Y]
+            if one[contact_model.KIND] == contact_model.FLAT_THERE:
                 place = self._foot(one)
-            one[contact.FORCE] = sum(
+            one[contact_model.FORCE] = sum(
                 max(0.0, f.force_on_a[0] * nx + f.force_on_a[1] * ny)
                 for f in pressed
                 if f.body_b == name and math.dist(f.point, place) < NEAR
             )
             held = body in self._kept or (name in rubbed and any(f.body_b == name for f in pressed))
-            one[contact.FORCE] *= held
-            one[contact.MOBILITY] = 0.0 if held else self._mobility_along(body, place, nx, ny)
-            one[contact.SLIP_MOBILITY] = 0.0 if held else self._mobility_along(body, place, -ny, nx)
+            one[contact_model.FORCE] *= held
+            one[contact_model.MOBILITY] = 0.0 if held else self._mobility_along(body, place, nx, ny)
+            one[contact_model.SLIP_MOBILITY] = 0.0 if held else self._mobility_along(body, place, -ny, nx)
 
     def _other(self, one):
         """Shape of the other body of a contact: identities count pairs."""
-        pair = int((one[contact.IDENTITY] - 1.0) // (2.0 * nearby.CORNERS * nearby.CORNERS))
+        pair = int((one[contact_model.IDENTITY] - 1.0) // (2.0 * nearby.CORNERS * nearby.CORNERS))
         return self._model.pairs[pair, 1]
 
     def _world_normal(self, one):
-        nx, ny = one[contact.NORMAL_X], one[contact.NORMAL_Y]
-        if one[contact.KIND] != contact.FLAT_HERE:
+        nx, ny = one[contact_model.NORMAL_X], one[contact_model.NORMAL_Y]
+        if one[contact_model.KIND] != contact_model.FLAT_HERE:
             return nx, ny
         c, s = math.cos(self._pose[0, 2]), math.sin(self._pose[0, 2])
         return c * nx - s * ny, s * nx + c * ny
@@ -141,10 +141,10 @@ class LocalContacts:
     def _foot(self, one):
         """Where the tool's point would touch the other body's plane."""
         c, s = math.cos(self._pose[0, 2]), math.sin(self._pose[0, 2])
-        x = self._pose[0, 0] + c * one[contact.TOOL_X] - s * one[contact.TOOL_Y]
-        y = self._pose[0, 1] + s * one[contact.TOOL_X] + c * one[contact.TOOL_Y]
-        back = one[contact.GAP] + one[contact.RADIUS]
-        return x - back * one[contact.NORMAL_X], y - back * one[contact.NORMAL_Y]
+        x = self._pose[0, 0] + c * one[contact_model.TOOL_X] - s * one[contact_model.TOOL_Y]
+        y = self._pose[0, 1] + s * one[contact_model.TOOL_X] + c * one[contact_model.TOOL_Y]
+        back = one[contact_model.GAP] + one[contact_model.RADIUS]
+        return x - back * one[contact_model.NORMAL_X], y - back * one[contact_model.NORMAL_Y]
 
     def _mobility_along(self, body, place, nx, ny):
         """Velocity [m/s] of a body's point along n for an impulse of 1 N s along n there [1/kg]."""

@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device import operating
-from haptic_device.law import contact, engage, exchange, local, servo
+from haptic_device import controller_config
+from haptic_device.control import contact_model, enable_state, exchange_samples, servo, virtual_tool
+from haptic_device.device import loopback_config, simulated_device
 from haptic_device.parameters import EXCHANGE_METHODS
-from haptic_device.runtime import loop
+from haptic_device.realtime import servo_loop
 from haptic_sim.simulation import HandleSample, Simulation
 
 SECOND = 1_000_000_000
@@ -45,15 +46,18 @@ class Lockstep:
         self, device, driver, loopback, simulation: Simulation | None, network=PERFECT, write_delay=0.0, hand=None
     ):
         self.device, self.simulation, self.network, self._hand = device, simulation, network, hand
-        self.settings = operating.settings_from(device, driver)
-        self.gains = operating.gains_from(driver)[0]
-        self.memory, self.tool = np.zeros(1, servo.MEMORY), np.zeros(1, loop.TOOL)
-        self.plant, self.plant_memory, self.motion = operating.hand_from(device, loopback)
+        self.settings = controller_config.settings_from(device, driver)
+        self.gains = controller_config.gains_from(driver)[0]
+        self.memory, self.tool = np.zeros(1, servo.MEMORY), np.zeros(1, servo_loop.TOOL)
+        self.plant, self.plant_memory, self.motion = loopback_config.hand_from(device, loopback)
         self.ticks, self.period = 0, round(SECOND / driver["servo.rate"])
         self.exchange_period = SECOND / driver["exchange.rate"]
-        self.write_delay, self.command = round(write_delay * SECOND), engage.ENABLE
+        self.write_delay, self.command = round(write_delay * SECOND), enable_state.ENABLE
         self._random = np.random.default_rng(network.seed)
-        self.near, self._local = np.zeros(1, contact.SET), driver["exchange.method"] == EXCHANGE_METHODS[exchange.LOCAL]
+        self.near, self._local = (
+            np.zeros(1, contact_model.SET),
+            driver["exchange.method"] == EXCHANGE_METHODS[exchange_samples.LOCAL],
+        )
         self._sent, self._asked = 0, 0  # handle samples sent; the newest that the simulation has taken
         self._going, self._coming = [], []  # on their way: (arrival [ns], sequence, sent [ns], sample)
 
@@ -79,10 +83,19 @@ class Lockstep:
 
     def script_ticks(self, rows, start):
         """Ticks from this time [ns] on, against the plant with the hand's script on it."""
-        loop.run_lockstep(
-            self.settings, self.memory, rows, self.tool, self.plant, self.plant_memory, self.motion, start, self.ticks,
-            self.write_delay, self.command,
-        )  # fmt: skip
+        simulated_device.run_lockstep(
+            self.settings,
+            self.memory,
+            rows,
+            self.tool,
+            self.plant,
+            self.plant_memory,
+            self.motion,
+            start,
+            self.ticks,
+            self.write_delay,
+            self.command,
+        )
 
     def _ticks_to_event(self):
         """Ticks until a handle sample is due, or until the next tick finds a sample that has arrived; at least one."""
@@ -120,7 +133,7 @@ class Lockstep:
         self.near["number"], self.near["sent"], self.near["table"] = sequence, sent, table
         for name, value in common.items():
             self.near[name] = value
-        local.take(self.memory[0], self.near[0])
+        virtual_tool.take(self.memory[0], self.near[0])
 
     def _fly(self, flying, now, sequence, sent, sample):
         """Puts a sample on its way, unless it is lost."""

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 
 from haptic_device import provenance
-from haptic_device.law import exchange
-from haptic_device.node.making import YAML
+from haptic_device.control import exchange_samples
+from haptic_device.nodes.bag_attachments import YAML
 from haptic_device.parameter import SECTION
 from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.realtime import tick_replay
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, CloudLayout, JointLayout, types
 from haptic_device.recording.metadata import dump
 from haptic_device.recording.writer import Bag
-from haptic_device.runtime import recompute
 
 NAMESPACE, FRAME = "/haptic", "haptic_base"
 EPOCH = 1_000_000_000_000_000_000  # [ns] system clock at lock-step's time 0: lock-step knows no date
@@ -33,7 +33,7 @@ class LockstepBag:
         self._point, self._rows, self._waiting = point, [], 0
         self._sequences = dict.fromkeys(self._channels, 0)  # of each topic, as a publisher counts
         self._attach()
-        start = recompute.snapshot_of(-1, system.settings[0], system.memory[0])
+        start = tick_replay.snapshot_of(-1, system.settings[0], system.memory[0])
         self._write("snapshot", CloudLayout(start.dtype, FRAME).pack(EPOCH, start), EPOCH)
         self._write("handle", self._handle(), EPOCH)
 
@@ -95,9 +95,11 @@ class LockstepBag:
     def _handle(self) -> bytes:
         driver = self._point.driver
         gains = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
-        known = {name: driver[f"coupling.{name}"] for name in gains} | {"layout_version": exchange.LAYOUT_VERSION}
+        known = {name: driver[f"coupling.{name}"] for name in gains} | {
+            "layout_version": exchange_samples.LAYOUT_VERSION
+        }
         known["exchange_method"] = EXCHANGE_METHODS.index(driver["exchange.method"])
-        names = self._axes + exchange.TAIL
+        names = self._axes + exchange_samples.TAIL
         zeros = np.zeros(len(names))
         return JointLayout(names, FRAME).pack(EPOCH, [known.get(name, 0.0) for name in names], zeros, zeros)
 

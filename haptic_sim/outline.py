@@ -55,8 +55,9 @@ def half_plane(point: Point, normal: Point) -> Outline:
     nx, ny = normal[0] / length, normal[1] / length
     depth, reach = HALF_PLANE / 2.0, HALF_PLANE / 2.0
     corners = ((-ny, nx, 0.0), (-ny, nx, depth), (ny, -nx, depth), (ny, -nx, 0.0))
-    return Outline(tuple((point[0] + reach * tx - back * nx, point[1] + reach * ty - back * ny)
-                         for tx, ty, back in corners))
+    return Outline(
+        tuple((point[0] + reach * tx - back * nx, point[1] + reach * ty - back * ny) for tx, ty, back in corners)
+    )
 
 
 def finest_feature(outline: Outline) -> float:

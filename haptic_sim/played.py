@@ -7,8 +7,8 @@ it did. As device the handle is where it was, whatever the display does: the sam
 
 import numpy as np
 
-from haptic_device.law import operator
-from haptic_device.runtime import recompute
+from haptic_device.device import operator_hand
+from haptic_device.realtime import tick_replay
 
 
 class PlayedTarget:
@@ -19,7 +19,7 @@ class PlayedTarget:
 
     def begin(self, system) -> None:
         """Puts handle and target where the recording begins."""
-        system.motion["kind"], system.motion["started"] = operator.PATH, 1
+        system.motion["kind"], system.motion["started"] = operator_hand.PATH, 1
         system.motion["grip"] = 1.0
         system.plant_memory["position"] = system.plant_memory["target"] = self.points[0]
 
@@ -37,7 +37,7 @@ class PlayedTarget:
     def _fill(self, motion, now: int) -> int:
         """The path from `now` on, as much as fits; returns when it ends."""
         first = max(0, int(np.searchsorted(self.times, now, side="right")) - 1)
-        times = self.times[first : first + operator.MOST]
+        times = self.times[first : first + operator_hand.MOST]
         motion["count"] = len(times)
         motion["times"][0, : len(times)] = (times - 1) * 1e-9
         motion["points"][0, : len(times)] = self.points[first : first + len(times)]
@@ -60,7 +60,14 @@ class PlayedDevice:
         world = np.stack([np.interp(deadlines, self._times, column) for column in self._points.T], axis=1)
         per_count = np.where(settings["position_per_count"] != 0.0, settings["position_per_count"], 1.0)
         counts = np.round((world / settings["scale"] + settings["zero"]) / per_count)
-        recompute.run_on_counts(
-            system.settings, system.memory, rows, system.tool, counts, start, system.ticks, system.write_delay,
+        tick_replay.run_on_counts(
+            system.settings,
+            system.memory,
+            rows,
+            system.tool,
+            counts,
+            start,
+            system.ticks,
+            system.write_delay,
             system.command,
-        )  # fmt: skip
+        )

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.law import contact, servo
-from haptic_device.runtime import recompute
+from haptic_device.control import contact_model, servo
+from haptic_device.realtime import tick_replay
 
 BLOCK = 100_000  # ticks computed at a time
 SECOND = 1_000_000_000
@@ -26,13 +26,13 @@ class Verdict(NamedTuple):
 def contact_sets(points: np.ndarray | None) -> np.ndarray:
     """SET records of the points of `local_contacts`; none where it was not recorded."""
     if points is None:
-        return np.zeros(0, contact.SET)
-    heads = points.reshape(-1, contact.MOST)
-    sets = np.zeros(len(heads), contact.SET)
-    for name in contact.COMMON:
+        return np.zeros(0, contact_model.SET)
+    heads = points.reshape(-1, contact_model.MOST)
+    sets = np.zeros(len(heads), contact_model.SET)
+    for name in contact_model.COMMON:
         sets[name] = heads[name][:, 0]
     sets["number"] = sets["answered"]
-    sets["table"] = np.stack([heads[name] for name in contact.EACH], axis=-1)
+    sets["table"] = np.stack([heads[name] for name in contact_model.EACH], axis=-1)
     return sets[np.argsort(sets["number"], kind="stable")]
 
 
@@ -50,7 +50,7 @@ def verdict_on(trace: np.ndarray, snapshots: np.ndarray, points: np.ndarray | No
         for at in range(begin, end, BLOCK):
             recorded = trace[at : min(end, at + BLOCK)]
             again = recorded.copy()
-            recompute.recompute(settings, memory, again, sets)
+            tick_replay.recompute(settings, memory, again, sets)
             wrong = _differences(recorded, again)
             done += len(recorded)
             same += len(recorded) - int(wrong.sum())
@@ -67,7 +67,7 @@ def _check(trace, snapshots):
         raise ValueError(f"the trace is of another version of the servo; it differs in {', '.join(strange)}")
     if len(snapshots) == 0:
         raise ValueError("the bag has no snapshot of the servo's settings, without which no tick can be computed again")
-    recompute.parts_of(snapshots[:1])
+    tick_replay.parts_of(snapshots[:1])
 
 
 def _stretches(trace, snapshots) -> Iterator[tuple]:
@@ -98,7 +98,7 @@ def _memory_before(trace, at, snapshots):
         return np.zeros(1, servo.MEMORY)
     elapsed = trace["latched"][at] - snapshots["memory.latched"]  # a restarted servo counts its ticks anew
     found = np.flatnonzero((snapshots["tick"] == trace["tick"][at] - 1) & (elapsed >= 0) & (elapsed < SECOND))
-    return recompute.parts_of(snapshots[found[:1]])[1] if len(found) else None
+    return tick_replay.parts_of(snapshots[found[:1]])[1] if len(found) else None
 
 
 def _settings_of(row, snapshots):
@@ -108,7 +108,7 @@ def _settings_of(row, snapshots):
         return None
     later = np.flatnonzero(same["memory.latched"] >= row["latched"])
     place = later[0] if len(later) else len(same) - 1
-    return recompute.parts_of(same[place : place + 1])[0]
+    return tick_replay.parts_of(same[place : place + 1])[0]
 
 
 def _next_start(trace, at, end, snapshots):

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from haptic_device.law import operator
+from haptic_device.device import operator_hand
 from haptic_device.parameters import OPERATOR
 from haptic_sim import clearance
 from haptic_sim.compile import compile_scene
@@ -107,9 +107,17 @@ class Rollout(NamedTuple):
     scale: float
 
 
-def rollout(world: World, path: np.ndarray, count: int = 1, stride: int = 1, look: int | None = None,
-            bodies: Iterable[str] = (), overlap: Callable[[], float] | None = None, gains: Coupling | None = None,
-            limit: float = math.inf) -> Rollout:  # fmt: skip
+def rollout(
+    world: World,
+    path: np.ndarray,
+    count: int = 1,
+    stride: int = 1,
+    look: int | None = None,
+    bodies: Iterable[str] = (),
+    overlap: Callable[[], float] | None = None,
+    gains: Coupling | None = None,
+    limit: float = math.inf,
+) -> Rollout:
     """Lead a world along the hand's path (n, 6: position, velocity), `count` steps a row, `stride` rows a call.
 
     Every `look` rows, a multiple of `stride` (each stride), poses of bodies and the overlap, () → m, are taken. With
@@ -166,11 +174,11 @@ def hand(scene: Scene, angle: float = 0.0):
     """time [s] → where the suggested motion leads the handle (x, y, theta), the plane turned by `angle` [rad]."""
     values = {parameter.name: parameter.default for parameter in OPERATOR}
     values |= {"motion.start": scene.tool.pose, "motion.target": scene.tool.pose}
-    motion = operator.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
+    motion = operator_hand.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
     place = np.empty(3)
 
     def at(time):
-        operator.target_at(motion[0], time, place)
+        operator_hand.target_at(motion[0], time, place)
         return (*turned(place[:2].tolist(), (0.0, 0.0, angle)), float(place[2]) + angle)
 
     return at
@@ -189,15 +197,21 @@ def overlap_watch(scene: Scene, pose):
     rank = {name: k for k, name in enumerate(solids)}
     touching = compile_scene(scene).needs.touching
     first, second = np.array([(rank[a], rank[b]) for a, b in touching], dtype=int).reshape(-1, 2).T
-    sizes = np.array([max(math.hypot(*vertex) + outline.radius for outline in parts for vertex in outline.vertices)
-                      for parts in outlines.values()])
+    sizes = np.array(
+        [
+            max(math.hypot(*vertex) + outline.radius for outline in parts for vertex in outline.vertices)
+            for parts in outlines.values()
+        ]
+    )
     reach = sizes[first] + sizes[second]
 
     def look():
         poses = {name: pose(name) for name in solids}
         places = np.array([place[:2] for place in poses.values()])
         near = np.flatnonzero(np.hypot(*(places[first] - places[second]).T) < reach)
-        return max((clearance.overlap(outlines[a], poses[a], outlines[b], poses[b])
-                    for a, b in (touching[k] for k in near)), default=0.0)
+        return max(
+            (clearance.overlap(outlines[a], poses[a], outlines[b], poses[b]) for a, b in (touching[k] for k in near)),
+            default=0.0,
+        )
 
     return look

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import yaml
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
-from haptic_device.share import find
+from haptic_device.config_files import find
 from haptic_sim import assembly
 from haptic_sim.joint import Joint
 from haptic_sim.outline import finest_feature
@@ -104,7 +104,7 @@ def load(name: str | Path) -> Scene:
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(f"{name} cannot be read: {error}") from None
     except yaml.YAMLError as error:
-        raise SceneError(f'{path} is not YAML: {" ".join(str(error).split())}') from None
+        raise SceneError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
     return parse(content, str(path))
 
 
@@ -123,4 +123,4 @@ def _sentence(error):
     problem = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
     if isinstance(error["input"], dict | list | BaseModel):
         return f"{path}: {problem}" if path else problem
-    return f'{path} is {error["input"]!r}: {problem}'
+    return f"{path} is {error['input']!r}: {problem}"

@@ -52,7 +52,7 @@ class Part(BaseModel):
         for key in value if isinstance(value, dict) else ():
             if key not in known:
                 near = difflib.get_close_matches(str(key), known, 1)
-                advice = f"did you mean {near[0]!r}?" if near else f'known here are {", ".join(known)}'
+                advice = f"did you mean {near[0]!r}?" if near else f"known here are {', '.join(known)}"
                 raise ValueError(f"has no key {key!r}; {advice}")
         return value
 

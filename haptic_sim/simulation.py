@@ -91,8 +91,14 @@ class Simulation:
     nothing is made up for the time in between.
     """
 
-    def __init__(self, scene: Scene, sub_step: float | None = None, max_catch_up: float = 0.02,
-                 method: str | None = None, port: Port | None = None):
+    def __init__(
+        self,
+        scene: Scene,
+        sub_step: float | None = None,
+        max_catch_up: float = 0.02,
+        method: str | None = None,
+        port: Port | None = None,
+    ):
         compiled = compile_scene(scene, method)
         sub_step = compiled.sub_step if sub_step is None else sub_step
         self.scene, self.port = scene, port or Direct()
@@ -182,11 +188,16 @@ class Simulation:
         travelled = self._travel(*start, handle.position, handle.velocity, count)
         self.ledger.book(travelled.supplied, travelled.contacts, travelled.correction, travelled.numerical)
         counters = self.counters
-        if (travelled.force > counters.max_contact_force or travelled.depth > counters.max_penetration
-                or travelled.left_out):
-            self.counters = counters._replace(max_contact_force=max(travelled.force, counters.max_contact_force),
-                                              max_penetration=max(travelled.depth, counters.max_penetration),
-                                              left_out=counters.left_out + travelled.left_out)
+        if (
+            travelled.force > counters.max_contact_force
+            or travelled.depth > counters.max_penetration
+            or travelled.left_out
+        ):
+            self.counters = counters._replace(
+                max_contact_force=max(travelled.force, counters.max_contact_force),
+                max_penetration=max(travelled.depth, counters.max_penetration),
+                left_out=counters.left_out + travelled.left_out,
+            )
         return travelled.touched
 
     def _sample(self, touched):

@@ -69,8 +69,10 @@ class Body(Solid):
         if self.fixed and self.velocity != (0.0, 0.0, 0.0):
             raise ValueError(f"is fixed, so its velocity cannot be {list(self.velocity)}; leave one of the two out")
         if not self.fixed and self.surface_velocity != (0.0, 0.0):
-            raise ValueError(f"has the surface_velocity {list(self.surface_velocity)} m/s, which only a fixed body can "
-                             "have; write fixed: true or leave it out")
+            raise ValueError(
+                f"has the surface_velocity {list(self.surface_velocity)} m/s, which only a fixed body can "
+                "have; write fixed: true or leave it out"
+            )
         if not self.fixed and any(shape.half_plane for shape in self.shapes):
             raise ValueError("has a half_plane, which only a fixed body can have; write fixed: true or take a box")
         return self

@@ -122,7 +122,7 @@ def _points(model, b):
     """Discs that stand for a body: (place in its frame, radius)."""
     found = []
     for s in np.flatnonzero(model.shape_body == b):
-        corners = model.vertices[model.shape_start[s]:model.shape_start[s + 1]].tolist()
+        corners = model.vertices[model.shape_start[s] : model.shape_start[s + 1]].tolist()
         if model.radius[s] > 0.0:
             found.append((corners[0], float(model.radius[s])))
         else:
@@ -134,8 +134,10 @@ def _points(model, b):
 def _fits(corners, middle):
     """Radius of the disc about `middle` that fits into a convex polygon."""
     edges = zip(corners, corners[1:] + corners[:1], strict=True)
-    return min(abs((bx - ax) * (middle[1] - ay) - (by - ay) * (middle[0] - ax)) / math.hypot(bx - ax, by - ay)
-               for (ax, ay), (bx, by) in edges)
+    return min(
+        abs((bx - ax) * (middle[1] - ay) - (by - ay) * (middle[0] - ax)) / math.hypot(bx - ax, by - ay)
+        for (ax, ay), (bx, by) in edges
+    )
 
 
 def _met(model, layout, b):

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from haptic_device.law import port, wave
+from haptic_device.control import tool_side_tank, wave_variables
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim.method import Coupling, Planar
 from haptic_sim.port_limits import BUDGET, LIMITS, Limits
@@ -62,21 +62,23 @@ class Direct:
 
 
 class Drawn:
-    """What the two passive ports share: the rules and the memory of law/port, and the limits in them.
+    """What the two passive ports share: the rules and the memory of control/tool_side_tank, and the limits in them.
 
     limits: force [N], torque [N m] and fastest change of the force [N/s] on the tool by the device's samples.
     """
 
     def __init__(self, limits: Limits):
-        self.limits, self.rules, self.memory = limits, np.zeros(port.RULES), np.zeros(port.MEMORY)
-        port.drive(self.rules, self.memory, *[(0.0, 0.0, 0.0)] * 3)  # compiled here, not in the first exchange
+        self.limits, self.rules, self.memory = limits, np.zeros(tool_side_tank.RULES), np.zeros(tool_side_tank.MEMORY)
+        tool_side_tank.drive(
+            self.rules, self.memory, *[(0.0, 0.0, 0.0)] * 3
+        )  # compiled here, not in the first exchange
         self.memory[:] = 0.0
-        port.worst(0.0, 0.0, 1.0)
+        tool_side_tank.worst(0.0, 0.0, 1.0)
 
     def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
         """The handle, as near to the tool as limits and tank ask for."""
-        port.drive(self.rules, self.memory, position, velocity, tool)
-        found = self.memory[port.AIM : port.AIM + 6].tolist()
+        tool_side_tank.drive(self.rules, self.memory, position, velocity, tool)
+        found = self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6].tolist()
         return tuple(found[:3]), tuple(found[3:])
 
     def _rule(self, gains, sub_step, inner):
@@ -90,44 +92,46 @@ class Drawn:
         force, torque, slew = self.limits
         self.rules[:] = (
             *(stiff, stiff, turning, damping, damping, turning_damping),
-            port.worst(eased * stiff, damping, sub_step),
-            port.worst(eased * turning, turning_damping, sub_step),
+            tool_side_tank.worst(eased * stiff, damping, sub_step),
+            tool_side_tank.worst(eased * turning, turning_damping, sub_step),
             *(force, torque),
             *(slew * sub_step, slew * sub_step * torque / force),
         )
 
 
 class Modulated(Drawn):
-    """The handle drawn nearer where its pull could supply more energy than the device has shipped (law/port).
+    """The handle drawn nearer where its pull could supply more energy than the device has shipped.
 
     What is really supplied is taken from the tank, and what the tool gives back comes into it.
     """
 
     def __init__(self, budget: float = BUDGET, limits: Limits = LIMITS):
         super().__init__(limits)
-        self.budget = self.memory[port.TANK] = budget
+        self.budget = self.memory[tool_side_tank.TANK] = budget
         self.returned = 0.0
         self._known, self._gains = None, None
 
     @property
     def tank(self) -> float:
         """Energy that the coupling may still supply [J]."""
-        return float(self.memory[port.TANK])
+        return float(self.memory[tool_side_tank.TANK])
 
     def rejoin(self) -> None:
         """The next sample's sum of energy is the new zero, and the pull begins at none; the tank keeps what it has."""
         self._known = None
-        self.memory[port.JOINED] = self.memory[port.PULL] = self.memory[port.PULL + 1] = 0.0
+        self.memory[tool_side_tank.JOINED] = self.memory[tool_side_tank.PULL] = self.memory[tool_side_tank.PULL + 1] = (
+            0.0
+        )
 
     def restart(self) -> None:
         """As `rejoin`, with the budget in the tank: what the world before had left, or had spent, is gone with it."""
         self.rejoin()
-        self.memory[port.TANK], self._gains = self.budget, None  # the world may have another sub-step
+        self.memory[tool_side_tank.TANK], self._gains = self.budget, None  # the world may have another sub-step
 
     def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
         """Energy shipped since the last sample goes into the tank."""
         known = handle.energy if self._known is None else self._known
-        self.memory[port.TANK] += max(0.0, handle.energy - known)
+        self.memory[tool_side_tank.TANK] += max(0.0, handle.energy - known)
         self._known = max(known, handle.energy)
         gains = handle.gains
         if gains != self._gains:
@@ -137,12 +141,12 @@ class Modulated(Drawn):
 
     def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
         """What the coupling supplied leaves the tank."""
-        self.memory[port.TANK] -= supplied
+        self.memory[tool_side_tank.TANK] -= supplied
 
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The force on the tool, and all that was sent back so far: what the tank holds above the budget."""
         over = max(0.0, self.tank - self.budget)
-        self.memory[port.TANK] -= over
+        self.memory[tool_side_tank.TANK] -= over
         self.returned += over
         return force_on_tool, self.returned
 
@@ -173,23 +177,26 @@ class Waves(Drawn):
         for i in range(3):
             self._pending[i] += handle.effort[i] - self._come[i]
             self._rate[i] = self._pending[i] / max(passed, sub_step)
-        self.memory[port.TANK] += max(0.0, handle.energy - self._energy_come)
+        self.memory[tool_side_tank.TANK] += max(0.0, handle.energy - self._energy_come)
         self._come, self._energy_come = handle.effort, max(handle.energy, self._energy_come)
-        line, turning = wave.impedance(handle.stiffness), wave.impedance(handle.rotational_stiffness)
+        line, turning = (
+            wave_variables.impedance(handle.stiffness),
+            wave_variables.impedance(handle.rotational_stiffness),
+        )
         self._impedance, self._sub_step = (line, line, turning), sub_step
         self._rule((0.0, line, 0.0, turning), sub_step, inner)
         return Coupling(0.0, line, 0.0, turning)
 
     def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
         """The waves of this sub-step as velocities; their energy leaves the tank."""
-        waves = [wave.played(*both, self._sub_step) for both in zip(self._pending, self._rate, strict=True)]
+        waves = [wave_variables.played(*both, self._sub_step) for both in zip(self._pending, self._rate, strict=True)]
         wanted = tuple(value / z for value, z in zip(waves, self._impedance, strict=True))
         _, made = super().drive(tool, wanted, tool)
-        covered = self.memory[port.SHARE] == 1.0
+        covered = self.memory[tool_side_tank.SHARE] == 1.0
         for i, z in enumerate(self._impedance):
             taken = made[i] * z if covered else waves[i]  # what energy does not cover is dropped, or it grows
             self._pending[i] -= taken * self._sub_step
-            self.memory[port.TANK] -= wave.power(made[i] * z, z) * self._sub_step
+            self.memory[tool_side_tank.TANK] -= wave_variables.power(made[i] * z, z) * self._sub_step
         return tool, made
 
     def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
@@ -198,7 +205,7 @@ class Waves(Drawn):
             z = self._impedance[i]
             back = force_on_tool[i] - z * (after[i] - before[i]) / self._sub_step
             self._sent[i] += back * self._sub_step
-            self._sent_energy += wave.power(back, z) * self._sub_step
+            self._sent_energy += wave_variables.power(back, z) * self._sub_step
 
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The sums of the waves sent and of their energy."""

@@ -40,8 +40,9 @@ def verify(case: Case, known: Reference | None = None) -> list[Measured]:
 
 def within(row: Measured, error: float) -> bool:
     """Whether a row keeps the bounds of a scene that allows this error, as far as its reference can tell."""
-    return (row.status == STABLE and row.error <= error + row.doubt
-            and row.created <= CREATED and row.overlap_m <= OVERLAP)
+    return (
+        row.status == STABLE and row.error <= error + row.doubt and row.created <= CREATED and row.overlap_m <= OVERLAP
+    )
 
 
 def _converged(case):
@@ -62,13 +63,23 @@ def _measured(case, known, method):
     try:
         world = Led(make(method, case.scene, step))
     except ValueError as reason:
-        return Measured(case.scene.name, method, 1e6 * step, math.nan, doubt, math.nan, math.nan, math.nan,
-                        f"cannot: {reason}")
+        return Measured(
+            case.scene.name, method, 1e6 * step, math.nan, doubt, math.nan, math.nan, math.nan, f"cannot: {reason}"
+        )
     world.couple(case.gains)
     found = judge(case, known, world, round(case.period * 1e-9 / step))
     created = found.created / max(found.scale, LEAST)
-    return Measured(case.scene.name, method, 1e6 * step, found.error, doubt, created, found.penetration,
-                    _exchange(case, method, step), STABLE if found.error < LOST else UNSTABLE)
+    return Measured(
+        case.scene.name,
+        method,
+        1e6 * step,
+        found.error,
+        doubt,
+        created,
+        found.penetration,
+        _exchange(case, method, step),
+        STABLE if found.error < LOST else UNSTABLE,
+    )
 
 
 def _exchange(case, method, step):

@@ -44,8 +44,9 @@ class Link:
         reasons = []
         for way in WAYS_IN:
             command = [*way, sys.executable, __file__, "emulate"]
-            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                             stderr=subprocess.PIPE, text=True)  # fmt: skip
+            self._process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            )
             said = self._process.stdout.readline()
             if said:
                 self.pids, self._user = json.loads(said), "-r" in way[-1]

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
-from haptic_device.law.exchange import TAIL
+from haptic_device.control.exchange_samples import TAIL
 from haptic_device.recording.writer import Bag
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -84,8 +84,6 @@ def diagnostics(name: str, values: dict[str, str]) -> bytes:
     pairs = [kinds["diagnostic_msgs/msg/KeyValue"](key, value) for key, value in values.items()]
     status = kinds["diagnostic_msgs/msg/DiagnosticStatus"](0, name, "fine", "", pairs)
     return bytes(TYPES.serialize_cdr(kinds[DIAGNOSTICS](header, [status]), DIAGNOSTICS))
-
-
 
 
 def write_run(folder: Path, rows: np.ndarray, block: int = 80, namespace: str = "/haptic") -> Path:

@@ -14,7 +14,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from haptic_device.node import wire
+from haptic_device.nodes import messages
 
 AGAIN, ONCE_MORE = 0.3, 3.0  # [s] after which a service is asked again: one that never answered, and any other
 
@@ -93,8 +93,10 @@ class Client:
         the state wanted if that was lost."""
         wish = ChangeState.Request(transition=Transition(id=transition))
         answer, asked = self.send(f"{node}/change_state", ChangeState, wish), time.monotonic()
-        self.until(lambda: answer.done() or (time.monotonic() > asked + ONCE_MORE and self.state(node) == wanted),
-                   f"{node} is in state {wanted}")  # fmt: skip
+        self.until(
+            lambda: answer.done() or (time.monotonic() > asked + ONCE_MORE and self.state(node) == wanted),
+            f"{node} is in state {wanted}",
+        )
         assert not answer.done() or (answer.result().success and self.state(node) == wanted)
 
 
@@ -106,21 +108,21 @@ class Ear(Client):
         self.truths, self.handles, self.said, self.alone = [], [], {}, {}
         self.axes, self.namespace = axes, namespace
         self._handles = None
-        self._hear("operator/state", wire.JointLayout(wire.truth_names(axes)), self.truths, wire.STREAM)
-        self.node.create_subscription(wire.DiagnosticArray, "/diagnostics", self._note, 50)
-        self.tool = self.node.create_publisher(wire.JointState, "tool", wire.LATEST)
-        self.target = self.node.create_publisher(wire.JointState, "operator/target", wire.LATEST)
+        self._hear("operator/state", messages.JointLayout(messages.truth_names(axes)), self.truths, messages.STREAM)
+        self.node.create_subscription(messages.DiagnosticArray, "/diagnostics", self._note, 50)
+        self.tool = self.node.create_publisher(messages.JointState, "tool", messages.LATEST)
+        self.target = self.node.create_publisher(messages.JointState, "operator/target", messages.LATEST)
 
     def _hear(self, topic, layout, kept, qos):
         return self.node.create_subscription(
-            wire.JointState, topic, lambda data: kept.append(layout.unpack(data)), qos, raw=True
+            messages.JointState, topic, lambda data: kept.append(layout.unpack(data)), qos, raw=True
         )
 
     def hear_handles(self, wanted=True):
         """Keeps handle samples from now on, or no more; they are many."""
         if wanted:
-            layout = wire.JointLayout(wire.exchange_names(self.axes))
-            self._handles = self._hear("handle", layout, self.handles, wire.LATEST)
+            layout = messages.JointLayout(messages.exchange_names(self.axes))
+            self._handles = self._hear("handle", layout, self.handles, messages.LATEST)
         else:
             self.node.destroy_subscription(self._handles)
 
@@ -184,13 +186,13 @@ class Ear(Client):
 
     def go_to(self, x, y=0.0, theta=0.0):
         """Has the hand follow to a target, and waits until it wants to be there."""
-        names, position = list(wire.AXES[: self.axes]), [x, y, theta][: self.axes]
+        names, position = list(messages.AXES[: self.axes]), [x, y, theta][: self.axes]
         begin, asked = len(self.truths), 0.0
 
         def there():
             nonlocal asked
             if time.monotonic() > asked + 0.05:
-                self.target.publish(wire.JointState(name=names, position=position))
+                self.target.publish(messages.JointState(name=names, position=position))
                 asked = time.monotonic()
             latest = self.truths[-1] if len(self.truths) > begin else None
             return latest and abs(latest.position[self.axes : 2 * self.axes] - position).max() < 1e-5

@@ -9,18 +9,20 @@ from lockstep_systems import device, values
 from ticks import tick
 
 from adversary import exchange_search as adversary
-from haptic_device import operating
-from haptic_device.device import load_device
-from haptic_device.law import coupling, engage, fault, servo
+from haptic_device import controller_config
+from haptic_device.control import enable_state, faults, servo, virtual_coupling
+from haptic_device.description import load_device
 from haptic_sim.lockstep import PERFECT, Lockstep
 from haptic_sim.scene import load
 from haptic_sim.simulation import HandleSample, Simulation
 from haptic_sim.tool_port import port_of
 
 GAINS = {
-    "coupling__stiffness": 2000.0, "coupling__damping": 2.0, "coupling__rotational_stiffness": 2.0,
+    "coupling__stiffness": 2000.0,
+    "coupling__damping": 2.0,
+    "coupling__rotational_stiffness": 2.0,
     "coupling__rotational_damping": 0.002,
-}  # fmt: skip
+}
 
 
 def demo_system(method, scene="wall", network=PERFECT, motion=None, **driver):
@@ -44,7 +46,7 @@ def one_axis(method, stiffness=1000.0, damping=0.25, period=1e-3, over=1.05, **d
     shipped = shipped.model_copy(update={"axes": (shipped.axes[0].model_copy(update=free),)})
     given = {"coupling__stiffness": stiffness, "coupling__damping": damping, "servo__rate": 1.0 / period}
     given |= {"exchange__method": method, "passivity__control": False}
-    return operating.settings_from(shipped, values("haptic_driver", **given | driver))
+    return controller_config.settings_from(shipped, values("haptic_driver", **given | driver))
 
 
 def reference(method, late, seconds=6.0):
@@ -55,7 +57,7 @@ def reference(method, late, seconds=6.0):
     scene = scene.model_copy(update={"tool": scene.tool.model_copy(update={"mass": 0.05, "pose": (0.01, 0.0, 0.0)})})
     settings = one_axis(method, damping=0.0, over=4.0)
     memory, row = np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK)
-    memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, engage.ENGAGED
+    memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, enable_state.ENGAGED
     settings["exchange_hold"] = 10.0
     simulation, record = Simulation(scene, 1e-3, 0.2, port=port_of(method)), row[0]
     going, coming, errors, taken, before, force = deque(), deque(), [], 0.0, 0.0, 0.0
@@ -64,7 +66,7 @@ def reference(method, late, seconds=6.0):
         taken -= force * (position - before)
         before = position
         record["latched"] = record["deadline"] = (k + 1) * 1e6
-        record["command"], record["device_status"], record["counts"][0] = 1.0, fault.FRESH, position * 1e9
+        record["command"], record["device_status"], record["counts"][0] = 1.0, faults.FRESH, position * 1e9
         if len(coming) > late:
             sequence, tool = coming.popleft()
             record["tool_session"], record["tool_sequence"], record["tool_answered"] = 1.0, sequence, sequence
@@ -98,7 +100,7 @@ def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, mi
         place = place + way
         if k == 0 or random.random() >= missed:
             record["latched"] = record["deadline"] = (k + 1) * period * 1e9
-            record["command"], record["device_status"] = engage.ENABLE, fault.FRESH
+            record["command"], record["device_status"] = enable_state.ENABLE, faults.FRESH
             record["counts"] = np.round(place * 1e9)
             _wild_sample(record, random, k, unit)
             tick(settings, memory, row)
@@ -119,7 +121,7 @@ def three_axes(method, scale=(1.0, 1.0), limit=20.0, wall=0.0):
     gains = {name: gain / scale["rotational" in name] ** 2 for name, gain in GAINS.items()}
     walls = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness": (wall,), "wall__damping": (0.0,)}
     limits = {"force__limit": limit, "force__limit_rotational": limit / 20.0}
-    return operating.settings_from(
+    return controller_config.settings_from(
         shipped,
         values("haptic_driver", exchange__method=method, passivity__control=False, **gains, **limits, **walls),
     )
@@ -141,7 +143,9 @@ def _wild_sample(record, random, number, unit):
 def _books(settings, memory, record):
     """Energy [J] in tank, springs and on its way, less the budget."""
     stretch = record["coupling_position"] - record["position"]
-    stored = sum(coupling.spring_store(*one) for one in zip(memory["spring"], memory["clamp"], stretch, strict=True))
+    stored = sum(
+        virtual_coupling.spring_store(*one) for one in zip(memory["spring"], memory["clamp"], stretch, strict=True)
+    )
     depth = max(0.0, settings["wall_offset"][0] - record["position"][0])
     stored += 0.5 * settings["wall_stiffness"][0] * depth**2
     return memory["tank"] + stored + memory["shipped"] - memory["returned"] + memory["wave_store"] - 0.005

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every link owes the servo (runtime/link); a test module of a link gives `check` a link and a device behind it.
+"""What every link owes the servo (realtime/hardware_interface).
+
+A test module of a link gives `check` a link and a device behind it.
 
 The device may be a model or hardware with its motor's force going nowhere: it is given small motor values only.
 """
@@ -10,7 +12,7 @@ import numba
 import numpy as np
 from waiting import until
 
-from haptic_device.runtime import clock, link
+from haptic_device.realtime import clock, hardware_interface
 
 PERIOD = 1_000_000  # [ns]
 LIMIT = 60_000_000_000  # [ns] for whatever is waited for; the kernels may have to be compiled first
@@ -19,7 +21,7 @@ SMALL = 0.01  # motor units
 
 
 def check(device_link):
-    """Raises AssertionError with what a link does otherwise than runtime/link says; the link is closed afterwards."""
+    """Raises AssertionError with what a link does otherwise than it should; the link is closed afterwards."""
     try:
         for one in (
             *(has_its_signatures, answers, latches_at_deadlines, gives_up, counts_whole_steps),
@@ -32,8 +34,13 @@ def check(device_link):
 
 def has_its_signatures(device_link):
     assert isinstance(device_link.memory, np.ndarray) and device_link.memory.dtype == np.int64
-    for function, signature in ((device_link.read, link.READ), (device_link.write, link.WRITE)):
-        assert tuple(signature.args) in function.signatures, "not compiled with the signature of runtime/link"
+    for function, signature in (
+        (device_link.read, hardware_interface.READ),
+        (device_link.write, hardware_interface.WRITE),
+    ):
+        assert tuple(signature.args) in function.signatures, (
+            "not compiled with the signature of realtime/hardware_interface"
+        )
         assert isinstance(function, numba.core.dispatcher.Dispatcher)
 
 
@@ -49,7 +56,7 @@ def drive(device_link, ticks, motor=0.0):
     device_link.write(device_link.memory, written, deadline, PERIOD, 0, np.zeros(3))
     for _ in range(ticks):
         clock.sleep_until(deadline, scratch)
-        sample = np.zeros(link.SAMPLE)
+        sample = np.zeros(hardware_interface.SAMPLE)
         fresh = device_link.read(device_link.memory, deadline, deadline + LIMIT, sample)
         seen.append((deadline, fresh, sample, written))
         written = int(clock.now_ns(scratch))
@@ -59,7 +66,7 @@ def drive(device_link, ticks, motor=0.0):
 
 
 def is_cut(sample):
-    return bool(int(sample[link.STATUS]) & 2)
+    return bool(int(sample[hardware_interface.STATUS]) & 2)
 
 
 def latches_at_deadlines(device_link):
@@ -68,42 +75,45 @@ def latches_at_deadlines(device_link):
     for deadline, fresh, sample, written in drive(device_link, 50, SMALL):
         assert fresh == 1, "no sample of a deadline that had passed"
         assert np.isfinite(sample).all()
-        assert sample[link.LATCHED] >= deadline, "an old sample was called fresh"
-        assert sample[link.LATCHED] >= latest, "time ran backwards"
-        silent = sample[link.LATCHED] - written
+        assert sample[hardware_interface.LATCHED] >= deadline, "an old sample was called fresh"
+        assert sample[hardware_interface.LATCHED] >= latest, "time ran backwards"
+        silent = sample[hardware_interface.LATCHED] - written
         assert not (driven and is_cut(sample)) or silent > SHORTEST, f"cut {silent} ns after a write"
-        driven, latest = driven or not is_cut(sample), sample[link.LATCHED]
+        driven, latest = driven or not is_cut(sample), sample[hardware_interface.LATCHED]
     assert driven, "the motor stayed cut though the servo wrote"
 
 
 def gives_up(device_link):
     """A deadline that is an hour ahead is not waited for."""
-    scratch, sample = clock.scratch(), np.zeros(link.SAMPLE)
+    scratch, sample = clock.scratch(), np.zeros(hardware_interface.SAMPLE)
     far = int(clock.now_ns(scratch)) + 3600 * 1_000_000_000
     for patience in (0, 2 * PERIOD):
         give_up = int(clock.now_ns(scratch)) + patience
         assert device_link.read(device_link.memory, far, give_up, sample) == 0
         assert int(clock.now_ns(scratch)) < far, "waited for the deadline"
-        assert sample[link.LATCHED] < far
+        assert sample[hardware_interface.LATCHED] < far
 
 
 def counts_whole_steps(device_link):
     sample = drive(device_link, 5)[-1][2]
-    counts = sample[link.COUNTS : link.COUNTS + 3]
+    counts = sample[hardware_interface.COUNTS : hardware_interface.COUNTS + 3]
     assert np.array_equal(counts, np.round(counts))
 
 
 def changes_counts_with_their_time_only(device_link):
     """However often it is read: a way without a time could be booked nowhere."""
-    before, sample = drive(device_link, 5, SMALL)[-1][2], np.zeros(link.SAMPLE)
+    before, sample = drive(device_link, 5, SMALL)[-1][2], np.zeros(hardware_interface.SAMPLE)
     seen, end = 0, time.monotonic() + LIMIT * 1e-9
     while seen < 10:
         assert time.monotonic() < end, "no newer sample came"
         device_link.read(device_link.memory, 0, 0, sample)
-        if sample[link.LATCHED] != before[link.LATCHED]:
+        if sample[hardware_interface.LATCHED] != before[hardware_interface.LATCHED]:
             seen += 1
         else:
-            changed = sample[link.COUNTS : link.COUNTS + 3] != before[link.COUNTS : link.COUNTS + 3]
+            changed = (
+                sample[hardware_interface.COUNTS : hardware_interface.COUNTS + 3]
+                != before[hardware_interface.COUNTS : hardware_interface.COUNTS + 3]
+            )
             assert not changed.any(), "counts changed and the time they were latched at did not"
         before = sample.copy()
 
@@ -111,7 +121,7 @@ def changes_counts_with_their_time_only(device_link):
 def cuts_the_motor(device_link):
     """Silent for longer than the device's watchdog, the servo is told that the motor was cut; by writing it returns."""
     drive(device_link, 5, SMALL)
-    sample = np.zeros(link.SAMPLE)
+    sample = np.zeros(hardware_interface.SAMPLE)
 
     def cut():
         device_link.read(device_link.memory, 0, 0, sample)

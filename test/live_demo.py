@@ -15,7 +15,7 @@ import waiting
 from waiting import LIMIT
 
 from haptic_device.process import ending_with_us
-from haptic_device.runtime import page
+from haptic_device.realtime import shared_memory
 
 ROOT = Path(__file__).resolve().parents[1]
 HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
@@ -77,7 +77,7 @@ def end(process: subprocess.Popen) -> None:
 
 def pages() -> list[str]:
     """Shared memory of displays in this domain."""
-    return [path.name for path in page.FOLDER.glob(f"haptic_display.{os.environ['ROS_DOMAIN_ID']}.*")]
+    return [path.name for path in shared_memory.FOLDER.glob(f"haptic_display.{os.environ['ROS_DOMAIN_ID']}.*")]
 
 
 def children(process: subprocess.Popen) -> list[psutil.Process]:

@@ -20,21 +20,24 @@ from rclpy.serialization import serialize_message
 from waiting import LIMIT
 
 from haptic_device.process import ending_with_us
-from haptic_device.runtime import page
+from haptic_device.realtime import shared_memory
 from haptic_sim.cli.processes import parameter_text
 
 MODULES = {
-    "haptic_driver": "haptic_device.node.driver",
-    "haptic_loopback": "haptic_device.node.loopback",
+    "haptic_driver": "haptic_device.nodes.driver",
+    "haptic_loopback": "haptic_device.nodes.loopback",
     "haptic_simulation": "haptic_sim.node.simulation",
 }
-BESIDE = {"haptic_recorder": "haptic_device.node.recorder", "haptic_relay": "haptic_sim.node.relay"}
+BESIDE = {"haptic_recorder": "haptic_device.nodes.recorder", "haptic_relay": "haptic_sim.node.relay"}
 """Nodes that take no part in the exchange."""
 SLOW = {
-    "servo__rate": 1000.0, "publish__rate": 100.0,
-    "coupling__stiffness": 1000.0, "coupling__damping": 1.0,
-    "coupling__rotational_stiffness": 1.0, "coupling__rotational_damping": 0.001,
-}  # fmt: skip
+    "servo__rate": 1000.0,
+    "publish__rate": 100.0,
+    "coupling__stiffness": 1000.0,
+    "coupling__damping": 1.0,
+    "coupling__rotational_stiffness": 1.0,
+    "coupling__rotational_damping": 0.001,
+}
 """Of a driver in a test of what it says and refuses: slower, it leaves more of the processors to the others."""
 CUT = "device_watchdog"
 STEADY = {"motor_watchdog": 2.0}  # [s] of a loopback whose servo may be held up by whatever else the machine does
@@ -62,8 +65,8 @@ def refusal_of(process):
 
 MAINS = """
 import gc, importlib, json, sys
-from haptic_device.node import own_port
-own_port.KINDS = ()  # a process can give a port of its own to one participant only
+from haptic_device.nodes import participant_id
+participant_id.KINDS = ()  # a process can give a port of its own to one participant only
 main = importlib.import_module(sys.argv[1]).main
 for arguments in json.loads(sys.argv[2]):
     print(f"\\n{main(arguments)} END", file=sys.stderr, flush=True)
@@ -90,7 +93,7 @@ def refusals_of(name, arguments):
 
 
 def page_path(namespace="/haptic"):
-    return page.FOLDER / page.page_name(os.environ["ROS_DOMAIN_ID"], namespace)
+    return shared_memory.FOLDER / shared_memory.page_name(os.environ["ROS_DOMAIN_ID"], namespace)
 
 
 def _strange(name, level=0, **values):
@@ -101,14 +104,37 @@ def _strange(name, level=0, **values):
 
 
 STRANGE = (
-    b"", b"\xff" * 40, _strange("cut short")[:-9], _strange("no text").replace(b"no text", b"no\xfftext"),
-    _strange("seven", 7), _strange("all bits", 255), _strange("[/x]", **{"[/x]": "[/x]"}),
-    _strange("haptic_driver", fault="overheated", state="[/x]", missed="[/x]", age_ms_p50="", exchange_answered="many",
-             exchange_sent="", realtime="[/x]", physical_damping="[/x], 2", rate_hz=""),
-    _strange("haptic_simulation", **{"result.insertion_fraction": "all of it", "result.[/x]": "", "refused.x": "often",
-                                     "tool_port_energy": "", "max_contact_force": "[/x]",
-                                     "max_penetration": ""}),
-)  # fmt: skip
+    b"",
+    b"\xff" * 40,
+    _strange("cut short")[:-9],
+    _strange("no text").replace(b"no text", b"no\xfftext"),
+    _strange("seven", 7),
+    _strange("all bits", 255),
+    _strange("[/x]", **{"[/x]": "[/x]"}),
+    _strange(
+        "haptic_driver",
+        fault="overheated",
+        state="[/x]",
+        missed="[/x]",
+        age_ms_p50="",
+        exchange_answered="many",
+        exchange_sent="",
+        realtime="[/x]",
+        physical_damping="[/x], 2",
+        rate_hz="",
+    ),
+    _strange(
+        "haptic_simulation",
+        **{
+            "result.insertion_fraction": "all of it",
+            "result.[/x]": "",
+            "refused.x": "often",
+            "tool_port_energy": "",
+            "max_contact_force": "[/x]",
+            "max_penetration": "",
+        },
+    ),
+)
 """Serialized messages of /diagnostics that are broken, or foreign and named as ours."""
 
 
@@ -152,7 +178,7 @@ class Write(NamedTuple):
 
 def last_write(namespace="/haptic"):
     """The last write of a servo that writes no more, also of one that was killed half way through it."""
-    words = np.fromfile(page_path(namespace), np.int64)[page.SERVO_FIRST :][: page.SERVO_WORDS]
+    words = np.fromfile(page_path(namespace), np.int64)[shared_memory.SERVO_FIRST :][: shared_memory.SERVO_WORDS]
     return Write(int(words[1]), int(words[2]), int(words[4]), words[5:].view(np.float64).tolist())
 
 

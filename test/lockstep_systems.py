@@ -3,8 +3,8 @@
 
 import numpy as np
 
-from haptic_device.device import load_device
-from haptic_device.node.declared import NODES
+from haptic_device.description import load_device
+from haptic_device.nodes.declared import NODES
 from haptic_sim.lockstep import Lockstep
 
 
@@ -29,13 +29,20 @@ def wall_system(
     """A handle that the hand moves from 10 mm before to 10 mm in one wall of this normal angle [°]; no tool."""
     normal = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle)), 0.0])
     walls = {
-        "wall__normals": tuple(normal[:2]), "wall__offsets": (0.0,), "wall__stiffness": (stiffness,),
-        "wall__damping": (damping,), "coupling__stiffness": 0.0, "coupling__damping": 0.0, "engage__time": 0.05,
-    }  # fmt: skip
+        "wall__normals": tuple(normal[:2]),
+        "wall__offsets": (0.0,),
+        "wall__stiffness": (stiffness,),
+        "wall__damping": (damping,),
+        "coupling__stiffness": 0.0,
+        "coupling__damping": 0.0,
+        "engage__time": 0.05,
+    }
     hand = {
-        "motion__name": motion, "motion__start": tuple(0.01 * normal), "motion__target": tuple(-0.01 * normal),
+        "motion__name": motion,
+        "motion__start": tuple(0.01 * normal),
+        "motion__target": tuple(-0.01 * normal),
         "motion__duration": 1.0,
-    }  # fmt: skip
+    }
     return Lockstep(
         device(physical_damping, counts, axes=axes),
         values("haptic_driver", **walls | driver),

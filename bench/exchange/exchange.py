@@ -14,10 +14,10 @@ import typer
 from bench.exchange import round_trip
 from bench.exchange.exchange_live import run as run_live
 from bench.jobs import WORKERS, Kept, sweep
-from haptic_device.device import load_device
+from haptic_device.config_files import find
+from haptic_device.description import load_device
 from haptic_device.parameter import read_operating_point
 from haptic_device.parameters import EXCHANGE, EXCHANGE_METHODS
-from haptic_device.share import find
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.cli.progress import SCHEDULER
 from haptic_sim.lockstep import Lockstep, Network
@@ -95,8 +95,12 @@ def main(
         _round_trip(rate, table, as_json)
         return
     delays = [value * 1e-3 for value in delay or (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)]
-    cases = [Case(name, late, jitter * late, lost, fast) for lost, fast, late, name in
-             itertools.product(loss or (0.0,), rate or (1000.0,), delays, method or EXCHANGE_METHODS)]  # fmt: skip
+    cases = [
+        Case(name, late, jitter * late, lost, fast)
+        for lost, fast, late, name in itertools.product(
+            loss or (0.0,), rate or (1000.0,), delays, method or EXCHANGE_METHODS
+        )
+    ]
     kept = Kept(table, Row, lambda row: row[:7])
     jobs = {(*case, params, live): (case, params, live) for case in cases}
     sweep(_row, jobs, kept, 1 if live else workers or len(os.sched_getaffinity(0)), scheduler)
@@ -105,8 +109,10 @@ def main(
         from bench.exchange.exchange_figure import save  # which takes its kinds from here
 
         save(found, plot)
-    rows = [{**case._asdict(), **one._asdict(), "impedance_ratio": one.impedance_ratio, "passive": one.passive}
-            for case, one in found.items()]  # fmt: skip
+    rows = [
+        {**case._asdict(), **one._asdict(), "impedance_ratio": one.impedance_ratio, "passive": one.passive}
+        for case, one in found.items()
+    ]
     if as_json:
         typer.echo(json.dumps({"live": live, "params": params, "cases": rows}))
     else:
@@ -137,10 +143,13 @@ def measure(case: Case, params: str = "demo", live: bool = False) -> Figures:
     damping, mass = _drag(steady)
     return Figures(
         float(held.force_coupling[:, 0].mean() / (0.01 - held.position[:, 0].mean())),
-        circle["error"], damping, mass,
-        max(press["given"], circle["given"]), max(press["supplied"], circle["supplied"]),
+        circle["error"],
+        damping,
+        mass,
+        max(press["given"], circle["given"]),
+        max(press["supplied"], circle["supplied"]),
         max(_jump(pressed), _jump(led)),
-    )  # fmt: skip
+    )
 
 
 def _run(case, params, scene, motion):
@@ -189,8 +198,21 @@ def _show(found, how):
     from rich.table import Table
 
     table = Table(title=f"{how}; stiffness and drag as the hand feels them, energies the largest on the way")
-    heads = ("method", "delay ms", "jitter ms", "loss", "rate Hz", "stiffness N/m", "tool error mm", "drag N s/m",
-             "mass kg", "ratio 1/s", "given J", "supplied J", "jump N/ms")  # fmt: skip
+    heads = (
+        "method",
+        "delay ms",
+        "jitter ms",
+        "loss",
+        "rate Hz",
+        "stiffness N/m",
+        "tool error mm",
+        "drag N s/m",
+        "mass kg",
+        "ratio 1/s",
+        "given J",
+        "supplied J",
+        "jump N/ms",
+    )
     for head in heads:
         table.add_column(head, justify="right")
     for case, one in found.items():

@@ -35,16 +35,22 @@ def save(found: dict, path) -> None:
     line = figure.axes[4].axhline(BUDGET * 1e3, color="black", linestyle=":")
     figure.axes[4].legend([line], ["exchange.budget, the default"], loc="upper left")
     first = next(iter(found))
-    figure.suptitle(f"Exchange methods in lock-step; jitter ± {first.jitter * 1e3:g} ms at the first delay, "
-                    f"loss {first.loss:g}, {first.rate:g} samples/s", fontsize=10)  # fmt: skip
+    figure.suptitle(
+        f"Exchange methods in lock-step; jitter ± {first.jitter * 1e3:g} ms at the first delay, "
+        f"loss {first.loss:g}, {first.rate:g} samples/s",
+        fontsize=10,
+    )
     figure.savefig(path, dpi=110, format="png")
 
 
 def _draw(axes, found, value):
     lines = sorted({case._replace(delay=0.0, jitter=0.0) for case in found})
     for line in lines:
-        points = [(case.delay * 1e3, value(one), one.passive) for case, one in found.items()
-                  if case._replace(delay=0.0, jitter=0.0) == line]  # fmt: skip
+        points = [
+            (case.delay * 1e3, value(one), one.passive)
+            for case, one in found.items()
+            if case._replace(delay=0.0, jitter=0.0) == line
+        ]
         name = line.method if len({(one.loss, one.rate) for one in lines}) == 1 else f"{line.method} {line.loss:g}"
         look = {"color": COLOURS[line.method], "alpha": 1.0 - line.loss}
         axes.plot(*zip(*(point[:2] for point in points), strict=True), "-", label=name, **look)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_device.analysis.recording import load
-from haptic_device.analysis.summary import energy_figures, engaged_rows, period
+from haptic_device.analysis.bag_topics import load
+from haptic_device.analysis.report.summary import energy_figures, engaged_rows, period
 from haptic_sim.cli.demo import Order, Relay, play
 from haptic_sim.cli.processes import interruptible
 
@@ -18,7 +18,7 @@ def run(case, params: Path, scene: str, motion: dict, patient: dict, seconds: fl
 
     The tool's error is that of each tool sample against the handle half of its age before.
     """
-    from haptic_device.share import find
+    from haptic_device.config_files import find
 
     with tempfile.TemporaryDirectory(prefix="haptic_") as folder, interruptible():
         given = {

@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from bench.exchange.exchange import Case, measure
-from haptic_device.share import find
+from haptic_device.config_files import find
 from haptic_sim.lockstep import PERFECT, Network
 
 PRESS = {"start": [0.03, 0.0, 0.0], "target": [0.005, 0.0, 0.0], "duration": 8.0}
@@ -41,13 +41,20 @@ def main() -> None:
     from exchange_systems import reference
 
     for method in ("pspm", "wave"):
-        print("{}, cut in contact: force changes by {:.3f} N/ms at most, is back after {:.3f} s; given {:.6f} J".format(
-            method, *cut(method)), flush=True)  # fmt: skip
+        print(
+            "{}, cut in contact: force changes by {:.3f} N/ms at most, is back after {:.3f} s; given {:.6f} J".format(
+                method, *cut(method)
+            ),
+            flush=True,
+        )
     for method in ("pspm", "wave"):
         for late, limit in zip(LATE, LIMITS, strict=True):
             error, taken = reference(method, late)
-            print(f"{method} {late:3d} samples each way: mean error {error * 1e3:.3f} mm (reference {limit:.3f}), "
-                  f"taken from the hand {taken:.3f} J", flush=True)  # fmt: skip
+            print(
+                f"{method} {late:3d} samples each way: mean error {error * 1e3:.3f} mm (reference {limit:.3f}), "
+                f"taken from the hand {taken:.3f} J",
+                flush=True,
+            )
     given = yaml.safe_load(find("", "demo").read_text())
     [driver] = [node["ros__parameters"] for name, node in given.items() if name.endswith("haptic_driver")]
     with tempfile.TemporaryDirectory() as folder:
@@ -56,5 +63,8 @@ def main() -> None:
             file = Path(folder) / "point.yaml"
             file.write_text(yaml.safe_dump(given))
             found = measure(Case("pspm", 0.02, 0.0, 0.0, 1000.0), str(file))
-            print(f"agility {agility:g} m/s^2: drag {found.damping:.3f} N s/m, mass {found.mass:.3f} kg, "
-                  f"tool error {found.tool_error * 1e3:.2f} mm", flush=True)  # fmt: skip
+            print(
+                f"agility {agility:g} m/s^2: drag {found.damping:.3f} N s/m, mass {found.mass:.3f} kg, "
+                f"tool error {found.tool_error * 1e3:.2f} mm",
+                flush=True,
+            )

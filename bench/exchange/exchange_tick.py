@@ -7,10 +7,10 @@ import time
 import numba
 import numpy as np
 
-from haptic_device import operating
-from haptic_device.device import load_device
-from haptic_device.law import engage, fault, servo
-from haptic_device.node.declared import NODES
+from haptic_device import controller_config
+from haptic_device.control import enable_state, faults, servo
+from haptic_device.description import load_device
+from haptic_device.nodes.declared import NODES
 from haptic_device.parameters import EXCHANGE_METHODS
 
 TICKS, TURNS = 20_000, 15
@@ -23,7 +23,7 @@ def run(settings, memory, row, ticks):
     for k in range(ticks):
         phase = 0.001 * k
         record.latched = record.deadline = (k + 1) * 250_000.0
-        record.command, record.device_status = engage.ENABLE, fault.FRESH
+        record.command, record.device_status = enable_state.ENABLE, faults.FRESH
         record.counts[0], record.counts[1] = np.round(4000.0 * np.cos(phase)), np.round(4000.0 * np.sin(phase))
         record.tool_age += 250e-6
         if k % 4 == 0:
@@ -37,9 +37,9 @@ def run(settings, memory, row, ticks):
 def timed(method):
     """Work of a tick [us]."""
     values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]} | {"exchange.method": method}
-    settings = operating.settings_from(load_device("desktop"), values)
+    settings = controller_config.settings_from(load_device("desktop"), values)
     memory, row = np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK)
-    memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, engage.ENGAGED
+    memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, enable_state.ENGAGED
     began = time.perf_counter()
     run(settings, memory, row, TICKS)
     return (time.perf_counter() - began) / TICKS * 1e6

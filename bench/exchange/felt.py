@@ -9,10 +9,10 @@ from scipy.signal import savgol_filter
 from bench.exchange import local_live
 from bench.exchange.exchange import CIRCLE, PATIENT, PRESS
 from bench.methods import insertion as peg
-from haptic_device.device import load_device
-from haptic_device.law.local import LEAVING
+from haptic_device.config_files import find
+from haptic_device.control.virtual_tool import LEAVING
+from haptic_device.description import load_device
 from haptic_device.parameter import read_operating_point
-from haptic_device.share import find
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.method import Coupling
@@ -27,9 +27,12 @@ DAMPING = 0.5  # [N s/m] B of the coupling
 SHARE = 0.95  # of the stiffness 2 (b − B)/T that the device covers
 FINE = {"counts_per_unit": 1e8}  # what an encoder's step makes of a stiff spring is another matter (docs/passivity.md)
 SMOOTH = FINE | {"coulomb": 0.0}  # where the device's dry friction would hold the handle
-NETWORKS = {"1 kHz": (Network(1e-3, seed=1), 1000.0), "3 ms": (Network(3e-3, seed=1), 1000.0),
-            "100 Hz": (Network(1e-3, seed=1), 100.0),
-            "20 ms, 10 % lost": (Network(0.02, 0.0, 0.1, 1), 1000.0)}  # fmt: skip
+NETWORKS = {
+    "1 kHz": (Network(1e-3, seed=1), 1000.0),
+    "3 ms": (Network(3e-3, seed=1), 1000.0),
+    "100 Hz": (Network(1e-3, seed=1), 100.0),
+    "20 ms, 10 % lost": (Network(0.02, 0.0, 0.1, 1), 1000.0),
+}
 GAINS = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
 SOFT = 1e-5  # [m/N] of the contacts in Fig. 5; at rest one is a spring of LEAVING times its inverse
 HAND = 1.0  # [N m/rad] of the hand, behind which a rotation gain stands
@@ -75,22 +78,35 @@ def measure(rate: float, method: str, live: bool = False, coupling: float | None
     """
     stiffness = coupling or SHARE * 2.0 * (3.0 - DAMPING) * rate
     given = {"servo.rate": rate, "coupling.stiffness": stiffness, "coupling.damping": DAMPING}
-    pressed, led = (run(scene, method, *NETWORKS["1 kHz"], given, motion, FINE, live=live)
-                    for scene, motion in (("wall", PRESS), ("free_space", CIRCLE)))  # fmt: skip
+    pressed, led = (
+        run(scene, method, *NETWORKS["1 kHz"], given, motion, FINE, live=live)
+        for scene, motion in (("wall", PRESS), ("free_space", CIRCLE))
+    )
     held = pressed.rows[int(0.55 * len(pressed.rows)) : int(0.68 * len(pressed.rows))]
     force = held.force_coupling[:, 0]
     felt = float(force.mean() / (0.01 - held.position[:, 0].mean()))
     acted = np.concatenate([rows.local[np.argmax(rows.local > 0.0) :] for rows in (pressed.rows, led.rows)])
     return Felt(
-        felt, stiffness, *drag(led.rows), max(pressed.given, led.given), float(acted.mean()),
-        float(np.median(led.rows.tool_age)), pressed.sets + led.sets,
+        felt,
+        stiffness,
+        *drag(led.rows),
+        max(pressed.given, led.given),
+        float(acted.mean()),
+        float(np.median(led.rows.tool_age)),
+        pressed.sets + led.sets,
         sum(int(rows.missed[-1] - rows.missed[0]) for rows in (pressed.rows, led.rows)),
         float(force.std() / abs(force.mean())),
-    )  # fmt: skip
+    )
 
 
-def compare(scene: str | Scene, network: Network, rate: float, live: bool = False, axis: dict | None = None,
-            params: str = "demo") -> dict[str, float]:  # fmt: skip
+def compare(
+    scene: str | Scene,
+    network: Network,
+    rate: float,
+    live: bool = False,
+    axis: dict | None = None,
+    params: str = "demo",
+) -> dict[str, float]:
     """A scene's own motion with `local` against the synchronous solution: the same handle, world and tool in one step.
 
     tool: RMS of the way between the two [m]; force: RMS of the difference at the handle, of the force's own; mean: of
@@ -108,12 +124,16 @@ def compare(scene: str | Scene, network: Network, rate: float, live: bool = Fals
     late = slice(len(rows) // 4, None)
     here, there = rows.force_coupling[late, :2], force[late, :2]
     return {
-        "tool": rms((rows.coupling_position - place)[late, :2]), "force": rms(here - there) / max(1e-9, rms(there)),
+        "tool": rms((rows.coupling_position - place)[late, :2]),
+        "force": rms(here - there) / max(1e-9, rms(there)),
         "mean": float(np.hypot(*here.T).mean() / max(1e-9, np.hypot(*there.T).mean())),
-        "rough": roughness(here, 1.0 / period), "smooth": roughness(there, 1.0 / period),
-        "fallbacks": int(rows.local_fallbacks[-1]), "local": float(rows.local[late].mean()), "given": ran.given,
+        "rough": roughness(here, 1.0 / period),
+        "smooth": roughness(there, 1.0 / period),
+        "fallbacks": int(rows.local_fallbacks[-1]),
+        "local": float(rows.local[late].mean()),
+        "given": ran.given,
         "age": float(np.median(rows.tool_age)),
-    }  # fmt: skip
+    }
 
 
 def insertion(deep: float, gain: float, live: bool = False) -> tuple[float, float]:
@@ -123,10 +143,19 @@ def insertion(deep: float, gain: float, live: bool = False) -> tuple[float, floa
     """
     play, behind = peg.free_play(deep, 1e-6), peg.behind_coupling(gain, HAND)
     near, far = ((play + pull, peg.HEIGHT, 0.0) for pull in PULLS)
-    given = {"coupling.stiffness": peg.COUPLING, "coupling.damping": 1.0, "coupling.rotational_stiffness": gain,
-             "coupling.rotational_damping": 0.002, "local.compliance": SOFT}  # fmt: skip
-    motion = {"motion.name": "press_wall", "motion.start": near, "motion.target": far,
-              "hand.rotational_stiffness": HAND}  # fmt: skip
+    given = {
+        "coupling.stiffness": peg.COUPLING,
+        "coupling.damping": 1.0,
+        "coupling.rotational_stiffness": gain,
+        "coupling.rotational_damping": 0.002,
+        "local.compliance": SOFT,
+    }
+    motion = {
+        "motion.name": "press_wall",
+        "motion.start": near,
+        "motion.target": far,
+        "hand.rotational_stiffness": HAND,
+    }
     scene = peg.peg(deep, 1e-6)
     rows = run(scene, "local", *NETWORKS["1 kHz"], given, motion, SMOOTH, PULLING, live, 1.3).rows
     rows = rows[np.argmax(rows.engage >= 1.0) :]  # the motion begins with it
@@ -163,8 +192,19 @@ def synchronous(scene, rows, period: float, driver: dict):
     return place, -force
 
 
-def run(scene, method, network, exchange_rate, given, motion, axis=None, seconds=SECONDS, live=False,
-        after=0.0, params="demo") -> Ran:  # fmt: skip
+def run(
+    scene,
+    method,
+    network,
+    exchange_rate,
+    given,
+    motion,
+    axis=None,
+    seconds=SECONDS,
+    live=False,
+    after=0.0,
+    params="demo",
+) -> Ran:
     """A motion in a scene, or in one by name, and some time after it [s], at an operating point.
 
     axis: what the device's axes have otherwise. live: on running nodes, whose network is what it is; else in lock-step.

@@ -23,8 +23,10 @@ def main(presses: Annotated[int, typer.Argument(min=1, help="Presses of a row.")
     print(f"{'what':6} {'share':>6} {'longest':>8} {'control':>9} {'without':>9} {'acts':>7}")
     for what in ("wall", "local", "pspm", "wave"):
         for share, longest in STALLS:
-            with_it, without = ([pressed(what, OF_BOUND, share, longest, turn, control=control)
-                                 for turn in range(presses)] for control in (True, False))  # fmt: skip
+            with_it, without = (
+                [pressed(what, OF_BOUND, share, longest, turn, control=control) for turn in range(presses)]
+                for control in (True, False)
+            )
             acted = np.mean([np.mean(np.diff(rows.injections) > 0.0) for _, rows in with_it])
             worst = (1e3 * max(given for given, _ in some) for some in (with_it, without))
             print(f"{what:6} {share:6.0%} {longest:8d} {next(worst):9.2f} {next(worst):9.2f} {acted:7.1%}", flush=True)

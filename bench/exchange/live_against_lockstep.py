@@ -7,11 +7,11 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from haptic_device.analysis import recording
-from haptic_device.device import load_device
-from haptic_device.law import engage
+from haptic_device.analysis import bag_topics
+from haptic_device.config_files import find
+from haptic_device.control import enable_state
+from haptic_device.description import load_device
 from haptic_device.parameter import read_operating_point
-from haptic_device.share import find
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.scene import load
@@ -44,13 +44,13 @@ def main(
     params: Annotated[str, typer.Option(help="Operating point: a name in config or a YAML file.")] = "demo",
 ) -> None:
     """Plays a recorded demo again in lock-step and prints how far the handles are apart."""
-    trace = recording.load(run / "bag").trace
-    begun = int(np.argmax(trace["state"] == engage.ENGAGED))
+    trace = bag_topics.load(run / "bag").trace
+    begun = int(np.argmax(trace["state"] == enable_state.ENGAGED))
     live = trace["position"][begun:]
     age, late = first_use_age(trace[begun:]), float(np.median(trace["lateness"][begun:]))
     twin = system(scene, params, age, late)
     rows = twin.run(1.0 + len(live) * twin.period * 1e-9)
-    twin_begun = int(np.argmax(rows.state == engage.ENGAGED))
+    twin_begun = int(np.argmax(rows.state == enable_state.ENGAGED))
     count = min(len(live), len(rows) - twin_begun)
     elapsed = (trace["deadline"][begun : begun + count] - trace["deadline"][begun]) / twin.period
     apart = live[:count] - rows.position[twin_begun + np.minimum(elapsed.astype(int), count - 1)]

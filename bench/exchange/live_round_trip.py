@@ -2,9 +2,9 @@
 """Round trip of the exchange on live nodes against a bare ping-pong by the same receive path, in turns.
 
 Both are what the driver's exchange measures at 1 kHz in free space, from composing a handle sample to its answer, which
-it looks for every 10 us (runtime/rcl.py: LOOK). The share of servo ticks whose tool sample is younger than 3 ms is
-counted in the trace. The bare answerer waits for bytes as the simulation does, and sends
-them back with the few numbers that make them an answer.
+it looks for every 10 us (realtime/exchange_loop.py: LOOK). The share of servo ticks whose tool sample is younger than
+3 ms is counted in the trace. The bare answerer waits for bytes as the simulation does, and sends them back with the few
+numbers that make them an answer.
 """
 
 import atexit
@@ -23,7 +23,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from haptic_device.law import exchange
+from haptic_device.control import exchange_samples
 from haptic_device.process import running_module
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes, Program
@@ -39,9 +39,9 @@ def answer_barely(folder):
     import rclpy.signals
     from rclpy.impl.implementation_singleton import rclpy_implementation
 
-    from haptic_device.node.tap import Untouched
-    from haptic_device.node.wire import LATEST, JointLayout, JointState, exchange_names
-    from haptic_device.runtime.realtime import go_realtime
+    from haptic_device.nodes.messages import LATEST, JointLayout, JointState, exchange_names
+    from haptic_device.nodes.polled_subscription import Untouched
+    from haptic_device.realtime.scheduling import go_realtime
 
     signal.signal(signal.SIGINT, lambda *_: sys.exit())
     times = Times(folder)
@@ -52,7 +52,7 @@ def answer_barely(folder):
         JointState, "handle", lambda data: None, LATEST, raw=True, callback_group=Untouched()
     )
     layout = JointLayout(exchange_names(AXES))
-    place = {entry: layout.offsets[0] + 8 * (AXES + entry) for entry in range(len(exchange.TAIL))}
+    place = {entry: layout.offsets[0] + 8 * (AXES + entry) for entry in range(len(exchange_samples.TAIL))}
     go_realtime("prefer", 60)
     wait_set, number = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle), 0.0
     while True:
@@ -66,8 +66,8 @@ def answer_barely(folder):
             continue
         times.taken(latest[1])
         data, number = bytearray(latest[0]), number + 1.0
-        asked = struct.unpack_from("<dd", data, place[exchange.SESSION])
-        struct.pack_into("<dddd", data, place[exchange.SESSION], 4711.0, number, *asked)
+        asked = struct.unpack_from("<dd", data, place[exchange_samples.SESSION])
+        struct.pack_into("<dddd", data, place[exchange_samples.SESSION], 4711.0, number, *asked)
         times.answered()
         publisher.publish(bytes(data))
         times.published()
@@ -128,9 +128,12 @@ class Times:
 
 
 STAGES = (
-    "middleware, driver to answerer", "wake-up and take", "work", "publish",
+    "middleware, driver to answerer",
+    "wake-up and take",
+    "work",
+    "publish",
     "middleware back, and until the driver looks",
-)  # fmt: skip
+)
 
 
 def measure(domain, answerer, seconds):
@@ -139,9 +142,9 @@ def measure(domain, answerer, seconds):
 
     with tempfile.TemporaryDirectory() as logs, Nodes(Path(logs)) as nodes:
         circle = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.duration": 60.0}
-        nodes.start(Program("haptic_loopback", "haptic_device.node.loopback", circle))
+        nodes.start(Program("haptic_loopback", "haptic_device.nodes.loopback", circle))
         nodes.start(answerer)
-        nodes.start(Program("haptic_driver", "haptic_device.node.driver", {"auto_enable": True}))
+        nodes.start(Program("haptic_driver", "haptic_device.nodes.driver", {"auto_enable": True}))
         with contextlib.closing(Tuning(domain, "/haptic", trace=True)) as tuning:
             tuning.wait_engaged(nodes.check)
             tuning.wait_answered(nodes.check)
@@ -175,8 +178,11 @@ def main(
                 plain = Program("haptic_simulation", "haptic_sim.node.simulation", free)
                 one = measure(domain, here if profiled or word == "bare" else plain, seconds)
                 found.setdefault(name, []).append(one)
-                print(f"{turn} {name:10} round trip {one[0]:6.1f} us, p99 {one[1]:7.1f} us; "
-                      f"ticks with a tool sample under 3 ms: {one[2]:.3%}", flush=True)  # fmt: skip
+                print(
+                    f"{turn} {name:10} round trip {one[0]:6.1f} us, p99 {one[1]:7.1f} us; "
+                    f"ticks with a tool sample under 3 ms: {one[2]:.3%}",
+                    flush=True,
+                )
                 if profiled:
                     stages.setdefault(name, []).append([*profile(times), one[0]])
     ratio = statistics.median(one[0] / other[0] for one, other in zip(*found.values(), strict=True))

@@ -41,8 +41,10 @@ def main(
         if part not in jobs:
             raise ValueError(f"--only {part}: it must be one of {', '.join(jobs)}")
     with deaths_told():
-        found = {part: {job: _do(live, params, part, *job) for job in of if part in (only or jobs)}
-                 for part, of in jobs.items()}  # fmt: skip
+        found = {
+            part: {job: _do(live, params, part, *job) for job in of if part in (only or jobs)}
+            for part, of in jobs.items()
+        }
     if plot is not None:
         save(found, plot, live)
     if as_json:
@@ -69,8 +71,9 @@ def _do(live, params, part, *job):
 
 
 def _show_felt(found):
-    typer.echo("servo Hz  method  coupling N/m  felt N/m  share  drag N s/m  mass kg  ratio 1/s  given mJ  local"
-               "  age ms  sets")  # fmt: skip
+    typer.echo(
+        "servo Hz  method  coupling N/m  felt N/m  share  drag N s/m  mass kg  ratio 1/s  given mJ  local  age ms  sets"
+    )
     for (hertz, name), numbers in found.items():
         if len(numbers) == 1:
             typer.echo(f"{hertz:8.0f}  {name:6} {numbers[0]}")
@@ -80,8 +83,10 @@ def _show_felt(found):
         ratio = f"{one.stiffness / max(1e-3, abs(one.drag)):10.3g}"
         if not one.steady:
             felt, share, ratio = f"{'unsteady':>9}", f"{'–':>6}", f"{'–':>10}"
-        typer.echo(f"{hertz:8.0f}  {name:6} {one.coupling:13.0f} {felt} {share} {one.drag:11.4f} {one.mass:8.4f}"
-                   f" {ratio} {one.given * 1e3:9.3f} {one.local:6.3f} {one.age * 1e3:7.2f} {one.sets:5d}")  # fmt: skip
+        typer.echo(
+            f"{hertz:8.0f}  {name:6} {one.coupling:13.0f} {felt} {share} {one.drag:11.4f} {one.mass:8.4f}"
+            f" {ratio} {one.given * 1e3:9.3f} {one.local:6.3f} {one.age * 1e3:7.2f} {one.sets:5d}"
+        )
 
 
 def _show_insertion(found):
@@ -101,7 +106,9 @@ def _show_tasks(found):
             typer.echo(f"{scene:14} {name:18} {numbers[0]}")
             continue
         one = dict(numbers)
-        typer.echo(f"{scene:14} {name:18} {one['tool'] * 1e3:11.4f} {one['force']:14.2%}"
-                   f" {one['mean']:11.3f} {one['rough']:6.2%} {one['smooth']:6.2%}"
-                   f" {one['fallbacks']:9d} {one['local']:7.3f} {one['given'] * 1e3:9.3f}"
-                   f" {one['age'] * 1e3:7.2f}")  # fmt: skip
+        typer.echo(
+            f"{scene:14} {name:18} {one['tool'] * 1e3:11.4f} {one['force']:14.2%}"
+            f" {one['mean']:11.3f} {one['rough']:6.2%} {one['smooth']:6.2%}"
+            f" {one['fallbacks']:9d} {one['local']:7.3f} {one['given'] * 1e3:9.3f}"
+            f" {one['age'] * 1e3:7.2f}"
+        )

@@ -10,11 +10,14 @@ from matplotlib.figure import Figure
 
 from bench.exchange.felt import HAND, SOFT, Felt
 from bench.methods import insertion as peg
-from haptic_device.law.local import LEAVING
+from haptic_device.control.virtual_tool import LEAVING
 
 LINES = {  # of the methods: colours that all eyes can tell apart (Okabe and Ito), and how the line is drawn
-    "direct": ("#D55E00", ":"), "wave": ("#CC79A7", "-."), "pspm": ("#0072B2", "--"), "local": ("#009E73", "-"),
-}  # fmt: skip
+    "direct": ("#D55E00", ":"),
+    "wave": ("#CC79A7", "-."),
+    "pspm": ("#0072B2", "--"),
+    "local": ("#009E73", "-"),
+}
 MARKERS = ("o", "s", "^", "v", "D", "P")  # of the servo rates
 GAINS = ("tab:green", "tab:purple")  # of the rotation gains
 LEAST = 1e-4  # [N s/m] drag below which the axis ends
@@ -44,8 +47,12 @@ def _display(axes, found):
         axes.plot(drags, [one.stiffness for one in points.values()], style, color=colour, alpha=0.4)
         for (rate, one), drag in zip(points.items(), drags, strict=True):
             axes.plot(drag, one.stiffness, markers[rate], color=colour, label=f"{method}, {rate * 1e-3:g} kHz")
-    axes.set(xscale="log", yscale="log", xlabel="drag in free space, net of the device's b [N s/m]",
-             ylabel="stiffness felt in contact [N/m]")  # fmt: skip
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="drag in free space, net of the device's b [N s/m]",
+        ylabel="stiffness felt in contact [N/m]",
+    )
     axes.set_title("b = 3 N s/m, B = 0.5 N s/m, K = 0.95 · 2(b − B)/T; passive unless direct", fontsize=10)
 
 
@@ -55,11 +62,21 @@ def _insertion(axes, found):
     for colour, gain in zip(GAINS, sorted({gain for _, gain in found}), strict=False):
         behind = peg.behind_coupling(gain, HAND)
         theory = [peg.behind_coupling(peg.apparent_stiffness(one, behind, stiffness)) for one in fine]
-        axes.plot(1e3 * fine, theory, "k-" if gain == 0.0 else "k--", linewidth=1.0,
-                  label=f"theory, rotation gain {behind:g} N m/rad")  # fmt: skip
+        axes.plot(
+            1e3 * fine,
+            theory,
+            "k-" if gain == 0.0 else "k--",
+            linewidth=1.0,
+            label=f"theory, rotation gain {behind:g} N m/rad",
+        )
         felt = {deep: numbers[0] for (deep, other), numbers in found.items() if other == gain and len(numbers) > 1}
-        axes.plot(1e3 * np.array(list(felt)), list(felt.values()), "o", color=colour,
-                  label=f"local, 4 kHz, {behind:g} N m/rad")  # fmt: skip
+        axes.plot(
+            1e3 * np.array(list(felt)),
+            list(felt.values()),
+            "o",
+            color=colour,
+            label=f"local, 4 kHz, {behind:g} N m/rad",
+        )
     axes.axhline(peg.COUPLING, color="gray", linewidth=1.0, linestyle=":", label="coupling")
     axes.set(xscale="log", yscale="log", xlabel="insertion L [mm]", ylabel="stiffness at the handle [N/m]")
     axes.set_title(f"Fig. 5: contacts of {stiffness:g} N/m in the servo, behind the coupling", fontsize=10)

@@ -13,12 +13,12 @@ import numba
 import numpy as np
 import typer
 
-from haptic_device import operating
-from haptic_device.device import load_device
-from haptic_device.law import complementarity, contact, engage, fault, local, servo
-from haptic_device.node.declared import NODES
+from haptic_device import controller_config
+from haptic_device.control import contact_model, contact_solver, enable_state, faults, servo, virtual_tool
+from haptic_device.description import load_device
+from haptic_device.nodes.declared import NODES
 from haptic_device.parameters import EXCHANGE_METHODS
-from haptic_device.runtime import clock
+from haptic_device.realtime import clock
 
 PERIOD_NS = 250_000
 REPEATS = 5
@@ -31,7 +31,7 @@ def run(settings, memory, row, near, times, pivots):
     for k in range(times.size):
         phase = 0.003 * k
         record.latched = record.deadline = (k + 1.0) * PERIOD_NS
-        record.command, record.device_status = engage.ENABLE, fault.FRESH
+        record.command, record.device_status = enable_state.ENABLE, faults.FRESH
         record.counts[0], record.counts[1] = np.round(400.0 * np.sin(phase)), np.round(200.0 * np.sin(1.7 * phase))
         record.counts[2] = np.round(800.0 * np.sin(2.3 * phase))
         record.tool_session, record.tool_answered, record.tool_sequence, record.tool_age = 1.0, k + 1.0, k + 1.0, 1e-3
@@ -39,20 +39,24 @@ def run(settings, memory, row, near, times, pivots):
         began = clock.now_ns(scratch)
         if k % 4 == 0:
             near[0].number = k + 1.0
-            local.take(memory[0], near[0])
+            virtual_tool.take(memory[0], near[0])
         servo.tick(settings[0], memory[0], record)
         times[k], pivots[k] = clock.now_ns(scratch) - began, record.local_pivots
 
 
 def slot():
     """Set of six contacts: four corners of a peg between two flanks 0.1 mm wider, and two planes of the mouth."""
-    near = np.zeros(1, contact.SET)
+    near = np.zeros(1, contact_model.SET)
     near["mass"], near["inertia"], near["extent"], near["trust"] = 0.1, 3e-4, 0.1, 10.0
     for i in range(6):
         one, side = near["table"][0, i], 1.0 if i % 2 == 0 else -1.0
-        one[[contact.IDENTITY, contact.KIND, contact.FRICTION]] = i + 1.0, contact.FLAT_THERE, 0.2
-        one[[contact.TOOL_X, contact.TOOL_Y]] = -0.01 * side, -0.09 + 0.02 * (i // 2)
-        one[[contact.POINT_X, contact.NORMAL_X]] = -0.01005 * side, side
+        one[[contact_model.IDENTITY, contact_model.KIND, contact_model.FRICTION]] = (
+            i + 1.0,
+            contact_model.FLAT_THERE,
+            0.2,
+        )
+        one[[contact_model.TOOL_X, contact_model.TOOL_Y]] = -0.01 * side, -0.09 + 0.02 * (i // 2)
+        one[[contact_model.POINT_X, contact_model.NORMAL_X]] = -0.01005 * side, side
     return near
 
 
@@ -61,10 +65,16 @@ def main(ticks: Annotated[int, typer.Argument(min=1)] = 100_000) -> None:
     print("method   median us   p99.9 us   worst us    work us   systems: mean, most   acting")
     for method in ("direct", EXCHANGE_METHODS[-1]):
         values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]}
-        values |= {"exchange.method": method, "coupling.stiffness": 2000.0, "coupling.damping": 2.0,
-                   "coupling.rotational_stiffness": 2.0, "coupling.rotational_damping": 0.002,
-                   "local.apart": 1.0, "local.rejoin": 0.0}  # fmt: skip
-        settings = operating.settings_from(load_device("desktop"), values)
+        values |= {
+            "exchange.method": method,
+            "coupling.stiffness": 2000.0,
+            "coupling.damping": 2.0,
+            "coupling.rotational_stiffness": 2.0,
+            "coupling.rotational_damping": 0.002,
+            "local.apart": 1.0,
+            "local.rejoin": 0.0,
+        }
+        settings = controller_config.settings_from(load_device("desktop"), values)
         run(*start(settings), slot(), np.zeros(2000), np.zeros(2000))  # compiled here
         times, pivots = np.zeros((REPEATS, ticks)), np.zeros(ticks)
         for once in times:
@@ -72,26 +82,28 @@ def main(ticks: Annotated[int, typer.Argument(min=1)] = 100_000) -> None:
             run(*begun, slot(), once, pivots)
         median, high, worst = np.percentile(times, (50, 99.9, 100)) * 1e-3
         work = times.min(axis=0).max() * 1e-3
-        print(f"{method:7} {median:10.2f} {high:10.2f} {worst:10.2f} {work:10.2f} {pivots.mean():12.2f}"
-              f" {pivots.max():6.0f} {memory['acting'][0]:10.0f}")  # fmt: skip
-    most = complementarity.EXACT + complementarity.BRAKED
+        print(
+            f"{method:7} {median:10.2f} {high:10.2f} {worst:10.2f} {work:10.2f} {pivots.mean():12.2f}"
+            f" {pivots.max():6.0f} {memory['acting'][0]:10.0f}"
+        )
+    most = contact_solver.EXACT + contact_solver.BRAKED
     print(f"the contacts alone: {bound() * 1e-3:.2f} us for the {most} systems that a solution takes at most")
 
 
 def start(settings):
     """Settings, memory and row of a servo that is engaged."""
     memory, row = np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK)
-    memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, engage.ENGAGED
+    memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, enable_state.ENGAGED
     return settings, memory, row
 
 
 def bound():
     """Least time [ns] of as many systems as a tick may take at most, of eight contacts with friction."""
     random = np.random.default_rng(1)
-    rows = np.zeros((contact.MOST, complementarity.COLUMNS))
-    rows[:, : complementarity.B_T + 1] = random.normal(size=(contact.MOST, complementarity.B_T + 1))
-    rows[:, [complementarity.E_N, complementarity.E_T, complementarity.MU]] = 1e-2, 1e-5, 0.5
-    rows[:, complementarity.MODE] = complementarity.STICK
+    rows = np.zeros((contact_model.MOST, contact_solver.COLUMNS))
+    rows[:, : contact_solver.B_T + 1] = random.normal(size=(contact_model.MOST, contact_solver.B_T + 1))
+    rows[:, [contact_solver.E_N, contact_solver.E_T, contact_solver.MU]] = 1e-2, 1e-5, 0.5
+    rows[:, contact_solver.MODE] = contact_solver.STICK
     return min(systems(rows, np.ones(3), np.ones(3), np.zeros((3, 4)), np.zeros(3)) for _ in range(1000))
 
 
@@ -100,9 +112,9 @@ def systems(rows, mass, right, system, velocity):
     """Time [ns] of EXACT and BRAKED solutions."""
     scratch = np.zeros(2, np.int64)
     began = clock.now_ns(scratch)
-    for turn in range(complementarity.EXACT + complementarity.BRAKED):
-        braked = turn >= complementarity.EXACT
-        complementarity._assemble(rows, mass, right, system, braked)
-        complementarity._eliminate(system, velocity)
-        complementarity._review(rows, velocity, True, braked)
+    for turn in range(contact_solver.EXACT + contact_solver.BRAKED):
+        braked = turn >= contact_solver.EXACT
+        contact_solver._assemble(rows, mass, right, system, braked)
+        contact_solver._eliminate(system, velocity)
+        contact_solver._review(rows, velocity, True, braked)
     return clock.now_ns(scratch) - began

@@ -11,11 +11,11 @@ import rclpy
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
-from haptic_device.law import exchange
-from haptic_device.node.lifecycle import hear_the_end
-from haptic_device.node.tap import Untouched
-from haptic_device.node.wire import AXES, LATEST, JointLayout, JointState, exchange_names
-from haptic_device.runtime.realtime import go_realtime
+from haptic_device.control import exchange_samples
+from haptic_device.nodes.lifecycle import hear_the_end
+from haptic_device.nodes.messages import AXES, LATEST, JointLayout, JointState, exchange_names
+from haptic_device.nodes.polled_subscription import Untouched
+from haptic_device.realtime.scheduling import go_realtime
 
 LOOK_UP_NS = 50_000_000
 PRIORITY = 60
@@ -32,7 +32,7 @@ def main() -> int:
         JointState, "handle", lambda data: None, LATEST, raw=True, callback_group=Untouched()
     )
     go_realtime("prefer", PRIORITY)
-    place = JointLayout(exchange_names(len(AXES))).offsets[0] + 8 * (len(AXES) + exchange.SESSION)
+    place = JointLayout(exchange_names(len(AXES))).offsets[0] + 8 * (len(AXES) + exchange_samples.SESSION)
     wait_set, sequence = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle), 0.0
     while not told:
         wait_set.clear_entities()

@@ -28,9 +28,11 @@ def measure(rates=RATES, turns: int = TURNS, seconds: float = SECONDS) -> list[d
     processor time of each node as a share of a core; `ratio`: of the p50 to the bare one's, the median of the turns."""
     found = []
     with (
-        interruptible(), deaths_told(),
-        tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain,
-    ):  # fmt: skip
+        interruptible(),
+        deaths_told(),
+        tempfile.TemporaryDirectory() as folder,
+        isolated_domain(Path(folder)) as domain,
+    ):
         for rate in rates:
             runs = {name: [] for name in ANSWERERS}
             for turn in range(turns):
@@ -48,9 +50,9 @@ def _once(domain, answerer, rate, seconds):
 
     driver = {"auto_enable": True, "exchange.rate": rate}
     with tempfile.TemporaryDirectory() as logs, Nodes(Path(logs)) as nodes:
-        nodes.start(Program("haptic_loopback", "haptic_device.node.loopback", _CIRCLE))
+        nodes.start(Program("haptic_loopback", "haptic_device.nodes.loopback", _CIRCLE))
         nodes.start(answerer)
-        nodes.start(Program("haptic_driver", "haptic_device.node.driver", driver))
+        nodes.start(Program("haptic_driver", "haptic_device.nodes.driver", driver))
         with contextlib.closing(Tuning(domain, "/haptic")) as tuning:
             tuning.wait_engaged(nodes.check)
             tuning.wait_answered(nodes.check)
@@ -59,8 +61,10 @@ def _once(domain, answerer, rate, seconds):
             before, began = {name: _spent(one) for name, one in watched.items()}, time.monotonic()
             answered, sent = (int(tuning.said(f"exchange_{word}")) for word in ("answered", "sent"))
             tuning.watch(seconds)
-            cores = {f"{name.removeprefix('haptic_')}_cores": (_spent(one) - before[name]) / (time.monotonic() - began)
-                     for name, one in watched.items()}  # fmt: skip
+            cores = {
+                f"{name.removeprefix('haptic_')}_cores": (_spent(one) - before[name]) / (time.monotonic() - began)
+                for name, one in watched.items()
+            }
             share = (int(tuning.said("exchange_answered")) - answered) / max(
                 1, int(tuning.said("exchange_sent")) - sent
             )
@@ -80,8 +84,10 @@ def _medians(runs):
 def table(found: list[dict]) -> str:
     """As a table of Markdown."""
     names = ("p50_us", "p99_us", "answered", "loopback_cores", "simulation_cores", "driver_cores", "ratio")
-    lines = ["| rate | answerer | p50 us | p99 us | answered | device | answerer | driver cores | p50 to bare |",
-             "|" + " --- |" * 9]  # fmt: skip
+    lines = [
+        "| rate | answerer | p50 us | p99 us | answered | device | answerer | driver cores | p50 to bare |",
+        "|" + " --- |" * 9,
+    ]
     for one in found:
         p50, p99, *others = (one[name] for name in names)
         numbers = " | ".join(f"{value:.3f}" for value in others)

@@ -3,9 +3,9 @@
 
 import numpy as np
 
-from haptic_device.device import load_device
-from haptic_device.node.declared import NODES
-from haptic_device.runtime import loop
+from haptic_device.description import load_device
+from haptic_device.device import simulated_device
+from haptic_device.nodes.declared import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
@@ -33,10 +33,19 @@ class Stalling(Lockstep):
                 rows[k] = self._last
                 rows[k].deadline = start + k * self.period
                 continue
-            loop.run_lockstep(
-                self.settings, self.memory, rows[k : k + 1], self.tool, self.plant, self.plant_memory, self.motion,
-                start + k * self.period, self.ticks + k, self.write_delay, self.command,
-            )  # fmt: skip
+            simulated_device.run_lockstep(
+                self.settings,
+                self.memory,
+                rows[k : k + 1],
+                self.tool,
+                self.plant,
+                self.plant_memory,
+                self.motion,
+                start + k * self.period,
+                self.ticks + k,
+                self.write_delay,
+                self.command,
+            )
             self._last = rows[k].copy()
             if self._stalls.random() < self.share:
                 self._left = int(self._stalls.integers(1, self.longest + 1))
@@ -49,22 +58,35 @@ def pressed(what, of_bound, share, longest, stalls=0, rate=4000.0, control=True,
     what the damping of the desktop device covers, 2 (b − B)/T; the encoder's steps are 10 nm.
     """
     shipped = load_device("desktop")
-    device = shipped.model_copy(update={"axes": tuple(one.model_copy(update={"counts_per_unit": 1e8})
-                                                      for one in shipped.axes)})  # fmt: skip
+    device = shipped.model_copy(
+        update={"axes": tuple(one.model_copy(update={"counts_per_unit": 1e8}) for one in shipped.axes)}
+    )
     defaults = {node: {one.name: one.default for one in NODES[node]} for node in NODES}
     stiffness = of_bound * 2.0 * (shipped.axes[0].damping - damping) * rate
     driver = {"servo.rate": rate, "passivity.control": control}
     if what == "wall":
-        driver |= {"wall.normals": (1.0, 0.0), "wall.offsets": (0.0,), "wall.stiffness": (stiffness,),
-                   "wall.damping": (damping,), "coupling.stiffness": 0.0, "coupling.damping": 0.0}  # fmt: skip
+        driver |= {
+            "wall.normals": (1.0, 0.0),
+            "wall.offsets": (0.0,),
+            "wall.stiffness": (stiffness,),
+            "wall.damping": (damping,),
+            "coupling.stiffness": 0.0,
+            "coupling.damping": 0.0,
+        }
         hand, simulation = HAND | {"motion.start": (0.02, 0.0, 0.0), "motion.target": (-0.005, 0.0, 0.0)}, None
     else:
         driver |= {"coupling.stiffness": stiffness, "coupling.damping": damping, "exchange.method": what}
         hand = HAND | {"motion.start": (0.03, 0.0, 0.0), "motion.target": (0.005, 0.0, 0.0)}
         simulation = Simulation(load("wall"), None, 0.5, port=port_of(what))
     system = Stalling(
-        device, defaults["haptic_driver"] | driver, defaults["haptic_loopback"] | hand, simulation, NETWORK,
-        share=share, longest=longest, stalls=stalls,
-    )  # fmt: skip
+        device,
+        defaults["haptic_driver"] | driver,
+        defaults["haptic_loopback"] | hand,
+        simulation,
+        NETWORK,
+        share=share,
+        longest=longest,
+        stalls=stalls,
+    )
     rows = system.run(SECONDS)
     return float(system.plant_memory["energy_given"][0]), rows

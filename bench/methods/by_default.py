@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from bench.methods.hard import JUMP, OWN_GAINS
-from haptic_device.share import names
+from haptic_device.config_files import names
 from haptic_sim.compile import compile_scene
 from haptic_sim.scene import load
 from haptic_sim.verify import LEAST
@@ -34,13 +34,20 @@ def main(
     phases: Annotated[int, typer.Option(min=1, help="Shares of a sub-step by which the start is shifted.")] = 4,
 ) -> None:
     """One line a scene."""
-    print(f"{'scene':20} {'method':12} {'step ms':>8} {'finite':>7} {'overlap um':>11}"
-          f" {'created J':>10} {'relative':>9}")
+    print(
+        f"{'scene':20} {'method':12} {'step ms':>8} {'finite':>7} {'overlap um':>11} {'created J':>10} {'relative':>9}"
+    )
     for name in scenes or names("scenes"):
-        outcomes = [tried(name, 2.0 * math.pi * (i + 0.3 * (i > 0)) / turns, (j + 0.37 * (j > 0)) / phases)
-                    for i in range(turns) for j in range(phases)]
+        outcomes = [
+            tried(name, 2.0 * math.pi * (i + 0.3 * (i > 0)) / turns, (j + 0.37 * (j > 0)) / phases)
+            for i in range(turns)
+            for j in range(phases)
+        ]
         compiled = compile_scene(load(name))
         worst = max(outcomes, key=lambda outcome: outcome.created / max(outcome.scale, LEAST))
-        print(f"{name:20} {compiled.method:12} {compiled.sub_step * 1e3:8g} {all(o.finite for o in outcomes)!s:>7} "
-              f"{max(o.overlap for o in outcomes) * 1e6:11.3g} {max(o.created for o in outcomes):10.2g} "
-              f"{worst.created / max(worst.scale, LEAST):9.2g}", flush=True)
+        print(
+            f"{name:20} {compiled.method:12} {compiled.sub_step * 1e3:8g} {all(o.finite for o in outcomes)!s:>7} "
+            f"{max(o.overlap for o in outcomes) * 1e6:11.3g} {max(o.created for o in outcomes):10.2g} "
+            f"{worst.created / max(worst.scale, LEAST):9.2g}",
+            flush=True,
+        )

@@ -59,7 +59,9 @@ def ratios(runs: list[Run]) -> list[Ratio]:
         others = [item for item in runs if item.method == peer and item.counts]
         if own and others:
             error = max(min(item.error for item in own), min(item.error for item in others))
-            mine, its = (min((item for item in side if item.error <= error), key=lambda item: item.wall)
-                         for side in (own, others))
+            mine, its = (
+                min((item for item in side if item.error <= error), key=lambda item: item.wall)
+                for side in (own, others)
+            )
             found.append(Ratio(mine.scene, mine.kind, mine.method, peer, error, mine.wall, its.wall))
     return found

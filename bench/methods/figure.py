@@ -8,10 +8,16 @@ from bench.methods.measure import Run
 from bench.methods.table import TITLES, default_of, fronts, nearest, scenes_of
 
 LOOKS = {
-    "impulse": ("tab:blue", "o"), "penalty_explicit": ("tab:red", "v"), "penalty_implicit": ("tab:orange", "^"),
-    "partitioned": ("tab:green", "s"), "event_driven": ("tab:cyan", "p"), "closed_form": ("tab:olive", "D"),
-    "pymunk": ("0.6", "1"), "box2d": ("0.3", "2"),
-    "mujoco_rk4": ("tab:purple", "+"), "mujoco_implicit": ("tab:pink", "x"),
+    "impulse": ("tab:blue", "o"),
+    "penalty_explicit": ("tab:red", "v"),
+    "penalty_implicit": ("tab:orange", "^"),
+    "partitioned": ("tab:green", "s"),
+    "event_driven": ("tab:cyan", "p"),
+    "closed_form": ("tab:olive", "D"),
+    "pymunk": ("0.6", "1"),
+    "box2d": ("0.3", "2"),
+    "mujoco_rk4": ("tab:purple", "+"),
+    "mujoco_implicit": ("tab:pink", "x"),
 }
 LEAST = 1e-14
 
@@ -29,8 +35,13 @@ def pareto_figure(runs: list[Run], columns: int = 3) -> Figure:
     for axes in list(panels):
         axes.set_visible(False)
     ordered = {name: drawn[name] for name in LOOKS if name in drawn}
-    figure.legend(list(ordered.values()), [TITLES.get(name, name) for name in ordered], loc="outside upper center",
-                  ncols=min(len(ordered), 3 * columns), fontsize=8)
+    figure.legend(
+        list(ordered.values()),
+        [TITLES.get(name, name) for name in ordered],
+        loc="outside upper center",
+        ncols=min(len(ordered), 3 * columns),
+        fontsize=8,
+    )
     return figure
 
 
@@ -40,8 +51,9 @@ def _panel(axes, runs, scene):
         if front:
             color, marker = LOOKS[name]
             points = [(max(item.error, LEAST), 1e3 * item.wall) for item in front]
-            drawn[name], = axes.plot(*zip(*points, strict=True), marker=marker, color=color, linewidth=1.0,
-                                     markersize=5)
+            (drawn[name],) = axes.plot(
+                *zip(*points, strict=True), marker=marker, color=color, linewidth=1.0, markersize=5
+            )
     shown = nearest(runs, method, step)
     if shown and shown.counts:
         axes.plot(max(shown.error, LEAST), 1e3 * shown.wall, "o", color="black", markersize=11, fillstyle="none")

@@ -38,37 +38,64 @@ def stiffness(axes):
     print(f"K_app at the peg and at the handle [N/m], contacts of {peg.STIFFNESS:g} N/m, coupling {peg.COUPLING:g} N/m")
     for gain, style in ((0.0, "-"), (GAIN, "--")):
         theory = [peg.behind_coupling(peg.apparent_stiffness(deep, gain)) for deep in DEEP]
-        axes.plot(1e3 * DEEP, theory, style, color="black", linewidth=1.0,
-                  label=f"theory, rotation gain {gain:g} N m/rad")
+        axes.plot(
+            1e3 * DEEP, theory, style, color="black", linewidth=1.0, label=f"theory, rotation gain {gain:g} N m/rad"
+        )
         for method in peg.PENALTY:
             found = [peg.felt(method, deep, gain) for deep in peg.INSERTIONS]
             color, mark = LOOKS[method]
-            axes.plot(1e3 * np.array(peg.INSERTIONS), [felt.handle for felt in found], mark, color=color, markersize=6,
-                      fillstyle="full" if gain == 0.0 else "none", label=f"{method}, {gain:g} N m/rad")
+            axes.plot(
+                1e3 * np.array(peg.INSERTIONS),
+                [felt.handle for felt in found],
+                mark,
+                color=color,
+                markersize=6,
+                fillstyle="full" if gain == 0.0 else "none",
+                label=f"{method}, {gain:g} N m/rad",
+            )
             for deep, felt in zip(peg.INSERTIONS, found, strict=True):
                 exact = peg.apparent_stiffness(deep, gain)
-                print(f"  {method:17} gain {gain:g}  L {1e3 * deep:5.1f} mm  K_app {felt.peg:8.2f}, "
-                      f"theory {exact:8.2f} ({100.0 * (felt.peg / exact - 1.0):+.2f} %)  handle {felt.handle:8.2f}, "
-                      f"theory {peg.behind_coupling(exact):8.2f}")
+                print(
+                    f"  {method:17} gain {gain:g}  L {1e3 * deep:5.1f} mm  K_app {felt.peg:8.2f}, "
+                    f"theory {exact:8.2f} ({100.0 * (felt.peg / exact - 1.0):+.2f} %)  handle {felt.handle:8.2f}, "
+                    f"theory {peg.behind_coupling(exact):8.2f}"
+                )
     axes.axhline(peg.COUPLING, color="tab:green", linewidth=1.0, linestyle=":", label="coupling alone: rigid contacts")
-    axes.set(xscale="log", yscale="log", xlabel="insertion L [mm]", ylabel="stiffness at the handle [N/m]",
-             title="Elastic contacts: stiffness grows with insertion")
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="insertion L [mm]",
+        ylabel="stiffness at the handle [N/m]",
+        title="Elastic contacts: stiffness grows with insertion",
+    )
 
 
 def play(axes):
     """Rigid contacts without rotation gain: free play, then the coupling alone."""
     print(f"free play [mm] and stiffness beyond it [N/m], rigid contacts, clearance {1e3 * CLEARANCE:g} mm")
-    axes.plot(1e3 * DEEP, [1e3 * peg.free_play(deep, CLEARANCE) for deep in DEEP], "k-", linewidth=1.0,
-              label="theory: ±c(½ + h/L)")
+    axes.plot(
+        1e3 * DEEP,
+        [1e3 * peg.free_play(deep, CLEARANCE) for deep in DEEP],
+        "k-",
+        linewidth=1.0,
+        label="theory: ±c(½ + h/L)",
+    )
     for method in peg.RIGID:
         found = [peg.felt(method, deep, 0.0, CLEARANCE) for deep in peg.INSERTIONS]
         color, mark = LOOKS[method]
         axes.plot(1e3 * np.array(peg.INSERTIONS), [1e3 * felt.play for felt in found], mark, color=color, label=method)
         for deep, felt in zip(peg.INSERTIONS, found, strict=True):
-            print(f"  {method:12} L {1e3 * deep:5.1f} mm  play {1e3 * felt.play:.4f}, "
-                  f"theory {1e3 * peg.free_play(deep, CLEARANCE):.4f}  stiffness {felt.handle:.1f}")
-    axes.set(xscale="log", yscale="log", xlabel="insertion L [mm]", ylabel="free play at the handle [± mm]",
-             title="Rigid contacts: the play shrinks with insertion")
+            print(
+                f"  {method:12} L {1e3 * deep:5.1f} mm  play {1e3 * felt.play:.4f}, "
+                f"theory {1e3 * peg.free_play(deep, CLEARANCE):.4f}  stiffness {felt.handle:.1f}"
+            )
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="insertion L [mm]",
+        ylabel="free play at the handle [± mm]",
+        title="Rigid contacts: the play shrinks with insertion",
+    )
 
 
 def pull(axes):
@@ -77,8 +104,17 @@ def pull(axes):
     for gain, color in ((0.0, "tab:green"), (GAIN, "tab:purple")):
         exact = [peg.pull_over(place, deep, WIDE, gain) for place in places]
         axes.plot(1e3 * places, exact, "-", color="black", linewidth=1.0)
-        axes.plot(1e3 * places, peg.force_at("partitioned", places, deep, WIDE, gain), "o", color=color, markersize=4,
-                  label=f"partitioned, rotation gain {gain:g} N m/rad")
+        axes.plot(
+            1e3 * places,
+            peg.force_at("partitioned", places, deep, WIDE, gain),
+            "o",
+            color=color,
+            markersize=4,
+            label=f"partitioned, rotation gain {gain:g} N m/rad",
+        )
     axes.plot([], [], "k-", linewidth=1.0, label="theory")
-    axes.set(xlabel="handle aside [mm]", ylabel="force on the hand [N]",
-             title=f"Rigid contacts, L = {1e3 * deep:g} mm, c = {1e3 * WIDE:g} mm")
+    axes.set(
+        xlabel="handle aside [mm]",
+        ylabel="force on the hand [N]",
+        title=f"Rigid contacts, L = {1e3 * deep:g} mm, c = {1e3 * WIDE:g} mm",
+    )

@@ -23,10 +23,20 @@ def main(path: Annotated[Path, typer.Argument(show_default="docs/methods/orders.
         for method, expected in problem.orders.items():
             steps, found = np.array(steps_of(name, method)), errors(name, method)
             slope, (color, mark) = order(steps, found), LOOKS[method]
-            print(f"{name:16} {method:17} order {slope:5.2f}, expected {expected:g}; errors "
-                  + ", ".join(f"{error:.2e}" for error in found) + " m")
-            axes.plot(1e3 * steps, found, mark, color=color, fillstyle="none", markersize=8,
-                      label=f"{method}: order {slope:.2f}")
+            print(
+                f"{name:16} {method:17} order {slope:5.2f}, expected {expected:g}; errors "
+                + ", ".join(f"{error:.2e}" for error in found)
+                + " m"
+            )
+            axes.plot(
+                1e3 * steps,
+                found,
+                mark,
+                color=color,
+                fillstyle="none",
+                markersize=8,
+                label=f"{method}: order {slope:.2f}",
+            )
             axes.plot(1e3 * steps, found[-1] * (steps / steps[-1]) ** expected, "-", color=color, linewidth=0.8)
         axes.set(xscale="log", yscale="log", xlabel="step [ms]", ylabel="error [m]", title=problem.what)
         steps = np.array(problem.steps)

@@ -20,8 +20,13 @@ print(time.perf_counter() - began)
 
 def seconds(method, cache):
     """Time of the first step in a process of its own [s]."""
-    done = subprocess.run([sys.executable, "-c", FIRST_STEP, method], env={**os.environ, "XDG_CACHE_HOME": cache},
-                          capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", FIRST_STEP, method],
+        env={**os.environ, "XDG_CACHE_HOME": cache},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return float(done.stdout)
 
 

@@ -52,9 +52,13 @@ class Run(NamedTuple):
 
 def jobs(worlds, counts, engines) -> list[tuple[str, int, str, int]]:
     """(world, bodies asked for, engine, step) of all runs; the row also without any block."""
-    return [(world, count, engine, step) for world in worlds
-            for count in (*([0] if world == "row" else []), *counts)
-            for engine in engines for step in STEPS.get(engine, (STEP,))]
+    return [
+        (world, count, engine, step)
+        for world in worlds
+        for count in (*([0] if world == "row" else []), *counts)
+        for engine in engines
+        for step in STEPS.get(engine, (STEP,))
+    ]
 
 
 def run(world: str, count: int, engine: str, step: int, seconds: float, limit: float = LIMIT) -> Run:
@@ -141,7 +145,13 @@ def goals(runs: list[Run]) -> list[Goal]:
         rivals = [item for item in runs if (item.world, item.bodies, item.engine) == ("heap", 100, "box2d")]
         if rivals:
             rival = min(rivals, key=lambda item: abs(item.overlap_um - heap.overlap_um))
-            found.append(Goal(f"stirred heap of 100 over Box2D at {rival.step_us} µs, median (overlaps "
-                              f"{heap.overlap_um:.2g} and {rival.overlap_um:.2g} µm)",
-                              heap.median_us / rival.median_us, TWICE, "×"))
+            found.append(
+                Goal(
+                    f"stirred heap of 100 over Box2D at {rival.step_us} µs, median (overlaps "
+                    f"{heap.overlap_um:.2g} and {rival.overlap_um:.2g} µm)",
+                    heap.median_us / rival.median_us,
+                    TWICE,
+                    "×",
+                )
+            )
     return found

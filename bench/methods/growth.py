@@ -23,7 +23,7 @@ from bench.methods.growing import (
     goals,
     jobs,
     run,
-)  # fmt: skip
+)
 from bench.methods.table import TITLES
 from bench.methods.world import PEERS, version
 from haptic_sim.cli.processes import interruptible
@@ -64,8 +64,13 @@ def _report(found, out, as_json):
     if out and found:
         write(out, found)
     if as_json:
-        runs = [{key: None if isinstance(value, float) and not math.isfinite(value) else value
-                 for key, value in item._asdict().items()} for item in found]
+        runs = [
+            {
+                key: None if isinstance(value, float) and not math.isfinite(value) else value
+                for key, value in item._asdict().items()
+            }
+            for item in found
+        ]
         reached = [goal._asdict() | {"reached": goal.reached} for goal in goals(found)]
         typer.echo(json.dumps({"runs": runs, "goals": reached}))
         return
@@ -75,8 +80,10 @@ def _report(found, out, as_json):
 def markdown(runs: list[Run]) -> str:
     """A row for each world, number of bodies and engine, and what comes of the goals."""
     rows = [HEADS, ["---"] * len(HEADS), *map(_row, runs)]
-    lines = [f"* {goal.what}: {goal.value:.3g} {goal.unit}, at most {goal.limit:g} {goal.unit}"
-             f"{'' if goal.reached else ' ✗'}" for goal in goals(runs)]
+    lines = [
+        f"* {goal.what}: {goal.value:.3g} {goal.unit}, at most {goal.limit:g} {goal.unit}{'' if goal.reached else ' ✗'}"
+        for goal in goals(runs)
+    ]
     return "\n".join([*(f"| {' | '.join(row)} |" for row in rows), *([""] if lines else []), *lines])
 
 
@@ -88,8 +95,14 @@ def _row(item):
         return [*key, f"over {item.median_us:.0f} µs", f"over {item.p99_us:.0f} µs", *[""] * 3]
     if math.isinf(item.created):
         return [*key, f"{item.median_us:.0f} µs", f"{item.p99_us:.0f} µs", "not finite", *[""] * 2]
-    return [*key, f"{item.median_us:.0f} µs", f"{item.p99_us:.0f} µs", _length(item.overlap_um),
-            f"{100.0 * item.created:.2g} %", _length(item.error_um)]
+    return [
+        *key,
+        f"{item.median_us:.0f} µs",
+        f"{item.p99_us:.0f} µs",
+        _length(item.overlap_um),
+        f"{100.0 * item.created:.2g} %",
+        _length(item.error_um),
+    ]
 
 
 def _length(value):
@@ -121,8 +134,9 @@ def _panel(axes, runs, world):
         of = [item for item in runs if (item.engine, item.step_us) == (engine, step)]
         (color, marker), style = LOOKS[engine], "-" if step == STEP else "--"
         bodies = [item.bodies for item in of]
-        drawn[title(engine, step)], = axes.plot(bodies, [item.median_us for item in of], style, color=color,
-                                                marker=marker, linewidth=1.3, markersize=5)
+        (drawn[title(engine, step)],) = axes.plot(
+            bodies, [item.median_us for item in of], style, color=color, marker=marker, linewidth=1.3, markersize=5
+        )
         axes.plot(bodies, [item.p99_us for item in of], style, color=color, linewidth=0.7, alpha=0.45)
     axes.axhline(EXCHANGE, color="black", linewidth=0.8, linestyle=":")
     axes.set_xscale("symlog", linthresh=10)
@@ -140,9 +154,11 @@ def write(folder: Path, runs: list[Run]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_csv(folder / "growth.csv", Run, runs)
     used = dict.fromkeys(version(name) for name in PEERS if any(item.engine == name for item in runs))
-    head = (f"# Growth\n\nWritten by `python -m bench growth`: processor time of an exchange of 1 ms, the first half "
-            f"of the run left out. Peers: {', '.join(used)}, at sub-steps of {STEP} µs unless said otherwise, allowed "
-            f"to let bodies sleep. Over: ended after {LIMIT:g} s of processor time. Looked at is a second run, ended "
-            "after half of that. Error: the longest way of a body that should stay, or by which a pin is open.\n\n")
+    head = (
+        f"# Growth\n\nWritten by `python -m bench growth`: processor time of an exchange of 1 ms, the first half "
+        f"of the run left out. Peers: {', '.join(used)}, at sub-steps of {STEP} µs unless said otherwise, allowed "
+        f"to let bodies sleep. Over: ended after {LIMIT:g} s of processor time. Looked at is a second run, ended "
+        "after half of that. Error: the longest way of a body that should stay, or by which a pin is open.\n\n"
+    )
     (folder / "growth.md").write_text(f"{head}{markdown(runs)}\n", encoding="utf-8")
     figure(runs).savefig(folder / "growth.png", dpi=90)

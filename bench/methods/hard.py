@@ -27,15 +27,32 @@ STIFF = Coupling(100.0 * 0.1 / _STEP**2, 0.0, 100.0 * 6.7e-6 / _STEP**2, 0.0)
 """100 m/h², undamped."""
 OWN_GAINS = {"stiff_coupling": STIFF}
 SECONDS = {
-    "collinear_1e3": 0.06, "collinear_1e6": 0.06, "corner_overlap": 0.6, "falling_rod": 0.1, "four_bar_singular": 2.0,
-    "handle_jump": 0.15, "heavy_on_light_1e3": 0.7, "heavy_on_light_1e6": 0.7, "light_tool": 0.6, "painleve_rod": 0.3,
-    "peg_jammed": 3.6, "peg_tight": 3.6, "peg_wedged": 3.6, "slider_stop": 0.2, "spinning_wrench": 7.0,
-    "stack_20": 0.12, "stiff_coupling": 0.6, "thin_plate": 0.02, "zeno_ball": 1.5,
+    "collinear_1e3": 0.06,
+    "collinear_1e6": 0.06,
+    "corner_overlap": 0.6,
+    "falling_rod": 0.1,
+    "four_bar_singular": 2.0,
+    "handle_jump": 0.15,
+    "heavy_on_light_1e3": 0.7,
+    "heavy_on_light_1e6": 0.7,
+    "light_tool": 0.6,
+    "painleve_rod": 0.3,
+    "peg_jammed": 3.6,
+    "peg_tight": 3.6,
+    "peg_wedged": 3.6,
+    "slider_stop": 0.2,
+    "spinning_wrench": 7.0,
+    "stack_20": 0.12,
+    "stiff_coupling": 0.6,
+    "thin_plate": 0.02,
+    "zeno_ball": 1.5,
 }
 NAMES = tuple(SECONDS)
 SIDES = {  # where a body must stay: (body, axis, least coordinate)
-    "thin_plate": ("shot", (-1.0, 0.0), -0.0451), "handle_jump": (TOOL, (1.0, 0.0), 0.0),
-    "stiff_coupling": (TOOL, (1.0, 0.0), 0.0), "light_tool": (TOOL, (1.0, 0.0), 0.0),
+    "thin_plate": ("shot", (-1.0, 0.0), -0.0451),
+    "handle_jump": (TOOL, (1.0, 0.0), 0.0),
+    "stiff_coupling": (TOOL, (1.0, 0.0), 0.0),
+    "light_tool": (TOOL, (1.0, 0.0), 0.0),
     "corner_overlap": (TOOL, (1.0, 0.0), 0.0),
 }
 

@@ -15,8 +15,10 @@ from bench.methods.table import TITLES, default_method
 from haptic_sim.cli.processes import interruptible
 from haptic_sim.cli.progress import INTERRUPTED, progress
 
-LEGEND = ("✓ survives · N not finite · T through a wall · P overlap beyond 0.1 mm · E creates more than 1 % of the "
-          "energy about · (e) creates more than rounding · – cannot model it")
+LEGEND = (
+    "✓ survives · N not finite · T through a wall · P overlap beyond 0.1 mm · E creates more than 1 % of the "
+    "energy about · (e) creates more than rounding · – cannot model it"
+)
 MANY, FEW = 6, 2
 
 
@@ -53,13 +55,25 @@ def _report(found, out, as_json):
         with (out / "hard_cases.csv").open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(found[0]._fields)
-            writer.writerows([f"{value:.4g}" if isinstance(value, float) else value for value in item]
-                             for item in found)
+            writer.writerows(
+                [f"{value:.4g}" if isinstance(value, float) else value for value in item] for item in found
+            )
         (out / "hard_cases.md").write_text(markdown(found) + "\n", encoding="utf-8")
     if as_json:
-        typer.echo(json.dumps({"verdicts": [
-            {key: None if isinstance(value, float) and not math.isfinite(value) else value
-             for key, value in item._asdict().items()} | {"survives": item.survives} for item in found]}))
+        typer.echo(
+            json.dumps(
+                {
+                    "verdicts": [
+                        {
+                            key: None if isinstance(value, float) and not math.isfinite(value) else value
+                            for key, value in item._asdict().items()
+                        }
+                        | {"survives": item.survives}
+                        for item in found
+                    ]
+                }
+            )
+        )
         return
     typer.echo(markdown(found))
 

@@ -17,16 +17,31 @@ GRAMS = (10.0, 1.0, 0.1, 0.01)
 
 def struck(ratio, count, gap):
     """A block that falls by `gap` [m] on a tower of blocks of 10 g which are so many times lighter."""
+
     def block(k):
         place = [0.0, (k + 0.5) * SIZE + (gap if k == count else 0.0), 0.0]
-        return {"name": f"b{k}", "mass": 0.01 * (ratio if k == count else 1.0), "material": "wood", "pose": place,
-                "shapes": [{"box": {"size": [3.0 * SIZE, SIZE]}}]}
+        return {
+            "name": f"b{k}",
+            "mass": 0.01 * (ratio if k == count else 1.0),
+            "material": "wood",
+            "pose": place,
+            "shapes": [{"box": {"size": [3.0 * SIZE, SIZE]}}],
+        }
 
     floor = {"name": "floor", "fixed": True, "material": "wood", "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
     tool = {"mass": 0.1, "pose": [0.5, 0.5, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
-    return parse({"name": "struck", "gravity": [0.0, -9.81], "materials": {"wood": {"friction": 0.5}}, "tool": tool,
-                  "bodies": [floor, *(block(k) for k in range(count + 1))], "method": "impulse",
-                  "motion": {"name": "hold", "start": tool["pose"]}}, "struck")
+    return parse(
+        {
+            "name": "struck",
+            "gravity": [0.0, -9.81],
+            "materials": {"wood": {"friction": 0.5}},
+            "tool": tool,
+            "bodies": [floor, *(block(k) for k in range(count + 1))],
+            "method": "impulse",
+            "motion": {"name": "hold", "start": tool["pose"]},
+        },
+        "struck",
+    )
 
 
 def light(grams):

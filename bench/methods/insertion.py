@@ -44,11 +44,13 @@ class Felt(NamedTuple):
     play: float
 
 
-def apparent_stiffness(insertion: float, rotation_gain: float = 0.0, stiffness: float = STIFFNESS,
-                       height: float = HEIGHT) -> float:
+def apparent_stiffness(
+    insertion: float, rotation_gain: float = 0.0, stiffness: float = STIFFNESS, height: float = HEIGHT
+) -> float:
     """K_app [N/m] of contacts of this stiffness [N/m] with a rotation gain [N m/rad]."""
-    energy = np.array([[2.0 * stiffness, -stiffness * insertion],
-                       [-stiffness * insertion, stiffness * insertion**2 + rotation_gain]])
+    energy = np.array(
+        [[2.0 * stiffness, -stiffness * insertion], [-stiffness * insertion, stiffness * insertion**2 + rotation_gain]]
+    )
     lever = np.array([1.0, height])
     return 1.0 / float(lever @ np.linalg.solve(energy, lever))
 
@@ -77,17 +79,31 @@ def pull_over(place: float, insertion: float, clearance: float, rotation_gain: f
 def peg(insertion: float, clearance: float) -> Scene:
     """A peg on a tool in a hole `clearance` [m] wider, no friction, the grip `HEIGHT` above the mouth."""
     half, wall = 0.5 * (WIDTH + clearance), 0.05
-    sides = [{"name": name, "fixed": True,
-              "shapes": [{"box": {"size": [wall, DEPTH], "center": [sign * (half + 0.5 * wall), -0.5 * DEPTH]}}]}
-             for name, sign in (("left", -1.0), ("right", 1.0))]
+    sides = [
+        {
+            "name": name,
+            "fixed": True,
+            "shapes": [{"box": {"size": [wall, DEPTH], "center": [sign * (half + 0.5 * wall), -0.5 * DEPTH]}}],
+        }
+        for name, sign in (("left", -1.0), ("right", 1.0))
+    ]
     length = HEIGHT + insertion
-    tool = {"mass": 0.1, "inertia": 3e-4, "pose": [0.0, HEIGHT, 0.0],
-            "shapes": [{"box": {"size": [WIDTH, length], "center": [0.0, -0.5 * length]}}]}
+    tool = {
+        "mass": 0.1,
+        "inertia": 3e-4,
+        "pose": [0.0, HEIGHT, 0.0],
+        "shapes": [{"box": {"size": [WIDTH, length], "center": [0.0, -0.5 * length]}}],
+    }
     return Scene.model_validate({"name": "insertion", "bodies": sides, "tool": tool})
 
 
-def felt(method: str, insertion: float, rotation_gain: float = 0.0, clearance: float = 1e-6,
-         pulls: tuple[float, float] | None = None) -> Felt:
+def felt(
+    method: str,
+    insertion: float,
+    rotation_gain: float = 0.0,
+    clearance: float = 1e-6,
+    pulls: tuple[float, float] | None = None,
+) -> Felt:
     """What a method shows at this insertion [m]: a straight line through two pulls of the handle [m], each settled.
 
     The pulls lie beyond the free play unless they are given.

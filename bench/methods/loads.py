@@ -42,8 +42,11 @@ def row(count: int, seconds: float) -> Load:
 def pyramid(count: int, seconds: float) -> Load:
     """Square boxes of 10 mm on each other, one less in each layer, as many layers as `count` allows."""
     base = int(math.sqrt(2.0 * count + 0.25) - 0.5)
-    places = [(1.25 * PITCH * (k - 0.5 * (base - 1 - layer)), PITCH * (layer + 0.5))
-              for layer in range(base) for k in range(base - layer)]
+    places = [
+        (1.25 * PITCH * (k - 0.5 * (base - 1 - layer)), PITCH * (layer + 0.5))
+        for layer in range(base)
+        for k in range(base - layer)
+    ]
     boxes = [_block(k, place, PITCH) for k, place in enumerate(places)]
     return _untouched("pyramid", [_plane("floor", (0.0, 1.0)), *boxes], PITCH * base + 0.04, seconds)
 
@@ -59,8 +62,10 @@ def heap(count: int, seconds: float) -> Load:
     columns, start = math.ceil(1.6 * math.sqrt(count)) + 1, (0.012, 0.024)
     cells = _cells(3 * count + 30, columns)
     places = [cell for cell in cells if math.dist(cell, start) > 0.012][:count]
-    pieces = [_piece(k, place, {"circle": {"radius": 0.0045}} if k % 2 else {"box": {"size": [0.007, 0.007]}})
-              for k, place in enumerate(places)]
+    pieces = [
+        _piece(k, place, {"circle": {"radius": 0.0045}} if k % 2 else {"box": {"size": [0.007, 0.007]}})
+        for k, place in enumerate(places)
+    ]
     motion = {"name": "circle", "radius": start[0], "turns": 2.0 * seconds, "duration": seconds}
     return Load(_scene("heap", _trough(0.5 * PITCH * columns) + pieces, _tool(start), motion), seconds)
 
@@ -78,13 +83,21 @@ def chain(count: int, seconds: float) -> Load:
 def joint_grid(count: int, seconds: float) -> Load:
     """Discs pinned to all their neighbours, the uppermost to the world: it cannot move. The tool pulls at a corner."""
     side = int(math.sqrt(count))
-    discs = [_piece(side * i + j, (PITCH * j, -PITCH * (i + 0.5)), {"circle": {"radius": 0.004}}, [])
-             for i in range(side) for j in range(side)]
+    discs = [
+        _piece(side * i + j, (PITCH * j, -PITCH * (i + 0.5)), {"circle": {"radius": 0.004}}, [])
+        for i in range(side)
+        for j in range(side)
+    ]
     names = [disc["name"] for disc in discs]
-    pins = [_pin(names[k - 1], names[k], (PITCH * (k % side - 0.5), discs[k]["pose"][1]))
-            for k in range(side * side) if k % side]
-    pins += [_pin("world" if k < side else names[k - side], names[k], (PITCH * (k % side), -PITCH * (k // side)))
-             for k in range(side * side)]
+    pins = [
+        _pin(names[k - 1], names[k], (PITCH * (k % side - 0.5), discs[k]["pose"][1]))
+        for k in range(side * side)
+        if k % side
+    ]
+    pins += [
+        _pin("world" if k < side else names[k - side], names[k], (PITCH * (k % side), -PITCH * (k // side)))
+        for k in range(side * side)
+    ]
     corner = (PITCH * (side - 1), -PITCH * side)
     motion = {"name": "press_wall", "target": [corner[0] + 0.003, corner[1] + 0.001, 0.0], "duration": seconds}
     scene = _scene("joint_grid", discs, _tool(corner), motion, [*pins, _pin(names[-1], TOOL, corner)])
@@ -106,17 +119,21 @@ def gravel_content(count: int, seconds: float) -> dict:
     world = World(scene, 0.25e-3)
     world.couple(GAINS)
     world.follow(np.tile([*above, 0.0, 0.0, 0.0], (round(SETTLING * 1e3), 1)), 4)
-    stones = [stone | {"pose": [round(value, 6) for value in world.pose(stone["name"])]}
-              for stone in _stones(count, half, 1.0)]
+    stones = [
+        stone | {"pose": [round(value, 6) for value in world.pose(stone["name"])]}
+        for stone in _stones(count, half, 1.0)
+    ]
     depth = round(max(stone["pose"][1] for stone in stones), 3)
     motion = {"name": "press_wall", "target": [-above[0], round(0.071 + 0.55 * depth, 6), 0.0], "duration": seconds}
     return _gravel(stones, half, [above[0], 0.08 + depth, 0.0], motion)
 
 
 def _gravel(stones, half, grip, motion):
-    shovel = [{"box": {"size": [0.003, 0.068], "center": [0.0, -0.034]}},
-              {"box": {"size": [0.003, 0.016], "center": [-0.0125, -0.06]}},
-              {"box": {"size": [0.028, 0.003], "center": [0.0, -0.0695]}}]
+    shovel = [
+        {"box": {"size": [0.003, 0.068], "center": [0.0, -0.034]}},
+        {"box": {"size": [0.003, 0.016], "center": [-0.0125, -0.06]}},
+        {"box": {"size": [0.028, 0.003], "center": [0.0, -0.0695]}},
+    ]
     return _content("gravel", _trough(half) + stones, _tool(grip[:2]) | {"shapes": shovel}, motion)
 
 
@@ -138,8 +155,10 @@ def _stone(k, place, chance, grown):
         corners = chance.randint(5, 7)
         flat, turns = chance.uniform(0.7, 1.0), [chance.uniform(-0.25, 0.25) for _ in range(corners)]
         angles = [2.0 * math.pi * (i + turn) / corners for i, turn in enumerate(turns)]
-        vertices = [[grown * round(radius * math.cos(angle), 5), grown * round(flat * radius * math.sin(angle), 5)]
-                    for angle in angles]
+        vertices = [
+            [grown * round(radius * math.cos(angle), 5), grown * round(flat * radius * math.sin(angle), 5)]
+            for angle in angles
+        ]
         shape, area = {"vertices": vertices}, 0.8 * math.pi * flat * radius**2
     return _piece(k, place, shape) | {"name": f"stone_{k}", "mass": round(2600.0 * 0.015 * area, 5)}
 
@@ -150,8 +169,15 @@ def _scene(*parts):
 
 def _content(name, bodies, tool, motion, joints=()):
     start = list(tool["pose"])
-    return {"name": name, "gravity": [0.0, -9.81], "materials": {"stone": {"friction": 0.5}}, "bodies": bodies,
-            "joints": list(joints), "tool": tool, "motion": {"start": start, "target": start} | motion}
+    return {
+        "name": name,
+        "gravity": [0.0, -9.81],
+        "materials": {"stone": {"friction": 0.5}},
+        "bodies": bodies,
+        "joints": list(joints),
+        "tool": tool,
+        "motion": {"start": start, "target": start} | motion,
+    }
 
 
 def _plane(name, normal, point=(0.0, 0.0)):
@@ -160,13 +186,22 @@ def _plane(name, normal, point=(0.0, 0.0)):
 
 
 def _trough(half):
-    return [_plane("floor", (0.0, 1.0)), _plane("left", (1.0, 0.0), (-half, 0.0)),
-            _plane("right", (-1.0, 0.0), (half, 0.0))]
+    return [
+        _plane("floor", (0.0, 1.0)),
+        _plane("left", (1.0, 0.0), (-half, 0.0)),
+        _plane("right", (-1.0, 0.0), (half, 0.0)),
+    ]
 
 
 def _piece(k, place, shape, layers=(0,)):
-    return {"name": f"piece_{k}", "mass": 0.002, **MATERIAL, "pose": [*place, 0.0], "layers": list(layers),
-            "shapes": [shape]}
+    return {
+        "name": f"piece_{k}",
+        "mass": 0.002,
+        **MATERIAL,
+        "pose": [*place, 0.0],
+        "layers": list(layers),
+        "shapes": [shape],
+    }
 
 
 def _block(k, place, size):
@@ -188,7 +223,9 @@ def pins_open(scene: Scene, pose) -> float:
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     gaps = []
     for joint in scene.joints:
-        a, b = (turned(framed(joint.at, solids[name].pose), pose(name)) if name in solids else joint.at
-                for name in joint.bodies)
+        a, b = (
+            turned(framed(joint.at, solids[name].pose), pose(name)) if name in solids else joint.at
+            for name in joint.bodies
+        )
         gaps.append(math.dist(a, b))
     return max(gaps, default=0.0)

@@ -77,8 +77,9 @@ class Builder:
         body = self._add_body(self.spec.worldbody, _ORIGIN, solid)
         c, s = math.cos(solid.pose[2]), math.sin(solid.pose[2])
         ways = (c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)
-        for axis, kind, direction, rate in zip(("x", "y", "theta"), (_SLIDE, _SLIDE, _HINGE), ways, solid.velocity,
-                                               strict=True):
+        for axis, kind, direction, rate in zip(
+            ("x", "y", "theta"), (_SLIDE, _SLIDE, _HINGE), ways, solid.velocity, strict=True
+        ):
             body.add_joint(name=f"{solid.name}.{axis}", type=kind, axis=direction)
             self.rates[f"{solid.name}.{axis}"] = rate
         self._made[solid.name], self.turns[solid.name] = body, [(f"{solid.name}.theta", 1.0)]
@@ -103,8 +104,9 @@ class Builder:
 
     def _add_body(self, parent, frame, solid):
         mass, inertia, (cx, cy) = solid.mass_properties
-        body = parent.add_body(name=solid.name, pos=(*framed(solid.pose[:2], frame), 0.0),
-                               quat=_about_z(solid.pose[2] - frame[2]))
+        body = parent.add_body(
+            name=solid.name, pos=(*framed(solid.pose[:2], frame), 0.0), quat=_about_z(solid.pose[2] - frame[2])
+        )
         body.mass, body.ipos, body.inertia = mass, (cx, cy, 0.0), (0.6 * inertia, 0.6 * inertia, inertia)
         body.explicitinertial = True
         _add_shapes(self.spec, body, solid, _ORIGIN)
@@ -150,9 +152,14 @@ class Builder:
             tendon.wrap_joint(name, sign)
         affine, tied = mujoco.mjtBias.mjBIAS_AFFINE, mujoco.mjtTrn.mjTRN_TENDON
         for k, gear in enumerate(((1.0, 0.0), (0.0, 1.0))):
-            self.spec.add_actuator(name=f"servo{k}", trntype=mujoco.mjtTrn.mjTRN_SITE, target="grip",
-                                   refsite="origin",
-                                   biastype=affine, gear=(*gear, 0.0, 0.0, 0.0, 0.0))
+            self.spec.add_actuator(
+                name=f"servo{k}",
+                trntype=mujoco.mjtTrn.mjTRN_SITE,
+                target="grip",
+                refsite="origin",
+                biastype=affine,
+                gear=(*gear, 0.0, 0.0, 0.0, 0.0),
+            )
         self.spec.add_actuator(name="servo2", trntype=tied, target="angle", biastype=affine)
 
 

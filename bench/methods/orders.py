@@ -38,11 +38,15 @@ class Problem(NamedTuple):
 
 
 PROBLEMS = {
-    "coupling": Problem("a tool led by its coupling", {"impulse": 1, "penalty_explicit": 1, "penalty_implicit": 1,
-                                                       "partitioned": 1, "closed_form": 1}, FINE),
+    "coupling": Problem(
+        "a tool led by its coupling",
+        {"impulse": 1, "penalty_explicit": 1, "penalty_implicit": 1, "partitioned": 1, "closed_form": 1},
+        FINE,
+    ),
     "rigid_contact": Problem("a rigid wall, met and left", {"partitioned": 1, "closed_form": 1}, FINE),
-    "elastic_contact": Problem("a tool pressed on an elastic wall", {"penalty_explicit": 1, "penalty_implicit": 1},
-                               FINE),
+    "elastic_contact": Problem(
+        "a tool pressed on an elastic wall", {"penalty_explicit": 1, "penalty_implicit": 1}, FINE
+    ),
     "linkage": Problem("a four-bar linkage let go", {"impulse": 1, "penalty_explicit": 1, "penalty_implicit": 1}, FINE),
     "linkage_flight": Problem("a four-bar linkage let go", {"partitioned": 8, "event_driven": 8}, COARSE),
     "sliding_rod": Problem("a rod whose end slides on a floor", {"partitioned": 4, "event_driven": 4}, COARSE),
@@ -110,12 +114,18 @@ def _drawn(method, step):
 def _sliding(method, step):
     """A rod of 1 m whose end slides on a level floor without friction, 0.2 s from rest at 60°."""
     half, angle, time, g = 0.5, math.pi / 3.0, 0.2, 9.81
-    rod = {"name": "rod", "mass": 1.0, "inertia": 1.0 / 12.0, "pose": [0.0, half * math.sin(angle), angle],
-           "shapes": [{"vertices": [[-half, 0.0], [0.0, -0.001], [half, 0.0], [0.0, 0.001]]}]}
+    rod = {
+        "name": "rod",
+        "mass": 1.0,
+        "inertia": 1.0 / 12.0,
+        "pose": [0.0, half * math.sin(angle), angle],
+        "shapes": [{"vertices": [[-half, 0.0], [0.0, -0.001], [half, 0.0], [0.0, 0.001]]}],
+    }
     floor = {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
     tool = {"mass": 0.1, "pose": [50.0, 50.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
-    world = make(method, Scene.model_validate({"name": "rod", "gravity": [0.0, -g], "bodies": [floor, rod],
-                                               "tool": tool}), step)
+    world = make(
+        method, Scene.model_validate({"name": "rod", "gravity": [0.0, -g], "bodies": [floor, rod], "tool": tool}), step
+    )
     world.follow(np.zeros((2, 6)), round(time / step))
 
     def rate(_, state):

@@ -56,8 +56,13 @@ class World:
             mass = self._tool.mass
             rate = math.sqrt(gains.stiffness / mass)
             self._grip = self._world.CreateMouseJoint(
-                bodyA=self._ground, bodyB=self._tool, target=self._tool.position, maxForce=ENDLESS,
-                frequencyHz=rate / (2.0 * math.pi), dampingRatio=gains.damping / (2.0 * mass * rate))
+                bodyA=self._ground,
+                bodyB=self._tool,
+                target=self._tool.position,
+                maxForce=ENDLESS,
+                frequencyHz=rate / (2.0 * math.pi),
+                dampingRatio=gains.damping / (2.0 * mass * rate),
+            )
 
     def follow(self, path: np.ndarray, count: int) -> None:
         """`count` steps from each row of the hand's path to the next."""
@@ -96,8 +101,9 @@ class World:
                 mass, inertia, _ = solid.mass_properties
                 vx, vy = item.GetLinearVelocityFromWorldPoint(item.worldCenter)
                 kinetic += 0.5 * mass * square * (vx * vx + vy * vy) + 0.5 * inertia * item.angularVelocity**2
-                potential -= mass * self._unit * sum(g * x for g, x in zip(self._scene.gravity, item.worldCenter,
-                                                                         strict=True))
+                potential -= (
+                    mass * self._unit * sum(g * x for g, x in zip(self._scene.gravity, item.worldCenter, strict=True))
+                )
         return kinetic, potential + sum(spring.energy() for spring in self._springs)
 
     def _scaled(self, point):
@@ -108,12 +114,19 @@ class World:
         if fixed and any(solid.surface_velocity):
             raise Impossible("no belt is written for Box2D here")
         kind = Box2D.b2_staticBody if fixed else Box2D.b2_dynamicBody
-        body = self._world.CreateBody(type=kind, position=self._scaled(solid.pose[:2]), angle=solid.pose[2],
-                                      bullet=not fixed)
+        body = self._world.CreateBody(
+            type=kind, position=self._scaled(solid.pose[:2]), angle=solid.pose[2], bullet=not fixed
+        )
         bits, material = sum(1 << layer for layer in solid.layers), self._scene.material(solid)
         for shape in solid.shapes:
-            body.CreateFixture(shape=self._shape(shape), density=0.0, friction=material.friction,
-                               restitution=material.restitution, categoryBits=bits, maskBits=bits)
+            body.CreateFixture(
+                shape=self._shape(shape),
+                density=0.0,
+                friction=material.friction,
+                restitution=material.restitution,
+                categoryBits=bits,
+                maskBits=bits,
+            )
         if not fixed:
             mass, inertia, center = solid.mass_properties
             about_frame = inertia + mass * (center[0] ** 2 + center[1] ** 2)
@@ -131,8 +144,10 @@ class World:
             (px, py), (nx, ny) = shape.half_plane.point, shape.half_plane.normal
             length = math.hypot(nx, ny) / REACH
             tx, ty = -ny / length, nx / length
-            vertices = [(px + s * tx - d * nx / length, py + s * ty - d * ny / length)
-                        for s, d in ((1, 0), (1, 0.2), (-1, 0.2), (-1, 0))]
+            vertices = [
+                (px + s * tx - d * nx / length, py + s * ty - d * ny / length)
+                for s, d in ((1, 0), (1, 0.2), (-1, 0.2), (-1, 0))
+            ]
         return Box2D.b2PolygonShape(vertices=[self._scaled(vertex) for vertex in vertices])
 
     def _join(self, joint):
@@ -145,15 +160,27 @@ class World:
         speed, most = joint.drive if joint.motor else (0.0, joint.friction)
         if joint.type == "pin":
             self._world.CreateRevoluteJoint(
-                **common, enableLimit=bool(joint.limits), lowerAngle=low, upperAngle=high, enableMotor=most > 0.0,
-                motorSpeed=speed, maxMotorTorque=most / self._unit**2)
+                **common,
+                enableLimit=bool(joint.limits),
+                lowerAngle=low,
+                upperAngle=high,
+                enableMotor=most > 0.0,
+                motorSpeed=speed,
+                maxMotorTorque=most / self._unit**2,
+            )
             if joint.stiffness or joint.damping:
                 self._springs.append(_Spring(a, b, joint, self._unit))
         elif joint.type == "slider" and not (joint.stiffness or joint.damping):
             self._world.CreatePrismaticJoint(
-                **common, axis=joint.axis, enableLimit=bool(joint.limits), lowerTranslation=low / self._unit,
-                upperTranslation=high / self._unit, enableMotor=most > 0.0,
-                motorSpeed=speed / self._unit, maxMotorForce=most / self._unit)
+                **common,
+                axis=joint.axis,
+                enableLimit=bool(joint.limits),
+                lowerTranslation=low / self._unit,
+                upperTranslation=high / self._unit,
+                enableMotor=most > 0.0,
+                motorSpeed=speed / self._unit,
+                maxMotorForce=most / self._unit,
+            )
         else:
             raise Impossible(f"no {joint.type} with these properties is written for Box2D here")
 

@@ -38,8 +38,10 @@ class World:
         self._model = builder.spec.compile()
         self._data = mujoco.MjData(self._model)
         self._ids = {name: self._model.body(name).id for name in builder.moving}
-        self._turns = {name: [(int(self._model.joint(hinge).qposadr[0]), sign) for hinge, sign in builder.turns[name]]
-                       for name in self._ids}
+        self._turns = {
+            name: [(int(self._model.joint(hinge).qposadr[0]), sign) for hinge, sign in builder.turns[name]]
+            for name in self._ids
+        }
         for joint, rate in builder.rates.items():
             self._data.qvel[self._model.joint(joint).dofadr[0]] = rate
         self._state = np.empty(mujoco.mj_stateSize(self._model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
@@ -57,8 +59,9 @@ class World:
         for k, (stiffness, damping) in enumerate((gains[:2], gains[:2], gains[2:])):
             model.actuator_gainprm[k, 0] = stiffness
             model.actuator_biasprm[k, :3] = 0.0, -stiffness, -damping
-        self._lead = np.array([damping / stiffness if stiffness else 0.0 for stiffness, damping in
-                               (gains[:2], gains[:2], gains[2:])])
+        self._lead = np.array(
+            [damping / stiffness if stiffness else 0.0 for stiffness, damping in (gains[:2], gains[:2], gains[2:])]
+        )
 
     def follow(self, path: np.ndarray, count: int) -> None:
         """`count` steps from each row of the hand's path to the next, in one call unless energy is booked."""

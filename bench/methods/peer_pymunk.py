@@ -49,8 +49,10 @@ class World:
         for x, y, angle, vx, vy, rate in between(path, count)[1:].tolist():
             (px, py), (ux, uy), turn = tool.position, tool.velocity, tool.angular_velocity
             # Chipmunk moves first and accelerates then: the force is that of the place it moves to.
-            force = (stiffness * (x - px - h * ux) + damping * (vx - ux),
-                     stiffness * (y - py - h * uy) + damping * (vy - uy))
+            force = (
+                stiffness * (x - px - h * ux) + damping * (vx - ux),
+                stiffness * (y - py - h * uy) + damping * (vy - uy),
+            )
             torque = turning * (angle - tool.angle - h * turn) + turning_damping * (rate - turn)
             tool.force, tool.torque = force, torque
             space.step(h)
@@ -137,8 +139,10 @@ def _along_slider(joint, a, b, place):
         raise Impossible("no motor along a groove")
     low, high = joint.limits or (-FAR, FAR)
     length = math.hypot(*joint.axis)
-    ends = [a.world_to_local((place[0] + way * joint.axis[0] / length, place[1] + way * joint.axis[1] / length))
-            for way in (low, high)]
+    ends = [
+        a.world_to_local((place[0] + way * joint.axis[0] / length, place[1] + way * joint.axis[1] / length))
+        for way in (low, high)
+    ]
     parts = [pymunk.GrooveJoint(a, b, *ends, b.world_to_local(place)), pymunk.GearJoint(a, b, b.angle - a.angle, 1.0)]
     if joint.friction:  # a pivot that only brakes and never pulls back
         parts.append(pymunk.PivotJoint(a, b, a.world_to_local(place), b.world_to_local(place)))

@@ -30,8 +30,12 @@ def main() -> None:
     """The wall in closed form against the general method, one line for each sub-step."""
     print("sub-step  closed form  general   ratio  difference of path, force")
     for sub_step in (0.25e-3, 0.1e-3, 0.025e-3):
-        (reduced, fast), (whole, slow) = (min((run(method, sub_step) for _ in range(3)), key=lambda found: found[1])
-                                          for method in ("closed_form", "partitioned"))
+        (reduced, fast), (whole, slow) = (
+            min((run(method, sub_step) for _ in range(3)), key=lambda found: found[1])
+            for method in ("closed_form", "partitioned")
+        )
         path, force = np.abs(reduced - whole)[:, :3].max(), np.abs(reduced - whole)[:, 3].max()
-        print(f"{sub_step * 1e3:5.3f} ms {fast * 1e3:8.2f} ms/s {slow * 1e3:7.2f} ms/s {slow / fast:5.1f}  "
-              f"{path * 1e6:.2f} um, {force:.3f} N")
+        print(
+            f"{sub_step * 1e3:5.3f} ms {fast * 1e3:8.2f} ms/s {slow * 1e3:7.2f} ms/s {slow / fast:5.1f}  "
+            f"{path * 1e6:.2f} um, {force:.3f} N"
+        )

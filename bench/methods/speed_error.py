@@ -92,27 +92,37 @@ def _report(runs, others, out, as_json):
         return
     typer.echo(table.markdown(runs))
     for kind, peer, least, wanted, reached, count in table.summary(runs):
-        typer.echo(f"{kind} against {table.TITLES[peer]}: at equal error at least {least:.3g} times as fast; "
-                   f"{reached} of {count} scenes reach {wanted:g}")
+        typer.echo(
+            f"{kind} against {table.TITLES[peer]}: at equal error at least {least:.3g} times as fast; "
+            f"{reached} of {count} scenes reach {wanted:g}"
+        )
 
 
 def _page(runs):
     used = [version(name) for name in PEERS if any(item.method == name for item in runs)]
-    return (f"# Speed against error\n\nWritten by `python -m bench speed_error`. "
-            f"Peers: {', '.join(dict.fromkeys(used))}. In bold the scene's default method, beside it the pymunk world "
-            "and the direct solver, each at the step that the scene would give it, with its share of an exchange's "
-            "time; behind them, how many times faster the best of closed_form, partitioned and event_driven reaches "
-            "the smallest error that it and the peer both reach; ✗: below 15 for linkages against RK4, 5 for "
-            f"single contacts, 1 else.\n\n{table.markdown(runs)}\n\n## Wall time of a step [µs]\n\n"
-            f"The least over the steps tried.\n\n{table.costs(runs)}\n")
+    return (
+        f"# Speed against error\n\nWritten by `python -m bench speed_error`. "
+        f"Peers: {', '.join(dict.fromkeys(used))}. In bold the scene's default method, beside it the pymunk world "
+        "and the direct solver, each at the step that the scene would give it, with its share of an exchange's "
+        "time; behind them, how many times faster the best of closed_form, partitioned and event_driven reaches "
+        "the smallest error that it and the peer both reach; ✗: below 15 for linkages against RK4, 5 for "
+        f"single contacts, 1 else.\n\n{table.markdown(runs)}\n\n## Wall time of a step [µs]\n\n"
+        f"The least over the steps tried.\n\n{table.costs(runs)}\n"
+    )
 
 
 def _content(runs):
     def plain(value):
         return None if isinstance(value, float) and not math.isfinite(value) else value
 
-    equal = [ratio._asdict() | {"ratio": ratio.ratio} for scene in table.scenes_of(runs)
-             for ratio in ratios([item for item in runs if item.scene == scene])]
+    equal = [
+        ratio._asdict() | {"ratio": ratio.ratio}
+        for scene in table.scenes_of(runs)
+        for ratio in ratios([item for item in runs if item.scene == scene])
+    ]
     used = {item.method for item in runs}
-    return {"runs": [{key: plain(value) for key, value in item._asdict().items()} for item in runs],
-            "equal_error": equal, "versions": {name: version(name) for name in PEERS if name in used}}
+    return {
+        "runs": [{key: plain(value) for key, value in item._asdict().items()} for item in runs],
+        "equal_error": equal,
+        "versions": {name: version(name) for name in PEERS if name in used},
+    }

@@ -73,8 +73,15 @@ def flown_step(models, layouts, works, times):
         event_step(models[0], layouts[0], works[0], H)
 
 
-PIECES = {"hold": hold, "free": free, "meet": meet, "contacts": contacts, "right": right, "partitioned": held_step,
-          "event_driven": flown_step}
+PIECES = {
+    "hold": hold,
+    "free": free,
+    "meet": meet,
+    "contacts": contacts,
+    "right": right,
+    "partitioned": held_step,
+    "event_driven": flown_step,
+}
 
 
 def spent(of, name):
@@ -82,7 +89,7 @@ def spent(of, name):
     method = make("event_driven" if name == "event_driven" else "partitioned", of.scene, H)
     method.couple(of.gains)
     path = of.path()
-    method.follow(path[:len(path) // 2], max(1, round(of.period * 1e-9 / H)))
+    method.follow(path[: len(path) // 2], max(1, round(of.period * 1e-9 / H)))
     best = float("inf")
     for _ in range(REPEATS):
         records = [record.copy() for record in method._records]

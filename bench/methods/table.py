@@ -57,8 +57,15 @@ def _shown(scene, runs):
 def _row(item, chosen):
     created = f"{item.created_j:.0e} J" if item.created_j else "0"
     overlap = f"{1e6 * item.penetration_m:.1g} µm" if item.penetration_m > 1e-10 else "0"
-    return [item.scene, f"**{item.method}**" if chosen else item.method, f"{item.step_us * 1e-3:g} ms",
-            f"{item.error:.1e}", f"{_short(100.0 * item.wall)} %", overlap, created]
+    return [
+        item.scene,
+        f"**{item.method}**" if chosen else item.method,
+        f"{item.step_us * 1e-3:g} ms",
+        f"{item.error:.1e}",
+        f"{_short(100.0 * item.wall)} %",
+        overlap,
+        created,
+    ]
 
 
 def costs(runs: list[Run]) -> str:
@@ -66,17 +73,28 @@ def costs(runs: list[Run]) -> str:
     methods = [name for name in (*OURS, *PEERS) if any(item.method == name for item in runs)]
     rows = [["scene", *(TITLES.get(name, name) for name in methods)], ["---"] * (1 + len(methods))]
     for scene in scenes_of(runs):
-        spent = {name: min((item.wall * item.step_us for item in runs
-                            if (item.scene, item.method) == (scene, name) and item.counts), default=None)
-                 for name in methods}
+        spent = {
+            name: min(
+                (
+                    item.wall * item.step_us
+                    for item in runs
+                    if (item.scene, item.method) == (scene, name) and item.counts
+                ),
+                default=None,
+            )
+            for name in methods
+        }
         rows.append([scene, *("" if value is None else f"{value:.3g}" for value in spent.values())])
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
 def nearest(runs: list[Run], method: str, step: int) -> Run | None:
     """Run of a method whose step is nearest to this one [µs]."""
-    return min((item for item in runs if item.method == method), key=lambda item: abs(math.log(item.step_us / step)),
-               default=None)
+    return min(
+        (item for item in runs if item.method == method),
+        key=lambda item: abs(math.log(item.step_us / step)),
+        default=None,
+    )
 
 
 def _cell(ratio, runs, peer):
@@ -100,11 +118,15 @@ def summary(runs: list[Run]) -> list[tuple[str, str, float, float, int, int]]:
         of_scene = [item for item in runs if item.scene == scene]
         for ratio in ratios(of_scene):
             found.setdefault((ratio.kind, ratio.peer), []).append(ratio)
-    return [(kind, peer, min(item.ratio for item in items), WANTED[kind], sum(item.reached for item in items),
-             len(items)) for (kind, peer), items in found.items()]
+    return [
+        (kind, peer, min(item.ratio for item in items), WANTED[kind], sum(item.reached for item in items), len(items))
+        for (kind, peer), items in found.items()
+    ]
 
 
 def fronts(runs: list[Run]) -> dict[str, list[Run]]:
     """Method or peer → its runs that no other of its own beats, of one scene."""
-    return {name: pareto([item for item in runs if item.method == name])
-            for name in dict.fromkeys(item.method for item in runs)}
+    return {
+        name: pareto([item for item in runs if item.method == name])
+        for name in dict.fromkeys(item.method for item in runs)
+    }

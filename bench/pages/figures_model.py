@@ -12,9 +12,9 @@ import typer
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 
-from haptic_device.analysis.page import draw_picture
-from haptic_device.analysis.recording import load
-from haptic_device.analysis.run import Run
+from haptic_device.analysis.bag_topics import load
+from haptic_device.analysis.report.page import draw_picture
+from haptic_device.analysis.report.run import Run
 
 FOLDER = Path(__file__).parents[2] / "docs" / "figures"
 REAL, VIRTUAL, FORCE, GROUND = "#0072B2", "#D55E00", "#009E73", "0.35"
@@ -64,8 +64,14 @@ def chain(axes):
         arrow(axes, x, y, length, FORCE)
         axes.text(x + length / 2, y + 0.2, text, ha="center", va="bottom", fontsize=8, color=FORCE)
     arrow(axes, 0.5, 5.75, 2.0, "black")
-    axes.text(2.7, 5.75, "positive: positions, velocities and forces on the body that the name says. "
-              "Arrow of force_on_tool: the tool is ahead of the handle.", va="center", fontsize=8.5)  # fmt: skip
+    axes.text(
+        2.7,
+        5.75,
+        "positive: positions, velocities and forces on the body that the name says. "
+        "Arrow of force_on_tool: the tool is ahead of the handle.",
+        va="center",
+        fontsize=8.5,
+    )
 
 
 def plane(axes):
@@ -83,8 +89,14 @@ def plane(axes):
     axes.plot([1.0, 8.0], [0.1, 0.1], color=GROUND)
     axes.annotate("", (7.0, 1.3), (7.0, 0.1), arrowprops={"arrowstyle": "->", "color": FORCE})
     axes.text(7.1, 0.9, "normal n", fontsize=8, color=FORCE)
-    axes.text(4.5, -0.5, "wall: free where n·p > offset\nforce_on_handle = n · max(0, K depth + B rate)", ha="center",
-              va="center", fontsize=8)  # fmt: skip
+    axes.text(
+        4.5,
+        -0.5,
+        "wall: free where n·p > offset\nforce_on_handle = n · max(0, K depth + B rate)",
+        ha="center",
+        va="center",
+        fontsize=8,
+    )
 
 
 def time(axes):
@@ -107,9 +119,15 @@ def time(axes):
     axes.plot(t, 0.35 + 0.22 * np.sin(2.2 * t), color=VIRTUAL)
     axes.plot([0, 1, 2], 0.35 + 0.22 * np.sin([0.0, 2.2, 4.4]), "o", color=VIRTUAL)
     axes.text(1.05, 0.62, "encoder latched at $t_{k+1}$", fontsize=8, color=VIRTUAL)
-    axes.text(1.15, -0.35, "The write names $t_{k+1}$: the plant integrates up to it at once,\n"
-              "so the sample is there before the servo wakes. Late writes act late.", ha="center", va="center",
-              fontsize=8)  # fmt: skip
+    axes.text(
+        1.15,
+        -0.35,
+        "The write names $t_{k+1}$: the plant integrates up to it at once,\n"
+        "so the sample is there before the servo wakes. Late writes act late.",
+        ha="center",
+        va="center",
+        fontsize=8,
+    )
 
 
 def box(axes, x, y, width, height, text, colour):

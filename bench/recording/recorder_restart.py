@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from haptic_device.analysis.recording import load
+from haptic_device.analysis.bag_topics import load
 from haptic_sim.cli.demo import Order, programs_of
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes

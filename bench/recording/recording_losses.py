@@ -16,7 +16,7 @@ import numpy as np
 import typer
 
 from bench.recording.paired import compared
-from haptic_device.analysis.recording import load
+from haptic_device.analysis.bag_topics import load
 from haptic_sim.cli.demo import Order, programs_of
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.live import Live
@@ -70,9 +70,12 @@ def said(live, recorded):
     driver = live.statuses["haptic_driver"].values
     own = live.statuses["haptic_recorder"].values if recorded else {"cpu_s": "0"}
     return {
-        "time": time.monotonic(), "p50": float(driver["lateness_us_p50"]), "p99": float(driver["lateness_us_p99"]),
-        "publishing": float(driver["telemetry_cpu_s"]), "recorder": float(own["cpu_s"]),
-    }  # fmt: skip
+        "time": time.monotonic(),
+        "p50": float(driver["lateness_us_p50"]),
+        "p99": float(driver["lateness_us_p99"]),
+        "publishing": float(driver["telemetry_cpu_s"]),
+        "recorder": float(own["cpu_s"]),
+    }
 
 
 def lost(bag):

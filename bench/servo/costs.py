@@ -11,15 +11,15 @@ import numpy as np
 import typer
 import yaml
 
-from haptic_device import operating
+from haptic_device import controller_config
 from haptic_device.analysis.zwidth import Setup
 from haptic_device.analysis.zwidth_map import Request, draw_map
-from haptic_device.device import load_device
-from haptic_device.law import servo
-from haptic_device.node.declared import NODES
-from haptic_device.runtime import loop, recompute
-from haptic_device.runtime.machine import cores
-from haptic_device.share import find
+from haptic_device.config_files import find
+from haptic_device.control import servo
+from haptic_device.description import load_device
+from haptic_device.nodes.declared import NODES
+from haptic_device.realtime import servo_loop, tick_replay
+from haptic_device.realtime.machine import cores
 from haptic_sim.cli.lateness import COMMON, values
 from haptic_sim.lockstep import Lockstep
 from haptic_sim.rollout import Exchanged, hand, rollout
@@ -72,8 +72,15 @@ def line(what: str, grows_with: str, counts, microseconds) -> Cost:
     """The line of least squares through the points."""
     slope, base = np.polyfit(counts, microseconds, 1)
     apart = np.max(np.abs(np.polyval((slope, base), counts) / np.array(microseconds) - 1.0))
-    return Cost(what, grows_with, float(base), float(slope), float(apart), list(map(float, counts)),
-                list(map(float, microseconds)))  # fmt: skip
+    return Cost(
+        what,
+        grows_with,
+        float(base),
+        float(slope),
+        float(apart),
+        list(map(float, counts)),
+        list(map(float, microseconds)),
+    )
 
 
 def measure() -> list[Cost]:
@@ -83,12 +90,26 @@ def measure() -> list[Cost]:
         line("tick", "axis", (1, 2, 3), [tick(axes=n) for n in (1, 2, 3)]),
         line("tick", "wall", (0, 2, 4, 8), [tick(walls=n) for n in (0, 2, 4, 8)]),
         line("tick of a recorded insertion", "tick", (2000, 4000, 8000), [insertion(n) for n in (2000, 4000, 8000)]),
-        *(line(f"exchange of peg_in_hole, {method}", "sub-step", [1e-3 / step for step in SUB_STEPS],
-               [exchange(load("peg_in_hole"), method, step) for step in SUB_STEPS]) for method in METHODS),
-        *(line(f"exchange of a stack, {method}", "block (2 contacts)", BLOCKS,
-               [exchange(stack(n), method, 0.25e-3) for n in BLOCKS]) for method in METHODS),
+        *(
+            line(
+                f"exchange of peg_in_hole, {method}",
+                "sub-step",
+                [1e-3 / step for step in SUB_STEPS],
+                [exchange(load("peg_in_hole"), method, step) for step in SUB_STEPS],
+            )
+            for method in METHODS
+        ),
+        *(
+            line(
+                f"exchange of a stack, {method}",
+                "block (2 contacts)",
+                BLOCKS,
+                [exchange(stack(n), method, 0.25e-3) for n in BLOCKS],
+            )
+            for method in METHODS
+        ),
         line("Z-width map", "cell", cells, [sweep(n, 1)[0] for n in cells]),
-    ]  # fmt: skip
+    ]
 
 
 def tick(axes: int = 3, walls: int = 4, ticks: int = 4000) -> float:
@@ -97,10 +118,16 @@ def tick(axes: int = 3, walls: int = 4, ticks: int = 4000) -> float:
     device = shipped.model_copy(update={"axes": shipped.axes[:axes]})
     angles = 2.0 * np.pi * np.arange(walls) / max(1, walls)
     normals = np.column_stack([np.cos(angles), np.sin(angles)]).ravel()
-    around = {"wall.normals": tuple(normals), "wall.offsets": (-0.015,) * walls, "wall.stiffness": (500.0,) * walls,
-              "wall.damping": (0.1,) * walls, "cancellation.ratio": 0.5, "engage.time": 0.01}  # fmt: skip
+    around = {
+        "wall.normals": tuple(normals),
+        "wall.offsets": (-0.015,) * walls,
+        "wall.stiffness": (500.0,) * walls,
+        "wall.damping": (0.1,) * walls,
+        "cancellation.ratio": 0.5,
+        "engage.time": 0.01,
+    }
     around = {key: value for key, value in around.items() if axes > 1 or not key.startswith("wall")}
-    settings = operating.settings_from(device, values(**around))
+    settings = controller_config.settings_from(device, values(**around))
     turn = np.arange(ticks)[:, None] * 1e-3 + np.array([0.0, np.pi / 2.0, 0.0])
     counts = np.round(0.016 * np.cos(turn) / 5e-6) * (np.arange(3) < axes)
     return _fastest(lambda: _run(settings, counts), ticks)
@@ -108,9 +135,9 @@ def tick(axes: int = 3, walls: int = 4, ticks: int = 4000) -> float:
 
 def _run(settings, counts):
     memory, rows = np.zeros(1, servo.MEMORY), np.zeros(len(counts), servo.TICK)
-    records = [array.view(np.recarray) for array in (settings, memory, rows, np.zeros(1, loop.TOOL))]
+    records = [array.view(np.recarray) for array in (settings, memory, rows, np.zeros(1, servo_loop.TOOL))]
     began = time.thread_time()
-    recompute.run_on_counts(*records, counts, 1_000_000_000, 0, 5000, 1)
+    tick_replay.run_on_counts(*records, counts, 1_000_000_000, 0, 5000, 1)
     return time.thread_time() - began
 
 
@@ -121,7 +148,7 @@ def insertion(ticks: int) -> float:
     def once():
         work, out = memory.copy(), rows.copy()
         began = time.thread_time()
-        recompute.recompute(settings, work, out, recompute.NO_SETS)
+        tick_replay.recompute(settings, work, out, tick_replay.NO_SETS)
         return time.thread_time() - began
 
     return _fastest(once, 1)
@@ -170,8 +197,12 @@ def stack(blocks: int):
 def sweep(cells: int, workers: int) -> tuple[float, float]:
     """Processor and wall time [us] of a Z-width map of so many cells."""
     rows = 40
-    request = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(10.0, 1200.0, cells // rows),
-                      np.linspace(-0.5, 1.0, rows))  # fmt: skip
+    request = Request(
+        Setup(0.1, 0.5, 1e-3, seconds=0.2),
+        "none",
+        np.linspace(10.0, 1200.0, cells // rows),
+        np.linspace(-0.5, 1.0, rows),
+    )
     found = []
     for _ in range(3):
         busy, began = time.process_time(), time.perf_counter()

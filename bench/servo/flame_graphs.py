@@ -20,9 +20,9 @@ from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes, Program
 
 NODES = {
-    "haptic_loopback": "haptic_device.node.loopback",
+    "haptic_loopback": "haptic_device.nodes.loopback",
     "haptic_simulation": "haptic_sim.node.simulation",
-    "haptic_driver": "haptic_device.node.driver",
+    "haptic_driver": "haptic_device.nodes.driver",
 }
 
 
@@ -51,7 +51,23 @@ def main(
             tuning.wait_engaged(nodes.check)
         for name in NODES:
             file = out / f"{name}.svg"
-            subprocess.run(["py-spy", "record", "--nonblocking", "--threads", "-r", "500", "-d", str(seconds),
-                            "-o", file, "-p", str(nodes.pid(name))], check=True, capture_output=True)  # fmt: skip
+            subprocess.run(
+                [
+                    "py-spy",
+                    "record",
+                    "--nonblocking",
+                    "--threads",
+                    "-r",
+                    "500",
+                    "-d",
+                    str(seconds),
+                    "-o",
+                    file,
+                    "-p",
+                    str(nodes.pid(name)),
+                ],
+                check=True,
+                capture_output=True,
+            )
             file.write_text(re.sub(r"py-spy record [^<]*", f"{name}, {seconds} s, {scene}", file.read_text()))
             print(file)

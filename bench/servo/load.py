@@ -12,7 +12,7 @@ import psutil
 import typer
 
 from bench.jobs import deaths_told
-from haptic_device.share import find
+from haptic_device.config_files import find
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.prepare import prepare
 from haptic_sim.cli.processes import Nodes, Program, interruptible
@@ -60,13 +60,17 @@ def measure(seconds: float, scene: str = "peg_in_hole") -> dict:
 
 def _programs(bag, scene):
     path = str(find("scenes", scene).absolute())
-    circle = {"motion.name": "circle", "motion.start": (0.0, 0.11, 0.0), "motion.radius": 0.01,
-              "motion.duration": 3600.0}  # fmt: skip
+    circle = {
+        "motion.name": "circle",
+        "motion.start": (0.0, 0.11, 0.0),
+        "motion.radius": 0.01,
+        "motion.duration": 3600.0,
+    }
     return [
-        Program("haptic_recorder", "haptic_device.node.recorder", {"bag": str(bag)}),
-        Program("haptic_loopback", "haptic_device.node.loopback", circle),
+        Program("haptic_recorder", "haptic_device.nodes.recorder", {"bag": str(bag)}),
+        Program("haptic_loopback", "haptic_device.nodes.loopback", circle),
         Program("haptic_simulation", "haptic_sim.node.simulation", {"scene": path}),
-        Program("haptic_driver", "haptic_device.node.driver", {"auto_enable": True}),
+        Program("haptic_driver", "haptic_device.nodes.driver", {"auto_enable": True}),
     ]
 
 

@@ -15,9 +15,9 @@ import typer
 from bench.jobs import deaths_told
 from bench.servo import cyclictest
 from bench.servo.servo_figure import save
-from haptic_device.analysis.recording import load
-from haptic_device.analysis.summary import engaged_rows, faults
-from haptic_device.share import find
+from haptic_device.analysis.bag_topics import load
+from haptic_device.analysis.report.summary import engaged_rows, faults
+from haptic_device.config_files import find
 from haptic_sim.cli import demo
 from haptic_sim.cli import lateness as servo_lateness
 from haptic_sim.cli.processes import NodeDiedError, interruptible
@@ -136,8 +136,11 @@ def _lacking(cases):
 
 def table(cases: list[dict]) -> str:
     """The lateness as a table of Markdown."""
-    lines = ["| rate | real-time | load | p50 | p99 | p99.9 | max us | missed | cyclictest p50 | p99 | p99.9 | max us "
-             "| missed | p99 ratio |", "|" + " --- |" * 14]  # fmt: skip
+    lines = [
+        "| rate | real-time | load | p50 | p99 | p99.9 | max us | missed | cyclictest p50 | p99 | p99.9 | max us "
+        "| missed | p99 ratio |",
+        "|" + " --- |" * 14,
+    ]
     for case in cases:
         ours, theirs = (_numbers(one) for one in (case, case["cyclictest"]))
         ratio = "–" if case["p99_ratio"] is None else f"{case['p99_ratio']:.2f}"

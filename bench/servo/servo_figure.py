@@ -17,8 +17,13 @@ def save(samples: dict, path) -> None:
         for (at, realtime, load, who), late in samples.items():
             if at == rate and (who, load) != ("cyclictest", "demo"):
                 share = np.histogram(np.floor(late), _BINS)[0] / len(late)
-                axes.stairs(np.where(share > 0.0, share, np.nan), _BINS, color=COLOURS[realtime],
-                            linestyle=STYLES[who, load], label=f"{who}, {load}, realtime {realtime}")  # fmt: skip
+                axes.stairs(
+                    np.where(share > 0.0, share, np.nan),
+                    _BINS,
+                    color=COLOURS[realtime],
+                    linestyle=STYLES[who, load],
+                    label=f"{who}, {load}, realtime {realtime}",
+                )
         axes.axvline(1e6 / rate, color="black", linewidth=0.8)
         axes.set(xscale="log", yscale="log", ylabel=f"{rate:g} Hz\nshare of ticks")
         axes.grid(alpha=0.3)

@@ -14,7 +14,7 @@ import psutil
 import typer
 
 from bench.jobs import deaths_told
-from haptic_device.share import find
+from haptic_device.config_files import find
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes, Program, interruptible
 
@@ -53,9 +53,9 @@ def measure(scene: str = "peg_in_hole", again: int = 3) -> dict:
 def _once(folder, scene):
     """Seconds from the first process to each node at work (diagnostics come every 0.5 s); their memory [MB]."""
     programs = (
-        Program("haptic_loopback", "haptic_device.node.loopback"),
+        Program("haptic_loopback", "haptic_device.nodes.loopback"),
         Program("haptic_simulation", "haptic_sim.node.simulation", {"scene": scene}),
-        Program("haptic_driver", "haptic_device.node.driver", {"auto_enable": True}),
+        Program("haptic_driver", "haptic_device.nodes.driver", {"auto_enable": True}),
     )
     began, ready = time.monotonic(), {}
     with isolated_domain(folder) as domain, Nodes(folder / "log") as nodes:

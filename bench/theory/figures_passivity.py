@@ -9,6 +9,7 @@ import typer
 from matplotlib.figure import Figure
 
 from adversary.switching import switched_cancellation_damping
+from haptic_device.analysis.assessment import Display
 from haptic_device.analysis.closed_forms import (
     delayed_wall_damping,
     fractionally_delayed_spring_damping,
@@ -18,7 +19,6 @@ from haptic_device.analysis.coupling_damping import wall_damping_for_any_simulat
 from haptic_device.analysis.delay import delayed_demand, wall_damping_needed
 from haptic_device.analysis.passivity_figure import draw_map
 from haptic_device.analysis.transfer import wall_transfer
-from haptic_device.analysis.verdict import Display
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 

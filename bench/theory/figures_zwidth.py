@@ -13,7 +13,7 @@ from haptic_device.analysis import probe
 from haptic_device.analysis.zwidth import Setup
 from haptic_device.analysis.zwidth_figure import draw_cells
 from haptic_device.analysis.zwidth_map import Request, draw_map
-from haptic_device.device import load_device
+from haptic_device.description import load_device
 from haptic_sim.cli.zwidth_live import CANCELLED
 from haptic_sim.cli.zwidth_twin import HAND, Twin
 

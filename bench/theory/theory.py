@@ -36,13 +36,22 @@ def closed_forms():
     lag, samples = period * 10.0 ** rng.uniform(-1.0, 2.5, (DRAWS, 1)), rng.integers(0, 12, (DRAWS, 1))
     share = period / (period + lag)
     for name, wall, expected in (
-        ("wall, B of either sign", lambda z: stiffness + damping * (z - 1.0) / (period * z),
-         wall_damping(stiffness, damping, period)),
-        ("velocity lag", lambda z: stiffness + damping / period * share * (z - 1.0) / (z - 1.0 + share),
-         lagged_wall_damping(stiffness, damping, period, lag)),
-        ("0 to 11 samples late", lambda z: (stiffness + damping * (z - 1.0) / (period * z)) * z**-samples,
-         delayed_wall_damping(stiffness, damping, period, samples)),
-    ):  # fmt: skip
+        (
+            "wall, B of either sign",
+            lambda z: stiffness + damping * (z - 1.0) / (period * z),
+            wall_damping(stiffness, damping, period),
+        ),
+        (
+            "velocity lag",
+            lambda z: stiffness + damping / period * share * (z - 1.0) / (z - 1.0 + share),
+            lagged_wall_damping(stiffness, damping, period, lag),
+        ),
+        (
+            "0 to 11 samples late",
+            lambda z: (stiffness + damping * (z - 1.0) / (period * z)) * z**-samples,
+            delayed_wall_damping(stiffness, damping, period, samples),
+        ),
+    ):
         error = np.max(np.abs(least_damping(wall, period).damping / np.squeeze(expected) - 1.0))
         print(f"condition (1) and its closed form, {name}: {error:.1e} relative over {DRAWS} draws")
 

@@ -12,8 +12,8 @@ from typing import Annotated
 import typer
 
 from haptic_device.analysis import probe
-from haptic_device.device import load_device
-from haptic_device.share import find
+from haptic_device.config_files import find
+from haptic_device.description import load_device
 from haptic_sim.cli.pair import running
 from haptic_sim.cli.tuning import Tuning
 from haptic_sim.cli.zwidth_live import STALLED, TOUCHED, Live, pair

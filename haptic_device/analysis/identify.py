@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from haptic_device.runtime.held_run import run_segments
+from haptic_device.device.axis_rerun import run_segments
 
 SEGMENT = 0.2  # [s]
 FEWEST = 8  # segments that a confidence can rest on

@@ -15,8 +15,8 @@ from pathlib import Path
 import numba
 import numpy as np
 
+from haptic_device.config_files import find, names
 from haptic_device.process import die_with_parent
-from haptic_device.share import find, names
 
 PATIENCE = 5.0  # [s] for a scheduler to answer
 MISSING = "--scheduler needs Dask distributed: pip install 'haptic_display[sweep]'"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Z-width of a device model: which walls in the K–B plane it shows without shaking and without giving energy.
 
-Each cell of the plane is a run in lock-step (`haptic_device.runtime.zwidth_cell`): an operator taps the unilateral
+Each cell of the plane is a run in lock-step (`haptic_device.device.wall_tapping`): an operator taps the unilateral
 wall and stays pressed against it. What a run can show depends on the operator, so operators are named, and none of
 them is the worst there is: condition (3) is about all passive ones (Colgate & Brown 1994 for the word Z-width).
 """
@@ -14,7 +14,7 @@ from haptic_device.analysis.closed_forms import fractionally_delayed_spring_damp
 from haptic_device.analysis.delay import largest_passive_stiffness
 from haptic_device.analysis.quantity import finite, not_negative, positive, within
 from haptic_device.analysis.stability import largest_stable_stiffness
-from haptic_device.runtime import zwidth_cell
+from haptic_device.device import wall_tapping
 
 QUIET, GIVING, SHAKING = range(3)
 NAMES = ("quiet", "gives energy", "shakes")
@@ -82,7 +82,7 @@ def check_setup(setup):
     for name, unit in (("coulomb", "N"), ("resolution", "m"), ("velocity_lag", "s")):
         not_negative(name, getattr(setup, name), unit)
     within("delay_samples", setup.delay_samples, 0.0, 100.0, "samples")
-    within("seconds/period", setup.seconds / setup.period, zwidth_cell.FEWEST_TICKS, 1e7, "ticks")
+    within("seconds/period", setup.seconds / setup.period, wall_tapping.FEWEST_TICKS, 1e7, "ticks")
 
 
 def operators_of(name):
@@ -104,14 +104,14 @@ def run_cells(setup, operators, stiffness, damping):
 
 
 def _run(setup, operator, stiffness, damping):
-    record, outcomes = record_of(setup, operator), np.zeros(stiffness.size, zwidth_cell.OUTCOME)
-    zwidth_cell.cells(record.view(np.recarray), stiffness, damping, outcomes.view(np.recarray))
+    record, outcomes = record_of(setup, operator), np.zeros(stiffness.size, wall_tapping.OUTCOME)
+    wall_tapping.cells(record.view(np.recarray), stiffness, damping, outcomes.view(np.recarray))
     return _verdict(setup, operator, outcomes), outcomes["energy_given"], outcomes["growth"]
 
 
 def record_of(setup, operator):
     """CELL record of one operator at this device."""
-    record = np.zeros(1, zwidth_cell.CELL)
+    record = np.zeros(1, wall_tapping.CELL)
     for name in setup._fields:
         record[name] = getattr(setup, name)
     for name in ("mass", "damping", "stiffness"):
@@ -142,7 +142,7 @@ def theory(setup, damping, lateness=0.0):
     lines = {
         "passive": [largest_passive_stiffness(b, float(B), period, **loop) for B in damping],
         "stable": [largest_stable_stiffness(m, b, float(B), period, **loop) for B in damping],
-    }  # fmt: skip
+    }
     if lateness > 0.0:
         late = setup.delay_samples + lateness / period
         spare = b - np.abs(damping) * np.sqrt(1.0 + late)

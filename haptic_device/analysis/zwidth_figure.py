@@ -27,9 +27,15 @@ def draw_cells(axes, request, plane, lateness=0.0):
     """Cells and lines of one map, labelled with everything that they depend on."""
     stiffness = request.stiffness / 1e3
     axes.pcolormesh(
-        request.damping, stiffness, plane.outcome.verdict.T, cmap=ListedColormap(COLOURS), vmin=0, vmax=2,
-        shading="nearest", rasterized=True,
-    )  # fmt: skip
+        request.damping,
+        stiffness,
+        plane.outcome.verdict.T,
+        cmap=ListedColormap(COLOURS),
+        vmin=0,
+        vmax=2,
+        shading="nearest",
+        rasterized=True,
+    )
     damping = np.linspace(request.damping[0], request.damping[-1], 121)
     for name, line in theory(request.setup, damping, lateness).items():
         colour, style, label = LINES[name]

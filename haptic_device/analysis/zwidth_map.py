@@ -36,8 +36,13 @@ def empty(request: Request) -> Plane:
     return Plane(Outcome(np.zeros(shape, np.int8), np.zeros(shape), np.zeros(shape)), np.zeros(shape[0], bool))
 
 
-def draw_map(request: Request, workers: int, progress: Callable = lambda done: None, scheduler: str = "",
-             plane: Plane | None = None) -> Plane:  # fmt: skip
+def draw_map(
+    request: Request,
+    workers: int,
+    progress: Callable = lambda done: None,
+    scheduler: str = "",
+    plane: Plane | None = None,
+) -> Plane:
     """Runs all rows, into `plane`, an empty one, where it is given: what is done is there if this is interrupted.
 
     By threads, for the cells run without the interpreter's lock, or by the workers of a Dask scheduler (sweep.spread).

@@ -17,7 +17,7 @@ from mcap.writer import Writer
 from haptic_device.recording.metadata import METADATA, FileSpan, information, topic_metadata, write_metadata
 from haptic_device.recording.reader import Records, files
 from haptic_device.recording.writer import CHUNK_BYTES, RESERVE
-from haptic_device.skipped import Skipped
+from haptic_device.sequence_gaps import Skipped
 
 
 @dataclass

@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
-from haptic_device import operating, ros_yaml
-from haptic_device.device import load_device
+from haptic_device import controller_config, gain_check, ros_yaml
+from haptic_device.description import load_device
+from haptic_device.device import loopback_config
 from haptic_device.parameter import SECTION, check_value, operating_point_problems, read_operating_point, unknown
 from haptic_device.parameters import OPERATOR
 from haptic_sim.cli.nodes import NODES
@@ -47,10 +48,10 @@ def _together(path):
     }
     driver = everything["haptic_driver"]
     device = load_device(driver["device"])
-    operating.hand_from(load_device(everything["haptic_loopback"]["device"]), everything["haptic_loopback"])
+    loopback_config.hand_from(load_device(everything["haptic_loopback"]["device"]), everything["haptic_loopback"])
     load_scene(everything["haptic_simulation"]["scene"])
-    settings = operating.settings_from(device, driver)
-    refusal = operating.refusal(settings[0]) if driver["passivity.policy"] == "enforce" else ""
+    settings = controller_config.settings_from(device, driver)
+    refusal = gain_check.refusal(settings[0]) if driver["passivity.policy"] == "enforce" else ""
     return [refusal] if refusal else []
 
 

@@ -19,8 +19,8 @@ def compare(
     namespace: Annotated[str | None, typer.Option(help="Where the bag holds several devices.")] = None,
 ) -> None:
     """Play the same motion at each operating point, in lock-step; a table, a bag of each, and a report of all."""
-    from haptic_device.analysis.page import MOST, write_report
-    from haptic_device.analysis.run import read_run
+    from haptic_device.analysis.report.page import MOST, write_report
+    from haptic_device.analysis.report.run import read_run
     from haptic_sim.cli.compared import figures_of, given_at, print_table, replayed
 
     if len(points) > MOST:

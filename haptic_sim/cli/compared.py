@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_device.analysis.run import Run
+from haptic_device.analysis.report.run import Run
 from haptic_device.status import number
 
 COLUMNS = ("stiffness N/m", "error mm", "energy given mJ", "oscillation", "margin", "CPU %")
@@ -13,8 +13,8 @@ COLUMNS = ("stiffness N/m", "error mm", "energy given mJ", "oscillation", "margi
 
 def given_at(params: str | None) -> dict[str, dict]:
     """{node: {parameter: value}} of an operating point, a name or a file; empty for none. Raises ValueError."""
+    from haptic_device.config_files import find
     from haptic_device.parameter import read_operating_point
-    from haptic_device.share import find
     from haptic_sim.cli.nodes import NODES
 
     return {} if params is None else read_operating_point(find("", params), NODES)

@@ -86,7 +86,7 @@ def run(order: Order, started: float, as_json: bool) -> bool:
 
 
 def _order(scene, seconds, out, exchange, rate, params) -> Order:
-    from haptic_device.share import find
+    from haptic_device.config_files import find
 
     out = out or Path("haptic_runs") / f"{Path(scene).stem}-{time.strftime('%Y%m%d-%H%M%S')}"
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
@@ -96,8 +96,8 @@ def _order(scene, seconds, out, exchange, rate, params) -> Order:
 
 def programs_of(order: Order) -> list[Program]:
     """The four nodes in the order of their start; they are stopped in the reverse order, the recorder last."""
+    from haptic_device.config_files import find
     from haptic_device.parameter import read_operating_point
-    from haptic_device.share import find
     from haptic_sim.cli.nodes import NODES
     from haptic_sim.scene import load
 
@@ -124,10 +124,10 @@ def _stated(values: dict) -> dict:
 
 
 _MODULES = {
-    "haptic_recorder": "haptic_device.node.recorder",
-    "haptic_loopback": "haptic_device.node.loopback",
+    "haptic_recorder": "haptic_device.nodes.recorder",
+    "haptic_loopback": "haptic_device.nodes.loopback",
     "haptic_simulation": "haptic_sim.node.simulation",
-    "haptic_driver": "haptic_device.node.driver",
+    "haptic_driver": "haptic_device.nodes.driver",
     "haptic_relay": "haptic_sim.node.relay",
 }
 
@@ -163,9 +163,9 @@ def _play(order: Order, programs: list[Program]) -> bool:
 
 
 def _evaluate(order: Order, started: float) -> dict:
-    from haptic_device.analysis.page import draw_picture
-    from haptic_device.analysis.recording import load
-    from haptic_device.analysis.run import Run
+    from haptic_device.analysis.bag_topics import load
+    from haptic_device.analysis.report.page import draw_picture
+    from haptic_device.analysis.report.run import Run
     from haptic_sim.cli.outcome import figures
 
     recording = load(order.out / "bag")

@@ -21,8 +21,8 @@ def doctor(
 
 def examine(seconds: float) -> dict:
     """Checks of the machine, lateness of the servo at its rates, cost of an exchange, and the rates to choose."""
-    from haptic_device.runtime import machine
-    from haptic_device.runtime.servo_thread import PRIORITY
+    from haptic_device.realtime import machine
+    from haptic_device.realtime.servo_thread import PRIORITY
     from haptic_sim.cli.lateness import RATES, alone
 
     checks = [check._asdict() for check in machine.checks(PRIORITY)]
@@ -32,9 +32,15 @@ def examine(seconds: float) -> dict:
         trials[rate] = late.figures() | {"compute": float(rows["compute"][rows["compute"].argsort()[-10]]) * 1e6}
     exchange = _exchange_us()
     servo_rate = fastest(trials)
-    return {"checks": checks, "servo": trials, "exchange_us_p99": exchange,
-            "choose": {"servo.rate": servo_rate,
-                       "exchange.rate": exchange_rate(servo_rate, exchange, trials, machine.cores())}}  # fmt: skip
+    return {
+        "checks": checks,
+        "servo": trials,
+        "exchange_us_p99": exchange,
+        "choose": {
+            "servo.rate": servo_rate,
+            "exchange.rate": exchange_rate(servo_rate, exchange, trials, machine.cores()),
+        },
+    }
 
 
 def fastest(trials: dict) -> int:

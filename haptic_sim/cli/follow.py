@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
-from haptic_device.law.fault import NAMES
+from haptic_device.control.faults import NAMES
 from haptic_device.status import number
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.live import Live

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of all scenes: a picture of each, and what its simulation takes."""
 
-from haptic_device.share import names
+from haptic_device.config_files import names
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.explain import explain
 from haptic_sim.draw import save

@@ -49,8 +49,8 @@ def identify(
 
 
 def _identify(name, loopback, seconds, force, torque, rate, domain, namespace):
-    from haptic_device.device import load_device
-    from haptic_device.share import find
+    from haptic_device.config_files import find
+    from haptic_device.description import load_device
     from haptic_sim.cli.pair import running
     from haptic_sim.cli.shaking import record
 

@@ -6,18 +6,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device import operating
-from haptic_device.device import load_device
-from haptic_device.law import engage
-from haptic_device.node.declared import DRIVER
-from haptic_device.runtime.servo_thread import ServoThread
-from haptic_device.runtime.still import StillLink
+from haptic_device import controller_config
+from haptic_device.control import enable_state
+from haptic_device.description import load_device
+from haptic_device.nodes.declared import DRIVER
+from haptic_device.realtime.null_device import StillLink
+from haptic_device.realtime.servo_thread import ServoThread
 
 RATES = (1000, 2000, 4000, 8000, 10000)  # [Hz]
 COMMON = {  # 3 axes, 4 walls, coupling, cancellation, observer and controller, faults, trace: all that a tick can do
-    "wall.normals": (1.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, -1.0), "wall.offsets": (-0.06, -0.06, 0.07, -0.15),
-    "wall.stiffness": (500.0,) * 4, "wall.damping": (0.1,) * 4, "cancellation.ratio": 0.5,
-}  # fmt: skip
+    "wall.normals": (1.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, -1.0),
+    "wall.offsets": (-0.06, -0.06, 0.07, -0.15),
+    "wall.stiffness": (500.0,) * 4,
+    "wall.damping": (0.1,) * 4,
+    "cancellation.ratio": 0.5,
+}
 
 
 class Lateness(NamedTuple):
@@ -45,9 +48,9 @@ def values(**given) -> dict:
 
 def alone(rate: float, seconds: float, realtime: str = "prefer") -> tuple[Lateness, np.ndarray]:
     """Runs the servo for so long against a handle that stands still: lateness, and the rows of all ticks."""
-    settings = operating.settings_from(load_device("desktop"), values(**COMMON, **{"servo.rate": float(rate)}))
+    settings = controller_config.settings_from(load_device("desktop"), values(**COMMON, **{"servo.rate": float(rate)}))
     thread, kept = ServoThread(StillLink(), settings, None, realtime), []
-    thread.order(set_flags=engage.ENABLE)
+    thread.order(set_flags=enable_state.ENABLE)
     thread.start()
     try:
         while not thread.running:

@@ -7,8 +7,8 @@ import rclpy
 from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 
-from haptic_device.node.tap import Tap
-from haptic_device.node.wire import AXES, LATEST, STREAM, JointLayout, JointSample, statuses_of, truth_names
+from haptic_device.nodes.messages import AXES, LATEST, STREAM, JointLayout, JointSample, statuses_of, truth_names
+from haptic_device.nodes.polled_subscription import Tap
 from haptic_device.status import Status
 from haptic_sim.cli.commands import Commands
 from haptic_sim.cli.processes import NAMESPACE

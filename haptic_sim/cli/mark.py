@@ -32,7 +32,7 @@ def mark(
 def _send(node, text: str) -> None:
     from rclpy.duration import Duration
 
-    from haptic_device.node.wire import TRACE, String
+    from haptic_device.nodes.messages import TRACE, String
 
     publisher = node.create_publisher(String, "mark", TRACE)
     end = time.monotonic() + PATIENCE

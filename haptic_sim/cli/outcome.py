@@ -3,8 +3,8 @@
 
 import math
 
-from haptic_device.analysis.recording import Recording
-from haptic_device.analysis.summary import (
+from haptic_device.analysis.bag_topics import Recording
+from haptic_device.analysis.report.summary import (
     energy_figures,
     engaged_rows,
     exchange_figures,

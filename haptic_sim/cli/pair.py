@@ -29,8 +29,8 @@ def running(domain: int | None, namespace: str | None, driver: dict, loopback: d
 
 def _start(nodes: Nodes, driver: dict, loopback: dict) -> Callable[[], None]:
     programs = [
-        Program("haptic_loopback", "haptic_device.node.loopback", loopback),
-        Program("haptic_driver", "haptic_device.node.driver", {"auto_enable": True, **driver}),
+        Program("haptic_loopback", "haptic_device.nodes.loopback", loopback),
+        Program("haptic_driver", "haptic_device.nodes.driver", {"auto_enable": True, **driver}),
     ]
     prepare(programs)
     for program in programs:

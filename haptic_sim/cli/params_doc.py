@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from haptic_device.law.fault import TABLE
+from haptic_device.control.faults import TABLE
 from haptic_device.parameter import Parameter
 from haptic_sim.cli.nodes import NODES
 
@@ -23,7 +23,7 @@ COLUMNS = "| name | default | unit | allowed | live | meaning |\n|---|---|---|--
 
 FAULTS = """# Faults
 
-Generated from `law/fault.py: TABLE` by `haptic docs --faults --out docs/faults.md`; do not edit.
+Generated from `control/faults.py: TABLE` by `haptic docs --faults --out docs/faults.md`; do not edit.
 
 A fault is a latched reason why the motor is off. It stays until `~/reset`, whatever follows; then `~/enable` is needed.
 `test/live/test_driver.py` and `test/live/test_fault_live.py` provoke each on running nodes, `test/unit/test_servo.py`

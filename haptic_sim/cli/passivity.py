@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from haptic_device.analysis.verdict import Display, advise, judge
+from haptic_device.analysis.assessment import Display, advise, judge
 
 
 def passivity(

@@ -34,7 +34,7 @@ def record(
         "split.duration": split_duration,
     }
     parameters = {name: value for name, value in given.items() if value not in (None, "")}
-    program = Program("haptic_recorder", "haptic_device.node.recorder", parameters, namespace=namespace)
+    program = Program("haptic_recorder", "haptic_device.nodes.recorder", parameters, namespace=namespace)
     with Nodes(out / "log") as nodes:
         try:
             with interruptible():

@@ -27,8 +27,12 @@ def replay(
     namespace: Annotated[str | None, typer.Option(help="Where the bag holds several devices.")] = None,
 ) -> None:
     """Play a recorded hand motion in lock-step, into a new bag. With --check: exit code 1 if one bit differs."""
-    given = {"--as device": as_ is As.device, "--params": params is not None, "--delay": delay > 0.0,
-             "--out": out is not None}  # fmt: skip
+    given = {
+        "--as device": as_ is As.device,
+        "--params": params is not None,
+        "--delay": delay > 0.0,
+        "--out": out is not None,
+    }
     if check:
         _refuse("--check", given | {"--live": live})
         _check(bag, namespace)
@@ -37,7 +41,7 @@ def replay(
         _refuse("--live", given)
         _play(bag, namespace)
         return
-    from haptic_device.analysis.run import read_run
+    from haptic_device.analysis.report.run import read_run
     from haptic_sim.cli.compared import figures_of, given_at, print_table, replayed
 
     out = out or Path("haptic_bags") / time.strftime("replay-%Y%m%d-%H%M%S")
@@ -65,7 +69,7 @@ def _play(bag: Path, namespace: str | None) -> None:
 
 
 def _check(bag: Path, namespace: str | None) -> None:
-    from haptic_device.analysis.recording import load
+    from haptic_device.analysis.bag_topics import load
     from haptic_sim.recompute import verdict_on
 
     recording = load(bag, namespace, dict.fromkeys(("trace", "snapshot", "local_contacts")))

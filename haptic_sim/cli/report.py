@@ -17,7 +17,7 @@ def report(
 
     A bag that cannot be shown is left out, which is said too; the exit code is then 1.
     """
-    from haptic_device.analysis.page import MOST, write_report
+    from haptic_device.analysis.report.page import MOST, write_report
 
     if len(bags) > MOST:
         raise ValueError(f"{len(bags)} bags are given; at most {MOST} stand side by side")
@@ -39,7 +39,7 @@ def report(
 
 def _read(bags: list[Path], namespace: str | None):
     """The runs that can be shown, and why the others cannot."""
-    from haptic_device.analysis.run import read_run
+    from haptic_device.analysis.report.run import read_run
 
     runs, reasons = [], []
     for bag in bags:

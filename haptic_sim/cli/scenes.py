@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from haptic_device.share import names
+from haptic_device.config_files import names
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.explain import explain
 from haptic_sim.compile.measured import of_scene, said
@@ -55,8 +55,9 @@ def _list():
     for name in names("scenes"):
         scene = load(name)
         compiled = compile_scene(scene)
-        table.add_row(name, scene.description, str(compiled.needs.freedoms), compiled.method,
-                      f"{compiled.sub_step * 1e3:g} ms")
+        table.add_row(
+            name, scene.description, str(compiled.needs.freedoms), compiled.method, f"{compiled.sub_step * 1e3:g} ms"
+        )
     Console(width=None if Console().is_terminal else 120).print(table)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from haptic_device.share import names
+from haptic_device.config_files import names
 from haptic_sim.cli.processes import interruptible
 from haptic_sim.cli.progress import INTERRUPTED, progress
 from haptic_sim.compile import compile_scene
@@ -68,8 +68,16 @@ def markdown(rows: list[Measured], verdicts: list[str]) -> str:
     """A row a method; the last column says of the one that is chosen whether it keeps the scene's bounds."""
     cells = [HEADS, ["---"] * len(HEADS)]
     for row, said in zip(rows, verdicts, strict=True):
-        figures = [row.status] + [""] * 4 if math.isnan(row.error) else [
-            f"{row.error:.1e}", f"{row.doubt:.0e}", f"{row.created:.0e}", f"{row.overlap_m * 1e6:.2g} um",
-            f"{row.exchange_us:.0f} us"]
+        figures = (
+            [row.status] + [""] * 4
+            if math.isnan(row.error)
+            else [
+                f"{row.error:.1e}",
+                f"{row.doubt:.0e}",
+                f"{row.created:.0e}",
+                f"{row.overlap_m * 1e6:.2g} um",
+                f"{row.exchange_us:.0f} us",
+            ]
+        )
         cells.append([row.scene, row.method, f"{row.step_us * 1e-3:g} ms", *figures, said])
     return "\n".join(f"| {' | '.join(cell)} |" for cell in cells)

@@ -7,8 +7,8 @@ the handle is.
 
 import time
 
-from haptic_device.node.tap import Tap
-from haptic_device.node.wire import LATEST, JointState
+from haptic_device.nodes.messages import LATEST, JointState
+from haptic_device.nodes.polled_subscription import Tap
 from haptic_sim.node.port import Port
 from haptic_sim.simulation import ToolSample
 

@@ -18,10 +18,10 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
-from haptic_device.law.fault import NAMES
-from haptic_device.law.servo import TICK
-from haptic_device.node.tap import Tap
-from haptic_device.node.wire import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, statuses_of, truth_names
+from haptic_device.control.faults import NAMES
+from haptic_device.control.servo import TICK
+from haptic_device.nodes.messages import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, statuses_of, truth_names
+from haptic_device.nodes.polled_subscription import Tap
 from haptic_device.status import Status, number
 from haptic_sim.cli.stand_in import StandIn
 

@@ -85,7 +85,7 @@ def play(order, programs, relay, page: dict) -> bool:
     with isolated_domain(order.out / "log"), Nodes(order.out / "log") as nodes:
         company = Company(order, programs, relay, nodes)
         company.start()
-        from haptic_device.node.lifecycle import hear_the_end
+        from haptic_device.nodes.lifecycle import hear_the_end
         from haptic_sim.viewer.viewer import serve  # ROS is imported while the nodes start
 
         told, end = hear_the_end(), None if order.seconds is None else time.monotonic() + order.seconds

@@ -74,10 +74,10 @@ def zwidth(
 
 def _live(name, period, damping, stiffness_max, domain, namespace, as_json):
     from haptic_device.analysis.quantity import finite, positive
-    from haptic_device.device import load_device
+    from haptic_device.config_files import find
+    from haptic_device.description import load_device
     from haptic_device.parameter import check_value
     from haptic_device.parameters import OPERATING_POINT
-    from haptic_device.share import find
     from haptic_sim.cli.processes import NodeDiedError
 
     positive("period", period, "s")
@@ -109,10 +109,11 @@ def _show_live(found):
         "figure", "live", "lock-step", title=f"Z-width at {found['rate']:g} Hz, B = {found['damping']:g} N s/m"
     )
     for label, *keys in (
-        ("stiffest quiet wall [N/m]", "quiet"), ("softest shaking wall [N/m]", "shaking"),
+        ("stiffest quiet wall [N/m]", "quiet"),
+        ("softest shaking wall [N/m]", "shaking"),
         ("felt damping, nothing cancelled [N s/m]", "damping", "none"),
         ("felt damping, cancelled [N s/m]", "damping", "cancelled"),
-    ):  # fmt: skip
+    ):
         table.add_row(label, *(_number(found[side], keys) for side in ("live", "lockstep")))
     console, at = Console(width=None if Console().is_terminal else 100), found["at_95_percent_of_passive"]
     console.print(table)
@@ -127,7 +128,7 @@ def _number(values, keys):
 
 def _of_device(name, period):
     from haptic_device.analysis.quantity import positive
-    from haptic_device.device import load_device
+    from haptic_device.description import load_device
 
     positive("period", period, "s")
     device = load_device(name)

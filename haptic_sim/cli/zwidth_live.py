@@ -10,7 +10,7 @@ import contextlib
 import numpy as np
 
 from haptic_device.analysis import probe
-from haptic_device.law import fault
+from haptic_device.control import faults
 from haptic_device.status import number
 from haptic_sim.cli.pair import running
 from haptic_sim.cli.tuning import Tuning, refuse_other_device
@@ -21,7 +21,7 @@ TOUCHED = (
     *("passivity.policy", "passivity.control", "cancellation.ratio"),
 )
 REST = 0.4  # [s] in free space between two gestures
-STALLED = {fault.name_of(code) for code in (fault.DEVICE_SILENT, fault.DEVICE_WATCHDOG)}
+STALLED = {faults.name_of(code) for code in (faults.DEVICE_SILENT, faults.DEVICE_WATCHDOG)}
 TRIES = 5  # of one touch
 CANCELLED = 0.95  # share of the damping, for the free end
 
@@ -91,9 +91,12 @@ class Live:
     def free(self, policy="off"):
         """No wall, no coupling, and nothing that would calm what is to be seen; gains are judged by this policy."""
         self._tuning.set(
-            passivity__policy=policy, passivity__control=False, cancellation__ratio=0.0, coupling__stiffness=0.0,
+            passivity__policy=policy,
+            passivity__control=False,
+            cancellation__ratio=0.0,
+            coupling__stiffness=0.0,
             coupling__damping=0.0,
-        )  # fmt: skip
+        )
 
     def _wall(self, stiffness):
         damping = self._damping if stiffness else 0.0
@@ -147,11 +150,12 @@ def _figures(live, tuning, device, rate, damping, stiffness_max, say):
         "passive": passive,
         "live": {"quiet": boundary.quiet, "shaking": boundary.shaking, "damping": free},
         "lockstep": {
-            "quiet": same.quiet, "shaking": same.shaking,
+            "quiet": same.quiet,
+            "shaking": same.shaking,
             "damping": {"none": twin.turn(0.0), "cancelled": twin.turn(CANCELLED)},
         },
         "at_95_percent_of_passive": {"shaking": shaking, "energy_given": given},
-    }  # fmt: skip
+    }
 
 
 def _write_delay(tuning):

@@ -3,12 +3,12 @@
 
 import numpy as np
 
-from haptic_device import operating
+from haptic_device import controller_config
 from haptic_device.analysis import probe
-from haptic_device.device import plant_of
-from haptic_device.law import engage, operator, plant, servo
+from haptic_device.control import enable_state, servo
+from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
-from haptic_device.runtime import loop
+from haptic_device.realtime import servo_loop
 
 HAND = {"mass": 0.05, "damping": 0.5, "stiffness": 100.0}  # light: it calms little
 OUT, DEPTH, RADIUS = 0.005, 0.02, 0.02  # [m] of the gestures; pressed in by 2 N
@@ -51,18 +51,28 @@ class Twin:
 
     def _play(self, values, seconds, aim, start=0.0):
         """Truth and whether a fault latched, the handle beginning at rest at x = start [m]."""
-        settings = operating.settings_from(self.device, self.values | values).view(np.recarray)
+        settings = controller_config.settings_from(self.device, self.values | values).view(np.recarray)
         memory = np.zeros(1, servo.MEMORY).view(np.recarray)
-        memory.state, memory.engage = engage.ENGAGED, 1.0
+        memory.state, memory.engage = enable_state.ENGAGED, 1.0
         body, state = self._body(start)
-        motion = operator.script({p.name: p.default for p in OPERATOR} | {"motion.name": "follow"})
-        motion, tool = motion.view(np.recarray), np.zeros(1, loop.TOOL).view(np.recarray)
+        motion = operator_hand.script({p.name: p.default for p in OPERATOR} | {"motion.name": "follow"})
+        motion, tool = motion.view(np.recarray), np.zeros(1, servo_loop.TOOL).view(np.recarray)
         ticks = max(1, round(EVERY * 1e9 / self.period))
         rows, samples = np.zeros(ticks, servo.TICK).view(np.recarray), []
         for first in range(0, round(seconds * 1e9 / self.period), ticks):
             motion.points[0, 0, :2] = aim(first * self.period * 1e-9)
-            loop.run_lockstep(
-                settings, memory, rows, tool, body, state, motion, first * self.period, first, self.delay, engage.ENABLE
+            simulated_device.run_lockstep(
+                settings,
+                memory,
+                rows,
+                tool,
+                body,
+                state,
+                motion,
+                first * self.period,
+                first,
+                self.delay,
+                enable_state.ENABLE,
             )
             samples.append(_sample(state))
             if rows.fault[-1]:
@@ -70,7 +80,10 @@ class Twin:
         return probe.Truth(*np.array(samples).T), False
 
     def _body(self, start):
-        body, state = plant_of(self.device).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
+        body, state = (
+            loopback_config.plant_of(self.device).view(np.recarray),
+            np.zeros(1, plant.PLANT_MEMORY).view(np.recarray),
+        )
         for name, value in HAND.items():
             body[f"hand_{name}"][0, :2] = value
         state.position[0, 0] = state.target[0, 0] = start

@@ -39,9 +39,11 @@ def beyond(scene, model, names) -> str:
     if height > HIGH:
         return f"{height} bodies stand on one another, and impulse carries {HIGH}"
     if ratio * height > LOAD:
-        return (f"{names[heavy]} is {ratio:.4g} times as heavy as {names[light]}"
-                + (f", and {height} bodies stand on one another" if height > 1 else "")
-                + f": a load of {ratio * height:.4g}, of which impulse carries {LOAD:g}")
+        return (
+            f"{names[heavy]} is {ratio:.4g} times as heavy as {names[light]}"
+            + (f", and {height} bodies stand on one another" if height > 1 else "")
+            + f": a load of {ratio * height:.4g}, of which impulse carries {LOAD:g}"
+        )
     return ""
 
 
@@ -77,7 +79,7 @@ def _touching(model):
 
 
 def _outline(model, s):
-    corners = model.vertices[model.shape_start[s]:model.shape_start[s + 1]]
+    corners = model.vertices[model.shape_start[s] : model.shape_start[s + 1]]
     return Outline(tuple(map(tuple, corners.tolist())), float(model.radius[s])), tuple(model.pose[model.shape_body[s]])
 
 

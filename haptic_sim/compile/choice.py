@@ -21,8 +21,10 @@ SOLVED = 6e-6
 def choose_method(scene, needs, model: Model, names) -> tuple[str, str]:
     """Name of the method and why; `names` of the model's bodies. ValueError if the scene asks for one that cannot."""
     if scene.method == "closed_form" and needs.axes is None:
-        raise ValueError("method is 'closed_form', which needs a round tool without joints among half_planes, without "
-                         "friction or restitution, that are parallel or square; take another method")
+        raise ValueError(
+            "method is 'closed_form', which needs a round tool without joints among half_planes, without "
+            "friction or restitution, that are parallel or square; take another method"
+        )
     if scene.method:
         return scene.method, "the scene asks for it"
     if needs.axes is not None:
@@ -46,8 +48,10 @@ def choose_sub_step(scene, model: Model, method: str) -> tuple[float, str]:
     if method == "partitioned" and longest > (own := max(SHORT, SOLVED * bodies)):
         longest = own
         why += f", {method} takes {own * 1e3:g} ms: " + (
-            "steps as short as those inside impulse" if own == SHORT else
-            f"what the direct solve of {bodies} bodies can keep up with")
+            "steps as short as those inside impulse"
+            if own == SHORT
+            else f"what the direct solve of {bodies} bodies can keep up with"
+        )
     step = next((step for step in STEPS if step <= longest), STEPS[-1])
     return step, why + (", which would be too slow" if longest < step else "")
 

@@ -10,8 +10,11 @@ def explain(scene: Scene, compiled: Compiled) -> list[tuple[str, str]]:
     needs, model = compiled.needs, compiled.model
     bodies = 1 + len(scene.bodies)
     return [
-        ("bodies", f"{len(model.mass) - 1} of {bodies} can move: {_few(needs.moving)}"
-         + (f"; nothing ever moves {_few(needs.at_rest)}" if needs.at_rest else "")),
+        (
+            "bodies",
+            f"{len(model.mass) - 1} of {bodies} can move: {_few(needs.moving)}"
+            + (f"; nothing ever moves {_few(needs.at_rest)}" if needs.at_rest else ""),
+        ),
         ("freedoms", _freedoms(needs, model)),
         ("contacts", _contacts(needs, model)),
         ("friction", "matters" if needs.friction else "no pair that can touch has any"),

@@ -37,5 +37,5 @@ def _row(model, pose, ends, direction, turning):
         c, s = math.cos(pose[body][2]), math.sin(pose[body][2])
         arm = c * anchor[0] - s * anchor[1], s * anchor[0] + c * anchor[1]
         torque = arm[0] * direction[1] - arm[1] * direction[0] + turning
-        row[3 * body:3 * body + 3] += np.array([*direction, torque]) * sign
+        row[3 * body : 3 * body + 3] += np.array([*direction, torque]) * sign
     return row[:-3]

@@ -11,10 +11,12 @@ MOST_LINKED = 10
 def too_much(model: Model) -> str:
     """Sentence on what of a model is more than they take; "" if nothing is."""
     for what, many, most in (
-        ("bodies", len(model.mass), MOST_BODIES), ("shapes", len(model.radius), MOST_SHAPES),
+        ("bodies", len(model.mass), MOST_BODIES),
+        ("shapes", len(model.radius), MOST_SHAPES),
         ("corners", len(model.vertices), MOST_CORNERS),
         ("pairs of shapes that can touch", len(model.pairs), MOST_PAIRS),
-        ("joints", len(model.joint_kind), MOST_JOINTS), ("bodies in one linkage", _linked(model), MOST_LINKED),
+        ("joints", len(model.joint_kind), MOST_JOINTS),
+        ("bodies in one linkage", _linked(model), MOST_LINKED),
     ):
         if many > most:
             return f"the scene has {many} {what}; the compiled methods take at most {most}"

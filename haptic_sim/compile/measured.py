@@ -61,5 +61,7 @@ def said(row: Measured) -> str:
     if math.isnan(row.error):
         return row.status
     error = f"errs {row.error:.1e} of the way" + (f" (known to {row.doubt:.0e})" if row.doubt > row.error else "")
-    return (f"step {row.step_us * 1e-3:g} ms: {error}, creates {row.created:.0e} of the energy about, overlaps "
-            f"{row.overlap_m * 1e6:.2g} um, takes {row.exchange_us:.0f} us an exchange")
+    return (
+        f"step {row.step_us * 1e-3:g} ms: {error}, creates {row.created:.0e} of the energy about, overlaps "
+        f"{row.overlap_m * 1e6:.2g} um, takes {row.exchange_us:.0f} us an exchange"
+    )

@@ -43,10 +43,19 @@ def moving_bodies(scene, groups):
         grown = {body.name for body in movable}
     while grown != moving:
         moving = {name for start in grown for name in group_of[start]} - {WORLD}
-        grown = moving | {b.name for b in movable for a in movable
-                          if a.name in moving and a is not b and can_touch(apart, a, b, discs)}
-        grown |= {name for joint in scene.joints if moving & set(joint.bodies) for name in joint.bodies
-                  if WORLD not in group_of[name]}
+        grown = moving | {
+            b.name
+            for b in movable
+            for a in movable
+            if a.name in moving and a is not b and can_touch(apart, a, b, discs)
+        }
+        grown |= {
+            name
+            for joint in scene.joints
+            if moving & set(joint.bodies)
+            for name in joint.bodies
+            if WORLD not in group_of[name]
+        }
     return moving
 
 
@@ -54,11 +63,16 @@ def touching_pairs(scene, groups):
     """Pairs of shapes that can touch (indices in the order of the groups) with their surfaces; names; the rest."""
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     discs, held = reaches(scene, set(groups[-1])), kept_apart(scene)
-    shapes = [(rank, name) for rank, group in enumerate(groups) for name in group if name != WORLD
-              for _ in solids[name].outlines]
+    shapes = [
+        (rank, name)
+        for rank, group in enumerate(groups)
+        for name in group
+        if name != WORLD
+        for _ in solids[name].outlines
+    ]
     pairs, touching, apart = [], {}, 0
     for i, (rank_a, a) in enumerate(shapes):
-        for j, (rank_b, b) in enumerate(shapes[i + 1:], i + 1):
+        for j, (rank_b, b) in enumerate(shapes[i + 1 :], i + 1):
             if rank_a == rank_b:
                 continue
             if not can_touch(held, solids[a], solids[b], discs):
@@ -66,7 +80,8 @@ def touching_pairs(scene, groups):
                 continue
             one, two = scene.material(solids[a]), scene.material(solids[b])
             surface = turned(solids[b].surface_velocity, (0.0, 0.0, solids[b].pose[2]))
-            pairs.append((i, j, math.sqrt(one.friction * two.friction), math.sqrt(one.restitution * two.restitution),
-                          surface))
+            pairs.append(
+                (i, j, math.sqrt(one.friction * two.friction), math.sqrt(one.restitution * two.restitution), surface)
+            )
             touching[a, b] = None
     return pairs, tuple(touching), apart

@@ -95,23 +95,33 @@ def build(scene: Scene, groups: list[list[str]], pairs) -> tuple[Model, dict[str
     """
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     bodies = [_body([solids[name] for name in group]) for group in groups[:-1]] + [_WORLD_BODY]
-    places = {name: Place(i, _local(solids[name].pose, bodies[i][2])) if name != WORLD else Place(i, (0.0, 0.0, 0.0))
-              for i, group in enumerate(groups) for name in group}
-    outlines = [(name, outline) for group in groups for name in group if name != WORLD
-                for outline in solids[name].outlines]
+    places = {
+        name: Place(i, _local(solids[name].pose, bodies[i][2])) if name != WORLD else Place(i, (0.0, 0.0, 0.0))
+        for i, group in enumerate(groups)
+        for name in group
+    }
+    outlines = [
+        (name, outline) for group in groups for name in group if name != WORLD for outline in solids[name].outlines
+    ]
     vertices = [[turned(vertex, places[name].pose) for vertex in outline.vertices] for name, outline in outlines]
     columns = [np.array(column, dtype=float) for column in zip(*bodies, strict=True)]
     mass, inertia, pose, velocity = columns
     arrays = Model(
-        mass, inertia, np.isinf(mass), pose, velocity,
+        mass,
+        inertia,
+        np.isinf(mass),
+        pose,
+        velocity,
         np.array([places[name].body for name, _ in outlines], dtype=np.int64),
         np.cumsum([0, *map(len, vertices)]).astype(np.int64),
         np.array([vertex for corners in vertices for vertex in corners], dtype=float),
         np.array([outline.radius for _, outline in outlines], dtype=float),
         np.array([pair[:2] for pair in pairs], dtype=np.int64).reshape(-1, 2),
-        np.array([pair[2] for pair in pairs], dtype=float), np.array([pair[3] for pair in pairs], dtype=float),
+        np.array([pair[2] for pair in pairs], dtype=float),
+        np.array([pair[3] for pair in pairs], dtype=float),
         np.array([pair[4] for pair in pairs], dtype=float).reshape(-1, 2),
-        *_joints(scene, solids, places, pose), np.array(scene.gravity, dtype=float),
+        *_joints(scene, solids, places, pose),
+        np.array(scene.gravity, dtype=float),
     )
     return arrays, places, tuple(name for name, _ in outlines)
 
@@ -125,8 +135,9 @@ def _body(solids):
     mass = sum(part[1] for part in parts)
     centers = [turned(center, solid.pose) for solid, _, _, center in parts]
     x, y = (sum(part[1] * center[k] for part, center in zip(parts, centers, strict=True)) / mass for k in (0, 1))
-    inertia = sum(own + m * math.dist(center, (x, y)) ** 2
-                  for (_, m, own, _), center in zip(parts, centers, strict=True))
+    inertia = sum(
+        own + m * math.dist(center, (x, y)) ** 2 for (_, m, own, _), center in zip(parts, centers, strict=True)
+    )
     (px, py, angle), (vx, vy, turn) = solids[0].pose, solids[0].velocity
     return mass, inertia, (x, y, angle), (vx - turn * (y - py), vy + turn * (x - px), turn)
 
@@ -136,11 +147,25 @@ def _local(pose, frame):
 
 
 def _joints(scene, solids, places, pose):
-    kept = [joint for joint in scene.joints
-            if joint.type != "weld" and len({places[name].body for name in joint.bodies}) == 2]
+    kept = [
+        joint
+        for joint in scene.joints
+        if joint.type != "weld" and len({places[name].body for name in joint.bodies}) == 2
+    ]
     rows = [_joint(joint, solids, places, pose) for joint in kept]
-    kinds = np.dtype([("kind", "i8"), ("bodies", "i8", 2), ("anchor", "f8", (2, 2)), ("axis", "f8", 2), ("angle", "f8"),
-                      ("limit", "f8", 2), ("friction", "f8"), ("motor", "f8", 2), ("spring", "f8", 3)])
+    kinds = np.dtype(
+        [
+            ("kind", "i8"),
+            ("bodies", "i8", 2),
+            ("anchor", "f8", (2, 2)),
+            ("axis", "f8", 2),
+            ("angle", "f8"),
+            ("limit", "f8", 2),
+            ("friction", "f8"),
+            ("motor", "f8", 2),
+            ("spring", "f8", 3),
+        ]
+    )
     table = np.array(rows, dtype=kinds)
     return [np.ascontiguousarray(table[name]) for name in kinds.names]
 
@@ -158,5 +183,14 @@ def _joint(joint, solids, places, pose):
     if joint.type == "slider":
         length = math.hypot(*joint.axis)
         axis = framed((joint.axis[0] / length, joint.axis[1] / length), (0.0, 0.0, frames[0][2]))
-    return (_KINDS[joint.type], bodies, (framed(on_a, frames[0]), framed(on_b, frames[1])), axis,
-            frames[1][2] - frames[0][2], joint.limits or _UNLIMITED, joint.friction, joint.drive, spring)
+    return (
+        _KINDS[joint.type],
+        bodies,
+        (framed(on_a, frames[0]), framed(on_b, frames[1])),
+        axis,
+        frames[1][2] - frames[0][2],
+        joint.limits or _UNLIMITED,
+        joint.friction,
+        joint.drive,
+        spring,
+    )

@@ -20,15 +20,17 @@ def longest_step(model: Model, error: float) -> tuple[float, str]:
     """Longest step [s] that keeps this error of the fastest mode, and that in words."""
     frequency, what = max(_modes(model))
     longest = 2.0 * error / frequency
-    return longest, (f"error {error:g} of the fastest mode, {what} at {frequency:.4g} rad/s, "
-                     f"allows {longest * 1e3:.4g} ms")
+    return longest, (
+        f"error {error:g} of the fastest mode, {what} at {frequency:.4g} rad/s, allows {longest * 1e3:.4g} ms"
+    )
 
 
 def _modes(model):
     """(angular frequency, what) of the coupling and of the scene's own springs."""
     yield math.sqrt(STIFFNESS / model.mass[0]), f"the tool on a coupling of {STIFFNESS:g} N/m"
-    for kind, bodies, anchors, spring in zip(model.joint_kind, model.joint_bodies, model.joint_anchor,
-                                             model.joint_spring, strict=True):
+    for kind, bodies, anchors, spring in zip(
+        model.joint_kind, model.joint_bodies, model.joint_anchor, model.joint_spring, strict=True
+    ):
         if spring[0] > 0.0:
             yield math.sqrt(spring[0] * _mobility(model, kind, bodies, anchors)), "a spring of the scene"
 

@@ -32,8 +32,11 @@ def reaches(scene, immovable: set[str]) -> dict[str, Disc]:
     movable = {solid.name: solid for _, solid in assembly.solids(scene) if solid.name not in immovable}
     found = dict.fromkeys(movable, ANYWHERE)
     for name, place, disc in _held_points(scene, movable):
-        size = max(math.dist(place, corner) + outline.radius for outline in movable[name].outlines
-                   for corner in (turned(vertex, movable[name].pose) for vertex in outline.vertices))
+        size = max(
+            math.dist(place, corner) + outline.radius
+            for outline in movable[name].outlines
+            for corner in (turned(vertex, movable[name].pose) for vertex in outline.vertices)
+        )
         if disc.radius + size < found[name].radius:
             found[name] = Disc(disc.center, disc.radius + size)
     return found
@@ -61,8 +64,12 @@ def _held_points(scene, movable):
     """(body, point on it at the start, disc it stays in), nearest first along the joints (Dijkstra)."""
     solids = {solid.name: solid for _, solid in assembly.solids(scene)}
     holding = [joint for joint in scene.joints if joint.type != "spring"]
-    queue = [(0.0, 0.0, i, joint.bodies[end], None) for i, joint in enumerate(holding) for end in (0, 1)
-             if joint.bodies[end] not in movable]
+    queue = [
+        (0.0, 0.0, i, joint.bodies[end], None)
+        for i, joint in enumerate(holding)
+        for end in (0, 1)
+        if joint.bodies[end] not in movable
+    ]
     done = set()
     while queue:
         far, _, i, origin, center = heapq.heappop(queue)

@@ -16,8 +16,8 @@ import math
 
 import numpy as np
 
+from haptic_device.control import tool_side_tank
 from haptic_device.jit import kernel, njit
-from haptic_device.law import port
 from haptic_sim.compile import compile_scene
 from haptic_sim.method import Contact, Coupling, Planar, Travel
 from haptic_sim.scene import Scene
@@ -46,7 +46,7 @@ class ClosedForm:
         self.couple(Coupling())
         self.reset()
         self.travel(self.position, _STILL, self.position, _STILL, 0)  # compiled here, not in the first exchange
-        drawn = np.zeros(port.RULES), np.zeros(port.MEMORY)
+        drawn = np.zeros(tool_side_tank.RULES), np.zeros(tool_side_tank.MEMORY)
         self.travel_drawn(*drawn, self.position, _STILL, self.position, _STILL, 0)
 
     def reset(self) -> None:
@@ -76,9 +76,17 @@ class ClosedForm:
         place, rate, force, push = self._state
         return self._take(_advance(place, rate, *ways, *self._gains, *self._settings, count))
 
-    def travel_drawn(self, rules: np.ndarray, memory: np.ndarray, start: Planar, start_velocity: Planar, end: Planar,
-                     end_velocity: Planar, count: int) -> Travel:
-        """As `travel`, the handle drawn nearer as a tank of energy asks for (law/port, whose arrays these are)."""
+    def travel_drawn(
+        self,
+        rules: np.ndarray,
+        memory: np.ndarray,
+        start: Planar,
+        start_velocity: Planar,
+        end: Planar,
+        end_velocity: Planar,
+        count: int,
+    ) -> Travel:
+        """As `travel`, the handle drawn nearer as a tank of energy asks for (control/tool_side_tank)."""
         ways = [self._turned(vector) for vector in (start, start_velocity, end, end_velocity)]
         return self._take(advance_drawn(rules, memory, *self._state[:2], *ways, *self._gains, *self._settings, count))
 
@@ -155,7 +163,7 @@ def _advance(place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low
 
 @kernel
 def advance_drawn(rules, memory, place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low, high, h, count):
-    """`_advance` with the handle of each sub-step as law/port drives it; what is supplied leaves the tank."""
+    """`_advance` with the handle of each sub-step as the tank drives it; what is supplied leaves the tank."""
     force = push = (0.0, 0.0, 0.0)
     supplied = most = taken = 0.0
     for k in range(1, count + 1):
@@ -163,13 +171,13 @@ def advance_drawn(rules, memory, place, rate, p0, v0, p1, v1, stiffness, damping
         r = 1.0 - s
         handle = r * p0[0] + s * p1[0], r * p0[1] + s * p1[1], r * p0[2] + s * p1[2]
         velocity = r * v0[0] + s * v1[0], r * v0[1] + s * v1[1], r * v0[2] + s * v1[2]
-        port.drive(rules, memory, handle, velocity, place)
-        aim = memory[port.AIM], memory[port.AIM + 1], memory[port.AIM + 2]
-        speed = memory[port.SPEED], memory[port.SPEED + 1], memory[port.SPEED + 2]
+        tool_side_tank.drive(rules, memory, handle, velocity, place)
+        aim = memory[tool_side_tank.AIM], memory[tool_side_tank.AIM + 1], memory[tool_side_tank.AIM + 2]
+        speed = memory[tool_side_tank.SPEED], memory[tool_side_tank.SPEED + 1], memory[tool_side_tank.SPEED + 2]
         ways = aim, speed, aim, speed
         made = _advance(place, rate, *ways, stiffness, damping, mass, gravity, low, high, h, 1)
         place, rate, force, push, given, pressed, lost = made
-        memory[port.TANK] -= given
+        memory[tool_side_tank.TANK] -= given
         supplied, most, taken = supplied + given, max(most, pressed), taken + lost
     return place, rate, force, push, supplied, most, taken
 

@@ -80,8 +80,14 @@ def clear_linkage(layout, f, i):
 def rate_of_response(work, s, r):
     """G_s W G_rᵀ."""
     a, b, G, P = work.row_a[s], work.row_b[s], work.G, work.response
-    return (G[s, 0] * P[r, a, 0] + G[s, 1] * P[r, a, 1] + G[s, 2] * P[r, a, 2]
-            + G[s, 3] * P[r, b, 0] + G[s, 4] * P[r, b, 1] + G[s, 5] * P[r, b, 2])
+    return (
+        G[s, 0] * P[r, a, 0]
+        + G[s, 1] * P[r, a, 1]
+        + G[s, 2] * P[r, a, 2]
+        + G[s, 3] * P[r, b, 0]
+        + G[s, 4] * P[r, b, 1]
+        + G[s, 5] * P[r, b, 2]
+    )
 
 
 @njit

@@ -113,8 +113,11 @@ def limit_gap(model, layout, work, n, j):
     """Way left to the nearer limit of joint j that is not held."""
     low, high = model.joint_limit[j, 0], model.joint_limit[j, 1]
     unlimited = low == -math.inf and high == math.inf
-    if unlimited or model.joint_kind[j] == SPRING or not moves(
-            layout, work, model.joint_bodies[j, 0], model.joint_bodies[j, 1]):
+    if (
+        unlimited
+        or model.joint_kind[j] == SPRING
+        or not moves(layout, work, model.joint_bodies[j, 0], model.joint_bodies[j, 1])
+    ):
         return math.inf
     for r in range(n):
         if work.source[r] == LIMIT and work.index[r] == j:

@@ -125,8 +125,9 @@ def spring_row(model, q, v, j, k, row):
 def rate(model, v, j, row):
     """J v of a joint's row."""
     a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
-    return (row[0] * v[a, 0] + row[1] * v[a, 1] + row[2] * v[a, 2]
-            + row[3] * v[b, 0] + row[4] * v[b, 1] + row[5] * v[b, 2])
+    return (
+        row[0] * v[a, 0] + row[1] * v[a, 1] + row[2] * v[a, 2] + row[3] * v[b, 0] + row[4] * v[b, 1] + row[5] * v[b, 2]
+    )
 
 
 @njit

@@ -53,14 +53,21 @@ def lay_out(model: Model) -> Layout:
         np.array(normals, dtype=float).reshape(-1, 2),
         np.repeat(model.radius, np.diff(model.shape_start)),
         np.array([shape[1] for shape in shapes]).reshape(-1, 2),
-        np.array([shape[2] for shape in shapes]), np.array([shape[3] for shape in shapes]),
+        np.array([shape[2] for shape in shapes]),
+        np.array([shape[3] for shape in shapes]),
         model.shape_body[model.pairs].reshape(-1, 2),
-        linkage, place_in, body_start, order, joint_start, joint_order, extent,
+        linkage,
+        place_in,
+        body_start,
+        order,
+        joint_start,
+        joint_order,
+        extent,
     )
 
 
 def _shape(model, s):
-    corners = model.vertices[model.shape_start[s]:model.shape_start[s + 1]]
+    corners = model.vertices[model.shape_start[s] : model.shape_start[s + 1]]
     if model.radius[s] > 0.0:
         return [(0.0, 0.0)], corners[0], model.radius[s], 2.0 * model.radius[s]
     edges = np.roll(corners, -1, axis=0) - corners

@@ -15,12 +15,12 @@ import math
 
 import numpy as np
 
+from haptic_device.control import contact_model
 from haptic_device.jit import kernel, njit
-from haptic_device.law import contact
 
 MOST = 512  # pairs of features looked at
 FAR = 1e3  # [m] trust where none was left out
-FIELDS = len(contact.EACH)
+FIELDS = len(contact_model.EACH)
 URGENCY, BODY, WORLD_NX, WORLD_NY, LEADER = range(FIELDS, FIELDS + 5)
 COLUMNS = FIELDS + 5  # URGENCY: way [m] until it matters; LEADER: candidate of its group with the largest gap, or −1
 CORNERS = 64  # of a shape, at most; numbers of an identity
@@ -48,7 +48,7 @@ def find(model, pose, velocity, lead, out):
             if radius[a] == 0.0:
                 count = _corners(model, pose, p, b, a, False, out, count)
         for k in range(first, count):
-            out[k, contact.FRICTION], out[k, contact.RESTITUTION] = friction[p], restitution[p]
+            out[k, contact_model.FRICTION], out[k, contact_model.RESTITUTION] = friction[p], restitution[p]
             _move(out[k], pose, velocity, body[b], lead)
         _rank(out, first, count)
     return count
@@ -65,13 +65,15 @@ def _discs(model, pose, p, out, count):
     far = math.hypot(ax - bx, ay - by)
     one = out[count]
     one[:] = 0.0
-    one[contact.IDENTITY], one[contact.KIND] = 1.0 + float(p) * 2.0 * CORNERS * CORNERS, contact.ROUND
-    one[contact.NORMAL_X], one[contact.NORMAL_Y] = ((ax - bx) / far, (ay - by) / far) if far > 0.0 else (1.0, 0.0)
-    one[contact.POINT_X], one[contact.POINT_Y] = bx, by
-    one[contact.TOOL_X], one[contact.TOOL_Y] = corners[start[a], 0], corners[start[a], 1]
-    one[contact.RADIUS], one[contact.TOOL_RADIUS] = radius[a] + radius[b], radius[a]
-    one[contact.GAP] = far - one[contact.RADIUS]
-    one[URGENCY] = one[contact.GAP]
+    one[contact_model.IDENTITY], one[contact_model.KIND] = 1.0 + float(p) * 2.0 * CORNERS * CORNERS, contact_model.ROUND
+    one[contact_model.NORMAL_X], one[contact_model.NORMAL_Y] = (
+        ((ax - bx) / far, (ay - by) / far) if far > 0.0 else (1.0, 0.0)
+    )
+    one[contact_model.POINT_X], one[contact_model.POINT_Y] = bx, by
+    one[contact_model.TOOL_X], one[contact_model.TOOL_Y] = corners[start[a], 0], corners[start[a], 1]
+    one[contact_model.RADIUS], one[contact_model.TOOL_RADIUS] = radius[a] + radius[b], radius[a]
+    one[contact_model.GAP] = far - one[contact_model.RADIUS]
+    one[URGENCY] = one[contact_model.GAP]
     return count + 1
 
 
@@ -80,7 +82,7 @@ def _corners(model, pose, p, point_shape, edge_shape, there, out, count):
     """Every corner of one shape against every edge of the other; there: the edges are the other body's."""
     body, start, corners, radius, pairs, friction, restitution = model
     edge_pose, point_pose = pose[body[edge_shape]], pose[body[point_shape]]
-    kind = contact.FLAT_THERE if there else contact.FLAT_HERE
+    kind = contact_model.FLAT_THERE if there else contact_model.FLAT_HERE
     edges = start[edge_shape + 1] - start[edge_shape]
     rounded = radius[point_shape]
     for c in range(start[point_shape], start[point_shape + 1]):
@@ -93,15 +95,15 @@ def _corners(model, pose, p, point_shape, edge_shape, there, out, count):
             one = out[count]
             one[:] = 0.0
             gap = _at_edge(one, corners[q], corners[r], edge_pose, x, y, there)
-            one[contact.GAP], one[contact.RADIUS] = gap - rounded, rounded
-            one[contact.IDENTITY], one[contact.KIND] = group + e, kind
-            one[contact.TOOL_RADIUS] = rounded if there else 0.0
+            one[contact_model.GAP], one[contact_model.RADIUS] = gap - rounded, rounded
+            one[contact_model.IDENTITY], one[contact_model.KIND] = group + e, kind
+            one[contact_model.TOOL_RADIUS] = rounded if there else 0.0
             if there:
-                one[contact.TOOL_X], one[contact.TOOL_Y] = corners[c, 0], corners[c, 1]
+                one[contact_model.TOOL_X], one[contact_model.TOOL_Y] = corners[c, 0], corners[c, 1]
             else:
-                one[contact.POINT_X], one[contact.POINT_Y] = x, y
+                one[contact_model.POINT_X], one[contact_model.POINT_Y] = x, y
             if rounded == 0.0:
-                one[contact.GROUP], one[URGENCY] = group, gap
+                one[contact_model.GROUP], one[URGENCY] = group, gap
             elif gap < -0.5 * rounded:  # an edge on the far side
                 continue
             else:
@@ -116,9 +118,11 @@ def _rank(out, first, count):
     start = first
     for k in range(first, count):
         out[k, LEADER] = -1.0
-        if out[k, contact.GROUP] == 0.0 or out[k, contact.GROUP] != out[start, contact.GROUP]:
+        if out[k, contact_model.GROUP] == 0.0 or out[k, contact_model.GROUP] != out[start, contact_model.GROUP]:
             start = k
-        if out[k, contact.GROUP] == 0.0 or (k + 1 < count and out[k + 1, contact.GROUP] == out[k, contact.GROUP]):
+        if out[k, contact_model.GROUP] == 0.0 or (
+            k + 1 < count and out[k + 1, contact_model.GROUP] == out[k, contact_model.GROUP]
+        ):
             continue
         leader = start
         for i in range(start, k + 1):
@@ -142,33 +146,39 @@ def _at_edge(one, corner, next_corner, edge_pose, x, y, there):
     over = along - min(length, max(0.0, along))
     one[URGENCY] = math.hypot(distance, over) if over != 0.0 else distance
     if there:  # the edge's normal points to the tool, its tangent (−n_y, n_x) runs from corner to next corner
-        one[contact.NORMAL_X], one[contact.NORMAL_Y] = nx, ny
-        one[contact.POINT_X], one[contact.POINT_Y] = px, py
-        one[contact.LOW], one[contact.HIGH] = 0.0, length
+        one[contact_model.NORMAL_X], one[contact_model.NORMAL_Y] = nx, ny
+        one[contact_model.POINT_X], one[contact_model.POINT_Y] = px, py
+        one[contact_model.LOW], one[contact_model.HIGH] = 0.0, length
     else:  # out of the other body is into the tool: against the edge's normal, and so is the tangent
         c, s = math.cos(edge_pose[2]), math.sin(edge_pose[2])
-        one[contact.NORMAL_X], one[contact.NORMAL_Y] = -(c * nx + s * ny), -(c * ny - s * nx)
-        one[contact.TOOL_X], one[contact.TOOL_Y] = corner[0], corner[1]
-        one[contact.LOW], one[contact.HIGH] = -length, 0.0
+        one[contact_model.NORMAL_X], one[contact_model.NORMAL_Y] = -(c * nx + s * ny), -(c * ny - s * nx)
+        one[contact_model.TOOL_X], one[contact_model.TOOL_Y] = corner[0], corner[1]
+        one[contact_model.LOW], one[contact_model.HIGH] = -length, 0.0
     return distance
 
 
 @njit
 def _move(one, pose, velocity, other, lead):
     """Velocity of the other body at its point, and the gap when the contact is used."""
-    px, py = one[contact.POINT_X], one[contact.POINT_Y]
+    px, py = one[contact_model.POINT_X], one[contact_model.POINT_Y]
     bx, by = px - pose[other, 0], py - pose[other, 1]
     turn = velocity[other, 2]
-    one[contact.VELOCITY_X], one[contact.VELOCITY_Y] = velocity[other, 0] - turn * by, velocity[other, 1] + turn * bx
-    one[contact.TURN_RATE], one[BODY] = turn, other
+    one[contact_model.VELOCITY_X], one[contact_model.VELOCITY_Y] = (
+        velocity[other, 0] - turn * by,
+        velocity[other, 1] + turn * bx,
+    )
+    one[contact_model.TURN_RATE], one[BODY] = turn, other
     c, s = math.cos(pose[0, 2]), math.sin(pose[0, 2])
-    ax, ay = c * one[contact.TOOL_X] - s * one[contact.TOOL_Y], s * one[contact.TOOL_X] + c * one[contact.TOOL_Y]
-    nx, ny = one[contact.NORMAL_X], one[contact.NORMAL_Y]
-    if one[contact.KIND] == contact.FLAT_HERE:
+    ax, ay = (
+        c * one[contact_model.TOOL_X] - s * one[contact_model.TOOL_Y],
+        s * one[contact_model.TOOL_X] + c * one[contact_model.TOOL_Y],
+    )
+    nx, ny = one[contact_model.NORMAL_X], one[contact_model.NORMAL_Y]
+    if one[contact_model.KIND] == contact_model.FLAT_HERE:
         nx, ny = c * nx - s * ny, s * nx + c * ny
         ax, ay = px - pose[0, 0], py - pose[0, 1]
-    rate = nx * (velocity[0, 0] - velocity[0, 2] * ay - one[contact.VELOCITY_X])
-    rate += ny * (velocity[0, 1] + velocity[0, 2] * ax - one[contact.VELOCITY_Y])
+    rate = nx * (velocity[0, 0] - velocity[0, 2] * ay - one[contact_model.VELOCITY_X])
+    rate += ny * (velocity[0, 1] + velocity[0, 2] * ax - one[contact_model.VELOCITY_Y])
     one[URGENCY] += lead * rate
     one[WORLD_NX], one[WORLD_NY] = nx, ny
 
@@ -185,9 +195,9 @@ def choose(candidates, count, places, table):
 
     places: identities of the table before. Trust: how far the tool may be from where it is expected to be.
     """
-    chosen, slot = np.full(contact.MOST, -1), np.full(contact.MOST, -1)
+    chosen, slot = np.full(contact_model.MOST, -1), np.full(contact_model.MOST, -1)
     left = np.ones(count)
-    for k in range(min(count, contact.MOST)):
+    for k in range(min(count, contact_model.MOST)):
         for i in range(count):
             if left[i] > 0.0 and (chosen[k] < 0 or candidates[i, URGENCY] < candidates[chosen[k], URGENCY]):
                 chosen[k] = i
@@ -197,7 +207,7 @@ def choose(candidates, count, places, table):
         left[chosen[k]] = 0.0
     _keep_places(candidates, chosen, places, slot)
     table[:] = 0.0
-    for k in range(min(count, contact.MOST)):
+    for k in range(min(count, contact_model.MOST)):
         for c in range(FIELDS):
             table[slot[k], c] = candidates[chosen[k], c]
     trust = FAR
@@ -210,12 +220,12 @@ def choose(candidates, count, places, table):
 @njit
 def _keep_places(candidates, chosen, places, slot):
     """Fills in slot: those that were there keep their place, the others take what is free."""
-    taken = np.zeros(contact.MOST)
-    for k in range(contact.MOST):
-        for i in range(contact.MOST):
-            if chosen[k] >= 0 and places[i] == candidates[chosen[k], contact.IDENTITY]:
+    taken = np.zeros(contact_model.MOST)
+    for k in range(contact_model.MOST):
+        for i in range(contact_model.MOST):
+            if chosen[k] >= 0 and places[i] == candidates[chosen[k], contact_model.IDENTITY]:
                 slot[k], taken[i] = i, 1.0
-    for k in range(contact.MOST):
-        for i in range(contact.MOST):
+    for k in range(contact_model.MOST):
+        for i in range(contact_model.MOST):
             if chosen[k] >= 0 and slot[k] < 0 and taken[i] == 0.0:
                 slot[k], taken[i] = i, 1.0

@@ -69,8 +69,15 @@ class PlanarWorld:
         self._read()
         supplied, touched, force, depth, *_, taken, correction = self._port[13:].tolist()
         before, self._elastic = self._elastic, self._stored_in_contacts()
-        return Travel(supplied, touched > 0.0, force, depth, int(self._counts[4] - left_out),
-                      taken - (self._elastic - before), correction)
+        return Travel(
+            supplied,
+            touched > 0.0,
+            force,
+            depth,
+            int(self._counts[4] - left_out),
+            taken - (self._elastic - before),
+            correction,
+        )
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last sub-step, sorted by bodies and place."""
@@ -107,7 +114,7 @@ class PlanarWorld:
         self.position: Planar = tuple(self._q[0].tolist())
         self.velocity: Planar = tuple(self._v[0].tolist())
         self.force_on_tool: Planar = tuple(self._port[10:13].tolist())
-        self.touching = any(pair in self._tool_pairs for pair in self._note_pair[:self._counts[3]].tolist())
+        self.touching = any(pair in self._tool_pairs for pair in self._note_pair[: self._counts[3]].tolist())
 
     def _contact_at(self, k):
         x, y, nx, ny, px, py, depth = self._note[k, :7].tolist()

@@ -88,8 +88,11 @@ def free_velocity(model, layout, work, h):
     applied_forces(model, q, v, False, work.row, f)
     for b in range(model.bodies - 1):
         mass, inertia = model.mass[b], model.inertia[b]
-        f[b, 0], f[b, 1], f[b, 2] = mass * v[b, 0] + h * f[b, 0], mass * v[b, 1] + h * f[b, 1], (
-            inertia * v[b, 2] + h * f[b, 2])
+        f[b, 0], f[b, 1], f[b, 2] = (
+            mass * v[b, 0] + h * f[b, 0],
+            mass * v[b, 1] + h * f[b, 1],
+            (inertia * v[b, 2] + h * f[b, 2]),
+        )
     for k in range(3):
         stiffness, damping = (port[6], port[7]) if k < 2 else (port[8], port[9])
         f[0, k] += h * (stiffness * (port[k] - q[0, k]) + damping * port[3 + k])

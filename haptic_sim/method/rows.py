@@ -22,8 +22,14 @@ LIMIT, DRY = 1, 2
 def rate_of(work, v, r):
     """G v of row r."""
     a, b, G = work.row_a[r], work.row_b[r], work.G
-    return (G[r, 0] * v[a, 0] + G[r, 1] * v[a, 1] + G[r, 2] * v[a, 2]
-            + G[r, 3] * v[b, 0] + G[r, 4] * v[b, 1] + G[r, 5] * v[b, 2])
+    return (
+        G[r, 0] * v[a, 0]
+        + G[r, 1] * v[a, 1]
+        + G[r, 2] * v[a, 2]
+        + G[r, 3] * v[b, 0]
+        + G[r, 4] * v[b, 1]
+        + G[r, 5] * v[b, 2]
+    )
 
 
 @njit
@@ -210,7 +216,11 @@ def move_row(work, r, to):
     work.row_a[to], work.row_b[to], work.kind[to], work.mu[to] = work.row_a[r], work.row_b[r], work.kind[r], work.mu[r]
     work.partner[to] = to - 1 if work.partner[r] >= 0 else -1
     work.bound[to], work.source[to], work.index[to], work.key[to] = (
-        work.bound[r], work.source[r], work.index[r], work.key[r])
+        work.bound[r],
+        work.source[r],
+        work.index[r],
+        work.key[r],
+    )
     for k in range(4):
         work.feature[to, k] = work.feature[r, k]
     for k in range(6):

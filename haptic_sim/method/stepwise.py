@@ -4,8 +4,9 @@
 from haptic_sim.method import Method, Planar, Travel
 
 
-def through_port(method: Method, port, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar,
-                 count: int) -> Travel:
+def through_port(
+    method: Method, port, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int
+) -> Travel:
     """`count` sub-steps behind an exchange method's port (tool_port), which says for each where the handle is.
 
     As wanted it would go on a straight line from start (exclusive) to end; it is held for a sub-step, where it is in

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of haptic_simulation and haptic_relay."""
 
-from haptic_device.node import health
+from haptic_device.nodes import diagnostics
 from haptic_device.parameter import Parameter
 from haptic_device.parameters import EXCHANGE
 from haptic_sim.port_limits import BUDGET, LIMITS
@@ -9,10 +9,21 @@ from haptic_sim.scene import AUTO, METHODS
 
 PARAMETERS = (
     Parameter("autostart", True, "", "configure and activate by itself at start"),
-    Parameter("scene", "peg_in_hole", "", "a scene in config/scenes, or path of a scene file; ~/load_scene loads it",
-              live=True),
-    Parameter("method", AUTO, "", "simulation method; auto: as the scene asks, or as fits it; ~/load_scene takes it",
-              live=True, choices=(AUTO, *METHODS)),
+    Parameter(
+        "scene",
+        "peg_in_hole",
+        "",
+        "a scene in config/scenes, or path of a scene file; ~/load_scene loads it",
+        live=True,
+    ),
+    Parameter(
+        "method",
+        AUTO,
+        "",
+        "simulation method; auto: as the scene asks, or as fits it; ~/load_scene takes it",
+        live=True,
+        choices=(AUTO, *METHODS),
+    ),
     Parameter("sub_step", 0.0, "s", "step of the simulated world; 0: as the scene asks, or as fits it", 0.0, 2e-3),
     Parameter("max_catch_up", 0.02, "s", "gap between handle samples beyond which the world waits", 2e-3, 1.0),
     next(parameter for parameter in EXCHANGE if parameter.name == "exchange.method"),
@@ -28,7 +39,7 @@ PARAMETERS = (
         choices=("require", "prefer", "off"),
     ),
     Parameter("realtime_priority", 60, "", "SCHED_FIFO priority of the exchange thread", 1, 98),
-    *health.parameters(health.SIMULATION),
+    *diagnostics.parameters(diagnostics.SIMULATION),
 )
 
 RELAY = (

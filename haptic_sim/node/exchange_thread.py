@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from haptic_device.node.tap import Untouched
-from haptic_device.node.wire import LATEST, JointState
+from haptic_device.nodes.messages import LATEST, JointState
+from haptic_device.nodes.polled_subscription import Untouched
 from haptic_sim.node.port import Port
 from haptic_sim.node.showing import Showing
 from haptic_sim.simulation import Counters, Simulation

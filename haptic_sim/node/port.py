@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.law import contact, exchange
-from haptic_device.node.wire import NEAR, CloudLayout, JointLayout, exchange_names
+from haptic_device.control import contact_model, exchange_samples
+from haptic_device.nodes.messages import NEAR, CloudLayout, JointLayout, exchange_names
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim.simulation import HandleSample, Planar, ToolSample
 
@@ -20,7 +20,7 @@ SILENCE_NS = 500_000_000
 """A second device is listened to only after the first has been silent this long."""
 LARGEST_WHOLE = 2.0**53 - 1.0
 ANSWERS_KEPT = 512
-GAINS = slice(exchange.GAIN_0, exchange.GAIN_0 + 4)
+GAINS = slice(exchange_samples.GAIN_0, exchange_samples.GAIN_0 + 4)
 
 
 class Question(NamedTuple):
@@ -41,25 +41,25 @@ class Port:
     def __init__(self, home: Planar, method: str = "pspm"):
         self.home, self._method = home, float(EXCHANGE_METHODS.index(method))
         self.session = float(secrets.randbits(48) | 1)
-        self.refused = dict.fromkeys(exchange.REFUSALS[1:], 0)
+        self.refused = dict.fromkeys(exchange_samples.REFUSALS[1:], 0)
         self._layouts = {axes: JointLayout(exchange_names(axes)) for axes in (1, 2, 3)}
         self._axes = {layout.size: axes for axes, layout in self._layouts.items()}
         self._sequence, self.scene = 0, 0
         self._answers = deque(maxlen=ANSWERS_KEPT)  # (own sequence, time of the handle sample answered [ns])
-        self._near_layout, self._near = CloudLayout(NEAR), np.zeros(contact.MOST, NEAR)
+        self._near_layout, self._near = CloudLayout(NEAR), np.zeros(contact_model.MOST, NEAR)
         self._peer_session = self._peer_sequence = 0.0
         self._accepted_ns = 0
-        exchange.gains_hash(0.0, 0.0, 0.0, 0.0)  # compiled here, not with the first sample
+        exchange_samples.gains_hash(0.0, 0.0, 0.0, 0.0)  # compiled here, not with the first sample
 
     def take(self, data: bytes, now_ns: int) -> Question | None:
         """The question in a message that arrived at `now_ns` (own monotonic clock), or None: refused and counted."""
         axes = self._axes.get(len(data), 1)
         if not self._layouts[axes].matches(data):
-            return self._refuse(exchange.OTHER_NAMES)
+            return self._refuse(exchange_samples.OTHER_NAMES)
         stamp_ns, position, velocity, effort = self._layouts[axes].numbers(data)
         tail, arrays = position[axes:], (position[:axes], velocity[:axes], effort[:axes])
         code = self._judge(arrays, tail, now_ns)
-        if code != exchange.ACCEPTED:
+        if code != exchange_samples.ACCEPTED:
             return self._refuse(code)
         return self._accept(stamp_ns, arrays, tail, now_ns)
 
@@ -69,16 +69,19 @@ class Port:
         axes, tail = question.axes, question.tail
         self._answers.append((self._sequence, question.handle.time_ns))
         own = list(tail)
-        own[exchange.SESSION], own[exchange.SEQUENCE] = self.session, float(self._sequence)
-        own[exchange.ANSWERED_SESSION], own[exchange.ANSWERED] = tail[exchange.SESSION], tail[exchange.SEQUENCE]
-        own[exchange.CONTACT], own[exchange.ENERGY] = float(tool.contact), tool.energy
+        own[exchange_samples.SESSION], own[exchange_samples.SEQUENCE] = self.session, float(self._sequence)
+        own[exchange_samples.ANSWERED_SESSION], own[exchange_samples.ANSWERED] = (
+            tail[exchange_samples.SESSION],
+            tail[exchange_samples.SEQUENCE],
+        )
+        own[exchange_samples.CONTACT], own[exchange_samples.ENERGY] = float(tool.contact), tool.energy
         still = [0.0] * len(own)
         arrays = [*tool.position[:axes], *own], [*tool.velocity[:axes], *still], [*tool.force_on_tool[:axes], *still]
         return self._layouts[axes].pack(question.handle.time_ns, *arrays)
 
     def lag(self, question: Question) -> float:
         """How old the tool sample was that the device used when it asked [s]: half way there already, half to come."""
-        used = question.tail[exchange.ANSWERED]
+        used = question.tail[exchange_samples.ANSWERED]
         return next(
             (
                 1e-9 * (question.handle.time_ns - time_ns)
@@ -92,39 +95,41 @@ class Port:
         """Bytes of the local contacts that go with the answer just given."""
         near, tail = self._near, question.tail
         near["session"], near["sequence"], near["scene"] = self.session, self._sequence, self.scene
-        near["answered_session"], near["answered"] = tail[exchange.SESSION], tail[exchange.SEQUENCE]
+        near["answered_session"], near["answered"] = tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE]
         for name, value in common.items():
             near[name] = value
-        near.view(np.float64).reshape(contact.MOST, -1)[:, len(contact.COMMON) :] = table
+        near.view(np.float64).reshape(contact_model.MOST, -1)[:, len(contact_model.COMMON) :] = table
         return self._near_layout.pack(question.handle.time_ns, near)
 
     def _judge(self, arrays, tail, now_ns):
-        if not (all(_within(numbers, exchange.LIMIT) for numbers in arrays) and _within(tail, LARGEST_WHOLE)):
-            return exchange.NOT_FINITE
-        if tail[exchange.LAYOUT] != exchange.LAYOUT_VERSION:
-            return exchange.OTHER_LAYOUT
-        if not all(0.0 <= gain <= exchange.LIMIT for gain in tail[GAINS]):
-            return exchange.NOT_FINITE
-        if tail[exchange.METHOD] != self._method:
-            return exchange.OTHER_METHOD
-        if tail[exchange.GAINS] != exchange.gains_hash(*tail[GAINS]):
-            return exchange.OTHER_GAINS
-        if tail[exchange.SESSION] != self._peer_session:
+        if not (all(_within(numbers, exchange_samples.LIMIT) for numbers in arrays) and _within(tail, LARGEST_WHOLE)):
+            return exchange_samples.NOT_FINITE
+        if tail[exchange_samples.LAYOUT] != exchange_samples.LAYOUT_VERSION:
+            return exchange_samples.OTHER_LAYOUT
+        if not all(0.0 <= gain <= exchange_samples.LIMIT for gain in tail[GAINS]):
+            return exchange_samples.NOT_FINITE
+        if tail[exchange_samples.METHOD] != self._method:
+            return exchange_samples.OTHER_METHOD
+        if tail[exchange_samples.GAINS] != exchange_samples.gains_hash(*tail[GAINS]):
+            return exchange_samples.OTHER_GAINS
+        if tail[exchange_samples.SESSION] != self._peer_session:
             silent = now_ns - self._accepted_ns >= SILENCE_NS
-            return exchange.ACCEPTED if silent or self._peer_session == 0.0 else exchange.SECOND_SENDER
-        return exchange.ACCEPTED if tail[exchange.SEQUENCE] > self._peer_sequence else exchange.OLD
+            return exchange_samples.ACCEPTED if silent or self._peer_session == 0.0 else exchange_samples.SECOND_SENDER
+        return (
+            exchange_samples.ACCEPTED if tail[exchange_samples.SEQUENCE] > self._peer_sequence else exchange_samples.OLD
+        )
 
     def _accept(self, stamp_ns, arrays, tail, now_ns):
-        axes, new = len(arrays[0]), tail[exchange.SESSION] != self._peer_session
-        self._peer_session, self._peer_sequence = tail[exchange.SESSION], tail[exchange.SEQUENCE]
+        axes, new = len(arrays[0]), tail[exchange_samples.SESSION] != self._peer_session
+        self._peer_session, self._peer_sequence = tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE]
         self._accepted_ns = now_ns
         rest = self.home[axes:], (0.0,) * (3 - axes), (0.0,) * (3 - axes)
         position, velocity, effort = ((*known, *missing) for known, missing in zip(arrays, rest, strict=True))
-        handle = HandleSample(stamp_ns, position, velocity, *tail[GAINS], effort, tail[exchange.ENERGY])
+        handle = HandleSample(stamp_ns, position, velocity, *tail[GAINS], effort, tail[exchange_samples.ENERGY])
         return Question(handle, axes, tail, new)
 
     def _refuse(self, code):
-        self.refused[exchange.REFUSALS[code]] += 1
+        self.refused[exchange_samples.REFUSALS[code]] += 1
 
 
 def _within(numbers, limit):

@@ -14,10 +14,10 @@ import time
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from haptic_device.node.lifecycle import ManagedNode, run
-from haptic_device.node.tap import Tap
-from haptic_device.node.wire import LATEST, STREAM, JointState, PointCloud2
-from haptic_device.runtime.realtime import go_realtime
+from haptic_device.nodes.lifecycle import ManagedNode, run
+from haptic_device.nodes.messages import LATEST, STREAM, JointState, PointCloud2
+from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.realtime.scheduling import go_realtime
 from haptic_sim.node.declared import RELAY
 
 LONGEST_WAIT_NS = 20_000_000
@@ -66,9 +66,10 @@ class RelayNode(ManagedNode):
     def configure(self):
         """Both ways."""
         ways = (
-            ("handle", "far_handle", JointState), ("far_tool", "tool", JointState),
+            ("handle", "far_handle", JointState),
+            ("far_tool", "tool", JointState),
             ("far_local_contacts", "local_contacts", PointCloud2),
-        )  # fmt: skip
+        )
         self._ways = [Way(self, *way, self.values, self.values["seed"] + i) for i, way in enumerate(ways)]
 
     def activate(self):

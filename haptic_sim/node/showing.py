@@ -6,7 +6,7 @@ The exchange thread calls it after an answer has left: what it takes, some 30 us
 
 import numpy as np
 
-from haptic_device.node.wire import AXES, STATE, STREAM, CloudLayout, JointLayout, JointState, PointCloud2, String
+from haptic_device.nodes.messages import AXES, STATE, STREAM, CloudLayout, JointLayout, JointState, PointCloud2, String
 from haptic_sim.simulation import Simulation
 from haptic_sim.solid import TOOL
 
@@ -14,8 +14,9 @@ FRAME = "haptic_world"
 PERIOD_NS = 1_000_000_000 // 60
 HANDLE, RESULT, ENERGY = "handle", "result.", "energy"
 NONE = (0.0, 0.0, 0.0)
-CONTACT = np.dtype([(name, "f8") for name in
-                    ("body_a", "body_b", "x", "y", "normal_x", "normal_y", "force_x", "force_y", "depth")])
+CONTACT = np.dtype(
+    [(name, "f8") for name in ("body_a", "body_b", "x", "y", "normal_x", "normal_y", "force_x", "force_y", "depth")]
+)
 """Bodies by their place in the scene from 1, the tool is 0; point, normal from a to b, force on a [N], depth [m]."""
 
 
@@ -67,6 +68,7 @@ class Showing:
 
     def _touching(self, simulation):
         found = simulation.method.contacts()
-        rows = [(self._places[c.body_a], self._places[c.body_b], *c.point, *c.normal, *c.force_on_a, c.depth)
-                for c in found]
+        rows = [
+            (self._places[c.body_a], self._places[c.body_b], *c.point, *c.normal, *c.force_on_a, c.depth) for c in found
+        ]
         return np.array(rows, CONTACT)

@@ -10,11 +10,11 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from haptic_device.jit import have
-from haptic_device.node import health, wire
-from haptic_device.node.lifecycle import ManagedNode, run
-from haptic_device.node.params import on_change
-from haptic_device.node.refusals import Refusals
-from haptic_device.runtime.realtime import go_realtime, lift_threads, spare_collections
+from haptic_device.nodes import diagnostics, messages
+from haptic_device.nodes.lifecycle import ManagedNode, run
+from haptic_device.nodes.refusals import Refusals
+from haptic_device.nodes.ros_parameters import on_change
+from haptic_device.realtime.scheduling import go_realtime, lift_threads, spare_collections
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.port import Port
@@ -34,11 +34,11 @@ class SimulationNode(ManagedNode):
         self.exchange: ExchangeThread | None = None
         self.simulation: Simulation | None = None
         self._loading = False
-        self._diagnostics = self.create_publisher(wire.DiagnosticArray, "/diagnostics", 10)
-        self._rates = health.Rates()
-        self._tool = self.create_publisher(wire.JointState, "tool", wire.LATEST)
+        self._diagnostics = self.create_publisher(messages.DiagnosticArray, "/diagnostics", 10)
+        self._rates = diagnostics.Rates()
+        self._tool = self.create_publisher(messages.JointState, "tool", messages.LATEST)
         local = self.values["exchange.method"] == "local"
-        self._near = self.create_publisher(wire.PointCloud2, "local_contacts", wire.LATEST) if local else None
+        self._near = self.create_publisher(messages.PointCloud2, "local_contacts", messages.LATEST) if local else None
         self.create_timer(DIAGNOSTICS_PERIOD, self.diagnose)
         self.create_service(Trigger, "~/reset_scene", self._on_reset_scene)
         beside = ReentrantCallbackGroup()  # while it waits for its world others are served
@@ -82,8 +82,8 @@ class SimulationNode(ManagedNode):
         level, message = self._verdict()
         now_ns = self.get_clock().now().nanoseconds
         figures = {"compute": values["compute_us_p99"] * 1e-6, **self._rates.of(refused=values["refused"])}
-        watched = health.statuses(self.get_name(), health.SIMULATION, figures, self.values)
-        self._diagnostics.publish(wire.diagnostics(now_ns, self.get_name(), "", level, message, values, watched))
+        watched = diagnostics.statuses(self.get_name(), diagnostics.SIMULATION, figures, self.values)
+        self._diagnostics.publish(messages.diagnostics(now_ns, self.get_name(), "", level, message, values, watched))
 
     def _verdict(self):
         counters = self.exchange.report.counters
@@ -94,8 +94,10 @@ class SimulationNode(ManagedNode):
         if self.exchange.paused:
             return "warn", "paused"
         if left_out := counters.left_out:
-            return "error", (f"{left_out} contacts were left out: more at once than the method can solve for; "
-                             "take fewer bodies, or the method impulse")
+            return "error", (
+                f"{left_out} contacts were left out: more at once than the method can solve for; "
+                "take fewer bodies, or the method impulse"
+            )
         if refused := self._refused.sentence(self.exchange.port.refused):
             return "warn", refused
         if not self.exchange.answered:

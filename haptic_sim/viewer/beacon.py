@@ -3,8 +3,8 @@
 
 import time
 
-from haptic_device.node.wire import STREAM
-from haptic_device.node.wire_markers import MarkerArray, TFMessage, frames, markers
+from haptic_device.nodes.marker_messages import MarkerArray, TFMessage, frames, markers
+from haptic_device.nodes.messages import STREAM
 from haptic_sim.node.showing import FRAME
 from haptic_sim.viewer import markers as made
 

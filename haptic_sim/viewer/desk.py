@@ -7,8 +7,8 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from std_srvs.srv import Trigger
 
-from haptic_device.device import AXES, Device, load_device
-from haptic_device.node.wire import LATEST, TRACE, JointState, String
+from haptic_device.description import AXES, Device, load_device
+from haptic_device.nodes.messages import LATEST, TRACE, JointState, String
 from haptic_sim.viewer import tuned, wishes
 from haptic_sim.viewer.feed import Feed
 from haptic_sim.viewer.hand import THERE, Hand, Limits
@@ -40,10 +40,17 @@ class Desk:
         self._target = node.create_publisher(JointState, "operator/target", LATEST)
         self._marks = node.create_publisher(String, "mark", TRACE)
         self._does = {
-            "aim": self._aim, "trigger": self._trigger, "set": self._set, "mark": self._mark, "record": self._record,
-            "restart": self._restart, "scene": self.stage.load, "method": self.stage.take_method,
-            "start_scene": self.stage.start_again, "compare": self.stage.set_beside,
-        }  # fmt: skip
+            "aim": self._aim,
+            "trigger": self._trigger,
+            "set": self._set,
+            "mark": self._mark,
+            "record": self._record,
+            "restart": self._restart,
+            "scene": self.stage.load,
+            "method": self.stage.take_method,
+            "start_scene": self.stage.start_again,
+            "compare": self.stage.set_beside,
+        }
         self._prepare()
 
     @property

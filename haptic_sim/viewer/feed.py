@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.node.tap import Tap
-from haptic_device.node.wire import LATEST, STATE, STREAM, JointLayout, statuses_of, truth_names
+from haptic_device.nodes.messages import LATEST, STATE, STREAM, JointLayout, statuses_of, truth_names
+from haptic_device.nodes.polled_subscription import Tap
 from haptic_sim.node.showing import CONTACT, ENERGY, HANDLE, state_names
 from haptic_sim.scene import Scene, SceneError, parse
 from haptic_sim.solid import TOOL

@@ -17,8 +17,12 @@ JOINT = 0.004  # m, diameter of a pin, side of the others
 TARGET_RADIUS = 1.6 * shapes.HANDLE_RADIUS  # m
 WALL_LENGTH, WALL_DEPTH = 2.0, 0.05  # m of a half-plane that is shown
 FIXED, MOVING, TOOL = (0.55, 0.60, 0.65, 1.0), (0.34, 0.71, 0.91, 1.0), (0.90, 0.62, 0.0, 0.85)
-HANDLE, COUPLING, FORCE, CONTACT = (0.0, 0.45, 0.70, 1.0), (0.0, 0.62, 0.45, 1.0), (0.84, 0.37, 0.0, 1.0), (
-    0.64, 0.27, 0.50, 1.0)  # fmt: skip
+HANDLE, COUPLING, FORCE, CONTACT = (
+    (0.0, 0.45, 0.70, 1.0),
+    (0.0, 0.62, 0.45, 1.0),
+    (0.84, 0.37, 0.0, 1.0),
+    (0.64, 0.27, 0.50, 1.0),
+)
 DARK, WALL, EDGE = (0.09, 0.10, 0.11, 1.0), (0.0, 0.45, 0.70, 0.25), (0.34, 0.36, 0.40, 1.0)
 NOWHERE = (0.0, 0.0, 0.0)  # pose of what is given in the world itself
 Point = tuple[float, float, float]

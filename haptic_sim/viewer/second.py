@@ -17,6 +17,7 @@ import sys
 import tempfile
 import threading
 
+from haptic_device.device import operator_hand
 from haptic_device.process import ending_with_us, own_environment, running_module
 
 LONGEST = 0.1  # s of motion computed at once; a longer silence is left out
@@ -34,9 +35,13 @@ class Second:
         self._asked, self._answered, self._now, self._then = 0, -1, 0.0, 0.0
         self._errors = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115
         self._process = subprocess.Popen(
-            ending_with_us(running_module("haptic_sim.viewer.second")), env=own_environment(),
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors, text=True,
-        )  # fmt: skip
+            ending_with_us(running_module("haptic_sim.viewer.second")),
+            env=own_environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            text=True,
+        )
         threading.Thread(target=self._listen, name="second", daemon=True).start()
         self._say(system)
 
@@ -109,8 +114,7 @@ class Ghost:
     """
 
     def __init__(self, system: dict):
-        from haptic_device.device import load_device
-        from haptic_device.law import operator
+        from haptic_device.description import load_device
         from haptic_sim.lockstep import Lockstep, Network
         from haptic_sim.scene import parse
         from haptic_sim.simulation import Simulation
@@ -121,7 +125,7 @@ class Ghost:
         driver, network = system["driver"], Network(delay=system["delay"])
         self._lockstep = Lockstep(load_device(system["device"]), driver, loopback, simulation, network)
         self._motion = self._lockstep.motion
-        self._motion["kind"], self._motion["count"], self._motion["started"] = operator.PATH, 2, 1
+        self._motion["kind"], self._motion["count"], self._motion["started"] = operator_hand.PATH, 2, 1
         self._motion["grip"][0, :2] = 1.0
         self._simulation, self._now, self._place = simulation, None, None
         self._motion["points"][0, :2] = self._motion["points"][0, 0]
@@ -152,9 +156,12 @@ class Ghost:
         if not all(map(math.isfinite, (*row.position, *force, *method.position, *itertools.chain(*bodies)))):
             raise ValueError("the second operating point has blown up: where its bodies are is no number any more")
         return {
-            "time": self._now, "handle": row.position.tolist(), "force": force, "tool": list(method.position),
+            "time": self._now,
+            "handle": row.position.tolist(),
+            "force": force,
+            "tool": list(method.position),
             "bodies": bodies,
-        }  # fmt: skip
+        }
 
 
 def main() -> int:

@@ -6,8 +6,8 @@ import json
 import math
 import time
 
-from haptic_device.device import AXES
-from haptic_device.share import names
+from haptic_device.config_files import names
+from haptic_device.description import AXES
 from haptic_device.status import number
 from haptic_sim.scene import load
 from haptic_sim.viewer.second import Second
@@ -148,7 +148,11 @@ class Stage:
         age = number(feed.said(DRIVER, "age_ms_p50"))  # [ms]; none is known before a tool has answered
         return {
             "scene": json.loads(feed.scene.model_dump_json(by_alias=True, exclude_unset=True)),
-            "device": values[DRIVER]["device"], "driver": values[DRIVER], "loopback": values[LOOPBACK],
-            "simulation": values[SIMULATION], "method": feed.said(SIMULATION, "method", "auto"),
-            "start": list(feed.scene.tool.pose), "delay": 1e-3 * (age if 0.0 <= age < math.inf else 1.0),
-        }  # fmt: skip
+            "device": values[DRIVER]["device"],
+            "driver": values[DRIVER],
+            "loopback": values[LOOPBACK],
+            "simulation": values[SIMULATION],
+            "method": feed.said(SIMULATION, "method", "auto"),
+            "start": list(feed.scene.tool.pose),
+            "delay": 1e-3 * (age if 0.0 <= age < math.inf else 1.0),
+        }

@@ -5,7 +5,7 @@ import math
 
 import yaml
 
-from haptic_device.node.declared import NODES as DEVICE_NODES
+from haptic_device.nodes.declared import NODES as DEVICE_NODES
 from haptic_device.parameter import SECTION, Parameter
 from haptic_sim.node.declared import PARAMETERS as SIMULATION
 
@@ -57,9 +57,14 @@ def operating_point(namespace: str, values: dict[str, dict]) -> str:
 def _shown(parameter):
     kind = {bool: "switch", str: "text", tuple: "list", int: "whole", float: "number"}[type(parameter.default)]
     return {
-        "name": parameter.name, "kind": kind, "unit": parameter.unit, "meaning": parameter.meaning,
-        "low": _finite(parameter.low), "high": _finite(parameter.high), "choices": parameter.choices,
-    }  # fmt: skip
+        "name": parameter.name,
+        "kind": kind,
+        "unit": parameter.unit,
+        "meaning": parameter.meaning,
+        "low": _finite(parameter.low),
+        "high": _finite(parameter.high),
+        "choices": parameter.choices,
+    }
 
 
 def _finite(limit):

@@ -9,10 +9,10 @@ import time
 import rclpy
 from rclpy.node import Node
 
-from haptic_device.node.lifecycle import begin_ros, hear_the_end
-from haptic_device.node.params import declare
-from haptic_device.runtime.realtime import spare_collections
-from haptic_device.share import names
+from haptic_device.config_files import names
+from haptic_device.nodes.lifecycle import begin_ros, hear_the_end
+from haptic_device.nodes.ros_parameters import declare
+from haptic_device.realtime.scheduling import spare_collections
 from haptic_sim.scene import METHODS
 from haptic_sim.viewer import shapes, tuned
 from haptic_sim.viewer.beacon import Beacon
@@ -95,10 +95,16 @@ class Viewer:
 
     def _welcome(self, seat):
         """All that a page has to know to begin with: it may have been here before, or come late."""
-        seat.tell("hello", {
-            "control": seat.control, "declarations": tuned.declarations(), "scenes": names("scenes"),
-            "methods": ["auto", *METHODS], "looking": self.server.address(False),
-        })  # fmt: skip
+        seat.tell(
+            "hello",
+            {
+                "control": seat.control,
+                "declarations": tuned.declarations(),
+                "scenes": names("scenes"),
+                "methods": ["auto", *METHODS],
+                "looking": self.server.address(False),
+            },
+        )
         seat.tell("scene", self._scene())
         seat.tell("values", self._tuning())
         seat.tell("status", self._status())
@@ -114,10 +120,13 @@ class Viewer:
         device, (walls, workspace) = self.desk.device, self._surroundings()
         return {
             "second": self.desk.stage.beside(),
-            "values": self.desk.values, "offer": self._company.offer() if self._company else {},
-            "walls": walls, "workspace": workspace, "device": device.name if device else None,
+            "values": self.desk.values,
+            "offer": self._company.offer() if self._company else {},
+            "walls": walls,
+            "workspace": workspace,
+            "device": device.name if device else None,
             "damping": [axis.damping for axis in device.axes] if device else [],
-        }  # fmt: skip
+        }
 
     def _status(self):
         found = {
@@ -146,8 +155,12 @@ class Viewer:
     def _announce(self):
         host = self._values["host"]
         if not is_loopback(host):
-            print(f"haptic_viewer: WARNING: it listens on {host}, in plain text: whoever sees the address below on the "
-                  "network can move the handle", file=sys.stderr, flush=True)  # fmt: skip
+            print(
+                f"haptic_viewer: WARNING: it listens on {host}, in plain text: whoever sees the address below on the "
+                "network can move the handle",
+                file=sys.stderr,
+                flush=True,
+            )
         print(f"haptic_viewer: open {self.server.address(True)}", flush=True)
         print(f"haptic_viewer: to look on only: {self.server.address(False)}", flush=True)
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from adversary.exchange_search import engaged
+from haptic_device.control import contact_model, contact_solver, enable_state, faults, servo, virtual_coupling
 from haptic_device.jit import kernel, njit
-from haptic_device.law import complementarity, contact, coupling, engage, fault, servo
 
 FEATURES = 4  # of the eight places
 OWN = 16  # genes of a feature
@@ -40,7 +40,7 @@ def energy_given(settings, memory, row, path, scale, loss, watched):
     for k in range(len(path)):
         genes = path[k]
         record.latched = record.deadline = (k + 1) * period * 1e9
-        record.command, record.device_status = engage.ENABLE, fault.FRESH
+        record.command, record.device_status = enable_state.ENABLE, faults.FRESH
         for i in range(3):
             record.counts[i] = np.round(position[i] / abs(settings[0].position_per_count[i]))
         if k == 0 or not genes[LOST] < loss:
@@ -67,7 +67,7 @@ def _booked(settings, memory, record):
     stored = memory.tank + memory.shipped - memory.returned - settings.exchange_budget
     for i in range(3):
         stretch = record.coupling_position[i] - record.position[i]
-        stored += coupling.spring_store(memory.spring[i], memory.clamp[i], stretch)
+        stored += virtual_coupling.spring_store(memory.spring[i], memory.clamp[i], stretch)
     return stored
 
 
@@ -97,24 +97,32 @@ def _set(memory, genes, scale, k):
 def _feature(memory, own, scale, f):
     one, identity = memory.near[f], 1.0 + f + (FEATURES if own[0] > 1.0 else 0.0)
     identity = 0.0 if own[0] < -1.5 else identity
-    if one[contact.IDENTITY] != identity:
-        memory.rows[f, complementarity.MODE] = complementarity.OPEN if identity > 0.0 else complementarity.UNUSED
+    if one[contact_model.IDENTITY] != identity:
+        memory.rows[f, contact_solver.MODE] = contact_solver.OPEN if identity > 0.0 else contact_solver.UNUSED
         memory.pushed[f], memory.shifted[f] = 0.0, 0.0
-    one[contact.IDENTITY], one[contact.GROUP] = identity, 1.0 if own[1] > 1.5 else 0.0
-    one[contact.KIND] = contact.ROUND if own[2] > 1.2 else (contact.FLAT_HERE if own[2] > 0.3 else contact.FLAT_THERE)
+    one[contact_model.IDENTITY], one[contact_model.GROUP] = identity, 1.0 if own[1] > 1.5 else 0.0
+    one[contact_model.KIND] = (
+        contact_model.ROUND if own[2] > 1.2 else (contact_model.FLAT_HERE if own[2] > 0.3 else contact_model.FLAT_THERE)
+    )
     angle = math.pi * own[3]
-    one[contact.NORMAL_X], one[contact.NORMAL_Y] = math.cos(angle), math.sin(angle)
-    one[contact.TOOL_X], one[contact.TOOL_Y] = 0.05 * own[4], 0.05 * own[5]
+    one[contact_model.NORMAL_X], one[contact_model.NORMAL_Y] = math.cos(angle), math.sin(angle)
+    one[contact_model.TOOL_X], one[contact_model.TOOL_Y] = 0.05 * own[4], 0.05 * own[5]
     c, s = math.cos(memory.copy[2]), math.sin(memory.copy[2])
     near = 0.3 * own[6] * scale[1, 0]  # the gap, about
-    one[contact.POINT_X] = memory.copy[0] + 0.05 * (c * own[4] - s * own[5]) - near * one[contact.NORMAL_X]
-    one[contact.POINT_Y] = memory.copy[1] + 0.05 * (s * own[4] + c * own[5]) - near * one[contact.NORMAL_Y]
-    one[contact.RADIUS] = 0.005 * max(0.0, own[7]) if one[contact.KIND] != contact.ROUND else 1e-3 * abs(own[7])
-    one[contact.TOOL_RADIUS], one[contact.LOW], one[contact.HIGH] = 0.5 * one[contact.RADIUS], -0.01, 0.01
-    one[contact.FRICTION], one[contact.RESTITUTION] = max(0.0, own[8]), min(1.0, max(0.0, own[9]))
-    one[contact.VELOCITY_X], one[contact.VELOCITY_Y] = 0.3 * own[10], 0.3 * own[11]
-    one[contact.TURN_RATE], one[contact.MOBILITY] = 3.0 * own[12], 10.0 * max(0.0, own[13])
-    one[contact.SLIP_MOBILITY], one[contact.FORCE] = 10.0 * max(0.0, own[14]), 5.0 * own[15]
+    one[contact_model.POINT_X] = memory.copy[0] + 0.05 * (c * own[4] - s * own[5]) - near * one[contact_model.NORMAL_X]
+    one[contact_model.POINT_Y] = memory.copy[1] + 0.05 * (s * own[4] + c * own[5]) - near * one[contact_model.NORMAL_Y]
+    one[contact_model.RADIUS] = (
+        0.005 * max(0.0, own[7]) if one[contact_model.KIND] != contact_model.ROUND else 1e-3 * abs(own[7])
+    )
+    one[contact_model.TOOL_RADIUS], one[contact_model.LOW], one[contact_model.HIGH] = (
+        0.5 * one[contact_model.RADIUS],
+        -0.01,
+        0.01,
+    )
+    one[contact_model.FRICTION], one[contact_model.RESTITUTION] = max(0.0, own[8]), min(1.0, max(0.0, own[9]))
+    one[contact_model.VELOCITY_X], one[contact_model.VELOCITY_Y] = 0.3 * own[10], 0.3 * own[11]
+    one[contact_model.TURN_RATE], one[contact_model.MOBILITY] = 3.0 * own[12], 10.0 * max(0.0, own[13])
+    one[contact_model.SLIP_MOBILITY], one[contact_model.FORCE] = 10.0 * max(0.0, own[14]), 5.0 * own[15]
 
 
 def search(settings, ticks=120, evaluations=2000, loss=0.0, seed=0):

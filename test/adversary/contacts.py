@@ -11,15 +11,20 @@ tank did not cover its move or no answer was found. Then one axis, by the rows o
 import sys
 from pathlib import Path
 
+from haptic_device import controller_config
+
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 
 from adversary import contact_search
-from haptic_device import operating
-from haptic_device.device import load_device
-from haptic_device.node.declared import NODES
+from haptic_device.description import load_device
+from haptic_device.nodes.declared import NODES
 
-GAINS = {"coupling.stiffness": 2000.0, "coupling.damping": 2.0, "coupling.rotational_stiffness": 2.0,
-         "coupling.rotational_damping": 0.002}  # fmt: skip
+GAINS = {
+    "coupling.stiffness": 2000.0,
+    "coupling.damping": 2.0,
+    "coupling.rotational_stiffness": 2.0,
+    "coupling.rotational_damping": 0.002,
+}
 CASES = [(rate, loss, limit) for rate in (1000.0, 4000.0) for loss in (0.0, 0.3) for limit in (20.0, 2.0)]
 
 
@@ -32,9 +37,14 @@ def settings(rate=1000.0, limit=20.0, counts=1e9):
         free = {"damping": 1.05 * least, "counts_per_unit": counts, "velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
         axes.append(axis.model_copy(update=free))
     values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]}
-    values |= {"exchange.method": "local", "servo.rate": rate, "passivity.control": False, "force.limit": limit,
-               "force.limit_rotational": limit / 20.0} | GAINS  # fmt: skip
-    return operating.settings_from(device.model_copy(update={"axes": tuple(axes)}), values)
+    values |= {
+        "exchange.method": "local",
+        "servo.rate": rate,
+        "passivity.control": False,
+        "force.limit": limit,
+        "force.limit_rotational": limit / 20.0,
+    } | GAINS
+    return controller_config.settings_from(device.model_copy(update={"axes": tuple(axes)}), values)
 
 
 def main():
@@ -43,8 +53,11 @@ def main():
     print("servo Hz  loss  limit N    given mJ  credited mJ       moved      stayed")
     for seed, (rate, loss, limit) in enumerate(CASES):
         found = contact_search.search(settings(rate, limit), 120, evaluations, loss, seed)
-        print(f"{rate:8.0f} {loss:5.1f} {limit:8.0f} {found.energy * 1e3:11.4f} {found.overcredit * 1e3:12.6f} "
-              f"{found.moved:11d} {found.stayed:11d}", flush=True)  # fmt: skip
+        print(
+            f"{rate:8.0f} {loss:5.1f} {limit:8.0f} {found.energy * 1e3:11.4f} {found.overcredit * 1e3:12.6f} "
+            f"{found.moved:11d} {found.stayed:11d}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

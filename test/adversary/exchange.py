@@ -12,13 +12,14 @@ books were ever above the truth. The tool port is searched with a tenth of the e
 import sys
 from pathlib import Path
 
+from haptic_device import controller_config
+
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 
 from adversary import exchange_search, port_search
 from adversary.exchange_search import FREE, Adversary
-from haptic_device import operating
-from haptic_device.device import load_device
-from haptic_device.node.declared import NODES
+from haptic_device.description import load_device
+from haptic_device.nodes.declared import NODES
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim.port_limits import BUDGET
 from haptic_sim.simulation import HandleSample
@@ -35,9 +36,15 @@ def settings(method, counts=1e9, limit=20.0, control=False):
     axis = {"damping": 1.05 * LEAST, "counts_per_unit": counts, "velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
     device = device.model_copy(update={"axes": (device.axes[0].model_copy(update=axis),)})
     values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]}
-    values |= {"exchange.method": method, "servo.rate": 1.0 / PERIOD, "coupling.stiffness": STIFFNESS,
-               "coupling.damping": DAMPING, "passivity.control": control, "force.limit": limit}  # fmt: skip
-    return operating.settings_from(device, values)
+    values |= {
+        "exchange.method": method,
+        "servo.rate": 1.0 / PERIOD,
+        "coupling.stiffness": STIFFNESS,
+        "coupling.damping": DAMPING,
+        "passivity.control": control,
+        "force.limit": limit,
+    }
+    return controller_config.settings_from(device, values)
 
 
 def show(method, what, adversary, given, evaluations, seed):
@@ -46,8 +53,11 @@ def show(method, what, adversary, given, evaluations, seed):
     late = "free" if adversary.late == FREE else f"{adversary.late:d}"
     energy = f"{found.energy * 1e3:12.4f}" if not adversary.books else f"{'':>12}"
     over = f"{found.overcredit * 1e3:12.6f}" if method != "direct" else f"{'':>12}"
-    print(f"{method:7} {what:14} {late:>5} {adversary.loss:5.1f} {energy} {over} "
-          f"{found.force:8.3f} {found.change / PERIOD * 1e-3:9.3f}", flush=True)  # fmt: skip
+    print(
+        f"{method:7} {what:14} {late:>5} {adversary.loss:5.1f} {energy} {over} "
+        f"{found.force:8.3f} {found.change / PERIOD * 1e-3:9.3f}",
+        flush=True,
+    )
 
 
 def main():

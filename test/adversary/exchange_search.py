@@ -16,8 +16,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_device.control import (
+    contact_model,
+    contact_solver,
+    enable_state,
+    exchange_samples,
+    faults,
+    servo,
+    virtual_coupling,
+)
 from haptic_device.jit import kernel, njit
-from haptic_device.law import complementarity, contact, coupling, engage, exchange, fault, servo
 
 MOVED, POSITION, VELOCITY, AGE, CONTACT, ENERGY, EFFORT, LOST, DEVICE = range(9)
 GENES = 9
@@ -66,11 +74,11 @@ def energy_given(settings, memory, row, path, scale, adversary, watched):
         troubled = path[k, DEVICE] if adversary.rough and k > 0 else 0.0
         if troubled < MISSED:
             stale = troubled > STALE
-            record.deadline, record.device_status = (k + 1) * period * 1e9, 0.0 if stale else fault.FRESH
+            record.deadline, record.device_status = (k + 1) * period * 1e9, 0.0 if stale else faults.FRESH
             if not stale:
                 record.latched, record.counts[0] = record.deadline, np.round(position / step)
             _sample(record, path, k, scale, past, adversary, period)
-            if settings[0].exchange_method == exchange.LOCAL and not path[k, LOST] < adversary.loss:
+            if settings[0].exchange_method == exchange_samples.LOCAL and not path[k, LOST] < adversary.loss:
                 _contacts(memory[0], record, path[k], scale, position, k)
             before, faded, handle = record.coupling_position[0], record.exchange_fade, record.position[0]
             servo.tick(settings[0], memory[0], record)
@@ -93,21 +101,21 @@ def energy_given(settings, memory, row, path, scale, adversary, watched):
 def _booked(settings, memory, record):
     """Energy [J] that the books say may still be given, or was shipped, less the budget."""
     stretch = record.coupling_position[0] - record.position[0]
-    stored = coupling.spring_store(memory.spring[0], memory.clamp[0], stretch)
+    stored = virtual_coupling.spring_store(memory.spring[0], memory.clamp[0], stretch)
     away = memory.shipped - memory.returned + memory.wave_store
     return memory.tank + stored + away - settings.exchange_budget
 
 
 @njit
 def _spring(settings, set_position, handle):
-    return coupling.spring_force(settings[0].stiffness[0], settings[0].coupling_limit[0], set_position - handle)
+    return virtual_coupling.spring_force(settings[0].stiffness[0], settings[0].coupling_limit[0], set_position - handle)
 
 
 @njit
 def _sample(record, path, k, scale, past, adversary, period):
     """The tool sample that the servo finds at tick k."""
     genes, late = path[k], adversary.late
-    record.command, record.tool_session = engage.ENABLE, 1.0
+    record.command, record.tool_session = enable_state.ENABLE, 1.0
     record.tool_age += period
     if k > 0 and genes[LOST] < adversary.loss:
         return
@@ -136,21 +144,25 @@ def _contacts(memory, record, genes, scale, position, k):
     for i in range(2):
         one, side = memory.near[i], 1.0 if (genes[CONTACT] > 0.0) == (i == 0) else -1.0
         identity = 1.0 + i + (2.0 if genes[ENERGY] > 1.0 else 0.0)
-        if one[contact.IDENTITY] != identity:
-            memory.rows[i, complementarity.MODE] = complementarity.OPEN
-        one[contact.IDENTITY], one[contact.KIND], one[contact.NORMAL_X] = identity, contact.FLAT_THERE, side
+        if one[contact_model.IDENTITY] != identity:
+            memory.rows[i, contact_solver.MODE] = contact_solver.OPEN
+        one[contact_model.IDENTITY], one[contact_model.KIND], one[contact_model.NORMAL_X] = (
+            identity,
+            contact_model.FLAT_THERE,
+            side,
+        )
         at = genes[POSITION] if i == 0 else genes[EFFORT]
-        one[contact.POINT_X] = position + at * scale[POSITION]
-        one[contact.VELOCITY_X] = genes[VELOCITY] * scale[VELOCITY]
-        one[contact.RESTITUTION] = min(1.0, abs(genes[AGE]))
-        one[contact.MOBILITY], one[contact.FORCE] = max(0.0, genes[ENERGY]) * 10.0, 3.0 * genes[EFFORT]
+        one[contact_model.POINT_X] = position + at * scale[POSITION]
+        one[contact_model.VELOCITY_X] = genes[VELOCITY] * scale[VELOCITY]
+        one[contact_model.RESTITUTION] = min(1.0, abs(genes[AGE]))
+        one[contact_model.MOBILITY], one[contact_model.FORCE] = max(0.0, genes[ENERGY]) * 10.0, 3.0 * genes[EFFORT]
 
 
 def engaged():
     """Memory and row of a servo that is engaged and at rest at the origin."""
     memory, row = np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK)
     memory["engage"] = memory["exchange_fade"] = memory["coupled"] = 1.0
-    memory["state"] = engage.ENGAGED
+    memory["state"] = enable_state.ENGAGED
     return memory, row
 
 

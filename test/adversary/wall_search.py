@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from haptic_device.law import cancellation, encoder, wall
+from haptic_device.control import damping_compensation, velocity_estimator, virtual_wall
 
 
 class Display(NamedTuple):
@@ -56,10 +56,10 @@ def search(display, ticks, starts, seed=1, enough=np.inf):
 
 def energy_left(display, path):
     """Energy given to the operator along positions one tick apart, less the spring's store at the first."""
-    given, rate, before = -wall.wall_store(1.0, path[0]), 0.0, path[0]
+    given, rate, before = -virtual_wall.wall_store(1.0, path[0]), 0.0, path[0]
     waiting = [_force(display, path[0], 0.0)] * display.delay
     for k in range(len(path) - 1):
-        rate, before = encoder.velocity_of(rate, path[k] - before, 1.0, display.lag), path[k]
+        rate, before = velocity_estimator.velocity_of(rate, path[k] - before, 1.0, display.lag), path[k]
         waiting.append(_force(display, path[k], rate))
         step = path[k + 1] - path[k]
         given += (waiting.pop(0) - display.physical_damping * step) * step
@@ -69,9 +69,9 @@ def energy_left(display, path):
 def _force(display, depth, rate):
     """Force on the handle, positive into the wall."""
     outside = float(depth <= 0.0)
-    fade = cancellation.cancellation_fade(-depth, display.band, 0.0, 1.0) if display.band > 0.0 else outside
-    pushed = wall.wall_force(1.0, display.damping, depth, rate)
-    return cancellation.cancellation_force(display.cancelled * fade, display.physical_damping, rate) - pushed
+    fade = damping_compensation.cancellation_fade(-depth, display.band, 0.0, 1.0) if display.band > 0.0 else outside
+    pushed = virtual_wall.wall_force(1.0, display.damping, depth, rate)
+    return damping_compensation.cancellation_force(display.cancelled * fade, display.physical_damping, rate) - pushed
 
 
 def _climb(display, steps, depth, pin):

@@ -9,9 +9,14 @@ import sys
 NAMES = ("chromium", "chromium-browser", "google-chrome-stable", "google-chrome")
 # A sandbox of its own needs rights that root in a container lacks; the rest keeps it from calling anybody, and silent.
 OPTIONS = (
-    "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--disable-audio-output",
-)  # fmt: skip
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-audio-output",
+)
 
 
 def find() -> str | None:

@@ -22,8 +22,8 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
-from haptic_device.node.tap import Tap
-from haptic_device.node.wire import STREAM, JointLayout, truth_names
+from haptic_device.nodes.messages import STREAM, JointLayout, truth_names
+from haptic_device.nodes.polled_subscription import Tap
 from haptic_device.process import ending_with_us
 
 SHOTS = Path(__file__).parents[2] / "build" / "browser"

@@ -32,8 +32,12 @@ def asked(address, path="", **headers):
 
 def test_a_wrong_token_a_foreign_origin_and_a_foreign_host_are_forbidden(system):
     wrong = system.address[:-6] + "AAAAA/"
-    socket = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
-              "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA=="}  # fmt: skip
+    socket = {
+        "Upgrade": "websocket",
+        "Connection": "Upgrade",
+        "Sec-WebSocket-Version": "13",
+        "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+    }
     assert asked(system.address) == 200
     assert asked(wrong) == asked(wrong, "socket", **socket) == asked(system.address, "/") == 403
     assert asked(system.address, "socket", Origin="http://elsewhere.example", **socket) == 403
@@ -319,8 +323,11 @@ def test_a_page_that_only_looks_on_shows_all_and_moves_nothing(system, chromium,
 
 def test_a_simulation_that_is_killed_and_started_by_somebody_else_is_shown_again(system, tab, start):
     tab.until_text("state", "^engaged$")
-    [simulation] = [child for child in psutil.Process(system.process.pid).children()
-                    if "haptic_sim.node.simulation" in child.cmdline()]  # fmt: skip
+    [simulation] = [
+        child
+        for child in psutil.Process(system.process.pid).children()
+        if "haptic_sim.node.simulation" in child.cmdline()
+    ]
     words, around = simulation.cmdline(), simulation.environ()
     simulation.kill()
     tab.until("document.getElementById('result_insertion_fraction').textContent === '–'")
@@ -370,8 +377,11 @@ def test_a_second_operating_point_goes_along_as_a_ghost_and_its_end_is_said(syst
     tab.shot("beside")
     assert re.fullmatch(f"({BEHIND})?", tab.text("compare_note")), "what is late for a moment says so, and nothing else"
     assert serious(tab) == []
-    [second] = [child for child in psutil.Process(system.process.pid).children(recursive=True)
-                if "haptic_sim.viewer.second" in child.cmdline()]  # fmt: skip
+    [second] = [
+        child
+        for child in psutil.Process(system.process.pid).children(recursive=True)
+        if "haptic_sim.viewer.second" in child.cmdline()
+    ]
     second.kill()
     tab.until_text("compare_note", "^the second operating point has ended by itself .signal 9.$")
     tab.page.click("#compare_off")

@@ -71,7 +71,7 @@ def _chosen(wanted, short, clock):
 
 
 def _programs(folder: Path, rate: float = 1000.0):
-    from haptic_device.share import find
+    from haptic_device.config_files import find
     from haptic_sim.cli.demo import Order, programs_of
 
     hand = {"motion.name": "follow", "motion.start": (0.03, 0.0, 0.0), "publish.rate": rate}
@@ -117,9 +117,10 @@ def _row(event, several) -> Row:
     found = worst(several)
     bounds = {"step": STEP, "energy": ENERGY, "safe": event.safe, "recovered": RECOVERED}
     wrong = [
-        name for name, most in bounds.items()
+        name
+        for name, most in bounds.items()
         if most is not None and getattr(found, name) is not None and getattr(found, name) > most
-    ]  # fmt: skip
+    ]
     wrong += [name for name in found.faults if name not in event.faults] + list(found.wrong)
     wrong += ["safe"] if event.safe is not None and found.safe is None else []
     return Row(event.name, len(several), found, tuple(wrong))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from fault_injection import chaos_figures as figures
 from fault_injection import chaos_loads as loads
 from fault_injection.conductor import NODES, PATIENCE, Conductor
-from haptic_device.law import engage
+from haptic_device.control import enable_state
 
 FROZEN = 0.4  # s
 HEARD = 0.2  # [s] until everything that happened has been heard of
@@ -115,9 +115,9 @@ def estop(conductor: Conductor) -> figures.Figures:
         conductor.witness.commands.call("estop")
         conductor.wait(HEARD)
         heards.append(conductor.witness.heard())
-        told = figures.told_to_zero(heards[-1].rows, called, engage.ESTOP)
+        told = figures.told_to_zero(heards[-1].rows, called, enable_state.ESTOP)
         times.append(max(told or math.inf, figures.motor_off(heards[-1].truths, called)))
-        ticks = max(ticks, figures.ticks_to_zero(heards[-1].rows, engage.ESTOP))
+        ticks = max(ticks, figures.ticks_to_zero(heards[-1].rows, enable_state.ESTOP))
         conductor.release()
     note = f"{ticks} tick after the driver has it; worst {max(times):.1f} ms"
     found = figures.worst([figures.figures(heard) for heard in heards])

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.law.fault import name_of
+from haptic_device.control.faults import name_of
 
 MILLISECOND = 1e-3
 NANO = 1e-9

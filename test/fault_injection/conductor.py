@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from fault_injection.witness import Witness
-from haptic_device.runtime import page
+from haptic_device.realtime import shared_memory
 from haptic_sim.cli.prepare import prepare
 from haptic_sim.cli.processes import NAMESPACE, NodeDiedError, Nodes, Program
 
@@ -33,7 +33,7 @@ class Conductor:
         self.programs = {program.name: program for program in programs}
         self.nodes, self.witness = Nodes(folder / "log"), Witness(domain)
         self.folder, self._bags = folder, 0
-        self._page = page.FOLDER / page.page_name(str(domain), NAMESPACE)
+        self._page = shared_memory.FOLDER / shared_memory.page_name(str(domain), NAMESPACE)
 
     def __enter__(self):
         for program in self.programs.values():
@@ -148,8 +148,8 @@ class Conductor:
 
     def heartbeat(self) -> float:
         """CLOCK_MONOTONIC [s] of the servo's last write into the page."""
-        block = np.zeros(page.SERVO_WORDS, np.int64)
-        page.read_servo(np.fromfile(self._page, np.int64), block)
+        block = np.zeros(shared_memory.SERVO_WORDS, np.int64)
+        shared_memory.read_servo(np.fromfile(self._page, np.int64), block)
         return float(block[1] * 1e-9)
 
     def until(self, condition: Callable[[], bool], limit: float, what: str) -> float:

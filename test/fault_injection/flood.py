@@ -15,8 +15,8 @@ import numpy as np
 import rclpy
 from rclpy.context import Context
 
-from haptic_device.law import contact, exchange
-from haptic_device.node.wire import (
+from haptic_device.control import contact_model, exchange_samples
+from haptic_device.nodes.messages import (
     AXES,
     LATEST,
     NEAR,
@@ -64,17 +64,19 @@ def mutated(message: bytes, dice: random.Random) -> bytes:
 
 def _messages() -> dict[str, list[bytes]]:
     exchanged = JointLayout(exchange_names(3))
-    targets = [JointLayout(names) for names in (AXES[:2], ("a", "b", "c"), AXES + ("x",), exchange.TAIL)]
+    targets = [JointLayout(names) for names in (AXES[:2], ("a", "b", "c"), AXES + ("x",), exchange_samples.TAIL)]
     foreign = [message for layout in targets for message in mutations(layout, KINDS // 4)]
     dice, contacts = random.Random(3), _contacts()
     return {
-        "tool": mutations(exchanged, KINDS), "handle": mutations(exchanged, KINDS, 2), "operator/target": foreign,
+        "tool": mutations(exchanged, KINDS),
+        "handle": mutations(exchanged, KINDS, 2),
+        "operator/target": foreign,
         "local_contacts": [mutated(contacts, dice) for _ in range(KINDS)],
-    }  # fmt: skip
+    }
 
 
 def _contacts() -> bytes:
-    return CloudLayout(NEAR).pack(0, np.zeros(contact.MOST, NEAR))
+    return CloudLayout(NEAR).pack(0, np.zeros(contact_model.MOST, NEAR))
 
 
 def main() -> int:

@@ -11,10 +11,18 @@ from pathlib import Path
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "safety.md"
 HEADS = {
-    "event": "event", "runs": "runs", "force": "force N", "change": "change N/ms", "step": "step N/ms",
-    "energy": "energy mJ", "safe": "safe ms", "recovered": "recovered s", "faults": "faults", "note": "note",
+    "event": "event",
+    "runs": "runs",
+    "force": "force N",
+    "change": "change N/ms",
+    "step": "step N/ms",
+    "energy": "energy mJ",
+    "safe": "safe ms",
+    "recovered": "recovered s",
+    "faults": "faults",
+    "note": "note",
     "wrong": "beyond its bound",
-}  # fmt: skip
+}
 
 
 def _cell(name, value):

@@ -9,7 +9,7 @@ from pathlib import Path
 import psutil
 
 from fault_injection.conductor import FREE, PRESSED, Conductor
-from haptic_device.law.fault import NAMES
+from haptic_device.control.faults import NAMES
 from haptic_sim.cli.domain import isolated_domain
 
 SETTLED = 60.0  # [s] after which memory must stay flat

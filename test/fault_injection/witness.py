@@ -11,18 +11,30 @@ import rclpy
 from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 
-from haptic_device.law.servo import TICK
-from haptic_device.node.tap import Tap
-from haptic_device.node.wire import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, statuses_of, truth_names
+from haptic_device.control.servo import TICK
+from haptic_device.nodes.messages import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, statuses_of, truth_names
+from haptic_device.nodes.polled_subscription import Tap
 from haptic_sim.cli.commands import Commands
 from haptic_sim.cli.processes import NAMESPACE
 
 LOOK_PERIOD = 0.004  # s
 HAND_SPEED = 0.1  # [m/s] with which the hand's target moves; a slow hand brings the exchange little energy
 COLUMNS = (
-    "tick", "deadline", "latched", "missed", "command", "tool_age", "exchange_fade", "engage", "state", "fault",
-    "force_on_handle", "motor", "margin", "lateness",
-)  # fmt: skip
+    "tick",
+    "deadline",
+    "latched",
+    "missed",
+    "command",
+    "tool_age",
+    "exchange_fade",
+    "engage",
+    "state",
+    "fault",
+    "force_on_handle",
+    "motor",
+    "margin",
+    "lateness",
+)
 ROW = np.dtype([(name, *TICK.fields[name][:1]) for name in COLUMNS])
 TRUTH = np.dtype([("time", "f8"), ("x", "f8"), ("y", "f8"), ("energy", "f8"), ("motor", "f8", (3,))])
 _STATE = JointLayout(truth_names(3))

@@ -25,9 +25,9 @@ from live_nodes import (
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 
-from haptic_device.law import exchange, fault
-from haptic_device.node import wire
-from haptic_device.node.params import MOST_AT_ONCE
+from haptic_device.control import exchange_samples, faults
+from haptic_device.nodes import messages
+from haptic_device.nodes.ros_parameters import MOST_AT_ONCE
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -134,14 +134,17 @@ def test_softer_gains_are_taken_while_it_runs_and_told_to_the_simulation(display
     for stiffness in (500.0, 400.0):
         assert display.set("coupling.stiffness", stiffness) == (True, "")
         display.handles.clear()
-        names = wire.exchange_names(3)
+        names = messages.exchange_names(3)
         told = names.index("stiffness")
         display.until(
             lambda: display.handles and display.handles[-1].position[told] == stiffness,  # noqa: B023
             f"a handle sample with {stiffness} N/m",
         )
-        gains = [display.handles[-1].position[names.index(name)] for name in exchange.TAIL[exchange.GAIN_0:][:4]]
-        assert display.handles[-1].position[names.index("gains_hash")] == exchange.gains_hash(*gains)
+        gains = [
+            display.handles[-1].position[names.index(name)]
+            for name in exchange_samples.TAIL[exchange_samples.GAIN_0 :][:4]
+        ]
+        assert display.handles[-1].position[names.index("gains_hash")] == exchange_samples.gains_hash(*gains)
     display.hear_handles(False)
 
 
@@ -179,13 +182,13 @@ def test_as_many_parameters_as_are_taken_at_once_are_set_and_one_more_are_refuse
 
 
 def test_handle_encoder_and_motor_of_one_tick_bear_the_same_stamp(display):
-    layout, heard = wire.JointLayout(wire.AXES, "haptic_base"), {"encoder": set(), "motor": set()}
+    layout, heard = messages.JointLayout(messages.AXES, "haptic_base"), {"encoder": set(), "motor": set()}
 
     def hear(topic, stamps):
         def note(data):
             stamps.add(layout.unpack(data).stamp_ns)
 
-        return display.node.create_subscription(wire.JointState, topic, note, wire.STREAM, raw=True)
+        return display.node.create_subscription(messages.JointState, topic, note, messages.STREAM, raw=True)
 
     listening = [hear(topic, stamps) for topic, stamps in heard.items()]
     display.hear_handles()
@@ -198,14 +201,14 @@ def test_handle_encoder_and_motor_of_one_tick_bear_the_same_stamp(display):
 
 
 def test_foreign_tool_messages_move_nothing_are_refused_and_counted_by_reason(display):
-    layout, count = wire.JointLayout(wire.exchange_names(3)), len(wire.exchange_names(3))
+    layout, count = messages.JointLayout(messages.exchange_names(3)), len(messages.exchange_names(3))
     still, wild = [0.0] * count, [math.nan] * count
-    tail = dict.fromkeys(exchange.TAIL, 1.0) | {"layout_version": exchange.LAYOUT_VERSION}
-    tail["exchange_method"] = float(exchange.PSPM)
-    messages = [
+    tail = dict.fromkeys(exchange_samples.TAIL, 1.0) | {"layout_version": exchange_samples.LAYOUT_VERSION}
+    tail["exchange_method"] = float(exchange_samples.PSPM)
+    samples = [
         layout.pack(0, wild, still, still),
         layout.pack(0, [0.05, 0.05, 0.5, *tail.values()], still, still),
-        wire.JointLayout(wire.exchange_names(2)).pack(0, *[[0.0] * (count - 1)] * 3),
+        messages.JointLayout(messages.exchange_names(2)).pack(0, *[[0.0] * (count - 1)] * 3),
         layout.template[:-3],
     ]
     reasons = "refused.NaN or out of range", "refused.answers another session", "refused.other axis names or size"
@@ -215,7 +218,7 @@ def test_foreign_tool_messages_move_nothing_are_refused_and_counted_by_reason(di
         """The first report of all three while the display is engaged."""
         nonlocal asked, turn
         if time.monotonic() > asked + 0.02:
-            display.tool.publish(messages[turn % len(messages)])
+            display.tool.publish(samples[turn % len(samples)])
             asked, turn = time.monotonic(), turn + 1
         heard = [values for _, _, values in display.said["haptic_driver"][begin:] if values["state"] == "engaged"]
         return next((values for values in heard if all(reason in values for reason in reasons)), None)
@@ -230,8 +233,9 @@ def test_foreign_tool_messages_move_nothing_are_refused_and_counted_by_reason(di
 def test_a_second_driver_of_the_same_device_is_refused(display, start):
     second = start(command("haptic_driver"), stderr=subprocess.PIPE)
     said = refusal_of(second)
-    assert said.startswith("haptic_driver: page ") and said.endswith("is held by another servo; stop it, or use "
-                                                                     "another namespace")  # fmt: skip
+    assert said.startswith("haptic_driver: page ") and said.endswith(
+        "is held by another servo; stop it, or use another namespace"
+    )
     display.engaged()
 
 
@@ -344,7 +348,7 @@ def test_a_margin_about_theta_that_is_used_up_is_told_though_the_plane_has_some_
 
 def test_the_faults_above_are_all_but_those_that_test_fault_live_provokes():
     live = {"estop", "device_watchdog", "device_silent", "velocity", "position", "saturation", "duty"}
-    assert {entry.name for entry in fault.TABLE} - live == {"not_a_number", "encoder_jump", "unattended"}
+    assert {entry.name for entry in faults.TABLE} - live == {"not_a_number", "encoder_jump", "unattended"}
 
 
 def exchanging(ear):
@@ -487,13 +491,13 @@ def test_a_wrong_file_ends_the_driver_with_one_sentence_and_exit_code_1(refused,
 
 NO_ROOM = """
 import sys
-from haptic_device.runtime import rcl
+from haptic_device.realtime import exchange_loop
 
 def none():
     raise MemoryError("no room for incoming messages")
 
-rcl.incoming_buffer = none
-from haptic_device.node.driver import main
+exchange_loop.incoming_buffer = none
+from haptic_device.nodes.driver import main
 sys.exit(main())
 """
 

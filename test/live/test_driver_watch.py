@@ -10,15 +10,19 @@ from lockstep_systems import device, values
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from haptic_device import operating
-from haptic_device.law import engage, fault, servo
-from haptic_device.node import driver as module
-from haptic_device.runtime import loop
+from haptic_device import controller_config, gain_check
+from haptic_device.control import enable_state, faults, servo
+from haptic_device.nodes import driver as module
+from haptic_device.realtime import servo_loop
 
 BEYOND = {
-    "wall.normals": [0.0, 1.0], "wall.offsets": [0.0], "wall.stiffness": [7000.0], "wall.damping": [0.05],
-    "coupling.stiffness": 0.0, "coupling.damping": 0.0,
-}  # fmt: skip
+    "wall.normals": [0.0, 1.0],
+    "wall.offsets": [0.0],
+    "wall.stiffness": [7000.0],
+    "wall.damping": [0.05],
+    "coupling.stiffness": 0.0,
+    "coupling.damping": 0.0,
+}
 
 
 class Driver(module.DriverNode):
@@ -50,13 +54,22 @@ def driver(ros_domain, monkeypatch):
 def serve(driver, **given):
     """Gives it a servo whose last row says an e-stop, and what it needs to report that."""
     row = np.zeros(1, servo.TICK).view(np.recarray)[0]
-    row.state, row.fault = engage.FAULT, fault.ESTOP
-    driver.device, driver.servo = device(), SimpleNamespace(
-        running=True, realtime="", row=SimpleNamespace(get=lambda: [row]), control=np.zeros(loop.CONTROLS, np.int64),
-        ring=SimpleNamespace(dropped=0), **given)  # fmt: skip
+    row.state, row.fault = enable_state.FAULT, faults.ESTOP
+    driver.device, driver.servo = (
+        device(),
+        SimpleNamespace(
+            running=True,
+            realtime="",
+            row=SimpleNamespace(get=lambda: [row]),
+            control=np.zeros(servo_loop.CONTROLS, np.int64),
+            ring=SimpleNamespace(dropped=0),
+            **given,
+        ),
+    )
     driver.telemetry = SimpleNamespace(percentiles=lambda: np.zeros((4, 4)), cpu=0.0, window=lambda: 0.0)
     driver.exchange = SimpleNamespace(
-        refusals=dict, refused_contacts=dict, sent=0, answered=0, round_trips=lambda: np.zeros(2))  # fmt: skip
+        refusals=dict, refused_contacts=dict, sent=0, answered=0, round_trips=lambda: np.zeros(2)
+    )
 
 
 @pytest.mark.parametrize("heard", [True, False])
@@ -79,11 +92,11 @@ def test_a_fault_that_was_reset_meanwhile_takes_no_new_enable_back(driver):
 def test_gains_beyond_the_damping_are_refused_said_or_taken_as_the_policy_wants(driver, policy):
     driver.link, driver.device = object(), device(0.8)
     given = {name.replace(".", "__"): value for name, value in BEYOND.items()}
-    sentence = operating.refusal(operating.settings_from(driver.device, values("haptic_driver", **given))[0])
+    sentence = gain_check.refusal(controller_config.settings_from(driver.device, values("haptic_driver", **given))[0])
     assert sentence.startswith("wall.stiffness 7000 N/m ") and sentence.endswith(" at most 6000 N/m")
-    answer = driver.set_parameters_atomically([
-        Parameter(name, value=value) for name, value in {**BEYOND, "passivity.policy": policy}.items()
-    ])  # fmt: skip
+    answer = driver.set_parameters_atomically(
+        [Parameter(name, value=value) for name, value in {**BEYOND, "passivity.policy": policy}.items()]
+    )
     assert (answer.successful, answer.reason) == ((False, sentence) if policy == "enforce" else (True, ""))
     assert driver.said == [sentence] * (policy == "warn")
     assert (driver.values["wall.stiffness"] == (7000.0,)) == (policy != "enforce")

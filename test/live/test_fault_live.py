@@ -17,7 +17,7 @@ from live_nodes import HOLDING, command
 from waiting import LIMIT, until
 
 from haptic_device.process import ending_with_us
-from haptic_device.runtime import clock, page
+from haptic_device.realtime import clock, shared_memory
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -41,7 +41,7 @@ def wait(*_):
 
 signal.signal(signal.SIGUSR1, hold)
 signal.signal(signal.SIGUSR2, wait)
-from haptic_device.node.driver import main
+from haptic_device.nodes.driver import main
 sys.exit(main())
 """
 WARN, ERROR = 1, 2
@@ -96,17 +96,19 @@ class Hands:
     """A device behind the page that says whatever the test wants it to say."""
 
     def __init__(self):
-        self.page = page.Page(page.page_name(os.environ["ROS_DOMAIN_ID"], SPACE), page.DEVICE)
+        self.page = shared_memory.Page(
+            shared_memory.page_name(os.environ["ROS_DOMAIN_ID"], SPACE), shared_memory.DEVICE
+        )
         self.x, self.goal, self.drag, self.motor, self._stop = 0.0, 0.0, 0.0, 0.0, False
         self.writes = [(0, 0.0)]  # of the servo that were seen: when [ns], motor
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()
 
     def _serve(self):
-        inbox, outbox = np.zeros(page.SERVO_WORDS, np.int64), np.zeros(page.DEVICE_WORDS, np.int64)
+        inbox, outbox = np.zeros(shared_memory.SERVO_WORDS, np.int64), np.zeros(shared_memory.DEVICE_WORDS, np.int64)
         scratch = clock.scratch()
         while not self._stop:
-            page.read_servo(self.page.words, inbox)
+            shared_memory.read_servo(self.page.words, inbox)
             now = int(clock.now_ns(scratch))
             self.motor = float(inbox.view(np.float64)[5])
             if inbox[1] != self.writes[-1][0]:
@@ -114,7 +116,7 @@ class Hands:
                 self.x += max(-STEP, min(STEP, self.goal - self.x))
             latched = inbox[2] if abs(int(inbox[2]) - now) < 100_000_000 else now
             counts, drag = np.array([COUNTS * self.x, 0.0, 0.0]), np.array([self.drag, 0.0, 0.0])
-            page.write_device(self.page.words, outbox, 1, latched, 0, now, counts, drag)
+            shared_memory.write_device(self.page.words, outbox, 1, latched, 0, now, counts, drag)
             time.sleep(0.0003)
 
     def press(self):

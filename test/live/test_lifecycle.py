@@ -89,8 +89,8 @@ def test_deactivated_cleaned_up_and_shut_down_in_any_order_they_let_everything_g
 
 TOLD = """
 import gc, importlib, os, signal, sys, threading
-from haptic_device.node import lifecycle, own_port
-own_port.KINDS = ()  # a process can give a port of its own to one participant only
+from haptic_device.nodes import lifecycle, participant_id
+participant_id.KINDS = ()  # a process can give a port of its own to one participant only
 module = importlib.import_module(sys.argv[1])
 [kind] = [one for one in vars(module).values() if isinstance(one, type) and lifecycle.ManagedNode in one.__bases__]
 MOMENTS = ((lifecycle, "begin_ros"), (kind, "__init__"), (lifecycle, "SingleThreadedExecutor"), (kind, "configure"),
@@ -134,7 +134,7 @@ def test_a_node_told_to_end_at_any_moment_of_its_start_ends_as_it_always_does(na
     assert "Traceback" not in told.stderr and "Exception" not in told.stderr, told.stderr
 
 
-@pytest.mark.parametrize("module", [*MODULES.values(), "haptic_device.node.recorder"])
+@pytest.mark.parametrize("module", [*MODULES.values(), "haptic_device.nodes.recorder"])
 def test_signals_that_come_while_a_node_ends_change_nothing_of_its_end(module, start):
     words = ["--ros-args", "-r", "__ns:=/told", "-p", "autostart:=false"]
     node = start([sys.executable, "-m", module, *words], stderr=subprocess.PIPE)

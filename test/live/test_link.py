@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 from waiting import until
 
-from haptic_device.device import load_device, plant_of
+from haptic_device.control import enable_state, faults, servo
+from haptic_device.description import load_device
+from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
 from haptic_device.jit import kernel
-from haptic_device.law import engage, fault, operator, plant, servo
-from haptic_device.runtime import clock, link, loop, loopback, page, realtime
-from haptic_device.runtime.link import PageLink
-from haptic_device.runtime.mailbox import Mailbox
-from haptic_device.runtime.servo_thread import ServoThread
-from haptic_device.runtime.still import StillLink
+from haptic_device.realtime import clock, hardware_interface, scheduling, servo_loop, shared_memory
+from haptic_device.realtime.hardware_interface import PageLink
+from haptic_device.realtime.null_device import StillLink
+from haptic_device.realtime.seqlock import Mailbox
+from haptic_device.realtime.servo_thread import ServoThread
 
 WATCHDOG = 15_000_000  # ns
 
@@ -27,19 +28,22 @@ class Served:
     """A plant behind a page, as haptic_loopback runs it; the hand holds on with nothing."""
 
     def __init__(self, name, position=(0.01, 0.0, 0.0)):
-        self.page, self.truth = page.Page(name, page.DEVICE), Mailbox(loopback.TRUTH)
-        self.control, self.plant = np.zeros(loopback.CONTROLS, np.int64), plant_of(load_device("desktop"))
-        self.control[loopback.WATCHDOG] = WATCHDOG
-        self.memory, self.motion = np.zeros(1, plant.PLANT_MEMORY), np.zeros(1, operator.MOTION)
+        self.page, self.truth = shared_memory.Page(name, shared_memory.DEVICE), Mailbox(simulated_device.TRUTH)
+        self.control, self.plant = (
+            np.zeros(simulated_device.CONTROLS, np.int64),
+            loopback_config.plant_of(load_device("desktop")),
+        )
+        self.control[simulated_device.WATCHDOG] = WATCHDOG
+        self.memory, self.motion = np.zeros(1, plant.PLANT_MEMORY), np.zeros(1, operator_hand.MOTION)
         self.memory["position"] = self.memory["target"] = position
         self.motion["count"], self.motion["duration"] = 1, 1.0
         self.thread = threading.Thread(target=self._serve)
         self.thread.start()
 
     def _serve(self):
-        truth = np.zeros(1, loopback.TRUTH)
+        truth = np.zeros(1, simulated_device.TRUTH)
         words, mail = self.page.words, self.truth.words
-        loopback.serve(words, self.control, mail, 42, self.plant, self.memory, self.motion, truth)
+        simulated_device.serve(words, self.control, mail, 42, self.plant, self.memory, self.motion, truth)
 
     def close(self):
         self.stop()
@@ -47,7 +51,7 @@ class Served:
 
     def stop(self):
         """Ends the plant's thread."""
-        self.control[loopback.STOP] = 1
+        self.control[simulated_device.STOP] = 1
         self.thread.join(60.0)
         assert not self.thread.is_alive(), "the plant still serves"
 
@@ -56,8 +60,8 @@ class Served:
 def name():
     name = f"haptic_display.test.{uuid.uuid4().hex}"
     yield name
-    left = (page.FOLDER / name).exists()
-    (page.FOLDER / name).unlink(missing_ok=True)
+    left = (shared_memory.FOLDER / name).exists()
+    (shared_memory.FOLDER / name).unlink(missing_ok=True)
     assert not left
 
 
@@ -71,7 +75,7 @@ def served(name):
 @pytest.fixture
 def device(name):
     """The page's other side, with nothing behind it."""
-    device = page.Page(name, page.DEVICE)
+    device = shared_memory.Page(name, shared_memory.DEVICE)
     yield device
     device.close()
 
@@ -111,7 +115,7 @@ def test_a_link_whose_counts_run_ahead_of_their_time_does_not_conform(served, de
         nonlocal turn
         turn += 1.0
         fresh = read(memory, deadline, give_up, sample)
-        sample[link.COUNTS] += turn
+        sample[hardware_interface.COUNTS] += turn
         return fresh
 
     device_link.read = restless
@@ -121,31 +125,37 @@ def test_a_link_whose_counts_run_ahead_of_their_time_does_not_conform(served, de
 
 def test_without_a_device_there_is_nobody_and_reading_gives_up(device_link):
     assert not device_link.present()
-    sample, scratch = np.zeros(link.SAMPLE), clock.scratch()
+    sample, scratch = np.zeros(hardware_interface.SAMPLE), clock.scratch()
     assert device_link.read(device_link.memory, 1, int(clock.now_ns(scratch)) + 100_000, sample) == 0
 
 
 def test_a_device_that_died_in_the_middle_of_a_write_leaves_the_last_sample_as_it_was(device, device_link):
-    block = np.zeros(page.DEVICE_WORDS, np.int64)
-    page.write_device(device.words, block, 1, 1000, 0, 1000, np.array([11.0, -12.0, 13.0]), np.array([0.5, 0.25, 0.0]))
-    sample = np.zeros(link.SAMPLE)
+    block = np.zeros(shared_memory.DEVICE_WORDS, np.int64)
+    shared_memory.write_device(
+        device.words, block, 1, 1000, 0, 1000, np.array([11.0, -12.0, 13.0]), np.array([0.5, 0.25, 0.0])
+    )
+    sample = np.zeros(hardware_interface.SAMPLE)
     assert device_link.read(device_link.memory, 1000, 0, sample) == 1
     kept = sample.copy()
     assert kept.tolist() == [1000.0, 0.0, 11.0, -12.0, 13.0, 0.5, 0.25, 0.0]
-    device.words[page.DEVICE_LOCK] |= 1
-    device.words[page.DEVICE_FIRST : page.DEVICE_FIRST + page.DEVICE_WORDS] = 2**60
+    device.words[shared_memory.DEVICE_LOCK] |= 1
+    device.words[shared_memory.DEVICE_FIRST : shared_memory.DEVICE_FIRST + shared_memory.DEVICE_WORDS] = 2**60
     assert device_link.read(device_link.memory, 2000, 0, sample) == 0
     assert sample.tolist() == kept.tolist()
 
 
 def test_a_sample_from_the_future_is_not_believed(device, device_link):
-    block, sample, scratch = np.zeros(page.DEVICE_WORDS, np.int64), np.zeros(link.SAMPLE), clock.scratch()
-    for ahead, believed in ((link.AHEAD, 1), (link.AHEAD + 60_000_000_000, 0), (2**62, 0)):
+    block, sample, scratch = (
+        np.zeros(shared_memory.DEVICE_WORDS, np.int64),
+        np.zeros(hardware_interface.SAMPLE),
+        clock.scratch(),
+    )
+    for ahead, believed in ((hardware_interface.AHEAD, 1), (hardware_interface.AHEAD + 60_000_000_000, 0), (2**62, 0)):
         now = int(clock.now_ns(scratch))
         counts = np.array([float(believed), 0.0, 0.0])
-        page.write_device(device.words, block, 1, now + ahead, 0, 1000, counts, np.zeros(3))
+        shared_memory.write_device(device.words, block, 1, now + ahead, 0, 1000, counts, np.zeros(3))
         assert device_link.read(device_link.memory, now, now, sample) == believed
-        assert sample[link.COUNTS] == 1.0
+        assert sample[hardware_interface.COUNTS] == 1.0
 
 
 NONSENSE = [
@@ -167,7 +177,7 @@ def test_a_write_of_nonsense_moves_neither_the_plant_nor_its_clock(
     until(device_link.present, "the device is present")
     now = int(clock.now_ns(scratch))
     device_link.write(device_link.memory, now + written, now + deadline, period, 1, np.array([motor, 0.5, 0.0]))
-    until(lambda: served.control[loopback.REFUSED] == 1, "the write is refused")
+    until(lambda: served.control[simulated_device.REFUSED] == 1, "the write is refused")
     before = float(served.truth.get()[0].time)
     until(lambda: served.truth.get()[0].time > before + 0.02, "20 ms of the plant")
     truth = served.truth.get()[0]
@@ -177,8 +187,8 @@ def test_a_write_of_nonsense_moves_neither_the_plant_nor_its_clock(
 
 def test_what_the_servo_writes_reaches_the_device_word_by_word(device, device_link):
     device_link.write(device_link.memory, 1000, 2000, 250, 1, np.array([0.5, -1.5, 0.25]))
-    block = np.zeros(page.SERVO_WORDS, np.int64)
-    assert page.read_servo(device.words, block) > 0
+    block = np.zeros(shared_memory.SERVO_WORDS, np.int64)
+    assert shared_memory.read_servo(device.words, block) > 0
     assert block[:5].tolist() == [7, 1000, 2000, 250, 1]
     assert block[5:].view(np.float64).tolist() == [0.5, -1.5, 0.25]
 
@@ -211,7 +221,7 @@ def test_a_silent_servos_motor_is_cut_when_the_watchdog_is_over_by_the_plants_ow
     for truth in seen:
         pushes = truth.motor_force[0] != 0.0
         assert pushes == (truth.time <= cut) or truth.time <= written * 1e-9
-    assert not served.truth.get()[0].driven and served.control[loopback.TRIPS] >= 1
+    assert not served.truth.get()[0].driven and served.control[simulated_device.TRIPS] >= 1
 
 
 def test_a_plant_that_stops_serving_has_its_motor_at_zero_and_says_so(served, device_link):
@@ -223,10 +233,12 @@ def test_a_plant_that_stops_serving_has_its_motor_at_zero_and_says_so(served, de
 
 
 def test_a_device_that_returns_where_its_predecessor_died_takes_up_an_odd_lock(name):
-    words = np.zeros(page.WORDS, np.int64)
-    words[page.DEVICE_LOCK] = 5
-    page.write_device(words, np.zeros(page.DEVICE_WORDS, np.int64), 1, 9, 0, 9, np.zeros(3), np.zeros(3))
-    assert words[page.DEVICE_LOCK] == 6
+    words = np.zeros(shared_memory.WORDS, np.int64)
+    words[shared_memory.DEVICE_LOCK] = 5
+    shared_memory.write_device(
+        words, np.zeros(shared_memory.DEVICE_WORDS, np.int64), 1, 9, 0, 9, np.zeros(3), np.zeros(3)
+    )
+    assert words[shared_memory.DEVICE_LOCK] == 6
 
 
 def settings():
@@ -249,24 +261,24 @@ def test_the_servo_runs_on_the_page_takes_its_home_and_leaves_the_motor_at_zero(
     rows = thread.ring.take(1000)
     assert np.diff(rows["tick"]).tolist() == [1.0] * (len(rows) - 1)
     thread.stop()
-    block = np.zeros(page.SERVO_WORDS, np.int64)
-    page.read_servo(served.page.words, block)
+    block = np.zeros(shared_memory.SERVO_WORDS, np.int64)
+    shared_memory.read_servo(served.page.words, block)
     assert not thread.running and block[4:].tolist() == [0, 0, 0, 0]
     thread.link.close()
     until(lambda: not served.truth.get()[0].driven, "the plant is free")
-    assert served.control[loopback.TRIPS] == 0
+    assert served.control[simulated_device.TRIPS] == 0
 
 
 HOME = (0.25, 0.5, 0.75)
 
 
-@kernel(link.READ)
+@kernel(hardware_interface.READ)
 def read_later(memory, deadline, give_up, sample):
     if memory[0] > 0:
         memory[0] -= 1
         return 0
     sample[:] = 0.0
-    sample[link.LATCHED], sample[link.COUNTS] = deadline, 6000.0
+    sample[hardware_interface.LATCHED], sample[hardware_interface.COUNTS] = deadline, 6000.0
     return 1
 
 
@@ -339,12 +351,12 @@ def test_only_who_attends_keeps_an_enabled_servo_from_being_unattended(servo_thr
     alone = settings()
     alone["unattended"] = 0.2
     thread = servo_thread(StillLink(), alone)
-    thread.order(set_flags=engage.ENABLE)
+    thread.order(set_flags=enable_state.ENABLE)
     thread.start()
 
     def unattended():
-        thread.order(clear_flags=engage.CLUTCH)  # as a change of parameters does, again and again
-        return thread.row.get()[0].fault == fault.UNATTENDED
+        thread.order(clear_flags=enable_state.CLUTCH)  # as a change of parameters does, again and again
+        return thread.row.get()[0].fault == faults.UNATTENDED
 
     until(unattended, "the fault unattended")
 
@@ -357,14 +369,16 @@ def test_a_record_whose_writer_does_not_end_is_not_taken_and_counted(served, ser
     words = getattr(thread, mail).words
     words[8:] = np.float64(np.nan).view(np.int64)
     words[0] |= 1
-    until(lambda: thread.control[loop.TORN] > 5, "5 torn records")
+    until(lambda: thread.control[servo_loop.TORN] > 5, "5 torn records")
     row = thread.row.get()[0]
     assert np.isfinite(row.position).all() and np.isfinite(row.tool_position).all() and row.fault == 0
 
 
 def test_a_servo_is_compiled_by_whoever_makes_it_and_not_by_its_urgent_thread(servo_thread, monkeypatch):
-    by, realtime = [], loop.realtime
-    monkeypatch.setattr(loop, "realtime", lambda memory: by.append(threading.current_thread().name) or realtime(memory))
+    by, realtime = [], servo_loop.realtime
+    monkeypatch.setattr(
+        servo_loop, "realtime", lambda memory: by.append(threading.current_thread().name) or realtime(memory)
+    )
     thread = servo_thread()
     thread.start()
     thread.stop()
@@ -382,16 +396,16 @@ def test_a_servo_without_a_device_waits_and_can_be_stopped(servo_thread):
 
 def test_a_reset_takes_the_wish_to_be_enabled_back(servo_thread):
     thread = servo_thread()
-    thread.order(set_flags=engage.ENABLE | engage.ESTOP)
+    thread.order(set_flags=enable_state.ENABLE | enable_state.ESTOP)
     thread.reset()
-    assert thread.command == engage.RESET
+    assert thread.command == enable_state.RESET
 
 
 def test_a_servo_that_cannot_begin_says_why_and_is_not_waited_for(servo_thread, monkeypatch):
     def fails(*arguments):
         raise MemoryError("no room for the servo's thread")
 
-    monkeypatch.setattr(realtime, "go_realtime", fails)
+    monkeypatch.setattr(scheduling, "go_realtime", fails)
     thread = servo_thread()
     with pytest.raises(MemoryError, match="no room for the servo's thread"):
         thread.start()
@@ -402,7 +416,7 @@ def test_realtime_that_is_required_but_not_permitted_is_a_sentence_and_no_servo(
     def forbidden(*arguments):
         raise PermissionError
 
-    monkeypatch.setattr(realtime.os, "sched_setscheduler", forbidden)
+    monkeypatch.setattr(scheduling.os, "sched_setscheduler", forbidden)
     thread = servo_thread(realtime="require")
     with pytest.raises(PermissionError, match="realtime is require: no SCHED_FIFO 80: set `rtprio 98`"):
         thread.start()

@@ -11,11 +11,10 @@ from ear import Ear
 from lifecycle_msgs.msg import State, Transition
 from live_nodes import Nodes, command, page_path, refusal_of, refusals_of
 
-from haptic_device import operating
-from haptic_device.device import load_device
-from haptic_device.node import wire
-from haptic_device.node.declared import LOOPBACK
-from haptic_device.runtime import loopback
+from haptic_device.description import load_device
+from haptic_device.device import loopback_config, simulated_device
+from haptic_device.nodes import messages
+from haptic_device.nodes.declared import LOOPBACK
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -56,10 +55,10 @@ def test_the_hand_takes_the_handle_to_its_target_within_the_friction_it_feels(ea
 
 
 def test_a_target_beyond_the_workspace_ends_at_its_edge(ear):
-    names = list(wire.AXES)
+    names = list(messages.AXES)
 
     def ends(truth):
-        ear.target.publish(wire.JointState(name=names, position=[5.0, 0.0, 0.0]))
+        ear.target.publish(messages.JointState(name=names, position=[5.0, 0.0, 0.0]))
         return abs(truth.position[3] - 0.12) < 1e-6
 
     ear.truth(ends, what="the target is at the edge")
@@ -69,12 +68,16 @@ def test_a_target_beyond_the_workspace_ends_at_its_edge(ear):
 def test_wrong_targets_move_nothing_and_are_counted(ear):
     ear.go_to(0.0)
     before = int(ear.news("haptic_loopback", lambda level, message, values: True)[2]["refused_targets"])
-    wrong = [(["x", "y"], [0.1, 0.1]), (["x", "y", "z"], [0.1] * 3), (list(wire.AXES), [0.1, math.nan, 0.1]),
-             (list(wire.AXES), [0.1])]  # fmt: skip
+    wrong = [
+        (["x", "y"], [0.1, 0.1]),
+        (["x", "y", "z"], [0.1] * 3),
+        (list(messages.AXES), [0.1, math.nan, 0.1]),
+        (list(messages.AXES), [0.1]),
+    ]
 
     def counted(level, message, values):
         for names, position in wrong:
-            ear.target.publish(wire.JointState(name=names, position=position))
+            ear.target.publish(messages.JointState(name=names, position=position))
         return int(values["refused_targets"]) >= before + len(wrong)
 
     ear.news("haptic_loopback", counted, what="wrong targets are counted")
@@ -94,10 +97,10 @@ def test_the_energy_of_a_live_motion_is_that_of_the_same_motion_in_lock_step(ear
     path = abs(after.position[:2] - before.position[:2]).sum()
     assert -given > 0.02 * path  # what friction alone takes
     values = {parameter.name: parameter.default for parameter in LOOPBACK} | {"motion.name": "follow"}
-    plant, memory, motion = operating.hand_from(load_device("desktop"), values)
+    plant, memory, motion = loopback_config.hand_from(load_device("desktop"), values)
     memory["position"], memory["target"] = before.position[:3], before.position[3:6]
     memory["time"], motion["points"][0, 0] = 1, (0.05, -0.05, 0.0)
-    loopback.advance(plant[0], memory[0], motion[0], 2_000_000_000)
+    simulated_device.advance(plant[0], memory[0], motion[0], 2_000_000_000)
     assert given == pytest.approx(memory["energy_given"][0], rel=1e-3)
     assert after.position[:3] == pytest.approx(memory["position"][0], abs=1e-5)
 
@@ -131,10 +134,10 @@ def test_a_killed_loopback_leaves_a_stale_page_that_the_next_one_takes_over_and_
 
 def test_a_script_takes_no_targets(ear):
     ear.news("haptic_loopback", lambda level, message, values: True)
-    names = list(wire.AXES)
+    names = list(messages.AXES)
 
     def refused(level, message, values):
-        ear.target.publish(wire.JointState(name=names, position=[0.05, 0.0, 0.0]))
+        ear.target.publish(messages.JointState(name=names, position=[0.05, 0.0, 0.0]))
         return int(values["refused_targets"]) > 0
 
     ear.news("haptic_loopback", refused, what="targets are refused")

@@ -14,8 +14,8 @@ import pytest
 from live_nodes import command, page_path
 from waiting import until
 
-from haptic_device.analysis.recording import load
-from haptic_device.runtime import page
+from haptic_device.analysis.bag_topics import load
+from haptic_device.realtime import shared_memory
 from haptic_sim.cli.demo import FAR
 from haptic_sim.cli.processes import Program
 
@@ -23,10 +23,15 @@ pytestmark = pytest.mark.timeout(600)
 
 PRESSING = {"motion__name": "hold", "motion__start": [0.007, 0.0, 0.0]}  # 3 mm deep in the wall of the scene
 DRIVER = {
-    "auto_enable": True, "auto_enable_wait": 60.0, "servo__rate": 2000.0,
-    "coupling__stiffness": 2000.0, "coupling__damping": 2.0,
-    "coupling__rotational_stiffness": 1.0, "coupling__rotational_damping": 0.002, "engage__force": 20.0,
-}  # fmt: skip
+    "auto_enable": True,
+    "auto_enable_wait": 60.0,
+    "servo__rate": 2000.0,
+    "coupling__stiffness": 2000.0,
+    "coupling__damping": 2.0,
+    "coupling__rotational_stiffness": 1.0,
+    "coupling__rotational_damping": 0.002,
+    "engage__force": 20.0,
+}
 SLEW, BUDGET = 0.5, 0.005  # [N/ms], [J]
 LEAST_AGE = 0.006  # [s] that half of the answers are older than, however fast the machine is
 CONTACT = 0.8  # [N] and more
@@ -37,8 +42,8 @@ def motor_x():
     """Force [N] that the driver last wrote into the device page, which all namespaces share."""
     if not page_path().exists():
         return 0.0
-    block = np.zeros(page.SERVO_WORDS, np.int64)
-    page.read_servo(np.fromfile(page_path(), np.int64), block)
+    block = np.zeros(shared_memory.SERVO_WORDS, np.int64)
+    shared_memory.read_servo(np.fromfile(page_path(), np.int64), block)
     return float(block[5:6].view(np.float64)[0])
 
 
@@ -81,7 +86,7 @@ def across(link, start, monkeypatch, tmp_path):
         "far": [command("haptic_simulation", scene="wall")],
         "near": [
             command("haptic_loopback", **PRESSING),
-            Program("haptic_recorder", "haptic_device.node.recorder", {"bag": str(tmp_path / "bag")}).command(),
+            Program("haptic_recorder", "haptic_device.nodes.recorder", {"bag": str(tmp_path / "bag")}).command(),
             command("haptic_driver", **DRIVER),
         ],
     }

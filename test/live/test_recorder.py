@@ -22,7 +22,7 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from waiting import LIMIT, until
 
-from haptic_device.analysis.recording import load
+from haptic_device.analysis.bag_topics import load
 from haptic_device.process import ending_with_us
 
 pytestmark = pytest.mark.timeout(900)
@@ -259,7 +259,7 @@ import sys, time
 from pathlib import Path
 from haptic_sim.cli.processes import Nodes, Program
 nodes = Nodes(Path(sys.argv[1]))
-nodes.start(Program("haptic_recorder", "haptic_device.node.recorder", {"bag": sys.argv[2]}))
+nodes.start(Program("haptic_recorder", "haptic_device.nodes.recorder", {"bag": sys.argv[2]}))
 print(nodes.pid("haptic_recorder"), flush=True)
 time.sleep(600)
 """
@@ -386,7 +386,7 @@ def test_each_bag_holds_the_parameters_that_a_node_has_while_it_is_written(newco
 _FULL = """
 import errno, os, sys
 from pathlib import Path
-from haptic_device.node import recorder
+from haptic_device.nodes import recorder
 from haptic_device.recording.writer import RESERVE
 reserve, limit, written, write = Path(sys.argv.pop(1)) / RESERVE, int(sys.argv.pop(1)), 0, os.write
 def filling(descriptor, data):
@@ -430,7 +430,7 @@ def test_a_disk_that_takes_no_more_ends_the_bag_which_keeps_what_it_has(speaker,
 _NEARLY_FULL = """
 import shutil, sys
 from collections import namedtuple
-from haptic_device.node import recorder
+from haptic_device.nodes import recorder
 usage, looks = namedtuple("usage", "total used free"), []
 def disk_usage(path):
     looks.append(path)
@@ -461,10 +461,10 @@ def test_a_bag_that_cannot_be_ended_is_said_to_be_so_and_the_recorder_has_failed
 _FAILING = """
 import sys
 from pathlib import Path
-from haptic_device.node import inquiry, recorder, tap
+from haptic_device.nodes import parameter_client, polled_subscription, recorder
 from haptic_device.recording import writer
 bag, name = Path(sys.argv.pop(1)), sys.argv.pop(1)
-owner = {"look": inquiry.Inquiry, "take": tap.Tap, "close": writer.Bag}[name]
+owner = {"look": parameter_client.Inquiry, "take": polled_subscription.Tap, "close": writer.Bag}[name]
 does = getattr(owner, name)
 def fails(self, *given):
     if any(bag.glob("*.mcap")):

@@ -11,7 +11,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 from waiting import LIMIT, until
 
-from haptic_device.node.service_thread import ServiceThread
+from haptic_device.nodes.service_thread import ServiceThread
 
 pytestmark = pytest.mark.timeout(300)
 

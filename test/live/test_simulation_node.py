@@ -15,8 +15,8 @@ from live_nodes import Nodes, command
 from std_srvs.srv import SetBool, Trigger
 from waiting import LIMIT
 
-from haptic_device.law import exchange
-from haptic_device.node import wire
+from haptic_device.control import exchange_samples
+from haptic_device.nodes import messages
 from haptic_sim.compile import compile_scene
 from haptic_sim.scene import load
 
@@ -32,17 +32,20 @@ class Peer(Client):
     def __init__(self, domain):
         super().__init__(domain, "peer")
         self.tools, self.said, self.sequence = [], [], 0
-        self.handle = self.node.create_publisher(wire.JointState, "handle", wire.LATEST)
-        self.layout = wire.JointLayout(wire.exchange_names(3))
-        self._tool = self.node.create_subscription(wire.JointState, "tool", self._take, wire.LATEST, raw=True)
-        self.node.create_subscription(wire.DiagnosticArray, "/diagnostics", self._hear, 10)
+        self.handle = self.node.create_publisher(messages.JointState, "handle", messages.LATEST)
+        self.layout = messages.JointLayout(messages.exchange_names(3))
+        self._tool = self.node.create_subscription(messages.JointState, "tool", self._take, messages.LATEST, raw=True)
+        self.node.create_subscription(messages.DiagnosticArray, "/diagnostics", self._hear, 10)
 
     def _take(self, data):
         self.tools.append(self.layout.unpack(data))
 
     def _hear(self, array):
-        self.said += [(status.message, {entry.key: entry.value for entry in status.values})
-                      for status in array.status if status.name == NODE]
+        self.said += [
+            (status.message, {entry.key: entry.value for entry in status.values})
+            for status in array.status
+            if status.name == NODE
+        ]
 
     def last(self):
         return self.said[-1:]
@@ -77,7 +80,7 @@ class Peer(Client):
 
     def answered(self):
         """Number of the sample that was answered last."""
-        return self.tools[-1].position[3 + exchange.ANSWERED] if self.tools else 0.0
+        return self.tools[-1].position[3 + exchange_samples.ANSWERED] if self.tools else 0.0
 
     def lead(self, position=HOME, times=1, step=1):
         """Sends samples one by one, each until it is answered or, lost or in a silence, the next has to be sent: with
@@ -125,7 +128,7 @@ def test_the_node_answers_reports_and_puts_the_tool_back_to_its_start(world, pee
     known = int(peer.news("any report", lambda message, values: True)["answered"])
     last = peer.lead((0.0, 0.0, 0.0), times=20)
     assert last.position[0] < START[0]
-    assert last.stamp_ns == MS * last.position[3 + exchange.ANSWERED]
+    assert last.stamp_ns == MS * last.position[3 + exchange_samples.ANSWERED]
     peer.news("20 more answers", lambda message, values: int(values["answered"]) >= known + 20)
     peer.news("energy at the tool port", lambda message, values: float(values["tool_port_energy"]) > 0.0)
     assert peer.call("reset_scene")[0]
@@ -271,8 +274,11 @@ def test_an_exchange_that_an_exception_ends_is_said_to_have_ended_and_answers_an
     assert said.count(sentence) == 1 and "Traceback" not in said, said
 
 
-BAD = [({"scene": "nowhere"}, ["nowhere", "peg_in_hole"]), ({"sub_step": 1.0}, ["sub_step", "1.0 s", "at most"]),
-       ({"scen": "wall"}, ["scen is not", "did you mean scene"])]  # fmt: skip
+BAD = [
+    ({"scene": "nowhere"}, ["nowhere", "peg_in_hole"]),
+    ({"sub_step": 1.0}, ["sub_step", "1.0 s", "at most"]),
+    ({"scen": "wall"}, ["scen is not", "did you mean scene"]),
+]
 
 
 def test_a_bad_parameter_ends_the_node_with_one_sentence(start):

@@ -124,9 +124,14 @@ def test_a_scheduler_that_is_killed_in_the_middle_is_a_sentence_and_what_was_don
     assert not caplog.records
 
 
-@pytest.mark.parametrize(("edited", "old", "new"), [
-    ("haptic_sim/lockstep.py", "def ", "def  "), ("config/scenes/wall.yaml", "\n", "\n\n"), (None, "", ""),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("edited", "old", "new"),
+    [
+        ("haptic_sim/lockstep.py", "def ", "def  "),
+        ("config/scenes/wall.yaml", "\n", "\n\n"),
+        (None, "", ""),
+    ],
+)
 def test_only_a_worker_with_the_same_sources_and_scenes_takes_part(kept, worker, tmp_path, edited, old, new):
     for folder in ("haptic_device", "haptic_sim", "config"):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))

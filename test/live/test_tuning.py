@@ -8,8 +8,8 @@ from live_tuning import GAINS, disturbed, engaged_pair, sentence_of, zwidth_live
 from lockstep_systems import values
 from waiting import until
 
-from haptic_device import operating
-from haptic_device.device import load_device
+from haptic_device import controller_config, gain_check
+from haptic_device.description import load_device
 from haptic_sim.cli.tuning import Tuning
 
 pytestmark = pytest.mark.timeout(900)
@@ -17,8 +17,11 @@ pytestmark = pytest.mark.timeout(900)
 FREE = ("coupling.stiffness", "coupling.damping", "coupling.rotational_stiffness", "coupling.rotational_damping")
 FREE += ("cancellation.ratio",)
 WALL = {
-    "wall__normals": (1.0, 0.0), "wall__offsets": (-0.05,), "wall__stiffness": (300.0,), "wall__damping": (0.1,),
-}  # fmt: skip
+    "wall__normals": (1.0, 0.0),
+    "wall__offsets": (-0.05,),
+    "wall__stiffness": (300.0,),
+    "wall__damping": (0.1,),
+}
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +57,11 @@ def test_zwidth_live_gives_way_to_somebody_else_who_changes_its_gains(pair, star
     tuning = pair[0]
     before = tuning.get(GAINS)
     ended = disturbed(
-        pair, start, lambda: tuning.get(["coupling.stiffness"]) == {"coupling.stiffness": 0.0},
+        pair,
+        start,
+        lambda: tuning.get(["coupling.stiffness"]) == {"coupling.stiffness": 0.0},
         lambda process: tuning.set(coupling__stiffness=250.0),
-    )  # fmt: skip
+    )
     told = "something else set coupling.stiffness to 250.0 meanwhile, this command had set 0.0"
     assert ended == (2, f"haptic zwidth: {told}")
     assert tuning.get(GAINS) == before
@@ -110,7 +115,7 @@ def test_just_within_the_bound_a_late_driver_names_a_wall_is_taken_with_cancella
         gains = values(
             "haptic_driver", **walls, wall__stiffness=(stiffness,), **{name.replace(".", "__"): 0.0 for name in FREE}
         ) | {"servo.rate": 1000.0, "cancellation.ratio": 0.7, "cancellation.band": 0.02}
-        return operating.refusal(operating.settings_from(load_device("desktop"), gains)[0], late)
+        return gain_check.refusal(controller_config.settings_from(load_device("desktop"), gains)[0], late)
 
     for late in (0.0, 1e-4, 5e-4):
         most = float(re.search(r"the device has 3: at most (\d+) N/m", refused(90000.0, late))[1])

@@ -16,8 +16,8 @@ from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 from waiting import LIMIT
 
-from haptic_device.node import wire
-from haptic_device.node.tap import Tap
+from haptic_device.nodes import messages
+from haptic_device.nodes.polled_subscription import Tap
 from haptic_sim.viewer import hand as hand_of_a_page
 from haptic_sim.viewer import viewer
 from haptic_sim.viewer.parameters import PARAMETERS
@@ -81,9 +81,9 @@ class Pulled:
 
     def __init__(self, context):
         self.target, self._node = (0.0, 0.0, 0.0), rclpy.create_node("pulled", namespace="/haptic", context=context)
-        self._targets = Tap(self._node, "operator/target", "sensor_msgs/msg/JointState", wire.LATEST)
-        self._layout = wire.JointLayout(wire.truth_names(3))
-        self._truths = self._node.create_publisher(wire.JointState, "operator/state", wire.STREAM)
+        self._targets = Tap(self._node, "operator/target", "sensor_msgs/msg/JointState", messages.LATEST)
+        self._layout = messages.JointLayout(messages.truth_names(3))
+        self._truths = self._node.create_publisher(messages.JointState, "operator/state", messages.STREAM)
 
     async def wants_to_be_at(self, x):
         while self.target[0] != x:

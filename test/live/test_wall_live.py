@@ -12,7 +12,7 @@ import pytest
 from ear import Ear
 from live_nodes import Nodes
 
-from haptic_device.node import wire
+from haptic_device.nodes import messages
 from haptic_sim.cli.demo import FAR
 
 pytestmark = pytest.mark.timeout(600)
@@ -21,9 +21,12 @@ OUT, IN = 0.02, 0.005  # [m] of the hand; the wall's tool touches at 0.01
 PRESSED, BUDGET = 1.0, 0.005  # [N] and more is the wall, [J]
 NETWORK = {"delay": 0.02, "jitter": 0.01, "loss": 0.1}
 GAINS = {
-    "coupling__stiffness": 2000.0, "coupling__damping": 2.0,
-    "coupling__rotational_stiffness": 2.0, "coupling__rotational_damping": 0.002, "servo__rate": 2000.0,
-}  # fmt: skip
+    "coupling__stiffness": 2000.0,
+    "coupling__damping": 2.0,
+    "coupling__rotational_stiffness": 2.0,
+    "coupling__rotational_damping": 0.002,
+    "servo__rate": 2000.0,
+}
 
 
 @pytest.fixture(scope="module")
@@ -70,14 +73,18 @@ def test_a_wall_behind_a_bad_network_is_felt_and_gives_no_energy_beyond_the_budg
 def carrying(nodes, ear):
     """While this is set, the sets of the simulation come to the driver."""
     carrying = threading.Event()
-    publisher = ear.node.create_publisher(wire.PointCloud2, "local_contacts", wire.LATEST)
+    publisher = ear.node.create_publisher(messages.PointCloud2, "local_contacts", messages.LATEST)
     ear.node.create_subscription(
-        wire.PointCloud2, "far_local_contacts", lambda data: publisher.publish(data) if carrying.is_set() else None,
-        wire.LATEST, raw=True,
-    )  # fmt: skip
+        messages.PointCloud2,
+        "far_local_contacts",
+        lambda data: publisher.publish(data) if carrying.is_set() else None,
+        messages.LATEST,
+        raw=True,
+    )
     ear.go_to(OUT)
-    nodes.start("haptic_simulation", scene="wall", exchange__method="local",
-                renamed=("local_contacts:=far_local_contacts",))
+    nodes.start(
+        "haptic_simulation", scene="wall", exchange__method="local", renamed=("local_contacts:=far_local_contacts",)
+    )
     nodes.start("haptic_driver", exchange__method="local", auto_enable=True, **GAINS)
     carrying.set()
     return carrying

@@ -45,8 +45,11 @@ def case(name: str) -> Case:
         raise ValueError(f"scene is {name!r}; those that have a reference are {', '.join(NAMES)}")
     kind, seconds, changes = _CASES[name]
     scene = load(changes.get("of", name))
-    update = {"name": name, "motion": {**scene.motion, **changes.get("motion", {})},
-              "gravity": changes.get("gravity", scene.gravity)}
+    update = {
+        "name": name,
+        "motion": {**scene.motion, **changes.get("motion", {})},
+        "gravity": changes.get("gravity", scene.gravity),
+    }
     if "throw" in changes:
         update["bodies"] = tuple(body.model_copy(update={"velocity": changes["throw"]}) for body in scene.bodies)
         update["tool"] = scene.tool.model_copy(update={"velocity": changes["throw"]})

@@ -75,10 +75,15 @@ def falling_rod(case: Case) -> dict[str, np.ndarray]:
     met = (rod.pose[1] + drop) / -rod.velocity[1]
     impulse = -rod.velocity[1] / (1.0 / mass + arm * arm / inertia)
     after = np.maximum(times - met, 0.0)
-    return {"rod": np.column_stack([
-        np.full_like(times, rod.pose[0]), rod.pose[1] + rod.velocity[1] * times + impulse / mass * after,
-        rod.pose[2] + arm * impulse / inertia * after,
-    ])}
+    return {
+        "rod": np.column_stack(
+            [
+                np.full_like(times, rod.pose[0]),
+                rod.pose[1] + rod.velocity[1] * times + impulse / mass * after,
+                rod.pose[2] + arm * impulse / inertia * after,
+            ]
+        )
+    }
 
 
 def incline(case: Case) -> dict[str, np.ndarray]:
@@ -138,5 +143,4 @@ def _turning(case, places, rates):
 
 
 def _seen(case, motion):
-    return motion[::case.look // case.period]
-
+    return motion[:: case.look // case.period]

@@ -63,8 +63,11 @@ def _until_event(axis, state, mode, hand, left):
         values = [watch(_moved(axis, state, mode, hand, t), t) for t in times]
         for a, b, before, after in zip(times, times[1:], values, values[1:], strict=False):
             if before >= 0.0 > after and a < first[0]:
-                at = a if before == 0.0 else brentq(
-                    lambda t, watch=watch: watch(_moved(axis, state, mode, hand, t), t), a, b, xtol=1e-16)
+                at = (
+                    a
+                    if before == 0.0
+                    else brentq(lambda t, watch=watch: watch(_moved(axis, state, mode, hand, t), t), a, b, xtol=1e-16)
+                )
                 first = min(first, (at, follows), key=lambda pair: pair[0])
                 break
     return first
@@ -81,9 +84,11 @@ def _watches(axis, mode, hand):
         if sign:
             yield (lambda state, t: sign * state[1]), _stop
     else:
+
         def spare(state, t):
             push = _push(axis, state, hand[0] + t * hand[1])
             return min(mode[2] - push, push - mode[1])
+
         yield spare, _let_go
 
 
@@ -91,6 +96,7 @@ def _meet(place):
     def follows(axis, state, hand):
         state = np.array([place, 0.0])
         return _mode_at(axis, state, *hand), state
+
     return follows
 
 
@@ -123,7 +129,11 @@ def _moved(axis, state, mode, hand, time):
         return state
     force = (axis.force - mode[1] * axis.friction) / axis.mass
     return _transition(axis.stiffness / axis.mass, axis.damping / axis.mass, float(time)) @ [
-        *state, *hand[0], *hand[1], force]
+        *state,
+        *hand[0],
+        *hand[1],
+        force,
+    ]
 
 
 @functools.lru_cache(maxsize=256)

@@ -24,8 +24,9 @@ def angles(lengths, crank: float) -> tuple[float, float]:
     x, y = d - a * math.cos(crank), -a * math.sin(crank)
     f = math.hypot(x, y)
     coupler = math.atan2(y, x) + math.acos((b * b + f * f - c * c) / (2.0 * b * f))
-    return coupler, math.atan2(a * math.sin(crank) + b * math.sin(coupler),
-                               a * math.cos(crank) + b * math.cos(coupler) - d)
+    return coupler, math.atan2(
+        a * math.sin(crank) + b * math.sin(coupler), a * math.cos(crank) + b * math.cos(coupler) - d
+    )
 
 
 def four_bar(case: Case) -> dict[str, np.ndarray]:
@@ -33,11 +34,17 @@ def four_bar(case: Case) -> dict[str, np.ndarray]:
     linkage = _Linkage(case)
     places, rates = np.hsplit(case.path(), 2)
     crank = _integrate(linkage, case, places, rates)
-    turn = axis_motion(Axis(case.scene.tool.mass_properties.inertia, *case.gains[2:]), places[:, 2], rates[:, 2],
-                       case.period * 1e-9, case.scene.tool.pose[2])[::case.look // case.period]
+    turn = axis_motion(
+        Axis(case.scene.tool.mass_properties.inertia, *case.gains[2:]),
+        places[:, 2],
+        rates[:, 2],
+        case.period * 1e-9,
+        case.scene.tool.pose[2],
+    )[:: case.look // case.period]
     poses = [linkage.poses(angle) for angle in crank]
     return {name: np.array([pose[name] for pose in poses]) for name in poses[0] if name != "tool"} | {
-        "tool": np.array([(*pose["tool"], angle) for pose, angle in zip(poses, turn, strict=True)])}
+        "tool": np.array([(*pose["tool"], angle) for pose, angle in zip(poses, turn, strict=True)])
+    }
 
 
 def _integrate(linkage, case, places, rates):
@@ -47,8 +54,9 @@ def _integrate(linkage, case, places, rates):
     for k in range(len(places) - 1):
         moved, changed = (places[k + 1] - places[k])[:2] / period, (rates[k + 1] - rates[k])[:2] / period
         hand = places[k, :2], rates[k, :2], moved, changed
-        piece = solve_ivp(linkage.rate, (0.0, period), state, "DOP853", rtol=TOLERANCE, atol=1e-15, args=(hand,),
-                          first_step=step)
+        piece = solve_ivp(
+            linkage.rate, (0.0, period), state, "DOP853", rtol=TOLERANCE, atol=1e-15, args=(hand,), first_step=step
+        )
         step = min(piece.t[1] - piece.t[0] if len(piece.t) > 1 else period, period)
         state = piece.y[:, -1]
         if (k + 1) % (case.look // case.period) == 0:
@@ -64,8 +72,12 @@ class _Linkage:
         bars = {body.name: body for body in scene.bodies}
         self.left, self.right = bars["crank"].pose[:2], bars["rocker"].pose[:2]
         ends = {joint.name: joint.anchors for joint in scene.joints}
-        self.lengths = (self.right[0] - self.left[0], ends["coupler_pin"][0][0], ends["rocker_pin"][0][0],
-                        ends["rocker_pin"][1][0])
+        self.lengths = (
+            self.right[0] - self.left[0],
+            ends["coupler_pin"][0][0],
+            ends["rocker_pin"][0][0],
+            ends["rocker_pin"][1][0],
+        )
         self.start, self.gravity, self.gains = bars["crank"].pose[2], scene.gravity, case.gains
         self.tool_mass = scene.tool.mass
         self.masses = [bars[name].mass_properties for name in ("crank", "coupler", "rocker")]
@@ -82,8 +94,11 @@ class _Linkage:
         mass, slope, load = self._inertia(a)
         (x, y), length = self._end(a), self.lengths[1]
         along = -length * math.sin(a), length * math.cos(a)
-        pull = [self.gains[0] * (hand[0][k] + t * hand[2][k] - (x, y)[k])
-                + self.gains[1] * (hand[1][k] + t * hand[3][k] - along[k] * w) for k in range(2)]
+        pull = [
+            self.gains[0] * (hand[0][k] + t * hand[2][k] - (x, y)[k])
+            + self.gains[1] * (hand[1][k] + t * hand[3][k] - along[k] * w)
+            for k in range(2)
+        ]
         return w, (load + pull[0] * along[0] + pull[1] * along[1] - 0.5 * slope * w * w) / mass
 
     def _end(self, a):
@@ -101,8 +116,9 @@ class _Linkage:
         ends = np.array([-la * math.sin(a), la * math.cos(a)]), np.array([-la * math.cos(a), -la * math.sin(a)])
         nothing = np.zeros(2), np.zeros(2)
         mass, slope, load = self.tool_mass * la * la, 0.0, self.tool_mass * float(np.dot(self.gravity, ends[0]))
-        for properties, angle, d, dd, (first, second) in zip(self.masses, (a, b, c), (1.0, db, dc), (0.0, ddb, ddc),
-                                                             (nothing, ends, nothing), strict=True):
+        for properties, angle, d, dd, (first, second) in zip(
+            self.masses, (a, b, c), (1.0, db, dc), (0.0, ddb, ddc), (nothing, ends, nothing), strict=True
+        ):
             arm = properties.center[0]
             across, back = np.array([-math.sin(angle), math.cos(angle)]), np.array([math.cos(angle), math.sin(angle)])
             speed = first + arm * d * across

@@ -16,9 +16,17 @@ from reference.case import case
 from reference.exact_four_bar import four_bar
 
 CLOSED = {
-    "free_space": exact.free_space, "pendulum": exact.pendulum, "four_bar_free": four_bar, "four_bar": four_bar,
-    "slider": exact.slider, "slider_free": exact.slider_free, "wall": exact.wall, "incline": exact.incline,
-    "zeno_ball": exact.zeno_ball, "collinear_1e3": exact.collinear, "falling_rod": exact.falling_rod,
+    "free_space": exact.free_space,
+    "pendulum": exact.pendulum,
+    "four_bar_free": four_bar,
+    "four_bar": four_bar,
+    "slider": exact.slider,
+    "slider_free": exact.slider_free,
+    "wall": exact.wall,
+    "incline": exact.incline,
+    "zeno_ball": exact.zeno_ball,
+    "collinear_1e3": exact.collinear,
+    "falling_rod": exact.falling_rod,
 }
 STORED = Path(__file__).parent / "converged"
 FINE = (2000, 1000)
@@ -47,9 +55,11 @@ def write(name: str, made: Reference) -> Path:
     """Stores a converged solution."""
     STORED.mkdir(exist_ok=True)
     names = sorted(made.poses)
-    head = (f"{name}: {made.source}; twice the step differs by up to {made.doubt:.2e} m; "
-            f"made by: python -m bench reference {name}\ntime," + ",".join(f"{body}.{k}" for body in names for k in
-                                                                     ("x", "y", "theta")))
+    head = (
+        f"{name}: {made.source}; twice the step differs by up to {made.doubt:.2e} m; "
+        f"made by: python -m bench reference {name}\ntime,"
+        + ",".join(f"{body}.{k}" for body in names for k in ("x", "y", "theta"))
+    )
     count = len(made.poses[names[0]])
     table = np.column_stack([np.arange(count) * case(name).look * 1e-9, *(made.poses[body] for body in names)])
     path = STORED / f"{name}.csv"
@@ -61,6 +71,6 @@ def _read(path):
     head, names = path.read_text(encoding="utf-8").splitlines()[:2]
     bodies = list(dict.fromkeys(column.rsplit(".", 1)[0] for column in names.lstrip("# ").split(",")[1:]))
     table = np.loadtxt(path, delimiter=",")
-    poses = {body: table[:, 1 + 3 * k:4 + 3 * k] for k, body in enumerate(bodies)}
+    poses = {body: table[:, 1 + 3 * k : 4 + 3 * k] for k, body in enumerate(bodies)}
     source, rest = head.lstrip("# ").split(": ", 1)[1].split("; twice the step differs by up to ")
     return Reference(poses, source, float(rest.split(" m;")[0]))

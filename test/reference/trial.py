@@ -37,25 +37,41 @@ def turned_scene(scene: Scene, angle: float, ahead: float = 0.0) -> Scene:
     def held(joint):
         update = {key: turned(getattr(joint, key), whole) for key in ("at", "axis") if getattr(joint, key)}
         if joint.anchors:
-            update["anchors"] = tuple(turned(anchor, whole) if name == WORLD else anchor
-                                      for anchor, name in zip(joint.anchors, joint.bodies, strict=True))
+            update["anchors"] = tuple(
+                turned(anchor, whole) if name == WORLD else anchor
+                for anchor, name in zip(joint.anchors, joint.bodies, strict=True)
+            )
         return joint.model_copy(update=update)
 
-    return scene.model_copy(update={
-        "bodies": tuple(map(moved, scene.bodies)), "tool": moved(scene.tool), "joints": tuple(map(held, scene.joints)),
-        "gravity": turned(scene.gravity, whole),
-    })
+    return scene.model_copy(
+        update={
+            "bodies": tuple(map(moved, scene.bodies)),
+            "tool": moved(scene.tool),
+            "joints": tuple(map(held, scene.joints)),
+            "gravity": turned(scene.gravity, whole),
+        }
+    )
 
 
 def jump(scene: Scene, angle: float, when: float):
     """time [s] → a handle that is at the motion's start until `when`, and from then on at its target."""
-    ends = [(*turned(scene.motion[key][:2], (0.0, 0.0, angle)), scene.motion[key][2] + angle)
-            for key in ("start", "target")]
+    ends = [
+        (*turned(scene.motion[key][:2], (0.0, 0.0, angle)), scene.motion[key][2] + angle) for key in ("start", "target")
+    ]
     return lambda time: ends[time >= when]
 
 
-def attempt(scene: Scene, seconds: float, method: str | None = None, sub_step: float | None = None, gains=GAINS,
-            angle: float = 0.0, phase: float = 0.0, look_every: int = 1, way=None) -> Outcome:
+def attempt(
+    scene: Scene,
+    seconds: float,
+    method: str | None = None,
+    sub_step: float | None = None,
+    gains=GAINS,
+    angle: float = 0.0,
+    phase: float = 0.0,
+    look_every: int = 1,
+    way=None,
+) -> Outcome:
     """Run the scene for `seconds`, overlaps looked at after every so many exchanges; `phase` in sub-steps 0…1.
 
     `way` leads the handle instead of the scene's motion, at rest wherever it is: time [s] → (x, y, theta) in the turned
@@ -67,8 +83,9 @@ def attempt(scene: Scene, seconds: float, method: str | None = None, sub_step: f
     rates = np.zeros_like(places[1:]) if way else np.diff(places, axis=0) * 1e3
     path = np.hstack([places[1:], rates])
     world = Exchanged(simulation, path[0], Coupling(*gains))
-    found = rollout(world, path, look=look_every, overlap=overlap_watch(simulation.scene, world.pose),
-                    gains=Coupling(*gains))  # fmt: skip
+    found = rollout(
+        world, path, look=look_every, overlap=overlap_watch(simulation.scene, world.pose), gains=Coupling(*gains)
+    )
     if not found.finite:
         return Outcome(False, math.inf, math.inf, found.scale, simulation)
     return Outcome(True, found.overlap, found.created, found.scale, simulation)

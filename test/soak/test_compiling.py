@@ -24,9 +24,14 @@ def asking(cache_home, *names):
     script = f"from haptic_device.jit import have; have(*{names!r})"
     environment = {**os.environ, "XDG_CACHE_HOME": str(cache_home)}
     return subprocess.Popen(
-        [sys.executable, "-c", script], cwd=ROOT, env=environment, text=True, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, start_new_session=True,
-    )  # fmt: skip
+        [sys.executable, "-c", script],
+        cwd=ROOT,
+        env=environment,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
 
 
 def ended(process):

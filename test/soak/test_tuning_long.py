@@ -10,8 +10,8 @@ import yaml
 from live_tuning import GAINS, disturbed, engaged_pair
 from typer.testing import CliRunner
 
-from haptic_device.device import load_device
-from haptic_device.share import find
+from haptic_device.config_files import find
+from haptic_device.description import load_device
 from haptic_sim.cli.identify import identify
 
 pytestmark = pytest.mark.timeout(900)
@@ -22,9 +22,11 @@ def test_zwidth_live_interrupted_at_a_wall_leaves_the_gains_as_found(start):
         tuning = pair[0]
         before = tuning.get(GAINS)
         ended = disturbed(
-            pair, start, lambda: tuning.get(["wall.stiffness"]) != {"wall.stiffness": ()},
+            pair,
+            start,
+            lambda: tuning.get(["wall.stiffness"]) != {"wall.stiffness": ()},
             lambda process: process.send_signal(signal.SIGINT),
-        )  # fmt: skip
+        )
         assert ended == (130, "haptic zwidth: interrupted; the gains are as they were")
         assert tuning.get(GAINS) == before
 

@@ -20,13 +20,32 @@ STIFFNESS, ABOVE = 1e4, 0.1  # N/m of a contact; m from the mouth up to the grip
 
 def peg(inserted, clearance):
     """A peg 20 mm wide in a deep hole, centred; the mouth is at y = 0, the grip 100 mm above it."""
-    walls = [{"name": name, "fixed": True, "shapes": [
-        {"vertices": [[side * (0.01 + clearance), -0.4], [side * 0.1, -0.4], [side * 0.1, 0.0],
-                      [side * (0.01 + clearance), 0.0]]}]} for name, side in (("left", -1.0), ("right", 1.0))]
+    walls = [
+        {
+            "name": name,
+            "fixed": True,
+            "shapes": [
+                {
+                    "vertices": [
+                        [side * (0.01 + clearance), -0.4],
+                        [side * 0.1, -0.4],
+                        [side * 0.1, 0.0],
+                        [side * (0.01 + clearance), 0.0],
+                    ]
+                }
+            ],
+        }
+        for name, side in (("left", -1.0), ("right", 1.0))
+    ]
     low = -ABOVE - inserted
     shaft = {"vertices": [[-0.01, low], [0.01, low], [0.01, 0.01 - ABOVE], [-0.01, 0.01 - ABOVE]]}
-    return Scene.model_validate({"name": "peg", "bodies": walls, "tool": {
-        "mass": 0.1, "inertia": 1e-3, "pose": [0.0, ABOVE, 0.0], "shapes": [shaft]}})
+    return Scene.model_validate(
+        {
+            "name": "peg",
+            "bodies": walls,
+            "tool": {"mass": 0.1, "inertia": 1e-3, "pose": [0.0, ABOVE, 0.0], "shapes": [shaft]},
+        }
+    )
 
 
 def pushed(method, way, gains):
@@ -40,8 +59,9 @@ def pushed(method, way, gains):
 def test_a_peg_held_by_contacts_of_stiffness_k_feels_as_stiff_as_the_lever_makes_it(inserted, apparent):
     """K_app = k/((1 + λ)² + λ²), λ = h/L, contacts at the mouth and at the tip."""
     gains = Coupling(2000.0, 50.0)
-    (x0, f0), (x1, f1) = (pushed(PenaltyImplicit(peg(inserted, 1e-5), H, STIFFNESS, 50.0), way, gains)
-                          for way in (2e-3, 3e-3))
+    (x0, f0), (x1, f1) = (
+        pushed(PenaltyImplicit(peg(inserted, 1e-5), H, STIFFNESS, 50.0), way, gains) for way in (2e-3, 3e-3)
+    )
     assert (f1 - f0) / (x1 - x0) == pytest.approx(apparent, rel=0.02)
 
 

@@ -8,8 +8,8 @@ from scipy.linalg import eigh
 from adversary.switching import switched_cancellation_damping
 from adversary.wall_search import Display, search
 from haptic_device.analysis.closed_forms import delayed_wall_damping, lagged_wall_damping, wall_damping
-from haptic_device.law import encoder, wall
-from haptic_device.law.cancellation import cancellation_fade, cancellation_force
+from haptic_device.control import velocity_estimator, virtual_wall
+from haptic_device.control.damping_compensation import cancellation_fade, cancellation_force
 
 
 @pytest.mark.parametrize(
@@ -38,7 +38,7 @@ def lagged_forces(damping, lag, ticks):
     for k, path in enumerate(np.eye(ticks)):
         rate, before = 0.0, 0.0
         for j, here in enumerate(path):
-            rate = encoder.velocity_of(rate, here - before, 1.0, lag)
+            rate = velocity_estimator.velocity_of(rate, here - before, 1.0, lag)
             forces[j, k], before = here + damping * rate, here
     return forces
 
@@ -67,7 +67,7 @@ def drawn(physical_damping, ratio, band, deepest=3.0, cells=16, rounds=300):
     position = np.arange(-round((band + 3.0) * cells), round(deepest * cells) + 1) / cells
     step = np.arange(-cells, cells + 1) / cells
     fade = np.array([cancellation_fade(-x, band, 0.0, 1.0) for x in position])
-    pushed = np.array([wall.wall_force(1.0, 0.0, x, 0.0) for x in position])
+    pushed = np.array([virtual_wall.wall_force(1.0, 0.0, x, 0.0) for x in position])
     force = cancellation_force(ratio * fade[:, None], physical_damping, step[None, :]) - pushed[:, None]
     after = np.arange(position.size)[:, None] + np.arange(-cells, cells + 1)[None, :]
     known = (after >= 0) & (after < position.size)

@@ -19,7 +19,7 @@ from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from rosbags.highlevel import AnyReader
 
-from haptic_device.analysis.recording import load
+from haptic_device.analysis.bag_topics import load
 from haptic_device.recording import recover, writer
 from haptic_device.recording.reader import described
 from haptic_device.recording.recover import recovered

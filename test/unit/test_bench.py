@@ -42,7 +42,7 @@ def test_the_whole_path_in_one_call_ends_where_sample_by_sample_does(method):
         made_of.couple(of.gains)
         path = of.path()[:401]
         for k in range(0, 400, chunk):
-            made_of.follow(path[k:k + chunk + 1], 10)
+            made_of.follow(path[k : k + chunk + 1], 10)
         places.append(made_of.pose("tool"))
     assert places[0] == pytest.approx(places[1], abs=1e-9)
 
@@ -65,8 +65,9 @@ def test_a_run_that_blows_up_is_unstable_and_not_counted():
 def test_energy_from_nowhere_and_overlap_are_seen():
     """Explicit springs let bodies sink in visibly, the direct solve does not and creates nothing."""
     of = case("push_block")
-    soft, rigid = (judge(of, reference("push_block"), _ready(of, name), 4) for name in
-                   ("penalty_explicit", "partitioned"))
+    soft, rigid = (
+        judge(of, reference("push_block"), _ready(of, name), 4) for name in ("penalty_explicit", "partitioned")
+    )
     assert soft.penetration > 1e-4 > 1e-6 > rigid.penetration
     assert rigid.created <= 1e-12 * rigid.scale
 
@@ -78,9 +79,13 @@ def _ready(of, name):
 
 
 def test_times_are_compared_at_the_smallest_error_that_both_reach():
-    runs = [made(error=1e-2, wall=0.1), made(error=1e-4, wall=1.0), made("pymunk", 1e-3, 20.0),
-            made("pymunk", 1e-1, 2.0)]
-    ratio, = compare.ratios([*runs, made("impulse", 1e-5, 0.1)])
+    runs = [
+        made(error=1e-2, wall=0.1),
+        made(error=1e-4, wall=1.0),
+        made("pymunk", 1e-3, 20.0),
+        made("pymunk", 1e-1, 2.0),
+    ]
+    (ratio,) = compare.ratios([*runs, made("impulse", 1e-5, 0.1)])
     assert ratio.method == "partitioned"
     assert (ratio.peer, ratio.error, ratio.wall, ratio.peer_wall, ratio.ratio) == ("pymunk", 1e-3, 1.0, 20.0, 20.0)
     assert ratio.reached
@@ -110,8 +115,17 @@ def test_the_table_in_the_documents_is_that_of_the_stored_runs():
 
 
 def test_speed_error_writes_runs_table_and_plots_and_prints_one_json_object(tmp_path):
-    done = bench("speed_error", "--short", "--scenes", "pendulum,wall", "--methods", "partitioned,mujoco_rk4",
-                  "--out", tmp_path, "--json")
+    done = bench(
+        "speed_error",
+        "--short",
+        "--scenes",
+        "pendulum,wall",
+        "--methods",
+        "partitioned,mujoco_rk4",
+        "--out",
+        tmp_path,
+        "--json",
+    )
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert {item["scene"] for item in found["runs"]} == {"pendulum", "wall"}
@@ -139,12 +153,15 @@ def test_interrupted_it_keeps_what_it_has(tmp_path, monkeypatch):
     assert (tmp_path / "pareto_wall.png").exists()
 
 
-@pytest.mark.parametrize(("words", "sentence"), [
-    (("speed_error", "--scenes", "walls"), "scene is 'walls'; those that have a reference are free_space"),
-    (("speed_error", "--methods", "magic"), "method is 'magic'; it must be one of impulse"),
-    (("hard_cases", "--scenes", "wall"), "scene is 'wall'; the hard ones are collinear_1e3"),
-    (("reference", "wall"), "scene 'wall' has a closed form; there is nothing to store"),
-])
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("speed_error", "--scenes", "walls"), "scene is 'walls'; those that have a reference are free_space"),
+        (("speed_error", "--methods", "magic"), "method is 'magic'; it must be one of impulse"),
+        (("hard_cases", "--scenes", "wall"), "scene is 'wall'; the hard ones are collinear_1e3"),
+        (("reference", "wall"), "scene 'wall' has a closed form; there is nothing to store"),
+    ],
+)
 def test_bad_input_is_refused_in_one_sentence(words, sentence):
     done = bench(*words)
     assert done.returncode != 0
@@ -176,8 +193,9 @@ def test_a_shot_that_came_through_a_thin_plate_is_seen():
 
 
 def test_hard_cases_prints_a_table_of_who_survives(tmp_path):
-    done = bench("hard_cases", "--short", "--scenes", "thin_plate", "--methods", "partitioned,mujoco_rk4",
-                  "--out", tmp_path)
+    done = bench(
+        "hard_cases", "--short", "--scenes", "thin_plate", "--methods", "partitioned,mujoco_rk4", "--out", tmp_path
+    )
     assert done.returncode == 0, done.stderr
     assert "| thin_plate | impulse | ✓ | – |" in done.stdout
     assert (tmp_path / "hard_cases.csv").exists()

@@ -15,7 +15,7 @@ from waiting import until
 from fault_injection import chaos_figures, chaos_loads, conductor
 from fault_injection.soak import _row
 from fault_injection.witness import ROW, TRUTH
-from haptic_device.node import health, wire
+from haptic_device.nodes import diagnostics, messages
 from haptic_sim.cli.keys import ESTOP, keys
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -101,7 +101,9 @@ def test_memory_that_grows_by_more_than_two_percent_is_told():
     assert row["grown"] == pytest.approx(0.021) and row["threads"] == (9, 9) and row["files"] == (30, 30)
 
 
-@pytest.mark.parametrize("watched", [*health.DRIVER, *health.LOOPBACK, *health.SIMULATION], ids=lambda each: each.name)
+@pytest.mark.parametrize(
+    "watched", [*diagnostics.DRIVER, *diagnostics.LOOPBACK, *diagnostics.SIMULATION], ids=lambda each: each.name
+)
 def test_a_figure_is_ok_at_its_limit_and_warns_or_errs_just_beyond(watched):
     beyond = 1e-9 if watched.error >= watched.warn else -1e-9
     for figure, level in (
@@ -111,7 +113,7 @@ def test_a_figure_is_ok_at_its_limit_and_warns_or_errs_just_beyond(watched):
         (watched.error + beyond, "error"),
         (float("nan"), "ok"),
     ):
-        assert health.level_of(watched, figure, watched.warn, watched.error) == level
+        assert diagnostics.level_of(watched, figure, watched.warn, watched.error) == level
 
 
 def test_of_the_keys_the_e_stop_counts_whatever_is_typed_with_it(monkeypatch):
@@ -137,7 +139,7 @@ def test_without_a_terminal_there_are_no_keys(monkeypatch):
 def test_figures_of_chaos_leave_out_values_that_say_no_number():
     heard = types.SimpleNamespace(statuses={}, said=lambda node, entry: heard.statuses[node].values[entry])
     for message in STRANGE:
-        heard.statuses |= wire.statuses_of(message, 0)
+        heard.statuses |= messages.statuses_of(message, 0)
     heard.statuses["ours"] = heard.statuses["[/x]"]._replace(values={"refused.gains": "3", "refused.late": "4.0"})
     among = types.SimpleNamespace(witness=heard)
     assert chaos_loads._refusals(among) == 7 and chaos_loads._number(among, "missed") == 0.0

@@ -15,9 +15,7 @@ from haptic_sim.outline import Outline, rectangle
 
 EXACT = 1e-12
 HERE = (0.0, 0.0, 0.0)
-REGULAR = [
-    [(math.cos(2 * math.pi * i / n), math.sin(2 * math.pi * i / n)) for i in range(n)] for n in (3, 4, 5, 8)
-]
+REGULAR = [[(math.cos(2 * math.pi * i / n), math.sin(2 * math.pi * i / n)) for i in range(n)] for n in (3, 4, 5, 8)]
 
 
 def box(width, height):
@@ -96,8 +94,13 @@ ANGLE = ALIGNED | st.sampled_from([math.pi, math.pi / 2, -math.pi / 4]) | st.flo
 
 @few(100)
 @given(
-    st.sampled_from(REGULAR), st.sampled_from(REGULAR), st.sampled_from([1.0, 2.0]) | st.floats(0.01, 10.0),
-    PLACE, PLACE, ANGLE, st.sampled_from([0.0, -3.0]) | st.floats(-4.0, 0.0),
+    st.sampled_from(REGULAR),
+    st.sampled_from(REGULAR),
+    st.sampled_from([1.0, 2.0]) | st.floats(0.01, 10.0),
+    PLACE,
+    PLACE,
+    ANGLE,
+    st.sampled_from([0.0, -3.0]) | st.floats(-4.0, 0.0),
 )
 def test_the_distance_is_that_of_the_origin_from_the_difference_of_both_shapes(a, b, stretch, x, y, angle, decade):
     """The Minkowski difference of two convex shapes holds the origin iff they overlap, as deep as they do."""

@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from haptic_device.analysis.verdict import Display, advise, judge
+from haptic_device.analysis.assessment import Display, advise, judge
 from haptic_sim.cli.passivity import passivity
 
 PROMISED = {

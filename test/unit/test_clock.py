@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from haptic_device.runtime import clock
+from haptic_device.realtime import clock
 
 SLEEP = 2_000_000  # [ns]
 

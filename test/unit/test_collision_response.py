@@ -70,8 +70,14 @@ def test_a_tool_that_comes_from_above_stays_above_however_near_the_side_is(metho
 @pytest.mark.parametrize("method", METHODS)
 def test_corner_in_corner_both_walls_hold(method, angle):
     walls = [box(-0.1, 0.0, -0.1, 0.3), box(0.0, 0.3, -0.1, 0.0)]
-    path = led(method, angle, walls, (0.03, 0.03, 0.2), [(-0.03, -0.02, 0.2), (-0.05, 0.05, 0.0), (0.05, -0.05, 0.0)],
-               gains=A_HANDS)
+    path = led(
+        method,
+        angle,
+        walls,
+        (0.03, 0.03, 0.2),
+        [(-0.03, -0.02, 0.2), (-0.05, 0.05, 0.0), (0.05, -0.05, 0.0)],
+        gains=A_HANDS,
+    )
     assert min(min(x, y) for x, y, _ in path) > 0.0099
 
 
@@ -119,7 +125,13 @@ def test_a_seam_between_two_flush_blocks_does_not_catch_what_slides_over_it(meth
 def test_nothing_pops_out_of_a_pocket_when_the_hand_turns_and_pulls(method):
     """A pocket a little wider than the tool: turned hard against both sides, pulled out slowly, never thrown."""
     pocket = [box(-0.1, -0.0105, -0.03, 0.0), box(0.0105, 0.1, -0.03, 0.0), box(-0.1, 0.1, -0.05, -0.03)]
-    path = led(method, 0.0, pocket, (0.0, -0.015, 0.0), [(0.0, -0.015, 0.6), (0.02, -0.03, 0.6), (0.0, -0.015, -0.6)],
-               gains=A_HANDS)
+    path = led(
+        method,
+        0.0,
+        pocket,
+        (0.0, -0.015, 0.0),
+        [(0.0, -0.015, 0.6), (0.02, -0.03, 0.6), (0.0, -0.015, -0.6)],
+        gains=A_HANDS,
+    )
     assert max(abs(x) for x, _, _ in path) < 0.001
     assert all(-0.0201 < y < -0.005 for _, y, _ in path)

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from haptic_device.share import names
+from haptic_device.config_files import names
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.beyond import HIGH, HOLDS, LOAD, SHORT, TOUCHING
 from haptic_sim.compile.choice import ACTS, SOLVED, STEPS
@@ -60,8 +60,18 @@ def place(pose, point):
     return pose[0] + c * point[0] - s * point[1], pose[1] + s * point[0] + c * point[1]
 
 
-@pytest.mark.parametrize(("name", "count"), [("free_space", 3), ("pendulum", 4), ("slider", 2), ("four_bar", 2),
-                                             ("stack", 18), ("wrench_on_nut", 4), ("four_bar_singular", 2)])
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [
+        ("free_space", 3),
+        ("pendulum", 4),
+        ("slider", 2),
+        ("four_bar", 2),
+        ("stack", 18),
+        ("wrench_on_nut", 4),
+        ("four_bar_singular", 2),
+    ],
+)
 def test_degrees_of_freedom_are_what_a_textbook_counts(name, count):
     """A four-bar has one, and its knob another; twelve of body coordinates less eight of four pins less two."""
     assert compile_scene(load(name)).needs.freedoms == count
@@ -101,8 +111,12 @@ def test_a_body_that_nothing_can_move_is_taken_for_fixed():
     lonely = {**BAR, "layers": [1]}
     assert compiled(bodies=[lonely]).needs.at_rest == ("bar",)
     assert len(compiled(bodies=[lonely]).model.mass) == 2
-    for reason in ({"gravity": [0, -9.81]}, {"bodies": [{**lonely, "velocity": [0, 0, 1]}]}, {"bodies": [BAR]},
-                   {"joints": [PINNED | {"motor": {"speed": 1, "max_torque": 1}}]}):
+    for reason in (
+        {"gravity": [0, -9.81]},
+        {"bodies": [{**lonely, "velocity": [0, 0, 1]}]},
+        {"bodies": [BAR]},
+        {"joints": [PINNED | {"motor": {"speed": 1, "max_torque": 1}}]},
+    ):
         assert compiled(**{"bodies": [lonely], **reason}).needs.moving == ("tool", "bar")
 
 
@@ -117,15 +131,22 @@ def test_welded_bodies_are_one_with_the_inertia_of_the_whole():
     assert whole.model.inertia[1] == pytest.approx(2.0 * (2.0**2 + 2.0**2) / 12)
     assert whole.places["right"].body == whole.places["left"].body == 1
     assert whole.places["right"].pose == pytest.approx((0.5, 0.0, math.pi))
-    anchored = compiled(bodies=[left, right], tool=tool,
-                        joints=[weld, {"type": "weld", "bodies": ["world", "left"], "at": [0.0, 0.0]}])
+    anchored = compiled(
+        bodies=[left, right], tool=tool, joints=[weld, {"type": "weld", "bodies": ["world", "left"], "at": [0.0, 0.0]}]
+    )
     assert len(anchored.model.mass) == 2
 
 
 def test_joints_carry_their_numbers_into_the_model():
     spring = {"type": "spring", "bodies": ["tool", "bar"], "anchors": [[0, 0], [0.2, 0]], "stiffness": 5.0}
-    rail = {"type": "slider", "bodies": ["world", "tool"], "at": [0.5, 0.0], "axis": [0.0, 3.0], "friction_force": 2.0,
-            "motor": {"speed": -0.5, "max_force": 7.0}}
+    rail = {
+        "type": "slider",
+        "bodies": ["world", "tool"],
+        "at": [0.5, 0.0],
+        "axis": [0.0, 3.0],
+        "friction_force": 2.0,
+        "motor": {"speed": -0.5, "max_force": 7.0},
+    }
     motor = PINNED | {"friction_torque": 0.5, "motor": {"speed": 3.0, "max_torque": 2.0}, "limits": [-1.0, 2.0]}
     model = compiled(bodies=[BAR], joints=[motor, rail, spring]).model
     assert model.joint_kind.tolist() == [PIN, SLIDER, SPRING]
@@ -143,21 +164,27 @@ def test_a_belt_carries_the_velocity_of_its_surface_as_it_stands_in_the_plane_to
     needs = compiled(bodies=[BAR, belt], gravity=[0.0, -9.81])
     assert needs.needs.moving == ("tool", "bar")
     found = dict(zip(needs.needs.touching, needs.model.pair_surface.tolist(), strict=True))
-    assert found == {("tool", "bar"): [0.0, 0.0], ("tool", "stop"): pytest.approx([0.4, 0.3]),
-                     ("bar", "stop"): pytest.approx([0.4, 0.3])}
+    assert found == {
+        ("tool", "bar"): [0.0, 0.0],
+        ("tool", "stop"): pytest.approx([0.4, 0.3]),
+        ("bar", "stop"): pytest.approx([0.4, 0.3]),
+    }
 
 
-@pytest.mark.parametrize(("parts", "axes"), [
-    ({}, ()),
-    ({"bodies": [WALL]}, ((1.0, 0.0),)),
-    ({"bodies": [WALL, {**WALL, "name": "floor", "pose": [0, -1, math.pi / 2]}]}, ((1.0, 0.0), (0.0, 1.0))),
-    ({"bodies": [WALL, {**WALL, "name": "slant", "pose": [0, -1, 0.5]}]}, None),
-    ({"bodies": [{**WALL, "shapes": [{"box": {"size": [0.1, 1]}}]}]}, None),
-    ({"bodies": [{**WALL, "material": "rough"}], "tool": {**DISC, "material": "rough"}}, None),
-    ({"bodies": [{**WALL, "material": "rough"}]}, ((1.0, 0.0),)),
-    ({"bodies": [WALL], "tool": {**DISC, "shapes": [{"box": {"size": [0.02, 0.02]}}]}}, None),
-    ({"bodies": [WALL], "tool": {**DISC, "shapes": [{"circle": {"radius": 0.01, "center": [0, 0.01]}}]}}, None),
-])
+@pytest.mark.parametrize(
+    ("parts", "axes"),
+    [
+        ({}, ()),
+        ({"bodies": [WALL]}, ((1.0, 0.0),)),
+        ({"bodies": [WALL, {**WALL, "name": "floor", "pose": [0, -1, math.pi / 2]}]}, ((1.0, 0.0), (0.0, 1.0))),
+        ({"bodies": [WALL, {**WALL, "name": "slant", "pose": [0, -1, 0.5]}]}, None),
+        ({"bodies": [{**WALL, "shapes": [{"box": {"size": [0.1, 1]}}]}]}, None),
+        ({"bodies": [{**WALL, "material": "rough"}], "tool": {**DISC, "material": "rough"}}, None),
+        ({"bodies": [{**WALL, "material": "rough"}]}, ((1.0, 0.0),)),
+        ({"bodies": [WALL], "tool": {**DISC, "shapes": [{"box": {"size": [0.02, 0.02]}}]}}, None),
+        ({"bodies": [WALL], "tool": {**DISC, "shapes": [{"circle": {"radius": 0.01, "center": [0, 0.01]}}]}}, None),
+    ],
+)
 def test_only_a_round_tool_among_smooth_square_walls_has_a_closed_form(parts, axes):
     needs = compiled(materials={"rough": {"friction": 0.1}}, **parts).needs
     assert (needs.axes is None) == (axes is None)
@@ -181,11 +208,16 @@ def test_the_sub_step_is_the_longest_whose_numerical_damping_is_the_error_stated
 
 def on_each_other(count, **lowest):
     """So many blocks of 1 kg on a floor, the first as told."""
-    blocks = [{"name": f"b{i}", "mass": 1.0, "pose": [0.0, 0.01 + 0.02 * i, 0.0],
-               "shapes": [{"box": {"size": [0.04, 0.02]}}]} for i in range(count)]
+    blocks = [
+        {"name": f"b{i}", "mass": 1.0, "pose": [0.0, 0.01 + 0.02 * i, 0.0], "shapes": [{"box": {"size": [0.04, 0.02]}}]}
+        for i in range(count)
+    ]
     floor = {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
-    return {"gravity": [0.0, -9.81], "bodies": [floor, {**blocks[0], **lowest}, *blocks[1:]],
-            "tool": {**DISC, "mass": 1.0, "pose": [0.5, 0.5, 0.0]}}
+    return {
+        "gravity": [0.0, -9.81],
+        "bodies": [floor, {**blocks[0], **lowest}, *blocks[1:]],
+        "tool": {**DISC, "mass": 1.0, "pose": [0.5, 0.5, 0.0]},
+    }
 
 
 def reason(**parts):
@@ -276,8 +308,9 @@ def test_the_direct_solver_takes_steps_as_short_as_those_inside_impulse_unless_b
     assert compiled(method="partitioned", sub_step=1e-3, **on_each_other(2)).sub_step == 1e-3
 
 
-@pytest.mark.parametrize(("error", "step"), [(0.02, 0.5e-3), (0.0046, 0.2e-3), (0.0044, ACTS), (0.0012, ACTS),
-                                             (0.0011, 0.025e-3)])
+@pytest.mark.parametrize(
+    ("error", "step"), [(0.02, 0.5e-3), (0.0046, 0.2e-3), (0.0044, ACTS), (0.0012, ACTS), (0.0011, 0.025e-3)]
+)
 def test_impulse_is_asked_no_more_often_than_it_can_keep_up_with_while_its_own_steps_keep_the_error(error, step):
     """On 1 kg the coupling allows 0.89 ms for 0.02; 0.206, 0.197, 0.054 and 0.049 ms for the others."""
     assert compiled(method="impulse", error=error, **on_each_other(2)).sub_step == step

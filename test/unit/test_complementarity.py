@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from haptic_device.law import complementarity as law
+from haptic_device.control import contact_solver as law
 
 MOST = law.EXACT + law.BRAKED
 SOFT = 0.016  # [1/kg] of 1e-9 m/N at 4 kHz

@@ -10,9 +10,11 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.device import Device, load_device, plant_of, settings_of
-from haptic_device.law import encoder, plant
-from haptic_device.share import find
+from haptic_device import controller_config
+from haptic_device.config_files import find
+from haptic_device.control import velocity_estimator
+from haptic_device.description import Device, load_device
+from haptic_device.device import loopback_config, plant
 
 
 @pytest.fixture
@@ -100,7 +102,7 @@ def test_a_device_may_have_one_two_or_three_axes(content):
     for count in (1, 2, 3):
         part = copy.deepcopy(content) | {"axes": content["axes"][:count]}
         device = Device.model_validate(part)
-        assert settings_of(device)["axes"] == plant_of(device)["axes"] == count
+        assert controller_config.settings_of(device)["axes"] == loopback_config.plant_of(device)["axes"] == count
 
 
 def changed(**changes):
@@ -117,24 +119,31 @@ def changed(**changes):
 )
 def test_the_servo_reads_from_the_encoder_where_the_plant_is(position, sign, zero, counts_per_unit):
     device = changed(encoder_sign=sign, zero=zero, counts_per_unit=counts_per_unit)
-    body, memory, settings = plant_of(device), np.zeros(1, plant.PLANT_MEMORY), settings_of(device)[0]
+    body, memory, settings = (
+        loopback_config.plant_of(device),
+        np.zeros(1, plant.PLANT_MEMORY),
+        controller_config.settings_of(device)[0],
+    )
     memory["position"] = position
     counts, drag = np.zeros(3), np.zeros(3)
     plant.sense(body[0], memory[0], 0, counts, drag)
-    read = [encoder.position_of(counts[i], settings["position_per_count"][i], settings["zero"][i]) for i in range(3)]
+    read = [
+        velocity_estimator.position_of(counts[i], settings["position_per_count"][i], settings["zero"][i])
+        for i in range(3)
+    ]
     assert read == pytest.approx(position, abs=0.5001 / counts_per_unit)
 
 
 def test_count_zero_is_at_the_devices_zero():
-    settings = settings_of(changed(zero=0.02))[0]
-    assert encoder.position_of(0.0, settings["position_per_count"][0], settings["zero"][0]) == 0.02
+    settings = controller_config.settings_of(changed(zero=0.02))[0]
+    assert velocity_estimator.position_of(0.0, settings["position_per_count"][0], settings["zero"][0]) == 0.02
 
 
 @pytest.mark.parametrize(("constant", "sign", "force"), [*itertools.product([1.0, 4.0], [1, -1], [3.0, -2.0])])
 def test_the_force_the_servo_wants_is_the_force_the_plants_motor_makes(constant, sign, force):
     device = changed(motor_constant=constant, motor_sign=sign)
-    body, memory = plant_of(device), np.zeros(1, plant.PLANT_MEMORY)
-    motor = force * settings_of(device)["motor_per_force"][0]
+    body, memory = loopback_config.plant_of(device), np.zeros(1, plant.PLANT_MEMORY)
+    motor = force * controller_config.settings_of(device)["motor_per_force"][0]
     plant.push_motor(body[0], memory[0], 0, motor)
     plant.take_motor(memory[0])
     assert memory["motor_force"][0, :2].tolist() == pytest.approx([force, force])
@@ -143,14 +152,14 @@ def test_the_force_the_servo_wants_is_the_force_the_plants_motor_makes(constant,
 
 def test_gravity_is_compensated_against_its_pull_and_only_if_wanted():
     device = changed(gravity=(0.0, -9.81))
-    assert plant_of(device)["gravity"][0].tolist() == pytest.approx([0.0, -0.981, 0.0])
-    assert settings_of(device)["gravity"][0].tolist() == pytest.approx([0.0, 0.981, 0.0])
-    assert not settings_of(changed(gravity=(0.0, -9.81), gravity_compensation=False))["gravity"].any()
+    assert loopback_config.plant_of(device)["gravity"][0].tolist() == pytest.approx([0.0, -0.981, 0.0])
+    assert controller_config.settings_of(device)["gravity"][0].tolist() == pytest.approx([0.0, 0.981, 0.0])
+    assert not controller_config.settings_of(changed(gravity=(0.0, -9.81), gravity_compensation=False))["gravity"].any()
 
 
 def test_delays_limits_and_scale_arrive_in_the_records_units():
     device = changed(sensing_delay=0.001, actuation_delay=0.00025, scale=(2.0, 3.0))
-    body, settings = plant_of(device)[0], settings_of(device)[0]
+    body, settings = loopback_config.plant_of(device)[0], controller_config.settings_of(device)[0]
     assert (body["sensing_delay"], body["actuation_delay"]) == (1_000_000, 250_000)
     assert settings["scale"].tolist() == [2.0, 2.0, 3.0]
     assert settings["device_limit"].tolist() == body["force_limit"].tolist() == [15.0, 15.0, 1.0]

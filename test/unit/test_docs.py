@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from in_process import haptic
 
-from haptic_device.law import engage, exchange, servo
-from haptic_device.node import driver, exchange_thread, loopback, recorder
+from haptic_device.control import enable_state, exchange_samples, servo
+from haptic_device.nodes import driver, exchange_server, loopback, recorder
 from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.realtime import servo_thread
 from haptic_device.ros_yaml import load as load_yaml
-from haptic_device.runtime import servo_thread
 from haptic_sim.cli.check import problems
 from haptic_sim.cli.main import COMMANDS
 from haptic_sim.cli.params_doc import fault_table
@@ -20,8 +20,14 @@ from haptic_sim.node import simulation
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
-PAGE_NAMES = ("docs/model.md", "README.md", "docs/platform.md", "docs/cli.md", "docs/performance.md",
-              "docs/methods/speed_error.md")  # fmt: skip
+PAGE_NAMES = (
+    "docs/model.md",
+    "README.md",
+    "docs/platform.md",
+    "docs/cli.md",
+    "docs/performance.md",
+    "docs/methods/speed_error.md",
+)
 MODEL, README, PLATFORM, CLI, PERFORMANCE, SPEED_ERROR = (ROOT / name for name in PAGE_NAMES)
 
 
@@ -38,7 +44,7 @@ def test_the_trace_table_lists_each_column_in_order_with_its_width():
 
 
 def test_the_tail_table_lists_each_entry_in_order():
-    assert tuple(row[0] for row in rows(MODEL, "Tail of `handle` and `tool`")) == exchange.TAIL
+    assert tuple(row[0] for row in rows(MODEL, "Tail of `handle` and `tool`")) == exchange_samples.TAIL
 
 
 def test_the_fault_table_is_that_of_the_law():
@@ -57,7 +63,7 @@ def test_each_recorded_topic_stands_in_the_topic_table_with_its_type():
 
 def test_states_of_the_driver_are_numbered_as_in_the_law():
     meaning = {row[0]: row[3] for row in rows(MODEL, "Columns of `trace`")}["state"]
-    assert meaning == ", ".join(f"{number} {name}" for number, name in enumerate(engage.STATES))
+    assert meaning == ", ".join(f"{number} {name}" for number, name in enumerate(enable_state.STATES))
 
 
 def test_each_service_of_a_node_stands_in_the_service_table():
@@ -74,7 +80,7 @@ def test_priorities_on_the_platform_page_are_those_of_the_threads():
         "plant": loopback.PRIORITY,
         "servo": servo_thread.PRIORITY,
         "middleware": driver.MIDDLEWARE_PRIORITY,
-        "exchange": exchange_thread.PRIORITY,
+        "exchange": exchange_server.PRIORITY,
         "recorder": recorder.PRIORITY,
     }
     assert driver.MIDDLEWARE_PRIORITY == simulation.MIDDLEWARE_PRIORITY

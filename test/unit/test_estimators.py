@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lockstep_systems import device, values, wall_system
 
-from haptic_device.law import cancellation, encoder
+from haptic_device.control import damping_compensation, velocity_estimator
 from haptic_sim.lockstep import Lockstep
 
 TICK, STEP = 1 / 4000.0, 1e-5
@@ -17,24 +17,26 @@ TICK, STEP = 1 / 4000.0, 1e-5
 
 def velocity_from(positions, longest=16):
     """Adaptive-window velocity at the last of these positions, one a tick, quantized to STEP."""
-    times, ring = np.zeros(encoder.KEPT), np.zeros(encoder.KEPT)
+    times, ring = np.zeros(velocity_estimator.KEPT), np.zeros(velocity_estimator.KEPT)
     for index, position in enumerate(positions):
-        times[index % encoder.KEPT] = index * TICK
-        ring[index % encoder.KEPT] = math.floor(position / STEP + 0.5) * STEP
-    count = min(len(positions), encoder.KEPT)
-    return encoder.adaptive_velocity(times, ring, (len(positions) - 1) % encoder.KEPT, count, longest, 1.01 * STEP)
+        times[index % velocity_estimator.KEPT] = index * TICK
+        ring[index % velocity_estimator.KEPT] = math.floor(position / STEP + 0.5) * STEP
+    count = min(len(positions), velocity_estimator.KEPT)
+    return velocity_estimator.adaptive_velocity(
+        times, ring, (len(positions) - 1) % velocity_estimator.KEPT, count, longest, 1.01 * STEP
+    )
 
 
 def test_plain_difference_is_the_papers_and_a_missing_sample_keeps_the_estimate():
-    assert encoder.velocity_of(0.3, 2e-4, 1e-3, 0.0) == pytest.approx(0.2)
-    assert encoder.velocity_of(0.3, 0.0, 0.0, 0.0) == 0.3
+    assert velocity_estimator.velocity_of(0.3, 2e-4, 1e-3, 0.0) == pytest.approx(0.2)
+    assert velocity_estimator.velocity_of(0.3, 0.0, 0.0, 0.0) == 0.3
 
 
 def test_lowpass_reaches_a_steady_velocity_and_the_first_part_of_a_step_by_its_lag():
-    velocity = encoder.velocity_of(0.0, 0.2 * TICK, TICK, 3.0 * TICK)
+    velocity = velocity_estimator.velocity_of(0.0, 0.2 * TICK, TICK, 3.0 * TICK)
     assert velocity == pytest.approx(0.2 / 4.0)
     for _ in range(200):
-        velocity = encoder.velocity_of(velocity, 0.2 * TICK, TICK, 3.0 * TICK)
+        velocity = velocity_estimator.velocity_of(velocity, 0.2 * TICK, TICK, 3.0 * TICK)
     assert velocity == pytest.approx(0.2)
 
 
@@ -63,9 +65,13 @@ def circle(ratio, source="model", described=1.0, true=1.0, sensor=None):
     """Apparent damping [N s/m] in free space of a device of damping `true` that is described with `described`."""
     hand = {"motion__name": "circle", "motion__radius": 0.03, "motion__turns": 3.0, "motion__duration": 3.0}
     driver = values(
-        "haptic_driver", cancellation__ratio=ratio, cancellation__source=source, coupling__stiffness=0.0,
-        coupling__damping=0.0, engage__time=0.05,
-    )  # fmt: skip
+        "haptic_driver",
+        cancellation__ratio=ratio,
+        cancellation__source=source,
+        coupling__stiffness=0.0,
+        coupling__damping=0.0,
+        engage__time=0.05,
+    )
     system = Lockstep(device(described, 2e5), driver, values("haptic_loopback", **hand), None)
     system.plant["damping"][0, :2] = true
     for name, value in (sensor or {}).items():
@@ -88,14 +94,16 @@ def test_measured_cancellation_needs_no_exact_damping():
 
 
 def test_a_bias_of_the_drag_sensor_moves_no_handle_at_rest():
-    assert cancellation.measured_cancellation_force(0.9, 0.5, 1.0, 0.0) == 0.0
-    assert cancellation.measured_cancellation_force(0.9, -0.5, 1.0, 0.1) == 0.0
-    assert cancellation.measured_cancellation_force(0.9, 5.0, 1.0, 0.1) == pytest.approx(0.9 * cancellation.GUARD * 0.1)
+    assert damping_compensation.measured_cancellation_force(0.9, 0.5, 1.0, 0.0) == 0.0
+    assert damping_compensation.measured_cancellation_force(0.9, -0.5, 1.0, 0.1) == 0.0
+    assert damping_compensation.measured_cancellation_force(0.9, 5.0, 1.0, 0.1) == pytest.approx(
+        0.9 * damping_compensation.GUARD * 0.1
+    )
 
 
 @given(drag=st.floats(-10, 10), velocity=st.floats(-2, 2))
 def test_measured_cancellation_only_ever_pushes_along_the_motion(drag, velocity):
-    assert cancellation.measured_cancellation_force(0.9, drag, 1.0, velocity) * velocity >= 0.0
+    assert damping_compensation.measured_cancellation_force(0.9, drag, 1.0, velocity) * velocity >= 0.0
 
 
 def test_cancellation_is_gone_at_the_wall_and_comes_without_a_step():
@@ -107,7 +115,7 @@ def test_cancellation_is_gone_at_the_wall_and_comes_without_a_step():
 
 
 def test_fade_is_full_beyond_the_band_and_with_the_coupling_slack_and_none_at_their_limits():
-    assert cancellation.cancellation_fade(0.005, 0.005, 0.0, 0.001) == 1.0
-    assert cancellation.cancellation_fade(0.0, 0.005, 0.0, 0.001) == 0.0
-    assert cancellation.cancellation_fade(math.inf, 0.005, 0.001, 0.001) == 0.0
-    assert cancellation.cancellation_fade(0.0025, 0.005, 0.0005, 0.001) == pytest.approx(0.25)
+    assert damping_compensation.cancellation_fade(0.005, 0.005, 0.0, 0.001) == 1.0
+    assert damping_compensation.cancellation_fade(0.0, 0.005, 0.0, 0.001) == 0.0
+    assert damping_compensation.cancellation_fade(math.inf, 0.005, 0.001, 0.001) == 0.0
+    assert damping_compensation.cancellation_fade(0.0025, 0.005, 0.0005, 0.001) == pytest.approx(0.25)

@@ -11,40 +11,42 @@ from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.law import exchange as law
-from haptic_device.law import servo
-from haptic_device.node import wire
-from haptic_device.runtime import clock, exchange, loop
-from haptic_device.runtime.mailbox import Mailbox
+from haptic_device.control import exchange_samples as law
+from haptic_device.control import servo
+from haptic_device.nodes import messages
+from haptic_device.realtime import clock, exchange_step, servo_loop
+from haptic_device.realtime.seqlock import Mailbox
 
 SESSION, SEQUENCE, PEER, GAINS = 1234567.0, 500.0, 777.0, (2000.0, 2.0, 2.0, 0.002)
-NOW, SILENCE = 10**12, exchange.SILENCE
+NOW, SILENCE = 10**12, exchange_step.SILENCE
 
 
 class Side:
     """The driver's side of the exchange with its memory, without any middleware."""
 
     def __init__(self, axes=3, sequence=SEQUENCE):
-        self.axes, self.layout = axes, wire.JointLayout(wire.exchange_names(axes))
-        self.frame = exchange.make_frame(
+        self.axes, self.layout = axes, messages.JointLayout(messages.exchange_names(axes))
+        self.frame = exchange_step.make_frame(
             self.layout.template, self.layout.fixed, self.layout.offsets, self.layout.count
         )
-        self.state, self.watch = np.zeros(1, exchange.STATE), np.zeros(exchange.WATCHES, np.int64)
+        self.state, self.watch = np.zeros(1, exchange_step.STATE), np.zeros(exchange_step.WATCHES, np.int64)
         self.state["session"], self.state["sequence"], self.state["axes"] = SESSION, sequence, axes
-        self.gains, self.tool = np.zeros(1, exchange.GAINS), np.zeros(1, loop.TOOL)
+        self.gains, self.tool = np.zeros(1, law.COUPLING_GAINS), np.zeros(1, servo_loop.TOOL)
         self.gains["hash"] = law.gains_hash(*GAINS)
-        self.mail = Mailbox(loop.TOOL)
+        self.mail = Mailbox(servo_loop.TOOL)
 
     def hear(self, data, now=NOW):
         """Verdict on a message's bytes; as many as fit are copied, as the receiving loop does."""
         size = min(len(data), self.frame.incoming.size)
         self.frame.incoming[:size] = np.frombuffer(data, np.uint8, size)
-        return exchange.take_in(
+        return exchange_step.take_in(
             self.frame, len(data), self.state[0], self.watch, self.gains[0], self.tool, self.mail.words, now
         )
 
     def refused(self):
-        return {law.REFUSALS[i]: int(n) for i, n in enumerate(self.watch[exchange.REFUSED :][: len(law.REFUSALS)]) if n}
+        return {
+            law.REFUSALS[i]: int(n) for i, n in enumerate(self.watch[exchange_step.REFUSED :][: len(law.REFUSALS)]) if n
+        }
 
     def tool_message(self, position=(0.01, 0.02, 0.03), velocity=(0.1, 0.2, 0.3), effort=(1.0, 2.0, 3.0), **tail):
         entries = dict.fromkeys(law.TAIL, 0.0)
@@ -52,24 +54,28 @@ class Side:
         entries |= {"answered_session": SESSION, "gains_hash": law.gains_hash(*GAINS), "energy": 0.5, "contact": 1.0}
         entries |= tail
         still = [0.0] * len(entries)
-        arrays = [*position[: self.axes], *entries.values()], [*velocity[: self.axes], *still], [
-            *effort[: self.axes], *still]  # fmt: skip
+        arrays = (
+            [*position[: self.axes], *entries.values()],
+            [*velocity[: self.axes], *still],
+            [*effort[: self.axes], *still],
+        )
         return self.layout.pack(5_000_000_007, *arrays)
 
 
 @pytest.mark.parametrize("axes", [1, 2, 3])
 def test_an_answer_becomes_the_tool_sample_that_counts(axes):
     side = Side(axes)
-    side.state["sent"][0, int(SEQUENCE) % exchange.REMEMBERED] = 424242
+    side.state["sent"][0, int(SEQUENCE) % exchange_step.REMEMBERED] = 424242
     assert side.hear(side.tool_message()) == law.ACCEPTED
     tool = side.mail.get()[0]
     assert tool.position[:axes].tolist() == [0.01, 0.02, 0.03][:axes] and tool.position[axes:].tolist() == [0.0] * (
-        3 - axes)  # fmt: skip
+        3 - axes
+    )
     assert tool.velocity[:axes].tolist() == [0.1, 0.2, 0.3][:axes]
     assert tool.effort[:axes].tolist() == [1.0, 2.0, 3.0][:axes]
     assert (tool.session, tool.sequence, tool.answered, tool.sent) == (PEER, 9.0, SEQUENCE, 424242.0)
     assert (tool.contact, tool.energy, tool.handle_sequence) == (1.0, 0.5, SEQUENCE)
-    assert side.watch[exchange.ANSWERED] == 1 and side.refused() == {}
+    assert side.watch[exchange_step.ANSWERED] == 1 and side.refused() == {}
 
 
 ABOVE = math.nextafter(law.LIMIT, math.inf)
@@ -116,7 +122,7 @@ def test_late_and_repeated_answers_are_refused_and_newer_ones_taken():
 
 def test_an_answer_to_a_sample_whose_time_is_forgotten_is_late():
     side = Side(sequence=10_000.0)
-    oldest = 10_000.0 - exchange.REMEMBERED
+    oldest = 10_000.0 - exchange_step.REMEMBERED
     assert side.hear(side.tool_message(answered=oldest)) == law.OLD
     assert side.hear(side.tool_message(answered=oldest + 1.0)) == law.ACCEPTED
 
@@ -136,7 +142,7 @@ def test_a_second_simulation_is_heard_only_after_the_first_has_been_silent():
 def test_foreign_bytes_names_and_sizes_are_refused(axes):
     side = Side(axes)
     good = side.tool_message()
-    names = wire.JointLayout(("z", *wire.exchange_names(axes)[1:])).pack(0, *[[0.0] * side.layout.count] * 3)
+    names = messages.JointLayout(("z", *messages.exchange_names(axes)[1:])).pack(0, *[[0.0] * side.layout.count] * 3)
     other = Side(axes % 3 + 1).tool_message()
     big_endian = b"\x00\x00" + good[2:]
     for data in (b"", b"\0", good[:-1], good + b"\0", names, other, big_endian, bytes(len(good)), b"\xff" * 70_000):
@@ -183,7 +189,7 @@ def test_a_hundred_thousand_mutated_messages_let_nothing_through_that_breaks_a_l
             assert math.isfinite(tool.energy) and math.isfinite(tool.contact) and tool.session >= 1.0
             assert before < tool.answered <= SEQUENCE and tool.answered == int(tool.answered)
             side.state["peer_answered"] = 0.0
-    assert side.watch[exchange.ANSWERED] + sum(side.refused().values()) == 1000
+    assert side.watch[exchange_step.ANSWERED] + sum(side.refused().values()) == 1000
     assert side.refused()
 
 
@@ -210,7 +216,7 @@ def test_a_handle_sample_carries_port_session_gains_and_the_time_it_was_latched(
     latched, side.state["clock_offset"] = 5_000_000_000, 7_000_000_123
     row["deadline"], row["position"], row["velocity"] = latched, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)
     row["exchange_effort"], row["tool_sequence"] = (7.0, 8.0, 9.0), 41.0
-    exchange.compose_handle(side.frame, side.state[0], row[0], side.gains[0], scratch)
+    exchange_step.compose_handle(side.frame, side.state[0], row[0], side.gains[0], scratch)
     sample = side.layout.unpack(side.frame.outgoing.tobytes())
     assert side.layout.matches(side.frame.outgoing.tobytes())
     assert sample.position[:3].tolist() == [1.0, 2.0, 3.0] and sample.velocity[:3].tolist() == [4.0, 5.0, 6.0]
@@ -225,9 +231,9 @@ def test_a_handle_sample_carries_port_session_gains_and_the_time_it_was_latched(
 
 def test_nothing_is_sent_before_the_servo_has_run():
     side, row, scratch = Side(sequence=0.0), np.zeros(1, servo.TICK), clock.scratch()
-    rows, gains = Mailbox(servo.TICK), Mailbox(exchange.GAINS)
+    rows, gains = Mailbox(servo.TICK), Mailbox(law.COUPLING_GAINS)
     arguments = side.frame, side.state, rows.words, gains.words, row, side.gains, scratch
-    assert not exchange.next_handle(*arguments)
+    assert not exchange_step.next_handle(*arguments)
     rows.put(row)
-    assert exchange.next_handle(*arguments) and exchange.next_handle(*arguments)
+    assert exchange_step.next_handle(*arguments) and exchange_step.next_handle(*arguments)
     assert side.state["sequence"][0] == 2.0

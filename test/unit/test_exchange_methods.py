@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.law import coupling, exchange, pspm, wave
+from haptic_device.control import exchange_samples, set_position, virtual_coupling, wave_variables
 
 FORCE = st.floats(-50.0, 50.0)
 STRETCH = st.floats(-0.1, 0.1)
@@ -17,8 +17,10 @@ STRETCH = st.floats(-0.1, 0.1)
 def test_the_store_of_the_clamped_spring_is_the_integral_of_its_force(stiffness, limit, start, end):
     steps = 4000
     way = (end - start) / steps
-    work = sum(coupling.spring_force(stiffness, limit, start + (k + 0.5) * way) * way for k in range(steps))
-    grown = coupling.spring_store(stiffness, limit, end) - coupling.spring_store(stiffness, limit, start)
+    work = sum(virtual_coupling.spring_force(stiffness, limit, start + (k + 0.5) * way) * way for k in range(steps))
+    grown = virtual_coupling.spring_store(stiffness, limit, end) - virtual_coupling.spring_store(
+        stiffness, limit, start
+    )
     assert grown == pytest.approx(work, rel=1e-3, abs=stiffness * way * way + 1e-12)
 
 
@@ -31,10 +33,10 @@ def test_the_store_of_the_clamped_spring_is_the_integral_of_its_force(stiffness,
 def test_a_shortened_stretch_holds_no_more_than_is_available_and_all_that_can_be_paid_is_kept(
     stretches, stiffness, limit, available
 ):
-    wanted = sum(coupling.spring_store(stiffness, limit, s) for s in stretches)
+    wanted = sum(virtual_coupling.spring_store(stiffness, limit, s) for s in stretches)
     square = sum(0.5 * stiffness * s * s for s in stretches)
-    share = pspm.share_paid(available, wanted, square)
-    held = sum(coupling.spring_store(stiffness, limit, share * s) for s in stretches)
+    share = set_position.share_paid(available, wanted, square)
+    held = sum(virtual_coupling.spring_store(stiffness, limit, share * s) for s in stretches)
     assert held <= available * (1.0 + 1e-12) + 1e-300 or share == 1.0
     assert (share == 1.0) == (wanted <= available)
     if max(abs(s) for s in stretches) * stiffness < limit and wanted > available:
@@ -44,7 +46,7 @@ def test_a_shortened_stretch_holds_no_more_than_is_available_and_all_that_can_be
 @given(tank=st.floats(0.0, 0.1), force=FORCE, surplus=st.floats(1e-3, 5.0), moved=st.floats(-1e-3, 1e-3))
 def test_no_motion_draws_more_from_the_tank_than_it_has_for_the_set_positions_own_velocity(tank, force, surplus, moved):
     period = 0.25e-3
-    share = pspm.damper_share(tank, force * force / surplus, period)
+    share = set_position.damper_share(tank, force * force / surplus, period)
     assert tank - share * force * moved + surplus * moved * moved / period >= -1e-12
     worst = 0.5 * share * force * period / surplus
     if share < 1.0:
@@ -56,46 +58,48 @@ def test_counted_dissipation_is_never_more_than_what_the_way_dissipates(way, ste
     period, counted, gone, truth = 0.25e-3, 0.0, 0.0, 0.0
     for number, moved in enumerate(way, 1):
         gone, truth = gone + moved, truth + moved * moved / period
-        before, counted = counted, pspm.dissipated(counted, gone, step, number * period)
+        before, counted = counted, set_position.dissipated(counted, gone, step, number * period)
         assert before <= counted <= truth * (1.0 + 1e-9) + 1e-15
 
 
 def test_an_encoder_that_flickers_by_one_step_dissipates_nothing_and_a_way_of_two_does():
-    assert pspm.dissipated(0.0, 5e-6, 5e-6, 0.25e-3) == 0.0
-    assert pspm.dissipated(0.0, 10e-6, 5e-6, 0.25e-3) == pytest.approx(25e-12 / 0.25e-3)
+    assert set_position.dissipated(0.0, 5e-6, 5e-6, 0.25e-3) == 0.0
+    assert set_position.dissipated(0.0, 10e-6, 5e-6, 0.25e-3) == pytest.approx(25e-12 / 0.25e-3)
 
 
 @given(before=STRETCH, wanted=STRETCH, moved=st.floats(-1e-3, 1e-3), reach=st.floats(0.0, 1e-3))
 def test_the_set_position_changes_the_stretch_by_no_more_than_the_handle_does_and_the_slew(
     before, wanted, moved, reach
 ):
-    after = pspm.slewed(before, wanted, moved, reach)
+    after = set_position.slewed(before, wanted, moved, reach)
     assert abs((after - moved) - before) <= abs(moved) + reach + 1e-15
     if min(0.0, moved) - reach <= wanted - before <= max(0.0, moved) + reach:
         assert after == pytest.approx(wanted, abs=1e-15)
 
 
 def test_a_free_tool_is_foretold_beside_the_handle_as_far_as_its_agility_lets_it():
-    straight = pspm.foretold(0.010, 0.1, 0.002, 0.03)
+    straight = set_position.foretold(0.010, 0.1, 0.002, 0.03)
     assert straight == pytest.approx(0.0102)
-    assert pspm.beside(straight, 0.01021, 0.0, 0.002, 20.0, 0.004) == pytest.approx(0.01021)
-    assert pspm.beside(straight, 0.02, 0.0, 0.002, 20.0, 0.004) == pytest.approx(0.0102 + 4e-5)
-    assert pspm.foretold(0.010, 0.1, 1.0, 0.03) == pytest.approx(0.013)
+    assert set_position.beside(straight, 0.01021, 0.0, 0.002, 20.0, 0.004) == pytest.approx(0.01021)
+    assert set_position.beside(straight, 0.02, 0.0, 0.002, 20.0, 0.004) == pytest.approx(0.0102 + 4e-5)
+    assert set_position.foretold(0.010, 0.1, 1.0, 0.03) == pytest.approx(0.013)
 
 
 @pytest.mark.parametrize(("trust", "share"), [(math.inf, 1.0), (0.002, 0.5), (0.0, 0.0)])
 def test_half_of_a_free_tools_force_is_believed_at_the_age_of_trust_and_none_where_nothing_damps(trust, share):
-    assert pspm.beside(0.01, 0.01, 1e-5, 0.002, 20.0, trust) == pytest.approx(0.01 - share * 1e-5, abs=1e-12)
+    assert set_position.beside(0.01, 0.01, 1e-5, 0.002, 20.0, trust) == pytest.approx(0.01 - share * 1e-5, abs=1e-12)
 
 
 @given(spring=FORCE, rate=st.floats(-1.0, 1.0), incoming=FORCE, limit=st.floats(0.5, 50.0), k=st.floats(0.0, 2e4))
 def test_the_port_obeys_coupling_and_wave_at_once(spring, rate, incoming, limit, k):
-    damping, z, period = 0.5, wave.impedance(k), 0.25e-3
-    velocity = wave.port_velocity(incoming, spring, damping, rate, k, limit, z, period)
+    damping, z, period = 0.5, wave_variables.impedance(k), 0.25e-3
+    velocity = wave_variables.port_velocity(incoming, spring, damping, rate, k, limit, z, period)
     force = min(limit, max(-limit, spring - k * period * velocity)) + damping * (rate - velocity)
     assert force - z * velocity == pytest.approx(incoming, abs=1e-9)
     outgoing = force + z * velocity
-    assert wave.power(outgoing, z) - wave.power(incoming, z) == pytest.approx(force * velocity, abs=1e-6)
+    assert wave_variables.power(outgoing, z) - wave_variables.power(incoming, z) == pytest.approx(
+        force * velocity, abs=1e-6
+    )
 
 
 @given(come=st.lists(st.floats(-0.01, 0.01), min_size=1, max_size=20), gaps=st.lists(st.integers(1, 8), min_size=20))
@@ -105,12 +109,12 @@ def test_played_waves_sum_up_to_what_has_come_whenever_it_comes(come, gaps):
         pending += sample
         rate = pending / 1.5e-3
         for _ in range(gap):
-            value = wave.played(pending, rate, period)
+            value = wave_variables.played(pending, rate, period)
             pending, played = pending - value * period, played + value * period
     assert played + pending == pytest.approx(sum(come), abs=1e-12)
     rate = pending / 1.5e-3
     for _ in range(6):
-        pending -= wave.played(pending, rate, period) * period
+        pending -= wave_variables.played(pending, rate, period) * period
     assert pending == pytest.approx(0.0, abs=1e-15)
 
 
@@ -118,22 +122,22 @@ def test_played_waves_sum_up_to_what_has_come_whenever_it_comes(come, gaps):
 def test_waves_played_hold_no_more_energy_than_has_come(waves, store):
     z, period, left = 8.0, 0.25e-3, store
     for value in waves:
-        share = wave.covered(wave.power(value, z) * period, left)
-        left -= wave.power(share * value, z) * period
+        share = wave_variables.covered(wave_variables.power(value, z) * period, left)
+        left -= wave_variables.power(share * value, z) * period
         assert left >= -1e-15
         assert share == 1.0 or left == pytest.approx(0.0, abs=1e-12)
 
 
 def test_of_the_energy_that_a_message_brings_only_what_was_sent_is_believed():
-    assert exchange.believed(5.0, 1.0, 3.0, 0.0) == 3.0
-    assert exchange.believed(5.0, 1.0, 30.0, 0.0) == 4.0
-    assert exchange.believed(1.0, 5.0, 30.0, 0.0) == 0.0
-    assert exchange.believed(5.0, 0.0, 3.0, 3.0) == 0.0
+    assert exchange_samples.believed(5.0, 1.0, 3.0, 0.0) == 3.0
+    assert exchange_samples.believed(5.0, 1.0, 30.0, 0.0) == 4.0
+    assert exchange_samples.believed(1.0, 5.0, 30.0, 0.0) == 0.0
+    assert exchange_samples.believed(5.0, 0.0, 3.0, 3.0) == 0.0
 
 
 @given(st.floats(0.0, 1.0), st.floats(-1.0, 1.0))
 def test_the_coupling_lets_go_with_age_and_returns_no_faster_than_it_may(factor, age):
-    after = exchange.fade_factor(factor, age, 0.25e-3, 0.06, 0.14)
+    after = exchange_samples.fade_factor(factor, age, 0.25e-3, 0.06, 0.14)
     assert after <= factor + 0.25e-3 / 0.14 + 1e-15
     assert (after == 0.0) == (age < 0.0 or age >= 0.2 - 1e-15 or not after > 0.0)
     assert not (0.0 <= age <= 0.06 and factor >= 1.0) or math.isclose(after, 1.0)

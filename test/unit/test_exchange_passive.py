@@ -12,7 +12,7 @@ from ticks import tick
 from adversary import exchange_search as adversary
 from adversary import port_search
 from bench.exchange import stalling
-from haptic_device.law import coupling, engage, fault, port
+from haptic_device.control import enable_state, faults, tool_side_tank, virtual_coupling
 from haptic_sim.lockstep import Network
 from haptic_sim.port_limits import BUDGET, Limits
 from haptic_sim.scene import Scene, load
@@ -21,13 +21,19 @@ from haptic_sim.tool_port import Modulated, port_of
 
 PASSIVE = ("wave", "pspm")
 BOX = {"material": "m", "shapes": [{"box": {"size": [0.06, 0.04]}}]}
-BLOCK = Scene.model_validate({
-    "name": "block", "materials": {"m": {"friction": 0.3, "restitution": 0.4}}, "gravity": [0.0, 0.0],
-    "tool": {"mass": 0.004, "material": "m", "pose": [0.0, 0.05, 0.0], "shapes": [{"box": {"size": [0.04, 0.03]}}]},
-    "bodies": [BOX | {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0, 1]}}]},
-               BOX | {"name": "wall", "fixed": True, "pose": [-0.15, 0.5, 0.0],
-                      "shapes": [{"box": {"size": [0.1, 1.0]}}]},
-               BOX | {"name": "block", "mass": 0.2, "pose": [0.1, 0.02, 0.0]}]})
+BLOCK = Scene.model_validate(
+    {
+        "name": "block",
+        "materials": {"m": {"friction": 0.3, "restitution": 0.4}},
+        "gravity": [0.0, 0.0],
+        "tool": {"mass": 0.004, "material": "m", "pose": [0.0, 0.05, 0.0], "shapes": [{"box": {"size": [0.04, 0.03]}}]},
+        "bodies": [
+            BOX | {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0, 1]}}]},
+            BOX | {"name": "wall", "fixed": True, "pose": [-0.15, 0.5, 0.0], "shapes": [{"box": {"size": [0.1, 1.0]}}]},
+            BOX | {"name": "block", "mass": 0.2, "pose": [0.1, 0.02, 0.0]},
+        ],
+    }
+)
 BOUND = 0.005 + 1e-7  # [J] exchange.budget, and what rounding of a path of newtons makes of it
 
 
@@ -97,7 +103,7 @@ def held_still(given, ages):
     (memory, row), step = adversary.engaged(), given["position_per_count"][0, 0]
     for k, age in enumerate([0.0, *ages]):
         row["latched"] = row["deadline"] = (k + 1) * given["period"][0] * 1e9
-        row["command"], row["device_status"], row["counts"][0] = engage.ENABLE, fault.FRESH, round(-0.004 / step)
+        row["command"], row["device_status"], row["counts"][0] = enable_state.ENABLE, faults.FRESH, round(-0.004 / step)
         row["tool_session"], row["tool_answered"], row["tool_contact"], row["tool_age"] = 1.0, k + 1.0, 1.0, age
         tick(given, memory, row)
         if k == 0:
@@ -135,13 +141,11 @@ def test_the_budget_is_what_the_search_comes_close_to():
 @few(30)
 @given(
     method=st.sampled_from(PASSIVE),
-    genes=st.lists(
-        st.tuples(*[st.floats(-3.0, 3.0) for _ in range(adversary.GENES)]), min_size=4, max_size=60
-    ),
+    genes=st.lists(st.tuples(*[st.floats(-3.0, 3.0) for _ in range(adversary.GENES)]), min_size=4, max_size=60),
     repeats=st.integers(1, 8),
     late=st.sampled_from([adversary.FREE, 0, 3, 50]),
     loss=st.floats(-3.0, 1.0),
-)  # fmt: skip
+)
 def test_no_samples_and_no_path_give_more_than_the_budget(method, genes, repeats, late, loss):
     path = np.repeat(np.array(genes), repeats, axis=0)
     given = one_axis(method)
@@ -194,8 +198,13 @@ def test_a_tool_led_evenly_goes_neither_ahead_nor_behind_whether_a_port_holds_it
     simulation = Simulation(load("push_block"), method="impulse", port=port_of(exchange))
     (x, y, angle), speed = simulation.scene.tool.pose, -0.1
     for number in range(1500):
-        sample = HandleSample(number * 1_000_000, (x + speed * number * 1e-3, y + 1.0, angle), (speed, 0.0, 0.0),
-                              *GAINS.values(), energy=1.0 * number)
+        sample = HandleSample(
+            number * 1_000_000,
+            (x + speed * number * 1e-3, y + 1.0, angle),
+            (speed, 0.0, 0.0),
+            *GAINS.values(),
+            energy=1.0 * number,
+        )
         answer = simulation.exchange(sample)
     assert answer.position[0] == pytest.approx(sample.position[0], abs=1e-6)
 
@@ -224,7 +233,7 @@ def test_the_direct_tool_port_supplies_more_than_the_budget_in_one_sample():
     assert simulation.ledger.supplied > BUDGET
 
 
-SMOOTH = 1.0 + port.DAMPER_SLEW
+SMOOTH = 1.0 + tool_side_tank.DAMPER_SLEW
 
 
 @pytest.mark.parametrize("method", PASSIVE)
@@ -251,17 +260,17 @@ def handle(number, position, velocity, effort, energy):
 def test_a_pull_that_is_allowed_can_be_let_go_slowly_whatever_the_tool_takes(energy, pull, stiffness):
     """The tool takes the most from the tank that a sub-step can, and the samples want the pull gone."""
     damping, h, slew, still, before = 2.0, 0.25e-3, 500.0, (0.0, 0.0, 0.0), 0.0
-    rules, memory = np.zeros(port.RULES), np.zeros(port.MEMORY)
-    rules[:3], rules[3:6], rules[6:8] = stiffness, damping, port.worst(stiffness, damping, h)
-    rules[8:10], rules[10:12], memory[port.TANK] = 40.0, slew * h, energy
+    rules, memory = np.zeros(tool_side_tank.RULES), np.zeros(tool_side_tank.MEMORY)
+    rules[:3], rules[3:6], rules[6:8] = stiffness, damping, tool_side_tank.worst(stiffness, damping, h)
+    rules[8:10], rules[10:12], memory[tool_side_tank.TANK] = 40.0, slew * h, energy
     aim, speed = (pull / stiffness, 0.0) if stiffness else (0.0, pull / damping)
     for k in range(800):
         wanted = k < 400
-        port.drive(rules, memory, (wanted * aim, 0.0, 0.0), (wanted * speed, 0.0, 0.0), still)
-        made = stiffness * memory[port.AIM] + damping * memory[port.SPEED]
+        tool_side_tank.drive(rules, memory, (wanted * aim, 0.0, 0.0), (wanted * speed, 0.0, 0.0), still)
+        made = stiffness * memory[tool_side_tank.AIM] + damping * memory[tool_side_tank.SPEED]
         assert abs(made - before) <= SMOOTH * slew * h * (1.0 + 1e-9)
-        memory[port.TANK] -= 0.0 if wanted else rules[port.WORST] * made * made
-        assert memory[port.TANK] >= -1e-12
+        memory[tool_side_tank.TANK] -= 0.0 if wanted else rules[tool_side_tank.WORST] * made * made
+        assert memory[tool_side_tank.TANK] >= -1e-12
         before = made
     assert abs(made) <= 1e-9
 
@@ -277,16 +286,19 @@ def test_a_pull_that_is_allowed_can_be_let_go_slowly_whatever_the_tool_takes(ene
 def test_whatever_the_tank_holds_the_pull_is_a_finite_share_of_what_is_wanted(tank, pull, stiffness):
     """A tank may lie below zero by rounding: from then on it pays for nothing, and says so in numbers."""
     damping, h, still = 2.0, 0.25e-3, (0.0, 0.0, 0.0)
-    rules, memory = np.zeros(port.RULES), np.zeros(port.MEMORY)
-    rules[:3], rules[3:6], rules[6:8] = stiffness, damping, port.worst(stiffness, damping, h)
-    rules[8:10], rules[10:12], memory[port.TANK] = (40.0, 2.0), (500.0 * h, 25.0 * h), tank
+    rules, memory = np.zeros(tool_side_tank.RULES), np.zeros(tool_side_tank.MEMORY)
+    rules[:3], rules[3:6], rules[6:8] = stiffness, damping, tool_side_tank.worst(stiffness, damping, h)
+    rules[8:10], rules[10:12], memory[tool_side_tank.TANK] = (40.0, 2.0), (500.0 * h, 25.0 * h), tank
     aim = tuple(one / stiffness if stiffness else 0.0 for one in pull)
     speed = tuple(0.0 if stiffness else one / damping for one in pull)
     asked = [stiffness * place + damping * rate for place, rate in zip(aim, speed, strict=True)]
     for _ in range(20):
-        port.drive(rules, memory, aim, speed, still)
-        made = stiffness * memory[port.AIM : port.AIM + 3] + damping * memory[port.SPEED : port.SPEED + 3]
-        assert 0.0 <= memory[port.SHARE] <= 1.0
+        tool_side_tank.drive(rules, memory, aim, speed, still)
+        made = (
+            stiffness * memory[tool_side_tank.AIM : tool_side_tank.AIM + 3]
+            + damping * memory[tool_side_tank.SPEED : tool_side_tank.SPEED + 3]
+        )
+        assert 0.0 <= memory[tool_side_tank.SHARE] <= 1.0
         for one, wanted in zip(made, asked, strict=True):
             assert 0.0 <= one * np.sign(wanted) <= abs(wanted) * (1.0 + 1e-9)
         assert tank > 0.0 or abs(made).max() < 1e-150  # whose energy is 0 in numbers
@@ -297,7 +309,7 @@ def test_counts_that_are_old_pay_nothing_back_and_let_nothing_rise(enabled):
     given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
     memory, row, before = pressed(given)
     row["deadline"] += given["period"][0] * 1e9
-    row["command"], memory["engage"] = (engage.ENABLE, 0.5) if enabled else (0, 1.0)
+    row["command"], memory["engage"] = (enable_state.ENABLE, 0.5) if enabled else (0, 1.0)
     tick(given, memory, row)
     assert row["engage"][0] == (0.5 if enabled else 0.0)
     assert memory["tank"][0] <= (before if enabled else 0.0)
@@ -321,8 +333,8 @@ def test_gains_that_change_on_old_counts_are_paid_for_whatever_the_handle_did_me
         moved = 0.5 * way + period * (forces - forces.mean()) / (2.0 * b)  # the hand's best
         gained = forces @ moved - b * np.sum(moved**2) / period
         row["latched"], row["deadline"] = row["deadline"], row["deadline"] + period * 1e9
-        after(given, memory, row, period, way, fault.FRESH)
-        assert abs(forces[1] - forces[0]) > 1.0 and row["fault"][0] == fault.NONE
+        after(given, memory, row, period, way, faults.FRESH)
+        assert abs(forces[1] - forces[0]) > 1.0 and row["fault"][0] == faults.NONE
         assert before - memory["tank"][0] - energy(memory, row) >= gained - step * np.abs(forces).max()
 
 
@@ -334,7 +346,7 @@ def test_a_push_that_was_let_go_on_old_counts_is_no_credit():
     row["command"] = 0
     tick(given, memory, row)
     assert memory["tank"][0] == 0.0
-    after(given, memory, row, 2.0 * given["period"][0], -1e-4, fault.FRESH)
+    after(given, memory, row, 2.0 * given["period"][0], -1e-4, faults.FRESH)
     assert memory["tank"][0] <= 0.0
 
 
@@ -342,8 +354,8 @@ def test_a_push_that_was_let_go_on_old_counts_is_no_credit():
 def test_a_device_that_cut_its_motor_leaves_neither_debt_nor_credit_however_the_handle_moved_since(way):
     given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
     memory, row, before = pressed(given)
-    after(given, memory, row, 0.4, way, fault.FRESH | fault.WATCHDOG)
-    assert row["fault"][0] == fault.DEVICE_WATCHDOG and not row["motor"].any()
+    after(given, memory, row, 0.4, way, faults.FRESH | faults.WATCHDOG)
+    assert row["fault"][0] == faults.DEVICE_WATCHDOG and not row["motor"].any()
     assert before > 0.0 and memory["tank"][0] == 0.0 and memory["spring"][0, 0] == 0.0
 
 
@@ -352,7 +364,7 @@ def test_one_that_did_not_cut_it_pays_for_what_the_force_gave_over_the_hold_and_
         given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
         memory, row, before = pressed(given)
         stored, force = energy(memory, row), row["force_on_handle"][0, 0]
-        after(given, memory, row, 0.01, way, fault.FRESH)
+        after(given, memory, row, 0.01, way, faults.FRESH)
         gained = before + stored - memory["tank"][0] - energy(memory, row)
         drag = given["physical_damping"][0, 0] * way * way / 0.01
         hidden = 0.1 * abs(force * way)
@@ -363,9 +375,9 @@ def test_steady_motion_through_a_late_tick_costs_what_the_spring_may_gain_not_wh
     given, speed, late = one_axis("pspm", 2000.0, 2.0, 0.25e-3), 0.1, 0.01
     memory, row, _ = pressed(given)
     for _ in range(5):
-        after(given, memory, row, given["period"][0], -speed * given["period"][0], fault.FRESH)
+        after(given, memory, row, given["period"][0], -speed * given["period"][0], faults.FRESH)
     before = memory["tank"][0] + energy(memory, row)
-    after(given, memory, row, late, -speed * late, fault.FRESH)
+    after(given, memory, row, late, -speed * late, faults.FRESH)
     assert before - memory["tank"][0] - energy(memory, row) <= 0.0  # the hand paid for it
     assert 2.0 / given["period"][0] * (speed * late) ** 2 > 5e-3  # any damper of 2 N s/m could
 
@@ -378,7 +390,7 @@ def test_what_a_long_hold_leaves_owing_the_spring_pays_at_once_and_no_more(tank,
     memory["tank"] = tank
     stretch = memory["set"][0, 0] - row["position"][0, 0] - way
     stored, hold = 0.5 * 2000.0 * stretch * stretch, 0.01
-    after(given, memory, row, hold, way, fault.FRESH)
+    after(given, memory, row, hold, way, faults.FRESH)
     debt = max(0.0, (1000.0 - given["physical_damping"][0, 0] / hold) * way * way - tank)
     assert energy(memory, row) == pytest.approx(max(0.0, stored - debt), rel=0.05)
     assert memory["tank"][0] == pytest.approx(min(0.0, stored - debt) if debt > 0.0 else tank, abs=1e-4)
@@ -400,7 +412,7 @@ def test_missed_ticks_by_the_hundred_give_no_more_than_the_budget(method, share,
 def energy(memory, row):
     """In the coupling's spring [J]."""
     stretch = memory["set"][0, 0] - row["position"][0, 0]
-    return coupling.spring_store(memory["spring"][0, 0], memory["clamp"][0, 0], stretch)
+    return virtual_coupling.spring_store(memory["spring"][0, 0], memory["clamp"][0, 0], stretch)
 
 
 def after(given, memory, row, time, way, status):
@@ -417,7 +429,7 @@ def pressed(given):
     (memory, row), step = adversary.engaged(), given["position_per_count"][0, 0]
     for k in range(3):
         row["latched"] = row["deadline"] = (k + 1) * given["period"][0] * 1e9
-        row["command"], row["device_status"], row["counts"][0] = engage.ENABLE, fault.FRESH, round(-0.004 / step)
+        row["command"], row["device_status"], row["counts"][0] = enable_state.ENABLE, faults.FRESH, round(-0.004 / step)
         row["tool_session"], row["tool_answered"], row["tool_contact"] = 1.0, k + 1.0, 1.0
         if k == 1:
             memory["set"][0, 0], memory["tank"], memory["stretched"][0, 0] = 0.0, 0.02, 0.004
@@ -430,14 +442,14 @@ def pressed(given):
 def test_the_fault_of_what_is_not_a_number_books_no_force(field):
     given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
     memory, row, before = pressed(given)
-    stored = coupling.spring_store(memory["spring"][0, 0], memory["clamp"][0, 0], 0.004)
+    stored = virtual_coupling.spring_store(memory["spring"][0, 0], memory["clamp"][0, 0], 0.004)
     row[field] = np.nan
     if field != "drag":
         row["tool_position"][0, 0] = 1e3
     row["latched"] += given["period"][0] * 1e9
     row["deadline"] = row["latched"]
     tick(given, memory, row)
-    assert row["fault"][0] == fault.NOT_A_NUMBER and not row["motor"].any()
+    assert row["fault"][0] == faults.NOT_A_NUMBER and not row["motor"].any()
     assert row["engage"][0] == 0.0 and memory["factor"][0] == 0.0 and memory["spring"][0, 0] == 0.0
     assert memory["tank"][0] <= before + stored + 1e-9
 

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from haptic_device.analysis.contact import contacts, touching
 from haptic_device.analysis.impedance import fit
 from haptic_device.analysis.oscillation import LEAST_FORCE, spectrum_of
+from haptic_device.analysis.wall_contacts import contacts, touching
 
 MASS, DAMPING, STIFFNESS = 0.1, 4.0, 1500.0
 

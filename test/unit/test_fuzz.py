@@ -12,8 +12,8 @@ from in_process import haptic
 from rclpy.serialization import deserialize_message
 
 from fault_injection.flood import mutated
-from haptic_device.law import exchange as law
-from haptic_device.node import wire
+from haptic_device.control import exchange_samples as law
+from haptic_device.nodes import messages
 from haptic_sim.cli.check import problems
 from haptic_sim.node.port import Port
 
@@ -65,7 +65,7 @@ def exchanged(**tail):
     entries |= {"exchange_method": float(law.PSPM), "gains_hash": law.gains_hash(*GAINS)}
     entries |= dict(zip(law.TAIL[law.GAIN_0 :], GAINS, strict=False)) | tail
     zeros = [0.0] * (3 + len(entries))
-    return wire.JointLayout(wire.exchange_names(3)).pack(0, [0.01, 0.1, 0.0, *entries.values()], zeros, zeros)
+    return messages.JointLayout(messages.exchange_names(3)).pack(0, [0.01, 0.1, 0.0, *entries.values()], zeros, zeros)
 
 
 def test_of_many_spoilt_handle_messages_the_simulation_takes_only_what_is_finite_and_whole():
@@ -99,10 +99,12 @@ def test_a_command_line_of_nonsense_is_refused_in_a_sentence(tmp_path, monkeypat
 
 def test_ros_itself_survives_spoilt_bytes_and_says_so():
     dice = random.Random(3)
-    message = wire.JointLayout(wire.AXES).pack(0, [0.0] * 3, [0.0] * 3, [0.0] * 3)
+    message = messages.JointLayout(messages.AXES).pack(0, [0.0] * 3, [0.0] * 3, [0.0] * 3)
     for _ in range(2000):
         try:
-            target = wire.planar_target(deserialize_message(mutated(message, dice), wire.JointState), wire.AXES)
+            target = messages.planar_target(
+                deserialize_message(mutated(message, dice), messages.JointState), messages.AXES
+            )
         except Exception as error:  # what the node's own guard survives
             assert not isinstance(error, MemoryError)
         else:

@@ -20,14 +20,24 @@ from haptic_sim.scene import load
 from haptic_sim.solid import TOOL
 
 
-def made(engine="impulse", world="heap", bodies=100, step=growing.STEP, median=100.0, p99=200.0, overlap=5.0,
-         status=""):  # fmt: skip
+def made(
+    engine="impulse", world="heap", bodies=100, step=growing.STEP, median=100.0, p99=200.0, overlap=5.0, status=""
+):
     return growing.Run(world, bodies, engine, step, median, p99, overlap, 1e-4, math.nan, status)
 
 
 @pytest.mark.parametrize("count", [10, 30])
-@pytest.mark.parametrize(("world", "pieces"), [("row", int), ("heap", int), ("chain", int), ("gravel", int),
-                                               ("pyramid", {10: 10, 30: 28}.get), ("joint_grid", {10: 9, 30: 25}.get)])
+@pytest.mark.parametrize(
+    ("world", "pieces"),
+    [
+        ("row", int),
+        ("heap", int),
+        ("chain", int),
+        ("gravel", int),
+        ("pyramid", {10: 10, 30: 28}.get),
+        ("joint_grid", {10: 9, 30: 25}.get),
+    ],
+)
 def test_a_world_has_as_many_bodies_as_it_says_and_none_overlaps_at_the_start(world, pieces, count):
     """A pyramid has 1 + 2 + ... boxes, a grid a square number of discs: the most that are no more than asked for."""
     of = getattr(loads, world)(count, 0.2)
@@ -112,8 +122,7 @@ def test_a_run_that_takes_too_long_is_ended_and_says_so():
 
 
 def test_the_table_has_a_row_for_each_engine_and_says_which_cannot(tmp_path):
-    done = bench("growth", "--short", "--worlds", "chain", "--methods", "partitioned,pymunk,box2d",
-                  "--out", tmp_path)
+    done = bench("growth", "--short", "--worlds", "chain", "--methods", "partitioned,pymunk,box2d", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     rows = [line for line in done.stdout.splitlines() if line.startswith("| chain")]
     assert [row.split(" | ")[2] for row in rows] == ["partitioned", "pymunk", "Box2D", "Box2D, 50 µs"]
@@ -122,7 +131,11 @@ def test_the_table_has_a_row_for_each_engine_and_says_which_cannot(tmp_path):
     with (tmp_path / "growth.csv").open(encoding="utf-8") as file:
         kept = list(csv.DictReader(file))
     assert [(row["engine"], row["bodies"]) for row in kept] == [
-        ("partitioned", "10"), ("pymunk", "10"), ("box2d", "10"), ("box2d", "10")]
+        ("partitioned", "10"),
+        ("pymunk", "10"),
+        ("box2d", "10"),
+        ("box2d", "10"),
+    ]
     assert "linkage" in kept[0]["status"]
 
 
@@ -140,9 +153,13 @@ def test_every_world_is_run_at_each_count_and_the_row_without_any_block_too():
 
 
 def test_the_goals_compare_with_no_block_and_with_box2d_at_the_overlap_nearest_to_ours():
-    runs = [made(world="row", bodies=0, median=100.0), made(world="row", bodies=300, median=131.0),
-            made(median=500.0, p99=999.0), made("box2d", median=200.0, overlap=50.0),
-            made("box2d", median=260.0, overlap=6.0, step=50)]
+    runs = [
+        made(world="row", bodies=0, median=100.0),
+        made(world="row", bodies=300, median=131.0),
+        made(median=500.0, p99=999.0),
+        made("box2d", median=200.0, overlap=50.0),
+        made("box2d", median=260.0, overlap=6.0, step=50),
+    ]
     rest, late, heap = growing.goals(runs)
     assert (rest.value, rest.reached) == (pytest.approx(1.31), False)
     assert (late.value, late.reached) == (999.0, True)
@@ -152,8 +169,12 @@ def test_the_goals_compare_with_no_block_and_with_box2d_at_the_overlap_nearest_t
 
 
 def test_the_figure_has_a_panel_a_world_and_leaves_out_who_cannot():
-    runs = [made(bodies=10), made(bodies=30), made("partitioned", bodies=30, status="cannot: too many"),
-            made(world="chain", bodies=10)]
+    runs = [
+        made(bodies=10),
+        made(bodies=30),
+        made("partitioned", bodies=30, status="cannot: too many"),
+        made(world="chain", bodies=10),
+    ]
     heap, chain = (axes for axes in growth.figure(runs).axes if axes.get_visible())
     assert (heap.get_title(), chain.get_title()) == ("heap", "chain")
     assert len(heap.get_lines()) == 3  # median, p99 and the time there is

@@ -19,18 +19,57 @@ from reference.trial import attempt, jump
 OVERLAP = 1e-4
 TOUCHING = 1e-12  # m; gap up to which the direct solver takes two shapes for touching
 TURNS = [(0.0, 0.0), (0.7, 0.37), (2.9, 0.81)]  # angle of the whole plane [rad], phase of the contact in sub-steps
-LONG = {"four_bar_singular": 2, "light_tool": 2, "peg_in_hole": 1, "peg_jammed": 2, "peg_tight": 1, "peg_wedged": 0,
-        "spinning_wrench": 0, "stack_20": 1}
+LONG = {
+    "four_bar_singular": 2,
+    "light_tool": 2,
+    "peg_in_hole": 1,
+    "peg_jammed": 2,
+    "peg_tight": 1,
+    "peg_wedged": 0,
+    "spinning_wrench": 0,
+    "stack_20": 1,
+}
 """Scenes of many steps or bodies, and which of TURNS they are tried at; `python -m bench by_default`: all."""
-SECONDS = {"collinear_1e3": 0.06, "collinear_1e6": 0.06, "falling_rod": 0.05, "handle_jump": 0.15, "slider_stop": 0.2,
-           "thin_plate": 0.02, "painleve_rod": 0.3, "zeno_ball": 1.5, "peg_tight": 3.6, "peg_jammed": 3.6,
-           "peg_wedged": 3.6, "peg_in_hole": 3.6, "spinning_wrench": 7.0, "four_bar_singular": 3.4}
+SECONDS = {
+    "collinear_1e3": 0.06,
+    "collinear_1e6": 0.06,
+    "falling_rod": 0.05,
+    "handle_jump": 0.15,
+    "slider_stop": 0.2,
+    "thin_plate": 0.02,
+    "painleve_rod": 0.3,
+    "zeno_ball": 1.5,
+    "peg_tight": 3.6,
+    "peg_jammed": 3.6,
+    "peg_wedged": 3.6,
+    "peg_in_hole": 3.6,
+    "spinning_wrench": 7.0,
+    "four_bar_singular": 3.4,
+}
 PUSHED = {"peg_jammed": 5.0, "peg_wedged": 10.0}
 """N; what the hand has come to push with at the end."""
 STIFF = (100.0 * 0.1 / 0.25e-3**2, 0.0, 100.0 * 6.7e-6 / 0.25e-3**2, 0.0)  # 100 m/h², undamped
-HARD = ["collinear_1e3", "collinear_1e6", "corner_overlap", "falling_rod", "four_bar_singular", "handle_jump",
-        "heavy_on_light_1e3", "heavy_on_light_1e6", "light_tool", "painleve_rod", "peg_jammed", "peg_tight",
-        "peg_wedged", "slider_stop", "spinning_wrench", "stack_20", "stiff_coupling", "thin_plate", "zeno_ball"]
+HARD = [
+    "collinear_1e3",
+    "collinear_1e6",
+    "corner_overlap",
+    "falling_rod",
+    "four_bar_singular",
+    "handle_jump",
+    "heavy_on_light_1e3",
+    "heavy_on_light_1e6",
+    "light_tool",
+    "painleve_rod",
+    "peg_jammed",
+    "peg_tight",
+    "peg_wedged",
+    "slider_stop",
+    "spinning_wrench",
+    "stack_20",
+    "stiff_coupling",
+    "thin_plate",
+    "zeno_ball",
+]
 
 DIRECT = ["collinear_1e3", "collinear_1e6", "heavy_on_light_1e3", "heavy_on_light_1e6", "light_tool", "stack_20"]
 """Those that get the direct solver by default: what is asked of it is far more than to survive."""
@@ -93,11 +132,17 @@ def place(outcome, body, angle):
 
 
 @pytest.mark.parametrize(("angle", "phase"), TURNS)
-@pytest.mark.parametrize(("name", "body", "axis", "low"), [
-    ("thin_plate", "shot", (-1.0, 0.0), -0.045), ("handle_jump", "tool", (1.0, 0.0), 0.0099),
-    ("stiff_coupling", "tool", (1.0, 0.0), 0.0099), ("light_tool", "tool", (1.0, 0.0), 0.0099),
-    ("corner_overlap", "tool", (1.0, 0.0), 0.0099), ("corner_overlap", "tool", (0.0, 1.0), 0.0099),
-])
+@pytest.mark.parametrize(
+    ("name", "body", "axis", "low"),
+    [
+        ("thin_plate", "shot", (-1.0, 0.0), -0.045),
+        ("handle_jump", "tool", (1.0, 0.0), 0.0099),
+        ("stiff_coupling", "tool", (1.0, 0.0), 0.0099),
+        ("light_tool", "tool", (1.0, 0.0), 0.0099),
+        ("corner_overlap", "tool", (1.0, 0.0), 0.0099),
+        ("corner_overlap", "tool", (0.0, 1.0), 0.0099),
+    ],
+)
 def test_nothing_comes_out_on_the_other_side_of_a_thin_wall(name, body, axis, low, angle, phase):
     x, y = place(tried(name, angle, phase), body, angle)
     assert x * axis[0] + y * axis[1] >= low
@@ -160,12 +205,28 @@ def test_trial_sees_overlap_and_energy_where_they_are():
 
 def test_more_contacts_than_can_be_solved_for_are_counted_not_passed_over():
     """Three courses of bricks side by side."""
-    crowd = [{"name": f"b{i}", "mass": 1.0, "pose": [0.1 * (i % 13), 0.05 + 0.1 * (i // 13), 0.0], "material": "m",
-              "shapes": [{"box": {"size": [0.1, 0.1]}}]} for i in range(38)]
+    crowd = [
+        {
+            "name": f"b{i}",
+            "mass": 1.0,
+            "pose": [0.1 * (i % 13), 0.05 + 0.1 * (i // 13), 0.0],
+            "material": "m",
+            "shapes": [{"box": {"size": [0.1, 0.1]}}],
+        }
+        for i in range(38)
+    ]
     floor = {"name": "floor", "fixed": True, "material": "m", "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
     tool = {"mass": 0.1, "pose": [0.0, 9.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
-    scene = Scene.model_validate({"name": "crowd", "gravity": [0.0, -9.81], "materials": {"m": {"friction": 0.3}},
-                                  "method": "partitioned", "bodies": [floor, *crowd], "tool": tool})
+    scene = Scene.model_validate(
+        {
+            "name": "crowd",
+            "gravity": [0.0, -9.81],
+            "materials": {"m": {"friction": 0.3}},
+            "method": "partitioned",
+            "bodies": [floor, *crowd],
+            "tool": tool,
+        }
+    )
     assert attempt(scene, 0.002).simulation.counters.left_out > 0
 
 

@@ -9,14 +9,15 @@ import typer
 import yaml
 from typer.testing import CliRunner
 
-from haptic_device import operating
+from haptic_device import controller_config
+from haptic_device.analysis.bag_topics import Status
 from haptic_device.analysis.excitation import shakes, twists
 from haptic_device.analysis.identify import NAMES, Trace, identify, resolution_of, trace_of
-from haptic_device.analysis.recording import Status
-from haptic_device.device import Axis, Device, load_device, plant_of
-from haptic_device.law import engage, operator, plant, servo
+from haptic_device.control import enable_state, servo
+from haptic_device.description import Axis, Device, load_device
+from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
-from haptic_device.runtime import loop
+from haptic_device.realtime import servo_loop
 from haptic_sim.cli.identify import identify as command
 from haptic_sim.cli.identify import write
 from haptic_sim.cli.shaking import shake_handle, unbroken
@@ -25,9 +26,13 @@ from haptic_sim.cli.tuning import refuse_other_device
 
 @pytest.mark.parametrize(
     "name, damping, described, ours",
-    [("desktop", "3, 3, 0.004", True, True), ("desktop", "3, 3, 0.003", True, False),
-     ("desktop", "2", False, True), ("mine", "3, 3, 0.004", False, False)],
-)  # fmt: skip
+    [
+        ("desktop", "3, 3, 0.004", True, True),
+        ("desktop", "3, 3, 0.003", True, False),
+        ("desktop", "2", False, True),
+        ("mine", "3, 3, 0.004", False, False),
+    ],
+)
 def test_a_driver_of_another_device_is_refused_by_name_and_where_damping_is_described_by_that(
     name, damping, described, ours
 ):
@@ -45,9 +50,17 @@ def test_a_driver_of_another_device_is_refused_by_name_and_where_damping_is_desc
 
 def axis(mass, damping, coulomb, step, sign=1):
     return Axis(
-        name="x", counts_per_unit=1.0 / step, motor_limit=15.0, workspace=(-0.12, 0.12), velocity_limit=3.0,
-        mass=mass, damping=damping, coulomb=coulomb, encoder_sign=sign, motor_sign=sign,
-    )  # fmt: skip
+        name="x",
+        counts_per_unit=1.0 / step,
+        motor_limit=15.0,
+        workspace=(-0.12, 0.12),
+        velocity_limit=3.0,
+        mass=mass,
+        damping=damping,
+        coulomb=coulomb,
+        encoder_sign=sign,
+        motor_sign=sign,
+    )
 
 
 @functools.cache
@@ -60,18 +73,18 @@ def shaken(mass=0.1, damping=3.0, coulomb=0.02, step=5e-6, rate=2000.0, sensing=
     values = {p.name: p.default for p in OPERATING_POINT}
     values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
     memory = np.zeros(1, servo.MEMORY).view(np.recarray)
-    memory.state, memory.engage = engage.ENGAGED, 1.0
-    body, state = plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
-    motion = operator.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
-    tool, blocks, first = np.zeros(1, loop.TOOL).view(np.recarray), [], 0
+    memory.state, memory.engage = enable_state.ENGAGED, 1.0
+    body, state = loopback_config.plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
+    motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
+    tool, blocks, first = np.zeros(1, servo_loop.TOOL).view(np.recarray), [], 0
     period, plan = round(1e9 / rate), shakes((0.0,), force, 1.0, 1.0 / rate)
     while first < 3.0 * rate:
         shake = next(plan)
         values |= {f"wall.{name}": getattr(shake, name) for name in ("normals", "offsets", "stiffness", "damping")}
-        settings, rows = operating.settings_from(told, values).view(np.recarray), round(shake.seconds * rate)
+        settings, rows = controller_config.settings_from(told, values).view(np.recarray), round(shake.seconds * rate)
         rows = np.zeros(rows, servo.TICK).view(np.recarray)
-        at = (first * period, first, 30_000, engage.ENABLE)
-        loop.run_lockstep(settings, memory, rows, tool, body, state, motion, *at)
+        at = (first * period, first, 30_000, enable_state.ENABLE)
+        simulated_device.run_lockstep(settings, memory, rows, tool, body, state, motion, *at)
         blocks.append(np.asarray(rows))
         first += len(rows)
     return np.concatenate(blocks)
@@ -115,20 +128,20 @@ def twisted(inertia=2e-4, damping=0.006, coulomb=3e-4, rate=2000.0, torque=0.05)
     values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0, "exchange.hold": 2.0}
     values |= {"coupling.rotational_damping": 0.0}
     memory = np.zeros(1, servo.MEMORY).view(np.recarray)
-    memory.state, memory.engage = engage.ENGAGED, 1.0
-    body, state = plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
-    motion = operator.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
-    tool, blocks, first, period = np.zeros(1, loop.TOOL).view(np.recarray), [], 0, round(1e9 / rate)
+    memory.state, memory.engage = enable_state.ENGAGED, 1.0
+    body, state = loopback_config.plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
+    motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
+    tool, blocks, first, period = np.zeros(1, servo_loop.TOOL).view(np.recarray), [], 0, round(1e9 / rate)
     tool.sequence, plan = 1.0, twists(0.0, torque, 2.0, told.axes[2].damping, told.axes[2].mass, 1.0 / rate)
     for dwell in np.random.default_rng(3).uniform(0.03, 0.15, 40):
         twist = next(plan)
         values["coupling.rotational_stiffness"] = twist.stiffness
-        settings, rows = operating.settings_from(told, values).view(np.recarray), round(dwell * rate)
+        settings, rows = controller_config.settings_from(told, values).view(np.recarray), round(dwell * rate)
         rows = np.zeros(rows, servo.TICK).view(np.recarray)
         tool.sent, angle = first * period, state.position[0, 2]
         tool.position[0, 2] = min(angle + twist.leash, max(angle - twist.leash, twist.angle))
-        at = (first * period, first, 30_000, engage.ENABLE)
-        loop.run_lockstep(settings, memory, rows, tool, body, state, motion, *at)
+        at = (first * period, first, 30_000, enable_state.ENABLE)
+        simulated_device.run_lockstep(settings, memory, rows, tool, body, state, motion, *at)
         blocks.append(np.asarray(rows))
         first += len(rows)
     return np.concatenate(blocks)

@@ -8,8 +8,9 @@ from bench.methods import insertion as peg
 GAIN = 2.0  # N m/rad
 
 
-@pytest.mark.parametrize(("insertion", "expected"), [(0.005, 11.89), (0.02, 163.93), (0.05, 769.23), (0.1, 2000.0),
-                                                     (0.2, 4000.0)])
+@pytest.mark.parametrize(
+    ("insertion", "expected"), [(0.005, 11.89), (0.02, 163.93), (0.05, 769.23), (0.1, 2000.0), (0.2, 4000.0)]
+)
 def test_apparent_stiffness_has_the_closed_form_of_two_contacts(insertion, expected):
     ratio = peg.HEIGHT / insertion
     assert peg.apparent_stiffness(insertion) == pytest.approx(1e4 / ((1 + ratio) ** 2 + ratio**2), rel=1e-12)

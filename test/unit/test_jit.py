@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from haptic_device import jit
-from haptic_device.law import servo
+from haptic_device.control import servo
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -42,10 +42,10 @@ def tree(tmp_path):
 ASK = """
     import numpy as np
     from haptic_device import jit
-    from haptic_device.runtime import zwidth_cell
-    setup = np.zeros(1, zwidth_cell.CELL)
+    from haptic_device.device import wall_tapping
+    setup = np.zeros(1, wall_tapping.CELL)
     setup["resolution"] = 1.0
-    reading = zwidth_cell._read(setup.view(np.recarray)[0], 6.2)  # by law/encoder.py, which is a part of it
+    reading = wall_tapping._read(setup.view(np.recarray)[0], 6.2)  # by control/velocity_estimator.py
     print(jit.__file__, jit.folder(), reading)
 """
 
@@ -55,7 +55,7 @@ def test_an_edited_law_is_compiled_anew_and_an_old_one_is_never_run(tree, tmp_pa
     before, _ = python(ASK, tree, **cache)
     assert before[0].startswith(str(tree)) and before[1].startswith(str(tmp_path / "cache")) and before[2] == "6.0"
     assert python(ASK, tree, **cache)[0] == before
-    law = tree / "haptic_device/law/encoder.py"
+    law = tree / "haptic_device/control/velocity_estimator.py"
     law.write_text(law.read_text().replace("return counts * position", "return 2.0 * counts * position"))
     after, _ = python(ASK, tree, **cache)
     assert after[1] != before[1] and after[2] == "12.0"
@@ -67,7 +67,7 @@ def test_whatever_a_kernel_may_be_made_of_changes_the_folder_and_a_command_or_a_
     for source in ("haptic_sim/cli/demo.py", "haptic_sim/viewer/desk.py", "haptic_sim/cli/main.py"):
         os.utime(tree / source, (1.0, 1.0))
     assert jit.digest() == before
-    for source in ("haptic_device/law/wall.py", "haptic_device/parameters.py", "haptic_sim/kernels.py"):
+    for source in ("haptic_device/control/virtual_wall.py", "haptic_device/parameters.py", "haptic_sim/kernels.py"):
         os.utime(tree / source, (1.0, 1.0))
         assert jit.digest() != before
         before = jit.digest()
@@ -93,20 +93,21 @@ def test_folders_of_old_sources_are_removed_and_the_own_one_stays(tmp_path):
 LOCKSTEP = """
     import numpy as np
     from lockstep_systems import device, values
-    from haptic_device import operating
-    from haptic_device.law import plant, servo
-    from haptic_device.runtime import loop
+    from haptic_device import controller_config
+    from haptic_device.control import servo
+    from haptic_device.device import loopback_config, simulated_device
+    from haptic_device.realtime import servo_loop
 
     described = device(1.0, 2e5, 0.02)
     wall = dict(wall__normals=(0.8, 0.6), wall__offsets=(0.0,), wall__stiffness=(4000.0,), wall__damping=(0.2,))
-    settings = operating.settings_from(described, values("haptic_driver", **wall, engage__time=0.01,
+    settings = controller_config.settings_from(described, values("haptic_driver", **wall, engage__time=0.01,
         coupling__stiffness=0.0, coupling__damping=0.0, cancellation__ratio=0.5))
-    body, memory, motion = operating.hand_from(described, values("haptic_loopback", motion__name="press_wall",
+    body, memory, motion = loopback_config.hand_from(described, values("haptic_loopback", motion__name="press_wall",
         motion__start=(-0.0002, 0.0, 0.0), motion__target=(-0.01, -0.005, 0.0), motion__duration=0.1))
     memory["time"] = start = 1_000_000_000
-    state, rows, tool = np.zeros(1, servo.MEMORY), np.zeros(100, servo.TICK), np.zeros(1, loop.TOOL)
+    state, rows, tool = np.zeros(1, servo.MEMORY), np.zeros(100, servo.TICK), np.zeros(1, servo_loop.TOOL)
     records = [array.view(np.recarray) for array in (settings, state, rows, tool, body, memory, motion)]
-    loop.run_lockstep(*records, start, 0, 5000, 1)
+    simulated_device.run_lockstep(*records, start, 0, 5000, 1)
     rows.tofile(OUT)
 """
 

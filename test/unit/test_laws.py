@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.law import coupling, encoder, engage, exchange, fault, kinematics, wall
+from haptic_device.control import (
+    enable_state,
+    exchange_samples,
+    faults,
+    kinematics,
+    velocity_estimator,
+    virtual_coupling,
+    virtual_wall,
+)
 
 number = st.floats(-100.0, 100.0)
 gain = st.floats(0.0, 1e4)
@@ -15,48 +23,50 @@ gain = st.floats(0.0, 1e4)
 
 @given(gain, gain, number, number)
 def test_spring_forces_on_handle_and_tool_are_equal_and_opposite(stiffness, limit, handle, tool):
-    on_handle = coupling.spring_force(stiffness, limit, tool - handle)
-    assert on_handle == -coupling.spring_force(stiffness, limit, handle - tool)
+    on_handle = virtual_coupling.spring_force(stiffness, limit, tool - handle)
+    assert on_handle == -virtual_coupling.spring_force(stiffness, limit, handle - tool)
 
 
 def test_the_spring_pulls_the_handle_towards_the_tool_and_no_harder_than_the_motor_holds():
-    assert coupling.spring_force(1000.0, 2.0, 0.001) == pytest.approx(1.0)
-    assert coupling.spring_force(1000.0, 2.0, 0.00201) == 2.0
-    assert coupling.spring_force(0.0, 2.0, 0.1) == 0.0
+    assert virtual_coupling.spring_force(1000.0, 2.0, 0.001) == pytest.approx(1.0)
+    assert virtual_coupling.spring_force(1000.0, 2.0, 0.00201) == 2.0
+    assert virtual_coupling.spring_force(0.0, 2.0, 0.1) == 0.0
 
 
 @given(gain, gain, st.floats(-0.1, 0.1), number)
 def test_a_wall_never_pulls_and_does_nothing_outside(stiffness, damping, depth, rate):
-    force = wall.wall_force(stiffness, damping, depth, rate)
+    force = virtual_wall.wall_force(stiffness, damping, depth, rate)
     assert force >= 0.0
     assert depth > 0.0 or force == 0.0
 
 
 def test_inside_a_wall_spring_and_damper_add_and_the_leaving_handle_is_not_held():
-    assert wall.wall_force(1000.0, 5.0, 0.002, 0.1) == pytest.approx(2.5)
-    assert wall.wall_force(1000.0, 5.0, 0.002, -0.3) == pytest.approx(0.5)
-    assert wall.wall_force(1000.0, 5.0, 0.002, -0.5) == 0.0
-    assert wall.wall_force(1000.0, 5.0, 0.0, 1.0) == 0.0
-    assert wall.wall_force(1000.0, 5.0, 1e-12, 1.0) > 5.0 - 1e-9
+    assert virtual_wall.wall_force(1000.0, 5.0, 0.002, 0.1) == pytest.approx(2.5)
+    assert virtual_wall.wall_force(1000.0, 5.0, 0.002, -0.3) == pytest.approx(0.5)
+    assert virtual_wall.wall_force(1000.0, 5.0, 0.002, -0.5) == 0.0
+    assert virtual_wall.wall_force(1000.0, 5.0, 0.0, 1.0) == 0.0
+    assert virtual_wall.wall_force(1000.0, 5.0, 1e-12, 1.0) > 5.0 - 1e-9
 
 
 @given(st.floats(0.0, 2 * math.pi), st.floats(-1.0, 1.0), number, number)
 def test_depth_in_a_wall_is_the_way_back_along_its_normal(angle, offset, x, y):
     nx, ny = math.cos(angle), math.sin(angle)
-    depth = wall.wall_depth(nx, ny, offset, x, y)
-    assert abs(wall.wall_depth(nx, ny, offset, x + depth * nx, y + depth * ny)) < 1e-9
+    depth = virtual_wall.wall_depth(nx, ny, offset, x, y)
+    assert abs(virtual_wall.wall_depth(nx, ny, offset, x + depth * nx, y + depth * ny)) < 1e-9
 
 
 def test_a_walls_force_is_minus_the_slope_of_its_store():
     step = 1e-6
     for depth in (-0.01, 0.003):
-        slope = (wall.wall_store(800.0, depth + step) - wall.wall_store(800.0, depth - step)) / (2 * step)
-        assert slope == pytest.approx(wall.wall_force(800.0, 0.0, depth, 0.0), abs=1e-6)
+        slope = (virtual_wall.wall_store(800.0, depth + step) - virtual_wall.wall_store(800.0, depth - step)) / (
+            2 * step
+        )
+        assert slope == pytest.approx(virtual_wall.wall_force(800.0, 0.0, depth, 0.0), abs=1e-6)
 
 
 @given(st.integers(-(2**31), 2**31), st.sampled_from([1.0, -1.0]), st.floats(1.0, 1e7), number)
 def test_counts_become_a_position_with_the_axis_sign_and_zero(counts, sign, per_unit, zero):
-    position = encoder.position_of(float(counts), sign / per_unit, zero)
+    position = velocity_estimator.position_of(float(counts), sign / per_unit, zero)
     assert position == pytest.approx(sign * counts / per_unit - zero, rel=1e-12, abs=1e-9)
 
 
@@ -80,7 +90,7 @@ HOLD, FADE, PERIOD = 0.06, 0.14, 0.001
 
 def test_a_tool_sample_counts_in_full_up_to_the_hold_and_not_at_all_beyond_the_fade():
     def after(age):
-        return exchange.fade_factor(1.0, age, PERIOD, HOLD, FADE)
+        return exchange_samples.fade_factor(1.0, age, PERIOD, HOLD, FADE)
 
     assert after(0.0) == after(HOLD - 1e-9) == 1.0
     assert after(HOLD + 1e-3 * FADE) == pytest.approx(0.999)
@@ -92,65 +102,65 @@ def test_a_tool_sample_counts_in_full_up_to_the_hold_and_not_at_all_beyond_the_f
 
 @given(st.floats(0.0, 1.0), st.floats(-1.0, 1.0))
 def test_a_returning_tool_gets_its_force_back_no_faster_than_it_fades(factor, age):
-    following = exchange.fade_factor(factor, age, PERIOD, HOLD, FADE)
+    following = exchange_samples.fade_factor(factor, age, PERIOD, HOLD, FADE)
     assert 0.0 <= following <= min(1.0, factor + PERIOD / FADE + 1e-15)
 
 
 def test_a_fresh_tool_has_its_full_force_after_the_fade_time_and_not_before():
     factor, ticks = 0.0, 0
     while factor < 1.0:
-        factor, ticks = exchange.fade_factor(factor, 0.0, PERIOD, HOLD, FADE), ticks + 1
+        factor, ticks = exchange_samples.fade_factor(factor, 0.0, PERIOD, HOLD, FADE), ticks + 1
     assert ticks in (round(FADE / PERIOD), round(FADE / PERIOD) + 1)
 
 
 def test_engaging_waits_for_a_small_wanted_force_and_then_lasts_until_disabled_or_faulted():
     def following(state, small, factor=0.0, enabled=True, faulted=False):
-        return engage.engage_state(state, enabled, faulted, small, factor)
+        return enable_state.engage_state(state, enabled, faulted, small, factor)
 
-    assert following(engage.IDLE, True) == engage.WAITING
-    assert following(engage.WAITING, False) == engage.WAITING
-    assert following(engage.WAITING, True) == engage.ENGAGING
-    assert following(engage.ENGAGING, False, 0.999) == engage.ENGAGING
-    assert following(engage.ENGAGING, False, 1.0) == engage.ENGAGED
-    for state in range(len(engage.STATES)):
-        assert following(state, True, 1.0, faulted=True) == engage.FAULT
-        assert following(state, True, 1.0, enabled=False) == engage.IDLE
-    assert following(engage.FAULT, True, 1.0) == engage.WAITING
+    assert following(enable_state.IDLE, True) == enable_state.WAITING
+    assert following(enable_state.WAITING, False) == enable_state.WAITING
+    assert following(enable_state.WAITING, True) == enable_state.ENGAGING
+    assert following(enable_state.ENGAGING, False, 0.999) == enable_state.ENGAGING
+    assert following(enable_state.ENGAGING, False, 1.0) == enable_state.ENGAGED
+    for state in range(len(enable_state.STATES)):
+        assert following(state, True, 1.0, faulted=True) == enable_state.FAULT
+        assert following(state, True, 1.0, enabled=False) == enable_state.IDLE
+    assert following(enable_state.FAULT, True, 1.0) == enable_state.WAITING
 
 
 def test_forces_rise_evenly_over_the_engage_time_and_fall_at_once():
     factor, rises = 0.0, []
     for _ in range(10):
-        factor = engage.engage_factor(engage.ENGAGING, factor, 0.001, 0.008)
+        factor = enable_state.engage_factor(enable_state.ENGAGING, factor, 0.001, 0.008)
         rises.append(factor)
     assert rises[:8] == pytest.approx([(k + 1) / 8 for k in range(8)])
     assert rises[8:] == [1.0, 1.0]
-    for state in (engage.IDLE, engage.WAITING, engage.FAULT):
-        assert engage.engage_factor(state, 1.0, 0.001, 0.008) == 0.0
+    for state in (enable_state.IDLE, enable_state.WAITING, enable_state.FAULT):
+        assert enable_state.engage_factor(state, 1.0, 0.001, 0.008) == 0.0
 
 
 def motion(position=0.0, velocity=0.0, displacement=0.0, elapsed=0.001):
-    return fault.motion_fault(position, velocity, -0.1, 0.2, 3.0, displacement, elapsed)
+    return faults.motion_fault(position, velocity, -0.1, 0.2, 3.0, displacement, elapsed)
 
 
 def test_workspace_velocity_and_jump_are_faults_just_outside_their_limits_and_fine_just_inside():
     inside, outside = 1.0 - 1e-9, 1.0 + 1e-9
-    assert motion(-0.1 * inside) == motion(0.2 * inside) == fault.NONE
-    assert motion(-0.1 * outside) == motion(0.2 * outside) == fault.POSITION
-    assert motion(velocity=3.0 * inside) == motion(velocity=-3.0 * inside) == fault.NONE
-    assert motion(velocity=3.0 * outside) == motion(velocity=-3.0 * outside) == fault.VELOCITY
-    assert motion(displacement=0.006 * inside) == fault.NONE
-    assert motion(displacement=0.006 * outside) == motion(displacement=-0.006 * outside) == fault.ENCODER_JUMP
-    assert motion(displacement=1.0, elapsed=0.0) == fault.NONE
+    assert motion(-0.1 * inside) == motion(0.2 * inside) == faults.NONE
+    assert motion(-0.1 * outside) == motion(0.2 * outside) == faults.POSITION
+    assert motion(velocity=3.0 * inside) == motion(velocity=-3.0 * inside) == faults.NONE
+    assert motion(velocity=3.0 * outside) == motion(velocity=-3.0 * outside) == faults.VELOCITY
+    assert motion(displacement=0.006 * inside) == faults.NONE
+    assert motion(displacement=0.006 * outside) == motion(displacement=-0.006 * outside) == faults.ENCODER_JUMP
+    assert motion(displacement=1.0, elapsed=0.0) == faults.NONE
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
 def test_a_motion_that_is_not_a_number_is_a_fault(value):
-    assert motion(position=value) == motion(velocity=value) == fault.NOT_A_NUMBER
+    assert motion(position=value) == motion(velocity=value) == faults.NOT_A_NUMBER
 
 
 def test_the_fault_table_names_each_code_once_and_says_how_to_clear_it():
-    assert sorted(entry.code for entry in fault.TABLE) == list(range(1, len(fault.TABLE) + 1))
-    assert len({entry.name for entry in fault.TABLE}) == len(fault.TABLE)
-    assert all("~/reset" in entry.clear and entry.cause and "zero" in entry.motor for entry in fault.TABLE)
-    assert fault.name_of(fault.NONE) == "" and fault.name_of(fault.ESTOP) == "estop"
+    assert sorted(entry.code for entry in faults.TABLE) == list(range(1, len(faults.TABLE) + 1))
+    assert len({entry.name for entry in faults.TABLE}) == len(faults.TABLE)
+    assert all("~/reset" in entry.clear and entry.cause and "zero" in entry.motor for entry in faults.TABLE)
+    assert faults.name_of(faults.NONE) == "" and faults.name_of(faults.ESTOP) == "estop"

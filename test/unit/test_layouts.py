@@ -8,15 +8,18 @@ from xml.etree import ElementTree
 
 import yaml
 
-from haptic_device.node.recorder import KNOWN
-from haptic_device.node.wire import AXES, exchange_names, truth_names
+from haptic_device.nodes.messages import AXES, exchange_names, truth_names
+from haptic_device.nodes.recorder import KNOWN
 from haptic_sim.node.showing import FRAME
 
 LAYOUTS = Path(__file__).parents[2] / "config" / "layouts"
 NAMES = {
-    "encoder": AXES, "motor": AXES, "handle": exchange_names(3), "tool": exchange_names(3),
+    "encoder": AXES,
+    "motor": AXES,
+    "handle": exchange_names(3),
+    "tool": exchange_names(3),
     "operator/state": truth_names(3),
-}  # fmt: skip
+}
 OWN = {"/haptic/markers"}  # of the viewer, not recorded by name
 
 

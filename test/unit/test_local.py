@@ -10,10 +10,10 @@ from exchange_systems import demo_system, one_axis
 from adversary import exchange_search as adversary
 from bench.exchange import felt as local_felt
 from bench.exchange.felt import FINE, NETWORKS, compare
-from haptic_device.law import contact, local, servo
-from haptic_device.node import wire
+from haptic_device.control import contact_model, servo, virtual_tool
+from haptic_device.nodes import messages
+from haptic_device.realtime import tick_replay
 from haptic_device.recording.writer import Bag
-from haptic_device.runtime import recompute
 from haptic_sim.cli.replay import replay
 from haptic_sim.lockstep import Network
 from haptic_sim.scene import load, parse
@@ -23,12 +23,21 @@ BUDGET = 0.005  # [J]
 PRESS = {"start": (0.03, 0.0, 0.0), "target": (0.005, 0.0, 0.0), "duration": 1.5}
 
 
-TILES = parse({  # two corners of each of nine meet the tool's face at once
-    "name": "tiles", "motion": {"name": "press_wall", **PRESS},
-    "bodies": [{"name": "wall", "fixed": True, "shapes": [
-        {"box": {"size": [0.01, 0.004], "center": [-0.005, 0.004 * k]}} for k in range(-4, 5)]}],
-    "tool": {"mass": 0.1, "pose": [0.03, 0.0, 0.0], "shapes": [{"box": {"size": [0.02, 0.04]}}]},
-}, "tiles")  # fmt: skip
+TILES = parse(
+    {  # two corners of each of nine meet the tool's face at once
+        "name": "tiles",
+        "motion": {"name": "press_wall", **PRESS},
+        "bodies": [
+            {
+                "name": "wall",
+                "fixed": True,
+                "shapes": [{"box": {"size": [0.01, 0.004], "center": [-0.005, 0.004 * k]}} for k in range(-4, 5)],
+            }
+        ],
+        "tool": {"mass": 0.1, "pose": [0.03, 0.0, 0.0], "shapes": [{"box": {"size": [0.02, 0.04]}}]},
+    },
+    "tiles",
+)
 
 
 def pressed(network, **given):
@@ -127,10 +136,14 @@ def test_a_task_is_felt_as_with_the_world_in_the_same_tick(scene, network):
     assert found["fallbacks"] == 0 and found["local"] > 0.98 and found["given"] <= BUDGET
 
 
-@pytest.mark.parametrize("axis, velocity", [
-    (FINE, {}), (None, {"velocity.estimator": "lowpass"}),
-    (None, {"velocity.estimator": "adaptive_window", "coupling.damping": 1.0}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "axis, velocity",
+    [
+        (FINE, {}),
+        (None, {"velocity.estimator": "lowpass"}),
+        (None, {"velocity.estimator": "adaptive_window", "coupling.damping": 1.0}),
+    ],
+)
 def test_a_peg_with_50_um_of_play_goes_in_without_chatter_if_velocity_is_finer_than_a_step_in_a_tick(
     axis, velocity, monkeypatch
 ):
@@ -140,11 +153,17 @@ def test_a_peg_with_50_um_of_play_goes_in_without_chatter_if_velocity_is_finer_t
     scene, wider = load("peg_in_hole"), 0.5 * (5e-5 - 2e-4)
     hole = scene.bodies[0]
     shapes = tuple(
-        shape.model_copy(update={"vertices": tuple(
-            (x + wider * math.copysign(1.0, x) if abs(x) < 0.05 else x, y) for x, y in shape.vertices)})
-        if shape.vertices else shape
+        shape.model_copy(
+            update={
+                "vertices": tuple(
+                    (x + wider * math.copysign(1.0, x) if abs(x) < 0.05 else x, y) for x, y in shape.vertices
+                )
+            }
+        )
+        if shape.vertices
+        else shape
         for shape in hole.shapes
-    )  # fmt: skip
+    )
     hole = hole.model_copy(update={"shapes": shapes})
     assert hole.shapes[0].vertices[1][0] == pytest.approx(-0.010025)
     found = compare(scene.model_copy(update={"bodies": (hole,)}), *NETWORKS["1 kHz"], axis=axis)
@@ -194,21 +213,21 @@ def test_the_books_never_credit_what_contacts_said_beyond_the_truth():
 
 
 def test_a_set_of_contacts_keeps_the_modes_of_those_that_were_there():
-    memory, new = np.zeros(1, servo.MEMORY), np.zeros(1, contact.SET)
-    new["table"][0, 0, contact.IDENTITY], new["table"][0, 3, contact.IDENTITY] = 5.0, 6.0
-    local.take(memory[0], new[0])
+    memory, new = np.zeros(1, servo.MEMORY), np.zeros(1, contact_model.SET)
+    new["table"][0, 0, contact_model.IDENTITY], new["table"][0, 3, contact_model.IDENTITY] = 5.0, 6.0
+    virtual_tool.take(memory[0], new[0])
     memory["rows"][0, 0, 11] = memory["rows"][0, 3, 11] = 1.0
-    new["table"][0, 3, contact.IDENTITY] = 7.0
-    local.take(memory[0], new[0])
+    new["table"][0, 3, contact_model.IDENTITY] = 7.0
+    virtual_tool.take(memory[0], new[0])
     assert memory["rows"][0, 0, 11] == 1.0 and memory["rows"][0, 3, 11] == 0.0
 
 
 def points_of(sets):
     """What `local_contacts` carries of these sets."""
-    points = np.zeros((len(sets), contact.MOST), wire.NEAR)
-    for name in contact.COMMON:
+    points = np.zeros((len(sets), contact_model.MOST), messages.NEAR)
+    for name in contact_model.COMMON:
         points[name] = sets[name][:, None]
-    for place, name in enumerate(contact.EACH):
+    for place, name in enumerate(contact_model.EACH):
         points[name] = sets["table"][:, :, place]
     points["answered"] = sets["number"][:, None]
     return points.ravel()
@@ -219,14 +238,14 @@ def written(folder, **topics):
     bag = Bag(folder)
     for topic, records in topics.items():
         channel = bag.add_topic(f"/haptic/{topic}", "sensor_msgs/msg/PointCloud2", [])
-        bag.write(channel, wire.CloudLayout(records.dtype).pack(0, records), 1, 1, 1)
+        bag.write(channel, messages.CloudLayout(records.dtype).pack(0, records), 1, 1, 1)
     bag.close({})
     return folder
 
 
 def test_the_ticks_of_a_bag_are_computed_again_with_the_contacts_in_it_and_not_without(tmp_path, capsys):
     system = demo_system("local", "wall", Network(1e-3), PRESS)
-    topics = {"snapshot": recompute.snapshot_of(-1, system.settings[0], system.memory[0])}
+    topics = {"snapshot": tick_replay.snapshot_of(-1, system.settings[0], system.memory[0])}
     rows, sets = zip(*((system.run(250e-6), system.near.copy()) for _ in range(4000)), strict=True)
     topics["trace"] = np.concatenate(rows)
     assert topics["trace"]["local"][-1] == 1.0 and topics["trace"]["force_coupling"][-1, 0] > 1.0

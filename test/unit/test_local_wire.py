@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from fault_injection.flood import mutated
-from haptic_device.law import contact
-from haptic_device.law import exchange as law
-from haptic_device.node import wire
-from haptic_device.runtime import exchange, mailbox
+from haptic_device.control import contact_model
+from haptic_device.control import exchange_samples as law
+from haptic_device.nodes import messages
+from haptic_device.realtime import exchange_step, seqlock
 from haptic_sim.node.port import Port, Question
 from haptic_sim.simulation import HandleSample
 
@@ -22,22 +22,24 @@ class Driver:
     """The driver's end: a session that has asked five times, and knows its simulation."""
 
     def __init__(self, peer):
-        self.frame = exchange.make_near_frame(*wire.CloudLayout(wire.NEAR).fixed(contact.MOST))
-        self.state, self.watch = np.zeros(1, exchange.STATE), np.zeros(exchange.WATCHES, np.int64)
+        self.frame = exchange_step.make_near_frame(*messages.CloudLayout(messages.NEAR).fixed(contact_model.MOST))
+        self.state, self.watch = np.zeros(1, exchange_step.STATE), np.zeros(exchange_step.WATCHES, np.int64)
         self.state["session"], self.state["sequence"], self.state["peer_session"] = SESSION, 5.0, peer
         self.state["sent"][0, 3] = 123
-        self.near, self.mail = np.zeros(1, contact.SET), mailbox.Mailbox(contact.SET)
+        self.near, self.mail = np.zeros(1, contact_model.SET), seqlock.Mailbox(contact_model.SET)
 
     def take(self, data):
         self.frame.incoming[: len(data)] = np.frombuffer(data, np.uint8)[: len(self.frame.incoming)]
-        return exchange.take_in_contacts(self.frame, len(data), self.state[0], self.watch, self.near, self.mail.words)
+        return exchange_step.take_in_contacts(
+            self.frame, len(data), self.state[0], self.watch, self.near, self.mail.words
+        )
 
 
 def packed(port, answers=3.0, session=SESSION, **given):
-    table = np.zeros((contact.MOST, len(contact.EACH)))
-    table[2, [contact.IDENTITY, contact.KIND, contact.NORMAL_X]] = 4.0, contact.FLAT_THERE, 1.0
+    table = np.zeros((contact_model.MOST, len(contact_model.EACH)))
+    table[2, [contact_model.IDENTITY, contact_model.KIND, contact_model.NORMAL_X]] = 4.0, contact_model.FLAT_THERE, 1.0
     for name, value in given.items():
-        table[2, contact.EACH.index(name)] = value
+        table[2, contact_model.EACH.index(name)] = value
     tail = [0.0] * len(law.TAIL)
     tail[law.SESSION], tail[law.SEQUENCE] = session, answers
     handle = HandleSample(10**9, (0.0,) * 3, (0.0,) * 3, 1.0, 1.0, 1.0, 1.0)
@@ -52,10 +54,10 @@ def ends():
 
 def test_what_is_packed_arrives_with_the_time_of_the_sample_it_answers(ends):
     port, driver = ends
-    assert driver.take(packed(port)) == contact.ACCEPTED
+    assert driver.take(packed(port)) == contact_model.ACCEPTED
     found = driver.mail.get()[0]
     assert (found.number, found.sent, found.trust, found.mass, found.tool_pose_x) == (3.0, 123.0, 0.5, 0.1, 0.2)
-    assert found.table[2, contact.IDENTITY] == 4.0 and found.table[2, contact.NORMAL_X] == 1.0
+    assert found.table[2, contact_model.IDENTITY] == 4.0 and found.table[2, contact_model.NORMAL_X] == 1.0
 
 
 def test_a_set_has_the_length_at_which_it_arrives(ends):
@@ -66,16 +68,16 @@ def test_a_set_has_the_length_at_which_it_arrives(ends):
 
 def test_late_repeated_foreign_and_nonsensical_sets_are_refused_and_counted(ends):
     port, driver = ends
-    assert driver.take(packed(port)) == contact.ACCEPTED
-    assert driver.take(packed(port)) == contact.OLD
-    assert driver.take(packed(port, 2.0)) == contact.OLD
-    assert driver.take(packed(port, 6.0)) == contact.NOT_MINE
-    assert driver.take(packed(port, 4.0, OTHER)) == contact.NOT_MINE
-    assert driver.take(packed(Port((0.0,) * 3, "local"), 4.0)) == contact.OTHER_SENDER
-    assert driver.take(packed(port, 4.0, normal_x=0.5)) == contact.NOT_A_CONTACT
-    assert driver.take(packed(port, 4.0, gap=np.nan)) == contact.NOT_FINITE
-    assert driver.take(packed(port, 4.0)[:-8]) == contact.OTHER_LAYOUT
-    assert driver.watch[exchange.SEEN] == 1 and driver.watch[exchange.UNSEEN :].sum() == 8
+    assert driver.take(packed(port)) == contact_model.ACCEPTED
+    assert driver.take(packed(port)) == contact_model.OLD
+    assert driver.take(packed(port, 2.0)) == contact_model.OLD
+    assert driver.take(packed(port, 6.0)) == contact_model.NOT_MINE
+    assert driver.take(packed(port, 4.0, OTHER)) == contact_model.NOT_MINE
+    assert driver.take(packed(Port((0.0,) * 3, "local"), 4.0)) == contact_model.OTHER_SENDER
+    assert driver.take(packed(port, 4.0, normal_x=0.5)) == contact_model.NOT_A_CONTACT
+    assert driver.take(packed(port, 4.0, gap=np.nan)) == contact_model.NOT_FINITE
+    assert driver.take(packed(port, 4.0)[:-8]) == contact_model.OTHER_LAYOUT
+    assert driver.watch[exchange_step.SEEN] == 1 and driver.watch[exchange_step.UNSEEN :].sum() == 8
     assert driver.mail.get()[0].number == 3.0
 
 
@@ -94,5 +96,5 @@ def test_contacts_of_a_scene_that_was_left_are_refused(ends):
     port, driver = ends
     old = packed(port, 4.0)
     port.scene = 1
-    assert driver.take(packed(port)) == contact.ACCEPTED
-    assert driver.take(old) == contact.OTHER_SCENE
+    assert driver.take(packed(port)) == contact_model.ACCEPTED
+    assert driver.take(old) == contact_model.OTHER_SCENE

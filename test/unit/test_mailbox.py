@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_device.jit import kernel
-from haptic_device.runtime import atomic, mailbox
+from haptic_device.realtime import atomic, seqlock
 
 PAIR = np.dtype([("a", "f8"), ("b", "f8", (5,))])
 LONG = 40  # words: a copy takes long enough to be met half way
@@ -109,7 +109,7 @@ def test_a_reader_does_not_wait_for_a_writer_that_died_half_way_and_a_new_writer
 
 
 def test_a_mailbox_whose_writer_died_half_way_gives_the_record_before():
-    box, record = mailbox.Mailbox(PAIR), np.ones(1, PAIR)
+    box, record = seqlock.Mailbox(PAIR), np.ones(1, PAIR)
     box.put(record)
     assert box.get()[0].a == 1.0
     box.words[0] |= 1
@@ -118,7 +118,7 @@ def test_a_mailbox_whose_writer_died_half_way_gives_the_record_before():
 
 
 def test_a_mailbox_gives_the_latest_record_again_and_again_and_zeros_before_the_first():
-    box, record = mailbox.Mailbox(PAIR), np.zeros(1, PAIR)
+    box, record = seqlock.Mailbox(PAIR), np.zeros(1, PAIR)
     assert box.get()[0].a == 0.0
     for value in (1.0, 2.0):
         record["a"], record["b"] = value, np.arange(5) * value
@@ -129,17 +129,17 @@ def test_a_mailbox_gives_the_latest_record_again_and_again_and_zeros_before_the_
 
 def push(ring, value):
     """Writes one row as the servo does; whether it found a place."""
-    slot = mailbox.ring_slot(ring.words, ring.size)
+    slot = seqlock.ring_slot(ring.words, ring.size)
     ring.rows["a"][slot] = value  # −1 is the spare row
     if slot >= 0:
-        mailbox.ring_push(ring.words)
+        seqlock.ring_push(ring.words)
     return slot >= 0
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(1, 7), st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), max_size=20))
 def test_a_ring_hands_over_every_row_once_and_in_order_and_counts_the_ones_it_had_to_drop(size, turns):
-    ring, kept, taken, number = mailbox.Ring(PAIR, size), [], [], 0
+    ring, kept, taken, number = seqlock.Ring(PAIR, size), [], [], 0
     for pushes, most in turns:
         for _ in range(pushes):
             number += 1
@@ -152,7 +152,7 @@ def test_a_ring_hands_over_every_row_once_and_in_order_and_counts_the_ones_it_ha
 
 
 def test_a_full_ring_drops_the_new_row_and_goes_on_when_there_is_room():
-    ring = mailbox.Ring(PAIR, 3)
+    ring = seqlock.Ring(PAIR, 3)
     assert [push(ring, value) for value in (1, 2, 3, 4)] == [True, True, True, False]
     assert ring.take(1)["a"].tolist() == [1.0]
     assert push(ring, 5)

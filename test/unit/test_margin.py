@@ -8,28 +8,31 @@ from hypothesis import strategies as st
 from lockstep_systems import device, values
 
 from adversary.switching import switched_cancellation_damping
-from haptic_device import operating
+from haptic_device import controller_config, gain_check
 from haptic_device.analysis import closed_forms
-from haptic_device.law import passivity
+from haptic_device.control import passivity
 
 NO_COUPLING = {"coupling__stiffness": 0.0, "coupling__damping": 0.0}
 
 
 def settings(physical_damping=0.8, scale=(1.0, 1.0), **driver):
-    return operating.settings_from(device(physical_damping, scale=scale), values("haptic_driver", **driver))[0]
+    return controller_config.settings_from(device(physical_damping, scale=scale), values("haptic_driver", **driver))[0]
 
 
 def walls(stiffness, damping, *angles):
     count = len(angles)
     normals = np.array([[np.cos(a), np.sin(a)] for a in np.radians(angles)]).ravel()
     return {
-        "wall__normals": tuple(normals), "wall__offsets": (0.0,) * count, "wall__stiffness": (stiffness,) * count,
-        "wall__damping": (damping,) * count, **NO_COUPLING,
-    }  # fmt: skip
+        "wall__normals": tuple(normals),
+        "wall__offsets": (0.0,) * count,
+        "wall__stiffness": (stiffness,) * count,
+        "wall__damping": (damping,) * count,
+        **NO_COUPLING,
+    }
 
 
 def test_refusal_names_the_wall_its_need_what_the_device_has_and_the_largest_stiffness():
-    assert operating.refusal(settings(**walls(12000.0, 0.05, 90.0))) == (
+    assert gain_check.refusal(settings(**walls(12000.0, 0.05, 90.0))) == (
         "wall.stiffness 12000 N/m with damping 0.05 N s/m needs b > 1.55 N s/m at T = 0.25 ms; "
         "the device has 0.8: at most 6000 N/m"
     )
@@ -37,29 +40,29 @@ def test_refusal_names_the_wall_its_need_what_the_device_has_and_the_largest_sti
 
 def test_a_wall_that_leans_by_rounding_towards_an_axis_that_is_not_there_is_refused_as_one_that_does_not():
     lean = values("haptic_driver", **walls(12000.0, 0.05, 180.0))  # sin 180° is 1.2e-16 here
-    assert operating.refusal(operating.settings_from(device(0.8, axes=1), lean)[0]).endswith(
+    assert gain_check.refusal(controller_config.settings_from(device(0.8, axes=1), lean)[0]).endswith(
         "the device has 0.8: at most 6000 N/m"
     )
 
 
 def test_gains_just_within_the_damping_are_taken_and_just_beyond_refused():
     for angle in (0.0, 30.0, 90.0, 200.0):
-        assert operating.refusal(settings(**walls(5999.0, 0.05, angle))) == ""
-        assert operating.refusal(settings(**walls(6001.0, 0.05, angle))) != ""
+        assert gain_check.refusal(settings(**walls(5999.0, 0.05, angle))) == ""
+        assert gain_check.refusal(settings(**walls(6001.0, 0.05, angle))) != ""
 
 
 def test_two_walls_of_one_direction_add_up_and_square_ones_do_not():
-    assert operating.refusal(settings(**walls(3500.0, 0.05, 90.0, 90.0))) != ""
-    assert operating.refusal(settings(**walls(2700.0, 0.05, 90.0, 90.0))) == ""
-    assert operating.refusal(settings(**walls(5900.0, 0.05, 0.0, 90.0))) == ""
+    assert gain_check.refusal(settings(**walls(3500.0, 0.05, 90.0, 90.0))) != ""
+    assert gain_check.refusal(settings(**walls(2700.0, 0.05, 90.0, 90.0))) == ""
+    assert gain_check.refusal(settings(**walls(5900.0, 0.05, 0.0, 90.0))) == ""
 
 
 def test_what_is_cancelled_counts_where_the_device_has_its_damping_and_with_no_tool_too():
     for scale in (0.5, 1.0, 2.0):
         cancelled = settings(scale=(scale, scale), cancellation__ratio=0.5, **NO_COUPLING)
-        assert operating.margins(cancelled, 0.0)[0][0] == pytest.approx(0.8 * 0.5)
+        assert gain_check.margins(cancelled, 0.0)[0][0] == pytest.approx(0.8 * 0.5)
     windows = {"velocity__estimator": "adaptive_window", "velocity__window": 8, "coupling__stiffness": 0.0}
-    assert "cancellation.ratio 0.9 (twice" in operating.refusal(
+    assert "cancellation.ratio 0.9 (twice" in gain_check.refusal(
         settings(coupling__damping=0.35, cancellation__ratio=0.9, **windows)
     )
 
@@ -67,34 +70,34 @@ def test_what_is_cancelled_counts_where_the_device_has_its_damping_and_with_no_t
 def test_gains_are_softer_only_if_they_need_no_more_in_any_direction():
     beyond = settings(**walls(12000.0, 0.05, 0.0))
     less = settings(**walls(11000.0, 0.05, 0.0))
-    assert operating.softer(beyond, beyond, 0.0) and operating.softer(less, beyond, 0.0)
+    assert gain_check.softer(beyond, beyond, 0.0) and gain_check.softer(less, beyond, 0.0)
     both = settings(**walls(12000.0, 0.05, 0.0, 90.0))
-    assert operating.margins(both, 0.0)[1] == pytest.approx(operating.margins(beyond, 0.0)[1])
-    assert not operating.softer(both, beyond, 0.0) and operating.softer(beyond, both, 0.0)
+    assert gain_check.margins(both, 0.0)[1] == pytest.approx(gain_check.margins(beyond, 0.0)[1])
+    assert not gain_check.softer(both, beyond, 0.0) and gain_check.softer(beyond, both, 0.0)
 
 
 def test_the_worst_direction_of_oblique_walls_counts():
     oblique = settings(**walls(4000.0, 0.0, 30.0, 60.0))
     expected = 0.8 - 0.5 * (1.0 + np.cos(np.radians(30.0)))
-    assert operating.margins(oblique, 0.0)[1] == pytest.approx(expected)
-    assert "together" in operating.refusal(oblique)
+    assert gain_check.margins(oblique, 0.0)[1] == pytest.approx(expected)
+    assert "together" in gain_check.refusal(oblique)
 
 
 def test_scaling_changes_the_felt_stiffness_by_its_square():
-    assert operating.refusal(settings(scale=(2.0, 1.0), **walls(1190.0, 0.05, 90.0))) == ""
-    assert "at most 1200" in operating.refusal(settings(scale=(2.0, 1.0), **walls(1210.0, 0.05, 90.0)))
+    assert gain_check.refusal(settings(scale=(2.0, 1.0), **walls(1190.0, 0.05, 90.0))) == ""
+    assert "at most 1200" in gain_check.refusal(settings(scale=(2.0, 1.0), **walls(1210.0, 0.05, 90.0)))
 
 
 def test_lateness_costs_stiffness():
     wall = settings(**walls(4500.0, 0.05, 90.0))
-    assert operating.margins(wall, 0.0)[1] > 0.0 > operating.margins(wall, 0.1e-3)[1]
-    assert "0.1 ms late" in operating.refusal(wall, 0.1e-3)
+    assert gain_check.margins(wall, 0.0)[1] > 0.0 > gain_check.margins(wall, 0.1e-3)[1]
+    assert "0.1 ms late" in gain_check.refusal(wall, 0.1e-3)
 
 
 def test_cancellation_of_a_held_coupling_counts_where_it_outweighs_the_couplings_own_damping():
     gains = {"coupling__stiffness": 2000.0, "coupling__damping": 0.2}
-    assert operating.margins(settings(**gains), 0.0)[0][0] == pytest.approx(0.8 - 0.25 - 0.2)
-    cancelled = operating.margins(settings(**gains, cancellation__ratio=0.9), 0.0)[0][0]
+    assert gain_check.margins(settings(**gains), 0.0)[0][0] == pytest.approx(0.8 - 0.25 - 0.2)
+    cancelled = gain_check.margins(settings(**gains, cancellation__ratio=0.9), 0.0)[0][0]
     assert cancelled == pytest.approx(0.8 - 0.25 - abs(0.2 - 0.9 * 0.8))
 
 
@@ -102,26 +105,24 @@ def test_cancellation_of_a_held_coupling_counts_where_it_outweighs_the_couplings
 def test_refusal_of_a_coupling_names_its_damping_as_set_and_the_cancellation_where_that_is_what_counts(ratio, told):
     gains = {"coupling__stiffness": 6000.0, "coupling__damping": 0.2, "coupling__rotational_damping": 0.0}
     need = 0.75 + max(0.2, abs(0.2 - ratio * 0.8))
-    assert operating.refusal(settings(**gains, cancellation__ratio=ratio)).startswith(
+    assert gain_check.refusal(settings(**gains, cancellation__ratio=ratio)).startswith(
         f"coupling.stiffness 6000 N/m with coupling.damping 0.2 N s/m{told} needs b > {need:.4g} N s/m at T = 0.25 ms; "
     )
 
 
 def test_late_cancellation_alone_is_refused_by_its_own_name_and_taken_at_what_the_sentence_allows():
     late = 0.1e-3  # of T = .25 ms: 0.9 b √1.4 > b
-    refused = operating.refusal(settings(cancellation__ratio=0.9, **NO_COUPLING), late)
-    assert refused == (
-        "cancellation.ratio 0.9 needs b > 0.8519 N s/m, 0.1 ms late; the device has 0.8: at most 0.845"
-    )
-    assert operating.refusal(settings(cancellation__ratio=0.845, **NO_COUPLING), late) == ""
-    assert operating.refusal(settings(cancellation__ratio=0.847, **NO_COUPLING), late) != ""
+    refused = gain_check.refusal(settings(cancellation__ratio=0.9, **NO_COUPLING), late)
+    assert refused == ("cancellation.ratio 0.9 needs b > 0.8519 N s/m, 0.1 ms late; the device has 0.8: at most 0.845")
+    assert gain_check.refusal(settings(cancellation__ratio=0.845, **NO_COUPLING), late) == ""
+    assert gain_check.refusal(settings(cancellation__ratio=0.847, **NO_COUPLING), late) != ""
 
 
 @pytest.mark.parametrize("ratio", [0.5, 0.9])
 def test_walls_keep_their_whole_bound_where_cancellation_fades_out_over_a_ticks_travel(ratio):
     cancelled = {"cancellation__ratio": ratio, "cancellation__band": 0.005, "coupling__rotational_damping": 0.0}
-    assert operating.refusal(settings(**walls(6390.0, 0.0, 30.0), **cancelled)) == ""
-    assert "wall.stiffness" in operating.refusal(settings(**walls(6410.0, 0.0, 30.0), **cancelled))
+    assert gain_check.refusal(settings(**walls(6390.0, 0.0, 30.0), **cancelled)) == ""
+    assert "wall.stiffness" in gain_check.refusal(settings(**walls(6410.0, 0.0, 30.0), **cancelled))
 
 
 @pytest.mark.parametrize("stiffness, damping", [(5900.0, 0.0), (5000.0, 0.1)])
@@ -129,11 +130,11 @@ def test_a_wall_pays_for_the_switch_where_the_band_is_narrower_than_a_ticks_trav
     wall = {**walls(stiffness, damping, 90.0), "cancellation__ratio": 0.9, "coupling__rotational_damping": 0.0}
     travel = settings(**wall)["velocity_limit"][1] * 0.25e-3
     wide, narrow = (settings(**wall, cancellation__band=share * travel) for share in (1.01, 0.99))
-    assert operating.margins(wide, 0.0)[1] == pytest.approx(0.8 - stiffness * 0.125e-3 - damping)
+    assert gain_check.margins(wide, 0.0)[1] == pytest.approx(0.8 - stiffness * 0.125e-3 - damping)
     needed = switched_cancellation_damping(stiffness, damping, 0.25e-3, 0.9)
-    assert operating.margins(narrow, 0.0)[1] <= 0.8 - needed + 1e-12
-    assert operating.refusal(wide) == ""
-    assert "cancellation.band being narrower than a tick's travel" in operating.refusal(narrow)
+    assert gain_check.margins(narrow, 0.0)[1] <= 0.8 - needed + 1e-12
+    assert gain_check.refusal(wide) == ""
+    assert "cancellation.band being narrower than a tick's travel" in gain_check.refusal(narrow)
 
 
 def windowed_work(steps, windows):
@@ -145,7 +146,7 @@ def windowed_work(steps, windows):
 @given(st.lists(st.tuples(st.floats(-1.0, 1.0), st.integers(1, 32)), min_size=2, max_size=80))
 def test_no_sequence_of_windows_draws_more_than_twice_the_dampers_own(pairs):
     steps, windows = (np.array(column) for column in zip(*pairs, strict=True))
-    assert windowed_work(steps, windows) <= operating.SWITCHED * steps @ steps + 1e-12
+    assert windowed_work(steps, windows) <= gain_check.SWITCHED * steps @ steps + 1e-12
 
 
 def test_switching_windows_draw_more_than_any_one_window_does():
@@ -157,10 +158,10 @@ def test_switching_windows_draw_more_than_any_one_window_does():
 
 def test_the_adaptive_window_is_charged_twice_its_damping_and_a_window_of_one_tick_once():
     adaptive = {**walls(3000.0, 0.2, 90.0), "velocity__estimator": "adaptive_window"}
-    assert operating.margins(settings(**adaptive), 0.0)[1] == pytest.approx(0.8 - 0.375 - 0.4)
-    assert operating.margins(settings(**adaptive, velocity__window=1), 0.0)[1] == pytest.approx(0.8 - 0.375 - 0.2)
+    assert gain_check.margins(settings(**adaptive), 0.0)[1] == pytest.approx(0.8 - 0.375 - 0.4)
+    assert gain_check.margins(settings(**adaptive, velocity__window=1), 0.0)[1] == pytest.approx(0.8 - 0.375 - 0.2)
     adaptive["wall__damping"] = (0.22,)
-    assert operating.refusal(settings(**adaptive)) == (
+    assert gain_check.refusal(settings(**adaptive)) == (
         "wall.stiffness 3000 N/m with damping 0.22 N s/m (twice, for adaptive_window) needs b > 0.815 N s/m at "
         "T = 0.25 ms; the device has 0.8: at most 2880 N/m"
     )
@@ -168,8 +169,8 @@ def test_the_adaptive_window_is_charged_twice_its_damping_and_a_window_of_one_ti
 
 def test_with_adaptive_windows_no_more_than_half_of_the_damping_may_be_cancelled():
     free = {**NO_COUPLING, "coupling__rotational_damping": 0.0, "velocity__estimator": "adaptive_window"}
-    assert operating.refusal(settings(**free, cancellation__ratio=0.49)) == ""
-    assert "adaptive_window" in operating.refusal(settings(**free, cancellation__ratio=0.51))
+    assert gain_check.refusal(settings(**free, cancellation__ratio=0.49)) == ""
+    assert "adaptive_window" in gain_check.refusal(settings(**free, cancellation__ratio=0.51))
 
 
 @given(stiffness=st.floats(0.0, 1e5), damping=st.floats(-5.0, 5.0), period=st.floats(1e-4, 2e-3))

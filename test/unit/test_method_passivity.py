@@ -20,21 +20,40 @@ GAINS = [Coupling(2000.0, 2.0, 2.0, 0.002), Coupling(2e5, 0.0, 50.0, 0.0)]
 def crowded():
     """A square tool between a floor, a wall and a loose block with friction and rebound."""
     floor = {"name": "floor", "fixed": True, "material": "m", "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
-    wall = {"name": "wall", "fixed": True, "material": "m", "pose": [-0.15, 0.5, 0.0],
-            "shapes": [{"box": {"size": [0.1, 1.0]}}]}
-    block = {"name": "block", "mass": 0.2, "material": "m", "pose": [0.1, 0.02, 0.0],
-             "shapes": [{"box": {"size": [0.06, 0.04]}}]}
+    wall = {
+        "name": "wall",
+        "fixed": True,
+        "material": "m",
+        "pose": [-0.15, 0.5, 0.0],
+        "shapes": [{"box": {"size": [0.1, 1.0]}}],
+    }
+    block = {
+        "name": "block",
+        "mass": 0.2,
+        "material": "m",
+        "pose": [0.1, 0.02, 0.0],
+        "shapes": [{"box": {"size": [0.06, 0.04]}}],
+    }
     tool = {"mass": 0.1, "material": "m", "pose": [0.0, 0.05, 0.0], "shapes": [{"box": {"size": [0.04, 0.03]}}]}
-    return Scene.model_validate({"name": "crowded", "materials": {"m": {"friction": 0.3, "restitution": 0.4}},
-                                 "bodies": [floor, wall, block], "tool": tool})
+    return Scene.model_validate(
+        {
+            "name": "crowded",
+            "materials": {"m": {"friction": 0.3, "restitution": 0.4}},
+            "bodies": [floor, wall, block],
+            "tool": tool,
+        }
+    )
 
 
 def cornered():
     """A round tool in a frictionless corner."""
-    walls = [{"name": name, "fixed": True, "shapes": [{"half_plane": {"normal": normal, "point": [-0.02, -0.02]}}]}
-             for name, normal in (("floor", [0.0, 1.0]), ("wall", [1.0, 0.0]))]
-    return Scene.model_validate({"name": "cornered", "bodies": walls,
-                                 "tool": {"mass": 0.1, "shapes": [{"circle": {"radius": 0.01}}]}})
+    walls = [
+        {"name": name, "fixed": True, "shapes": [{"half_plane": {"normal": normal, "point": [-0.02, -0.02]}}]}
+        for name, normal in (("floor", [0.0, 1.0]), ("wall", [1.0, 0.0]))
+    ]
+    return Scene.model_validate(
+        {"name": "cornered", "bodies": walls, "tool": {"mass": 0.1, "shapes": [{"circle": {"radius": 0.01}}]}}
+    )
 
 
 def made(name, gains):
@@ -58,8 +77,12 @@ def least_loss(method, places):
 def worst_found(method, seed, evaluations=150):
     """An adversary that improves a random motion of the handle by Powell's method."""
     rng = np.random.default_rng(seed)
-    found = minimize(lambda flat: least_loss(method, np.tanh(flat).reshape(-1, 3)), rng.normal(size=30),
-                     method="Powell", options={"maxfev": evaluations})
+    found = minimize(
+        lambda flat: least_loss(method, np.tanh(flat).reshape(-1, 3)),
+        rng.normal(size=30),
+        method="Powell",
+        options={"maxfev": evaluations},
+    )
     return found.fun
 
 
@@ -86,8 +109,13 @@ def test_the_adversary_finds_energy_in_contacts_that_are_stepped_explicitly():
 
 def test_every_method_says_whether_it_is_passive():
     assert {name: made(name, GAINS[0]).passive for name in METHODS} == {
-        "impulse": False, "penalty_explicit": False, "penalty_implicit": False, "partitioned": True,
-        "event_driven": False, "closed_form": True}
+        "impulse": False,
+        "penalty_explicit": False,
+        "penalty_implicit": False,
+        "partitioned": True,
+        "event_driven": False,
+        "closed_form": True,
+    }
 
 
 @pytest.mark.parametrize("gains", GAINS)

@@ -10,12 +10,12 @@ from bag_of_a_run import JOINTS, joints
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import Parameter
 
-from haptic_device.analysis.recording import load
-from haptic_device.node import recorder as module
-from haptic_device.node.inquiry import Inquiry
-from haptic_device.node.recorder import Recorder
-from haptic_device.node.tap import Sample
-from haptic_device.node.track import Track
+from haptic_device.analysis.bag_topics import load
+from haptic_device.nodes import recorder as module
+from haptic_device.nodes.parameter_client import Inquiry
+from haptic_device.nodes.polled_subscription import Sample
+from haptic_device.nodes.recorded_topic import Track
+from haptic_device.nodes.recorder import Recorder
 from haptic_device.recording.writer import Bag
 
 

@@ -11,8 +11,8 @@ from ticks import tick
 
 from adversary import exchange_search
 from bench.exchange import stalling
-from haptic_device import operating
-from haptic_device.law import engage, fault, passivity
+from haptic_device import gain_check
+from haptic_device.control import enable_state, faults, passivity
 
 TICK = 1 / 4000.0
 ROUNDING = 1e-9  # [J] against stores of 10 to 100 mJ
@@ -29,7 +29,7 @@ COUNTS = 1e9  # per metre, of a handle whose steps are not the matter
 def test_observer_finds_nothing_at_any_wall_within_the_margin(share, damping, angle, counts):
     stiffness = share * 2.0 * (1.0 - damping) / TICK
     system = wall_system(stiffness, damping, angle, counts=counts)
-    assert operating.margins(system.settings[0], 0.0)[1] > 0.0
+    assert gain_check.margins(system.settings[0], 0.0)[1] > 0.0
     rows = system.run(1.2)
     assert rows.generated.max() < ROUNDING + 0.02 * damping * (1.0 / counts) ** 2 / TICK * len(rows)
     assert rows.injections[-1] == 0
@@ -45,7 +45,7 @@ def test_observer_stays_silent_at_a_wall_within_the_margin_before_which_cancella
     for share, damping in ((0.98, 0.0), (0.95, 0.3)):
         stiffness = share * 2.0 * (1.0 - damping) / TICK
         system = wall_system(stiffness, damping, 35.0, motion, velocity__estimator=estimator, **cancelled)
-        assert operating.margins(system.settings[0], 0.0)[1] > 0.0
+        assert gain_check.margins(system.settings[0], 0.0)[1] > 0.0
         rows = system.run(1.2)
         assert np.any((rows.cancellation_fade > 0.0) & (rows.cancellation_fade < 1.0))
         assert rows.generated.max() < most
@@ -80,7 +80,7 @@ def generated_on_the_way_in(lengths):
     for k, length in enumerate(lengths):
         time += length * TICK * 1e9
         row["latched"] = row["deadline"] = time
-        row["command"], row["device_status"] = engage.ENABLE, fault.FRESH
+        row["command"], row["device_status"] = enable_state.ENABLE, faults.FRESH
         row["counts"][0, 0] = -round(1e-4 * k * 1e7)
         tick(settings, memory, row)
     return row["generated"][0, 0], row["injections"][0]
@@ -112,7 +112,7 @@ class Led:
         self.settings = wall_system(stiffness, 0.0, angle, counts=1e7, **system).settings
         (self.memory, self.row), self.time, self.depth, self.given = exchange_search.engaged(), 0.0, 0.0, 0.0
 
-    def go(self, depth, periods=1.0, status=fault.FRESH, command=engage.ENABLE):
+    def go(self, depth, periods=1.0, status=faults.FRESH, command=enable_state.ENABLE):
         """Force of the wall from then on [N]; given [J] goes on with the force that was held."""
         self.given += float(self.row["force_on_handle"][0, 0]) * (self.depth - depth)
         self.depth, self.time = depth, self.time + periods * TICK * 1e9
@@ -168,8 +168,8 @@ def test_a_wall_left_from_the_motors_limit_in_one_long_hold_gives_that_once_and_
 def test_a_device_that_cut_its_motor_and_whoever_engages_anew_owe_nothing():
     hand = Led(7000.0)
     hand.go(1e-3)
-    hand.go(8e-3, 800.0, fault.FRESH | fault.WATCHDOG)
-    assert hand.row["fault"][0] == fault.DEVICE_WATCHDOG and hand.memory["late"][0] == 0.0
+    hand.go(8e-3, 800.0, faults.FRESH | faults.WATCHDOG)
+    assert hand.row["fault"][0] == faults.DEVICE_WATCHDOG and hand.memory["late"][0] == 0.0
     other = Led(7000.0)
     other.go(1e-3)
     assert other.go(8e-3, 40.0) == 0.0 and other.memory["late"][0] > other.settings["passivity_budget"]
@@ -193,7 +193,7 @@ class OldCounts:
     def tick(self, force, periods, fresh=True):
         """The force [N] that is held from this tick on, which comes so many periods after the last one."""
         self.time += periods * TICK * 1e9
-        self.row["deadline"], self.row["command"] = self.time, engage.ENABLE
+        self.row["deadline"], self.row["command"] = self.time, enable_state.ENABLE
         if fresh:
             self.row["latched"], self.row["counts"][0, 0] = self.time, round(self.place * COUNTS)
         self.row["tool_age"] = 0.001
@@ -239,7 +239,7 @@ def test_whatever_the_force_does_over_old_counts_the_best_way_gives_what_is_book
     display = OldCounts(damping)
     forces, _, moved = display.hold(*zip(*holds, strict=True), best_way(total, damping))
     given, generated = display.booked()
-    assert display.row["fault"][0] == fault.NONE
+    assert display.row["fault"][0] == faults.NONE
     assert given == pytest.approx(display.given, rel=1e-6, abs=1e-9)
     stored = 0.5 * display.stiffness * moved**2 - forces[-1] * moved  # by the spring, as it pulled last
     assert generated == pytest.approx(max(0.0, display.given + stored), rel=1e-6, abs=1e-9)

@@ -5,15 +5,16 @@ import numpy as np
 import pytest
 from lockstep_systems import device, values
 
-from haptic_device import operating
-from haptic_device.device import load_device
-from haptic_device.law import exchange, operator
+from haptic_device import controller_config
+from haptic_device.control import exchange_samples
+from haptic_device.description import load_device
+from haptic_device.device import loopback_config, operator_hand
 
 DESKTOP = load_device("desktop")
 
 
 def point(**given):
-    return operating.settings_from(DESKTOP, values("haptic_driver", **given), version=7)[0]
+    return controller_config.settings_from(DESKTOP, values("haptic_driver", **given), version=7)[0]
 
 
 def test_every_parameter_arrives_in_its_field():
@@ -24,16 +25,18 @@ def test_every_parameter_arrives_in_its_field():
     assert settings["force_limit"].tolist() == [3.0, 3.0, 0.2]
     assert settings["stiffness"].tolist() == [500.0, 500.0, 2.5]
     assert settings["damping"].tolist() == [1.5, 1.5, 0.004]
-    for i, (name, field) in enumerate(operating.DIRECT.items()):
+    for i, (name, field) in enumerate(controller_config.DIRECT.items()):
         given = 0.03125 + i / 64
         assert point(**{name.replace(".", "__"): given})[field] == given
 
 
 def test_walls_arrive_in_order_with_unit_normals():
     settings = point(
-        wall__normals=(0.6004, 0.8, -1.0, 0.0), wall__offsets=(0.01, -0.02), wall__stiffness=(300.0, 400.0),
+        wall__normals=(0.6004, 0.8, -1.0, 0.0),
+        wall__offsets=(0.01, -0.02),
+        wall__stiffness=(300.0, 400.0),
         wall__damping=(1.0, 2.0),
-    )  # fmt: skip
+    )
     assert settings["walls"] == 2
     assert np.hypot(settings["wall_x"], settings["wall_y"])[:2] == pytest.approx([1.0, 1.0], abs=1e-15)
     assert settings["wall_offset"][:2].tolist() == [0.01, -0.02]
@@ -74,14 +77,14 @@ def test_eight_walls_are_taken():
 
 def test_both_sides_of_the_coupling_are_told_the_same_gains():
     given = values("haptic_driver", coupling__stiffness=500.0, coupling__rotational_damping=0.004)
-    gains = operating.gains_from(given)[0]
+    gains = controller_config.gains_from(given)[0]
     assert (gains["stiffness"], gains["rotational_damping"]) == (500.0, 0.004)
-    assert gains["hash"] == exchange.gains_hash(500.0, 1.0, 1.0, 0.004)
+    assert gains["hash"] == exchange_samples.gains_hash(500.0, 1.0, 1.0, 0.004)
 
 
 def hand(scale=(1.0, 1.0), **given):
     described = device(axes=3, scale=scale)
-    return operating.hand_from(described, values("haptic_loopback", **given))
+    return loopback_config.hand_from(described, values("haptic_loopback", **given))
 
 
 def test_hand_and_handle_begin_at_the_start_of_the_motion_in_the_devices_own_units():
@@ -94,7 +97,7 @@ def test_hand_and_handle_begin_at_the_start_of_the_motion_in_the_devices_own_uni
 def test_the_circle_shrinks_with_the_scale():
     _, _, motion = hand((2.0, 1.0), motion__name="circle", motion__radius=0.03)
     target = np.zeros(3)
-    operator.target_at(motion[0], 0.0, target)
+    operator_hand.target_at(motion[0], 0.0, target)
     assert motion["radius"][0] == 0.015 and target.tolist() == [0.0, 0.0, 0.0]
 
 
@@ -109,5 +112,5 @@ def test_a_start_outside_the_workspace_is_refused_just_outside_and_taken_just_in
 
 def test_an_axis_that_is_not_there_begins_at_zero():
     described = device(axes=1)
-    _, memory, _ = operating.hand_from(described, values("haptic_loopback", motion__start=(0.01, 5.0, 5.0)))
+    _, memory, _ = loopback_config.hand_from(described, values("haptic_loopback", motion__start=(0.01, 5.0, 5.0)))
     assert memory["position"][0].tolist() == [0.01, 0.0, 0.0]

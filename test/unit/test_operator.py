@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.law import operator
+from haptic_device.device import operator_hand
 from haptic_device.parameters import OPERATOR, SCRIPTS
 
 START, TARGET = (0.01, 0.05, 0.1), (0.03, -0.02, -0.2)
@@ -17,12 +17,12 @@ START, TARGET = (0.01, 0.05, 0.1), (0.03, -0.02, -0.2)
 def script(name, **given):
     values = {parameter.name: parameter.default for parameter in OPERATOR}
     values.update({"motion.name": name, "motion.start": START, "motion.target": TARGET})
-    return operator.script(values | {f"motion.{key}": value for key, value in given.items()})[0]
+    return operator_hand.script(values | {f"motion.{key}": value for key, value in given.items()})[0]
 
 
 def at(motion, time):
     target = np.zeros(3)
-    grip = operator.target_at(motion, time, target)
+    grip = operator_hand.target_at(motion, time, target)
     return target, grip
 
 
@@ -97,17 +97,17 @@ def test_the_hand_lets_go_at_half_time_only_where_the_script_says_so():
 
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(1e-3, 1.0), st.floats(0.0, 0.1))
 def test_a_followed_goal_is_approached_behind_a_first_order_lag_in_one_step_or_in_two(goal, target, lag, elapsed):
-    once = operator.follow(goal, target, lag, elapsed)
-    twice = operator.follow(goal, operator.follow(goal, target, lag, elapsed / 2), lag, elapsed / 2)
+    once = operator_hand.follow(goal, target, lag, elapsed)
+    twice = operator_hand.follow(goal, operator_hand.follow(goal, target, lag, elapsed / 2), lag, elapsed / 2)
     assert once == pytest.approx(twice, abs=1e-12)
     assert abs(once - goal) == pytest.approx(abs(target - goal) * math.exp(-elapsed / lag), abs=1e-12)
 
 
 @given(st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
 def test_least_jerk_rises_from_none_to_all_and_never_turns_back(one, two):
-    low, high = operator.minimum_jerk(min(one, two)), operator.minimum_jerk(max(one, two))
+    low, high = operator_hand.minimum_jerk(min(one, two)), operator_hand.minimum_jerk(max(one, two))
     assert 0.0 <= low <= high + 1e-15 and high <= 1.0 + 1e-15
-    assert operator.minimum_jerk(0.0) == 0.0 and operator.minimum_jerk(1.0) == 1.0
+    assert operator_hand.minimum_jerk(0.0) == 0.0 and operator_hand.minimum_jerk(1.0) == 1.0
 
 
 @pytest.mark.parametrize("name", ["start", "target"])

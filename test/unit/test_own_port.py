@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from haptic_device.node import own_port as ports
-from haptic_device.node.own_port import EACH, KINDS, PROFILES, free_ids, own_port, queues
+from haptic_device.nodes import participant_id as ports
+from haptic_device.nodes.participant_id import EACH, KINDS, PROFILES, free_ids, own_port, queues
 from haptic_sim.cli.domain import _QUICK
 
 

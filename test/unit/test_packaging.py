@@ -119,8 +119,11 @@ def test_the_launch_file_leaves_the_transitions_to_the_nodes_to_itself_or_to_the
         assert all(options["parameters"] == parameters for options in nodes.values())
         driven = nodes["haptic_driver"]["driven"]
         assert len(driven) == (2 * len(nodes) if who == "launch" else 0)
-    events = [action.options["event"].options["transition_id"] for action in launched(autostart="launch")[
-        "haptic_driver"]["driven"] if "event" in action.options]  # fmt: skip
+    events = [
+        action.options["event"].options["transition_id"]
+        for action in launched(autostart="launch")["haptic_driver"]["driven"]
+        if "event" in action.options
+    ]
     assert events == [Transition.TRANSITION_CONFIGURE] * len(nodes)
 
 

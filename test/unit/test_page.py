@@ -9,12 +9,12 @@ import uuid
 
 import pytest
 
-from haptic_device.runtime import page
-from haptic_device.runtime.page import DEVICE, SERVO, Page, PageError
+from haptic_device.realtime import shared_memory
+from haptic_device.realtime.shared_memory import DEVICE, SERVO, Page, PageError
 
 HOLDER = """
 import sys
-from haptic_device.runtime.page import Page
+from haptic_device.realtime.shared_memory import Page
 held = Page(sys.argv[1], sys.argv[2])
 held.words[int(sys.argv[3])] = 77
 print(held.stale, flush=True)
@@ -28,7 +28,7 @@ MARK = 60  # a word that neither side uses
 def name():
     name = f"haptic_display.test.{uuid.uuid4().hex}"
     yield name
-    (page.FOLDER / name).unlink(missing_ok=True)
+    (shared_memory.FOLDER / name).unlink(missing_ok=True)
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def hold(start, name):
 
 
 def there(name):
-    return (page.FOLDER / name).exists()
+    return (shared_memory.FOLDER / name).exists()
 
 
 @pytest.mark.parametrize("order", [(DEVICE, SERVO), (SERVO, DEVICE)])
@@ -90,7 +90,7 @@ def test_closing_gives_the_role_back_even_while_somebody_still_looks_at_the_memo
     assert device.peer_present()
     for side in (again, device):
         side.close()
-    assert view[0] == page.MAGIC and not there(name)
+    assert view[0] == shared_memory.MAGIC and not there(name)
 
 
 def test_closing_twice_is_closing_once(name):
@@ -151,23 +151,27 @@ def test_a_page_of_another_layout_is_left_alone_in_a_sentence(name):
 
 
 def test_a_file_of_any_content_is_taken_over(name):
-    (page.FOLDER / name).write_bytes(os.urandom(100))
+    (shared_memory.FOLDER / name).write_bytes(os.urandom(100))
     side = Page(name, SERVO)
-    assert side.stale and side.words[0] == page.MAGIC and side.words[2:].tolist() == [0] * (page.WORDS - 2)
+    assert (
+        side.stale
+        and side.words[0] == shared_memory.MAGIC
+        and side.words[2:].tolist() == [0] * (shared_memory.WORDS - 2)
+    )
     side.close()
 
 
 def test_nobody_else_can_read_or_write_the_page(name):
     side = Page(name, DEVICE)
-    assert (page.FOLDER / name).stat().st_mode & 0o777 == 0o600
+    assert (shared_memory.FOLDER / name).stat().st_mode & 0o777 == 0o600
     side.close()
 
 
 def test_namespaces_and_domains_have_pages_of_their_own():
     pairs = [(0, "/haptic"), (0, "/left/haptic"), (0, "/right/haptic"), (1, "/haptic"), (0, "/"), (10, "/haptic")]
-    names = {page.page_name(domain, namespace) for domain, namespace in pairs}
+    names = {shared_memory.page_name(domain, namespace) for domain, namespace in pairs}
     assert len(names) == len(pairs) and not any("/" in name for name in names)
-    assert page.page_name(0, "/haptic") == page.page_name("0", "haptic/")
+    assert shared_memory.page_name(0, "/haptic") == shared_memory.page_name("0", "haptic/")
 
 
 def test_two_devices_live_side_by_side(name):
@@ -181,5 +185,5 @@ def test_two_devices_live_side_by_side(name):
 
 
 def test_a_page_has_room_for_the_blocks_of_both_sides():
-    assert page.DEVICE_FIRST + page.DEVICE_WORDS <= page.SERVO_LOCK
-    assert page.SERVO_FIRST + page.SERVO_WORDS < page.WORDS
+    assert shared_memory.DEVICE_FIRST + shared_memory.DEVICE_WORDS <= shared_memory.SERVO_LOCK
+    assert shared_memory.SERVO_FIRST + shared_memory.SERVO_WORDS < shared_memory.WORDS

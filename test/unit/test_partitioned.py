@@ -23,12 +23,18 @@ FAR_TOOL = {"mass": 0.1, "pose": [50.0, 50.0, 0.0], "shapes": [{"circle": {"radi
 def world(h, bodies, friction=0.0, restitution=0.0, kind=Partitioned, belt=0.0, **more):
     """Bodies over a floor at y = 0, all of one material, whose top runs at `belt` [m/s]; the tool is far off unless
     given."""
-    floor = {"name": "floor", "fixed": True, "pose": [0.0, 0.0, math.pi], "surface_velocity": [-belt, 0.0],
-             "shapes": [{"box": {"size": [40, 2], "center": [0, 1]}}]}
+    floor = {
+        "name": "floor",
+        "fixed": True,
+        "pose": [0.0, 0.0, math.pi],
+        "surface_velocity": [-belt, 0.0],
+        "shapes": [{"box": {"size": [40, 2], "center": [0, 1]}}],
+    }
     materials = {"m": {"friction": friction, "restitution": restitution}}
     solids = [{"material": "m", **body} for body in (floor, *bodies)]
-    return kind(Scene.model_validate({"name": "t", "materials": materials, "bodies": solids, "tool": FAR_TOOL, **more}),
-                h)
+    return kind(
+        Scene.model_validate({"name": "t", "materials": materials, "bodies": solids, "tool": FAR_TOOL, **more}), h
+    )
 
 
 def run(method, count, handle=STILL):
@@ -52,8 +58,13 @@ def ball(**more):
 
 def pendulum(h, angle=0.0):
     """A rod of 1 m on a pin, `angle` from horizontal."""
-    rod = {"name": "rod", "mass": 1.0, "inertia": 1.0 / 12.0, "shapes": [{"box": {"size": [1.0, 0.01]}}],
-           "pose": [0.5 * math.cos(angle), 20.0 + 0.5 * math.sin(angle), angle]}
+    rod = {
+        "name": "rod",
+        "mass": 1.0,
+        "inertia": 1.0 / 12.0,
+        "shapes": [{"box": {"size": [1.0, 0.01]}}],
+        "pose": [0.5 * math.cos(angle), 20.0 + 0.5 * math.sin(angle), angle],
+    }
     return world(h, [rod], gravity=DOWN, joints=[{"type": "pin", "bodies": ["world", "rod"], "at": [0.0, 20.0]}])
 
 
@@ -93,25 +104,38 @@ def angles(crank):
     x, y = D - A * math.cos(crank), -A * math.sin(crank)
     f = math.hypot(x, y)
     coupler = math.atan2(y, x) + math.acos((B * B + f * f - C * C) / (2.0 * B * f))
-    return coupler, math.atan2(A * math.sin(crank) + B * math.sin(coupler),
-                               A * math.cos(crank) + B * math.cos(coupler) - D)
+    return coupler, math.atan2(
+        A * math.sin(crank) + B * math.sin(coupler), A * math.cos(crank) + B * math.cos(coupler) - D
+    )
 
 
 def four_bar(h, turn_rate):
     """Bars of 1 kg in a plane without gravity, the crank at 60° kept by a motor at its speed."""
     crank = math.pi / 3.0
     coupler, rocker = angles(crank)
-    ends = {"crank": ((0.0, 0.0), A, crank), "coupler": ((A * math.cos(crank), A * math.sin(crank)), B, coupler),
-            "rocker": ((D, 0.0), C, rocker)}
+    ends = {
+        "crank": ((0.0, 0.0), A, crank),
+        "coupler": ((A * math.cos(crank), A * math.sin(crank)), B, coupler),
+        "rocker": ((D, 0.0), C, rocker),
+    }
     tip = D + C * math.cos(rocker), C * math.sin(rocker)
-    bars = [{"name": name, "mass": 1.0, "shapes": [{"box": {"size": [length, 0.01]}}], "layers": [k + 1],
-             "pose": [x + 0.5 * length * math.cos(angle), y + 0.5 * length * math.sin(angle), angle]}
-            for k, (name, ((x, y), length, angle)) in enumerate(ends.items())]
+    bars = [
+        {
+            "name": name,
+            "mass": 1.0,
+            "shapes": [{"box": {"size": [length, 0.01]}}],
+            "layers": [k + 1],
+            "pose": [x + 0.5 * length * math.cos(angle), y + 0.5 * length * math.sin(angle), angle],
+        }
+        for k, (name, ((x, y), length, angle)) in enumerate(ends.items())
+    ]
     motor = {"speed": turn_rate, "max_torque": 1e6}
-    joints = [{"type": "pin", "bodies": ["world", "crank"], "at": [0.0, 0.0], "motor": motor},
-              {"type": "pin", "bodies": ["crank", "coupler"], "at": list(ends["coupler"][0])},
-              {"type": "pin", "bodies": ["coupler", "rocker"], "at": list(tip)},
-              {"type": "pin", "bodies": ["world", "rocker"], "at": [D, 0.0]}]
+    joints = [
+        {"type": "pin", "bodies": ["world", "crank"], "at": [0.0, 0.0], "motor": motor},
+        {"type": "pin", "bodies": ["crank", "coupler"], "at": list(ends["coupler"][0])},
+        {"type": "pin", "bodies": ["coupler", "rocker"], "at": list(tip)},
+        {"type": "pin", "bodies": ["world", "rocker"], "at": [D, 0.0]},
+    ]
     return Partitioned(Scene.model_validate({"name": "four", "bodies": bars, "joints": joints, "tool": FAR_TOOL}), h)
 
 
@@ -141,8 +165,10 @@ def test_a_motor_turns_a_held_tool_at_its_speed_as_far_as_its_torque_over_the_co
 @pytest.mark.parametrize("ratio", [1e-3, 1.0, 1e6])
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_a_collinear_impact_keeps_momentum_and_newtons_law_to_a_billionth(ratio, restitution):
-    pair = [ball(name="a", mass=ratio, pose=[0.0, 5.0, 0.0], velocity=[1.0, 0.0, 0.0]),
-            ball(name="b", pose=[0.30017, 5.0, 0.0])]
+    pair = [
+        ball(name="a", mass=ratio, pose=[0.0, 5.0, 0.0], velocity=[1.0, 0.0, 0.0]),
+        ball(name="b", pose=[0.30017, 5.0, 0.0]),
+    ]
     method = run(world(1e-3, pair, restitution=restitution), 200)
     expected = (ratio - restitution) / (ratio + 1.0), ratio * (1.0 + restitution) / (ratio + 1.0)
     assert (speed(method, "a")[0], speed(method, "b")[0]) == pytest.approx(expected, rel=1e-9, abs=1e-9)
@@ -162,8 +188,14 @@ def test_touching_discs_are_struck_at_once_and_those_a_nanometre_apart_one_by_on
 def test_a_falling_rod_gets_the_impulse_of_its_end(degrees, restitution):
     """P = (1+e) m v/(1 + 3 cos² θ): frictionless, one end hits (THEORY of planar impact, rod of length 1)."""
     theta = math.radians(degrees)
-    rod = {"name": "rod", "mass": 1.0, "inertia": 1.0 / 12.0, "velocity": [0.0, -1.0, 0.0],
-           "pose": [0.0, 0.5 * math.sin(theta) + 0.05017, theta], "shapes": SLIM}
+    rod = {
+        "name": "rod",
+        "mass": 1.0,
+        "inertia": 1.0 / 12.0,
+        "velocity": [0.0, -1.0, 0.0],
+        "pose": [0.0, 0.5 * math.sin(theta) + 0.05017, theta],
+        "shapes": SLIM,
+    }
     method = run(world(1e-3, [rod], restitution=restitution), 52)
     impulse = (1.0 + restitution) / (1.0 + 3.0 * math.cos(theta) ** 2)
     assert 1.0 + speed(method, "rod")[1] == pytest.approx(impulse, rel=1e-9)
@@ -237,8 +269,13 @@ def test_a_block_on_a_belt_has_its_speed_after_v_over_mu_g_and_keeps_it(kind, be
 
 def test_errors_on_a_belt_under_a_plate_that_turns_fall_with_the_fourth_power_of_the_step():
     """What sticks to a running corner turns against it, and the part of the belt's velocity along it changes."""
-    corner = {"name": "corner", "fixed": True, "surface_velocity": [0.3, 0.2], "pose": [0.0, 9.0, 0.0],
-              "shapes": [{"vertices": [[-0.1, -0.2], [0.1, -0.2], [0.0, 0.0]]}]}
+    corner = {
+        "name": "corner",
+        "fixed": True,
+        "surface_velocity": [0.3, 0.2],
+        "pose": [0.0, 9.0, 0.0],
+        "shapes": [{"vertices": [[-0.1, -0.2], [0.1, -0.2], [0.0, 0.0]]}],
+    }
     plate = block(pose=[0.01, 9.05, 0.0], shapes=[{"box": {"size": [1.0, 0.1]}}])
     exact, *ends = (run(world(0.2 / n, [corner, plate], 2.0, gravity=DOWN), n).pose("block") for n in (800, 20, 80))
     errors = [math.dist(end, exact) for end in ends]
@@ -254,8 +291,13 @@ def test_a_ball_that_falls_on_a_belt_is_spun_by_it_and_by_no_more_than_its_frict
 
 
 def test_a_tool_on_a_belt_goes_with_it_until_its_coupling_pulls_as_hard_as_friction():
-    tool = {"mass": 0.1, "inertia": 1e-4, "pose": [0.0, 0.01, 0.0], "material": "m",
-            "shapes": [{"box": {"size": [0.04, 0.02]}}]}
+    tool = {
+        "mass": 0.1,
+        "inertia": 1e-4,
+        "pose": [0.0, 0.01, 0.0],
+        "material": "m",
+        "shapes": [{"box": {"size": [0.04, 0.02]}}],
+    }
     method = world(1e-3, [], 0.3, belt=0.1, tool=tool)
     method.couple(Coupling(2000.0, 20.0, 50.0, 0.5))
     handle = 0.0, 0.0, 0.0
@@ -267,8 +309,14 @@ def test_a_tool_on_a_belt_goes_with_it_until_its_coupling_pulls_as_hard_as_frict
 @pytest.mark.parametrize(("part", "rises"), [(1.01, True), (0.99, False)])
 def test_a_sliders_motor_lifts_its_load_at_its_speed_if_its_force_is_more_than_the_weight(kind, part, rises):
     """On a guide of 30°, up from its stop: a = (part − 1) g sin 30° until the speed is reached."""
-    guide = {"type": "slider", "bodies": ["world", "block"], "at": [0.0, 5.0], "axis": [math.sqrt(3.0), 1.0],
-             "limits": [0.0, 1.0], "motor": {"speed": 0.02, "max_force": part * 0.5 * G}}
+    guide = {
+        "type": "slider",
+        "bodies": ["world", "block"],
+        "at": [0.0, 5.0],
+        "axis": [math.sqrt(3.0), 1.0],
+        "limits": [0.0, 1.0],
+        "motor": {"speed": 0.02, "max_force": part * 0.5 * G},
+    }
     method = run(world(1e-3, [block(pose=[0.0, 5.0, math.pi / 6])], kind=kind, joints=[guide], gravity=DOWN), 1000)
     start = 0.02 / (0.01 * 0.5 * G)
     x, y, _ = method.pose("block")
@@ -301,8 +349,14 @@ def test_a_stack_of_twenty_carries_its_weight_and_does_not_move():
 @pytest.mark.parametrize("degrees", [45.0, 63.43, 75.0])
 def test_painleves_rod_comes_through_with_no_energy_gained(friction, degrees):
     theta = math.radians(degrees)
-    rod = {"name": "rod", "mass": 1.0, "inertia": 1.0 / 12.0, "velocity": [-1.0, 0.0, 0.0],
-           "pose": [0.0, 0.5 * math.sin(theta), theta], "shapes": SLIM}
+    rod = {
+        "name": "rod",
+        "mass": 1.0,
+        "inertia": 1.0 / 12.0,
+        "velocity": [-1.0, 0.0, 0.0],
+        "pose": [0.0, 0.5 * math.sin(theta), theta],
+        "shapes": SLIM,
+    }
     method = world(1e-3, [rod], friction, gravity=DOWN)
     energies = [sum(run(method, 1).energy()) for _ in range(150)]
     assert np.isfinite(energies).all()
@@ -330,8 +384,15 @@ def crowded(h, gains, gravity):
     """A tool between a floor, a loose block and a pendulum pinned to it."""
     rod = {"name": "rod", "mass": 0.05, "pose": [0.0, 0.35, math.pi / 2], "shapes": [{"box": {"size": [0.1, 0.01]}}]}
     tool = {"mass": 0.1, "material": "m", "pose": [0.0, 0.3, 0.0], "shapes": [{"box": {"size": [0.04, 0.03]}}]}
-    method = world(h, [block(pose=[0.15, 0.05, 0.0], mass=0.2), rod], 0.3, 0.4, gravity=gravity, tool=tool,
-                   joints=[{"type": "pin", "bodies": ["tool", "rod"], "at": [0.0, 0.3]}])
+    method = world(
+        h,
+        [block(pose=[0.15, 0.05, 0.0], mass=0.2), rod],
+        0.3,
+        0.4,
+        gravity=gravity,
+        tool=tool,
+        joints=[{"type": "pin", "bodies": ["tool", "rod"], "at": [0.0, 0.3]}],
+    )
     method.couple(gains)
     return method
 

@@ -71,11 +71,22 @@ def test_implicit_steps_are_stable_far_beyond_the_limit_of_explicit_ones(stiffne
 
 def on_the_ground(kind, h, body, joints=()):
     """A body with a mass of 1 kg under gravity, on a belt at y = 0 that runs at 0.5 m/s; the tool far off."""
-    belt = {"name": "belt", "fixed": True, "material": "m", "surface_velocity": [0.5, 0.0],
-            "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
+    belt = {
+        "name": "belt",
+        "fixed": True,
+        "material": "m",
+        "surface_velocity": [0.5, 0.0],
+        "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}],
+    }
     load = {"name": "load", "mass": 1.0, "material": "m", "shapes": [{"box": {"size": [0.2, 0.1]}}], **body}
-    scene = {"name": "t", "materials": {"m": {"friction": 0.4}}, "gravity": [0.0, -9.81], "bodies": [belt, load],
-             "joints": joints, "tool": {"mass": M, "pose": [9.0, 9.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}}
+    scene = {
+        "name": "t",
+        "materials": {"m": {"friction": 0.4}},
+        "gravity": [0.0, -9.81],
+        "bodies": [belt, load],
+        "joints": joints,
+        "tool": {"mass": M, "pose": [9.0, 9.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]},
+    }
     return kind(Scene.model_validate(scene), h, 1e5, 500.0)
 
 
@@ -93,8 +104,14 @@ def test_a_block_on_a_belt_has_its_speed_after_v_over_mu_g_and_keeps_it(kind):
 @pytest.mark.parametrize(("part", "rises"), [(1.01, True), (0.99, False)])
 def test_a_sliders_motor_lifts_its_load_at_its_speed_if_its_force_is_more_than_the_weight(kind, part, rises):
     """The explicit one takes up the slip by the contacts' damper, which may be short of the speed by force/damping."""
-    guide = {"type": "slider", "bodies": ["world", "load"], "at": [0.0, 5.0], "axis": [0.0, 1.0],
-             "limits": [0.0, 1.0], "motor": {"speed": 0.05, "max_force": part * 9.81}}
+    guide = {
+        "type": "slider",
+        "bodies": ["world", "load"],
+        "at": [0.0, 5.0],
+        "axis": [0.0, 1.0],
+        "limits": [0.0, 1.0],
+        "motor": {"speed": 0.05, "max_force": part * 9.81},
+    }
     method = on_the_ground(kind, 1e-4, {"pose": [0.0, 5.0, 0.0]}, [guide])
     method.travel(STILL, STILL, STILL, STILL, 10000)
     short = 9.81 / 500.0 if kind is PenaltyExplicit else 0.0

@@ -15,7 +15,7 @@ from bench.exchange import round_trip
 from bench.servo import cyclictest
 from bench.servo import servo as bench_servo
 from haptic_device.analysis import sweep
-from haptic_device.runtime import machine
+from haptic_device.realtime import machine
 from haptic_sim.cli import demo, doctor, lateness
 
 
@@ -65,7 +65,10 @@ def test_a_demo_that_comes_to_nothing_is_said_and_what_else_was_measured_is_kept
     monkeypatch.setattr(demo, "play", play)
     cases, samples = bench_servo.lateness([1000.0], 0.2, 1, 1.0)
     assert [(one["realtime"], one["load"], one["p50"]) for one in cases] == [
-        ("prefer", "alone", 1.0), ("prefer", "demo", pytest.approx(8.0)), ("off", "alone", 1.0)]  # fmt: skip
+        ("prefer", "alone", 1.0),
+        ("prefer", "demo", pytest.approx(8.0)),
+        ("off", "alone", 1.0),
+    ]
     assert len(samples) == 3
     assert "no demo at 1000 Hz, realtime off: no motor command came" in capsys.readouterr().err
 
@@ -156,12 +159,19 @@ def test_the_round_trip_is_kept_as_csv(monkeypatch, tmp_path):
     done = bench("exchange", "--round-trip", "--json", "--csv", tmp_path / "trips.csv")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "trips.csv").read_text().splitlines() == [
-        "rate,answerer,ratio,p50_us", "500.0,simulation,1.0,50.0", "500.0,bare,1.0,50.0"]  # fmt: skip
+        "rate,answerer,ratio,p50_us",
+        "500.0,simulation,1.0,50.0",
+        "500.0,bare,1.0,50.0",
+    ]
 
 
 START = {"scene": "wall", "first": {"haptic_driver": 10.0}, "again": [{"haptic_driver": 2.0}, {"haptic_driver": 3.0}]}
-FACTS = {"machine": {"cores": 2, "processor": "P", "system": "Linux-6-with-glibc"}, "length": "short",
-         "program": {"python": "3"}, "packages": {"numba": "0"}}  # fmt: skip
+FACTS = {
+    "machine": {"cores": 2, "processor": "P", "system": "Linux-6-with-glibc"},
+    "length": "short",
+    "program": {"python": "3"},
+    "packages": {"numba": "0"},
+}
 
 
 def folder(path, first):
@@ -179,16 +189,34 @@ def test_a_folder_without_the_machine_s_facts_is_no_folder_of_results(tmp_path):
 def test_the_table_has_the_worst_of_the_hard_cases_and_the_least_speed_ratio(tmp_path):
     kept = folder(tmp_path / "kept", 10.0)
     hard = {"world": "partitioned", "letters": "", "tried": 2, "survives": True}
-    cases = [hard | {"scene": "light_tool", "overlap_m": 2e-6, "created": 0.0},
-             hard | {"scene": "zeno_ball", "world": "impulse", "overlap_m": 1e-6, "created": 1e-5},
-             hard | {"scene": "light_tool", "world": "impulse", "letters": "P", "overlap_m": 1e-3, "survives": False},
-             {"scene": "zeno_ball", "world": "box2d", "letters": "N", "overlap_m": None, "created": None, "tried": 2,
-              "survives": False}]  # fmt: skip
-    run = {"scene": "wall", "kind": "single contact", "step_us": 1000, "created_j": 0.0, "scale_j": 1.0,
-           "penetration_m": 0.0, "status": "stable"}  # fmt: skip
-    runs = [run | {"method": "closed_form", "wall": 1e-5, "error": 1e-3},
-            run | {"method": "pymunk", "wall": 8e-5, "error": 1e-2},
-            run | {"method": "box2d", "wall": None, "error": None, "status": "cannot: a wall"}]  # fmt: skip
+    cases = [
+        hard | {"scene": "light_tool", "overlap_m": 2e-6, "created": 0.0},
+        hard | {"scene": "zeno_ball", "world": "impulse", "overlap_m": 1e-6, "created": 1e-5},
+        hard | {"scene": "light_tool", "world": "impulse", "letters": "P", "overlap_m": 1e-3, "survives": False},
+        {
+            "scene": "zeno_ball",
+            "world": "box2d",
+            "letters": "N",
+            "overlap_m": None,
+            "created": None,
+            "tried": 2,
+            "survives": False,
+        },
+    ]
+    run = {
+        "scene": "wall",
+        "kind": "single contact",
+        "step_us": 1000,
+        "created_j": 0.0,
+        "scale_j": 1.0,
+        "penetration_m": 0.0,
+        "status": "stable",
+    }
+    runs = [
+        run | {"method": "closed_form", "wall": 1e-5, "error": 1e-3},
+        run | {"method": "pymunk", "wall": 8e-5, "error": 1e-2},
+        run | {"method": "box2d", "wall": None, "error": None, "status": "cannot: a wall"},
+    ]
     (kept / "hard_cases.json").write_text(json.dumps({"verdicts": cases}))
     (kept / "speed_error.json").write_text(json.dumps({"runs": runs, "equal_error": [], "versions": {}}))
     table = results.markdown(kept)
@@ -230,10 +258,16 @@ def test_all_measures_only_what_is_missing_and_puts_the_table_between_the_marks(
     assert "| very first start, all nodes at work | 10 s | ≤ 20 s |" in text
 
 
-@pytest.mark.parametrize(("words", "sentence"), [
-    (("all", "--only", "speed"), "benchmark is 'speed'; it must be one of doctor"),
-    (("exchange", "--delay", "0", "--method", "direct", "--scheduler", "tcp://127.0.0.1:9"), "no scheduler answers"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("all", "--only", "speed"), "benchmark is 'speed'; it must be one of doctor"),
+        (
+            ("exchange", "--delay", "0", "--method", "direct", "--scheduler", "tcp://127.0.0.1:9"),
+            "no scheduler answers",
+        ),
+    ],
+)
 def test_bad_input_is_refused_in_one_sentence(monkeypatch, words, sentence):
     monkeypatch.setattr(sweep, "PATIENCE", 0.5)
     done = bench(*words)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from haptic_device.law import plant
+from haptic_device.device import plant
 
 SECOND = 1_000_000_000
 
@@ -160,8 +160,10 @@ def test_energy_given_is_minus_the_work_of_the_hand_on_the_handle(coulomb):
     x, v, s = 0.0, 0.0, 0.0
     for now in run(record, memory, 0.1, swing, 1.0, step):
         rate = (now["target"][0] - s) / (step * 1e-9)
-        powers = [(500.0 * (at - position) + 8.0 * (rate - speed)) * speed for at, position, speed in (
-            (s, x, v), (now["target"][0], now["position"][0], now["velocity"][0]))]  # fmt: skip
+        powers = [
+            (500.0 * (at - position) + 8.0 * (rate - speed)) * speed
+            for at, position, speed in ((s, x, v), (now["target"][0], now["position"][0], now["velocity"][0]))
+        ]
         work += sum(powers) / 2 * step * 1e-9 - 0.1 * (now["velocity"][0] ** 2 - v**2) / 2
         x, v, s = now["position"][0], now["velocity"][0], now["target"][0]
     assert abs(work) > 1e-4

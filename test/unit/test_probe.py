@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from haptic_device.analysis import probe
-from haptic_device.device import load_device
-from haptic_device.law import fault
+from haptic_device.control import faults
+from haptic_device.description import load_device
 from haptic_sim.cli.zwidth_live import TRIES, Live
 from haptic_sim.cli.zwidth_twin import DEPTH, PHASES, WALL, Twin
 
@@ -96,7 +96,7 @@ class Hand:
         self.truths += map(said, now + truth.time, truth.position, truth.energy_given)
 
     def said(self, entry):
-        return fault.name_of(fault.DEVICE_SILENT)
+        return faults.name_of(faults.DEVICE_SILENT)
 
     def look(self):
         """What comes is in `truths` already."""

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from haptic_device.analysis import summary
-from haptic_device.analysis.recording import ENTRY_UNITS, TRACE_UNITS, load
+from haptic_device.analysis.bag_topics import ENTRY_UNITS, TRACE_UNITS, load
+from haptic_device.analysis.report import summary
 from haptic_device.recording.columns import Entries
 from haptic_device.recording.layouts import JOINTS, POSE, STRING, WRENCH, StampedLayout, layout_of
 from haptic_device.recording.writer import Bag
@@ -271,8 +271,8 @@ def test_a_motor_that_never_engaged_has_no_figures():
 def test_the_picture_of_a_run_is_of_readable_size_and_shows_all_its_panels(run, tmp_path, monkeypatch):
     from matplotlib.image import imread
 
-    from haptic_device.analysis import page
-    from haptic_device.analysis.run import Run
+    from haptic_device.analysis.report import page
+    from haptic_device.analysis.report.run import Run
 
     drawn = []
     with monkeypatch.context() as open_still:
@@ -297,7 +297,7 @@ def test_a_topic_becomes_a_data_frame_over_the_one_clock(run, library):
 
 
 def test_every_column_of_the_trace_has_its_unit_or_counts():
-    from haptic_device.law.servo import TICK
+    from haptic_device.control.servo import TICK
 
     plain = {name for name in TICK.names if name not in TRACE_UNITS}
     counted = "tick missed parameter_version command counts device_status tool_session tool_sequence tool_answered"
@@ -308,7 +308,7 @@ def test_every_column_of_the_trace_has_its_unit_or_counts():
 
 
 def test_every_entry_of_a_joint_state_is_an_axis_or_has_its_unit_or_counts():
-    from haptic_device.node.wire import exchange_names, truth_names
+    from haptic_device.nodes.messages import exchange_names, truth_names
 
     others = {*exchange_names(3), *truth_names(3)} - {*AXES, *(f"motor_{axis}" for axis in AXES)}
     counted = "layout_version session sequence answered_session answered exchange_method gains_hash contact motion_done"
@@ -370,7 +370,7 @@ for name in ("rclpy", "sensor_msgs"):
         continue
     sys.exit(f"{name} can be imported all the same")
 from haptic_device.analysis import page
-from haptic_device.analysis.recording import load
+from haptic_device.analysis.bag_topics import load
 from haptic_sim.cli.main import main
 
 page.FIGURES = page.FIGURES[:2]

@@ -39,13 +39,20 @@ def test_a_stored_reference_is_made_again_as_near_as_it_says():
     of, stored = case("corner"), reference("corner")
     again = make(of._replace(seconds=0.5))
     for body, radius in of.bodies().items():
-        short = stored.poses[body][:len(again.poses[body])]
+        short = stored.poses[body][: len(again.poses[body])]
         assert apart(again.poses[body], short, radius).max() < stored.doubt
 
 
-@pytest.mark.parametrize(("name", "other", "bound"), [("push_block", "impulse", 2e-2), ("stack", "mujoco_rk4", 2e-3),
-                                                      ("corner", "impulse", 5e-3), ("peg_in_hole", "pymunk", 1e-3),
-                                                      ("wrench_on_nut", "pymunk", 5e-3)])
+@pytest.mark.parametrize(
+    ("name", "other", "bound"),
+    [
+        ("push_block", "impulse", 2e-2),
+        ("stack", "mujoco_rk4", 2e-3),
+        ("corner", "impulse", 5e-3),
+        ("peg_in_hole", "pymunk", 1e-3),
+        ("wrench_on_nut", "pymunk", 5e-3),
+    ],
+)
 def test_a_stored_reference_is_where_others_come_to_as_well(name, other, bound):
     assert run(case(name), reference(name), other, 100).error < bound
 
@@ -68,8 +75,10 @@ def test_the_four_bar_let_go_keeps_its_energy():
     of, poses = case("four_bar_free"), reference("four_bar_free").poses
     middle = 0.5 * (poses["crank"][2:, 2] - poses["crank"][:-2, 2]) / (of.look * 1e-9)
     bars = {body.name: body.mass_properties for body in of.scene.bodies}
-    height = sum(bars[name].mass * (poses[name][:, 1] + bars[name].center[0] * np.sin(poses[name][:, 2]))
-                 for name in bars) + of.scene.tool.mass * poses["tool"][:, 1]
+    height = (
+        sum(bars[name].mass * (poses[name][:, 1] + bars[name].center[0] * np.sin(poses[name][:, 2])) for name in bars)
+        + of.scene.tool.mass * poses["tool"][:, 1]
+    )
     fallen = G * (height[0] - height)
     assert fallen.min() > -1e-9
     assert abs(middle[np.argmin(fallen[1:-1])]) < 0.3 * abs(middle).max()

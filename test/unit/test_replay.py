@@ -8,12 +8,13 @@ import pytest
 from lockstep_systems import device, values
 from typer.testing import CliRunner
 
-from haptic_device import operating
-from haptic_device.analysis.recording import load
-from haptic_device.analysis.run import read_run
-from haptic_device.law import operator, servo
-from haptic_device.node.wire import JointLayout
-from haptic_device.runtime import recompute
+from haptic_device import controller_config
+from haptic_device.analysis.bag_topics import load
+from haptic_device.analysis.report.run import read_run
+from haptic_device.control import servo
+from haptic_device.device import operator_hand
+from haptic_device.nodes.messages import JointLayout
+from haptic_device.realtime import tick_replay
 from haptic_sim import replay
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import PERFECT, Lockstep
@@ -31,13 +32,19 @@ COUPLED = {"coupling__stiffness": 800.0, "coupling__damping": 1.0, "engage__time
 def busy(ticks):
     """Rows of a system in which every law has something to do, and its settings."""
     driver = values(
-        "haptic_driver", **COUPLED, cancellation__ratio=0.3, velocity__estimator="adaptive_window",
-        wall__normals=(0.0, 1.0), wall__offsets=(-0.01,), wall__stiffness=(2000.0,), wall__damping=(1.0,),
+        "haptic_driver",
+        **COUPLED,
+        cancellation__ratio=0.3,
+        velocity__estimator="adaptive_window",
+        wall__normals=(0.0, 1.0),
+        wall__offsets=(-0.01,),
+        wall__stiffness=(2000.0,),
+        wall__damping=(1.0,),
         velocity__lag=0.0005,
-    )  # fmt: skip
+    )
     hand = values("haptic_loopback", motion__name="circle", motion__duration=ticks / 4000.0, motion__turns=40.0)
     system = Lockstep(device(damping=8.0, counts=1e5, axes=3), driver, hand, None)
-    start = recompute.snapshot_of(-1, system.settings[0], system.memory[0])
+    start = tick_replay.snapshot_of(-1, system.settings[0], system.memory[0])
     return system, start, system.run(ticks / 4000.0)
 
 
@@ -70,7 +77,7 @@ def test_one_count_changed_in_the_input_is_found_in_every_tick_that_remembers_it
 
 def test_after_a_gap_it_goes_on_from_the_next_snapshot_and_says_what_it_skipped(recorded):
     system, start, rows = busy(2000)
-    later = recompute.snapshot_of(system.ticks - 1, system.settings[0], system.memory[0])
+    later = tick_replay.snapshot_of(system.ticks - 1, system.settings[0], system.memory[0])
     more = system.run(0.25)
     trace = np.concatenate([rows[:500], rows[600:], more])
     found = verdict_on(trace, np.concatenate([start, later]))
@@ -80,7 +87,7 @@ def test_after_a_gap_it_goes_on_from_the_next_snapshot_and_says_what_it_skipped(
 def test_changed_settings_count_from_their_version_on():
     system, start, rows = busy(2000)
     system.settings["version"], system.settings["stiffness"] = 1, 300.0
-    changed = recompute.snapshot_of(system.ticks + 100, system.settings[0], system.memory[0])
+    changed = tick_replay.snapshot_of(system.ticks + 100, system.settings[0], system.memory[0])
     trace = np.concatenate([rows, system.run(0.5)])
     assert verdict_on(trace, np.concatenate([start, changed])).same == len(trace)
     assert verdict_on(trace, start).skipped == len(trace) - len(rows)
@@ -97,11 +104,11 @@ def test_a_trace_of_another_version_or_without_snapshots_is_refused_in_a_sentenc
 
 
 def test_a_path_joins_its_points_by_straight_lines():
-    motion, target = np.zeros(1, operator.MOTION), np.zeros(3)
-    motion["kind"], motion["count"] = operator.PATH, 3
+    motion, target = np.zeros(1, operator_hand.MOTION), np.zeros(3)
+    motion["kind"], motion["count"] = operator_hand.PATH, 3
     motion["times"][0, :3], motion["points"][0, :3, 0] = (0.0, 1.0, 3.0), (0.0, 1.0, 5.0)
     for moment, place in ((0.25, 0.25), (1.0, 1.0), (2.5, 4.0), (9.0, 5.0)):
-        operator.target_at(motion[0], moment, target)
+        operator_hand.target_at(motion[0], moment, target)
         assert target[0] == pytest.approx(place)
 
 
@@ -219,10 +226,10 @@ def test_a_bag_without_motion_is_refused_in_a_sentence(tmp_path):
 
 
 def test_settings_survive_the_way_through_a_snapshot():
-    settings = operating.settings_from(device(), values("haptic_driver"), 7)
+    settings = controller_config.settings_from(device(), values("haptic_driver"), 7)
     memory = np.zeros(1, servo.MEMORY)
     memory["history"], memory["times"][0, 3] = 5.0, 1.5
-    again_settings, again_memory = recompute.parts_of(recompute.snapshot_of(3, settings[0], memory[0]))
+    again_settings, again_memory = tick_replay.parts_of(tick_replay.snapshot_of(3, settings[0], memory[0]))
     assert again_settings.tobytes() == settings.tobytes() and again_memory.tobytes() == memory.tobytes()
 
 

@@ -12,11 +12,11 @@ from matplotlib import pyplot
 from matplotlib.image import imread
 from mcap.reader import make_reader
 
-from haptic_device.analysis import page as pages
-from haptic_device.analysis import panel
-from haptic_device.analysis.page import FIGURES, write_report
-from haptic_device.analysis.run import read_run
-from haptic_device.analysis.table import sections
+from haptic_device.analysis.report import page as pages
+from haptic_device.analysis.report import panel
+from haptic_device.analysis.report.page import FIGURES, write_report
+from haptic_device.analysis.report.run import read_run
+from haptic_device.analysis.report.table import sections
 from haptic_device.recording.writer import Bag
 from haptic_sim.cli.compared import figures_of
 from haptic_sim.cli.report import report
@@ -189,7 +189,7 @@ def test_blocks_of_another_version_in_one_bag_are_left_out_and_counted(tmp_path)
 
 def cloud_of(rows):
     """A block of any structured array of float64 columns."""
-    from haptic_device.node.wire import CloudLayout
+    from haptic_device.nodes.messages import CloudLayout
 
     packed = np.array(rows.tolist(), [(name, rows.dtype[name]) for name in rows.dtype.names])
     return CloudLayout(packed.dtype).pack(0, packed)

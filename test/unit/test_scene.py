@@ -7,7 +7,7 @@ import math
 import pytest
 import yaml
 
-from haptic_device.share import names
+from haptic_device.config_files import names
 from haptic_sim import assembly, clearance
 from haptic_sim.scene import SceneError, load, parse
 
@@ -17,7 +17,9 @@ GOOD = {
     "materials": {"steel": {"friction": 0.2}},
     "bodies": [
         {
-            "name": "table", "fixed": True, "material": "steel",
+            "name": "table",
+            "fixed": True,
+            "material": "steel",
             "shapes": [{"box": {"size": [1, 0.1], "center": [0, -0.05]}}],
         },
         {"name": "block", "mass": 1, "pose": [0.1, 0.0, 0], "shapes": [{"vertices": SQUARE}]},
@@ -102,19 +104,51 @@ SENTENCES = [
     (("joints", 0, "motor"), {"speed": 1, "max_torque": 0}, ["joints[0].motor.max_torque is 0", "0 N m"]),
     (("joints", 0, "motor"), {"speed": 1, "max_force": 2}, ["the motor of a pin", "max_torque, not by max_force"]),
     (("joints", 0, "motor"), {"speed": 1}, ["joints[0]: the motor of a pin", "max_torque, not by speed alone"]),
-    (("joints", 0), {"type": "slider", "axis": [0, 1], "bodies": ["world", "block"], "at": [0, 0],
-                     "motor": {"speed": 1, "max_torque": 2}}, ["motor of a slider", "max_force, not by max_torque"]),
-    (("joints", 0), {"type": "spring", "stiffness": 1, "bodies": ["world", "block"], "at": [0, 0],
-                     "motor": {"speed": 1, "max_force": 2}}, ["a spring has no motor; that belongs to a pin"]),
+    (
+        ("joints", 0),
+        {
+            "type": "slider",
+            "axis": [0, 1],
+            "bodies": ["world", "block"],
+            "at": [0, 0],
+            "motor": {"speed": 1, "max_torque": 2},
+        },
+        ["motor of a slider", "max_force, not by max_torque"],
+    ),
+    (
+        ("joints", 0),
+        {
+            "type": "spring",
+            "stiffness": 1,
+            "bodies": ["world", "block"],
+            "at": [0, 0],
+            "motor": {"speed": 1, "max_force": 2},
+        },
+        ["a spring has no motor; that belongs to a pin"],
+    ),
     (("joints", 0), {"type": "slider", "bodies": ["world", "block"], "at": [0, 0]}, ["a slider needs an axis"]),
     (("joints", 0), {"type": "spring", "bodies": ["world", "block"], "at": [0, 0]}, ["a spring needs a stiffness"]),
     (("joints", 0), {"type": "weld", "bodies": ["tool", "block"], "at": [0, 0]}, ["joints[0] welds 'tool'", "shapes"]),
-    (("joints", 0), {"type": "pin", "bodies": ["world", "block"], "anchors": [[0.1, 0.02], [0.003, 0.024]]},
-     ["joints[0] cannot be met", "'world' and 'block' are 5 mm apart", "[0.003, 0.004] m", "move a body or an anchor"]),
-    (("joints", 0), {"type": "slider", "axis": [0, 1], "bodies": ["world", "block"], "anchors": [[0.1, 0], [0.003, 1]]},
-     ["joints[0] cannot be met", "3 mm apart", "move a body"]),
-    (("joints", 0), {"type": "spring", "stiffness": 1, "bodies": ["world", "block"], "at": [0, 0]},
-     ["joints[0] has no length", "write rest: 0 or move an anchor"]),
+    (
+        ("joints", 0),
+        {"type": "pin", "bodies": ["world", "block"], "anchors": [[0.1, 0.02], [0.003, 0.024]]},
+        [
+            "joints[0] cannot be met",
+            "'world' and 'block' are 5 mm apart",
+            "[0.003, 0.004] m",
+            "move a body or an anchor",
+        ],
+    ),
+    (
+        ("joints", 0),
+        {"type": "slider", "axis": [0, 1], "bodies": ["world", "block"], "anchors": [[0.1, 0], [0.003, 1]]},
+        ["joints[0] cannot be met", "3 mm apart", "move a body"],
+    ),
+    (
+        ("joints", 0),
+        {"type": "spring", "stiffness": 1, "bodies": ["world", "block"], "at": [0, 0]},
+        ["joints[0] has no length", "write rest: 0 or move an anchor"],
+    ),
     (("bodies", 1, "velocity"), [0, 2, 0], ["joints[0] ('hinge') is pulled apart at 2 m/s", "'world' and 'block'"]),
     (("bodies", 1, "pose"), [0.1, -0.001, 0], ["bodies[1] ('block') overlaps bodies[0] ('table') by 1 mm"]),
 ]
@@ -195,8 +229,15 @@ def test_fixed_bodies_may_overlap_each_other():
 def test_of_hundreds_of_bodies_only_neighbours_are_looked_at_and_an_overlap_is_still_found(monkeypatch):
     looked = []
     monkeypatch.setattr(assembly, "overlap", lambda *pair: looked.append(pair) or clearance.overlap(*pair))
-    tiles = [{"name": f"tile_{k}", "mass": 1, "pose": [0.03 * (k % 20), 0.2 + 0.03 * (k // 20), 0.1],
-              "shapes": [{"vertices": SQUARE}]} for k in range(300)]
+    tiles = [
+        {
+            "name": f"tile_{k}",
+            "mass": 1,
+            "pose": [0.03 * (k % 20), 0.2 + 0.03 * (k // 20), 0.1],
+            "shapes": [{"vertices": SQUARE}],
+        }
+        for k in range(300)
+    ]
     assert len(parse({**GOOD, "bodies": [*GOOD["bodies"], *tiles]}, "here").bodies) == 302
     assert len(looked) < 10
     tiles[170]["pose"] = tiles[171]["pose"][:2] + [0.5]

@@ -7,7 +7,7 @@ from in_process import haptic
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from haptic_device.share import find, names
+from haptic_device.config_files import find, names
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.explain import explain
 from haptic_sim.compile.measured import Measured, of_scene, read
@@ -15,8 +15,20 @@ from haptic_sim.draw import draw, handle_way
 from haptic_sim.scene import load
 from haptic_sim.verify import within
 
-LIBRARY = {"free_space", "wall", "corner", "peg_in_hole", "wrench_on_nut", "push_block", "slider", "four_bar",
-           "pendulum", "stack", "hammer_nail", "ratchet"}
+LIBRARY = {
+    "free_space",
+    "wall",
+    "corner",
+    "peg_in_hole",
+    "wrench_on_nut",
+    "push_block",
+    "slider",
+    "four_bar",
+    "pendulum",
+    "stack",
+    "hammer_nail",
+    "ratchet",
+}
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -43,8 +55,9 @@ def test_every_picture_shows_the_whole_tool_its_way_and_every_body_that_ends(nam
     scene, axes = load(name), Figure().subplots()
     draw(scene, axes)
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    places = 1e3 * np.array([scene.tool.pose[:2], *(body.pose[:2] for body in scene.bodies if not body.fixed),
-                             *handle_way(scene)[:, :2]])
+    places = 1e3 * np.array(
+        [scene.tool.pose[:2], *(body.pose[:2] for body in scene.bodies if not body.fixed), *handle_way(scene)[:, :2]]
+    )
     assert (places > [left, low]).all()
     assert (places < [right, high]).all()
 
@@ -64,12 +77,18 @@ def test_the_wall_is_explained_as_one_axis_in_closed_form():
     assert "closed_form" in done.stdout
 
 
-@pytest.mark.parametrize(("name", "words"), [
-    ("four_bar", ["2 of 12", "none can happen", "impulse"]),
-    ("peg_in_hole", ["3 of 3 pairs of shapes", "tool-hole", "have to be solved together", "matters"]),
-    ("stack_20", ["63, three each", "(21)", "partitioned: 20 bodies stand on one another, and impulse carries 15"]),
-    ("heavy_on_light_1e3", ["partitioned: heavy is 1000 times as heavy as light, and 2 bodies stand on one another"]),
-])
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("four_bar", ["2 of 12", "none can happen", "impulse"]),
+        ("peg_in_hole", ["3 of 3 pairs of shapes", "tool-hole", "have to be solved together", "matters"]),
+        ("stack_20", ["63, three each", "(21)", "partitioned: 20 bodies stand on one another, and impulse carries 15"]),
+        (
+            "heavy_on_light_1e3",
+            ["partitioned: heavy is 1000 times as heavy as light, and 2 bodies stand on one another"],
+        ),
+    ],
+)
 def test_an_explanation_says_freedoms_contacts_and_method(name, words):
     scene = load(name)
     said = " ".join(answer for _, answer in explain(scene, compile_scene(scene)))
@@ -101,7 +120,8 @@ def test_a_scene_of_ones_own_is_verified_and_its_rows_are_kept_beside_those_of_o
         assert done.returncode == 0, done.stdout
     assert [(row.scene, row.method) for row in read(kept)] == [
         *(("own", method) for method in ("impulse", "partitioned", "penalty_implicit")),
-        *(("thin_plate", method) for method in ("impulse", "partitioned"))]
+        *(("thin_plate", method) for method in ("impulse", "partitioned")),
+    ]
     impulse, partitioned, elastic = read(kept)[:3]
     assert 0.0 < partitioned.doubt < 0.1 * partitioned.error
     assert partitioned.error < 0.01
@@ -144,16 +164,19 @@ def test_the_gallery_has_a_section_and_a_picture_for_every_scene(tmp_path, monke
         assert (tmp_path / "page" / f"{name}.png").read_bytes().startswith(PNG)
 
 
-@pytest.mark.parametrize(("words", "sentence"), [
-    (["--draw", "nowhere"], "nowhere is neither a file nor a name"),
-    (["--explain", "nowhere"], "nowhere is neither a file nor a name"),
-    (["--verify", "nowhere"], "nowhere is neither a file nor a name"),
-    (["--verify", "wall", "--out", "/nowhere/a.csv"], "/nowhere/a.csv"),
-    (["--verify", "wall", "--out", find("scenes", "wall")], "has not the columns scene, method, step_us"),
-    (["--out", "a.png"], "--out names the picture of --draw or the table of --verify"),
-    (["--draw", "wall", "--verify", "wall", "--out", "a.png"], "--out names the picture of --draw or the table"),
-    (["--draw", "wall", "--out", "/nowhere/a.png"], "/nowhere/a.png"),
-])
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--draw", "nowhere"], "nowhere is neither a file nor a name"),
+        (["--explain", "nowhere"], "nowhere is neither a file nor a name"),
+        (["--verify", "nowhere"], "nowhere is neither a file nor a name"),
+        (["--verify", "wall", "--out", "/nowhere/a.csv"], "/nowhere/a.csv"),
+        (["--verify", "wall", "--out", find("scenes", "wall")], "has not the columns scene, method, step_us"),
+        (["--out", "a.png"], "--out names the picture of --draw or the table of --verify"),
+        (["--draw", "wall", "--verify", "wall", "--out", "a.png"], "--out names the picture of --draw or the table"),
+        (["--draw", "wall", "--out", "/nowhere/a.png"], "/nowhere/a.png"),
+    ],
+)
 def test_bad_input_ends_in_one_sentence(words, sentence):
     done = haptic("scenes", *words)
     assert done.returncode == 1

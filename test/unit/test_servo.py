@@ -10,15 +10,20 @@ from hypothesis import strategies as st
 from lockstep_systems import device, values
 from ticks import tick
 
-from haptic_device import operating
-from haptic_device.law import engage, fault, servo
+from haptic_device import controller_config
+from haptic_device.control import enable_state, faults, servo
+from haptic_device.device import loopback_config, simulated_device
 from haptic_device.parameters import EXCHANGE_METHODS, MOST_WALLS
-from haptic_device.runtime import loop
+from haptic_device.realtime import servo_loop
 
 PERIOD = 1 / 4000.0
 WALL = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness": (1000.0,), "wall__damping": (0.0,)}
-FREE = {"coupling__stiffness": 0.0, "coupling__damping": 0.0, "coupling__rotational_stiffness": 0.0,
-        "coupling__rotational_damping": 0.0}  # fmt: skip
+FREE = {
+    "coupling__stiffness": 0.0,
+    "coupling__damping": 0.0,
+    "coupling__rotational_stiffness": 0.0,
+    "coupling__rotational_damping": 0.0,
+}
 COUNTS = 1e7  # per metre
 SETTLED = {}  # memory and row after a second at rest, for each settings there were: the second is the same each time
 
@@ -29,9 +34,9 @@ class Servo:
     def __init__(self, axes=3, scale=(1.0, 1.0), gravity=(0.0, 0.0), settled=True, **given):
         self.device = device(damping=3.0, counts=COUNTS, axes=axes, scale=scale, gravity=gravity)
         given = {"exchange__method": "direct"} | given  # the tool as it is; the other methods have tests of their own
-        self.settings = operating.settings_from(self.device, values("haptic_driver", **given))
-        self.memory, self.now, self.command = np.zeros(1, servo.MEMORY), 10**12, engage.ENABLE
-        self.inputs = {"tool_age": -1.0, "device_status": fault.FRESH}
+        self.settings = controller_config.settings_from(self.device, values("haptic_driver", **given))
+        self.memory, self.now, self.command = np.zeros(1, servo.MEMORY), 10**12, enable_state.ENABLE
+        self.inputs = {"tool_age": -1.0, "device_status": faults.FRESH}
         self.left = {}  # in the outputs of each row, of a tick before
         self.position = np.zeros(3)
         self.rows = []
@@ -79,7 +84,7 @@ class Servo:
 
 def test_in_free_space_without_a_tool_the_motor_stays_at_zero():
     row = Servo(**FREE).move((0.05, 0.02, 1.0))
-    assert row.state == engage.ENGAGED and row.motor.tolist() == [0.0, 0.0, 0.0] and row.fault == fault.NONE
+    assert row.state == enable_state.ENGAGED and row.motor.tolist() == [0.0, 0.0, 0.0] and row.fault == faults.NONE
 
 
 @pytest.mark.parametrize("angle", [0.0, 30.0, 90.0, 200.0, 315.0])
@@ -95,8 +100,12 @@ def test_a_wall_pushes_along_its_normal_by_its_stiffness_times_the_depth(angle):
 def test_sixty_four_walls_round_the_handle_each_push_by_their_own_depth():
     turns = 2.0 * np.pi * np.arange(MOST_WALLS) / MOST_WALLS
     normals, stiffness = -np.column_stack([np.cos(turns), np.sin(turns)]), np.linspace(500.0, 1500.0, MOST_WALLS)
-    ring = {"wall__normals": tuple(normals.ravel()), "wall__offsets": (-0.02,) * MOST_WALLS,
-            "wall__stiffness": tuple(stiffness), "wall__damping": (0.0,) * MOST_WALLS}  # fmt: skip
+    ring = {
+        "wall__normals": tuple(normals.ravel()),
+        "wall__offsets": (-0.02,) * MOST_WALLS,
+        "wall__stiffness": tuple(stiffness),
+        "wall__damping": (0.0,) * MOST_WALLS,
+    }
     place = 0.021 * np.array([math.cos(0.3), math.sin(0.3)])
     depth = np.maximum(0.0, -0.02 - normals @ place)
     row = Servo(**ring, **FREE).move((*place, 0.0))
@@ -172,11 +181,11 @@ def test_forces_rise_over_the_engage_time_from_a_small_wanted_force():
     runner.command = 0
     runner.tool((0.002, 0.0, 0.0))
     runner.run(0.05)
-    runner.command, before = engage.ENABLE, len(runner.rows)
+    runner.command, before = enable_state.ENABLE, len(runner.rows)
     runner.run(0.3)
     forces = np.array([row["force_on_handle"][0, 0] for row in runner.rows[before:]])
     states = [int(row["state"][0]) for row in runner.rows[before:]]
-    assert states[0] == engage.WAITING and states[-1] == engage.ENGAGED
+    assert states[0] == enable_state.WAITING and states[-1] == enable_state.ENGAGED
     assert forces[-1] == pytest.approx(0.8) and np.diff(forces).max() == pytest.approx(0.8 * PERIOD / 0.2, rel=0.01)
     assert np.sum((forces > 0.0) & (forces < 0.8)) == pytest.approx(0.2 / PERIOD, abs=3)
 
@@ -187,12 +196,12 @@ def test_engaging_begins_just_below_the_force_limit_and_not_just_above(wanted, e
     runner.command = 0
     runner.tool((wanted / 1000.0, 0.0, 0.0))
     runner.run(0.05)
-    runner.command = engage.ENABLE
+    runner.command = enable_state.ENABLE
     row = runner.run(1.0)
-    assert (row.state == engage.ENGAGED) == engages
+    assert (row.state == enable_state.ENGAGED) == engages
     assert (row.motor[0] != 0.0) == engages
     runner.tool((0.0, 0.0, 0.0))
-    assert runner.run(1.0).state == engage.ENGAGED
+    assert runner.run(1.0).state == enable_state.ENGAGED
 
 
 @pytest.mark.parametrize(("wanted", "engages"), [(0.099, True), (0.101, False)])
@@ -201,8 +210,8 @@ def test_engaging_waits_for_a_small_torque_too(wanted, engages):
     runner.command = 0
     runner.tool((0.0, 0.0, wanted))
     runner.run(0.05)
-    runner.command = engage.ENABLE
-    assert (runner.run(1.0).state == engage.ENGAGED) == engages
+    runner.command = enable_state.ENABLE
+    assert (runner.run(1.0).state == enable_state.ENGAGED) == engages
 
 
 def test_disabling_takes_the_force_away_in_the_next_tick():
@@ -210,23 +219,23 @@ def test_disabling_takes_the_force_away_in_the_next_tick():
     assert runner.move((-0.002, 0.0, 0.0)).motor[0] == pytest.approx(2.0, rel=1e-3)
     runner.command = 0
     row = runner.tick()
-    assert row.motor.tolist() == [0.0, 0.0, 0.0] and row.state == engage.IDLE and row.fault == fault.NONE
+    assert row.motor.tolist() == [0.0, 0.0, 0.0] and row.state == enable_state.IDLE and row.fault == faults.NONE
 
 
 def test_under_an_open_clutch_the_handle_stays_in_the_world_without_force_and_goes_on_from_there():
     runner = Servo(scale=(2.0, 1.0), **FREE)
     runner.move((0.01, 0.0, 0.0))
-    runner.command = engage.ENABLE | engage.CLUTCH
+    runner.command = enable_state.ENABLE | enable_state.CLUTCH
     row = runner.move((-0.03, 0.0, 0.0))
     assert row.position[0] == pytest.approx(0.02, abs=1e-6) and row.velocity[0] == 0.0
-    assert row.state == engage.IDLE and row.motor[0] == 0.0
-    runner.command = engage.ENABLE
+    assert row.state == enable_state.IDLE and row.motor[0] == 0.0
+    runner.command = enable_state.ENABLE
     assert runner.move((-0.02, 0.0, 0.0)).position[0] == pytest.approx(0.04, abs=1e-6)
 
 
 # How each fault of the table comes about, on a servo that presses a wall with 2 N.
 def _estop(runner):
-    runner.command |= engage.ESTOP
+    runner.command |= enable_state.ESTOP
     return runner.tick()
 
 
@@ -235,7 +244,7 @@ def _device_silent(runner):
 
 
 def _device_watchdog(runner):
-    return runner.tick(device_status=fault.WATCHDOG)
+    return runner.tick(device_status=faults.WATCHDOG)
 
 
 def _encoder_jump(runner):
@@ -276,11 +285,14 @@ def _duty(runner):
 
 
 def _unattended(runner):
-    return runner.tick(command=engage.ENABLE | engage.UNATTENDED)
+    return runner.tick(command=enable_state.ENABLE | enable_state.UNATTENDED)
 
 
-PROVOKE = {name.removeprefix("_"): function for name, function in list(globals().items())
-           if name.removeprefix("_") in {entry.name for entry in fault.TABLE}}  # fmt: skip
+PROVOKE = {
+    name.removeprefix("_"): function
+    for name, function in list(globals().items())
+    if name.removeprefix("_") in {entry.name for entry in faults.TABLE}
+}
 
 
 def pressing():
@@ -290,29 +302,29 @@ def pressing():
 
 
 def test_each_fault_of_the_table_has_a_way_to_provoke_it():
-    assert set(PROVOKE) == {entry.name for entry in fault.TABLE}
+    assert set(PROVOKE) == {entry.name for entry in faults.TABLE}
 
 
-@pytest.mark.parametrize("entry", fault.TABLE, ids=lambda entry: entry.name)
+@pytest.mark.parametrize("entry", faults.TABLE, ids=lambda entry: entry.name)
 def test_a_fault_zeroes_the_motor_in_its_tick_stays_latched_and_is_cleared_by_reset_alone(entry):
     runner = pressing()
     before, inputs = runner.settings.copy(), dict(runner.inputs)
     row = PROVOKE[entry.name](runner)
-    assert fault.name_of(row.fault) == entry.name
+    assert faults.name_of(row.fault) == entry.name
     assert row.motor.tolist() == row.force_on_handle.tolist() == [0.0, 0.0, 0.0]
     assert all(np.array_equal(row["motor"], np.zeros((1, 3))) for row in runner.rows if row["fault"][0])
     runner.settings, runner.inputs = before, inputs
     runner.run(0.1)  # past a jump's own velocity
-    runner.command = engage.ENABLE
+    runner.command = enable_state.ENABLE
     for _ in range(100):
         row = runner.tick()
-        assert fault.name_of(row.fault) == entry.name and not row.motor.any() and row.state == engage.FAULT
+        assert faults.name_of(row.fault) == entry.name and not row.motor.any() and row.state == enable_state.FAULT
     runner.position[:] = 0.0
     runner.memory["device_position"] = 0.0  # the handle was carried back
-    runner.command = engage.RESET
+    runner.command = enable_state.RESET
     runner.run(0.1)
-    runner.command = engage.RESET | engage.ENABLE
-    assert runner.run(0.2).state == engage.ENGAGED
+    runner.command = enable_state.RESET | enable_state.ENABLE
+    assert runner.run(0.2).state == enable_state.ENGAGED
     assert runner.move((-0.002, 0.0, 0.0)).motor[0] == pytest.approx(2.0, rel=1e-3)
 
 
@@ -320,16 +332,16 @@ def test_the_first_fault_stays_whatever_follows():
     runner = pressing()
     _estop(runner)
     for follow in (_encoder_jump, _device_watchdog, _device_silent, _not_a_number):
-        assert fault.name_of(follow(runner).fault) == "estop"
+        assert faults.name_of(follow(runner).fault) == "estop"
 
 
 def test_silence_and_saturation_just_within_their_times_are_no_faults():
     runner = pressing()
     rows = [runner.tick(stale=True) for _ in range(round(0.02 / PERIOD) - 1)]
-    assert rows[-1].fault == fault.NONE and runner.tick().fault == fault.NONE
+    assert rows[-1].fault == faults.NONE and runner.tick().fault == faults.NONE
     runner = pressing()
     runner.settings["device_limit"] = 1.9
-    assert runner.run(1.0 - 3 * PERIOD).fault == fault.NONE
+    assert runner.run(1.0 - 3 * PERIOD).fault == faults.NONE
     assert runner.rows[-1]["force_on_handle"][0, 0] == 1.9
 
 
@@ -339,7 +351,7 @@ def test_a_motor_may_hold_its_duty_for_ever_and_a_little_more_until_it_is_warm(s
     force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["device_limit"][0, 0]
     runner.settings["duty"], runner.settings["duty_kept"] = force / limit / share, math.exp(-PERIOD / time)
     began, row = len(runner.rows), runner.run(10 * time)
-    assert fault.name_of(row.fault) == ("" if share < 1.0 else "duty")
+    assert faults.name_of(row.fault) == ("" if share < 1.0 else "duty")
     if share > 1.0:
         held = next(k for k, row in enumerate(runner.rows[began:]) if row["fault"][0]) * PERIOD
         assert held == pytest.approx(-time * math.log(1.0 - 1.0 / share**2), rel=0.01)
@@ -350,7 +362,7 @@ def test_an_axis_that_the_device_lacks_is_not_saturated_by_a_wall_whose_normal_l
     runner = Servo(axes=1, **leaning, **FREE)
     runner.move((-0.002, 0.0, 0.0))
     row = runner.run(1.0 + 0.2)
-    assert row.force_walls[1] > 0.0 and fault.name_of(row.fault) == ""
+    assert row.force_walls[1] > 0.0 and faults.name_of(row.fault) == ""
     assert row.force_on_handle == pytest.approx([2.0, 0.0, 0.0], rel=1e-3)
 
 
@@ -365,7 +377,7 @@ def test_counts_that_change_without_a_newer_time_move_nothing_and_their_way_is_b
         assert (row.energy_given == first["energy_given"]).all()
     runner.position = runner.position + [speed * PERIOD, 0.0, 0.0]
     row, force = runner.tick(), first["force_on_handle"][0, 0]
-    assert row.fault == fault.NONE and row.velocity[0] == pytest.approx(speed)
+    assert row.fault == faults.NONE and row.velocity[0] == pytest.approx(speed)
     way = held * speed * PERIOD
     booked = row.energy_given[0] - first["energy_given"][0, 0]
     assert booked == pytest.approx(force * way - 3.0 * way**2 / (held * PERIOD), rel=1e-6)
@@ -374,13 +386,13 @@ def test_counts_that_change_without_a_newer_time_move_nothing_and_their_way_is_b
 def test_a_device_whose_time_was_far_ahead_once_is_silent_from_then_on():
     runner = pressing()
     runner.tick(latched=runner.now + 10**9)
-    assert runner.run(0.02 - PERIOD).fault == fault.NONE
-    assert fault.name_of(runner.run(2 * PERIOD).fault) == "device_silent" and not runner.rows[-1]["motor"].any()
+    assert runner.run(0.02 - PERIOD).fault == faults.NONE
+    assert faults.name_of(runner.run(2 * PERIOD).fault) == "device_silent" and not runner.rows[-1]["motor"].any()
 
 
 def test_a_cut_motor_is_no_fault_before_the_servo_has_engaged():
     runner = Servo(settled=False, **FREE)
-    assert runner.tick(device_status=fault.WATCHDOG).fault == fault.NONE
+    assert runner.tick(device_status=faults.WATCHDOG).fault == faults.NONE
 
 
 @pytest.mark.parametrize("field", ["tool_position", "tool_velocity", "drag"])
@@ -390,13 +402,13 @@ def test_no_input_that_is_not_a_number_becomes_a_force(field, value):
     runner.tool((0.0, 0.0, 0.0))
     runner.run(0.2)
     row = runner.tick(**{field: (0.0, value, 0.0)})
-    assert fault.name_of(row.fault) == "not_a_number" and not row.motor.any()
-    assert row.state == engage.FAULT  # the device is told by it whether the display is engaged
-    runner.command = engage.RESET
+    assert faults.name_of(row.fault) == "not_a_number" and not row.motor.any()
+    assert row.state == enable_state.FAULT  # the device is told by it whether the display is engaged
+    runner.command = enable_state.RESET
     runner.run(0.01)
-    runner.command |= engage.ENABLE
+    runner.command |= enable_state.ENABLE
     row = runner.run(0.2)
-    assert row.state == engage.ENGAGED and np.isfinite(runner.memory["drag"]).all()
+    assert row.state == enable_state.ENGAGED and np.isfinite(runner.memory["drag"]).all()
 
 
 @pytest.mark.parametrize("axes", [1, 3])
@@ -431,12 +443,12 @@ WORD = st.integers(-(2**63), 2**63 - 1)
 @given(st.lists(st.tuples(st.tuples(WORD, WORD, WORD), st.tuples(ANY, ANY, ANY), WORD, WORD), min_size=1, max_size=8))
 def test_whatever_stands_in_the_page_the_motor_stays_finite_within_its_limit_and_zero_in_a_fault(samples):
     runner = Servo(settled=False, **WALL, cancellation__ratio=0.5, cancellation__source="measured")
-    runner.memory["engage"], runner.memory["state"] = 1.0, engage.ENGAGED
+    runner.memory["engage"], runner.memory["state"] = 1.0, enable_state.ENGAGED
     for counts, drag, status, latched in samples:
         row = runner.tick(counts=counts, drag=drag, device_status=status, latched=latched)
         assert np.isfinite(row.motor).all()
         assert (abs(row.force_on_handle) <= runner.settings["device_limit"][0]).all()
-        assert row.fault == fault.NONE or not row.motor.any()
+        assert row.fault == faults.NONE or not row.motor.any()
 
 
 class Press:
@@ -445,20 +457,25 @@ class Press:
     def __init__(self, motion=None, **driver):
         described = device(damping=3.0, counts=2e5, coulomb=0.02, axes=3, sensing_delay=130e-6, actuation_delay=60e-6)
         driver = {**WALL, **FREE, "engage__time": 0.05, **driver}
-        script = {"motion__name": "press_wall", "motion__start": (0.005, 0.0, 0.0), "motion__duration": 0.4,
-                  "motion__target": (-0.01, 0.004, 0.1), **(motion or {})}  # fmt: skip
-        self.settings = operating.settings_from(described, values("haptic_driver", **driver))
-        self.hand = operating.hand_from(described, values("haptic_loopback", **script))
+        script = {
+            "motion__name": "press_wall",
+            "motion__start": (0.005, 0.0, 0.0),
+            "motion__duration": 0.4,
+            "motion__target": (-0.01, 0.004, 0.1),
+            **(motion or {}),
+        }
+        self.settings = controller_config.settings_from(described, values("haptic_driver", **driver))
+        self.hand = loopback_config.hand_from(described, values("haptic_loopback", **script))
         self.plant = self.hand[1]
         self.plant["time"] = self.start = 10**12
         self.memory, self.ticks = np.zeros(1, servo.MEMORY), 0
 
     def run(self, seconds=0.5, delay=5000):
         """Rows of the next ticks, whose motor values are written this much [ns] after each deadline."""
-        rows, tool = np.zeros(round(seconds / PERIOD), servo.TICK), np.zeros(1, loop.TOOL)
+        rows, tool = np.zeros(round(seconds / PERIOD), servo.TICK), np.zeros(1, servo_loop.TOOL)
         now = self.start + self.ticks * round(PERIOD * 1e9)
         records = self.settings, self.memory, rows, tool, *self.hand
-        loop.run_lockstep(*records, now, self.ticks, delay, engage.ENABLE)
+        simulated_device.run_lockstep(*records, now, self.ticks, delay, enable_state.ENABLE)
         self.ticks += len(rows)
         return rows
 

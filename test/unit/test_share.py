@@ -5,14 +5,14 @@ import sys
 
 import pytest
 
-from haptic_device import share
+from haptic_device import config_files
 
 
 @pytest.fixture
 def prefixes(tmp_path, monkeypatch):
     """An installation and a workspace, each with a scene of its own."""
     for prefix, scene in (("venv", "installed"), ("workspace", "built")):
-        folder = tmp_path / prefix / share.INSTALLED / "scenes"
+        folder = tmp_path / prefix / config_files.INSTALLED / "scenes"
         folder.mkdir(parents=True)
         (folder / f"{scene}.yaml").write_text(f"from: {prefix}\n")
         (folder / "both.yaml").write_text(f"from: {prefix}\n")
@@ -24,30 +24,30 @@ def prefixes(tmp_path, monkeypatch):
 def test_a_path_that_exists_is_taken_as_it_is(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("")
-    assert share.find("scenes", path) == path
+    assert config_files.find("scenes", path) == path
 
 
 def test_a_name_is_found_in_the_source_tree():
-    path = share.find("scenes", "peg_in_hole")
+    path = config_files.find("scenes", "peg_in_hole")
     assert path.is_file()
     assert path.parts[-3:] == ("config", "scenes", "peg_in_hole.yaml")
 
 
 def test_a_name_is_found_in_an_installation_and_in_a_workspace_the_former_first(prefixes):
-    assert "venv" in share.find("scenes", "installed").parts
-    assert "workspace" in share.find("scenes", "built").parts
-    assert "venv" in share.find("scenes", "both").parts
+    assert "venv" in config_files.find("scenes", "installed").parts
+    assert "workspace" in config_files.find("scenes", "built").parts
+    assert "venv" in config_files.find("scenes", "both").parts
 
 
 def test_the_names_of_all_places_are_listed_once_each(prefixes):
-    names = share.names("scenes")
+    names = config_files.names("scenes")
     assert {"installed", "built", "both", "peg_in_hole"} <= set(names)
     assert names == sorted(set(names))
 
 
 def test_an_unknown_name_is_refused_with_the_names_there_are(prefixes):
     with pytest.raises(FileNotFoundError) as caught:
-        share.find("scenes", "peg_in_hoel")
+        config_files.find("scenes", "peg_in_hoel")
     sentence = str(caught.value)
     assert sentence.startswith("peg_in_hoel is neither a file nor a name in config/scenes, which has ")
     assert "peg_in_hole" in sentence
@@ -55,10 +55,10 @@ def test_an_unknown_name_is_refused_with_the_names_there_are(prefixes):
 
 def test_an_empty_folder_is_said_to_be_empty():
     with pytest.raises(FileNotFoundError, match="name in config/nothing, which has no file at all"):
-        share.find("nothing", "x")
+        config_files.find("nothing", "x")
 
 
 def test_a_folder_named_like_a_scene_is_not_taken_for_it(tmp_path, monkeypatch):
     (tmp_path / "peg_in_hole").mkdir()
     monkeypatch.chdir(tmp_path)
-    assert share.find("scenes", "peg_in_hole").suffix == ".yaml"
+    assert config_files.find("scenes", "peg_in_hole").suffix == ".yaml"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from live_nodes import STRANGE
 
-from haptic_device.node.tap import Sample
-from haptic_device.node.wire import JointLayout
+from haptic_device.nodes.messages import JointLayout
+from haptic_device.nodes.polled_subscription import Sample
 from haptic_device.recording.layouts import CLOUD, layout_of
 from haptic_sim.node.showing import CONTACT, PERIOD_NS, Showing, state_names
 from haptic_sim.scene import Scene, load, parse
@@ -24,7 +24,7 @@ GUIDED = {
     "name": "guided",
     "joints": [{"type": "slider", "bodies": ["world", "tool"], "at": [0.0, 0.0], "axis": [1.0, 0.0]}],
     "tool": {"mass": 0.1, "shapes": [{"box": {"size": [0.02, 0.02]}}]},
-}  # fmt: skip
+}
 
 
 class FakeNode:

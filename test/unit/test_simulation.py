@@ -26,16 +26,20 @@ def least_jerk(start, target, duration, time):
     """Position and velocity of the smooth way from start to target; stays there afterwards."""
     s = min(time / duration, 1.0)
     share, rate = s**3 * (10 - 15 * s + 6 * s * s), 30 * s * s * (1 - s) ** 2 / duration
-    return (tuple(a + (b - a) * share for a, b in zip(start, target, strict=True)),
-            tuple((b - a) * rate for a, b in zip(start, target, strict=True)))
+    return (
+        tuple(a + (b - a) * share for a, b in zip(start, target, strict=True)),
+        tuple((b - a) * rate for a, b in zip(start, target, strict=True)),
+    )
 
 
 def insert(simulation, seconds=5.0, gains=GAINS, **motion):
     """The scene's motion with the handle led exactly; the tool samples, one per exchange."""
     motion = {**simulation.scene.motion, **motion}
     way = tuple(motion["start"]), tuple(motion["target"]), motion["duration"]
-    return [simulation.exchange(sample(time, *least_jerk(*way, time * 1e-9), gains))
-            for time in range(0, int(seconds * 1e9), MS)]
+    return [
+        simulation.exchange(sample(time, *least_jerk(*way, time * 1e-9), gains))
+        for time in range(0, int(seconds * 1e9), MS)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -110,8 +114,11 @@ def test_the_last_sub_step_meets_the_newest_handle_sample():
     simulation.exchange(sample(0, STILL))
     tool = simulation.exchange(sample(MS, (0.003, -0.001, 0.1), (1.0, -0.5, 3.0)))
     (x, y, angle), (vx, vy, w) = tool.position, tool.velocity
-    expected = (2000 * (0.003 - x) + 2 * (1.0 - vx), 2000 * (-0.001 - y) + 2 * (-0.5 - vy),
-                2 * (0.1 - angle) + 0.002 * (3.0 - w))
+    expected = (
+        2000 * (0.003 - x) + 2 * (1.0 - vx),
+        2000 * (-0.001 - y) + 2 * (-0.5 - vy),
+        2 * (0.1 - angle) + 0.002 * (3.0 - w),
+    )
     assert tool.force_on_tool == pytest.approx(expected, rel=1e-12)
 
 
@@ -177,8 +184,11 @@ def test_a_sub_step_of_nothing_or_beyond_the_catch_up_is_refused(sub_step, max_c
 def test_energy_supplied_is_the_sum_of_force_times_way():
     simulation = Simulation(load("free_space"), sub_step=1e-3)
     tools = insert(simulation, 0.5, start=[0, 0, 0], target=[0.05, -0.02, 0.5], duration=0.4)
-    work = sum(force * (after - before) for past, tool in zip(tools, tools[1:], strict=False)
-               for force, before, after in zip(tool.force_on_tool, past.position, tool.position, strict=True))
+    work = sum(
+        force * (after - before)
+        for past, tool in zip(tools, tools[1:], strict=False)
+        for force, before, after in zip(tool.force_on_tool, past.position, tool.position, strict=True)
+    )
     assert tools[-1].energy == pytest.approx(work, rel=1e-9)
 
 
@@ -204,11 +214,18 @@ def test_whatever_the_handle_does_a_free_tool_never_returns_more_than_it_was_giv
 
 def test_a_ball_that_drops_on_the_floor_beside_the_tool_shows_in_the_largest_contact_force():
     ball = [{"circle": {"radius": 0.01}}]
-    scene = Scene.model_validate({
-        "name": "drop", "gravity": [0.0, -9.81], "materials": {"m": {"friction": 0.0, "restitution": 0.0}},
-        "tool": {"mass": 0.1, "pose": [1.0, 0.1, 0.0], "shapes": ball},
-        "bodies": [{"name": "floor", "material": "m", "fixed": True, "shapes": [{"half_plane": {"normal": [0, 1]}}]},
-                   {"name": "ball", "material": "m", "mass": 1.0, "pose": [0.0, 0.1, 0.0], "shapes": ball}]})
+    scene = Scene.model_validate(
+        {
+            "name": "drop",
+            "gravity": [0.0, -9.81],
+            "materials": {"m": {"friction": 0.0, "restitution": 0.0}},
+            "tool": {"mass": 0.1, "pose": [1.0, 0.1, 0.0], "shapes": ball},
+            "bodies": [
+                {"name": "floor", "material": "m", "fixed": True, "shapes": [{"half_plane": {"normal": [0, 1]}}]},
+                {"name": "ball", "material": "m", "mass": 1.0, "pose": [0.0, 0.1, 0.0], "shapes": ball},
+            ],
+        }
+    )
     simulation = Simulation(scene, method="impulse")
     for k in range(120):
         simulation.exchange(sample(k * MS, scene.tool.pose))

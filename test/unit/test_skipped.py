@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.skipped import UNKNOWN, Skipped, counted
+from haptic_device.sequence_gaps import UNKNOWN, Skipped, counted
 
 
 def one_by_one(sequences):

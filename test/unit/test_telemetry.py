@@ -8,13 +8,13 @@ import pytest
 from lockstep_systems import device, values
 from waiting import until
 
-from haptic_device import operating
-from haptic_device.law import servo
-from haptic_device.node.declared import DRIVER
-from haptic_device.node.telemetry import Telemetry
-from haptic_device.runtime import clock, mailbox
-from haptic_device.runtime.servo_thread import ServoThread
-from haptic_device.runtime.still import StillLink
+from haptic_device import controller_config
+from haptic_device.control import servo
+from haptic_device.nodes.declared import DRIVER
+from haptic_device.nodes.telemetry import Telemetry
+from haptic_device.realtime import clock, seqlock
+from haptic_device.realtime.null_device import StillLink
+from haptic_device.realtime.servo_thread import ServoThread
 
 EACH_TICK = ("encoder", "motor", "wrench", "pose")
 STEP = 1_000_000  # [ns] between the test's ticks
@@ -52,7 +52,7 @@ class Told:
 
     def __init__(self, patch):
         given = {parameter.name: parameter.default for parameter in DRIVER} | values("haptic_driver", **RATES)
-        self.servo = ServoThread(StillLink(), operating.settings_from(device(damping=3.0), given), None, "off")
+        self.servo = ServoThread(StillLink(), controller_config.settings_from(device(damping=3.0), given), None, "off")
         self.node, self.looks, self.deadlines, sleep = Node(), 0, [], clock.sleep_until
 
         def look(deadline, scratch):
@@ -70,8 +70,8 @@ class Told:
         row["tick"], row["deadline"] = len(self.deadlines) - 1, self.deadlines[-1]
         self.servo.row.put(row)
         words, rows = self.servo.ring.words, self.servo.ring.rows
-        rows[mailbox.ring_slot(words, len(rows) - 1)] = row[0]
-        mailbox.ring_push(words)
+        rows[seqlock.ring_slot(words, len(rows) - 1)] = row[0]
+        seqlock.ring_push(words)
         begin = self.looks
         until(lambda: self.looks >= begin + 20 and len(self.node.said["trace"]) >= len(self.deadlines), "20 looks")
 

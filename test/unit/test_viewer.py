@@ -67,21 +67,24 @@ async def hear(socket, kind):
             return news["content"]
 
 
-@pytest.mark.parametrize(("path", "headers", "status"), [
-    ("{address}", {}, 200),
-    ("{address}main.js", {}, 200),
-    ("{address}operating_point.yaml", {}, 200),
-    ("{address}viewer.py", {}, 404),
-    ("{address}" + 8000 * "a" + ".js", {}, 404),
-    ("{address}" + 9000 * "a", {}, 400),
-    ("{address}..%2Fviewer.py", {}, 404),
-    ("{address}socket", {"Origin": "http://elsewhere.example"}, 403),
-    ("{address}socket", {}, 403),
-    ("{address}", FOREIGN, 403),
-    ("{root}", {}, 403),
-    ("{root}wrong/", {}, 403),
-    ("{root}%C3%A9/socket", {}, 403),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("path", "headers", "status"),
+    [
+        ("{address}", {}, 200),
+        ("{address}main.js", {}, 200),
+        ("{address}operating_point.yaml", {}, 200),
+        ("{address}viewer.py", {}, 404),
+        ("{address}" + 8000 * "a" + ".js", {}, 404),
+        ("{address}" + 9000 * "a", {}, 400),
+        ("{address}..%2Fviewer.py", {}, 404),
+        ("{address}socket", {"Origin": "http://elsewhere.example"}, 403),
+        ("{address}socket", {}, 403),
+        ("{address}", FOREIGN, 403),
+        ("{root}", {}, 403),
+        ("{root}wrong/", {}, 403),
+        ("{root}%C3%A9/socket", {}, 403),
+    ],
+)
 def test_the_server_answers_its_own_page_only(path, headers, status):
     async def visit(server, session):
         address = server.address(True)
@@ -108,11 +111,26 @@ def test_a_page_with_control_is_obeyed_and_one_that_looks_on_is_not():
     assert "only looks on" in hint and done == [{"do": "trigger", "service": "estop"}]
 
 
-BAD = ('{"do": "aim", "x": NaN}', '{"do": "aim", "x": Infinity}', '{"do": "aim", "x": 1e999}', '{"do": "aim"}', "{",
-       '{"do": "aim", "x": "1"}', '{"do": "aim", "x": true}', "[]", "null", "[" * 3000, '{"do": ["aim"]}',
-       '{"do": "trigger"}', '{"do": "set", "name": 1, "value": 2}', '{"do": "record", "on": 1}',
-       '{"do": "aim", "x": ' + "9" * 400 + "}", '{"do": "set", "name": "a", "value": 1e300}',
-       '{"do": "_prepare"}', '{"do": "mark", "text": "' + "a" * 300 + '"}')  # fmt: skip
+BAD = (
+    '{"do": "aim", "x": NaN}',
+    '{"do": "aim", "x": Infinity}',
+    '{"do": "aim", "x": 1e999}',
+    '{"do": "aim"}',
+    "{",
+    '{"do": "aim", "x": "1"}',
+    '{"do": "aim", "x": true}',
+    "[]",
+    "null",
+    "[" * 3000,
+    '{"do": ["aim"]}',
+    '{"do": "trigger"}',
+    '{"do": "set", "name": 1, "value": 2}',
+    '{"do": "record", "on": 1}',
+    '{"do": "aim", "x": ' + "9" * 400 + "}",
+    '{"do": "set", "name": "a", "value": 1e300}',
+    '{"do": "_prepare"}',
+    '{"do": "mark", "text": "' + "a" * 300 + '"}',
+)
 
 
 @pytest.mark.parametrize("text", BAD)
@@ -319,8 +337,17 @@ def test_a_page_that_takes_nothing_is_kept_the_newest_answers_only():
     assert len(page._news) == seat.MOST_ANSWERS + 1
 
 
-@pytest.mark.parametrize(("host", "own"), [("127.0.0.1", True), ("localhost", True), ("::1", True), ("0.0.0.0", False),
-                                           ("192.168.1.2", False), ("example.org", False)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("host", "own"),
+    [
+        ("127.0.0.1", True),
+        ("localhost", True),
+        ("::1", True),
+        ("0.0.0.0", False),
+        ("192.168.1.2", False),
+        ("example.org", False),
+    ],
+)
 def test_what_is_this_machine_alone(host, own):
     assert is_loopback(host) is own
 
@@ -328,14 +355,28 @@ def test_what_is_this_machine_alone(host, own):
 MACHINE = gethostname()
 
 
-@pytest.mark.parametrize(("listens", "named", "answered"), [
-    ("127.0.0.1", "127.0.0.1:80", True), ("127.0.0.1", "localhost:80", True), ("127.0.0.1", "[::1]:80", True),
-    ("127.0.0.1", "LOCALHOST", True), ("127.0.0.1", "192.168.1.2:80", False), ("127.0.0.1", f"{MACHINE}:80", False),
-    ("0.0.0.0", "192.168.1.2:80", True), ("0.0.0.0", "localhost:80", True), ("0.0.0.0", f"{MACHINE}:80", True),
-    ("0.0.0.0", f"{MACHINE.upper()}.local", True), ("::", "[fe80::1]:80", True), ("lab.example", "Lab.example", True),
-    ("0.0.0.0", "elsewhere.example:80", False), ("0.0.0.0", "", False), ("0.0.0.0", "192.168.1.2.example", False),
-    ("192.168.1.2", "elsewhere.example", False), ("lab.example", "elsewhere.example:80", False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("listens", "named", "answered"),
+    [
+        ("127.0.0.1", "127.0.0.1:80", True),
+        ("127.0.0.1", "localhost:80", True),
+        ("127.0.0.1", "[::1]:80", True),
+        ("127.0.0.1", "LOCALHOST", True),
+        ("127.0.0.1", "192.168.1.2:80", False),
+        ("127.0.0.1", f"{MACHINE}:80", False),
+        ("0.0.0.0", "192.168.1.2:80", True),
+        ("0.0.0.0", "localhost:80", True),
+        ("0.0.0.0", f"{MACHINE}:80", True),
+        ("0.0.0.0", f"{MACHINE.upper()}.local", True),
+        ("::", "[fe80::1]:80", True),
+        ("lab.example", "Lab.example", True),
+        ("0.0.0.0", "elsewhere.example:80", False),
+        ("0.0.0.0", "", False),
+        ("0.0.0.0", "192.168.1.2.example", False),
+        ("192.168.1.2", "elsewhere.example", False),
+        ("lab.example", "elsewhere.example:80", False),
+    ],
+)
 def test_a_server_answers_to_addresses_and_its_own_names_and_to_no_name_led_here(listens, named, answered):
     guard = Guard(listens)
     if answered:
@@ -445,16 +486,30 @@ def test_every_live_parameter_of_the_driver_is_declared_to_the_page_as_json():
     assert all(one["low"] is not None for one in told if one["kind"] in ("number", "whole"))
 
 
-@pytest.mark.parametrize(("name", "given", "taken"), [
-    ("coupling.stiffness", 300, 300.0), ("wall.stiffness", [1, 2.5], [1.0, 2.5]), ("velocity.window", 4.0, 4),
-    ("passivity.policy", "warn", "warn"), ("passivity.control", False, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "given", "taken"),
+    [
+        ("coupling.stiffness", 300, 300.0),
+        ("wall.stiffness", [1, 2.5], [1.0, 2.5]),
+        ("velocity.window", 4.0, 4),
+        ("passivity.policy", "warn", "warn"),
+        ("passivity.control", False, False),
+    ],
+)
 def test_values_of_the_page_get_the_type_of_the_declaration(name, given, taken):
     assert tuned.typed(name, given) == taken and type(tuned.typed(name, given)) is type(taken)
 
 
-@pytest.mark.parametrize(("name", "given"), [("servo.rate", 1000.0), ("nonsense", 1), ("coupling.stiffness", "stiff"),
-                                             ("coupling.stiffness", True), ("passivity.control", 1)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("servo.rate", 1000.0),
+        ("nonsense", 1),
+        ("coupling.stiffness", "stiff"),
+        ("coupling.stiffness", True),
+        ("passivity.control", 1),
+    ],
+)
 def test_what_may_not_be_set_is_refused_before_anybody_is_asked(name, given):
     with pytest.raises(ValueError, match=name):
         tuned.typed(name, given)
@@ -462,8 +517,13 @@ def test_what_may_not_be_set_is_refused_before_anybody_is_asked(name, given):
 
 def test_the_saved_file_names_what_differs_and_passes_the_check(tmp_path):
     values = {node: {one.name: tuned._plain(one.default) for one in declared} for node, declared in tuned.NODES.items()}
-    values["haptic_driver"] |= {"coupling.stiffness": 1500.0, "wall.normals": [0.0, 1.0], "wall.offsets": [-0.02],
-                                "wall.stiffness": [1000.0], "wall.damping": [0.1]}  # fmt: skip
+    values["haptic_driver"] |= {
+        "coupling.stiffness": 1500.0,
+        "wall.normals": [0.0, 1.0],
+        "wall.offsets": [-0.02],
+        "wall.stiffness": [1000.0],
+        "wall.damping": [0.1],
+    }
     path = tmp_path / "saved.yaml"
     path.write_text(tuned.operating_point("/haptic", values))
     assert list(problems(path)) == []

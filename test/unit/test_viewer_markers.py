@@ -9,7 +9,7 @@ import types
 import numpy as np
 import pytest
 
-from haptic_device.node import wire_markers
+from haptic_device.nodes import marker_messages
 from haptic_sim.outline import Outline, combined
 from haptic_sim.scene import load, parse
 from haptic_sim.shape import turned
@@ -21,12 +21,16 @@ SPRUNG = {
     "bodies": [{"name": "bob", "mass": 1.0, "pose": [0.1, 0.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}],
     "joints": [{"type": "spring", "bodies": ["world", "bob"], "anchors": [[0.0, 0.05], [0.01, 0.0]], "stiffness": 9.0}],
     "tool": {"mass": 0.1, "shapes": [{"circle": {"radius": 0.01}}]},
-}  # fmt: skip
+}
 FRAME = {
-    "handle": (0.01, 0.02, 0.5), "tool": (0.012, 0.02, 0.5), "felt": (3.0, -4.0, 0.1), "force": None,
-    "target": (0.02, 0.03, 1.0), "bodies": [],
+    "handle": (0.01, 0.02, 0.5),
+    "tool": (0.012, 0.02, 0.5),
+    "felt": (3.0, -4.0, 0.1),
+    "force": None,
+    "target": (0.02, 0.03, 1.0),
+    "bodies": [],
     "contacts": [(0.0, 1.0, 0.05, 0.06, 0.0, 1.0, 0.0, -2.0, 1e-6), (0.0, 2.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)],
-}  # fmt: skip
+}
 
 
 def upper_area(triangles):
@@ -51,8 +55,11 @@ def test_each_body_of_a_scene_is_a_marker_with_its_pose_and_its_area(name):
 def test_the_faces_of_a_prism_close_it():
     """Each edge is passed once in either sense, so that no side is open."""
     square = markers.prism(Outline(((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))))
-    edges = [pair for i in range(0, len(square), 3) for pair in zip(square[i:i + 3], (*square[i + 1:i + 3], square[i]),
-                                                                     strict=True)]  # fmt: skip
+    edges = [
+        pair
+        for i in range(0, len(square), 3)
+        for pair in zip(square[i : i + 3], (*square[i + 1 : i + 3], square[i]), strict=True)
+    ]
     assert sorted(edges) == sorted((b, a) for a, b in edges)
 
 
@@ -152,14 +159,17 @@ class Ear:
 GROUPS = {"bodies", "joints", "walls", "workspace", "target", "handle", "coupling", "force", "contacts"}
 
 
-@pytest.mark.parametrize(("known", "lacking"), [
-    ({}, set()),
-    ({"scene": None}, {"bodies", "joints"}),
-    ({"tool": None}, {"bodies", "joints", "coupling"}),
-    ({"walls": []}, {"walls"}),
-    ({"workspace": None}, {"workspace"}),
-    ({"target": None}, {"target"}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("known", "lacking"),
+    [
+        ({}, set()),
+        ({"scene": None}, {"bodies", "joints"}),
+        ({"tool": None}, {"bodies", "joints", "coupling"}),
+        ({"walls": []}, {"walls"}),
+        ({"workspace": None}, {"workspace"}),
+        ({"target": None}, {"target"}),
+    ],
+)
 def test_the_topic_shows_everything_that_is_known_and_nothing_that_is_not(known, lacking):
     ear, scene = Ear(1), load("wrench_on_nut")
     bodies = [solid.pose for solid in shapes.solids(scene)[1:]]
@@ -178,7 +188,7 @@ def test_without_a_listener_no_marker_is_made():
 
 def test_the_message_carries_pose_points_and_colour():
     [tool, *_] = markers.bodies(load("peg_in_hole"), (0.1, 0.2, 1.0), [(0.0, 0.0, 0.0)])
-    [message] = wire_markers.markers(3_000_000_007, "haptic_world", [tool]).markers
+    [message] = marker_messages.markers(3_000_000_007, "haptic_world", [tool]).markers
     assert (message.header.frame_id, message.header.stamp.sec, message.header.stamp.nanosec) == ("haptic_world", 3, 7)
     assert (message.ns, message.id, message.type) == ("bodies", 0, message.TRIANGLE_LIST)
     turn = 2.0 * math.atan2(message.pose.orientation.z, message.pose.orientation.w)
@@ -201,7 +211,7 @@ def tf(monkeypatch):
 
 
 def _import_again():
-    for module in (wire_markers, beacon):
+    for module in (marker_messages, beacon):
         importlib.reload(module)
 
 
@@ -231,7 +241,7 @@ def test_without_the_messages_of_tf_no_frame_is_made(tf):
     ear = Ear(1)
     beacon.Beacon(ear, 30.0).show(load("peg_in_hole"), {**FRAME, "bodies": [(0.0, 0.0, 0.0)]}, [], None, 1.0)
     assert set(ear.topics) == {"markers"} and ear.said
-    assert wire_markers.frames(0, "haptic_world", {"tool": (0.0, 0.0, 0.0)}) is None
+    assert marker_messages.frames(0, "haptic_world", {"tool": (0.0, 0.0, 0.0)}) is None
 
 
 @pytest.mark.parametrize("name", SCENES)

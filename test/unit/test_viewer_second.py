@@ -28,11 +28,16 @@ def system(**other):
     scene = load("free_space")
     values = {node: {one.name: tuned._plain(one.default) for one in declared} for node, declared in tuned.NODES.items()}
     return {
-        "scene": json.loads(scene.model_dump_json(by_alias=True, exclude_unset=True)), "device": "desktop",
-        "driver": values["haptic_driver"], "loopback": values["haptic_loopback"],
-        "simulation": values["haptic_simulation"], "method": "auto",
-        "start": list(scene.tool.pose), "delay": 1e-3, **other,
-    }  # fmt: skip
+        "scene": json.loads(scene.model_dump_json(by_alias=True, exclude_unset=True)),
+        "device": "desktop",
+        "driver": values["haptic_driver"],
+        "loopback": values["haptic_loopback"],
+        "simulation": values["haptic_simulation"],
+        "method": "auto",
+        "start": list(scene.tool.pose),
+        "delay": 1e-3,
+        **other,
+    }
 
 
 FRAMES = itertools.count(1)  # the tests' own time: the hand is led by it, and each frame answered before the next

@@ -6,7 +6,7 @@ import types
 
 import pytest
 
-from haptic_device.device import load_device
+from haptic_device.description import load_device
 from haptic_sim.scene import load
 from haptic_sim.viewer import desk as desk_module
 from haptic_sim.viewer import stage

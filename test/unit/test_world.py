@@ -23,10 +23,19 @@ STIFF = Coupling(2000.0, 2.0, 2.0, 0.002)
 
 def world(gains=STIFF, sub_step=H, mass=M, pose=REST, inertia=1e-4, unit=1.0, friction=0.2, restitution=0.0, **more):
     """A round tool of 10 mm, and to the left of x = -10 mm a wall."""
-    wall = {"name": "wall", "fixed": True, "material": "steel",
-            "shapes": [{"box": {"size": [0.1 * unit, unit], "center": [-0.06 * unit, 0]}}]}
-    tool = {"mass": mass, "inertia": inertia, "pose": pose, "material": "steel",
-            "shapes": [{"circle": {"radius": 0.01 * unit}}]}
+    wall = {
+        "name": "wall",
+        "fixed": True,
+        "material": "steel",
+        "shapes": [{"box": {"size": [0.1 * unit, unit], "center": [-0.06 * unit, 0]}}],
+    }
+    tool = {
+        "mass": mass,
+        "inertia": inertia,
+        "pose": pose,
+        "material": "steel",
+        "shapes": [{"circle": {"radius": 0.01 * unit}}],
+    }
     materials = {"steel": {"friction": friction, "restitution": restitution}}
     scene = Scene.model_validate({"name": "test", "materials": materials, "tool": tool, **{"bodies": [wall], **more}})
     method = World(scene, sub_step)
@@ -73,8 +82,10 @@ def test_backward_difference_tends_to_the_continuous_coupling_at_first_order():
     decay, frequency, time = 2.0 / (2 * M), math.sqrt(2000.0 / M - (2.0 / (2 * M)) ** 2), 0.02
     swing = math.cos(frequency * time) + decay / frequency * math.sin(frequency * time)
     exact = 0.5 + 0.01 * math.exp(-decay * time) * swing
-    errors = [hold(world(STIFF, h, pose=(0.51, 0.0, 0.0)), (0.5, 0.0, 0.0), round(time / h)).position[0] - exact
-              for h in (20e-6, 10e-6, 5e-6)]
+    errors = [
+        hold(world(STIFF, h, pose=(0.51, 0.0, 0.0)), (0.5, 0.0, 0.0), round(time / h)).position[0] - exact
+        for h in (20e-6, 10e-6, 5e-6)
+    ]
     assert [errors[0] / errors[1], errors[1] / errors[2]] == pytest.approx([2.0, 2.0], rel=0.05)
 
 
@@ -91,8 +102,11 @@ def test_force_on_the_tool_is_what_moved_it(velocity):
 def test_force_on_the_tool_is_the_law_of_the_coupling_at_the_end_of_a_step():
     method = hold(world(STIFF, ONE, pose=(0.5, 0.0, 0.0)), (0.52, 0.01, 0.3), 3, (0.1, -0.2, 4.0))
     (x, y, angle), (vx, vy, w) = method.position, method.velocity
-    expected = (2000 * (0.52 - x) + 2 * (0.1 - vx), 2000 * (0.01 - y) + 2 * (-0.2 - vy),
-                2 * (0.3 - angle) + 0.002 * (4.0 - w))
+    expected = (
+        2000 * (0.52 - x) + 2 * (0.1 - vx),
+        2000 * (0.01 - y) + 2 * (-0.2 - vy),
+        2 * (0.3 - angle) + 0.002 * (4.0 - w),
+    )
     assert method.force_on_tool == pytest.approx(expected, rel=1e-11)
 
 
@@ -193,15 +207,30 @@ def test_reset_brings_back_the_start_and_the_same_bits():
 
 
 def test_a_dynamic_body_slides_to_rest_after_v_squared_over_two_mu_g():
-    floor = {"name": "floor", "fixed": True, "material": "steel", "pose": [0.0, -0.05, 0.0],
-             "shapes": [{"box": {"size": [4, 0.1]}}]}
-    block = {"name": "block", "mass": 1.0, "material": "steel", "pose": [0.5, 0.05, 0.0],
-             "shapes": [{"box": {"size": [0.2, 0.1]}}]}
+    floor = {
+        "name": "floor",
+        "fixed": True,
+        "material": "steel",
+        "pose": [0.0, -0.05, 0.0],
+        "shapes": [{"box": {"size": [4, 0.1]}}],
+    }
+    block = {
+        "name": "block",
+        "mass": 1.0,
+        "material": "steel",
+        "pose": [0.5, 0.05, 0.0],
+        "shapes": [{"box": {"size": [0.2, 0.1]}}],
+    }
     tool = {"mass": 1e3, "inertia": 1e3, "pose": [0.39, 0.05, 0.0], "shapes": [{"circle": {"radius": 0.009}}]}
-    scene = Scene.model_validate({
-        "name": "push", "gravity": [0.0, -9.81], "materials": {"steel": {"friction": 0.4}},
-        "bodies": [floor, block], "tool": tool,
-    })
+    scene = Scene.model_validate(
+        {
+            "name": "push",
+            "gravity": [0.0, -9.81],
+            "materials": {"steel": {"friction": 0.4}},
+            "bodies": [floor, block],
+            "tool": tool,
+        }
+    )
     method = World(scene, ONE)
     method.couple(Coupling(1e9, 1e6, 1e6, 1e6))
     for k in range(1, 10001):  # pushes to 1 m/s, then stops dead
@@ -291,13 +320,24 @@ def test_a_thin_ladder_slides_down_as_its_equation_says(thick, part):
     """Ends on a smooth floor and wall: θ'' = −(3 g/2 L) cos θ of the line between them, until it leaves the wall."""
     length, start, g, time = 0.3, 1.1, 9.81, 0.12
     x, y = 0.5 * length * math.cos(start), 0.5 * length * math.sin(start)
-    planes = [{"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]},
-              {"name": "wall", "fixed": True, "shapes": [{"half_plane": {"normal": [1.0, 0.0]}}]}]
+    planes = [
+        {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]},
+        {"name": "wall", "fixed": True, "shapes": [{"half_plane": {"normal": [1.0, 0.0]}}]},
+    ]
     ends = [[-0.5 * length, 0.0], [0.0, -0.5 * thick], [0.5 * length, 0.0], [0.0, 0.5 * thick]]
-    rod = {"name": "rod", "mass": 0.1, "inertia": 0.1 * length**2 / 12.0, "pose": [x, y, math.pi - start],
-           "shapes": [{"vertices": ends}]}
-    scene = {"name": "ladder", "gravity": [0.0, -g], "bodies": [*planes, rod],
-             "tool": {"mass": 0.1, "pose": [9.0, 9.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}}
+    rod = {
+        "name": "rod",
+        "mass": 0.1,
+        "inertia": 0.1 * length**2 / 12.0,
+        "pose": [x, y, math.pi - start],
+        "shapes": [{"vertices": ends}],
+    }
+    scene = {
+        "name": "ladder",
+        "gravity": [0.0, -g],
+        "bodies": [*planes, rod],
+        "tool": {"mass": 0.1, "pose": [9.0, 9.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]},
+    }
     method = hold(World(Scene.model_validate(scene), H), REST, round(time / H))
     exact = solve_ivp(lambda _, s: (s[1], -1.5 * g / length * math.cos(s[0])), (0.0, time), (start, 0.0), rtol=1e-10)
     fallen = start - exact.y[0, -1]
@@ -306,8 +346,15 @@ def test_a_thin_ladder_slides_down_as_its_equation_says(thick, part):
 
 
 def test_a_crowd_of_any_size_is_taken_where_the_direct_methods_have_a_limit():
-    discs = [{"name": f"d{k}", "mass": 0.01, "pose": [0.03 * (k % 10), 0.03 * (k // 10) + 0.5, 0.0],
-              "shapes": [{"circle": {"radius": 0.01}}]} for k in range(60)]
+    discs = [
+        {
+            "name": f"d{k}",
+            "mass": 0.01,
+            "pose": [0.03 * (k % 10), 0.03 * (k // 10) + 0.5, 0.0],
+            "shapes": [{"circle": {"radius": 0.01}}],
+        }
+        for k in range(60)
+    ]
     method = hold(world(bodies=discs), REST, 4)
     assert len(method.bodies()) == 61 and method.inner == 1
     with pytest.raises(ValueError, match="bod"):

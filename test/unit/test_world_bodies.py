@@ -23,8 +23,18 @@ PLATE = {"name": "plate", "fixed": True, "material": "m", "shapes": [{"box": {"s
 
 def world(bodies, h=H, friction=0.0, restitution=0.0, tool=FAR, **more):
     materials = {"m": {"friction": friction, "restitution": restitution}}
-    return World(Scene.model_validate({"name": "t", "materials": materials, "tool": tool,
-                                         "bodies": [{"material": "m", **body} for body in bodies], **more}), h)
+    return World(
+        Scene.model_validate(
+            {
+                "name": "t",
+                "materials": materials,
+                "tool": tool,
+                "bodies": [{"material": "m", **body} for body in bodies],
+                **more,
+            }
+        ),
+        h,
+    )
 
 
 def run(method, count, handle=STILL):
@@ -37,8 +47,13 @@ def run(method, count, handle=STILL):
 @pytest.mark.parametrize("speed", [5.0, 50.0, 5000.0])
 def test_a_thin_plate_is_not_passed_at_any_speed_whatever_the_phase(speed, shape):
     for phase in range(10):
-        shot = {"name": "shot", "mass": 0.01, "velocity": [speed, 0.0, 0.0], "shapes": shape,
-                "pose": [-0.03 - 0.1 * phase * speed * H, 0.0, 0.0]}
+        shot = {
+            "name": "shot",
+            "mass": 0.01,
+            "velocity": [speed, 0.0, 0.0],
+            "shapes": shape,
+            "pose": [-0.03 - 0.1 * phase * speed * H, 0.0, 0.0],
+        }
         method = world([PLATE, shot])
         before = method.energy()[0]
         run(method, 60)
@@ -56,8 +71,13 @@ def test_the_tool_is_not_pulled_through_a_thin_plate_by_a_handle_that_jumps(spee
 
 
 def test_a_bar_that_spins_fast_does_not_cut_through_a_thin_plate():
-    bar = {"name": "bar", "mass": 0.01, "pose": [-0.06, 0.0, 1.57], "velocity": [0.0, 0.0, -900.0],
-           "shapes": [{"box": {"size": [0.16, 0.004]}}]}
+    bar = {
+        "name": "bar",
+        "mass": 0.01,
+        "pose": [-0.06, 0.0, 1.57],
+        "velocity": [0.0, 0.0, -900.0],
+        "shapes": [{"box": {"size": [0.16, 0.004]}}],
+    }
     method = world([PLATE, bar])
     for _ in range(200):
         run(method, 1)
@@ -67,8 +87,13 @@ def test_a_bar_that_spins_fast_does_not_cut_through_a_thin_plate():
 
 
 def pendulum(h, angle):
-    rod = {"name": "rod", "mass": 1.0, "inertia": 1.0 / 12.0, "shapes": [{"box": {"size": [1.0, 0.01]}}],
-           "pose": [0.5 * math.cos(angle), 0.5 * math.sin(angle), angle]}
+    rod = {
+        "name": "rod",
+        "mass": 1.0,
+        "inertia": 1.0 / 12.0,
+        "shapes": [{"box": {"size": [1.0, 0.01]}}],
+        "pose": [0.5 * math.cos(angle), 0.5 * math.sin(angle), angle],
+    }
     return world([rod], h, gravity=[0.0, -G], joints=[{"type": "pin", "bodies": ["world", "rod"], "at": [0.0, 0.0]}])
 
 
@@ -93,8 +118,13 @@ def test_a_start_velocity_is_there_in_the_first_sub_step_and_kept_without_forces
 
 def test_a_slider_goes_along_its_axis_only_and_stops_at_its_limit():
     sled = {"name": "sled", "mass": 1.0, "velocity": [0.8, 0.6, 0.0], "shapes": BALL}
-    joint = {"type": "slider", "bodies": ["world", "sled"], "at": [0.0, 0.0], "axis": [0.8, 0.6],
-             "limits": [-1.0, 0.05]}
+    joint = {
+        "type": "slider",
+        "bodies": ["world", "sled"],
+        "at": [0.0, 0.0],
+        "axis": [0.8, 0.6],
+        "limits": [-1.0, 0.05],
+    }
     method = run(world([sled], joints=[joint], gravity=[3.0, -4.0]), 100)
     x, y, angle = method.pose("sled")
     assert (0.8 * y - 0.6 * x, angle) == pytest.approx((0.0, 0.0), abs=1e-6)
@@ -119,8 +149,13 @@ def test_a_motor_turns_at_its_speed():
 
 def test_a_spring_swings_at_its_frequency_and_its_energy_is_booked():
     ball = {"name": "ball", "mass": 1.0, "pose": [0.35, 0.0, 0.0], "shapes": BALL}
-    spring = {"type": "spring", "bodies": ["world", "ball"], "anchors": [[0.0, 0.0], [0.0, 0.0]], "stiffness": 400.0,
-              "rest": 0.3}
+    spring = {
+        "type": "spring",
+        "bodies": ["world", "ball"],
+        "anchors": [[0.0, 0.0], [0.0, 0.0]],
+        "stiffness": 400.0,
+        "rest": 0.3,
+    }
     method = world([ball], 1e-4, joints=[spring])
     start = sum(method.energy())
     assert start == pytest.approx(0.5 * 400.0 * 0.05**2)
@@ -147,8 +182,13 @@ def test_an_impact_rebounds_only_above_the_speed_that_keeps_the_port_passive(par
     effective = mass + ONE * ONE * stiffness
     push = stiffness * stretch  # the handle is this far behind the wall
     speed = part * 2.0 * push * ONE * e / (mass * (1.0 - e * e)) * mass / effective
-    tool = {"mass": mass, "pose": [-0.0105 + 5e-10, 0.0, 0.0], "velocity": [speed, 0.0, 0.0], "shapes": BALL,
-            "material": "m"}  # a hair into the plate, at this speed
+    tool = {
+        "mass": mass,
+        "pose": [-0.0105 + 5e-10, 0.0, 0.0],
+        "velocity": [speed, 0.0, 0.0],
+        "shapes": BALL,
+        "material": "m",
+    }  # a hair into the plate, at this speed
     method = world([PLATE], ONE, restitution=e, tool=tool)
     method.couple(Coupling(stiffness))
     method.step((-0.0105 + stretch, 0.0, 0.0), STILL)
@@ -157,8 +197,13 @@ def test_an_impact_rebounds_only_above_the_speed_that_keeps_the_port_passive(par
 
 @pytest.mark.parametrize("speed", [0.5, -0.5])
 def test_a_block_on_a_belt_has_its_speed_after_v_over_mu_g_and_keeps_it(speed):
-    belt = {"name": "belt", "fixed": True, "pose": [0.0, 0.0, math.pi], "surface_velocity": [-speed, 0.0],
-            "shapes": [{"box": {"size": [10.0, 2.0], "center": [0.0, 1.0]}}]}
+    belt = {
+        "name": "belt",
+        "fixed": True,
+        "pose": [0.0, 0.0, math.pi],
+        "surface_velocity": [-speed, 0.0],
+        "shapes": [{"box": {"size": [10.0, 2.0], "center": [0.0, 1.0]}}],
+    }
     block = {"name": "block", "mass": 1.0, "pose": [0.0, 0.05, 0.0], "shapes": [{"box": {"size": [0.2, 0.1]}}]}
     method, drag = world([belt, block], friction=0.4, gravity=[0.0, -G]), 0.4 * G
     assert abs(run(method, 400).pose("block")[0]) == pytest.approx(0.5 * drag * 0.1**2, rel=1e-3)
@@ -167,8 +212,13 @@ def test_a_block_on_a_belt_has_its_speed_after_v_over_mu_g_and_keeps_it(speed):
 
 
 def test_a_slow_belt_does_not_fall_asleep():
-    belt = {"name": "belt", "fixed": True, "surface_velocity": [5e-5, 0.0], "material": "m",
-            "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
+    belt = {
+        "name": "belt",
+        "fixed": True,
+        "surface_velocity": [5e-5, 0.0],
+        "material": "m",
+        "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}],
+    }
     block = {"name": "block", "mass": 1.0, "pose": [0.0, 0.05, 0.0], "shapes": [{"box": {"size": [0.2, 0.1]}}]}
     method = run(world([belt, block], friction=0.4, gravity=[0.0, -G]), 4000)
     assert method.pose("block")[0] == pytest.approx(5e-5, rel=1e-3)
@@ -180,9 +230,14 @@ def test_a_sliders_motor_lifts_its_load_at_its_speed_if_its_force_is_more_than_t
     """On a guide of 30°, up from its stop: a = (part − 1) g sin 30° until the speed is reached."""
     load = {"name": "load", "mass": 1.0, "pose": [0.0, 5.0, math.pi / 6], "shapes": [{"box": {"size": [0.1, 0.1]}}]}
     sign, bodies = (-1.0, ["load", "world"]) if turned_round else (1.0, ["world", "load"])
-    guide = {"type": "slider", "bodies": bodies, "at": [0.0, 5.0], "axis": [math.sqrt(3.0), 1.0],
-             "limits": [-1.0, 0.0] if turned_round else [0.0, 1.0],
-             "motor": {"speed": sign * 0.02, "max_force": part * 0.5 * G}}
+    guide = {
+        "type": "slider",
+        "bodies": bodies,
+        "at": [0.0, 5.0],
+        "axis": [math.sqrt(3.0), 1.0],
+        "limits": [-1.0, 0.0] if turned_round else [0.0, 1.0],
+        "motor": {"speed": sign * 0.02, "max_force": part * 0.5 * G},
+    }
     method = run(world([load], joints=[guide], gravity=[0.0, -G]), 4000)
     x, y, _ = method.pose("load")
     start = 0.02 / (0.01 * 0.5 * G)
@@ -196,19 +251,29 @@ def test_a_slider_between_two_that_turn_is_driven_and_braked_along_its_axis_alon
     box = {"layers": [1], "shapes": [{"box": {"size": [0.1, 0.1]}}]}
     carrier = {"name": "carrier", "mass": 2.0, "inertia": 0.02, "velocity": [0.0, 0.0, 2.0], **box}
     load = {"name": "load", "mass": 1.0, "pose": [0.2, 0.0, 0.0], "velocity": [0.0, 0.4, 2.0], "inertia": 0.01, **box}
-    method = world([carrier, load], joints=[{"type": "slider", "bodies": ["carrier", "load"], "at": [0.2, 0.0],
-                                             "axis": [1.0, 0.0], **drive}])
+    method = world(
+        [carrier, load],
+        joints=[{"type": "slider", "bodies": ["carrier", "load"], "at": [0.2, 0.0], "axis": [1.0, 0.0], **drive}],
+    )
     exact = make("partitioned", method.scene, H)
     for name in ("carrier", "load"):
         assert run(method, 400 if name == "carrier" else 0).pose(name) == pytest.approx(
-            run(exact, 400 if name == "carrier" else 0).pose(name), abs=2e-5)
+            run(exact, 400 if name == "carrier" else 0).pose(name), abs=2e-5
+        )
 
 
 @pytest.mark.parametrize(("gap", "speeds"), [(-1e-10, (-1 / 3, 2 / 3, 2 / 3)), (1e-9, (0.0, 0.0, 1.0))])
 def test_touching_discs_are_struck_at_once_and_those_a_nanometre_apart_one_by_one(gap, speeds):
-    row = [{"name": name, "mass": 1.0, "pose": [x, 5.0, 0.0], "shapes": [{"circle": {"radius": 0.1}}],
-            "velocity": [1.0 if name == "a" else 0.0, 0.0, 0.0]}
-           for name, x in (("a", 0.0), ("b", 0.21), ("c", 0.41 + gap))]
+    row = [
+        {
+            "name": name,
+            "mass": 1.0,
+            "pose": [x, 5.0, 0.0],
+            "shapes": [{"circle": {"radius": 0.1}}],
+            "velocity": [1.0 if name == "a" else 0.0, 0.0, 0.0],
+        }
+        for name, x in (("a", 0.0), ("b", 0.21), ("c", 0.41 + gap))
+    ]
     method = run(world(row, restitution=1.0), 400)
     assert [velocity[0] for _, velocity in method.bodies()[1:]] == pytest.approx(speeds, abs=1e-9)
 
@@ -233,8 +298,9 @@ def test_what_the_page_shows_to_add_moves_with_the_world_is_held_and_calls_back(
 def test_a_lever_pinned_to_a_fixed_base_that_it_overlaps_stays_on_its_pin():
     base = {"name": "base", "fixed": True, "shapes": [{"box": {"size": [0.06, 0.06]}}]}
     lever = {"name": "lever", "mass": 0.1, "pose": [0.05, 0.01, 0.0], "shapes": [{"box": {"size": [0.12, 0.01]}}]}
-    method = world([base, lever], gravity=[0.0, -G],
-                   joints=[{"type": "pin", "bodies": ["base", "lever"], "at": [0.0, 0.01]}])
+    method = world(
+        [base, lever], gravity=[0.0, -G], joints=[{"type": "pin", "bodies": ["base", "lever"], "at": [0.0, 0.01]}]
+    )
     for _ in range(200):
         x, y, angle = run(method, 4).pose("lever")
         assert math.hypot(x - 0.05 * math.cos(angle), y - 0.05 * math.sin(angle) - 0.01) < 1e-5
@@ -245,8 +311,14 @@ def test_a_lever_pinned_to_a_fixed_base_still_meets_another_fixed_body():
     base = {"name": "base", "fixed": True, "shapes": [{"box": {"size": [0.06, 0.06]}}]}
     stop = {"name": "stop", "fixed": True, "pose": [0.09, -0.03, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
     lever = {"name": "lever", "mass": 0.1, "pose": [0.05, 0.01, 0.0], "shapes": [{"box": {"size": [0.12, 0.01]}}]}
-    method = run(world([base, stop, lever], gravity=[0.0, -G],
-                       joints=[{"type": "pin", "bodies": ["base", "lever"], "at": [0.0, 0.01]}]), 1200)
+    method = run(
+        world(
+            [base, stop, lever],
+            gravity=[0.0, -G],
+            joints=[{"type": "pin", "bodies": ["base", "lever"], "at": [0.0, 0.01]}],
+        ),
+        1200,
+    )
     # The lever's lower face is .005 + .01 m from the middle of the stop.
     tilt = math.atan2(0.04, 0.09) - math.asin(0.015 / math.hypot(0.04, 0.09))
     assert method.pose("lever")[2] == pytest.approx(-tilt, abs=2e-3)
@@ -255,11 +327,21 @@ def test_a_lever_pinned_to_a_fixed_base_still_meets_another_fixed_body():
 def test_of_two_pinned_bodies_one_still_meets_what_is_welded_to_the_other():
     one = {"name": "A", "mass": 0.1, "shapes": [{"box": {"size": [0.02, 0.02]}}]}
     third = {"name": "C", "mass": 0.1, "pose": [0.0, 0.08, 0.0], "shapes": [{"box": {"size": [0.1, 0.02]}}]}
-    arm = {"name": "B", "mass": 0.1, "pose": [0.05, 0.0, 0.0], "velocity": [0.0, 1.25, 25.0],
-           "shapes": [{"box": {"size": [0.1, 0.01]}}]}
-    method = world([one, third, arm], joints=[{"type": "weld", "bodies": ["A", "C"], "at": [0.0, 0.05]},
-                                              {"type": "pin", "bodies": ["A", "B"], "at": [0.0, 0.0]},
-                                              {"type": "pin", "bodies": ["world", "A"], "at": [0.0, 0.0]}])
+    arm = {
+        "name": "B",
+        "mass": 0.1,
+        "pose": [0.05, 0.0, 0.0],
+        "velocity": [0.0, 1.25, 25.0],
+        "shapes": [{"box": {"size": [0.1, 0.01]}}],
+    }
+    method = world(
+        [one, third, arm],
+        joints=[
+            {"type": "weld", "bodies": ["A", "C"], "at": [0.0, 0.05]},
+            {"type": "pin", "bodies": ["A", "B"], "at": [0.0, 0.0]},
+            {"type": "pin", "bodies": ["world", "A"], "at": [0.0, 0.0]},
+        ],
+    )
     turned = max(run(method, 1).pose("B")[2] - method.pose("A")[2] for _ in range(400))
     assert 0.5 < turned < 0.5 * math.pi
 
@@ -267,10 +349,20 @@ def test_of_two_pinned_bodies_one_still_meets_what_is_welded_to_the_other():
 @pytest.mark.parametrize("count", [8, 9, 10])
 def test_a_chain_of_thin_links_let_go_level_keeps_its_pins_closed_and_creates_no_energy(count):
     length = 0.02
-    links = [{"name": f"l{k}", "mass": 0.002, "layers": [1], "pose": [length * (k + 0.5), 0.0, 0.0],
-              "shapes": [{"box": {"size": [length, 0.004]}}]} for k in range(count)]
-    pins = [{"type": "pin", "bodies": [f"l{k - 1}" if k else "world", f"l{k}"], "at": [length * k, 0.0]}
-            for k in range(count)]
+    links = [
+        {
+            "name": f"l{k}",
+            "mass": 0.002,
+            "layers": [1],
+            "pose": [length * (k + 0.5), 0.0, 0.0],
+            "shapes": [{"box": {"size": [length, 0.004]}}],
+        }
+        for k in range(count)
+    ]
+    pins = [
+        {"type": "pin", "bodies": [f"l{k - 1}" if k else "world", f"l{k}"], "at": [length * k, 0.0]}
+        for k in range(count)
+    ]
     method = world(links, gravity=[0.0, -G], joints=pins)
     least = start = sum(method.energy())
     created = opened = fastest = 0.0
@@ -319,8 +411,13 @@ def test_what_drifts_slowly_without_gravity_drifts_on():
 
 def test_a_ball_that_the_tool_strikes_fast_does_not_go_through_a_thin_plate_behind_it():
     for phase in range(10):
-        tool = {"mass": 0.1, "pose": [-0.004 - phase * 75e-6, 0.0, 0.0], "velocity": [15.0, 0.0, 0.0],
-                "shapes": BALL, "material": "m"}
+        tool = {
+            "mass": 0.1,
+            "pose": [-0.004 - phase * 75e-6, 0.0, 0.0],
+            "velocity": [15.0, 0.0, 0.0],
+            "shapes": BALL,
+            "material": "m",
+        }
         plate = PLATE | {"pose": [0.016, 0.0, 0.0], "shapes": [{"box": {"size": [0.0003, 1.0]}}]}
         ball = {"name": "ball", "mass": 0.0025, "pose": [0.0103, 0.0, 0.0], "shapes": [{"circle": {"radius": 2.5e-4}}]}
         method = world([plate, ball], restitution=1.0, tool=tool)
@@ -333,8 +430,12 @@ def test_a_ball_that_the_tool_strikes_fast_does_not_go_through_a_thin_plate_behi
 def test_what_a_spring_shoots_does_not_pass_a_thin_plate_however_seldom_samples_come(count):
     for phase in range(8):
         plate = PLATE | {"pose": [0.05, 0.0, 0.0], "shapes": [{"box": {"size": [0.0003, 1.0]}}]}
-        ball = {"name": "ball", "mass": 0.001, "pose": [0.02 - phase * 1e-4, 0.0, 0.0],
-                "shapes": [{"circle": {"radius": 2.5e-4}}]}
+        ball = {
+            "name": "ball",
+            "mass": 0.001,
+            "pose": [0.02 - phase * 1e-4, 0.0, 0.0],
+            "shapes": [{"circle": {"radius": 2.5e-4}}],
+        }
         method, farthest = world([plate, ball], joints=[WEAK | {"stiffness": 390.0, "rest": 0.06}]), 0.0
         for _ in range(40 // count):
             method.travel(STILL, STILL, STILL, STILL, count)
@@ -344,8 +445,16 @@ def test_what_a_spring_shoots_does_not_pass_a_thin_plate_however_seldom_samples_
 
 @pytest.mark.parametrize("speed", [10.0, 33.0])
 def test_a_fast_body_loses_no_time_where_it_passes_fixed_bodies_of_other_layers(speed):
-    ghosts = [{"name": f"g{k}", "fixed": True, "layers": [5], "pose": [0.02 * (k + 1) + 0.0003 * k, 0.0, 0.0],
-               "shapes": [{"box": {"size": [0.003, 0.2]}}]} for k in range(20)]
+    ghosts = [
+        {
+            "name": f"g{k}",
+            "fixed": True,
+            "layers": [5],
+            "pose": [0.02 * (k + 1) + 0.0003 * k, 0.0, 0.0],
+            "shapes": [{"box": {"size": [0.003, 0.2]}}],
+        }
+        for k in range(20)
+    ]
     floor = {"name": "floor", "fixed": True, "pose": [0.0, -1.0, 0.0], "shapes": [{"box": {"size": [9.0, 0.1]}}]}
     shot = {"name": "shot", "mass": 0.1, "velocity": [speed, 0.0, 0.0], "shapes": [{"box": {"size": [0.004, 0.01]}}]}
     count = int(0.5 / speed / H)
@@ -354,8 +463,14 @@ def test_a_fast_body_loses_no_time_where_it_passes_fixed_bodies_of_other_layers(
 
 @pytest.mark.parametrize(("layer", "passes"), [(33, True), (1, False)])
 def test_layers_1_and_33_are_different_layers(layer, passes):
-    shot = {"name": "shot", "mass": 0.1, "pose": [-0.05, 0.0, 0.0], "velocity": [1.0, 0.0, 0.0], "shapes": BALL,
-            "layers": [1]}
+    shot = {
+        "name": "shot",
+        "mass": 0.1,
+        "pose": [-0.05, 0.0, 0.0],
+        "velocity": [1.0, 0.0, 0.0],
+        "shapes": BALL,
+        "layers": [1],
+    }
     method = run(world([PLATE | {"layers": [layer]}, shot]), 400)
     assert (method.pose("shot")[0] > 0.0) == passes
 
@@ -363,8 +478,12 @@ def test_layers_1_and_33_are_different_layers(layer, passes):
 def test_a_tool_on_a_guide_that_bounces_within_an_exchange_has_touched_in_it_with_a_force():
     wall = {"name": "wall", "fixed": True, "pose": [0.03, 0.0, 0.0], "shapes": [{"box": {"size": [0.02, 0.1]}}]}
     tool = {"mass": 0.1, "velocity": [1.0, 0.0, 0.0], "material": "m", "shapes": BALL}
-    method = world([wall], restitution=0.9, tool=tool,
-                   joints=[{"type": "slider", "bodies": ["world", "tool"], "at": [0.0, 0.0], "axis": [1.0, 0.0]}])
+    method = world(
+        [wall],
+        restitution=0.9,
+        tool=tool,
+        joints=[{"type": "slider", "bodies": ["world", "tool"], "at": [0.0, 0.0], "axis": [1.0, 0.0]}],
+    )
     went = [method.travel(STILL, STILL, STILL, STILL, 4) for _ in range(20)]
     assert method.velocity[0] < -0.5
     touched = [travel for travel in went if travel.touched]

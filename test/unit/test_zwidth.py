@@ -7,7 +7,7 @@ from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device import operating
+from haptic_device import controller_config
 from haptic_device.analysis.delay import largest_passive_stiffness
 from haptic_device.analysis.stability import largest_stable_stiffness
 from haptic_device.analysis.zwidth import (
@@ -23,10 +23,11 @@ from haptic_device.analysis.zwidth import (
     theory,
 )
 from haptic_device.analysis.zwidth_map import Request, boundaries, draw_map, empty, write_csv
-from haptic_device.device import Axis, Device, plant_of
-from haptic_device.law import engage, operator, plant, servo
+from haptic_device.control import enable_state, servo
+from haptic_device.description import Axis, Device
+from haptic_device.device import loopback_config, operator_hand, plant, simulated_device, wall_tapping
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
-from haptic_device.runtime import loop, zwidth_cell
+from haptic_device.realtime import servo_loop
 from reference.boundary import CASES, boundary_stiffness
 
 PRESSED = (Operator(pressed=True),)
@@ -36,9 +37,15 @@ SMALL = Request(Setup(0.1, 0.5, 1e-3, seconds=0.2), "none", np.linspace(100.0, 2
 def whole_servo(setup, start, stiffness, damping):
     """Most energy given in the same tap by the servo's tick and the plant's integration; gravity pushes as the hand."""
     axis = Axis(
-        name="x", counts_per_unit=1.0 / setup.resolution, motor_limit=1e6, workspace=(-1.0, 1.0), velocity_limit=1e3,
-        mass=setup.mass, damping=setup.physical_damping, coulomb=setup.coulomb,
-    )  # fmt: skip
+        name="x",
+        counts_per_unit=1.0 / setup.resolution,
+        motor_limit=1e6,
+        workspace=(-1.0, 1.0),
+        velocity_limit=1e3,
+        mass=setup.mass,
+        damping=setup.physical_damping,
+        coulomb=setup.coulomb,
+    )
     device = Device(name="one axis", axes=(axis,), gravity=(-start.push / setup.mass, 0.0), gravity_compensation=False)
     values = {parameter.name: parameter.default for parameter in OPERATING_POINT}
     values |= {"servo.rate": 1.0 / setup.period, "force.limit": 1e6, "velocity.lag": setup.velocity_lag}
@@ -46,17 +53,19 @@ def whole_servo(setup, start, stiffness, damping):
     values |= {"coupling.stiffness": 0.0, "coupling.damping": 0.0, "fault.saturation": 60.0}
     values |= {"wall.normals": (1.0, 0.0), "wall.offsets": (0.0,)}
     values |= {"wall.stiffness": (stiffness,), "wall.damping": (damping,)}
-    settings = operating.settings_from(device, values).view(np.recarray)
+    settings = controller_config.settings_from(device, values).view(np.recarray)
     memory = np.zeros(1, servo.MEMORY).view(np.recarray)
-    memory.state, memory.engage = engage.ENGAGED, 1.0
-    body, state = plant_of(device).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
+    memory.state, memory.engage = enable_state.ENGAGED, 1.0
+    body, state = loopback_config.plant_of(device).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
     body.actuation_delay = round(setup.delay_samples * setup.period * 1e9)
     state.position[0, 0], state.velocity[0, 0] = -start.position, -start.velocity
-    motion = operator.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
-    tool, most, period = np.zeros(1, loop.TOOL).view(np.recarray), 0.0, round(setup.period * 1e9)
+    motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
+    tool, most, period = np.zeros(1, servo_loop.TOOL).view(np.recarray), 0.0, round(setup.period * 1e9)
     for k in range(round(setup.seconds / setup.period) + 1):
         row = np.zeros(1, servo.TICK).view(np.recarray)
-        loop.run_lockstep(settings, memory, row, tool, body, state, motion, k * period, k, 0, engage.ENABLE)
+        simulated_device.run_lockstep(
+            settings, memory, row, tool, body, state, motion, k * period, k, 0, enable_state.ENABLE
+        )
         most = max(most, float(state.energy_given[0] + start.push * (state.position[0, 0] + start.position)))
     return most
 
@@ -150,9 +159,9 @@ def test_energy_of_motion_is_above_the_place_where_friction_holds():
     short = Setup(0.1, 1.0, 1e-9, seconds=8e-9)
 
     def energy(friction, x, v=0.0):
-        cell, found = record_of(short, Operator(0.1, 0.0, 200.0, 3.0)), np.zeros(1, zwidth_cell.OUTCOME)
+        cell, found = record_of(short, Operator(0.1, 0.0, 200.0, 3.0)), np.zeros(1, wall_tapping.OUTCOME)
         cell["coulomb"], cell["position"], cell["velocity"] = friction, x, v
-        zwidth_cell.cells(cell.view(np.recarray), np.full(1, 1000.0), np.zeros(1), found.view(np.recarray))
+        wall_tapping.cells(cell.view(np.recarray), np.full(1, 1000.0), np.zeros(1), found.view(np.recarray))
         return found["vibration"][0]
 
     for x in (2.5e-3 - 0.4 / 1200.0, 2.5e-3 + 1e-6, 2.5e-3 + 0.4 / 1200.0):
@@ -230,5 +239,5 @@ def test_a_wall_that_pulls_and_an_operator_nobody_knows_are_refused():
 
 
 def test_the_smallest_run_has_two_ticks_in_each_quarter():
-    assert zwidth_cell.FEWEST_TICKS == 8
+    assert wall_tapping.FEWEST_TICKS == 8
     assert run_cells(SMALL.setup._replace(seconds=8e-3), PRESSED, 100.0, 0.0).verdict == QUIET

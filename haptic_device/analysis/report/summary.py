@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The figures of one run, read from its recording: servo, exchange, energy, and what the two coupling forces differ by.
+
+All figures are of the ticks with the motor engaged (`engage` > 0).
+"""
+
+import numpy as np
+
+from haptic_device.analysis.bag_topics import Joints, Recording
+from haptic_device.control.faults import name_of
+from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.status import number
+
+_MICRO, _MILLI = 1e6, 1e3
+
+
+def engaged_rows(trace: np.ndarray) -> np.ndarray:
+    """Rows of the trace with the motor engaged. Raises ValueError if there is none."""
+    rows = trace[trace["engage"] > 0]
+    if len(rows) < 2:
+        raise ValueError(f"the trace of {len(trace)} ticks has {len(rows)} with the motor engaged; two are needed")
+    return rows
+
+
+def first_command(trace: np.ndarray) -> float:
+    """CLOCK_MONOTONIC [s] of the first tick with the motor engaged. Raises ValueError if there is none."""
+    return float(engaged_rows(trace)["deadline"][0]) * 1e-9
+
+
+def period(rows: np.ndarray) -> float:
+    """Servo period T [s], the median step of the deadlines."""
+    steps = np.diff(rows["deadline"])
+    known = steps[np.isfinite(steps)]
+    return float(np.median(known)) * 1e-9 if len(known) else np.nan
+
+
+def servo_figures(rows: np.ndarray) -> dict:
+    """Rate [Hz], ticks, missed ticks, lateness and compute time [us]."""
+    compute = rows["compute"][1:] * _MICRO  # each row carries the time of the tick before it
+    steps = _grown(rows["tick"])
+    return {
+        "rate_hz": 1.0 / period(rows),
+        "ticks": None if steps is None else steps + 1,
+        "missed": _grown(rows["missed"]),
+        "lateness_us": _quantiles(rows["lateness"] * _MICRO, p50=50, p99=99, p999=99.9, max=100),
+        "compute_us": _quantiles(compute, p50=50, p99=99, max=100),
+    }
+
+
+def exchange_figures(recording: Recording, rows: np.ndarray) -> dict:
+    """Handle samples sent and answered while engaged, their rate [Hz], and the age of the tool sample in use [ms]."""
+    sequence = rows["handle_sequence"][rows["handle_sequence"] > 0]
+    sent = np.arange(sequence[0], sequence[-1] + 1) if len(sequence) else sequence
+    span = (rows["deadline"][-1] - rows["deadline"][0]) * 1e-9
+    age = rows["tool_age"][rows["tool_age"] >= 0] * _MILLI
+    return {
+        "rate_hz": len(sent) / float(span),
+        "sent": len(sent),
+        "answered": int(np.isin(sent, _answers(recording, rows)).sum()),
+        "age_ms": _quantiles(age, p50=50, p99=99, max=100),
+    }
+
+
+def energy_figures(recording: Recording, rows: np.ndarray) -> dict:
+    """Energy given to the operator [J] by the loopback's truth, and supplied to the tool at its port by the end."""
+    state = recording.joint("operator/state")
+    given = state.entry("energy_given")[state.entry("time") * 1e9 <= rows["deadline"][-1]]
+    supplied = number(recording.last_values("haptic_simulation").get("tool_port_energy", ""))
+    return {
+        "given_to_operator_max": float(np.max(given)) if len(given) else None,
+        "given_to_operator_end": float(given[-1]) if len(given) else None,
+        "tool_port_end": None if np.isnan(supplied) else supplied,
+    }
+
+
+def residual_figures(recording: Recording, rows: np.ndarray) -> dict:
+    """RMS [N] of force_coupling on the handle + effort on the tool (zero if equal and opposite), in translation.
+
+    The tool's force answers an older handle sample. `explained_by_age_n` is what that leaves: with the stretch in the
+    servo's eyes minus the stretch that sample made, K Δstretch + B Δrate. `unexplained_n` is the RMS of the rest.
+    """
+    handle = recording.joint("handle")
+    rows = rows[(rows["tool_age"] >= 0) & (rows["engage"] >= 1) & (rows["exchange_fade"] >= 1)]
+    rows, answered = _with_answered(rows, handle)
+    if len(rows) == 0:
+        return dict.fromkeys(("rms_n", "explained_by_age_n", "unexplained_n"))
+    gain = gains(recording)
+    stretch = rows["coupling_position"] - rows["position"] - rows["tool_position"]
+    rate = rows["coupling_velocity"] - rows["velocity"] - rows["tool_velocity"]
+    explained = gain["stiffness"] * (_plane(stretch) + _plane(handle.position, handle)[answered])
+    explained += gain["damping"] * (_plane(rate) + _plane(handle.velocity, handle)[answered])
+    residual = _plane(rows["force_coupling"] + rows["tool_effort"])
+    return {
+        "rms_n": _rms(residual),
+        "explained_by_age_n": _rms(explained),
+        "unexplained_n": _rms(residual - explained),
+    }
+
+
+def gains(recording: Recording) -> dict[str, float]:
+    """Coupling gains last sent with the handle: stiffness [N/m], damping [N s/m] and their rotational fellows."""
+    handle = recording.joint("handle")
+    names = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
+    return {name: float(handle.entry(name)[-1]) for name in names}
+
+
+def faults(recording: Recording) -> list[str]:
+    """Names of the faults that latched, each once, in the order of their codes."""
+    return [name_of(code) for code in np.unique(recording.trace["fault"]) if code]
+
+
+def conditions(recording: Recording) -> dict[str, str]:
+    """What every figure is labelled with: gains, period, physical damping, exchange method."""
+    gain = gains(recording)
+    units = {"stiffness": ("K", "N/m"), "damping": ("B", "N s/m")}
+    units |= {"rotational_stiffness": ("Kθ", "N m/rad"), "rotational_damping": ("Bθ", "N m s/rad")}
+    labels = {symbol: f"{gain[name]:g} {unit}" for name, (symbol, unit) in units.items()}
+    said = recording.last_values("haptic_driver")
+    if "trace" in recording.clouds:
+        labels["T"] = f"{period(recording.trace) * 1e6:.0f} µs"
+    elif (rate := number(said.get("rate_hz", ""))) > 0.0:
+        labels["T"] = f"{1e6 / rate:.0f} µs"
+    if damping := said.get("physical_damping"):
+        labels["b"] = _with_units(damping.split(", "))
+    return labels | {"exchange": EXCHANGE_METHODS[int(recording.joint("handle").entry("exchange_method")[-1])]}
+
+
+def _with_units(damping: list[str]) -> str:
+    """Physical damping of the axes x, y, θ, as far as the device has them."""
+    angle = f", {damping[2]} N m s/rad" if len(damping) > 2 else ""
+    return ", ".join(damping[:2]) + " N s/m" + angle
+
+
+def _answers(recording: Recording, rows: np.ndarray) -> np.ndarray:
+    """Sequences answered: by the recorded tool messages, and by those the servo used and the recorder may have lost."""
+    tool = recording.joints.get("tool")
+    recorded = tool.entry("answered") if tool else np.empty(0)
+    used = rows["tool_answered"]
+    fresh = np.append(True, used[1:] != used[:-1])  # each is used for some ticks, and a long bag has millions
+    return np.union1d(recorded, used[fresh])
+
+
+def _with_answered(rows: np.ndarray, handle: Joints) -> tuple[np.ndarray, np.ndarray]:
+    """Rows whose tool sample answers a recorded handle sample of the last session, and the index of that sample."""
+    session = handle.entry("session")
+    last = np.flatnonzero(session == session[-1])
+    sequence = handle.entry("sequence")[last]
+    place = np.minimum(np.searchsorted(sequence, rows["tool_answered"]), len(last) - 1)
+    known = sequence[place] == rows["tool_answered"]
+    return rows[known], last[place[known]]
+
+
+def _plane(columns: np.ndarray, topic: Joints | None = None) -> np.ndarray:
+    """The columns of x and y; of a topic only those axes that it has, the rest zero."""
+    plane = np.zeros((len(columns), 2))
+    for axis, name in enumerate(("x", "y")):
+        if topic is None or name in topic.names:
+            plane[:, axis] = columns[:, axis]
+    return plane
+
+
+def _grown(count: np.ndarray) -> int | None:
+    """Last less first of the values that are numbers; None if there is none."""
+    known = count[np.isfinite(count)]
+    return int(known[-1] - known[0]) if len(known) else None
+
+
+def _rms(vectors: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
+
+
+def _quantiles(values: np.ndarray, **wanted: float) -> dict[str, float | None]:
+    """Of the values that are numbers."""
+    values = values[np.isfinite(values)]
+    if len(values) == 0:
+        return dict.fromkeys(wanted)
+    return dict(zip(wanted, map(float, np.percentile(values, list(wanted.values()))), strict=True))

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of a report: what ran and what came of it, name by name, as text; what cannot be had says why."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from haptic_device.analysis.impedance import Estimate
+from haptic_device.analysis.report import summary
+from haptic_device.analysis.report.run import Run
+from haptic_device.status import number
+
+MISSING = "—"
+VERSIONS = ("haptic_display", "numba", "numpy", "ros-rclpy")  # of what was attached, those that a reader looks for
+READ = (
+    "± is 95 % of this law's own fit, by the recording alone. In contact K and B are the coupling's or the wall's as "
+    "the hand meets them: delay takes about K times the tool's age from B. In free space they are what is left, zero "
+    "at best. Mass is the least certain: the display's own noise, where it shakes the handle, makes it too small."
+)
+MACHINE = ("processor", "cores", "system")
+
+
+def sections(run: Run) -> dict[str, dict[str, str]]:
+    """{section: {name: text}} of one run."""
+    parts = {
+        "What ran": [_what_ran],
+        "Servo": [_servo],
+        "Exchange": [_exchange],
+        "Energy": [_energy, _truth],
+        "Contact": [_contact, _overlap],
+        "Impedance added by the display": [_impedance],
+        "Oscillation of the force": [_oscillation],
+        "Said last on /diagnostics": [_said],
+        "Recording": [_recording],
+        "Trial and markers": [_trial],
+    }
+    return {title: {name: text for part in those for name, text in _tried(part, run)} for title, those in parts.items()}
+
+
+def _tried(part: Callable[[Run], Iterator[tuple[str, str]]], run: Run) -> Iterator[tuple[str, str]]:
+    """The part's entries, as far as they go before something is missing."""
+    try:
+        yield from part(run)
+    except (ValueError, IndexError, KeyError) as error:
+        yield "not shown", str(error)
+
+
+def _what_ran(run: Run):
+    yield "recording", run.name
+    yield "length", f"{run.length:.3f} s, " + (f"{len(run.rows)} ticks" if run.traced else "no trace")
+    yield from run.conditions.items()
+    for kind in ("scene", "device"):
+        attached = [name.removeprefix(f"{kind}/") for name in run.recording.attachments if name.startswith(f"{kind}/")]
+        yield kind, ", ".join(attached) or MISSING
+    made = run.attached("made.yaml")
+    yield "git revision", str(made.get("program", {}).get("git_revision") or MISSING)
+    packages, machine = made.get("packages", {}), made.get("machine", {})
+    yield "versions", ", ".join(f"{name} {packages[name]}" for name in VERSIONS if packages.get(name)) or MISSING
+    yield "machine", ", ".join(str(machine[name]) for name in MACHINE if machine.get(name)) or MISSING
+    yield "real time", run.recording.last_values("haptic_driver").get("realtime", MISSING)
+    yield "faults", (", ".join(summary.faults(run.recording)) or "none") if run.traced else MISSING
+
+
+def _servo(run: Run):
+    found = summary.servo_figures(run.rows)
+    yield "rate", f"{found['rate_hz']:.0f} Hz"
+    yield "missed ticks", MISSING if found["missed"] is None else str(found["missed"])
+    for name, label in (("lateness_us", "lateness"), ("compute_us", "compute")):
+        measured = run.rows[label].any()  # in lock-step nothing is late, exactly
+        yield f"{label} p50, p99, max", _three(found[name], "µs") if measured else "not measured"
+
+
+def _exchange(run: Run):
+    found = summary.exchange_figures(run.recording, run.rows)
+    yield "handle samples", f"{found['sent']} at {found['rate_hz']:.0f} Hz"
+    yield "answered", f"{found['answered']} ({100 * found['answered'] / max(1, found['sent']):.2f} %)"
+    yield "age p50, p99, max", _three(found["age_ms"], "ms")
+    yield "handle to tool, RMS, largest", _told("{:.3g}, {:.3g} mm", *_apart(run))
+
+
+def _apart(run: Run) -> tuple[float, float]:
+    """RMS and largest distance from handle to tool [mm]."""
+    distance = run.distance[np.isfinite(run.distance)]
+    if not len(distance):
+        return np.nan, np.nan
+    return float(np.sqrt(np.mean(distance**2, dtype=float))) * 1e3, float(np.max(distance)) * 1e3
+
+
+def _energy(run: Run):
+    yield "given to the operator, servo's books, end", _told("{:.3g} mJ", run.rows["energy_given"][-1].sum() * 1e3)
+    yield "to the tool at its port, end", f"{run.tool_energy[-1] * 1e3:.3g} mJ"
+    margin = np.fmin.reduce(run.rows["margin"], axis=0)
+    yield "least margin x, y, θ", _told("{:.4g} N s/m, {:.4g} N s/m, {:.4g} N m s/rad", *margin)
+    yield "ticks in which the controller acted", _told("{:.0f}", run.rows["injections"][-1] - run.rows["injections"][0])
+
+
+def _truth(run: Run):
+    given = run.truth.entry("energy_given") * 1e3
+    yield "given to the operator, truth, largest", _told("{:.3g} mJ", np.fmax.reduce(given))
+    yield "given to the operator, truth, end", _told("{:.3g} mJ", given[-1])
+
+
+def _contact(run: Run):
+    yield "contacts", str(len(run.contacts))
+    yield "time in contact", f"{100 * run.touch.mean():.1f} %"
+    if run.contacts:
+        strongest = max(run.contacts, key=lambda contact: contact.force)
+        yield "first", f"at {run.contacts[0].begin:.3f} s"
+        yield "strongest", f"{strongest.force:.3g} N, {strongest.begin:.3f} to {strongest.end:.3f} s"
+
+
+def _overlap(run: Run):
+    deepest = number(run.recording.last_values("haptic_simulation").get("max_penetration", ""))
+    yield "deepest overlap", MISSING if np.isnan(deepest) else f"{deepest * 1e6:.3g} µm"
+
+
+def _impedance(run: Run):
+    if not run.fits:
+        raise ValueError("the handle did not move enough, engaged and with the tool held still")
+    for (kind, axis), found in run.fits.items():
+        if (kind, axis) not in run.impedances:
+            yield f"{kind}, {axis}", f"not told: mass, damper and spring explain only {100 * found.explained:.0f} %"
+            continue
+        torque = axis == "theta"
+        yield f"{kind}, {axis}: K", _plus(found.stiffness, "N m/rad" if torque else "N/m")
+        yield f"{kind}, {axis}: B", _plus(found.damping, "N m s/rad" if torque else "N s/m")
+        yield f"{kind}, {axis}: apparent damping b + B", _apparent(run, axis, found.damping)
+        mass = _plus(found.mass, "kg m²" if torque else "kg")
+        yield f"{kind}, {axis}: mass, r²", f"{mass}, r² = {found.explained:.4f}"
+    yield "how to read it", READ
+
+
+def _apparent(run: Run, axis: str, damping: Estimate) -> str:
+    physical = run.physical_damping[("x", "y", "theta").index(axis)]
+    if not np.isfinite(physical):
+        return MISSING
+    unit = "N m s/rad" if axis == "theta" else "N s/m"
+    return _plus(Estimate(physical + damping.value, damping.error), unit)
+
+
+def _oscillation(run: Run):
+    found = run.spectrum.oscillation
+    if found is None:
+        yield "found", "none"
+        return
+    yield "frequency", f"{found.frequency:.1f} Hz"
+    yield "force", f"{found.force:.3g} N RMS"
+    yield "when", f"from {found.begin:.2f} s, {found.seconds:.2f} s in all"
+
+
+def _said(run: Run):
+    """Each node's last status, which without a trace is all that is known of the servo."""
+    for name in run.recording.diagnostics:
+        if not run.traced and ":" not in name:
+            last = run.recording.statuses(name)[-1]
+            yield name, "; ".join([last.message, *(f"{key} {value}" for key, value in last.values.items() if value)])
+
+
+def _recording(run: Run):
+    yield "rows missing from the trace", str(run.recording.trace_rows_missing) if run.traced else MISSING
+    driver = run.recording.last_values("haptic_driver")
+    yield "rows that the servo had to drop", driver.get("trace_dropped", MISSING)
+    begin, skipped = f"{run.recording.namespace}/", run.recording.skipped
+    lost = {
+        name.removeprefix(begin): found.told(name)
+        for name, found in skipped.items()
+        if name.startswith(begin) and found.lost
+    }
+    yield "messages", str(sum(run.recording.counts.values()))
+    topics = (f"{name.removeprefix(begin)} {count}" for name, count in run.recording.counts.items())
+    yield "messages of each topic", ", ".join(topics)
+    yield "messages lost", ", ".join(f"{name} {count}" for name, count in lost.items()) or "none"
+    for place, note in enumerate(run.notes, 1):
+        yield f"note {place}", note
+
+
+def _trial(run: Run):
+    yield from ((str(name), str(value)) for name, value in run.attached("trial.yaml").items())
+    for time, text in run.marks:
+        yield f"mark at {time:.3f} s", text
+
+
+def _three(found: dict, unit: str) -> str:
+    values = [found[name] for name in ("p50", "p99", "max")]
+    return MISSING if None in values else ", ".join(map(_plain, values)) + f" {unit}"
+
+
+def _plain(value: float) -> str:
+    """Three digits, and whole numbers rather than a power of ten."""
+    return f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+
+
+def _told(text: str, *values: float) -> str:
+    """The text with its values, where every one is a number."""
+    return text.format(*values) if np.isfinite(values).all() else MISSING
+
+
+def _plus(estimate: Estimate, unit: str) -> str:
+    return f"{estimate.value:.4g} ± {estimate.error:.2g} {unit}"

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Faults: latched reasons why the motor is off. The table below is the only one; documents are made from it."""
+
+from typing import NamedTuple
+
+from haptic_device.jit import kernel
+
+NONE, ESTOP, DEVICE_SILENT, NOT_A_NUMBER, ENCODER_JUMP, POSITION, VELOCITY, SATURATION, DEVICE_WATCHDOG = range(9)
+DUTY, UNATTENDED = 9, 10
+FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor
+THIS_TICK = "zero in the tick that finds it"
+
+
+class Fault(NamedTuple):
+    """code: as in the trace; cause: what latched it; motor: what it does; clear: how a person clears it."""
+
+    code: int
+    name: str
+    cause: str
+    motor: str
+    clear: str
+
+
+TABLE = (
+    Fault(ESTOP, "estop", "~/estop was called", "zero in the tick that takes the command", "~/reset, then ~/enable"),
+    Fault(
+        DEVICE_SILENT,
+        "device_silent",
+        "the device answered no tick for fault.silence",
+        "zero in the tick that finds it; a device without writes cuts it by itself",
+        "start the device, ~/reset",
+    ),
+    Fault(NOT_A_NUMBER, "not_a_number", "a force or an input was not finite", THIS_TICK, "~/reset; report it"),
+    Fault(
+        ENCODER_JUMP,
+        "encoder_jump",
+        "the position changed faster than twice the velocity limit",
+        THIS_TICK,
+        "check the encoder, ~/reset",
+    ),
+    Fault(
+        POSITION,
+        "position",
+        "the handle left the workspace of the device description",
+        THIS_TICK,
+        "move it back, ~/reset",
+    ),
+    Fault(VELOCITY, "velocity", "the handle was faster than the device's velocity limit", THIS_TICK, "~/reset"),
+    Fault(
+        SATURATION,
+        "saturation",
+        "more than a motor's limit was wanted for longer than fault.saturation",
+        "zero in the next tick",
+        "~/reset",
+    ),
+    Fault(
+        DEVICE_WATCHDOG,
+        "device_watchdog",
+        "the device had cut the motor: the servo was silent too long",
+        "zero: cut by the device when its watchdog (15 ms) was over, and kept so",
+        "~/reset",
+    ),
+    Fault(
+        DUTY,
+        "duty",
+        "a motor's warmth rose above fault.duty",
+        "zero in the next tick",
+        "let it cool, ~/reset",
+    ),
+    Fault(
+        UNATTENDED,
+        "unattended",
+        "the thread that serves the driver, or the one that hears its commands, stood still for fault.unattended",
+        THIS_TICK,
+        "~/reset",
+    ),
+)
+NAMES = frozenset(fault.name for fault in TABLE)
+
+
+def name_of(code):
+    """Name of a fault code; "" for none."""
+    return next((fault.name for fault in TABLE if fault.code == code), "")
+
+
+@kernel
+def warmed(warmth, share, kept):
+    """Warmth of a motor after a tick's force, as a share of what it reaches at its limit.
+
+    Heat goes with the square of the current and leaves by one time constant τ: dw/dt = (share² − w)/τ, exact for a
+    share of the limit held over T with kept = exp(−T/τ). A force of fault.duty times the limit warms to fault.duty².
+    """
+    return share * share + (warmth - share * share) * kept
+
+
+@kernel
+def motion_fault(position, velocity, low, high, velocity_limit, displacement, elapsed):
+    """Fault code of one axis' motion, NONE if it is fine; device units, positions measured from the zero."""
+    if not (abs(position) < 1e6 and abs(velocity) < 1e9):
+        return NOT_A_NUMBER
+    if abs(displacement) > 2.0 * velocity_limit * elapsed and elapsed > 0.0:
+        return ENCODER_JUMP
+    if position < low or position > high:
+        return POSITION
+    if abs(velocity) > velocity_limit:
+        return VELOCITY
+    return NONE

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Records of the simulated device: the plant as the description has it, and the hand on it."""
+
+import math
+
+import numpy as np
+
+from haptic_device.device import operator_hand, plant
+
+
+def hand_from(device, values):
+    """Loopback's records of these parameter values: PLANT with its hand, PLANT_MEMORY at the start, MOTION.
+
+    motion.* is in the world; the records are in the device's own units. Raises ValueError where the start lies outside
+    the workspace.
+    """
+    body, memory, motion = plant_of(device), np.zeros(1, plant.PLANT_MEMORY), operator_hand.script(values)
+    operator_hand.grip_by(body, values)
+    scale = np.array([device.scale[0], device.scale[0], device.scale[1]])
+    motion["points"] /= scale
+    motion["radius"] /= device.scale[0]
+    there = np.arange(3) < len(device.axes)
+    start = np.where(there, values["motion.start"], 0.0) / scale
+    for axis, position in zip(device.axes, start, strict=False):
+        low, high = axis.workspace
+        unit = "rad" if axis.name == "theta" else "m"
+        if not low <= position <= high:
+            given = f"motion.start {axis.name} is at {position:g} {unit} of the device"
+            raise ValueError(f"{given}; its workspace is {low:g} to {high:g} {unit}")
+    memory["position"] = memory["target"] = start
+    return body, memory, motion
+
+
+def plant_of(device):
+    """PLANT record of the loopback: the device as the description has it, no hand on it yet."""
+    record = np.zeros(1, plant.PLANT)
+    record["axes"] = len(device.axes)
+    record["sensing_delay"], record["actuation_delay"] = device.sensing_delay * 1e9, device.actuation_delay * 1e9
+    sensor = device.drag_sensor
+    record["drag_bandwidth"] = 2.0 * math.pi * sensor.bandwidth
+    record["drag_bias"], record["drag_noise"] = sensor.bias, sensor.noise
+    record["mass"] = record["position_per_count"] = 1.0  # of the axes that are not there
+    for i, axis in enumerate(device.axes):
+        record["mass"][0, i], record["damping"][0, i] = axis.mass, axis.damping
+        record["coulomb"][0, i], record["gravity"][0, i] = axis.coulomb, device.weight(i)
+        record["position_per_count"][0, i] = axis.encoder_sign / axis.counts_per_unit
+        record["zero"][0, i] = -axis.zero
+        record["force_per_motor"][0, i] = axis.motor_sign * axis.motor_constant
+        record["force_limit"][0, i] = axis.motor_limit
+    return record

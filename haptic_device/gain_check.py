@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the device's own damping covers all gains together, and what is left of it."""
+
+import math
+
+import numpy as np
+
+from haptic_device.control import passivity, velocity_estimator
+
+SWITCHED = 2.0
+"""Times |B| that a damper may need whose velocity comes from windows of any lengths: |v̂| is at most the largest mean of
+the last steps, and the l² norm of that maximum is at most twice that of the steps (Hardy and Littlewood 1930)."""
+
+
+def surplus(settings, lateness):
+    """Damping [N s/m | N m s/rad] of each axis that no gain needs, whatever the direction: by Gershgorin's bound."""
+    worst = np.array(settings["physical_damping"], float)
+    for need in _needs(settings, lateness):
+        left = np.diag(settings["physical_damping"]) - need
+        crossed = np.sum(np.abs(left), axis=1) - np.abs(np.diag(left))
+        worst = np.minimum(worst, np.diag(left) - crossed)
+    return np.maximum(0.0, worst)
+
+
+def margins(settings, lateness):
+    """Physical damping left over: by axis (3), in the worst direction of x and y [N s/m], about theta [N m s/rad].
+
+    diag(b) less, for every wall and the coupling, scale² times what each needs along its direction
+    (control/passivity); the lesser of outside and inside of walls, where nothing is cancelled.
+    lateness: how late forces act beyond the nominal period [s], delays of the device included.
+    """
+    left = [np.diag(settings["physical_damping"]) - need for need in _needs(settings, lateness)]
+    axes = int(settings["axes"])
+    by_axis = np.min([np.diag(each) for each in left], axis=0) * (np.arange(3) < axes)
+    plane = min(float(np.linalg.eigvalsh(each[: min(2, axes), : min(2, axes)])[0]) for each in left)
+    return by_axis, plane, float(by_axis[2]) if axes == 3 else math.inf
+
+
+def softer(wished, known, lateness):
+    """Whether gains need no more damping than the known ones in any direction, outside of walls and inside."""
+    pairs = zip(_needs(wished, lateness), _needs(known, lateness), strict=True)
+    return all(np.linalg.eigvalsh(old - new)[0] >= -1e-9 for new, old in pairs)
+
+
+def _needs(settings, lateness):
+    """Damping that all gains together need, as matrices over x, y, theta: outside of walls, and inside."""
+    outside, inside = np.zeros((2, 3, 3))
+    period, scale, switched = float(settings["period"]), settings["scale"], _switched(settings)
+    for i in range(int(settings["axes"])):
+        for need, damping in ((outside, _coupling_damping(settings, i)), (inside, abs(settings["damping"][i]))):
+            stiffness = settings["stiffness"][i]
+            need[i, i] = scale[i] ** 2 * passivity.least_damping(stiffness, damping * switched, period, lateness)
+        alone = passivity.least_damping(0.0, _cancelled(settings, i) * switched, period, lateness)  # with no tool
+        outside[i, i] = max(outside[i, i], scale[i] ** 2 * alone)
+    for j in range(int(settings["walls"])):
+        normal = scale * (settings["wall_x"][j], settings["wall_y"][j], 0.0)
+        stiffness, damping = settings["wall_stiffness"][j], settings["wall_damping"][j] * switched
+        need = passivity.least_damping(stiffness, damping, period, lateness)
+        inside += np.outer(normal, normal) * need * _switch_price(settings, normal, lateness)
+    return outside, inside
+
+
+def _switch_price(settings, normal, lateness):
+    """How many times its damping a wall needs because cancellation ends at it (docs/passivity.md).
+
+    Nothing is paid where the band is no narrower than the handle's longest way towards the wall in one tick.
+    """
+    travel = float(np.abs(normal) @ settings["velocity_limit"]) * (float(settings["period"]) + lateness)
+    if settings["cancellation_band"] >= travel:
+        return 1.0
+    return 2.0 / (1.0 + math.sqrt(1.0 - float(settings["cancellation_ratio"]) ** 2))
+
+
+def _coupling_damping(settings, axis):
+    """Damping that counts for the coupling, held while damping cancellation is still on, perhaps."""
+    damping = settings["damping"][axis]
+    return max(abs(damping), abs(damping - _cancelled(settings, axis)))
+
+
+def _cancelled(settings, axis):
+    """Damping that cancellation takes away, at the world's handle [N s/m | N m s/rad]."""
+    return settings["cancellation_ratio"] * settings["physical_damping"][axis] / settings["scale"][axis] ** 2
+
+
+def _switched(settings):
+    """What the estimator of velocity makes of a damper."""
+    windows = settings["velocity_estimator"] == velocity_estimator.ADAPTIVE_WINDOW and settings["velocity_window"] > 1.0
+    return SWITCHED if windows else 1.0
+
+
+def cross(settings):
+    """λ with which the observer shares the cross term of oblique walls between x and y (control/passivity_observer)."""
+    left = settings["physical_damping"] - np.diag(_needs(settings, 0.0)[1])
+    if int(settings["axes"]) < 2 or left[0] <= 0.0 or left[1] <= 0.0:
+        return 1.0
+    return float(np.sqrt(left[0] / left[1]))
+
+
+def refusal(settings, lateness=0.0):
+    """The sentence that refuses gains which the device's damping does not cover; "" if it covers them."""
+    if min(margins(settings, lateness)[1:]) > 0.0:
+        return ""
+    return next(filter(None, _blames(settings, lateness)), _together(settings, lateness))
+
+
+def _blames(settings, lateness):
+    """A sentence for each wall and each axis of the coupling that alone needs more than there is."""
+    for j in range(int(settings["walls"])):
+        normal = settings["scale"] * (settings["wall_x"][j], settings["wall_y"][j], 0.0)
+        has = slice(int(settings["axes"]))  # a normal may lean by rounding towards an axis that is not there
+        there = 1.0 / np.sum(normal[has] ** 2 / settings["physical_damping"][has])
+        gains = settings["wall_stiffness"][j], settings["wall_damping"][j]
+        price = _switch_price(settings, normal, lateness)
+        yield _blame("wall.stiffness", *gains, there, settings, lateness, price)
+    for i in range(int(settings["axes"])):
+        there = settings["physical_damping"][i] / settings["scale"][i] ** 2
+        yield _blame_cancellation(settings, i, lateness)
+        if settings["stiffness"][i] <= 0.0 and settings["damping"][i] <= 0.0:
+            continue
+        name, counted = "coupling.rotational_" if i == 2 else "coupling.", _coupling_damping(settings, i)
+        told = f"{name}damping {settings['damping'][i]:.4g} {'N m s/rad' if i == 2 else 'N s/m'}"
+        if counted > abs(settings["damping"][i]):
+            told += f" and cancellation.ratio {settings['cancellation_ratio']:g}"
+        yield _blame(f"{name}stiffness", settings["stiffness"][i], counted, there, settings, lateness, told=told)
+
+
+def _blame(name, stiffness, damping, there, settings, lateness, price=1.0, told=""):
+    """told: which gains make the damping that counts, where it is not the wall's own."""
+    period, counted = float(settings["period"]), damping * _switched(settings)
+    need = price * passivity.least_damping(stiffness, counted, period, lateness)
+    if need < there:
+        return ""
+    unit, damping_unit = ("N m/rad", "N m s/rad") if "rotational" in name else ("N/m", "N s/m")
+    per_stiffness = passivity.least_damping(1.0, 0.0, period, lateness)
+    most = max(0.0, there / price - passivity.least_damping(0.0, counted, period, lateness)) / per_stiffness
+    twice = " (twice, for adaptive_window)" if counted > damping else ""
+    late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
+    late += ", cancellation.band being narrower than a tick's travel" if price > 1.0 else ""
+    return (
+        f"{name} {stiffness:.6g} {unit} with {told or f'damping {damping:.4g} {damping_unit}'}{twice} "
+        f"needs b > {need:.4g} {damping_unit} at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: "
+        f"at most {math.floor(most):g} {unit}"
+    )
+
+
+def _blame_cancellation(settings, axis, lateness):
+    """The sentence where nothing but the damping cancelled in free space needs more than there is."""
+    ratio, b = float(settings["cancellation_ratio"]), float(settings["physical_damping"][axis])
+    counted = ratio * b * _switched(settings)
+    need = passivity.least_damping(0.0, counted, float(settings["period"]), lateness)
+    if need < b:
+        return ""
+    unit = "N m s/rad" if axis == 2 else "N s/m"
+    twice = " (twice, for adaptive_window)" if counted > ratio * b else ""
+    late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
+    return (
+        f"cancellation.ratio {ratio:g}{twice} needs b > {need:.4g} {unit}{late}; "
+        f"the device has {b:.4g}: at most {math.floor(1e3 * ratio * b / need) / 1e3:g}"
+    )
+
+
+def _together(settings, lateness):
+    lacking = abs(margins(settings, lateness)[1])
+    return (
+        f"walls and coupling together need {lacking:.3g} N s/m more physical damping than the device has in their "
+        "worst direction: lower wall.stiffness or coupling.stiffness"
+    )

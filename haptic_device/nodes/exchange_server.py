@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The driver's side of the exchange as a thread: on librcl without python, or by rclpy's supported interface."""
+
+import contextlib
+import secrets
+import threading
+
+import numpy as np
+
+from haptic_device.control import contact_model, servo
+from haptic_device.control import exchange_samples as law
+from haptic_device.nodes import messages
+from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.realtime import clock, exchange_loop, exchange_step, scheduling, servo_loop
+
+PRIORITY = 60
+
+
+class ExchangeThread:
+    """Sends `handle` at the exchange rate and takes `tool`, from start() until stop()."""
+
+    def __init__(self, node, servo_thread, axes, values):
+        self._servo, self._path = servo_thread, values["exchange.path"]
+        self._realtime, self._period = values["realtime"], round(1e9 / values["exchange.rate"])
+        layout = messages.JointLayout(messages.exchange_names(axes))
+        self.frame = exchange_step.make_frame(layout.template, layout.fixed, layout.offsets, layout.count)
+        self.state, self.watch = np.zeros(1, exchange_step.STATE), np.zeros(exchange_step.WATCHES, np.int64)
+        self.state["session"], self.state["axes"] = secrets.randbits(48) | 1, axes
+        self.state["clock_offset"] = servo_thread.clock_offset
+        self.state["method"] = EXCHANGE_METHODS.index(values["exchange.method"])
+        self._node = node
+        self._publisher = node.create_publisher(messages.JointState, "handle", messages.LATEST)
+        self._tap = Tap(node, "tool", "sensor_msgs/msg/JointState", messages.LATEST, raw=True)
+        self.near_frame = exchange_step.make_near_frame(*messages.CloudLayout(messages.NEAR).fixed(contact_model.MOST))
+        local = values["exchange.method"] == EXCHANGE_METHODS[law.LOCAL]
+        self._near = (
+            Tap(node, "local_contacts", "sensor_msgs/msg/PointCloud2", messages.LATEST, raw=True) if local else None
+        )
+        self._compiled, self._error = threading.Event(), None
+        self._thread = threading.Thread(target=self._run, name="exchange")
+
+    def start(self):
+        """Starts it; OSError, one sentence, if it cannot begin."""
+        self._thread.start()
+        self._compiled.wait()  # compiling holds the interpreter: done before the servo starts, it disturbs nobody
+        if self._error is not None:
+            raise OSError(f"the exchange cannot begin: {type(self._error).__name__}: {self._error}")
+
+    def stop(self):
+        """Ends the thread, then publisher and subscription."""
+        self.watch[exchange_step.STOP] = 1
+        if self._thread.is_alive():
+            self._thread.join()
+        self._tap.close()
+        if self._near is not None:
+            self._near.close()
+        self._node.destroy_publisher(self._publisher)
+
+    @property
+    def sent(self):
+        return int(self.watch[exchange_step.SENT])
+
+    @property
+    def answered(self):
+        return int(self.watch[exchange_step.ANSWERED])
+
+    def refusals(self):
+        """{reason: count} of tool messages refused so far."""
+        counts = self.watch[exchange_step.REFUSED : exchange_step.REFUSED + len(law.REFUSALS)]
+        return {reason: int(count) for reason, count in zip(law.REFUSALS, counts, strict=True) if count}
+
+    @property
+    def contact_sets(self):
+        return int(self.watch[exchange_step.SEEN])
+
+    def refused_contacts(self):
+        """{reason: count} of sets of local contacts refused so far."""
+        counts = self.watch[exchange_step.UNSEEN : exchange_step.UNSEEN + len(contact_model.REFUSALS)]
+        return {reason: int(count) for reason, count in zip(contact_model.REFUSALS, counts, strict=True) if count}
+
+    def round_trips(self):
+        """Percentiles 50 and 99 of the times from composing a handle sample to its answer [ns], lately; NaN: none."""
+        known = self.state["round_trip"][0][: int(self.state["turns"][0])]
+        return np.percentile(known, (50, 99)) if len(known) else np.full(2, np.nan)
+
+    def _run(self):
+        row, gains, tool = (
+            np.zeros(1, servo.TICK),
+            np.zeros(1, law.COUPLING_GAINS),
+            np.zeros(1, servo_loop.TOOL),
+        )
+        mails = self._servo.row.words, self._servo.gains.words, self._servo.tool.words
+        try:
+            (self._run_rcl if self._path == "rcl" else self._run_rclpy)(mails, row, gains, tool)
+        except Exception as error:
+            if self._compiled.is_set():
+                raise
+            self._error = error  # for start(), which waits
+        finally:
+            self._compiled.set()
+
+    def _run_rcl(self, mails, row, gains, tool):
+        publisher, subscription = self._publisher.handle, self._tap.handle
+        near_handle = self._near.handle if self._near is not None else contextlib.nullcontext()
+        records = row, gains, tool
+        with publisher, subscription, near_handle:  # they live on while the loop has their addresses
+            exchange_loop.load_library()
+            inbox, outbox = exchange_loop.incoming_buffer(), exchange_loop.outgoing_buffer(self.frame.outgoing)
+            near = None, None, None, None
+            if self._near is not None:
+                near = near_handle.pointer, self.near_frame, self._servo.near.words, np.zeros(1, contact_model.SET)
+            for watch in (stopped(), self.watch):
+                exchange_loop.run_exchange(
+                    publisher.pointer,
+                    subscription.pointer,
+                    inbox,
+                    outbox,
+                    self._period,
+                    self.frame,
+                    self.state,
+                    watch,
+                    *mails,
+                    *records,
+                    *near,
+                )
+                self._get_ready()
+            exchange_loop.free(inbox)
+
+    def _get_ready(self):
+        """Urgent from here on; a thread that still compiles would keep a core from everybody for seconds."""
+        if self._realtime != "off" and not self._compiled.is_set():
+            scheduling.go_realtime("prefer", PRIORITY)
+        self._compiled.set()
+
+    def _run_rclpy(self, mails, row, gains, tool):
+        scratch, deadline, near = clock.scratch(), 0, np.zeros(1, contact_model.SET)
+        exchange_step.next_handle(self.frame, self.state, mails[0], mails[1], row, gains, scratch)
+        self._get_ready()
+        while not self.watch[exchange_step.STOP]:
+            now = int(clock.now_ns(scratch))
+            if now >= deadline:
+                deadline = max(deadline + self._period, now)
+                if exchange_step.next_handle(self.frame, self.state, mails[0], mails[1], row, gains, scratch):
+                    self._publisher.publish(self.frame.outgoing.tobytes())
+                    self.watch[exchange_step.SENT] += 1
+            for sample in self._tap.take():
+                self._take(sample.message, gains, tool, mails[2], scratch)
+            for sample in self._near.take() if self._near is not None else ():
+                self._take_contacts(sample.message, near)
+            clock.sleep_until(min(deadline, now + exchange_loop.POLL), scratch)
+
+    def _take(self, message, gains, tool, tool_mail, scratch):
+        size = min(len(message), self.frame.incoming.size)
+        self.frame.incoming[:size] = np.frombuffer(message, np.uint8, size)
+        now = clock.now_ns(scratch)
+        exchange_step.take_in(self.frame, len(message), self.state[0], self.watch, gains[0], tool, tool_mail, now)
+
+    def _take_contacts(self, message, near):
+        size = min(len(message), self.near_frame.incoming.size)
+        self.near_frame.incoming[:size] = np.frombuffer(message, np.uint8, size)
+        mail = self._servo.near.words
+        exchange_step.take_in_contacts(self.near_frame, len(message), self.state[0], self.watch, near, mail)
+
+
+def stopped():
+    """A watch with which a loop returns at once: it is compiled and loaded by that."""
+    watch = np.zeros(exchange_step.WATCHES, np.int64)
+    watch[exchange_step.STOP] = 1
+    return watch

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""haptic_loopback: a device model behind the page, with an operator's hand on it; publishes the truth."""
+
+import secrets
+import sys
+import threading
+
+import numba
+import numpy as np
+
+from haptic_device.description import load_device
+from haptic_device.device import loopback_config, operator_hand, simulated_device
+from haptic_device.jit import have
+from haptic_device.nodes import diagnostics, messages
+from haptic_device.nodes.declared import LOOPBACK
+from haptic_device.nodes.lifecycle import ManagedNode, run
+from haptic_device.nodes.ros_parameters import on_change
+from haptic_device.realtime import clock, scheduling
+from haptic_device.realtime.seqlock import Mailbox
+from haptic_device.realtime.shared_memory import DEVICE, Page, page_name
+
+PRIORITY = 85  # above the servo: the plant must be there when the servo reads
+
+
+class LoopbackNode(ManagedNode):
+    """Configured it holds the page, active it serves it."""
+
+    def __init__(self):
+        super().__init__("haptic_loopback", LOOPBACK)
+        self.page = self._thread = None
+        self._control, self._truth = np.zeros(simulated_device.CONTROLS, np.int64), Mailbox(simulated_device.TRUTH)
+        self._state = self.create_publisher(messages.JointState, "operator/state", messages.STREAM)
+        self._diagnostics = self.create_publisher(messages.DiagnosticArray, "/diagnostics", 10)
+        self.create_subscription(messages.JointState, "operator/target", self._on_target, messages.LATEST)
+        self.refused_targets, self.realtime, self._publisher = 0, "", None
+        self._rates = diagnostics.Rates()
+        on_change(self, LOOPBACK, self._on_parameters)
+        self.create_timer(0.5, self._diagnose)
+
+    def configure(self):
+        """Reads device and script, and takes the page."""
+        have("loopback", told=self.told)
+        self.device = load_device(self.values["device"])
+        self.plant, self.memory, self.motion = loopback_config.hand_from(self.device, self.values)
+        self.layout = messages.JointLayout(messages.truth_names(len(self.device.axes)))
+        self.page = Page(self.page_name(page_name), DEVICE)
+        if self.page.stale:
+            self.get_logger().warning(f"took over the stale page {self.page.path} of a process that had died")
+
+    def activate(self):
+        """Starts plant and telemetry."""
+        self._control[:], self._refused = 0, None
+        self._control[simulated_device.WATCHDOG] = round(1e9 * self.values["motor_watchdog"])
+        self._ready = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="plant")
+        self._thread.start()
+        self._ready.wait()
+        if self._refused is not None:
+            raise self._refused
+        self._publisher = threading.Thread(target=self._publish, name="telemetry")
+        self._publisher.start()
+
+    def deactivate(self):
+        """Stops them."""
+        self._control[simulated_device.STOP] = 1
+        for thread in (self._thread, self._publisher):
+            if thread is not None:
+                thread.join()
+        self._thread = self._publisher = None
+
+    def cleanup(self):
+        """Lets the page go."""
+        if self.page is not None:
+            self.page.close()
+        self.page = None
+
+    def _serve(self):
+        session, truth = secrets.randbits(48) | 1, np.zeros(1, simulated_device.TRUTH)
+        serving = (
+            self.page.words,
+            self._control,
+            self._truth.words,
+            session,
+            self.plant,
+            self.memory,
+            self.motion,
+            truth,
+        )
+        try:
+            simulated_device.serve.compile(tuple(map(numba.typeof, serving)))
+            self.realtime = scheduling.go_realtime(self.values["realtime"], PRIORITY)
+        except Exception as error:
+            self._refused = error
+            return
+        finally:
+            self._ready.set()
+        simulated_device.serve(*serving)
+
+    def _publish(self):
+        period, scratch = int(1e9 / self.values["publish.rate"]), clock.scratch()
+        deadline, axes = clock.now_ns(scratch), len(self.device.axes)
+        while not self._control[simulated_device.STOP]:
+            deadline = max(deadline + period, clock.now_ns(scratch))
+            clock.sleep_until(deadline, scratch)
+            self._state.publish(self._truth_bytes(self._truth.get()[0], axes, scratch))
+
+    def _truth_bytes(self, truth, axes, scratch):
+        extra, none = (truth.energy_given, truth.time, truth.motion_done), (0.0, 0.0, 0.0)
+        return self.layout.pack(
+            int(clock.read_clock(clock.REALTIME, scratch)),
+            (*truth.position[:axes], *truth.target[:axes], *extra),
+            (*truth.velocity[:axes], *truth.target_velocity[:axes], *none),
+            (*truth.operator_force[:axes], *truth.motor_force[:axes], *none),
+        )
+
+    def _on_target(self, message):
+        """Takes a target in the world; with wrong names or numbers, or beside a script, it is refused and counted."""
+        names = messages.AXES[: len(self.device.axes)] if self.page else ()
+        following = self.page and self.motion["kind"][0] == operator_hand.FOLLOW
+        target = messages.planar_target(message, names)
+        if not following or target is None:
+            self.refused_targets += 1
+            return
+        for i, axis in enumerate(self.device.axes):
+            low, high = axis.workspace
+            self.motion["points"][0, 0, i] = min(high, max(low, target[i] / self.device.scale[i // 2]))
+
+    def _on_parameters(self, values):
+        self.values = values
+
+    def _health(self):
+        """Statuses of the figures that are watched."""
+        rates = self._rates.of(
+            run_on=self._control[simulated_device.RUN_ON], late_writes=self._control[simulated_device.LATE_WRITES]
+        )
+        figures = {"energy": float(self._truth.get()[0].energy_given), **rates}
+        return diagnostics.statuses("haptic_loopback", diagnostics.LOOPBACK, figures, self.values)
+
+    def _diagnose(self):
+        if self._thread is None:
+            return
+        level, message = ("ok", "serving") if self._thread.is_alive() else ("error", "the plant is not running")
+        values = {
+            "device": self.device.name,
+            "realtime": self.realtime,
+            "driven": bool(self._truth.get()[0].driven),
+            "late_writes": int(self._control[simulated_device.LATE_WRITES]),
+            "run_on": int(self._control[simulated_device.RUN_ON]),
+            "watchdog_trips": int(self._control[simulated_device.TRIPS]),
+            "refused_writes": int(self._control[simulated_device.REFUSED]),
+            "refused_targets": self.refused_targets,
+            "survived": self.survived,
+            "energy_given": float(self._truth.get()[0].energy_given),
+        }
+        now = self.get_clock().now().nanoseconds
+        said = "haptic_loopback", self.device.name, level, message, values
+        self._diagnostics.publish(messages.diagnostics(now, *said, self._health()))
+
+
+def main(args=None):
+    """Runs haptic_loopback until SIGINT, SIGTERM or SIGHUP."""
+    return run(LoopbackNode, "haptic_loopback", args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

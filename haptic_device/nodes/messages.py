@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages: the only file that knows their fields; their bytes are in recording/layouts.py."""
+
+import math
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState, PointCloud2
+from std_msgs.msg import String
+
+from haptic_device.exchange_entries import COMMON, EACH, TAIL
+from haptic_device.recording.layouts import CloudLayout, JointLayout, JointSample, StampedLayout
+from haptic_device.status import Status, named_statuses
+
+__all__ = [
+    "CloudLayout",
+    "DiagnosticArray",
+    "JointLayout",
+    "JointSample",
+    "JointState",
+    "PointCloud2",
+    "PoseStamped",
+    "StampedLayout",
+    "String",
+    "WrenchStamped",
+]
+
+AXES = ("x", "y", "theta")
+LATEST = QoSProfile(
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+)
+STREAM = QoSProfile(
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=50,
+)
+TRACE = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=100,
+)
+STATE = QoSProfile(
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
+)
+LEVELS = {"ok": DiagnosticStatus.OK, "warn": DiagnosticStatus.WARN, "error": DiagnosticStatus.ERROR}
+
+
+def exchange_names(axes):
+    """Names of a handle or tool message with that many axes."""
+    return AXES[:axes] + TAIL
+
+
+def truth_names(axes):
+    """Names of `operator/state` with that many axes."""
+    return AXES[:axes] + tuple(f"motor_{name}" for name in AXES[:axes]) + ("energy_given", "time", "motion_done")
+
+
+def planar_target(message, names):
+    """Positions of a JointState with exactly these names, in their order; None if names, sizes or numbers are wrong."""
+    given = dict(zip(message.name, message.position, strict=False))
+    if len(message.name) != len(message.position) or len(given) != len(message.name) or set(given) != set(names):
+        return None
+    target = [given[name] for name in names]
+    return target if target and np.isfinite(target).all() else None
+
+
+def to_time(stamp_ns):
+    return Time(sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000)
+
+
+NEAR = np.dtype([(name, "f8") for name in COMMON + EACH])
+"""A point of `local_contacts`: what the whole set says, and one contact. A message has MOST (entries.py) of them."""
+
+
+def wrench_numbers(force):
+    """The numbers of a WrenchStamped of a planar (f_x, f_y, torque)."""
+    return force[0], force[1], 0.0, 0.0, 0.0, force[2]
+
+
+def pose_numbers(position):
+    """The numbers of a PoseStamped of a planar (x, y, theta)."""
+    half = float(position[2]) / 2
+    return position[0], position[1], 0.0, 0.0, 0.0, math.sin(half), math.cos(half)
+
+
+def diagnostics(stamp_ns, name, hardware_id, level, message, values, figures=()):
+    """DiagnosticArray with a node's status and those of its figures, (name, level, message, values) each.
+
+    level: `ok`, `warn` or `error`; values {name: anything}.
+    """
+    statuses = [_status(hardware_id, *status) for status in ((name, level, message, values), *figures)]
+    array_message = DiagnosticArray(status=statuses)
+    array_message.header.stamp = to_time(stamp_ns)
+    return array_message
+
+
+def statuses_of(data: bytes, time: int) -> dict[str, Status]:
+    """Statuses by name, out of one serialized DiagnosticArray received at time [ns, system clock].
+
+    None out of bytes that are no such message.
+    """
+    try:
+        message = deserialize_message(data, DiagnosticArray)
+    except Exception:  # whatever another vendor's node makes the decoder say
+        return {}
+    return dict(named_statuses(message, time))
+
+
+def _status(hardware_id, name, level, message, values):
+    entries = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+    return DiagnosticStatus(level=LEVELS[level], name=name, message=message, hardware_id=hardware_id, values=entries)

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the driver tells the world, by a thread of its own: encoder, motor, wrench, pose and the trace."""
+
+import threading
+import time
+
+import numpy as np
+from rclpy.duration import Duration
+
+from haptic_device.control.servo import SETTINGS, TICK
+from haptic_device.nodes import messages
+from haptic_device.realtime import clock
+from haptic_device.realtime.tick_replay import SNAPSHOT
+from haptic_device.recording.layouts import POSE, WRENCH
+
+TRACE_PERIOD = 10_000_000  # [ns] between trace blocks
+SNAPSHOT_PERIOD = 1_000_000_000  # [ns] between snapshots of settings and memory, where nothing has changed
+ACKNOWLEDGED = 1.0  # [s] that readers of the trace get for its last rows
+MOST_ROWS = 256  # a block's size limit; more wait for the next
+FRESH_ENOUGH = 400  # ticks after which the statistics are computed anew
+WINDOW = 20000  # ticks that the statistics look back on
+FRAME = "haptic_base"
+
+
+class Telemetry:
+    """Publishes from the servo's mailboxes from start() until stop()."""
+
+    def __init__(self, node, servo_thread, device, values):
+        self._servo, self._device, self._values = servo_thread, device, values
+        axes = messages.AXES[: len(device.axes)]
+        self._layout = messages.JointLayout(axes, FRAME)
+        self._encoder = node.create_publisher(messages.JointState, "encoder", messages.STREAM)
+        self._motor = node.create_publisher(messages.JointState, "motor", messages.STREAM)
+        self._wrench = node.create_publisher(messages.WrenchStamped, "wrench", messages.STREAM)
+        self._pose = node.create_publisher(messages.PoseStamped, "pose", messages.STREAM)
+        self._trace = node.create_publisher(messages.PointCloud2, "trace", messages.TRACE)
+        self._snapshot = node.create_publisher(messages.PointCloud2, "snapshot", messages.STATE)
+        self._trace_layout, self._snapshot_layout = (
+            messages.CloudLayout(TICK, FRAME),
+            messages.CloudLayout(SNAPSHOT, FRAME),
+        )
+        self._version, self._snapshot_due, self.cpu = -1, 0, 0.0
+        self._node, self._stopped, self._scratch = node, False, clock.scratch()
+        self._recent = np.zeros((WINDOW, 4))  # lateness, compute, age, write delay [s] of the last ticks
+        self._judged, self._judged_at = np.full((4, 4), np.nan), -FRESH_ENOUGH
+        self._ticks, self._latched, self._position = 0, 0.0, np.zeros(3)
+        self._told = {"axes": 0.0, "pose": 0.0}  # deadline of the tick that was published last
+        self._row, self._settings = np.zeros(1, TICK), np.zeros(1, SETTINGS)
+        self._wrench_layout, self._pose_layout = (
+            messages.StampedLayout(WRENCH, FRAME),
+            messages.StampedLayout(POSE, FRAME),
+        )
+        self._thread = threading.Thread(target=self._run, name="telemetry")
+
+    def start(self):
+        """Starts the thread."""
+        self._thread.start()
+
+    def stop(self):
+        """Ends the thread with the last rows of the trace."""
+        self._stopped = True
+        if self._thread.is_alive():
+            self._thread.join()
+        self._trace.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED))  # else the last rows go with the publisher
+        for publisher in (self._encoder, self._motor, self._wrench, self._pose, self._trace, self._snapshot):
+            self._node.destroy_publisher(publisher)
+
+    def window(self):
+        """Length [s] of the time that the percentiles are of."""
+        return min(self._ticks, WINDOW) / self._values["servo.rate"]
+
+    def percentiles(self):
+        """Percentiles 50, 99, 99.9, 100 of lateness, compute, age, write delay of the last ticks [s]; NaN for none."""
+        if self._ticks - self._judged_at < FRESH_ENOUGH:
+            return self._judged
+        recent = self._recent[: min(self._ticks, WINDOW)]
+        self._judged_at = self._ticks
+        self._judged = np.array([_percentiles(column[column >= 0.0]) for column in recent.T])
+        return self._judged
+
+    def _run(self):
+        periods = [round(1e9 / self._values[f"publish.{name}"]) for name in ("rate", "pose_rate")] + [TRACE_PERIOD]
+        acts, due = (self._publish_axes, self._publish_pose, self._publish_trace), [0, 0, 0]
+        while not self._stopped:
+            now = int(clock.now_ns(self._scratch))
+            for i, act in enumerate(acts):
+                if now >= due[i]:
+                    due[i] = max(due[i] + periods[i], now - periods[i])
+                    act(now)
+            self.cpu = time.thread_time()
+            clock.sleep_until(min(due), self._scratch)
+        self._publish_trace(int(clock.now_ns(self._scratch)))
+
+    def _stamp(self, deadline):
+        """ROS time [ns] of a deadline [ns of CLOCK_MONOTONIC]."""
+        return int(deadline) + self._servo.clock_offset
+
+    def _look(self, teller):
+        """The newest row and settings; False where this teller has told that tick, and before the first."""
+        self._servo.row.read(self._row)
+        self._servo.settings.read(self._settings)
+        told, self._told[teller] = self._told[teller], self._row["deadline"][0]
+        return self._told[teller] > told
+
+    def _publish_axes(self, now):
+        """Encoder and motor in the device's own units."""
+        if not self._look("axes"):
+            return
+        n, position, latched = len(self._device.axes), self._device_position(), self._row["latched"][0]
+        elapsed = (latched - self._latched) * 1e-9
+        velocity = (position - self._position) / elapsed if elapsed > 0.0 else np.zeros(3)
+        self._latched, self._position = latched, position
+        stamp, none = self._stamp(self._row["deadline"][0]), np.zeros(n)
+        motor, force = self._row["motor"][0], self._row["force_on_handle"][0]
+        self._encoder.publish(self._layout.pack(stamp, position[:n], velocity[:n], none))
+        self._motor.publish(self._layout.pack(stamp, motor[:n], none, force[:n]))
+
+    def _device_position(self):
+        settings = self._settings
+        return self._row["counts"][0] * settings["position_per_count"][0] - settings["zero"][0]
+
+    def _publish_pose(self, now):
+        """The operator's side: handle on the device, and the force the motor holds there."""
+        if self._look("pose"):
+            stamp = self._stamp(self._row["deadline"][0])
+            force = messages.wrench_numbers(self._row["force_on_handle"][0])
+            self._wrench.publish(self._wrench_layout.pack(stamp, force))
+            self._pose.publish(self._pose_layout.pack(stamp, messages.pose_numbers(self._device_position())))
+
+    def _publish_trace(self, now):
+        """Everything that waits in the ring, in blocks; stops at one that is not full, for rows never stop coming."""
+        self._publish_snapshot(now)
+        count = MOST_ROWS
+        while count == MOST_ROWS:
+            rows = self._servo.ring.take(MOST_ROWS)
+            count = len(rows)
+            if count:
+                self._remember(rows)
+            if count and self._values["publish.trace"]:
+                self._trace.publish(self._trace_layout.pack(self._stamp(rows["deadline"][0]), rows))
+
+    def _publish_snapshot(self, now):
+        """Settings and memory, each second and whenever the settings are new."""
+        self._servo.settings.read(self._settings)
+        version = int(self._settings["version"][0])
+        if not self._values["publish.trace"] or (version == self._version and now < self._snapshot_due):
+            return
+        snapshot = self._servo.snapshot()
+        if snapshot is not None:
+            self._version, self._snapshot_due = version, now + SNAPSHOT_PERIOD
+            self._snapshot.publish(self._snapshot_layout.pack(self._stamp(now), snapshot))
+
+    def _remember(self, rows):
+        index = np.arange(self._ticks, self._ticks + len(rows)) % WINDOW
+        self._recent[index] = np.stack(
+            [rows["lateness"], rows["compute"], rows["tool_age"], rows["write_delay"]], axis=1
+        )
+        self._ticks += len(rows)
+
+
+def _percentiles(numbers):
+    return np.percentile(numbers, (50, 99, 99.9, 100)) if len(numbers) else np.full(4, np.nan)

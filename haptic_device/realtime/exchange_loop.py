@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The exchange loop straight on librcl: serialized bytes in and out without Python, untouched by a busy interpreter.
+
+It knows ROS as five C functions and the addresses of a publisher and a subscription, nothing of messages or nodes.
+"""
+
+import ctypes
+
+import llvmlite.binding
+import numpy as np
+from numba import types
+
+from haptic_device.jit import kernel
+from haptic_device.realtime import atomic, clock, exchange_step
+
+LOOK, POLL = 10_000, 100_000  # [ns] between looks for an answer: while it is due, and else
+DUE = 300_000  # [ns] from a handle sample on, until its answer has come
+ROOM = 65536  # bytes for a message that comes in; librcl makes it larger for a larger one
+
+_address = types.uintp
+_publish = types.ExternalFunction("rcl_publish_serialized_message", types.int32(_address, _address, _address))
+_take = types.ExternalFunction("rcl_take_serialized_message", types.int32(_address, _address, _address, _address))
+_memcpy = types.ExternalFunction("memcpy", _address(_address, _address, _address))
+
+
+class _Allocator(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_void_p) for name in ("allocate", "deallocate", "reallocate", "zero_allocate", "state")]
+
+
+def load_library():
+    """Makes librcl's functions known to compiled code. Raises OSError where ROS 2 is not to be found."""
+    for name in ("librcutils.so", "librcl.so"):
+        ctypes.CDLL(name, ctypes.RTLD_GLOBAL)
+        llvmlite.binding.load_library_permanently(name)
+
+
+def incoming_buffer():
+    """rcutils_uint8_array_t for received bytes, as int64: buffer, length, capacity, allocator; owned by librcl."""
+    library = ctypes.CDLL("librcutils.so")
+    library.rcutils_get_default_allocator.restype = _Allocator
+    allocator = library.rcutils_get_default_allocator()
+    words = np.zeros(8, np.int64)
+    if library.rcutils_uint8_array_init(
+        ctypes.c_void_p(words.ctypes.data), ctypes.c_size_t(ROOM), ctypes.byref(allocator)
+    ):
+        raise MemoryError("librcutils gave no room for incoming messages")
+    return words
+
+
+def outgoing_buffer(data):
+    """The same for bytes that numpy owns; never resized."""
+    return np.array([data.ctypes.data, data.size, data.size, 0, 0, 0, 0, 0], np.int64)
+
+
+def free(words):
+    """Gives an incoming buffer back."""
+    ctypes.CDLL("librcutils.so").rcutils_uint8_array_fini(ctypes.c_void_p(words.ctypes.data))
+
+
+@kernel
+def run_exchange(
+    publisher,
+    subscription,
+    inbox,
+    outbox,
+    period,
+    frame,
+    state,
+    watch,
+    row_mail,
+    gains_mail,
+    tool_mail,
+    row,
+    gains,
+    tool,
+    near_subscription,
+    near_frame,
+    near_mail,
+    near,
+):
+    """Sends a handle sample each period [ns] and takes what comes in between, until watch[STOP]; returns samples sent.
+
+    publisher, subscription: addresses of rcl entities, near_subscription too; inbox, outbox: the buffers above; records
+    of one each. Without local contacts near_subscription and all after it are None, and nothing of theirs is compiled.
+    """
+    scratch = np.zeros(2, np.int64)
+    deadline, due = clock.now_ns(scratch), np.int64(0)
+    while atomic.load(watch, exchange_step.STOP) == 0:
+        now = clock.now_ns(scratch)
+        if now >= deadline:
+            deadline += period * (1 + (now - deadline) // period)
+            if exchange_step.next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
+                _publish(publisher, outbox.ctypes.data, 0)
+                watch[exchange_step.SENT] += 1
+                due = now + DUE
+        while _take(subscription, inbox.ctypes.data, 0, 0) == 0:
+            size = inbox[1]
+            _memcpy(frame.incoming.ctypes.data, inbox[0], min(size, frame.incoming.size))
+            exchange_step.take_in(frame, size, state[0], watch, gains[0], tool, tool_mail, clock.now_ns(scratch))
+            due = np.int64(0) if state[0].peer_answered == state[0].sequence else due
+        if near_subscription is not None:
+            while _take(near_subscription, inbox.ctypes.data, 0, 0) == 0:
+                size = inbox[1]
+                _memcpy(near_frame.incoming.ctypes.data, inbox[0], min(size, near_frame.incoming.size))
+                exchange_step.take_in_contacts(near_frame, size, state[0], watch, near, near_mail)
+        now = clock.now_ns(scratch)
+        clock.sleep_until(min(deadline, now + (LOOK if now < due else POLL)), scratch)
+    return watch[exchange_step.SENT]

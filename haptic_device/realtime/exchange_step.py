@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The device's side of the exchange: handle samples out at a fixed rate, tool samples in, the latest one counts.
+
+A thread of its own, without the GIL, beside the servo: it reads the servo's newest row, and leaves the tool sample that
+counts in a mailbox. How bytes come and go is somebody else's: realtime/exchange_loop.py has the fast way.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_device.control import contact_model, exchange_samples
+from haptic_device.jit import kernel, njit
+from haptic_device.realtime import atomic, clock, seqlock
+
+STOP, SENT, ANSWERED, REFUSED, SEEN, UNSEEN, WATCHES = 0, 1, 2, 3, 16, 17, 32
+# words of the watch: refusals by reason from REFUSED on, of local contacts from UNSEEN on
+REMEMBERED = 4096  # handle samples whose time is known when they are answered
+SILENCE = 100_000_000  # [ns] after which another simulation may take over
+
+COMMON, EACH = len(contact_model.COMMON), len(contact_model.EACH)
+
+STATE = np.dtype(
+    [(name, "f8") for name in ("session", "sequence", "method", "axes", "peer_session", "peer_answered")]
+    + [(name, "f8") for name in ("near_session", "near_answered", "near_scene")]
+    + [("peer_accepted", "i8"), ("clock_offset", "i8"), ("sent", "i8", (REMEMBERED,))]
+    + [("composed", "i8", (REMEMBERED,)), ("turns", "i8"), ("round_trip", "i8", (REMEMBERED,))]
+)
+
+
+class Frame(NamedTuple):
+    """Where the numbers lie in a message of fixed layout, and its bytes for either direction.
+
+    outgoing, incoming: uint8, aligned so that the numbers are; reals and stamp: views on outgoing behind its 4-byte
+    head; received: the same on incoming; fixed: 1 where a byte must be as in the template; first: index into reals of
+    the position, velocity and effort arrays, count numbers each.
+    """
+
+    outgoing: np.ndarray
+    reals: np.ndarray
+    stamp: np.ndarray
+    incoming: np.ndarray
+    received: np.ndarray
+    template: np.ndarray
+    fixed: np.ndarray
+    first: np.ndarray
+    count: int
+
+
+class NearFrame(NamedTuple):
+    """The same for `local_contacts`: numbers is a view on incoming, (contact.MOST, columns)."""
+
+    incoming: np.ndarray
+    numbers: np.ndarray
+    template: np.ndarray
+    fixed: np.ndarray
+
+
+def make_near_frame(template, fixed, offset):
+    """NearFrame for a message with this template, mask of fixed bytes, and offset of its first number."""
+    room = np.zeros(len(template) + 16, np.uint8)
+    start = -(room.ctypes.data + offset) % 8
+    incoming = room[start : start + len(template)]
+    columns = len(contact_model.COMMON) + len(contact_model.EACH)
+    numbers = (
+        incoming[offset : offset + 8 * contact_model.MOST * columns]
+        .view(np.float64)
+        .reshape(contact_model.MOST, columns)
+    )
+    return NearFrame(incoming, numbers, np.array(template), np.ascontiguousarray(fixed, np.uint8))
+
+
+def make_frame(template, fixed, offsets, count):
+    """Frame for a message with these template bytes, mask of fixed bytes, and offsets of its three arrays."""
+    size = len(template)
+    outgoing, incoming = _aligned(size), _aligned(size)
+    outgoing[:] = np.frombuffer(template, np.uint8)
+    whole = 4 + (size - 4) // 8 * 8
+    return Frame(
+        outgoing,
+        outgoing[4:whole].view(np.float64),
+        outgoing[4:12].view(np.int32),
+        incoming,
+        incoming[4:whole].view(np.float64),
+        outgoing.copy(),
+        np.ascontiguousarray(fixed, np.uint8),
+        (np.array(offsets, np.int64) - 4) // 8,
+        count,
+    )
+
+
+def _aligned(size):
+    """uint8 array whose fifth byte lies on an 8-byte boundary."""
+    room = np.zeros(size + 16, np.uint8)
+    start = -(room.ctypes.data + 4) % 8
+    return room[start : start + size]
+
+
+@kernel
+def compose_handle(frame, state, row, gains, scratch):
+    """Writes the next handle sample into frame.outgoing, from the servo's newest row."""
+    axes, position, velocity, effort = int(state.axes), frame.first[0], frame.first[1], frame.first[2]
+    state.sequence += 1.0
+    state.sent[int(state.sequence) % REMEMBERED] = np.int64(row.deadline)
+    state.composed[int(state.sequence) % REMEMBERED] = clock.now_ns(scratch)
+    for i in range(axes):
+        frame.reals[position + i] = row.position[i]
+        frame.reals[velocity + i] = row.velocity[i]
+        frame.reals[effort + i] = row.exchange_effort[i]
+    tail = frame.reals[position + axes : position + frame.count]
+    tail[exchange_samples.LAYOUT], tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE] = (
+        exchange_samples.LAYOUT_VERSION,
+        state.session,
+        state.sequence,
+    )
+    tail[exchange_samples.ANSWERED_SESSION], tail[exchange_samples.ANSWERED] = state.peer_session, row.tool_sequence
+    tail[exchange_samples.METHOD], tail[exchange_samples.GAINS] = state.method, gains.hash
+    tail[exchange_samples.GAIN_0], tail[exchange_samples.GAIN_0 + 1] = gains.stiffness, gains.damping
+    tail[exchange_samples.GAIN_0 + 2], tail[exchange_samples.GAIN_0 + 3] = (
+        gains.rotational_stiffness,
+        gains.rotational_damping,
+    )
+    tail[exchange_samples.CONTACT], tail[exchange_samples.ENERGY] = 0.0, row.exchange_energy
+    stamp = np.int64(row.deadline) + state.clock_offset  # one offset a session: stamps differ as deadlines do
+    frame.stamp[0], frame.stamp[1] = stamp // 1_000_000_000, stamp % 1_000_000_000
+
+
+@kernel
+def next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
+    """Composes the next handle sample from the servo's newest row; False if it has not run yet. Records of one."""
+    if atomic.collect(row_mail, 0, seqlock.FIRST, atomic.words_of(row)) <= 0:
+        return False
+    known = atomic.words_of(gains)
+    atomic.collect_whole(gains_mail, 0, seqlock.FIRST, np.empty_like(known), known)
+    compose_handle(frame, state[0], row[0], gains[0], scratch)
+    return True
+
+
+@kernel
+def take_in(frame, size, state, watch, gains, tool, tool_mail, now):
+    """Judges the message of `size` bytes in frame.incoming; accepted, it becomes the tool sample that counts."""
+    verdict = _judge(frame, size, state, gains, now)
+    if verdict != exchange_samples.ACCEPTED:
+        watch[REFUSED + verdict] += 1
+        return verdict
+    watch[ANSWERED] += 1
+    axes, position, velocity, effort = int(state.axes), frame.first[0], frame.first[1], frame.first[2]
+    tail = frame.received[position + axes : position + frame.count]
+    record = tool[0]
+    record.session, record.sequence = tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE]
+    record.answered, record.sent = (
+        tail[exchange_samples.ANSWERED],
+        state.sent[int(tail[exchange_samples.ANSWERED]) % REMEMBERED],
+    )
+    record.contact, record.energy = tail[exchange_samples.CONTACT], tail[exchange_samples.ENERGY]
+    record.handle_sequence = state.sequence
+    for i in range(axes):
+        record.position[i] = frame.received[position + i]
+        record.velocity[i] = frame.received[velocity + i]
+        record.effort[i] = frame.received[effort + i]
+    state.peer_session, state.peer_answered, state.peer_accepted = record.session, record.answered, now
+    state.round_trip[state.turns % REMEMBERED] = now - state.composed[int(record.answered) % REMEMBERED]
+    state.turns += 1
+    atomic.publish(tool_mail, 0, seqlock.FIRST, atomic.words_of(tool))
+    return verdict
+
+
+@njit
+def _judge(frame, size, state, gains, now):
+    if size != frame.template.size:
+        return exchange_samples.OTHER_NAMES
+    for i in range(size):
+        if frame.fixed[i] != 0 and frame.incoming[i] != frame.template[i]:
+            return exchange_samples.OTHER_NAMES
+    count, axes = frame.count, int(state.axes)
+    sample = np.empty(3 * count)
+    for block in range(3):  # of slices it would compile numpy's refusal of other shapes, which is all of its strings
+        for i in range(count):
+            sample[block * count + i] = frame.received[frame.first[block] + i]
+    peer = exchange_samples.Peer(state.peer_session, state.peer_answered, state.peer_accepted)
+    verdict = exchange_samples.judge_tool(
+        sample, axes, peer, state.session, state.sequence, state.method, gains.hash, now, SILENCE
+    )
+    forgotten = sample[axes + exchange_samples.ANSWERED] <= state.sequence - REMEMBERED
+    return exchange_samples.OLD if verdict == exchange_samples.ACCEPTED and forgotten else verdict
+
+
+@kernel
+def take_in_contacts(frame, size, state, watch, near, near_mail):
+    """Judges the `local_contacts` of `size` bytes in frame.incoming; accepted, they are the set that counts."""
+    verdict = _judge_contacts(frame, size, state)
+    if verdict != contact_model.ACCEPTED:
+        watch[UNSEEN + verdict] += 1
+        return verdict
+    watch[SEEN] += 1
+    head, record = frame.numbers[0], near[0]
+    state.near_session, state.near_scene, state.near_answered = head[0], head[4], head[3]
+    record.number, record.sent = head[3], state.sent[int(head[3]) % REMEMBERED]
+    record.session, record.sequence, record.answered_session, record.answered = head[0], head[1], head[2], head[3]
+    record.scene, record.offered, record.trust = head[4], head[5], head[6]
+    record.mass, record.inertia, record.extent = head[7], head[8], head[9]
+    record.gravity_x, record.gravity_y = head[10], head[11]
+    record.tool_pose_x, record.tool_pose_y, record.tool_pose_theta = head[12], head[13], head[14]
+    for i in range(contact_model.MOST):
+        for k in range(EACH):
+            record.table[i, k] = frame.numbers[i, COMMON + k]
+    atomic.publish(near_mail, 0, seqlock.FIRST, atomic.words_of(near))
+    return verdict
+
+
+@njit
+def _judge_contacts(frame, size, state):
+    if size != frame.template.size:
+        return contact_model.OTHER_LAYOUT
+    for i in range(size):
+        if frame.fixed[i] != 0 and frame.incoming[i] != frame.template[i]:
+            return contact_model.OTHER_LAYOUT
+    head = frame.numbers[0]
+    for k in range(COMMON):
+        if not abs(head[k]) < 1e15:
+            return contact_model.NOT_FINITE
+    if head[0] != state.peer_session:
+        return contact_model.OTHER_SENDER
+    answered = head[3]
+    if head[2] != state.session or not state.sequence - REMEMBERED < answered <= state.sequence or answered < 1.0:
+        return contact_model.NOT_MINE
+    if head[0] == state.near_session and answered <= state.near_answered:
+        return contact_model.OLD
+    if head[0] == state.near_session and head[4] < state.near_scene:
+        return contact_model.OTHER_SCENE
+    if not (head[7] > 0.0 and head[8] > 0.0 and head[6] >= 0.0):
+        return contact_model.NOT_A_CONTACT
+    return contact_model.judge_table(frame.numbers[:, COMMON:])

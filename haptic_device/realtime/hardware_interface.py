@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The hardware seam. A link is how the servo reaches a device; another device is one more file with such a class.
+
+A link has `memory` (int64 array, its own), `read` and `write` (compiled with the signatures below), `present()`,
+whether the device answers, and `close()`. test/link_conformance.py checks any link against this text.
+
+* read(memory, deadline, give_up, sample) → 1 if the sample is of this deadline, 0 if it is older. It may wait for
+  the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (8): latched [ns], status (bit 2: motor cut),
+  counts of x, y, theta, drag of x, y, theta [N | N m]. Counts change with latched only.
+* write(memory, written, next_deadline, period, engaged, motor) → 0. motor (3) in motor units, held until the next
+  write; the device zeroes it by itself when writes stop.
+"""
+
+import functools
+
+import numpy as np
+from numba import types
+
+from haptic_device.jit import kernel
+from haptic_device.realtime import clock, shared_memory
+
+WORDS, REALS, WORD = types.int64[::1], types.float64[::1], types.int64
+READ = WORD(WORDS, WORD, WORD, REALS)
+WRITE = WORD(WORDS, WORD, WORD, WORD, WORD, REALS)
+LATCHED, STATUS, COUNTS, DRAG, SAMPLE = 0, 1, 2, 5, 8
+
+
+LIVELY = 100_000_000  # [ns] since which a device that is there has written its page
+AHEAD = 20_000_000  # [ns] beyond which a sample from the future is nonsense: it would hide a silent device so long
+
+
+class PageLink:
+    """The device behind a shared-memory page, as haptic_loopback serves it."""
+
+    def __init__(self, name, session):
+        self._page = shared_memory.Page(name, shared_memory.SERVO)
+        self.stale = self._page.stale
+        self.memory = self._page.words
+        self.memory[SESSION] = session
+        self.read, self.write = compiled()
+        self._scratch = clock.scratch()
+
+    def present(self):
+        age = clock.now_ns(self._scratch) - self.memory[shared_memory.DEVICE_FIRST + 3]
+        return self._page.peer_present() and abs(age) < LIVELY
+
+    def close(self):
+        self.memory = None
+        self._page.close()
+
+
+SESSION = shared_memory.WORDS - 1  # of the servo's run, kept for its writes
+
+
+def _read(memory, deadline, give_up, sample):
+    block, scratch = np.empty(shared_memory.DEVICE_WORDS, np.int64), np.empty(2, np.int64)
+    fresh = shared_memory.read_device(memory, block, deadline, give_up, scratch)
+    if fresh < 0 or block[1] > clock.now_ns(scratch) + AHEAD:  # it died while it wrote, or wrote nonsense
+        return 0
+    sample[LATCHED], sample[STATUS] = block[1], block[2]
+    reals = block.view(np.float64)
+    for i in range(3):
+        sample[COUNTS + i], sample[DRAG + i] = block[4 + i], reals[7 + i]
+    return fresh
+
+
+def _write(memory, written, next_deadline, period, engaged, motor):
+    block = np.empty(shared_memory.SERVO_WORDS, np.int64)
+    shared_memory.write_servo(memory, block, memory[SESSION], written, next_deadline, period, engaged, motor)
+    return 0
+
+
+@functools.cache
+def compiled():
+    """Both as function pointers; compiled where there is a link, not in each process that knows what a link is."""
+    return kernel(READ)(_read), kernel(WRITE)(_write)

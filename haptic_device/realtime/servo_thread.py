@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The servo in its thread, and the memory through which everybody else meets it."""
+
+import threading
+import time
+
+import numpy as np
+
+from haptic_device.control import contact_model, enable_state, faults, servo
+from haptic_device.control.exchange_samples import COUPLING_GAINS
+from haptic_device.realtime import clock, hardware_interface, scheduling, servo_loop, tick_replay
+from haptic_device.realtime.seqlock import Mailbox, Ring
+
+PRIORITY = 80
+RING_ROWS = 16384  # 1.6 s at 10 kHz
+LOOK_UP = 0.01  # [s] between looks for the device
+SECOND = 1_000_000_000
+SNAPSHOT_ATTEMPTS = 10
+
+
+class ServoThread:
+    """Runs the servo against a link from start() to stop(), which returns with the motor at zero.
+
+    settings: SETTINGS record to begin with. The device's counts at the start are taken as `home` [device units] where
+    that is given. kept: what an earlier one left behind; its fault stays latched, and its motors warm.
+
+    set(), order() and reset() may be called by any thread. clock_offset [ns]: system clock less CLOCK_MONOTONIC, read
+    once, so that the stamps of all who tell of this servo differ as its deadlines do.
+    """
+
+    def __init__(self, device_link, settings, home=None, realtime="prefer", kept=None):
+        self.link, self._home, self._wish = device_link, home, realtime
+        self.settings, self.gains = Mailbox(servo.SETTINGS), Mailbox(COUPLING_GAINS)
+        self.tool, self.row, self.ring = Mailbox(servo_loop.TOOL), Mailbox(servo.TICK), Ring(servo.TICK, RING_ROWS)
+        self.near = Mailbox(contact_model.SET)
+        self.control = np.zeros(servo_loop.CONTROLS, np.int64)
+        self._memory = np.zeros(1, servo.MEMORY)
+        for name, value in (kept or {}).items():
+            self._memory[name] = value
+        self.realtime, self._refused, self._ready = "", None, threading.Event()
+        self.clock_offset = time.time_ns() - time.monotonic_ns()
+        self._writing = threading.Lock()  # one writer at a time; ticks take no lock
+        self._resets, self._zero = 0, settings["zero"].copy()
+        self.set(settings)
+        self.snapshot()  # what it calls is compiled now: that holds the interpreter, and would disturb an exchange
+        self._run_ticks = servo_loop.realtime(self._memory.dtype)  # and not by the thread, which is urgent
+        self._thread = threading.Thread(target=self._run, name="servo")
+
+    def start(self):
+        """Starts it; whatever keeps it from beginning is raised here, PermissionError if `require` cannot be had."""
+        self._thread.start()
+        self._ready.wait()
+        if self._refused is not None:
+            raise self._refused
+
+    def stop(self):
+        self.control[servo_loop.STOP] = 1
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def set(self, settings):
+        """These settings from the next tick on."""
+        with self._writing:
+            settings["zero"] = self._zero
+            self.settings.put(settings)
+
+    @property
+    def kept(self):
+        """Latched fault and warmth of the motors, when it has stopped; an e-stop that no tick has taken is one."""
+        latched = int(self._memory["fault"][0]) or (faults.ESTOP if self.command & enable_state.ESTOP else faults.NONE)
+        return {"fault": latched, "warmth": self._memory["warmth"][0].copy()}
+
+    @property
+    def running(self):
+        return bool(self.control[servo_loop.RUNNING])
+
+    @property
+    def command(self):
+        return int(self.control[servo_loop.COMMAND])
+
+    def order(self, set_flags=0, clear_flags=0):
+        """Changes flags of the command word (control/enable_state); returns the word."""
+        with self._writing:
+            self.control[servo_loop.COMMAND] = (self.command | set_flags) & ~clear_flags
+            return self.command
+
+    def attend(self):
+        """Says that the node is served and hears an e-stop: the servo goes on alone for fault.unattended only."""
+        self.control[servo_loop.ATTENDED] = time.monotonic_ns()
+
+    def reset(self):
+        """Clears the latched fault, and what commands the handle: a new enable is needed."""
+        with self._writing:
+            self._resets += 1
+            self.control[servo_loop.COMMAND] = self._resets * enable_state.RESET + (self.command & enable_state.CLUTCH)
+
+    def snapshot(self):
+        """SNAPSHOT record of a tick just done, while the servo runs on; None if none could be had between two.
+
+        The servo touches its memory from a deadline on until it has published that tick's row, and not before the next
+        deadline: nothing is asked of the servo, and it never waits.
+        """
+        for _ in range(SNAPSHOT_ATTEMPTS):
+            settings, row, memory = self.settings.get()[0], self.row.get()[0], self._memory[0].copy()
+            whole = time.monotonic_ns() < int(row.deadline) + round(settings.period * SECOND)
+            if whole and row.parameter_version == settings.version:
+                return tick_replay.snapshot_of(row.tick, settings, memory)
+        return None
+
+    def _run(self):
+        try:
+            self.realtime = scheduling.go_realtime(self._wish, PRIORITY)
+        except Exception as error:
+            self._refused = error
+            return
+        finally:
+            self._ready.set()
+        while not (self.link.present() and self._take_home()):
+            if self.control[servo_loop.STOP]:
+                return
+            threading.Event().wait(LOOK_UP)
+        settings = self.settings.get().view(np.ndarray).view(servo.SETTINGS)
+        tool, near = np.zeros(1, servo_loop.TOOL), np.zeros(1, contact_model.SET)
+        self._run_ticks(
+            self.link.read,
+            self.link.write,
+            self.link.memory,
+            self.control,
+            self.settings.words,
+            self.tool.words,
+            self.near.words,
+            self.row.words,
+            self.ring.words,
+            settings,
+            self._memory,
+            self.ring.rows,
+            tool,
+            near,
+        )
+
+    def _take_home(self):
+        """Makes the present position the home position; False where the device has no sample that says what it is."""
+        if self._home is None:
+            return True
+        sample, scratch = np.zeros(hardware_interface.SAMPLE), clock.scratch()
+        if not self.link.read(self.link.memory, 0, clock.now_ns(scratch) + SECOND // 10, sample):
+            return False
+        with self._writing:
+            settings = self.settings.get().view(np.ndarray).view(servo.SETTINGS)
+            self._zero = sample[hardware_interface.COUNTS : hardware_interface.COUNTS + 3] * settings[
+                "position_per_count"
+            ] - np.array(self._home)
+            settings["zero"] = self._zero
+            self.settings.put(settings)
+        return True

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The device page: shared memory that behaves like the registers of a hardware-timed DAQ card.
+
+One block of int64 words each way, each under a sequence lock. The device latches encoders at the servo's nominal
+deadlines; the servo's write carries its time and the next deadline, up to which the device holds that motor value.
+Either side may start, end and return first. Who is there is told by locks on bytes of the page's file, which the
+kernel drops when a process ends, however it ends; the last one out removes the file.
+"""
+
+import fcntl
+import mmap
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from haptic_device.jit import kernel
+from haptic_device.realtime import atomic, clock
+
+FOLDER = Path("/dev/shm")
+MAGIC, LAYOUT_VERSION, WORDS = 0x6861707469630001, 1, 64
+DEVICE, SERVO = "device", "servo"
+ROLE_BYTE = {DEVICE: 0, SERVO: 1}
+GATE_BYTE = 2
+
+DEVICE_LOCK, DEVICE_FIRST, DEVICE_WORDS = 8, 9, 10  # session, latched, status, alive, counts 3, drag 3
+SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadline, period, engaged, motor 3
+WATCHDOG = 2  # bit of status: the device has cut the motor
+
+
+class PageError(OSError):
+    """The page cannot be had; one sentence says why."""
+
+
+def page_name(domain, namespace):
+    """File name of the page of this ROS domain and namespace."""
+    return f"haptic_display.{domain}.{namespace.strip('/').replace('/', '.') or 'root'}"
+
+
+class Page:
+    """One side's hold on the page; `words` is the memory, `stale` tells that a dead owner's page was taken over."""
+
+    def __init__(self, name, role):
+        self.path, self.role = FOLDER / name, role
+        self.peer = SERVO if role == DEVICE else DEVICE
+        self.words = self._open()
+
+    def _open(self):
+        while True:
+            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            _lock(self._file, GATE_BYTE, wait=True)
+            if self._still_there():
+                break
+            os.close(self._file)  # removed by its last owner between our open and our lock
+        try:
+            words = self._claim()
+        except OSError:
+            self._let_go()
+            raise
+        _unlock(self._file, GATE_BYTE)
+        return words
+
+    def _let_go(self):
+        """Gives the locks up by name: a mapping that somebody still looks at keeps the file open, and its locks."""
+        for byte in (ROLE_BYTE[self.role], GATE_BYTE):
+            _unlock(self._file, byte)
+        os.close(self._file)
+
+    def _still_there(self):
+        try:
+            return os.stat(self.path).st_ino == os.fstat(self._file).st_ino
+        except FileNotFoundError:
+            return False
+
+    def _claim(self):
+        if not _lock(self._file, ROLE_BYTE[self.role]):
+            raise PageError(f"page {self.path} is held by another {self.role}; stop it, or use another namespace")
+        alone = not self.peer_present()
+        self.stale = alone and os.fstat(self._file).st_size > 0
+        os.ftruncate(self._file, 8 * WORDS)
+        self._map = mmap.mmap(self._file, 8 * WORDS)
+        words = np.frombuffer(self._map, np.int64)
+        if alone:
+            words[:] = 0
+            words[:2] = MAGIC, LAYOUT_VERSION
+        if words[0] != MAGIC or words[1] != LAYOUT_VERSION:
+            raise PageError(f"page {self.path} has layout version {words[1]}, this program speaks {LAYOUT_VERSION}")
+        return words
+
+    def peer_present(self):
+        """Whether a process holds the other role now."""
+        if _lock(self._file, ROLE_BYTE[self.peer]):
+            _unlock(self._file, ROLE_BYTE[self.peer])
+            return False
+        return True
+
+    def close(self):
+        """Lets the page go; removes it if the other side is not there."""
+        if self.words is None:
+            return
+        self.words = None
+        _lock(self._file, GATE_BYTE, wait=True)
+        if not self.peer_present() and self._still_there():
+            self.path.unlink()
+        self._let_go()
+
+
+def _lock(file, byte, wait=False):
+    """Takes the lock on one byte, of this open file and not of the process; False if another has it."""
+    request = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, byte, 1, 0)
+    try:
+        fcntl.fcntl(file, fcntl.F_OFD_SETLKW if wait else fcntl.F_OFD_SETLK, request)
+    except (BlockingIOError, PermissionError):
+        return False
+    return True
+
+
+def _unlock(file, byte):
+    fcntl.fcntl(file, fcntl.F_OFD_SETLK, struct.pack("hhqqi4x", fcntl.F_UNLCK, os.SEEK_SET, byte, 1, 0))
+
+
+@kernel
+def write_device(words, block, session, latched, status, alive, counts, drag):
+    """Device side: encoder counts and drag latched at this time [ns]; block: int64 scratch (DEVICE_WORDS)."""
+    block[0], block[1], block[2], block[3] = session, latched, status, alive
+    reals = block.view(np.float64)
+    for i in range(3):
+        block[4 + i] = np.int64(counts[i])
+        reals[7 + i] = drag[i]
+    atomic.publish(words, DEVICE_LOCK, DEVICE_FIRST, block)
+
+
+@kernel
+def read_servo(words, block):
+    """Device side: the servo's last write into block (SERVO_WORDS), motor as float64 bits; returns its sequence."""
+    return atomic.collect(words, SERVO_LOCK, SERVO_FIRST, block)
+
+
+@kernel
+def write_servo(words, block, session, written, next_deadline, period, engaged, motor):
+    """Servo side: motor values [motor units] written at this time, held up to the next deadline and beyond."""
+    block[0], block[1], block[2], block[3], block[4] = session, written, next_deadline, period, engaged
+    reals = block.view(np.float64)
+    for i in range(3):
+        reals[5 + i] = motor[i]
+    atomic.publish(words, SERVO_LOCK, SERVO_FIRST, block)
+
+
+@kernel
+def read_device(words, block, deadline, give_up, scratch):
+    """Servo side: the sample latched at this deadline into block, waiting for it no longer than give_up [ns].
+
+    Returns 1 if the sample is of this deadline, 0 if an older one had to do, −1 if the device left none that is whole.
+    """
+    while True:
+        turn = atomic.collect(words, DEVICE_LOCK, DEVICE_FIRST, block)
+        if turn >= 0 and block[1] >= deadline:
+            return 1
+        if clock.now_ns(scratch) >= give_up:
+            return 0 if turn >= 0 else -1
