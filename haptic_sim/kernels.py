@@ -7,7 +7,7 @@ import numpy as np
 from haptic_device import controller_config
 from haptic_device.control import contact_model, exchange_samples, records
 from haptic_device.description import load_device
-from haptic_device.device import axis_rerun, loopback_config, simulated_device
+from haptic_device.device import axis_rerun, loopback_config, operator_hand, simulated_device
 from haptic_device.device import wall_tapping as cell
 from haptic_device.nodes import declared, messages
 from haptic_device.realtime import (
@@ -93,7 +93,7 @@ def exchange_of_the_driver():
 def replay():
     """The servo's ticks again, from a trace and on a recorded hand's counts."""
     settings, memory, rows, tool = _lock_step_records()
-    _compile(tick_replay.recompute, settings, memory, rows, replay.NO_SETS)
+    _compile(tick_replay.recompute, settings, memory, rows, tick_replay.NO_SETS)
     _compile(tick_replay.run_on_counts, settings, memory, rows, tool, np.zeros((1, 3)), 1, 0, 1, 1)
 
 
@@ -101,7 +101,7 @@ def lock_step():
     """Servo and plant in lock-step."""
     hand = _hand()
     _compile(simulated_device.run_lockstep, *_lock_step_records(), *hand, 1, 0, 1, 1)
-    hand.target_at(hand[2][0], 0.0, np.zeros(3))
+    operator_hand.target_at(hand[2][0], 0.0, np.zeros(3))
 
 
 def wall_maps():

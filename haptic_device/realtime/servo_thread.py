@@ -62,7 +62,7 @@ class ServoThread:
     def set(self, settings):
         """These settings from the next tick on."""
         with self._writing:
-            settings["zero"] = self._zero
+            settings["device"]["zero"] = self._zero
             self.settings.put(settings)
 
     @property
@@ -154,6 +154,6 @@ class ServoThread:
             self._zero = sample[hardware_interface.COUNTS : hardware_interface.COUNTS + 3] * settings[
                 "position_per_count"
             ] - np.array(self._home)
-            settings["zero"] = self._zero
+            settings["device"]["zero"] = self._zero
             self.settings.put(settings)
         return True

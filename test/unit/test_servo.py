@@ -501,7 +501,7 @@ def test_lockstep_in_two_pieces_is_lockstep_in_one():
 def replay(rows, settings):
     """The rows computed again from their inputs alone."""
     memory, again = np.zeros(1, records.STATE), np.zeros(len(rows), records.TRACE_ROW)
-    inputs = [name for name in records.TRACE_ROW.names if name in {column.rstrip("*#^") for column in servo.INPUTS}]
+    inputs = [name for name in records.TRACE_ROW.names if name in INPUTS]
     for name in inputs:
         again[name] = rows[name]
     for k in range(len(again)):
