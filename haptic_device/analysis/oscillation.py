@@ -4,7 +4,10 @@
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy import signal
+
+from haptic_device.analysis.quantity import Array
 
 WINDOW = 0.5  # [s] of one spectrum
 LOWEST = 15.0  # [Hz]; below it is the hand
@@ -50,7 +53,7 @@ def spectrum_of(force: np.ndarray, rate: float, known: float = 0.0) -> Spectrum:
     return Spectrum(frequency, densities.mean(axis=1), _strongest(frequency, densities, begins, known))
 
 
-def _densities(force, rate, length) -> np.ndarray:
+def _densities(force: Array, rate: float, length: int) -> np.ndarray:
     """Power density (frequency, segment) of all axes together; the segments overlap by half."""
     density = 0.0
     for column in force.T:
@@ -59,7 +62,7 @@ def _densities(force, rate, length) -> np.ndarray:
     return density.astype(np.float32)
 
 
-def _strongest(frequency, densities, begins, known) -> Oscillation | None:
+def _strongest(frequency: Array, densities: npt.NDArray[np.float32], begins: Array, known: float) -> Oscillation | None:
     """The line with the largest force that stands out of its neighbourhood."""
     lines = _lines(frequency, densities, known)
     step = frequency[1] - frequency[0]
@@ -72,7 +75,7 @@ def _strongest(frequency, densities, begins, known) -> Oscillation | None:
     return Oscillation(float(line), float(force), float(begins[min(same)]), len(same) * WINDOW / 2)
 
 
-def _lines(frequency, densities, known) -> dict[int, tuple[float, float]]:
+def _lines(frequency: Array, densities: npt.NDArray[np.float32], known: float) -> dict[int, tuple[float, float]]:
     """(frequency, RMS) of the line in each segment that has one."""
     step, found = frequency[1] - frequency[0], {}
     high = int(0.45 * 2 * len(frequency))

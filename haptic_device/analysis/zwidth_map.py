@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from haptic_device.analysis.quantity import finite, not_negative
+from haptic_device.analysis.quantity import Array, finite, not_negative
 from haptic_device.analysis.sweep import spread
 from haptic_device.analysis.zwidth import SHAKING, Outcome, Setup, check_setup, operators_of, run_cells, theory
 
@@ -86,7 +87,7 @@ def write_csv(path: Path, request: Request, plane: Plane) -> None:
     os.replace(beside, path)
 
 
-def _first(stiffness, bad):
+def _first(stiffness: Array, bad: npt.NDArray[np.bool_]) -> Array:
     """The last K before the first bad one of each row; the largest K of the map where none is bad, 0 where all are."""
     before = np.concatenate([[0.0], stiffness])
     return before[np.where(bad.any(axis=1), bad.argmax(axis=1), stiffness.size)]

@@ -21,7 +21,7 @@ class JointColumns:
     kept: for each message whether it had the layout of the first; the others are left out.
     """
 
-    def __init__(self, type_name: str, entries: Entries | None = None):
+    def __init__(self, type_name: str, entries: Entries | None = None) -> None:
         self._type_name, self._wanted, self._layout = type_name, entries, None
         self._parts: list[np.ndarray] = []
         self._count = 0
@@ -68,7 +68,7 @@ class CloudColumns:
     the first record of each. A column that the messages lack is NaN and stands in `missing`.
     """
 
-    def __init__(self, columns: np.dtype | None = None):
+    def __init__(self, columns: np.dtype | None = None) -> None:
         self._wanted, self._layout, self._rows = columns, None, None
         self.stamps: list[int] = []
         self.begins: list[int] = []

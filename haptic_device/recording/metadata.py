@@ -4,6 +4,7 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -71,11 +72,11 @@ def _times(span: FileSpan) -> dict:
 class _Plain(yaml.SafeDumper):
     """Writes what stands twice twice: not every reader of metadata.yaml knows anchors."""
 
-    def ignore_aliases(self, data):
+    def ignore_aliases(self, data: Any) -> bool:
         return True
 
 
-def dump(content) -> str:
+def dump(content: Any) -> str:
     """YAML text without anchors, in the order given."""
     return yaml.dump(content, Dumper=_Plain, sort_keys=False, allow_unicode=True)
 

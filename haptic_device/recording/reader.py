@@ -39,7 +39,7 @@ class Records:
     says why the file is not whole, "" if it is. Raises ValueError if the file does not begin as MCAP files do.
     """
 
-    def __init__(self, stream: BinaryIO):
+    def __init__(self, stream: BinaryIO) -> None:
         self._stream, self._described = stream, described(stream)
         self.damaged, self.wrong = 0, "ends without its index"
         if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
@@ -116,7 +116,7 @@ class Collector(Protocol):
 class Keep:
     """The collector that keeps the messages as they are."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.data: list[bytes] = []
 
     def add(self, data: list[bytes]) -> None:
@@ -135,7 +135,7 @@ class Times(NamedTuple):
 class Topic:
     """One topic as it is read: its type, its times, its collector (None: only counted), and why that took no more."""
 
-    def __init__(self, type_name: str, collector: Collector | None):
+    def __init__(self, type_name: str, collector: Collector | None) -> None:
         self.type_name, self.collector, self.refused = type_name, collector, ""
         self._times, self._waiting, self._bytes = array("Q"), [], 0
 
@@ -208,7 +208,9 @@ def files(bag: Path) -> list[Path]:
     return found
 
 
-def _read_file(name: str, records: Records, contents: Contents, collector) -> None:
+def _read_file(
+    name: str, records: Records, contents: Contents, collector: Callable[[str, str], Collector | None]
+) -> None:
     """One file, with its own schemas and channels, into the bag's topics."""
     types, channels, notes, strangers = {}, {}, contents.notes, 0
     for record in records:
@@ -232,7 +234,9 @@ def _read_file(name: str, records: Records, contents: Contents, collector) -> No
         notes.append(f"{name} {records.wrong}: what was written up to there is read")
 
 
-def _topic(file: str, name: str, type_name: str, contents: Contents, collector) -> Topic:
+def _topic(
+    file: str, name: str, type_name: str, contents: Contents, collector: Callable[[str, str], Collector | None]
+) -> Topic:
     found = contents.topics.get(name)
     if found is None:
         found = contents.topics[name] = Topic(type_name, collector(name, type_name))

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import yaml
 from mcap.records import Attachment, Channel, McapRecord, Message, Schema
@@ -144,7 +145,7 @@ def _said(path: Path) -> dict:
     return said if isinstance(said, dict) else {}
 
 
-def _with_losses(before, lost: dict[str, str]) -> dict[str, str]:
+def _with_losses(before: Any, lost: dict[str, str]) -> dict[str, str]:
     """custom_data with what the files lack; `missing` beside a `lost` that the recorder itself has counted."""
     custom = before if isinstance(before, dict) else {}
     words = {name: "missing" if f"lost {name}" in custom else "lost" for name in lost}

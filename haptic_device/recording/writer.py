@@ -27,7 +27,7 @@ class _Disk:
     does not help, the last record is torn, and every later write is refused.
     """
 
-    def __init__(self, path: Path, reserve: Path):
+    def __init__(self, path: Path, reserve: Path) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         self._reserve, self._size = reserve, 0
         self.full: OSError | None = None
@@ -65,7 +65,7 @@ class _Disk:
 class Bag:
     """One bag being written; what has been flushed survives the death of the process."""
 
-    def __init__(self, folder: Path, split_bytes: int = 0, split_seconds: float = 0.0):
+    def __init__(self, folder: Path, split_bytes: int = 0, split_seconds: float = 0.0) -> None:
         """Creates `folder` and its first file; 0 never splits. Raises ValueError if the folder holds something."""
         self.folder = folder
         self._split_bytes, self._split_ns = split_bytes, int(split_seconds * 1e9)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import matplotlib
+from matplotlib.axes import Axes
 
 from haptic_device.analysis.report import panel
 from haptic_device.analysis.report.run import Run
@@ -118,7 +119,7 @@ def _heading(run: Run, width: int) -> str:
     return "\n".join([run.name, *textwrap.wrap(labels, width)])
 
 
-def _try(figure: Figure, part, run: Run) -> None:
+def _try(figure: Figure, part: Sequence[Axes], run: Run) -> None:
     try:
         figure.draw(part if figure.wide > 1 else part[0], run)
     except (ValueError, IndexError, FloatingPointError) as error:

@@ -6,9 +6,13 @@ line is drawn as the envelope of its ticks: no peak is lost.
 """
 
 import contextlib
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
+from haptic_device.analysis.quantity import Array
 from haptic_device.analysis.report.run import Run
 from haptic_device.analysis.report.summary import gains, period
 
@@ -19,7 +23,7 @@ _BACK = (4, 2)  # dashes
 _DASHES = {"handle": {}, "tool": {"dashes": _BACK}, "on handle": {}, "of the coupling": {"dashes": _BACK}}
 
 
-def positions(axes, run: Run) -> None:
+def positions(axes: Axes, run: Run) -> None:
     """Handle and tool, x and y over time."""
     for i in range(2):
         for what, (time, place) in run.places(i).items():
@@ -28,13 +32,13 @@ def positions(axes, run: Run) -> None:
     _finish(axes, _time(run), "position [mm]")
 
 
-def distances(axes, run: Run) -> None:
+def distances(axes: Axes, run: Run) -> None:
     """Handle to tool in the plane, over time."""
     _line(axes, run.seconds[run.rows["tool_age"] >= 0], run.distance * 1e3, BLUE, "handle to tool")
     _finish(axes, _time(run), "distance [mm]")
 
 
-def angles(axes, run: Run) -> None:
+def angles(axes: Axes, run: Run) -> None:
     """Handle and tool, angle over time."""
     for what, (time, angle) in run.places(2).items():
         colour = GREEN if what == "handle" else PURPLE
@@ -42,7 +46,7 @@ def angles(axes, run: Run) -> None:
     _finish(axes, _time(run), "angle [°],\ncounter-clockwise")
 
 
-def path(axes, run: Run) -> None:
+def path(axes: Axes, run: Run) -> None:
     """Handle and tool in the plane, to scale."""
     across, up = run.places(0), run.places(1)
     for what, (time, x) in across.items():
@@ -53,7 +57,7 @@ def path(axes, run: Run) -> None:
     _finish(axes, "x [mm]", "y [mm]")
 
 
-def forces(axes, run: Run) -> None:
+def forces(axes: Axes, run: Run) -> None:
     """Force on the handle, and the coupling's part of it, with the contacts shaded."""
     with contextlib.suppress(ValueError):  # nothing told of contacts
         for contact in run.contacts[:200]:
@@ -66,7 +70,7 @@ def forces(axes, run: Run) -> None:
     _finish(axes, f"{_time(run)}; grey: contact", "force [N]")
 
 
-def contact_events(axes, run: Run) -> None:
+def contact_events(axes: Axes, run: Run) -> None:
     """Each contact as a bar from beginning to end, as high as its largest force."""
     if not run.contacts:
         raise ValueError("nothing was touched")
@@ -77,13 +81,15 @@ def contact_events(axes, run: Run) -> None:
     axes.grid(color="0.9")
 
 
-def energies(axes, run: Run) -> None:
+def energies(axes: Axes, run: Run) -> None:
     """Energy given to the operator by truth and by the servo's books, and what went through the other ports."""
     if run.traced:
         booked = run.rows["energy_given"].sum(axis=1) * 1e3
         _line(axes, run.seconds, booked, ORANGE, "to the operator, servo's books", dashes=_BACK)
     try:
-        _line(axes, run.truth_seconds, run.truth.entry("energy_given") * 1e3, BLUE, "to the operator, truth")
+        _line(
+            axes, run.ground_truth_seconds, run.ground_truth.entry("energy_given") * 1e3, BLUE, "to the operator, truth"
+        )
     except ValueError:
         if not run.traced:
             raise
@@ -94,7 +100,7 @@ def energies(axes, run: Run) -> None:
     _finish(axes, _time(run), "energy [mJ]")
 
 
-def margins(axes, run: Run) -> None:
+def margins(axes: Axes, run: Run) -> None:
     """Passivity margin: physical damping left over by the gains in force, as a share of b."""
     damping = run.physical_damping
     if not np.isfinite(damping).any():
@@ -107,7 +113,7 @@ def margins(axes, run: Run) -> None:
     _finish(axes, _time(run), "passivity margin\n[% of b left over]")
 
 
-def lateness(axes, run: Run) -> None:
+def lateness(axes: Axes, run: Run) -> None:
     """Histogram of wake-up after the deadline and of the tick's own work."""
     late, compute = (np.maximum(_finite(run.rows[name]) * 1e6, 0.1) for name in ("lateness", "compute"))
     if not len(late) or not len(compute):
@@ -122,7 +128,7 @@ def lateness(axes, run: Run) -> None:
     _finish(axes, "lateness and compute time [µs]", "ticks")
 
 
-def ages(axes, run: Run) -> None:
+def ages(axes: Axes, run: Run) -> None:
     """Histogram of the age of the tool sample in use."""
     age = run.rows["tool_age"][run.rows["tool_age"] >= 0] * 1e3
     if not len(age):
@@ -133,7 +139,7 @@ def ages(axes, run: Run) -> None:
     _finish(axes, "age of the tool sample in use [ms]", "ticks")
 
 
-def spectrum(axes, run: Run) -> None:
+def spectrum(axes: Axes, run: Run) -> None:
     """Power density of the force on the handle; an oscillation is named with its frequency."""
     found = run.spectrum
     axes.loglog(found.frequency[1:], np.maximum(found.density[1:], 1e-18), color=BLUE, label="x and y together")
@@ -144,7 +150,7 @@ def spectrum(axes, run: Run) -> None:
     _finish(axes, "frequency [Hz]", "force on handle [N²/Hz]")
 
 
-def impedance(axes, run: Run) -> None:
+def impedance(axes: Sequence[Axes], run: Run) -> None:
     """Fitted stiffness and damping of each axis, with confidence."""
     rows = [(kind, axis, fitted) for (kind, axis), fitted in run.impedances.items() if axis != "theta"]
     if not rows:
@@ -174,13 +180,13 @@ def _time(run: Run) -> str:
     return f"time since first {'motor command' if run.traced else 'message'} [s]"
 
 
-def _line(axes, time, values, colour, label, **style) -> None:
+def _line(axes: Axes, time: Array, values: Array, colour: str, label: str, **style: Any) -> None:
     if len(time) == 0:
         return
     axes.plot(*thin(time, values), color=colour, linewidth=1.2, label=label, **style)
 
 
-def thin(time, values):
+def thin(time: Array, values: Array) -> tuple[Array, Array]:
     """At most 2 POINTS of a line: the least and the largest value of each stretch."""
     if len(values) <= 2 * POINTS:
         return time, values
@@ -193,18 +199,18 @@ def _stride(count: int) -> slice:
     return slice(None, None, max(1, count // (10 * POINTS)))
 
 
-def _finite(values):
+def _finite(values: Array) -> Array:
     return values[np.isfinite(values)]
 
 
-def _mark(axes, run: Run) -> None:
+def _mark(axes: Axes, run: Run) -> None:
     """Markers as vertical lines with their text."""
     for time, text in run.marks[:40]:
         axes.axvline(time, color="black", linewidth=0.8, dashes=(2, 2))
         axes.annotate(text[:30], (time, 1), xycoords=("data", "axes fraction"), rotation=90, va="top", fontsize=7)
 
 
-def _finish(axes, horizontal: str, vertical: str) -> None:
+def _finish(axes: Axes, horizontal: str, vertical: str) -> None:
     axes.set(xlabel=horizontal, ylabel=vertical)
     axes.set_axisbelow(True)
     axes.grid(color="0.9")

@@ -3,49 +3,20 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import yaml
 
-from haptic_device.analysis.bag_topics import TOPICS, Joints, Recording, load
-from haptic_device.analysis.impedance import Impedance, fit
+from haptic_device.analysis.bag_contents import Joints, Recording
+from haptic_device.analysis.impedance import Impedance, fit, held_still
 from haptic_device.analysis.oscillation import Spectrum, spectrum_of
+from haptic_device.analysis.quantity import Array
 from haptic_device.analysis.report import summary
 from haptic_device.analysis.wall_contacts import Contact, contacts, touching
-from haptic_device.recording.columns import Entries
 from haptic_device.status import number
 
 AXES = ("x", "y", "theta")
-TRACE = np.dtype(  # a tick in a fifth of its full size: ten minutes at 4 kHz then fit into half a gigabyte
-    [(name, "f8") for name in ("tick", "deadline", "tool_answered", "handle_sequence", "missed")]
-    + [(name, "f4", (3,)) for name in ("position", "tool_position", "tool_effort")]
-    + [(name, "f4") for name in ("lateness", "compute", "tool_age", "tool_contact", "engage", "fault")]
-    + [("injections", "f8")]  # f4 counts to 2**24 only: four hours at 1 kHz
-    + [(name, "f4", (3,)) for name in ("force_coupling", "force_on_handle", "force_walls", "energy_given", "margin")]
-)
-HANDLE = ("exchange_method", "stiffness", "damping", "rotational_stiffness", "rotational_damping")
-ONLY = {
-    "trace": TRACE,
-    "handle": Entries(HANDLE, ("position",)),
-    "tool": Entries(("answered",), ("position",)),
-    "operator/state": Entries((*AXES, *(f"motor_{name}" for name in AXES), "energy_given", "time")),
-}
-NO_TRACE = {  # where the trace cannot be had: every topic, and what of it stands for the trace's columns
-    **{name: Entries((), ()) for name in TOPICS if name != "trace"},
-    "handle": Entries((*HANDLE, *AXES), ("position", "effort")),
-    "tool": Entries((*AXES, "contact"), ("position", "effort")),
-    "motor": Entries(AXES, ("effort",)),
-    "operator/state": ONLY["operator/state"],
-}
-LEFT_OUT = (
-    "servo, exchange, passivity margin, impedance and spectrum are left out; positions, forces and contacts are those "
-    "of the topics, and time counts from the first message"
-)
 TELLING = 0.9  # share of the force that a fit in contact has to explain
-HELD_WINDOW = 0.05  # [s]
-HELD_SHARE = 0.1  # of the handle's way, up to which the tool counts as standing still
-HELD_WAY = 20e-6  # [m | rad] that the handle has to move in a window to tell something
 AVERAGED = 8  # ticks, where only the servo's own columns are there
 
 
@@ -144,7 +115,7 @@ class Run:
         return found
 
     @cached_property
-    def truth(self) -> Joints:
+    def ground_truth(self) -> Joints:
         """`operator/state` while the ticks ran."""
         state = self.recording.joint("operator/state")
         if not self.traced:
@@ -156,11 +127,11 @@ class Run:
         return Joints(state.names, *(column[chosen] for column in state[1:]))
 
     @cached_property
-    def truth_seconds(self) -> np.ndarray:
+    def ground_truth_seconds(self) -> np.ndarray:
         """Time of each truth [s] from the first tick."""
         if not self.traced:
-            return self.since(self.truth.published)
-        return self.truth.entry("time") - self.rows["deadline"][0] * 1e-9
+            return self.since(self.ground_truth.published)
+        return self.ground_truth.entry("time") - self.rows["deadline"][0] * 1e-9
 
     @cached_property
     def tool_energy(self) -> np.ndarray:
@@ -238,7 +209,7 @@ class Run:
         found = {}
         for axis, (position, velocity, force) in parts.items():
             tool = self._held_to(AXES.index(axis), place)
-            held = self._held(time, tool, position)
+            held = held_still(time, tool, position)
             with np.errstate(divide="ignore", invalid="ignore"):  # a state published twice: no number, and left out
                 stretch = position - tool, velocity - np.gradient(tool, time)
             for kind, chosen, way in (
@@ -256,32 +227,24 @@ class Run:
         tool = self.rows["tool_position"][place, axis].astype(float)
         return np.where(np.abs(self.rows["force_walls"][place]).max(axis=1) > 0.0, 0.0, tool)
 
-    @staticmethod
-    def _held(time: np.ndarray, tool: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Whether the tool, or a wall, stood still in this axis while the handle moved, looked at in short windows."""
-        begins = np.flatnonzero(np.diff(np.floor(time / HELD_WINDOW), prepend=-1.0))
-        ways = [np.maximum.reduceat(x, begins) - np.minimum.reduceat(x, begins) for x in (tool, position)]
-        held = (ways[0] < HELD_SHARE * ways[1]) & (ways[1] > HELD_WAY)
-        return np.repeat(held, np.diff(np.append(begins, len(time))))
-
     def _felt(self) -> tuple[np.ndarray, dict[str, tuple]]:
         """Times [s], and position, velocity, minus motor force of each axis: of the truth, else of the trace."""
         state = self.recording.joints.get("operator/state")
         names = [name for name in AXES if state and name in state.names and f"motor_{name}" in state.names]
         if not names:
             return self._felt_by_servo()
-        truth = self.truth
+        truth = self.ground_truth
         parts = {
             name: (truth.entry(name), truth.entry(name, "velocity"), -truth.entry(f"motor_{name}", "effort"))
             for name in names
         }
-        return self.truth_seconds, parts
+        return self.ground_truth_seconds, parts
 
     def _felt_by_servo(self) -> tuple[np.ndarray, dict[str, tuple]]:
         """The same as the servo saw it: means of some ticks, which an encoder's steps hardly touch."""
         count = len(self.rows) // AVERAGED * AVERAGED
 
-        def blocks(values):
+        def blocks(values: Array) -> Array:
             return values[:count].reshape(-1, AVERAGED).mean(axis=1)
 
         time = blocks(self.seconds)
@@ -307,52 +270,5 @@ class Run:
         return content if isinstance(content, dict) else {}
 
 
-def read_run(bag: Path | str, namespace: str | None = None) -> Run:
-    """The run in a bag. Raises FileNotFoundError or ValueError if nothing of it can be shown."""
-    recording = load(bag, namespace, ONLY)
-    run = Run(recording, _name(Path(bag)), list(recording.notes))
-    try:
-        rows = run.rows
-    except ValueError as error:
-        return _without_trace(run, error)
-    missing = recording.trace_rows_missing
-    if missing:
-        run.notes.append(f"{missing} ticks are missing from the trace")
-    run.notes += _not_numbers(rows)
-    return run
-
-
-def _without_trace(run: Run, error: ValueError) -> Run:
-    """The run as the other topics tell it. Raises the error, which the trace made, if none of them can be read."""
-    recording = load(run.recording.bag, run.recording.namespace, NO_TRACE)
-    ours = any(name.startswith(f"{recording.namespace}/") for name in recording.counts)
-    if not ours or not (recording.joints or recording.marks or recording.diagnostics):
-        raise error
-    reason = str(error) if "trace" in run.recording.clouds else "there is no trace"
-    notes = dict.fromkeys([f"{reason}: {LEFT_OUT}", *run.notes, *recording.notes])
-    return Run(recording, run.name, [*notes, *_no_numbers_in(recording.joints)], reason)
-
-
-def _no_numbers_in(topics: dict[str, Joints]) -> list[str]:
-    """A sentence for each topic with values that are no numbers."""
-    counts = {name: np.isnan(np.hstack([j.position, j.velocity, j.effort])).any(axis=1) for name, j in topics.items()}
-    return [
-        f"topic {name}: {np.sum(n)} of {len(n)} messages have values that are no numbers"
-        for name, n in counts.items()
-        if n.any()
-    ]
-
-
 def _telling(kind: str, found: Impedance) -> bool:
     return kind == "free" or found.explained >= TELLING
-
-
-def _name(bag: Path) -> str:
-    bag = bag.absolute()
-    return bag.parent.name if bag.name == "bag" else bag.name
-
-
-def _not_numbers(rows: np.ndarray) -> list[str]:
-    """A sentence for each column with values that are no numbers."""
-    counts = {name: int(np.isnan(rows[name]).reshape(len(rows), -1).any(axis=1).sum()) for name in rows.dtype.names}
-    return [f"trace column {name} is no number in {n} of {len(rows)} ticks" for name, n in counts.items() if n]

@@ -6,7 +6,7 @@ All figures are of the ticks with the motor engaged (`engage` > 0).
 
 import numpy as np
 
-from haptic_device.analysis.bag_topics import Joints, Recording
+from haptic_device.analysis.bag_contents import Joints, Recording
 from haptic_device.control.faults import name_of
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.status import number
