@@ -177,8 +177,9 @@ class Recording:
 
 def flat_cloud(rows: np.ndarray) -> dict[str, np.ndarray]:
     """Columns of a structured array, one for each axis, after the time [s] of their deadline."""
-    flat = {"time": rows["deadline"] * 1e-9} if "deadline" in rows.dtype.names else {}
-    for name in rows.dtype.names:
+    names = rows.dtype.names or ()
+    flat = {"time": rows["deadline"] * 1e-9} if "deadline" in names else {}
+    for name in names:
         if rows[name].ndim == 1:
             flat[name] = np.ascontiguousarray(rows[name])
         else:

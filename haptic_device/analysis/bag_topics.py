@@ -10,7 +10,7 @@ import numpy as np
 from haptic_device.analysis.bag_contents import Joints, Mark, Recording
 from haptic_device.recording.columns import CloudColumns, JointColumns
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STAMPED, STRING, types
-from haptic_device.recording.reader import Collector, Keep, Topic, read
+from haptic_device.recording.reader import Collector, Keep, Times, Topic, read
 from haptic_device.sequence_gaps import counted
 from haptic_device.status import Status, named_statuses
 
@@ -34,10 +34,12 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     namespace = _only_namespace(topics, diagnostics, bag) if namespace is None else namespace.rstrip("/")
     ours = {name[len(namespace) + 1 :]: topic for name, topic in topics.items() if name.startswith(namespace + "/")}
     found = {name: topic for name, topic in ours.items() if not topic.refused}
-    joints, clouds = (
-        {name: taken(name, topic, notes) for name, topic in found.items() if isinstance(topic.collector, kind)}
-        for kind, taken in ((JointColumns, _joints), (CloudColumns, _cloud))
-    )
+    joints, clouds = {}, {}
+    for name, topic in found.items():
+        if isinstance(topic.collector, JointColumns):
+            joints[name] = _joints(name, topic.collector, topic.times, notes)
+        elif isinstance(topic.collector, CloudColumns):
+            clouds[name] = _cloud(name, topic.collector, notes)
     return Recording(
         bag,
         namespace,
@@ -48,7 +50,9 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
         attachments,
         {name: len(topic) for name, topic in topics.items()},
         {name: counted(topic.times.sequence) for name, topic in topics.items()},
-        _pairs(found.get("trace"), clouds.get("trace"), joints.get("operator/state")),
+        _pairs(
+            found["trace"].collector if "trace" in found else None, clouds.get("trace"), joints.get("operator/state")
+        ),
         tuple(notes),
     )
 
@@ -59,7 +63,7 @@ def _collector(topic: str, type_name: str, only: Mapping[str, Any] | None) -> Co
         return Keep()
     if only is not None and short is None:
         return None
-    wanted = only[short] if only else None
+    wanted = only[short] if only and short else None
     if type_name == JOINTS or type_name in STAMPED:
         return JointColumns(type_name, wanted)
     return CloudColumns(wanted) if type_name == CLOUD else None
@@ -82,8 +86,7 @@ def _namespaces(topics: Iterable[str], names: Iterable[str]) -> set[str]:
     return {topic[: -len(name) - 1] for topic in topics for name in names if topic.endswith("/" + name)}
 
 
-def _joints(name: str, topic: Topic, notes: list[str]) -> Joints:
-    columns, times = topic.collector, topic.times
+def _joints(name: str, columns: JointColumns, times: Times, notes: list[str]) -> Joints:
     kept = columns.kept
     if others := int(np.sum(~kept)):
         notes.append(f"topic {name}: {others} messages of another layout than the first are left out")
@@ -91,8 +94,7 @@ def _joints(name: str, topic: Topic, notes: list[str]) -> Joints:
     return Joints(columns.names, stamp, *(times if kept.all() else (column[kept] for column in times)), *parts)
 
 
-def _cloud(name: str, topic: Topic, notes: list[str]) -> np.ndarray:
-    columns = topic.collector
+def _cloud(name: str, columns: CloudColumns, notes: list[str]) -> np.ndarray:
     if columns.others:
         notes.append(f"topic {name}: {columns.others} messages of another layout than the first are left out")
     if columns.missing:
@@ -100,11 +102,10 @@ def _cloud(name: str, topic: Topic, notes: list[str]) -> np.ndarray:
     return columns.records()
 
 
-def _pairs(trace: Topic | None, rows: np.ndarray | None, state: Joints | None) -> tuple[np.ndarray, np.ndarray]:
+def _pairs(trace: Collector | None, rows: np.ndarray | None, state: Joints | None) -> tuple[np.ndarray, np.ndarray]:
     """Times on the system clock and on CLOCK_MONOTONIC: of the trace's blocks, else of `operator/state`."""
-    if rows is not None and "deadline" in rows.dtype.names:
-        columns = trace.collector
-        begins, stamps = np.array(columns.begins, np.int64), np.array(columns.stamps, np.int64)
+    if rows is not None and isinstance(trace, CloudColumns) and "deadline" in (rows.dtype.names or ()):
+        begins, stamps = np.array(trace.begins, np.int64), np.array(trace.stamps, np.int64)
         some = begins < len(rows)
         first = rows["deadline"][begins[some]]
         known = np.isfinite(first)

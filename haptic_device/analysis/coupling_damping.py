@@ -15,6 +15,8 @@ only interpolates the cosine: (1 − s) cos (N+1)θ + s cos (N+2)θ. For the wal
 spring needs (N + 1)² KT/2 here, where a wall needs (N + ½) KT.
 """
 
+from typing import Any
+
 import numpy as np
 
 from haptic_device.analysis.delay import split_delay
@@ -105,7 +107,8 @@ def _between(
     given: Quantity, response: Quantity | Complexes, physical_damping: float, kept: Quantity
 ) -> tuple[Array, Array]:
     """The two K between which given |K + V|² < b (K + kept); where there are none, infinite the wrong way round."""
-    linear = 2.0 * given * np.real(response) - physical_damping
+    real: Any = np.real(response)
+    linear = 2.0 * given * real - physical_damping
     constant = given * np.abs(response) ** 2 - physical_damping * kept
     square = linear**2 - 4.0 * given * constant
     larger = -0.5 * (linear + np.copysign(np.sqrt(np.maximum(square, 0.0)), linear))

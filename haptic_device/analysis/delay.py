@@ -95,7 +95,7 @@ def largest_passive_stiffness(
 
     def lacking(stiffness: float) -> float:
         needed = wall_damping_needed(stiffness, damping, period, velocity_lag, delay_samples).damping
-        return needed - physical_damping
+        return float(needed) - physical_damping
 
     high = 2.0 * physical_damping / period
     if lacking(0.0) >= 0.0:

@@ -21,10 +21,10 @@ QUICK = 50.0  # [rad/s] natural frequency of the described inertia on the stiffe
 class Jumps(NamedTuple):
     """Parameters `wall.*` of one dwell, and how long it lasts [s]."""
 
-    normals: tuple
-    offsets: tuple
-    stiffness: tuple
-    damping: tuple
+    normals: tuple[float, ...]
+    offsets: tuple[float, ...]
+    stiffness: tuple[float, ...]
+    damping: tuple[float, ...]
     seconds: float
 
 
@@ -65,10 +65,11 @@ def tool_twists(
 
 
 def _pairs(centres: Sequence[float], stiffness: float, seconds: float) -> Jumps:
-    normals, offsets = (), ()
+    normals: list[float] = []
+    offsets: list[float] = []
     for axis, centre in enumerate(centres):
         unit = (1.0, 0.0) if axis == 0 else (0.0, 1.0)
-        normals += (*unit, -unit[0], -unit[1])
-        offsets += (OVERLAP + centre, OVERLAP - centre)
+        normals += [*unit, -unit[0], -unit[1]]
+        offsets += [OVERLAP + centre, OVERLAP - centre]
     count = len(offsets)
-    return Jumps(tuple(v + 0.0 for v in normals), offsets, (stiffness,) * count, (0.0,) * count, seconds)
+    return Jumps(tuple(v + 0.0 for v in normals), tuple(offsets), (stiffness,) * count, (0.0,) * count, seconds)

@@ -175,5 +175,5 @@ def _with_confidence(found: OptimizeResult, begins: npt.NDArray[np.intp]) -> Ide
     count = begins.size - 1
     covariance = bread @ (scores.T @ scores) @ bread * count / (count - 1)
     error = 1.96 * np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
-    values = [Estimate(float(v), float(e)) for v, e in zip(found.x[: len(NAMES)], error, strict=False)]
-    return Identified(*values, float(np.sqrt(np.mean(residual**2))))
+    mass, damping, coulomb, bias, delay = map(Estimate, found.x[: len(NAMES)].tolist(), error.tolist())
+    return Identified(mass, damping, coulomb, bias, delay, float(np.sqrt(np.mean(residual**2))))

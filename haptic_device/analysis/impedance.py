@@ -80,7 +80,7 @@ def _means(columns: Array, width: int) -> tuple[Array, npt.NDArray[np.intp]]:
 
     The derivative is none at the ends of a group, so no mean reaches from one group into another.
     """
-    finite = np.isfinite(columns).all(axis=1)
+    finite = np.atleast_1d(np.isfinite(columns).all(axis=1))
     sums = np.cumsum(np.pad(np.where(finite[:, None], columns, 0.0), ((1, 0), (0, 0))), axis=0)
     counts = np.cumsum(np.pad(finite.astype(int), (1, 0)))
     begins = np.flatnonzero(counts[width:] - counts[:-width] == width)
@@ -113,8 +113,8 @@ def _estimates(columns: Array, target: Array, scale: Array) -> Impedance:
     solution = np.linalg.pinv(columns.T @ columns) @ (columns.T @ target)
     width = np.max([_half_width(columns, target, solution, count) for count in STRETCHES], axis=0)
     rest = target - columns @ solution
-    estimates = (Estimate(float(v), float(e)) for v, e in zip(solution / scale, width / scale, strict=True))
-    return Impedance(*estimates, float(1.0 - rest.var() / target.var()), len(target))
+    mass, damping, stiffness = map(Estimate, (solution / scale).tolist(), (width / scale).tolist())
+    return Impedance(mass, damping, stiffness, float(1.0 - rest.var() / target.var()), len(target))
 
 
 def _half_width(columns: Array, target: Array, solution: Array, count: int) -> Array:

@@ -31,8 +31,7 @@ def mu_margin(transfer: AnyTransfer, period: float, physical_damping: float, del
     positive("period", period, "s")
     positive("physical_damping", physical_damping, "N s/m")
     transfer = as_transfer(transfer)
-    known = isinstance(transfer, Transfer)
-    if known and not _nominally_stable(transfer, period, physical_damping, delay_samples):
+    if isinstance(transfer, Transfer) and not _nominally_stable(transfer, period, physical_damping, delay_samples):
         return -np.inf
     lowest, _ = supremum(
         lambda angle: -margin_at(transfer, period, physical_damping, angle, delay_samples), sharp_angles(transfer)

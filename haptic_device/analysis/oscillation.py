@@ -55,14 +55,19 @@ def spectrum_of(force: np.ndarray, rate: float, known: float = 0.0) -> Spectrum:
 
 def _densities(force: Array, rate: float, length: int) -> np.ndarray:
     """Power density (frequency, segment) of all axes together; the segments overlap by half."""
-    density = 0.0
+    density = np.zeros(1)
     for column in force.T:
         finite = np.nan_to_num(column, nan=0.0, posinf=0.0, neginf=0.0)
         density = density + signal.spectrogram(finite, rate, "hann", length, length - length // 2, detrend="linear")[2]
     return density.astype(np.float32)
 
 
-def _strongest(frequency: Array, densities: npt.NDArray[np.float32], begins: Array, known: float) -> Oscillation | None:
+def _strongest(
+    frequency: npt.NDArray[np.floating],
+    densities: npt.NDArray[np.float32],
+    begins: npt.NDArray[np.floating],
+    known: float,
+) -> Oscillation | None:
     """The line with the largest force that stands out of its neighbourhood."""
     lines = _lines(frequency, densities, known)
     step = frequency[1] - frequency[0]
@@ -75,7 +80,9 @@ def _strongest(frequency: Array, densities: npt.NDArray[np.float32], begins: Arr
     return Oscillation(float(line), float(force), float(begins[min(same)]), len(same) * WINDOW / 2)
 
 
-def _lines(frequency: Array, densities: npt.NDArray[np.float32], known: float) -> dict[int, tuple[float, float]]:
+def _lines(
+    frequency: npt.NDArray[np.floating], densities: npt.NDArray[np.float32], known: float
+) -> dict[int, tuple[float, float]]:
     """(frequency, RMS) of the line in each segment that has one."""
     step, found = frequency[1] - frequency[0], {}
     high = int(0.45 * 2 * len(frequency))

@@ -22,8 +22,8 @@ from haptic_device.analysis.transfer import AnyTransfer, Response, Transfer, val
 class LeastDamping(NamedTuple):
     """The physical damping b that must be exceeded [N s/m] and the frequency at which it binds [rad/s]."""
 
-    damping: float
-    frequency: float
+    damping: Quantity
+    frequency: Quantity
 
 
 def damping_demand(transfer: Response, period: float, angle: Array) -> Array:
@@ -73,7 +73,7 @@ def sharp_angles(transfer: Response) -> Array:
     return np.unique(np.abs(np.angle(sharp)))
 
 
-def larger_of_rest(rest: Quantity, moving: Quantity, angle: Quantity, period: float) -> LeastDamping:
+def larger_of_rest(rest: Quantity, moving: Quantity, angle: Quantity, period: Quantity) -> LeastDamping:
     """The supremum over 0 ≤ ω ≤ π/T from its limit at rest and its largest value elsewhere."""
     shape = np.shape(moving)
     rest, period = np.broadcast_to(np.squeeze(rest), shape), np.broadcast_to(np.squeeze(period), shape)

@@ -13,6 +13,7 @@ destabilize what is stable alone.
 """
 
 import numpy as np
+import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
 from haptic_device.analysis.delay import split_delay
@@ -51,7 +52,7 @@ def characteristic(
     period: float,
     delay_samples: float = 0.0,
     velocity_lag: float = 0.0,
-) -> tuple[Array, Array]:
+) -> tuple[npt.NDArray[np.floating], npt.NDArray[np.floating]]:
     """Polynomials (p, q) in z, from the highest power down: the loop's poles are the roots of p + K q."""
     whole, fraction = split_delay(delay_samples)
     plant = held_plant(mass, physical_damping, period, fraction)
@@ -99,7 +100,7 @@ def stable_ranges(
     finite("damping", damping, "N s/m")
     fixed, scaled = characteristic(mass, physical_damping, damping, period, delay_samples, velocity_lag)
     edges = np.concatenate([[0.0], _crossings(fixed, scaled), [np.inf]])
-    ranges = []
+    ranges: list[tuple[float, float]] = []
     for low, high in zip(edges[:-1], edges[1:], strict=True):
         middle = 0.5 * (low + high) if np.isfinite(high) else 2.0 * low + 1.0
         if _radius(np.polyadd(fixed, middle * scaled)) >= 1.0:
@@ -143,7 +144,7 @@ def _response(mass: float, physical_damping: float, time: float) -> tuple[float,
     return shape * time**2 / mass, _glide(mass, physical_damping, time) / mass
 
 
-def _crossings(fixed: Array, scaled: Array) -> Array:
+def _crossings(fixed: npt.NDArray[np.floating], scaled: npt.NDArray[np.floating]) -> Array:
     """Positive K for which p + K q has a root on the unit circle, rising.
 
     Im{p q̄} on the circle is sin θ times a polynomial in cos θ: Σ a_k sin kθ = sin θ Σ a_k U_{k−1}(cos θ).
@@ -168,5 +169,5 @@ def _second_kind(weights: Array) -> Array:
     return series
 
 
-def _radius(polynomial: Array) -> float:
+def _radius(polynomial: npt.NDArray[np.floating]) -> float:
     return np.max(np.abs(np.roots(polynomial)), initial=0.0)

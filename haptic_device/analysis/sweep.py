@@ -8,7 +8,7 @@ import multiprocessing
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,9 @@ class SchedulerError(ValueError):
     """The scheduler, or what stands behind it, cannot do the work; one sentence."""
 
 
-def spread(function: Callable, jobs: dict, workers: int, scheduler: str = "", threads: bool = False) -> Iterator[tuple]:
+def spread(
+    function: Callable, jobs: dict, workers: int, scheduler: str = "", threads: bool = False
+) -> Generator[tuple[Any, Any], None, None]:
     """Yields (key, function(*arguments)) of jobs {key: arguments} as they are done, in whatever order.
 
     By processes, or by `threads` for kernels without the interpreter's lock; or by all workers of the Dask scheduler at

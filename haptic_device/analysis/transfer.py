@@ -2,7 +2,7 @@
 """Transfer functions in z with real coefficients: what the sampled side of the display does, u(z) = H(z) x(z)."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, cast, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +17,9 @@ class Transfer(NamedTuple):
     denominator: Array
 
     def __call__(self, z: Complexes) -> Complexes:
-        return np.polyval(self.numerator, z) / np.polyval(self.denominator, z)
+        return cast(Complexes, np.polyval(self.numerator, z) / np.polyval(self.denominator, z))
 
-    def poles(self) -> Complexes:
+    def poles(self) -> npt.NDArray[np.inexact]:
         """Poles, those at the origin included."""
         return np.roots(self.denominator)
 
@@ -49,6 +49,10 @@ def wall_transfer(
     return delayed(Transfer(numerator, np.array([1.0, share - 1.0])), delay_samples)
 
 
+@overload
+def delayed(transfer: Transfer, samples: float) -> Transfer: ...
+@overload
+def delayed(transfer: Response, samples: float) -> Response: ...
 def delayed(transfer: Response, samples: float) -> Response:
     """The transfer function a whole number of samples late: H(z) z^−N; any callable will do."""
     if samples != int(samples) or samples < 0:

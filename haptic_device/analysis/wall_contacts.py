@@ -19,7 +19,7 @@ class Contact(NamedTuple):
 
 def touching(rows: np.ndarray) -> np.ndarray:
     """Whether each tick was in contact: the tool with the scene, or the handle with a wall."""
-    there = [name for name in ("tool_contact", "force_walls") if name in rows.dtype.names]
+    there = [name for name in ("tool_contact", "force_walls") if name in (rows.dtype.names or ())]
     touch = np.zeros(len(rows), bool)
     for name in there:
         column = rows[name]

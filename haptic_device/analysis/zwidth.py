@@ -56,8 +56,9 @@ def _grid() -> tuple[Operator, ...]:
     return tuple(Operator(m, 0.0, k, 1.0 + 5e-3 * k, True) for m in masses for k in springs)
 
 
-def _both(*hand: float) -> tuple[Operator, Operator]:
-    return Operator(*hand), Operator(*hand, pressed=True)
+def _both(mass: float, damping: float, stiffness: float, push: float) -> tuple[Operator, Operator]:
+    hand = Operator(mass, damping, stiffness, push)
+    return hand, hand._replace(pressed=True)
 
 
 OPERATORS = {
@@ -105,7 +106,7 @@ def run_cells(setup: Setup, operators: Sequence[Operator], stiffness: npt.ArrayL
     return Outcome(*(column.reshape(stiffness.shape) for column in (verdict.astype(np.int8), given, growth)))
 
 
-def _run(setup: Setup, operator: Operator, stiffness: Array, damping: Array) -> tuple[Array, Array, Array]:
+def _run(setup: Setup, operator: Operator, stiffness: Array, damping: Array) -> tuple[np.ndarray, Array, Array]:
     record, outcomes = record_of(setup, operator), np.zeros(stiffness.size, wall_tapping.OUTCOME)
     wall_tapping.cells(record.view(np.recarray), stiffness, damping, outcomes.view(np.recarray))
     return _verdict(setup, operator, outcomes), outcomes["energy_given"], outcomes["growth"]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Collectors that turn serialized messages into arrays: JointStates by entry, clouds of records by column."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,8 @@ class JointColumns:
     """
 
     def __init__(self, type_name: str, entries: Entries | None = None) -> None:
-        self._type_name, self._wanted, self._layout = type_name, entries, None
+        self._type_name, self._wanted = type_name, entries
+        self._layout: Any = None  # of the first message
         self._parts: list[np.ndarray] = []
         self._count = 0
         self._kept: list[bool] = []
@@ -69,7 +70,8 @@ class CloudColumns:
     """
 
     def __init__(self, columns: np.dtype | None = None) -> None:
-        self._wanted, self._layout, self._rows = columns, None, None
+        self._wanted, self._rows = columns, np.empty(0)
+        self._layout: Any = None  # of the first message
         self.stamps: list[int] = []
         self.begins: list[int] = []
         self._count = self.others = 0
@@ -79,7 +81,7 @@ class CloudColumns:
         """Takes the next messages. Raises ValueError if the first of all is no cloud of named fields."""
         if self._layout is None:
             self._layout = layout_of(CLOUD, data[0])
-            self._rows = np.empty(0, self._layout.record if self._wanted is None else self._subset())
+            self._rows = np.empty(0, self._layout.record if self._wanted is None else self._subset(self._wanted))
         pieces, before = [], self._count
         for message in data:
             if not self._layout.matches(message):
@@ -97,16 +99,16 @@ class CloudColumns:
         self._rows.resize(self._count, refcheck=False)
         return self._rows
 
-    def _subset(self) -> np.dtype:
-        there, wanted = self._layout.record, self._wanted
-        self.missing = [n for n in wanted.names if n not in there.names or there[n].shape != wanted[n].shape]
+    def _subset(self, wanted: np.dtype) -> np.dtype:
+        there = self._layout.record
+        self.missing = [n for n in wanted.names or () if n not in there.names or there[n].shape != wanted[n].shape]
         return wanted
 
     def _fill(self, target: np.ndarray, rows: np.ndarray) -> None:
         if self._wanted is None:
             target[:] = rows
             return
-        for name in target.dtype.names:
+        for name in target.dtype.names or ():
             target[name] = np.nan if name in self.missing else rows[name]
 
 

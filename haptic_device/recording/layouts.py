@@ -9,7 +9,7 @@ once. Needs no ROS.
 
 import functools
 import struct
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -108,10 +108,10 @@ class _Sized(_Layout):
         self.names, self.offsets, self.size = tuple(names), offsets, len(self.template)
         self.count = len(self.names)
         self._reals = struct.Struct(f"<{self.count}d")
-        fields = {"seconds": ("<i4", _STAMP_AT), "nanoseconds": ("<u4", _STAMP_AT + 4)}
+        fields: dict[str, tuple[Any, int]] = {"seconds": ("<i4", _STAMP_AT), "nanoseconds": ("<u4", _STAMP_AT + 4)}
         fields |= {part: (("<f8", (self.count,)), at) for part, at in zip(parts, offsets, strict=True)}
         formats, places = zip(*fields.values(), strict=True)
-        told = {"names": list(fields), "formats": formats, "offsets": places, "itemsize": self.size}
+        told: Any = {"names": list(fields), "formats": formats, "offsets": places, "itemsize": self.size}
         self._record = np.dtype(told)
 
     def matches(self, data: bytes) -> bool:
@@ -136,7 +136,7 @@ class _Sized(_Layout):
 class JointLayout(_Sized):
     """A JointState with fixed names and frame: n numbers in each of its arrays, none in those not filled."""
 
-    def __init__(self, names: Sequence[str], frame_id: str = "", filled: Collection[str] = PARTS) -> None:
+    def __init__(self, names: Sequence[str], frame_id: str = "", filled: Sequence[str] = PARTS) -> None:
         head, offsets = _Template(frame_id), []
         head.word(len(names))
         for name in names:
@@ -183,9 +183,10 @@ class CloudLayout(_Layout):
         head, self.record = _Template(frame_id), dtype
         head.word(1)  # height
         self._counts = [head.counted()]  # width
-        head.word(len(dtype.names))
-        for name in dtype.names:
-            kind, offset = dtype.fields[name][:2]
+        fields: Any = dtype.fields
+        head.word(len(fields))
+        for name in dtype.names or ():
+            kind, offset = fields[name][:2]
             head.text(name)
             head.word(offset)
             head.fixed(bytes([_CODES[kind.base]]))
@@ -254,7 +255,8 @@ def _described(type_name: str, message: Any) -> JointLayout | StampedLayout | Cl
     fields = message.fields
     kinds = [(FORMATS[field.datatype], (field.count,) if field.count > 1 else ()) for field in fields]
     places = {"names": [field.name for field in fields], "offsets": [field.offset for field in fields]}
-    return CloudLayout(np.dtype({**places, "formats": kinds, "itemsize": message.point_step}), frame_id)
+    record: Any = {**places, "formats": kinds, "itemsize": message.point_step}
+    return CloudLayout(np.dtype(record), frame_id)
 
 
 @functools.cache

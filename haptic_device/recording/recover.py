@@ -92,7 +92,8 @@ def _rewritten(path: Path) -> Path:
     kept = next(name for name in names if not name.exists())
     try:
         with open(path, "rb") as source, open(half, "wb") as target:
-            writer, numbers = Writer(target, CHUNK_BYTES), {}
+            writer = Writer(target, CHUNK_BYTES)
+            numbers: dict[tuple[type, int], int] = {}
             writer.start("ros2", "haptic_display")
             for record in Records(source):
                 _copy(record, writer, numbers)
@@ -108,19 +109,18 @@ def _rewritten(path: Path) -> Path:
     return kept
 
 
-def _copy(record: McapRecord, writer: Writer, numbers: dict) -> None:
+def _copy(record: McapRecord, writer: Writer, numbers: dict[tuple[type, int], int]) -> None:
     """numbers: of schemas and channels in the new file, by those in the one that is read."""
-    kind = type(record)
-    if kind is Message and (Channel, record.channel_id) in numbers:
+    if isinstance(record, Message) and (Channel, record.channel_id) in numbers:
         channel = numbers[Channel, record.channel_id]
         writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
-    elif kind is Schema and (kind, record.id) not in numbers:
-        numbers[kind, record.id] = writer.register_schema(record.name, record.encoding, record.data)
-    elif kind is Channel and (kind, record.id) not in numbers:
+    elif isinstance(record, Schema) and (Schema, record.id) not in numbers:
+        numbers[Schema, record.id] = writer.register_schema(record.name, record.encoding, record.data)
+    elif isinstance(record, Channel) and (Channel, record.id) not in numbers:
         schema = numbers.get((Schema, record.schema_id), 0)
         told = record.topic, record.message_encoding, schema, record.metadata
-        numbers[kind, record.id] = writer.register_channel(*told)
-    elif kind is Attachment:
+        numbers[Channel, record.id] = writer.register_channel(*told)
+    elif isinstance(record, Attachment):
         writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
 
 

@@ -8,6 +8,7 @@ Each file holds all schemas, channels and attachments, so that it can be read al
 
 import os
 from pathlib import Path
+from typing import BinaryIO, cast
 
 from mcap.writer import Writer
 
@@ -130,7 +131,7 @@ class Bag:
         """
         (self.folder / RESERVE).unlink(missing_ok=True)
         content = information(self._files, self._topics, self._counts, custom_data)
-        if self._writer:  # else a split has ended the last file, and could begin no other
+        if not self._ended:  # else a split has ended the last file, and could begin no other
             self._end_file({"rosbag2": {"serialized_metadata": dump(content)}})
         write_metadata(self.folder, content)
 
@@ -138,7 +139,9 @@ class Bag:
         name = f"{self.folder.name}_{len(self._files)}.mcap"
         self._disk = _Disk(self.folder / name, self.folder / RESERVE)
         self._files.append(FileSpan(name))
-        self._writer, self._schemas = Writer(self._disk, CHUNK_BYTES), {}
+        self._ended = False
+        self._writer = Writer(cast(BinaryIO, self._disk), CHUNK_BYTES)
+        self._schemas: dict[str, int] = {}
         self._writer.start("ros2", "haptic_display")
         for attachment in self._attachments.values():
             self._writer.add_attachment(*attachment)
@@ -150,7 +153,7 @@ class Bag:
             for name, content in metadata.items():
                 self._writer.add_metadata(name, content)
             self._writer.finish()
-            self._writer = None
+            self._ended = True
         finally:
             self._disk.close()
 

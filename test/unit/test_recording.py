@@ -370,7 +370,7 @@ for name in ("rclpy", "sensor_msgs"):
     except ModuleNotFoundError:
         continue
     sys.exit(f"{name} can be imported all the same")
-from haptic_device.analysis import page
+from haptic_device.analysis.report import page
 from haptic_device.analysis.bag_topics import load
 from haptic_sim.cli.main import main
 

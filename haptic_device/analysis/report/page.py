@@ -105,7 +105,7 @@ def _draw(figure: Figure, runs: list[Run], picture: Path) -> None:
     )
     try:
         for number, run in enumerate(runs):
-            part = grid[0, number * figure.wide : (number + 1) * figure.wide]
+            part = list(grid[0, number * figure.wide : (number + 1) * figure.wide])
             part[0].set_title(_heading(run, 72), fontsize=8, loc="left")
             _try(figure, part, run)
         shown.savefig(picture, dpi=DPI)

@@ -20,7 +20,12 @@ BLUE, ORANGE, GREEN, VERMILION, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E
 COLOURS, NAMES = (BLUE, VERMILION, GREEN), ("x", "y", "θ")
 POINTS = 2000  # of one line; more than a page resolves
 _BACK = (4, 2)  # dashes
-_DASHES = {"handle": {}, "tool": {"dashes": _BACK}, "on handle": {}, "of the coupling": {"dashes": _BACK}}
+_DASHES: dict[str, dict[str, Any]] = {
+    "handle": {},
+    "tool": {"dashes": _BACK},
+    "on handle": {},
+    "of the coupling": {"dashes": _BACK},
+}
 
 
 def positions(axes: Axes, run: Run) -> None:
@@ -120,7 +125,7 @@ def lateness(axes: Axes, run: Run) -> None:
         raise ValueError("lateness and compute are no numbers")
     if not run.rows["lateness"].any():
         raise ValueError("it was not measured: lateness is 0 in every tick")
-    bins = np.geomspace(0.1, max(late.max(), compute.max()) * 1.01, 80)
+    bins = np.geomspace(0.1, max(late.max(), compute.max()) * 1.01, 80).tolist()
     axes.hist(late, bins, color=BLUE, alpha=0.8, label="wake-up after the deadline")
     axes.hist(compute, bins, color=ORANGE, histtype="step", linewidth=1.5, label="time of the tick's own work")
     axes.axvline(period(run.rows) * 1e6, color="black", linestyle=":", label="one period T")
@@ -133,7 +138,9 @@ def ages(axes: Axes, run: Run) -> None:
     age = run.rows["tool_age"][run.rows["tool_age"] >= 0] * 1e3
     if not len(age):
         raise ValueError("no tool sample was ever used")
-    axes.hist(age, np.linspace(0, np.percentile(age, 99.9) * 1.2 + 0.1, 80), color=GREEN, alpha=0.8, label="age")
+    axes.hist(
+        age, np.linspace(0, np.percentile(age, 99.9) * 1.2 + 0.1, 80).tolist(), color=GREEN, alpha=0.8, label="age"
+    )
     axes.axvline(np.median(age), color="black", linestyle=":", label=f"median {np.median(age):.2f} ms")
     axes.set(yscale="log")
     _finish(axes, "age of the tool sample in use [ms]", "ticks")
@@ -156,7 +163,7 @@ def impedance(axes: Sequence[Axes], run: Run) -> None:
     if not rows:
         raise ValueError("no motion of the handle that told an impedance")
     for place, (kind, _, fitted) in enumerate(rows):
-        look = {"color": VERMILION, "fmt": "o"} if kind == "contact" else {"color": BLUE, "fmt": "s"}
+        look: dict[str, Any] = {"color": VERMILION, "fmt": "o"} if kind == "contact" else {"color": BLUE, "fmt": "s"}
         for column, estimate in enumerate((fitted.stiffness, fitted.damping)):
             axes[column].errorbar(estimate.value, place, xerr=estimate.error, capsize=4, **look)
     for column, value in enumerate(_set_gains(run)):

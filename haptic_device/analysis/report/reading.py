@@ -80,5 +80,7 @@ def _name(bag: Path) -> str:
 
 def _not_numbers(rows: np.ndarray) -> list[str]:
     """A sentence for each column with values that are no numbers."""
-    counts = {name: int(np.isnan(rows[name]).reshape(len(rows), -1).any(axis=1).sum()) for name in rows.dtype.names}
+    counts = {
+        name: int(np.isnan(rows[name]).reshape(len(rows), -1).any(axis=1).sum()) for name in rows.dtype.names or ()
+    }
     return [f"trace column {name} is no number in {n} of {len(rows)} ticks" for name, n in counts.items() if n]

@@ -217,7 +217,8 @@ class Run:
                 ("free", ~touch & engaged, (position, velocity)),
             ):
                 episode = np.cumsum(np.diff(chosen, prepend=chosen[:1]) != 0)
-                fitted = fit(time[chosen], *(column[chosen] for column in (*way, force)), episode[chosen])
+                place_of, speed_of, push_of = (column[chosen] for column in (*way, force))
+                fitted = fit(time[chosen], place_of, speed_of, push_of, episode[chosen])
                 if fitted is not None:
                     found[kind, axis] = fitted
         return found
