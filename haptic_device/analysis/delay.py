@@ -13,6 +13,7 @@ is quadratic in b and gives, with θ = ωT and P̄ = 1 − s + s e^{−jθ} (the
     b ≥ ½ [R + √(R² + s(1−s) T² |H|²)],   R = right-hand side of (1) for P̄ H.
 
 At s = 0 this is (1). For a spring alone it is largest at rest: b ≥ (KT/2) [½ + s + √(¼ + 2s)], more than K(T/2 + sT).
+control/passivity.least_damping has that form for the spring and a bound for the damper; this one is exact for any H.
 """
 
 import functools
