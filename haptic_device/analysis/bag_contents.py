@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
+from haptic_device.analysis.quantity import Array, Nanoseconds, Records
 from haptic_device.sequence_gaps import Skipped
 from haptic_device.status import Status
 
@@ -64,15 +66,15 @@ class Joints(NamedTuple):
     """
 
     names: tuple[str, ...]
-    stamp: np.ndarray
-    received: np.ndarray
-    published: np.ndarray
-    sequence: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
+    stamp: Nanoseconds
+    received: Nanoseconds
+    published: Nanoseconds
+    sequence: npt.NDArray[np.int64]
+    position: Array
+    velocity: Array
+    effort: Array
 
-    def entry(self, name: str, part: str = "position") -> np.ndarray:
+    def entry(self, name: str, part: str = "position") -> Array:
         """One named entry over time; `part` is position, velocity or effort. Raises ValueError if it is not there."""
         if name not in self.names:
             raise ValueError(f"the topic has no entry {name}; it has {', '.join(self.names)}")
@@ -97,13 +99,13 @@ class Recording:
     bag: Path
     namespace: str
     joints: dict[str, Joints]
-    clouds: dict[str, np.ndarray]
+    clouds: dict[str, Records]
     diagnostics: dict[str, tuple[Status, ...]]
     marks: tuple[Mark, ...]
     attachments: dict[str, bytes]
     counts: dict[str, int]
     skipped: dict[str, Skipped]
-    pairs: tuple[np.ndarray, np.ndarray]
+    pairs: tuple[Nanoseconds, Nanoseconds]
     notes: tuple[str, ...]
 
     def joint(self, topic: str) -> Joints:
@@ -111,7 +113,7 @@ class Recording:
         return self._named(self.joints, topic)
 
     @property
-    def trace(self) -> np.ndarray:
+    def trace(self) -> Records:
         """Every servo tick, a structured array; units in TRACE_UNITS. Raises ValueError if it was not recorded."""
         return self._named(self.clouds, "trace")
 
@@ -136,7 +138,7 @@ class Recording:
         statuses = self.statuses(node)
         return statuses[-1].values if statuses else {}
 
-    def monotonic(self, time: np.ndarray) -> np.ndarray:
+    def monotonic(self, time: Nanoseconds) -> Nanoseconds:
         """System-clock times [ns] as CLOCK_MONOTONIC [ns], the one clock that deadlines and all nodes' data share.
 
         The offset is the median of each second's pairs: each activation of the driver has its own. Raises ValueError if
@@ -151,7 +153,7 @@ class Recording:
         offsets = [np.median(part) for part in np.split(system - monotonic, begins[1:])]
         return time - np.interp(time, system[begins], offsets).round().astype(np.int64)
 
-    def columns(self, topic: str) -> dict[str, np.ndarray]:
+    def columns(self, topic: str) -> dict[str, npt.NDArray[Any]]:
         """A topic as flat named columns over `time` [s of CLOCK_MONOTONIC]; vectors as name.x, name.y, name.theta."""
         return flat_cloud(self._named(self.clouds, topic)) if topic in self.clouds else self._flat_joints(topic)
 
@@ -159,7 +161,7 @@ class Recording:
         """`columns` as a DataFrame of pandas or polars, whichever is named; ImportError if it is not installed."""
         return importlib.import_module(library).DataFrame(self.columns(topic))
 
-    def _flat_joints(self, topic: str) -> dict[str, np.ndarray]:
+    def _flat_joints(self, topic: str) -> dict[str, npt.NDArray[Any]]:
         joints = self.joint(topic)
         flat = {"time": self.monotonic(joints.stamp) * 1e-9}
         parts = [part for part in PORT_UNITS if getattr(joints, part).shape[1]]  # those that were read
@@ -167,7 +169,7 @@ class Recording:
             flat |= {f"{name}.{part}": getattr(joints, part)[:, index] for part in parts}
         return flat
 
-    def _named(self, found: dict, topic: str) -> Any:
+    def _named(self, found: dict[str, Any], topic: str) -> Any:
         if topic not in found:
             there = ", ".join(found) or "none of its kind"
             why = "".join(f"; {note}" for note in self.notes)
@@ -175,7 +177,7 @@ class Recording:
         return found[topic]
 
 
-def flat_cloud(rows: np.ndarray) -> dict[str, np.ndarray]:
+def flat_cloud(rows: Records) -> dict[str, npt.NDArray[Any]]:
     """Columns of a structured array, one for each axis, after the time [s] of their deadline."""
     names = rows.dtype.names or ()
     flat = {"time": rows["deadline"] * 1e-9} if "deadline" in names else {}

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from haptic_device.analysis.bag_contents import Joints, Mark, Recording
+from haptic_device.analysis.quantity import Nanoseconds, Records
 from haptic_device.recording.columns import CloudColumns, JointColumns
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STAMPED, STRING, types
 from haptic_device.recording.reader import Collector, Keep, Times, Topic, read
@@ -94,7 +95,7 @@ def _joints(name: str, columns: JointColumns, times: Times, notes: list[str]) ->
     return Joints(columns.names, stamp, *(times if kept.all() else (column[kept] for column in times)), *parts)
 
 
-def _cloud(name: str, columns: CloudColumns, notes: list[str]) -> np.ndarray:
+def _cloud(name: str, columns: CloudColumns, notes: list[str]) -> Records:
     if columns.others:
         notes.append(f"topic {name}: {columns.others} messages of another layout than the first are left out")
     if columns.missing:
@@ -102,7 +103,7 @@ def _cloud(name: str, columns: CloudColumns, notes: list[str]) -> np.ndarray:
     return columns.records()
 
 
-def _pairs(trace: Collector | None, rows: np.ndarray | None, state: Joints | None) -> tuple[np.ndarray, np.ndarray]:
+def _pairs(trace: Collector | None, rows: Records | None, state: Joints | None) -> tuple[Nanoseconds, Nanoseconds]:
     """Times on the system clock and on CLOCK_MONOTONIC: of the trace's blocks, else of `operator/state`."""
     if rows is not None and isinstance(trace, CloudColumns) and "deadline" in (rows.dtype.names or ()):
         begins, stamps = np.array(trace.begins, np.int64), np.array(trace.stamps, np.int64)

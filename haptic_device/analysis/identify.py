@@ -27,10 +27,10 @@ TINY, HUGE = 1e-3, 1e3  # times mass and damping of the beginning: where the sea
 class Trace(NamedTuple):
     """One axis of consecutive servo ticks: latch, write [s], position [m | rad], force on handle [N | N m]."""
 
-    time: np.ndarray
-    written: np.ndarray
-    position: np.ndarray
-    force: np.ndarray
+    time: Array
+    written: Array
+    position: Array
+    force: Array
 
 
 class Estimate(NamedTuple):

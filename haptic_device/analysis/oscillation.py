@@ -31,12 +31,12 @@ class Oscillation(NamedTuple):
 class Spectrum(NamedTuple):
     """Frequencies [Hz], power density [N²/Hz] over the whole time, and the oscillation, if there is one."""
 
-    frequency: np.ndarray
-    density: np.ndarray
+    frequency: npt.NDArray[np.floating]
+    density: npt.NDArray[np.floating]
     oscillation: Oscillation | None
 
 
-def spectrum_of(force: np.ndarray, rate: float, known: float = 0.0) -> Spectrum:
+def spectrum_of(force: Array, rate: float, known: float = 0.0) -> Spectrum:
     """Spectrum of a force (samples, axes) at this rate [Hz], all axes together.
 
     known: frequency [Hz] whose multiples are no oscillation, such as the exchange's, which makes the force a stair.
@@ -53,7 +53,7 @@ def spectrum_of(force: np.ndarray, rate: float, known: float = 0.0) -> Spectrum:
     return Spectrum(frequency, densities.mean(axis=1), _strongest(frequency, densities, begins, known))
 
 
-def _densities(force: Array, rate: float, length: int) -> np.ndarray:
+def _densities(force: Array, rate: float, length: int) -> npt.NDArray[np.float32]:
     """Power density (frequency, segment) of all axes together; the segments overlap by half."""
     density = np.zeros(1)
     for column in force.T:

@@ -6,8 +6,8 @@ A device `m ẍ + b ẋ = f_operator − u(t)` whose u is held over each period 
     b > (T/2) · Re{(1 − e^{−jωT}) H(e^{jωT})} / (1 − cos ωT)   for 0 ≤ ω ≤ π/T                                  (1)
 
 (Colgate, Stanley & Brown 1995), H having all its poles inside the unit circle. The mass stores and never gives
-more than it got, so it does not enter. For a wall or coupling (1) has the closed form of control/passivity.least_damping;
-here any H is searched. Near ω = 0 both parts vanish; with 1 − e^{−jθ} = 2j sin(θ/2) e^{−jθ/2} the
+more than it got, so it does not enter. For a wall or coupling (1) has the closed form that control/passivity has; here
+any H is searched. Near ω = 0 both parts vanish; with 1 − e^{−jθ} = 2j sin(θ/2) e^{−jθ/2} the
 ratio is −(T/2) Im{e^{−jθ/2} H}/sin(θ/2), and its limit at rest is T (H(1)/2 − H′(1)).
 """
 

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_device.analysis.quantity import Array
+
 TAP, AWAY, PRESS, HELD, GESTURE = 0.1, 0.25, 0.8, 1.0, 2.0  # [s] of the gesture: a tap until, pressed from, looked at
 COARSE, HARDLY = 1e-3, 0.5  # [m] travel that is shaking even where it fades, unless to less than this share
 LASTS = 0.8  # share of the shaking of the first half of that time that is still there in the second: it does not settle
@@ -24,11 +26,11 @@ GAP = 0.02  # [s] between two truths, beyond which such a balance is left out: o
 class GroundTruth(NamedTuple):
     """What the hand got, arrays: time [s], x [m], velocities along x and y [m/s], energy given to it [J]."""
 
-    time: np.ndarray
-    position: np.ndarray
-    velocity_x: np.ndarray
-    velocity_y: np.ndarray
-    energy_given: np.ndarray
+    time: Array
+    position: Array
+    velocity_x: Array
+    velocity_y: Array
+    energy_given: Array
 
 
 class Boundary(NamedTuple):

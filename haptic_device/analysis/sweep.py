@@ -29,7 +29,11 @@ class SchedulerError(ValueError):
 
 
 def spread(
-    function: Callable, jobs: dict, workers: int, scheduler: str = "", threads: bool = False
+    function: Callable[..., Any],
+    jobs: dict[Any, tuple[Any, ...]],
+    workers: int,
+    scheduler: str = "",
+    threads: bool = False,
 ) -> Generator[tuple[Any, Any], None, None]:
     """Yields (key, function(*arguments)) of jobs {key: arguments} as they are done, in whatever order.
 

@@ -73,9 +73,9 @@ OPERATORS = {
 class Outcome(NamedTuple):
     """What the cells did, arrays over the cells: verdict (QUIET, GIVING, SHAKING), energy given [J], growth."""
 
-    verdict: np.ndarray
-    energy_given: np.ndarray
-    growth: np.ndarray
+    verdict: npt.NDArray[np.int8]
+    energy_given: Array
+    growth: Array
 
 
 def check_setup(setup: Setup) -> None:
@@ -106,7 +106,9 @@ def run_cells(setup: Setup, operators: Sequence[Operator], stiffness: npt.ArrayL
     return Outcome(*(column.reshape(stiffness.shape) for column in (verdict.astype(np.int8), given, growth)))
 
 
-def _run(setup: Setup, operator: Operator, stiffness: Array, damping: Array) -> tuple[np.ndarray, Array, Array]:
+def _run(
+    setup: Setup, operator: Operator, stiffness: Array, damping: Array
+) -> tuple[npt.NDArray[np.int_], Array, Array]:
     record, outcomes = record_of(setup, operator), np.zeros(stiffness.size, wall_tapping.OUTCOME)
     wall_tapping.cells(record.view(np.recarray), stiffness, damping, outcomes.view(np.recarray))
     return _verdict(setup, operator, outcomes), outcomes["energy_given"], outcomes["growth"]

@@ -4,6 +4,7 @@
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from haptic_device.recording.layouts import CLOUD, PARTS, STAMPED, layout_of, stamp_of
 
@@ -24,7 +25,7 @@ class JointColumns:
     def __init__(self, type_name: str, entries: Entries | None = None) -> None:
         self._type_name, self._wanted = type_name, entries
         self._layout: Any = None  # of the first message
-        self._parts: list[np.ndarray] = []
+        self._parts: list[npt.NDArray[Any]] = []
         self._count = 0
         self._kept: list[bool] = []
 
@@ -42,11 +43,11 @@ class JointColumns:
             part[before : self._count] = piece
 
     @property
-    def kept(self) -> np.ndarray:
+    def kept(self) -> npt.NDArray[np.bool_]:
         """Which messages are in the arrays."""
         return np.array(self._kept, bool)
 
-    def arrays(self) -> list[np.ndarray]:
+    def arrays(self) -> list[npt.NDArray[Any]]:
         """Stamps [ns], then position, velocity, effort as (messages, names)."""
         for part in self._parts:
             part.resize((self._count, *part.shape[1:]), refcheck=False)
@@ -69,8 +70,9 @@ class CloudColumns:
     the first record of each. A column that the messages lack is NaN and stands in `missing`.
     """
 
-    def __init__(self, columns: np.dtype | None = None) -> None:
-        self._wanted, self._rows = columns, np.empty(0)
+    def __init__(self, columns: np.dtype[np.void] | None = None) -> None:
+        self._wanted = columns
+        self._rows: npt.NDArray[Any] = np.empty(0)
         self._layout: Any = None  # of the first message
         self.stamps: list[int] = []
         self.begins: list[int] = []
@@ -94,17 +96,17 @@ class CloudColumns:
         _make_room(self._rows, self._count)
         self._fill(self._rows[before : self._count], np.frombuffer(b"".join(pieces), self._layout.record))
 
-    def records(self) -> np.ndarray:
+    def records(self) -> npt.NDArray[np.void]:
         """All records as one structured array."""
         self._rows.resize(self._count, refcheck=False)
         return self._rows
 
-    def _subset(self, wanted: np.dtype) -> np.dtype:
+    def _subset(self, wanted: np.dtype[np.void]) -> np.dtype[np.void]:
         there = self._layout.record
         self.missing = [n for n in wanted.names or () if n not in there.names or there[n].shape != wanted[n].shape]
         return wanted
 
-    def _fill(self, target: np.ndarray, rows: np.ndarray) -> None:
+    def _fill(self, target: npt.NDArray[Any], rows: npt.NDArray[Any]) -> None:
         if self._wanted is None:
             target[:] = rows
             return
@@ -112,7 +114,7 @@ class CloudColumns:
             target[name] = np.nan if name in self.missing else rows[name]
 
 
-def _make_room(rows: np.ndarray, count: int) -> None:
+def _make_room(rows: npt.NDArray[Any], count: int) -> None:
     """Grows in place, where the operating system can: the whole is never there twice."""
     if count > len(rows):
         rows.resize((count + count // 8, *rows.shape[1:]), refcheck=False)

@@ -36,9 +36,9 @@ class JointSample(NamedTuple):
     """One JointState's stamp [ns of the sender's ROS clock] and numbers, each array in the order of the names."""
 
     stamp_ns: int
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
+    position: npt.NDArray[np.float64]
+    velocity: npt.NDArray[np.float64]
+    effort: npt.NDArray[np.float64]
 
 
 class _Template:
@@ -125,7 +125,7 @@ class _Sized(_Layout):
             self._reals.pack_into(data, offset, *numbers)
         return bytes(data)
 
-    def arrays(self, messages: list[bytes]) -> list[np.ndarray]:
+    def arrays(self, messages: list[bytes]) -> list[npt.NDArray[Any]]:
         """Of bytes that match: stamps [ns], then position, velocity, effort (messages, names), NaN if not there."""
         rows = np.frombuffer(b"".join(messages), self._record)
         none = np.full((len(rows), self.count), np.nan)

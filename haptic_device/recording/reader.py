@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, Protocol
 
 import numpy as np
+import numpy.typing as npt
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -131,9 +132,9 @@ Choice = Callable[[str, str], Collector | None]
 class Times(NamedTuple):
     """Of each message: received and published in ns of the system clock, and the publisher's sequence."""
 
-    received: np.ndarray
-    published: np.ndarray
-    sequence: np.ndarray
+    received: npt.NDArray[np.int64]
+    published: npt.NDArray[np.int64]
+    sequence: npt.NDArray[np.int64]
 
 
 class Topic:

@@ -26,7 +26,7 @@ class Found:
     """What can be read of the bag's files: their spans, and by topic its metadata, its messages, what was skipped."""
 
     spans: list[FileSpan] = field(default_factory=list)
-    topics: dict[str, dict] = field(default_factory=dict)
+    topics: dict[str, dict[str, Any]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
     skipped: dict[str, Skipped] = field(default_factory=dict)
     renewed: bool = False
@@ -135,7 +135,7 @@ def _metadata(bag: Path, found: Found) -> str:
     return f"{METADATA} is written: {sum(found.counts.values())} messages in {len(found.spans)} files"
 
 
-def _said(path: Path) -> dict:
+def _said(path: Path) -> dict[str, Any]:
     """What metadata.yaml says; empty if there is none, or it is none."""
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))

@@ -8,7 +8,7 @@ Each file holds all schemas, channels and attachments, so that it can be read al
 
 import os
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 from mcap.writer import Writer
 
@@ -70,7 +70,7 @@ class Bag:
         """Creates `folder` and its first file; 0 never splits. Raises ValueError if the folder holds something."""
         self.folder = folder
         self._split_bytes, self._split_ns = split_bytes, int(split_seconds * 1e9)
-        self._topics: list[dict] = []
+        self._topics: list[dict[str, Any]] = []
         self._counts: list[int] = []
         self._attachments: dict[str, tuple[int, int, str, str, bytes]] = {}
         self._files: list[FileSpan] = []
@@ -91,7 +91,7 @@ class Bag:
         self._attachments[name] = now, now, name, media_type, data
         self._writer.add_attachment(*self._attachments[name])
 
-    def add_topic(self, name: str, type_name: str, offered_qos: list[dict]) -> int:
+    def add_topic(self, name: str, type_name: str, offered_qos: list[dict[str, Any]]) -> int:
         """Registers a topic, returns its channel. Raises ValueError for a type that Jazzy's common messages lack."""
         try:
             type_hash = types().hash_rihs01(type_name)
@@ -157,7 +157,7 @@ class Bag:
         finally:
             self._disk.close()
 
-    def _register(self, topic: dict) -> int:
+    def _register(self, topic: dict[str, Any]) -> int:
         metadata = {
             "offered_qos_profiles": dump(topic["offered_qos_profiles"]),
             "topic_type_hash": topic["type_description_hash"],

@@ -41,7 +41,7 @@ class Figure(NamedTuple):
 
     name: str
     caption: str
-    draw: Callable
+    draw: Callable[..., None]
     height: float = 3.0
     wide: int = 1
 

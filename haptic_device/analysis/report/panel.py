@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from haptic_device.analysis.quantity import Array
@@ -187,13 +188,13 @@ def _time(run: Run) -> str:
     return f"time since first {'motor command' if run.traced else 'message'} [s]"
 
 
-def _line(axes: Axes, time: Array, values: Array, colour: str, label: str, **style: Any) -> None:
+def _line(axes: Axes, time: Array, values: npt.NDArray[np.floating], colour: str, label: str, **style: Any) -> None:
     if len(time) == 0:
         return
     axes.plot(*thin(time, values), color=colour, linewidth=1.2, label=label, **style)
 
 
-def thin(time: Array, values: Array) -> tuple[Array, Array]:
+def thin(time: Array, values: npt.NDArray[np.floating]) -> tuple[Array, npt.NDArray[np.floating]]:
     """At most 2 POINTS of a line: the least and the largest value of each stretch."""
     if len(values) <= 2 * POINTS:
         return time, values

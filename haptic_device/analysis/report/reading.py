@@ -7,6 +7,7 @@ import numpy as np
 
 from haptic_device.analysis.bag_contents import Joints
 from haptic_device.analysis.bag_topics import TOPICS, load
+from haptic_device.analysis.quantity import Records
 from haptic_device.analysis.report.run import AXES, Run
 from haptic_device.recording.columns import Entries
 
@@ -65,7 +66,8 @@ def _without_trace(run: Run, error: ValueError) -> Run:
 
 def _no_numbers_in(topics: dict[str, Joints]) -> list[str]:
     """A sentence for each topic with values that are no numbers."""
-    counts = {name: np.isnan(np.hstack([j.position, j.velocity, j.effort])).any(axis=1) for name, j in topics.items()}
+    parts = {name: np.isnan(np.hstack([j.position, j.velocity, j.effort])) for name, j in topics.items()}
+    counts = {name: np.asarray(part.any(axis=1)) for name, part in parts.items()}
     return [
         f"topic {name}: {np.sum(n)} of {len(n)} messages have values that are no numbers"
         for name, n in counts.items()
@@ -78,7 +80,7 @@ def _name(bag: Path) -> str:
     return bag.parent.name if bag.name == "bag" else bag.name
 
 
-def _not_numbers(rows: np.ndarray) -> list[str]:
+def _not_numbers(rows: Records) -> list[str]:
     """A sentence for each column with values that are no numbers."""
     counts = {
         name: int(np.isnan(rows[name]).reshape(len(rows), -1).any(axis=1).sum()) for name in rows.dtype.names or ()

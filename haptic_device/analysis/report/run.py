@@ -3,14 +3,16 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import yaml
 
 from haptic_device.analysis.bag_contents import Joints, Recording
 from haptic_device.analysis.impedance import Impedance, fit, held_still
 from haptic_device.analysis.oscillation import Spectrum, spectrum_of
-from haptic_device.analysis.quantity import Array
+from haptic_device.analysis.quantity import Array, Flags, Nanoseconds, Records
 from haptic_device.analysis.report import summary
 from haptic_device.analysis.wall_contacts import Contact, contacts, touching
 from haptic_device.status import number
@@ -38,7 +40,7 @@ class Run:
         return not self.no_trace
 
     @cached_property
-    def rows(self) -> np.ndarray:
+    def rows(self) -> Records:
         """The ticks from the first to the last with the motor engaged, or all if it never was."""
         if self.no_trace:
             raise ValueError(self.no_trace)
@@ -61,7 +63,7 @@ class Run:
         return trace[np.argmax(engaged) : len(trace) - np.argmax(engaged[::-1])]
 
     @cached_property
-    def seconds(self) -> np.ndarray:
+    def seconds(self) -> Array:
         """Time of each tick [s] from the first."""
         return (self.rows["deadline"] - self.rows["deadline"][0]) * 1e-9
 
@@ -79,13 +81,13 @@ class Run:
         """From the first to the last tick, or message without a trace [s]."""
         return float(self.seconds[-1]) if self.traced else (self.span[1] - self.span[0]) * 1e-9
 
-    def since(self, time: np.ndarray) -> np.ndarray:
+    def since(self, time: Nanoseconds) -> Array:
         """Times of the system clock [ns] as times from the first tick, or message without a trace [s]."""
         if not self.traced:
-            return (time - self.span[0]) * 1e-9
+            return np.multiply(time - self.span[0], 1e-9, dtype=float)
         return (self.recording.monotonic(time) - self.rows["deadline"][0]) * 1e-9
 
-    def places(self, axis: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def places(self, axis: int) -> dict[str, tuple[Array, Array]]:
         """Of handle and tool: times [s] and place [m | rad]. Raises ValueError if there is neither."""
         if not self.traced:
             return self._by_topic({"handle": "handle", "tool": "tool"}, "position", axis)
@@ -96,14 +98,14 @@ class Run:
             "tool": (self.seconds[chosen], self.rows["tool_position"][chosen, axis]),
         }
 
-    def forces(self, axis: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def forces(self, axis: int) -> dict[str, tuple[Array, Array]]:
         """On the handle in all, and of the coupling: times [s] and force [N | N m]. Raises ValueError if neither."""
         if not self.traced:
             return self._by_topic({"on handle": "motor", "of the coupling": "handle"}, "effort", axis)
         columns = {"on handle": "force_on_handle", "of the coupling": "force_coupling"}
         return {name: (self.seconds, self.rows[column][:, axis]) for name, column in columns.items()}
 
-    def _by_topic(self, topics: dict[str, str], part: str, axis: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def _by_topic(self, topics: dict[str, str], part: str, axis: int) -> dict[str, tuple[Array, Array]]:
         """Times and values of one axis of the topics that there are, zero where a topic lacks it."""
         found, name = {}, AXES[axis]
         for label, topic in topics.items():
@@ -124,17 +126,17 @@ class Run:
         during = (time >= 0.0) & (time <= self.seconds[-1])
         first, count = int(np.argmax(during)), int(during.sum())
         chosen = slice(first, first + count) if during[first : first + count].all() else during  # a view, if it can be
-        return Joints(state.names, *(column[chosen] for column in state[1:]))
+        return Joints._make((state.names, *(column[chosen] for column in state[1:])))
 
     @cached_property
-    def ground_truth_seconds(self) -> np.ndarray:
+    def ground_truth_seconds(self) -> Array:
         """Time of each truth [s] from the first tick."""
         if not self.traced:
             return self.since(self.ground_truth.published)
         return self.ground_truth.entry("time") - self.rows["deadline"][0] * 1e-9
 
     @cached_property
-    def tool_energy(self) -> np.ndarray:
+    def tool_energy(self) -> npt.NDArray[np.float32]:
         """Work [J] of the coupling on the tool up to each tick, by the tool samples as the servo got them (trapezoids).
 
         The energy that the trace itself has of a tool sample is what the exchange ships, another thing.
@@ -146,7 +148,7 @@ class Run:
         return np.append(np.float32(0.0), np.cumsum(work, dtype=float).astype(np.float32))
 
     @property
-    def distance(self) -> np.ndarray:
+    def distance(self) -> npt.NDArray[np.floating]:
         """From handle to tool in the plane [m] at each tick with a tool. Raises ValueError if there is none."""
         there = self.rows["tool_age"] >= 0
         if not there.any():
@@ -163,7 +165,7 @@ class Run:
             return {"T": f"{summary.period(self.rows) * 1e6:.0f} µs"} if self.traced else {}
 
     @cached_property
-    def touch(self) -> np.ndarray:
+    def touch(self) -> Flags:
         """Whether each tick was in contact; without a trace, the tool at each of its messages."""
         if not self.traced:
             return self.recording.joint("tool").entry("contact") > 0.0
@@ -185,7 +187,7 @@ class Run:
         return spectrum_of(self.rows["force_on_handle"][:, :2], 1.0 / summary.period(self.rows), exchange)
 
     @cached_property
-    def physical_damping(self) -> np.ndarray:
+    def physical_damping(self) -> Array:
         """b of each axis [N s/m, N m s/rad] as the driver says it; NaN where it does not."""
         said = self.recording.last_values("haptic_driver").get("physical_damping", "")
         values = [number(word) for word in said.split(",") if word.strip()]
@@ -223,12 +225,12 @@ class Run:
                     found[kind, axis] = fitted
         return found
 
-    def _held_to(self, axis: int, place: np.ndarray) -> np.ndarray:
+    def _held_to(self, axis: int, place: npt.NDArray[np.intp]) -> Array:
         """Where the tool is in this axis; 0 where a wall holds the handle."""
         tool = self.rows["tool_position"][place, axis].astype(float)
         return np.where(np.abs(self.rows["force_walls"][place]).max(axis=1) > 0.0, 0.0, tool)
 
-    def _felt(self) -> tuple[np.ndarray, dict[str, tuple]]:
+    def _felt(self) -> tuple[Array, dict[str, tuple[Array, Array, Array]]]:
         """Times [s], and position, velocity, minus motor force of each axis: of the truth, else of the trace."""
         state = self.recording.joints.get("operator/state")
         names = [name for name in AXES if state and name in state.names and f"motor_{name}" in state.names]
@@ -241,7 +243,7 @@ class Run:
         }
         return self.ground_truth_seconds, parts
 
-    def _felt_by_servo(self) -> tuple[np.ndarray, dict[str, tuple]]:
+    def _felt_by_servo(self) -> tuple[Array, dict[str, tuple[Array, Array, Array]]]:
         """The same as the servo saw it: means of some ticks, which an encoder's steps hardly touch."""
         count = len(self.rows) // AVERAGED * AVERAGED
 
@@ -262,7 +264,7 @@ class Run:
         seconds = self.since(np.array([mark.time for mark in self.recording.marks], np.int64))
         return [(float(time), mark.text) for time, mark in zip(seconds, self.recording.marks, strict=True)]
 
-    def attached(self, name: str) -> dict:
+    def attached(self, name: str) -> dict[str, Any]:
         """An attachment in YAML; empty if there is none, or it is none."""
         try:
             content = yaml.safe_load(self.recording.attachments.get(name, b""))

@@ -2,6 +2,7 @@
 """The table of a report: what ran and what came of it, name by name, as text; what cannot be had says why."""
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -182,7 +183,7 @@ def _trial(run: Run) -> Entries:
         yield f"mark at {time:.3f} s", text
 
 
-def _three(found: dict, unit: str) -> str:
+def _three(found: dict[str, Any], unit: str) -> str:
     values = [found[name] for name in ("p50", "p99", "max")]
     return MISSING if None in values else ", ".join(map(_plain, values)) + f" {unit}"
 
