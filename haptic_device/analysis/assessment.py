@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One display judged: passive, stable, with any simulation behind the coupling; by how much, and what to change."""
+"""Assessment of a display: passive, stable, with any simulation behind the coupling; by how much, what to change."""
 
 from collections.abc import Iterator
 from math import isfinite, tau

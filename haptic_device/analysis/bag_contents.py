@@ -92,7 +92,7 @@ class Mark(NamedTuple):
 class Recording:
     """The topics of one namespace by their short names, the diagnostics by name, and what was wrong with the bag.
 
-    pairs: times [ns] at once on the system clock and on CLOCK_MONOTONIC, for `monotonic`. counts, skipped: of each
+    pairs: the same instants [ns] on the system clock and on CLOCK_MONOTONIC, for `monotonic`. counts, skipped: of each
     topic the messages, and what its publisher's numbers say of those that never came.
     """
 

@@ -70,7 +70,7 @@ def largest_stiffness_for_any_simulation(
 def supply(response: Complexes, angle: Array) -> Array:
     """|H|² Re{Ī/H} |z − 1|²/T over 1 − cos θ: what the coupling itself takes from an exchange [N/m].
 
-    At rest it is H(1) + 2 dH/dz.
+    response: H at the angles θ [rad], both (angles). At rest it is H(1) + 2 dH/dz.
     """
     return np.imag(np.exp(0.5j * angle) * response) / np.sin(0.5 * angle)
 

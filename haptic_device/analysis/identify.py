@@ -25,7 +25,7 @@ TINY, HUGE = 1e-3, 1e3  # times mass and damping of the beginning: where the sea
 
 
 class Trace(NamedTuple):
-    """One axis of consecutive servo ticks: latch, write [s], position [m | rad], force on handle [N | N m]."""
+    """One axis of consecutive servo ticks, (ticks): latch, write [s], position [m | rad], force on handle [N | N m]."""
 
     time: Array
     written: Array

@@ -50,7 +50,7 @@ class Impedance(NamedTuple):
 def fit(
     time: Array, position: Array, velocity: Array, force: Array, groups: npt.NDArray[np.int_] | None = None
 ) -> Impedance | None:
-    """Fits one axis; times [s] increasing, groups: number of the contact of each sample (their own constant c).
+    """Fits one axis; all (samples), times [s] increasing. groups: number of the contact of each sample, for its c.
 
     None where there are too few samples, or the axis hardly moved. Samples that are not finite are left out.
     """

@@ -15,7 +15,7 @@ POINTS = 61
 
 
 def save_map(display: Display, assessment: Assessment, path: Path) -> None:
-    """Write the figure of a judged display as PNG; OSError if the file cannot be written."""
+    """Write the figure of an assessed display as PNG; OSError if the file cannot be written."""
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
     axes = figure.subplots()
     draw_map(axes, display)

@@ -24,7 +24,7 @@ GAP = 0.02  # [s] between two truths, beyond which such a balance is left out: o
 
 
 class GroundTruth(NamedTuple):
-    """What the hand got, arrays: time [s], x [m], velocities along x and y [m/s], energy given to it [J]."""
+    """What the hand got, each (samples): time [s], x [m], velocities along x and y [m/s], energy given to it [J]."""
 
     time: Array
     position: Array

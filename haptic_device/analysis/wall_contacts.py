@@ -20,7 +20,7 @@ class Contact(NamedTuple):
 
 
 def touching(rows: Records) -> Flags:
-    """Whether each tick was in contact: the tool with the scene, or the handle with a wall."""
+    """Whether each tick was in contact, (ticks): the tool with the scene, or the handle with a wall."""
     there = [name for name in ("tool_contact", "force_walls") if name in (rows.dtype.names or ())]
     touch = np.zeros(len(rows), bool)
     for name in there:
@@ -30,7 +30,7 @@ def touching(rows: Records) -> Flags:
 
 
 def contacts(seconds: Array, touch: Flags, force: Array) -> list[Contact]:
-    """The contacts in the order of time; force: (ticks, 2) on the handle."""
+    """The contacts in the order of time; seconds and touch: (ticks), force: (ticks, 2) on the handle [N]."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], touch, [False]]).astype(np.int8)))
     joined: list[list[int]] = []
     for begin, end in edges.reshape(-1, 2):

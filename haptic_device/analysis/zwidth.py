@@ -71,9 +71,9 @@ OPERATORS = {
 
 
 class Outcome(NamedTuple):
-    """What the cells did, arrays over the cells: verdict (QUIET, GIVING, SHAKING), energy given [J], growth."""
+    """What the cells did, arrays over the cells: assessment (QUIET, GIVING, SHAKING), energy given [J], growth."""
 
-    verdict: npt.NDArray[np.int8]
+    assessment: npt.NDArray[np.int8]
     energy_given: Array
     growth: Array
 
@@ -102,8 +102,8 @@ def run_cells(setup: Setup, operators: Sequence[Operator], stiffness: npt.ArrayL
     finite("damping", damping, "N s/m")
     stiffness, damping = (np.array(a, float) for a in np.broadcast_arrays(stiffness, damping))
     outcomes = [_run(setup, operator, stiffness.ravel(), damping.ravel()) for operator in operators]
-    verdict, given, growth = (np.max(column, axis=0) for column in zip(*outcomes, strict=True))
-    return Outcome(*(column.reshape(stiffness.shape) for column in (verdict.astype(np.int8), given, growth)))
+    assessment, given, growth = (np.max(column, axis=0) for column in zip(*outcomes, strict=True))
+    return Outcome(*(column.reshape(stiffness.shape) for column in (assessment.astype(np.int8), given, growth)))
 
 
 def _run(
@@ -111,7 +111,7 @@ def _run(
 ) -> tuple[npt.NDArray[np.int_], Array, Array]:
     record, outcomes = record_of(setup, operator), np.zeros(stiffness.size, wall_tapping.OUTCOME)
     wall_tapping.cells(record.view(np.recarray), stiffness, damping, outcomes.view(np.recarray))
-    return _verdict(setup, operator, outcomes), outcomes["energy_given"], outcomes["growth"]
+    return _assessment(setup, operator, outcomes), outcomes["energy_given"], outcomes["growth"]
 
 
 def record_of(setup: Setup, operator: Operator) -> npt.NDArray[np.void]:
@@ -128,7 +128,7 @@ def record_of(setup: Setup, operator: Operator) -> npt.NDArray[np.void]:
     return record
 
 
-def _verdict(setup: Setup, operator: Operator, outcomes: npt.NDArray[np.void]) -> npt.NDArray[np.int_]:
+def _assessment(setup: Setup, operator: Operator, outcomes: npt.NDArray[np.void]) -> npt.NDArray[np.int_]:
     """Shaking is energy of motion that grows or has grown, beyond two encoder steps; giving is more than there was."""
     begin = outcomes["beginning"]
     steps = 0.5 * (operator.stiffness + operator.push / 1e-3) * (2.0 * setup.resolution) ** 2

@@ -33,7 +33,7 @@ def draw_cells(axes: Axes, request: Request, plane: Plane, lateness: float = 0.0
     axes.pcolormesh(
         request.damping,
         stiffness,
-        plane.outcome.verdict.T,
+        plane.outcome.assessment.T,
         cmap=ListedColormap(COLOURS),
         vmin=0,
         vmax=2,

@@ -69,16 +69,16 @@ def boundaries(request: Request, plane: Plane, lateness: float = 0.0) -> dict[st
     """K [N/m] over B up to which all cells are `quiet`, and none shakes (`not shaking`), and the largest K of theory.
 
     One cell that is otherwise hides all above it, which may be quiet again: the map shows them."""
-    verdict = plane.outcome.verdict
+    assessment = plane.outcome.assessment
     return {
-        "quiet": _first(request.stiffness, verdict > 0),
-        "not shaking": _first(request.stiffness, verdict == SHAKING),
+        "quiet": _first(request.stiffness, assessment > 0),
+        "not shaking": _first(request.stiffness, assessment == SHAKING),
         **theory(request.setup, request.damping, lateness),
     }
 
 
 def write_csv(path: Path, request: Request, plane: Plane) -> None:
-    """A line a cell of the rows that are done: B, K, verdict (0 quiet, 1 gives energy, 2 shakes), energy, growth."""
+    """A line a cell of the finished rows: B, K, what it did (0 quiet, 1 gives energy, 2 shakes), energy, growth."""
     damping, stiffness = np.meshgrid(request.damping, request.stiffness, indexing="ij")
     columns = [column[plane.done].ravel() for column in (damping, stiffness, *plane.outcome)]
     head = "damping_ns_per_m,stiffness_n_per_m,verdict,energy_given_j,growth"

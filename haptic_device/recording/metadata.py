@@ -72,7 +72,7 @@ def _times(span: FileSpan) -> dict[str, Any]:
 
 
 class _Plain(yaml.SafeDumper):
-    """Writes what stands twice twice: not every reader of metadata.yaml knows anchors."""
+    """Repeats what occurs twice, without an anchor: not every reader of metadata.yaml knows anchors."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True

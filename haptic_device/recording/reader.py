@@ -130,7 +130,7 @@ Choice = Callable[[str, str], Collector | None]
 
 
 class Times(NamedTuple):
-    """Of each message: received and published in ns of the system clock, and the publisher's sequence."""
+    """Of each message, (messages): received and published in ns of the system clock, and the publisher's sequence."""
 
     received: npt.NDArray[np.int64]
     published: npt.NDArray[np.int64]

@@ -88,7 +88,7 @@ def contact_events(axes: Axes, run: Run) -> None:
 
 
 def energies(axes: Axes, run: Run) -> None:
-    """Energy given to the operator by truth and by the servo's books, and what went through the other ports."""
+    """Energy given to the operator by the ground truth and by the servo's account, and through the other ports."""
     if run.traced:
         booked = run.rows["energy_given"].sum(axis=1) * 1e3
         _line(axes, run.seconds, booked, ORANGE, "to the operator, servo's books", dashes=_BACK)

@@ -130,7 +130,7 @@ class Run:
 
     @cached_property
     def ground_truth_seconds(self) -> Array:
-        """Time of each truth [s] from the first tick."""
+        """Time of each sample of the ground truth [s] from the first tick."""
         if not self.traced:
             return self.since(self.ground_truth.published)
         return self.ground_truth.entry("time") - self.rows["deadline"][0] * 1e-9
