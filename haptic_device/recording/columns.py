@@ -66,8 +66,8 @@ class JointColumns:
 class CloudColumns:
     """Records of a PointCloud2 topic: with the columns and types of a structured type, or all as they are.
 
-    others: messages of another layout than the first, which are left out. Of the messages taken: stamps [ns], and begins,
-    the index of each one's first record. A column that the messages lack is NaN and stands in `missing`.
+    others: messages of another layout than the first, which are left out. Of the messages taken: stamps [ns], and
+    begins, the index of each one's first record. A column that the messages lack is NaN and stands in `missing`.
     """
 
     def __init__(self, columns: np.dtype[np.void] | None = None) -> None:

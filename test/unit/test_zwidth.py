@@ -174,6 +174,15 @@ def test_energy_of_motion_is_above_the_place_where_friction_holds():
     assert energy(0.5, 1e-9) == pytest.approx(energy(0.5, -1e-9), rel=1e-5)
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.7, 1.0, 1.6])
+def test_the_line_of_late_writes_never_lies_above_what_a_delay_as_long_allows_and_meets_it_without_damper(delay):
+    damping = np.linspace(-0.4, 0.4, 9)
+    late = theory(Setup(0.1, 0.5, 1e-3, delay_samples=delay), damping, lateness=2e-4)["late writes"]
+    delayed = np.array([largest_passive_stiffness(0.5, B, 1e-3, 0.0, delay + 0.2) for B in damping])
+    assert np.all(late <= delayed * (1.0 + 1e-9))
+    assert late[4] == pytest.approx(delayed[4], rel=1e-9)
+
+
 def test_lines_of_theory_lie_in_their_order():
     lines = theory(Setup(0.1, 0.5, 1e-3), np.linspace(-0.4, 0.4, 9), lateness=1e-4)
     assert np.all(lines["late writes"] < lines["passive"])
