@@ -19,7 +19,7 @@ unexport PYTHONDONTWRITEBYTECODE
 help:
 	@echo "make setup   create .venv with everything (no root needed)"
 	@echo "make demo    peg into hole through three live nodes; options: make demo ARGS='--seconds 20'"
-	@echo "make check   lint, import contracts, and all tests that need no live node"
+	@echo "make check   lint, types, import contracts, and all tests that need no live node"
 	@echo "make test    make check, and the tests of live nodes"
 	@echo "make soak    what takes long or breaks things on purpose: packages, searches, chaos, interrupts"
 	@echo "make bench   measurements in their short form, and the table of docs/performance.md made of them"
@@ -62,6 +62,7 @@ check: setup
 	@$(BIN)/haptic compile  # what was edited since
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python -m pytest test/unit -n 2 --dist worksteal
 
@@ -88,4 +89,4 @@ docs: setup
 	$(BIN)/haptic docs --faults --out docs/faults.md
 
 clean:
-	rm -rf $(VENV) build install log dist *.egg-info .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build install log dist *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis .import_linter_cache

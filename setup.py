@@ -27,6 +27,7 @@ TEST = [
     "colcon-common-extensions>=0.3",
     "hypothesis>=6.100",
     "import-linter>=2.3",
+    "mypy>=1.15",
     *DATAFRAME,
     *SWEEP,
     "pytest>=8",
@@ -59,7 +60,12 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.11",
     packages=find_packages(include=["haptic_device", "haptic_device.*", "haptic_sim", "haptic_sim.*"]),
-    package_data={"haptic_sim.compile": ["*.csv"], "haptic_sim.viewer": ["web/*"]},
+    package_data={
+        "haptic_device": ["py.typed"],
+        "haptic_sim": ["py.typed"],
+        "haptic_sim.compile": ["*.csv"],
+        "haptic_sim.viewer": ["web/*"],
+    },
     data_files=installed_files(),
     zip_safe=False,
     install_requires=[

@@ -2,7 +2,7 @@
 """Device description: what a haptic device is made of, in SI, read from YAML."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -55,7 +55,7 @@ class Axis(Part):
     coulomb: NotNegative = 0.0
 
     @model_validator(mode="after")
-    def _sensible(self):
+    def _sensible(self) -> Self:
         if self.workspace[0] >= self.workspace[1]:
             raise ValueError(f"workspace is {list(self.workspace)}; write [low, high]")
         if self.damping / self.mass > MOST_STIFF:
@@ -83,18 +83,18 @@ class Device(Part):
     drag_sensor: DragSensor = DragSensor()
 
     @model_validator(mode="after")
-    def _axes_in_order(self):
+    def _axes_in_order(self) -> Self:
         names = tuple(axis.name for axis in self.axes)
         if names != AXES[: len(names)]:
             raise ValueError(f"axes are {', '.join(names)}; write x, or x and y, or x, y and theta, in this order")
         return self
 
-    def weight(self, axis):
+    def weight(self, axis: int) -> float:
         """Force of gravity on the handle [N] along axis 0…2."""
         return self.axes[axis].mass * self.gravity[axis] if axis < min(2, len(self.axes)) else 0.0
 
 
-def load_device(name):
+def load_device(name: str | Path) -> Device:
     """The device of this name (config/devices) or file. Raises ValueError, one sentence; FileNotFoundError likewise."""
     path = find("devices", name)
     try:
@@ -108,7 +108,7 @@ def load_device(name):
         raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
 
 
-def _sentence(error):
+def _sentence(error: ValidationError) -> str:
     """The first problem of a validation: where, what was given, what is wanted."""
     first = error.errors()[0]
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import yaml
 
-from haptic_device.analysis.bag_topics import Recording, load
+from haptic_device.analysis.bag_contents import Recording
+from haptic_device.analysis.bag_topics import load
 from haptic_device.description import Device, load_device
 from haptic_device.parameter import SECTION, Parameter, check_value
 from haptic_device.recording.columns import Entries

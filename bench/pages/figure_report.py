@@ -16,7 +16,7 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from haptic_device.analysis.report.page import write_report
-from haptic_device.analysis.report.run import read_run
+from haptic_device.analysis.report.reading import read_run
 
 ROOT = Path(__file__).parents[2]
 SIZE = {"width": 760, "height": 1600}

@@ -10,15 +10,15 @@ from matplotlib.figure import Figure
 
 from adversary.switching import switched_cancellation_damping
 from haptic_device.analysis.assessment import Display
-from haptic_device.analysis.closed_forms import (
-    delayed_wall_damping,
-    fractionally_delayed_spring_damping,
-    wall_damping,
-)
-from haptic_device.analysis.coupling_damping import wall_damping_for_any_simulation
 from haptic_device.analysis.delay import delayed_demand, wall_damping_needed
 from haptic_device.analysis.passivity_figure import draw_map
 from haptic_device.analysis.transfer import wall_transfer
+from reference.closed_forms import (
+    delayed_wall_damping,
+    fractionally_delayed_spring_damping,
+    wall_damping,
+    wall_damping_for_any_simulation,
+)
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 

@@ -4,16 +4,16 @@
 import numpy as np
 
 from adversary.switching import switched_cancellation_damping
-from haptic_device.analysis.closed_forms import (
+from haptic_device.analysis.mu import mu_margin
+from haptic_device.analysis.passivity import least_damping
+from haptic_device.analysis.stability import largest_stable_stiffness
+from haptic_device.analysis.transfer import wall_transfer
+from reference.closed_forms import (
     delayed_wall_damping,
     fractionally_delayed_spring_damping,
     lagged_wall_damping,
     wall_damping,
 )
-from haptic_device.analysis.mu import mu_margin
-from haptic_device.analysis.passivity import least_damping
-from haptic_device.analysis.stability import largest_stable_stiffness
-from haptic_device.analysis.transfer import wall_transfer
 
 DRAWS = 2000
 

@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One display judged: passive, stable, with any simulation behind the coupling; by how much, and what to change."""
+"""Assessment of a display: passive, stable, with any simulation behind the coupling; by how much, what to change."""
 
+from collections.abc import Iterator
 from math import isfinite, tau
 from typing import NamedTuple
 
-from haptic_device.analysis.closed_forms import coulomb_friction_needed
+import numpy as np
+
 from haptic_device.analysis.coupling_damping import (
     largest_stiffness_for_any_simulation,
     least_damping_for_any_simulation,
 )
 from haptic_device.analysis.delay import largest_passive_stiffness, wall_damping_needed
 from haptic_device.analysis.mu import mu_margin
-from haptic_device.analysis.quantity import positive, within
+from haptic_device.analysis.quantity import Quantity, not_negative, positive, within
 from haptic_device.analysis.stability import largest_stable_stiffness, spectral_radius
 from haptic_device.analysis.transfer import wall_transfer
 
@@ -42,8 +44,8 @@ class Display(NamedTuple):
     coulomb: float = 0.0
 
 
-class Verdict(NamedTuple):
-    """What `judge` finds. Margins are positive on the safe side; infinite needs mean that no damping is enough."""
+class Assessment(NamedTuple):
+    """What `assess` finds. Margins are positive on the safe side; infinite needs mean that no damping is enough."""
 
     passive: bool
     stable: bool
@@ -64,7 +66,7 @@ class Verdict(NamedTuple):
     """Largest stiffness of a coupling to any passive simulation in step; friction is not asked here [N/m]."""
 
 
-def check_display(display):
+def check_display(display: Display) -> None:
     """Refuse what cannot be a display (ValueError, one sentence)."""
     for name in ("physical_damping", "period", "mass"):
         positive(name, getattr(display, name), LIMITS[name][2])
@@ -73,8 +75,8 @@ def check_display(display):
     within("velocity_lag", display.velocity_lag, 0.0, 1e6 * display.period, "s")
 
 
-def judge(display):
-    """The Verdict on a display. Passive: b beyond what the wall needs, and friction that covers the encoder step.
+def assess(display: Display) -> Assessment:
+    """The Assessment on a display. Passive: b beyond what the wall needs, and friction that covers the encoder step.
 
     Stable is meant without an operator. Refuses b ≤ 0, T ≤ 0, m ≤ 0, K < 0 and anything that is not finite.
     """
@@ -85,7 +87,7 @@ def judge(display):
     coupling = wall_transfer(stiffness, damping, period, lag)
     any_simulation = float(least_damping_for_any_simulation(coupling, period, delay_samples=delay).damping)
     mu = float(mu_margin(coupling, period, physical_damping, delay_samples=delay))
-    return Verdict(
+    return Assessment(
         passive=bool(wall.damping < physical_damping and friction <= coulomb),
         stable=bool(spectral_radius(stiffness, damping, mass, physical_damping, period, delay, lag) < 1.0),
         margin=float(physical_damping - wall.damping),
@@ -101,40 +103,54 @@ def judge(display):
     )
 
 
-def advise(display, verdict):
+def coulomb_friction_needed(
+    stiffness: Quantity, damping: Quantity, period: Quantity, resolution: Quantity, velocity_lag: Quantity = 0.0
+) -> Quantity:
+    """Coulomb friction f_c that covers the encoder step Δ: half of Δ Σ|h_k|, h the impulse response of H [N].
+
+    Each sample is off by at most Δ/2, so the force is off by at most that, and friction f_c takes at least as much from
+    every displacement; b must satisfy its own condition beside it. For B ≥ 0 and no lag: (K + 2B/T) Δ ≤ 2 f_c
+    (Abbott & Okamura 2005 for B = 0).
+    """
+    not_negative("resolution", resolution, "m")
+    viscous = np.asarray(damping) / (period + velocity_lag)
+    return 0.5 * resolution * (np.abs(stiffness + viscous) + np.abs(viscous))
+
+
+def advise(display: Display, assessment: Assessment) -> str:
     """One sentence: what holds, and what to change if it does not."""
-    if not verdict.passive:
-        lacks = "; ".join(_lacks(display, verdict))
-        return f"Not passive: {lacks}; supply that or {_softer(verdict)}{_alone(verdict)}."
-    spare = f"{verdict.margin:.3g} N s/m of physical damping to spare"
-    if not verdict.mu_passive:
-        need = f"b > {verdict.b_required_mu:.4g} N s/m" if isfinite(verdict.b_required_mu) else "no b is enough"
+    if not assessment.passive:
+        lacks = "; ".join(_lacks(display, assessment))
+        return f"Not passive: {lacks}; supply that or {_softer(assessment)}{_alone(assessment)}."
+    spare = f"{assessment.margin:.3g} N s/m of physical damping to spare"
+    if not assessment.mu_passive:
+        need = f"b > {assessment.b_required_mu:.4g} N s/m" if isfinite(assessment.b_required_mu) else "no b is enough"
         return f"Passive as a wall, with {spare}, but not as a coupling to any passive simulation ({need})."
-    most = min(verdict.stiffness_max_passive, verdict.stiffness_max_mu)
+    most = min(assessment.stiffness_max_passive, assessment.stiffness_max_mu)
     return f"Passive with {spare}; the stiffness could rise to {most:.5g} N/m."
 
 
-def _lacks(display, verdict):
-    if verdict.margin <= 0.0:
-        yield f"it needs b > {verdict.b_required:.4g} N s/m and the device has {display.physical_damping:.4g}"
-    if verdict.coulomb_required > display.coulomb:
-        need, step = verdict.coulomb_required, display.resolution
+def _lacks(display: Display, assessment: Assessment) -> Iterator[str]:
+    if assessment.margin <= 0.0:
+        yield f"it needs b > {assessment.b_required:.4g} N s/m and the device has {display.physical_damping:.4g}"
+    if assessment.coulomb_required > display.coulomb:
+        need, step = assessment.coulomb_required, display.resolution
         yield f"an encoder step of {step:.3g} m needs {need:.3g} N of friction and the device has {display.coulomb:.3g}"
 
 
-def _softer(verdict):
-    if verdict.stiffness_max_passive > 0.0:
-        return f"lower the stiffness below {verdict.stiffness_max_passive:.5g} N/m"
+def _softer(assessment: Assessment) -> str:
+    if assessment.stiffness_max_passive > 0.0:
+        return f"lower the stiffness below {assessment.stiffness_max_passive:.5g} N/m"
     return "bring the damping nearer to 0, for no stiffness is passive with it"
 
 
-def _alone(verdict):
-    if not verdict.stable:
+def _alone(assessment: Assessment) -> str:
+    if not assessment.stable:
         return "; it is not even stable on its own"
-    return "; on its own it is stable, so only an operator would find out" if verdict.margin <= 0.0 else ""
+    return "; on its own it is stable, so only an operator would find out" if assessment.margin <= 0.0 else ""
 
 
-def _largest_passive(display):
+def _largest_passive(display: Display) -> float:
     """Both limits at once: (|K + v| + |v|) Δ/2 ≤ f_c with v = B/(T + τ), and the physical damping."""
     damped = largest_passive_stiffness(
         display.physical_damping, display.damping, display.period, display.velocity_lag, display.delay_samples

@@ -1,199 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bag as named numpy arrays. `load(bag)` is the way in; works wherever Python does, without ROS.
+"""Reads a bag as named numpy arrays. `load(bag)` is the way in; works wherever Python does, without ROS."""
 
-Clocks: `deadline` in the trace is CLOCK_MONOTONIC [ns]; stamps, received and published are the system clock [ns];
-`Recording.monotonic` turns the latter into the former.
-"""
-
-import importlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from haptic_device.analysis.bag_contents import Joints, Mark, Recording
+from haptic_device.analysis.quantity import Nanoseconds, Records
 from haptic_device.recording.columns import CloudColumns, JointColumns
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STAMPED, STRING, types
-from haptic_device.recording.reader import Keep, Topic, read
-from haptic_device.sequence_gaps import Skipped, counted
+from haptic_device.recording.reader import Collector, Keep, Times, Topic, read
+from haptic_device.sequence_gaps import counted
 from haptic_device.status import Status, named_statuses
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
-PORT_UNITS = {"position": "m | rad", "velocity": "m/s | rad/s", "effort": "N | N·m"}
-ENTRY_UNITS = {  # of a JointState's entries that are no axes, in their position; the others count
-    "energy_given": "J",
-    "time": "s, CLOCK_MONOTONIC",
-    "energy": "J",
-    "stiffness": "N/m",
-    "damping": "N s/m",
-    "rotational_stiffness": "N m/rad",
-    "rotational_damping": "N m s/rad",
-    **{f"orientation.{axis}": "1" for axis in "xyzw"},
-}
-TRACE_UNITS = {
-    "deadline": "ns, CLOCK_MONOTONIC",
-    "latched": "ns, CLOCK_MONOTONIC",
-    "lateness": "s",
-    "compute": "s",
-    "write_delay": "s",
-    "generated": "J",
-    "injected": "N s/m | N m s/rad",
-    "drag": "N | N·m",
-    "tool_age": "s, -1 = none yet",
-    "tool_energy": "J",
-    "exchange_energy": "J",
-    "energy_given": "J",
-    "margin": "N s/m | N m s/rad",
-    "surplus": "N s/m | N m s/rad",
-    "exchange_tank": "J",
-    "exchange_effort": "N | N·m, of waves N s | N·m·s",
-    "motor": "N | N·m",
-    **{name: PORT_UNITS["position"] for name in ("tool_position", "position", "coupling_position")},
-    **{name: PORT_UNITS["velocity"] for name in ("tool_velocity", "velocity", "coupling_velocity")},
-    "tool_effort": PORT_UNITS["effort"],
-    "contact_age": "s, -1 = none yet",
-    "tools_apart": "m",
-    **{f"force_{what}": PORT_UNITS["effort"] for what in ("walls", "coupling", "cancellation", "gravity")},
-    **{f"force_{what}": PORT_UNITS["effort"] for what in ("passivity", "on_handle")},
-}
 MARK = "mark"
 _NODE = "haptic_"  # begins the name of every node of ours
-_SECOND = 1_000_000_000
-
-
-class Joints(NamedTuple):
-    """A JointState topic: arrays (messages, names); times in ns of the system clock; units as PORT_UNITS, ENTRY_UNITS.
-
-    The position of `motor` is its command in motor units. `wrench` has an effort only and `pose` a position only, each
-    by the names of the message's fields.
-    """
-
-    names: tuple[str, ...]
-    stamp: np.ndarray
-    received: np.ndarray
-    published: np.ndarray
-    sequence: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
-
-    def entry(self, name: str, part: str = "position") -> np.ndarray:
-        """One named entry over time; `part` is position, velocity or effort. Raises ValueError if it is not there."""
-        if name not in self.names:
-            raise ValueError(f"the topic has no entry {name}; it has {', '.join(self.names)}")
-        return getattr(self, part)[:, self.names.index(name)]
-
-
-class Mark(NamedTuple):
-    """A marker that somebody set: time in ns of the system clock, and its text."""
-
-    time: int
-    text: str
-
-
-@dataclass(frozen=True)
-class Recording:
-    """The topics of one namespace by their short names, the diagnostics by name, and what was wrong with the bag.
-
-    pairs: times [ns] at once on the system clock and on CLOCK_MONOTONIC, for `monotonic`. counts, skipped: of each
-    topic the messages, and what its publisher's numbers say of those that never came.
-    """
-
-    bag: Path
-    namespace: str
-    joints: dict[str, Joints]
-    clouds: dict[str, np.ndarray]
-    diagnostics: dict[str, tuple[Status, ...]]
-    marks: tuple[Mark, ...]
-    attachments: dict[str, bytes]
-    counts: dict[str, int]
-    skipped: dict[str, Skipped]
-    pairs: tuple[np.ndarray, np.ndarray]
-    notes: tuple[str, ...]
-
-    def joint(self, topic: str) -> Joints:
-        """A JointState topic by its short name, such as `operator/state`. Raises ValueError if it was not recorded."""
-        return self._named(self.joints, topic)
-
-    @property
-    def trace(self) -> np.ndarray:
-        """Every servo tick, a structured array; units in TRACE_UNITS. Raises ValueError if it was not recorded."""
-        return self._named(self.clouds, "trace")
-
-    @property
-    def lost(self) -> dict[str, int]:
-        """Of each topic the publisher's numbers that were skipped (several publishers' cannot be told apart)."""
-        return {name: skipped.lost for name, skipped in self.skipped.items()}
-
-    @property
-    def trace_rows_missing(self) -> int:
-        """Ticks between first and last row of the trace that have no row."""
-        steps = np.diff(self.trace["tick"])
-        return int(np.sum(steps[(steps > 1) & np.isfinite(steps)] - 1))
-
-    def statuses(self, node: str) -> tuple[Status, ...]:
-        """What the named node said on /diagnostics, oldest first; empty if it never spoke."""
-        found = (name for name in self.diagnostics if name.rsplit("/", 1)[-1] == node)  # not those of its figures
-        return tuple(sorted((status for name in found for status in self.diagnostics[name]), key=lambda s: s.time))
-
-    def last_values(self, node: str) -> dict[str, str]:
-        """The entries of the node's last diagnostic status; empty if it never spoke."""
-        statuses = self.statuses(node)
-        return statuses[-1].values if statuses else {}
-
-    def monotonic(self, time: np.ndarray) -> np.ndarray:
-        """System-clock times [ns] as CLOCK_MONOTONIC [ns], the one clock that deadlines and all nodes' data share.
-
-        The offset is the median of each second's pairs: each activation of the driver has its own. Raises ValueError if
-        the bag has neither a trace nor `operator/state`.
-        """
-        system, monotonic = self.pairs
-        if len(system) == 0:
-            raise ValueError(f"bag {self.bag} has neither trace nor operator/state, which join the nodes' clocks")
-        time = np.asarray(time, np.int64)
-        second = (system - system[0]) // _SECOND
-        begins = np.flatnonzero(np.diff(second, prepend=-1))
-        offsets = [np.median(part) for part in np.split(system - monotonic, begins[1:])]
-        return time - np.interp(time, system[begins], offsets).round().astype(np.int64)
-
-    def columns(self, topic: str) -> dict[str, np.ndarray]:
-        """A topic as flat named columns over `time` [s of CLOCK_MONOTONIC]; vectors as name.x, name.y, name.theta."""
-        return flat_cloud(self._named(self.clouds, topic)) if topic in self.clouds else self._flat_joints(topic)
-
-    def to_dataframe(self, topic: str, library: str = "pandas"):
-        """`columns` as a DataFrame of pandas or polars, whichever is named; ImportError if it is not installed."""
-        return importlib.import_module(library).DataFrame(self.columns(topic))
-
-    def _flat_joints(self, topic: str) -> dict[str, np.ndarray]:
-        joints = self.joint(topic)
-        flat = {"time": self.monotonic(joints.stamp) * 1e-9}
-        parts = [part for part in PORT_UNITS if getattr(joints, part).shape[1]]  # those that were read
-        for index, name in enumerate(joints.names):
-            flat |= {f"{name}.{part}": getattr(joints, part)[:, index] for part in parts}
-        return flat
-
-    def _named(self, found: dict, topic: str):
-        if topic not in found:
-            there = ", ".join(found) or "none of its kind"
-            why = "".join(f"; {note}" for note in self.notes)
-            raise ValueError(f"bag {self.bag} has no topic {topic} under {self.namespace or '/'}; it has {there}{why}")
-        return found[topic]
-
-
-def flat_cloud(rows: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns of a structured array, one for each axis, after the time [s] of their deadline."""
-    flat = {"time": rows["deadline"] * 1e-9} if "deadline" in rows.dtype.names else {}
-    for name in rows.dtype.names:
-        if rows[name].ndim == 1:
-            flat[name] = np.ascontiguousarray(rows[name])
-        else:
-            flat |= {f"{name}.{axis}": rows[name][:, i].copy() for i, axis in enumerate(_axes(rows[name].shape[1]))}
-    return flat
-
-
-def _axes(count: int) -> Iterable[str]:
-    return ("x", "y", "theta") if count == 3 else map(str, range(count))
 
 
 def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] | None = None) -> Recording:
@@ -211,10 +35,12 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     namespace = _only_namespace(topics, diagnostics, bag) if namespace is None else namespace.rstrip("/")
     ours = {name[len(namespace) + 1 :]: topic for name, topic in topics.items() if name.startswith(namespace + "/")}
     found = {name: topic for name, topic in ours.items() if not topic.refused}
-    joints, clouds = (
-        {name: taken(name, topic, notes) for name, topic in found.items() if isinstance(topic.collector, kind)}
-        for kind, taken in ((JointColumns, _joints), (CloudColumns, _cloud))
-    )
+    joints, clouds = {}, {}
+    for name, topic in found.items():
+        if isinstance(topic.collector, JointColumns):
+            joints[name] = _joints(name, topic.collector, topic.times, notes)
+        elif isinstance(topic.collector, CloudColumns):
+            clouds[name] = _cloud(name, topic.collector, notes)
     return Recording(
         bag,
         namespace,
@@ -225,18 +51,20 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
         attachments,
         {name: len(topic) for name, topic in topics.items()},
         {name: counted(topic.times.sequence) for name, topic in topics.items()},
-        _pairs(found.get("trace"), clouds.get("trace"), joints.get("operator/state")),
+        _pairs(
+            found["trace"].collector if "trace" in found else None, clouds.get("trace"), joints.get("operator/state")
+        ),
         tuple(notes),
     )
 
 
-def _collector(topic: str, type_name: str, only):
+def _collector(topic: str, type_name: str, only: Mapping[str, Any] | None) -> Collector | None:
     short = next((name for name in only or () if topic.endswith(f"/{name}")), None)
     if topic == "/diagnostics" or type_name == STRING:
         return Keep()
     if only is not None and short is None:
         return None
-    wanted = only[short] if only else None
+    wanted = only[short] if only and short else None
     if type_name == JOINTS or type_name in STAMPED:
         return JointColumns(type_name, wanted)
     return CloudColumns(wanted) if type_name == CLOUD else None
@@ -259,8 +87,7 @@ def _namespaces(topics: Iterable[str], names: Iterable[str]) -> set[str]:
     return {topic[: -len(name) - 1] for topic in topics for name in names if topic.endswith("/" + name)}
 
 
-def _joints(name: str, topic: Topic, notes: list[str]) -> Joints:
-    columns, times = topic.collector, topic.times
+def _joints(name: str, columns: JointColumns, times: Times, notes: list[str]) -> Joints:
     kept = columns.kept
     if others := int(np.sum(~kept)):
         notes.append(f"topic {name}: {others} messages of another layout than the first are left out")
@@ -268,8 +95,7 @@ def _joints(name: str, topic: Topic, notes: list[str]) -> Joints:
     return Joints(columns.names, stamp, *(times if kept.all() else (column[kept] for column in times)), *parts)
 
 
-def _cloud(name: str, topic: Topic, notes: list[str]) -> np.ndarray:
-    columns = topic.collector
+def _cloud(name: str, columns: CloudColumns, notes: list[str]) -> Records:
     if columns.others:
         notes.append(f"topic {name}: {columns.others} messages of another layout than the first are left out")
     if columns.missing:
@@ -277,11 +103,10 @@ def _cloud(name: str, topic: Topic, notes: list[str]) -> np.ndarray:
     return columns.records()
 
 
-def _pairs(trace: Topic | None, rows: np.ndarray | None, state: Joints | None) -> tuple[np.ndarray, np.ndarray]:
+def _pairs(trace: Collector | None, rows: Records | None, state: Joints | None) -> tuple[Nanoseconds, Nanoseconds]:
     """Times on the system clock and on CLOCK_MONOTONIC: of the trace's blocks, else of `operator/state`."""
-    if rows is not None and "deadline" in rows.dtype.names:
-        columns = trace.collector
-        begins, stamps = np.array(columns.begins, np.int64), np.array(columns.stamps, np.int64)
+    if rows is not None and isinstance(trace, CloudColumns) and "deadline" in (rows.dtype.names or ()):
+        begins, stamps = np.array(trace.begins, np.int64), np.array(trace.stamps, np.int64)
         some = begins < len(rows)
         first = rows["deadline"][begins[some]]
         known = np.isfinite(first)

@@ -12,22 +12,24 @@ b₀ is irrelevant and b stands alone. For the synchronous simulation, N samples
 It is the least dissipation of display and coupling together, minimal over the handle's paths, so a fractional delay
 only interpolates the cosine: (1 − s) cos (N+1)θ + s cos (N+2)θ. For the wall of eq. 2 and N = 0 it reads
 (T/2) |H|²/(K + 2B/T), whose supremum is KT/2 + B for B ≥ 0 and (KT/2)²/(KT/2 + B) for −KT/2 < B < 0. With delay a
-spring needs (N + 1)² KT/2 here, where a wall needs (N + ½) KT.
+spring needs (N + 1)² KT/2 here, where a wall needs (N + ½) KT (control/passivity.least_damping).
 """
+
+from typing import Any
 
 import numpy as np
 
 from haptic_device.analysis.delay import split_delay
-from haptic_device.analysis.passivity import as_transfer, larger_of_rest, sharp_angles
-from haptic_device.analysis.quantity import over_grids, positive
+from haptic_device.analysis.passivity import LeastDamping, as_transfer, larger_of_rest, sharp_angles
+from haptic_device.analysis.quantity import Array, Complexes, Quantity, over_grids, positive
 from haptic_device.analysis.supremum import supremum
-from haptic_device.analysis.transfer import value_at_rest, wall_transfer
+from haptic_device.analysis.transfer import AnyTransfer, Response, value_at_rest, wall_transfer
 
 POLE = 1e12
 """A demand this many times T|H| is a pole of the closed form that rounding has made finite."""
 
 
-def least_damping_for_any_simulation(transfer, period, delay_samples=0.0):
+def least_damping_for_any_simulation(transfer: AnyTransfer, period: float, delay_samples: float = 0.0) -> LeastDamping:
     """Least physical damping (LeastDamping) with any operator and any passive simulation; infinite if none is enough.
 
     `transfer` as in `least_damping`; delay_samples lie in the display's own loop, fractions allowed. Refuses a period
@@ -40,7 +42,9 @@ def least_damping_for_any_simulation(transfer, period, delay_samples=0.0):
 
 
 @over_grids
-def largest_stiffness_for_any_simulation(physical_damping, damping, period, velocity_lag=0.0, delay_samples=0.0):
+def largest_stiffness_for_any_simulation(
+    physical_damping: float, damping: float, period: float, velocity_lag: float = 0.0, delay_samples: float = 0.0
+) -> float:
     """Largest K of a coupling, in step, that a device with b shows with any passive simulation [N/m]; 0: there is none.
 
     Arguments broadcast. With H = K + V(z) the condition at each θ is quadratic in K, so between two roots. What keeps
@@ -50,7 +54,7 @@ def largest_stiffness_for_any_simulation(physical_damping, damping, period, velo
     damper = wall_transfer(0.0, damping, period, velocity_lag)
     near = sharp_angles(damper)
 
-    def roots(angle):
+    def roots(angle: Array) -> tuple[Array, Array]:
         response = damper(np.exp(1j * angle))
         given = 0.5 * period * leak(angle, delay_samples)
         return _between(given, response, physical_damping, supply(response, angle))
@@ -63,53 +67,48 @@ def largest_stiffness_for_any_simulation(physical_damping, damping, period, velo
     return high if high > max(low, 0.0) else 0.0
 
 
-def wall_damping_for_any_simulation(stiffness, damping, period):
-    """Eq. 5 with eq. 2, in step [N s/m]: KT/2 + B for B ≥ 0, (KT/2)²/(KT/2 + B) for −KT/2 < B < 0, else infinite."""
-    half = np.asarray(stiffness) * period / 2.0
-    total = half + damping
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(np.asarray(damping) >= 0.0, total, np.where(total > 0.0, half**2 / total, np.inf))[()]
-
-
-def supply(response, angle):
+def supply(response: Complexes, angle: Array) -> Array:
     """|H|² Re{Ī/H} |z − 1|²/T over 1 − cos θ: what the coupling itself takes from an exchange [N/m].
 
-    At rest it is H(1) + 2 dH/dz.
+    response: H at the angles θ [rad], both (angles). At rest it is H(1) + 2 dH/dz.
     """
     return np.imag(np.exp(0.5j * angle) * response) / np.sin(0.5 * angle)
 
 
-def leak(angle, delay_samples):
+def leak(angle: Array, delay_samples: float) -> Array:
     """(1 − cos (N+1)θ)/(1 − cos θ): what the held force may give away; a fraction of a delay is interpolated."""
     whole, fraction = split_delay(delay_samples)
 
-    def ratio(lead):
+    def ratio(lead: float) -> Array:
         return (np.sin(0.5 * lead * angle) / np.sin(0.5 * angle)) ** 2
 
     return (1.0 - fraction) * ratio(whole + 1.0) + fraction * ratio(whole + 2.0)
 
 
-def _leak_at_rest(delay_samples):
+def _leak_at_rest(delay_samples: float) -> float:
     whole, fraction = split_delay(delay_samples)
     return (1.0 - fraction) * (whole + 1.0) ** 2 + fraction * (whole + 2.0) ** 2
 
 
-def _demand(angle, transfer, period, delay_samples):
+def _demand(angle: Array, transfer: Response, period: float, delay_samples: float) -> Array:
     response = transfer(np.exp(1j * angle))
     given = 0.5 * period * leak(angle, delay_samples) * np.abs(response) ** 2
     demand = _ratio(given, supply(response, angle))
     return np.where(demand > POLE * period * np.abs(response), np.inf, demand)
 
 
-def _demand_at_rest(transfer, period, delay_samples):
+def _demand_at_rest(transfer: Response, period: float, delay_samples: float) -> Quantity:
     value, slope = value_at_rest(transfer)
     given = 0.5 * period * _leak_at_rest(delay_samples) * value**2
     return _ratio(given, value + 2.0 * slope)
 
 
-def _between(given, response, physical_damping, kept):
+def _between(
+    given: Quantity, response: Quantity | Complexes, physical_damping: float, kept: Quantity
+) -> tuple[Array, Array]:
     """The two K between which given |K + V|² < b (K + kept); where there are none, infinite the wrong way round."""
-    linear = 2.0 * given * np.real(response) - physical_damping
+    real: Any = np.real(response)
+    linear = 2.0 * given * real - physical_damping
     constant = given * np.abs(response) ** 2 - physical_damping * kept
     square = linear**2 - 4.0 * given * constant
     larger = -0.5 * (linear + np.copysign(np.sqrt(np.maximum(square, 0.0)), linear))
@@ -119,7 +118,7 @@ def _between(given, response, physical_damping, kept):
     return np.where(none, np.inf, np.fmin(first, second)), np.where(none, -np.inf, np.fmax(first, second))
 
 
-def _ratio(given, kept):
+def _ratio(given: Quantity, kept: Quantity) -> Array:
     """given/kept; infinite where nothing is kept, unless nothing is given either."""
     with np.errstate(divide="ignore", invalid="ignore"):
         idle = (given == 0.0) & (kept == 0.0)

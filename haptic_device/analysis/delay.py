@@ -13,6 +13,7 @@ is quadratic in b and gives, with θ = ωT and P̄ = 1 − s + s e^{−jθ} (the
     b ≥ ½ [R + √(R² + s(1−s) T² |H|²)],   R = right-hand side of (1) for P̄ H.
 
 At s = 0 this is (1). For a spring alone it is largest at rest: b ≥ (KT/2) [½ + s + √(¼ + 2s)], more than K(T/2 + sT).
+control/passivity.least_damping has that form for the spring and a bound for the damper; this one is exact for any H.
 """
 
 import functools
@@ -28,19 +29,19 @@ from haptic_device.analysis.passivity import (
     sharp_angles,
     unstable_pole,
 )
-from haptic_device.analysis.quantity import not_negative, over_grids, positive
+from haptic_device.analysis.quantity import Array, Complexes, Quantity, not_negative, over_grids, positive
 from haptic_device.analysis.supremum import supremum
-from haptic_device.analysis.transfer import delayed, value_at_rest, wall_transfer
+from haptic_device.analysis.transfer import AnyTransfer, Response, delayed, value_at_rest, wall_transfer
 
 
-def split_delay(delay_samples):
+def split_delay(delay_samples: float) -> tuple[int, float]:
     """A delay in periods as whole samples and the fraction left over."""
     not_negative("delay_samples", delay_samples, "samples")
     whole = int(np.floor(delay_samples))
     return whole, float(delay_samples - whole)
 
 
-def delayed_demand(transfer, period, fraction, angle):
+def delayed_demand(transfer: Response, period: float, fraction: float, angle: Array) -> Array:
     """Damping needed at the angles θ = ωT when the force is switched `fraction` of a period late [N s/m]."""
     late = damping_demand(lambda z: (1.0 - fraction + fraction / z) * transfer(z), period, angle)
     if fraction == 0.0:
@@ -48,7 +49,7 @@ def delayed_demand(transfer, period, fraction, angle):
     return _larger_root(late, _squared_gain(transfer(np.exp(1j * angle)), period, fraction))
 
 
-def least_damping_delayed(transfer, period, delay_samples):
+def least_damping_delayed(transfer: AnyTransfer, period: float, delay_samples: float) -> LeastDamping:
     """Least physical damping with `delay_samples` of loop delay, any real number ≥ 0; exact, as `least_damping` is."""
     positive("period", period, "s")
     whole, fraction = split_delay(delay_samples)
@@ -59,7 +60,13 @@ def least_damping_delayed(transfer, period, delay_samples):
     return larger_of_rest(_demand_at_rest(transfer, period, fraction), moving, angle, period)
 
 
-def wall_damping_needed(stiffness, damping, period, velocity_lag=0.0, delay_samples=0.0):
+def wall_damping_needed(
+    stiffness: Quantity,
+    damping: Quantity,
+    period: Quantity,
+    velocity_lag: Quantity = 0.0,
+    delay_samples: Quantity = 0.0,
+) -> LeastDamping:
     """Least physical damping of a wall with a lagging velocity and any delay, whole or fractional [N s/m].
 
     Arguments broadcast.
@@ -69,12 +76,16 @@ def wall_damping_needed(stiffness, damping, period, velocity_lag=0.0, delay_samp
 
 
 @functools.partial(np.vectorize, otypes=[float, float])
-def _wall_damping_needed(stiffness, damping, period, velocity_lag, delay_samples):
+def _wall_damping_needed(
+    stiffness: float, damping: float, period: float, velocity_lag: float, delay_samples: float
+) -> LeastDamping:
     return least_damping_delayed(wall_transfer(stiffness, damping, period, velocity_lag), period, delay_samples)
 
 
 @over_grids
-def largest_passive_stiffness(physical_damping, damping, period, velocity_lag=0.0, delay_samples=0.0):
+def largest_passive_stiffness(
+    physical_damping: float, damping: float, period: float, velocity_lag: float = 0.0, delay_samples: float = 0.0
+) -> float:
     """Largest wall stiffness that a device with physical damping b still shows passively [N/m]; 0 if there is none.
 
     Arguments broadcast. The damping needed is a supremum of forms linear in K, hence convex in K; and it is at least
@@ -83,9 +94,9 @@ def largest_passive_stiffness(physical_damping, damping, period, velocity_lag=0.
     """
     positive("physical_damping", physical_damping, "N s/m")
 
-    def lacking(stiffness):
+    def lacking(stiffness: float) -> float:
         needed = wall_damping_needed(stiffness, damping, period, velocity_lag, delay_samples).damping
-        return needed - physical_damping
+        return float(needed) - physical_damping
 
     high = 2.0 * physical_damping / period
     if lacking(0.0) >= 0.0:
@@ -93,15 +104,15 @@ def largest_passive_stiffness(physical_damping, damping, period, velocity_lag=0.
     return high if lacking(high) <= 0.0 else brentq(lacking, 0.0, high, xtol=1e-13 * high)
 
 
-def _larger_root(demand, gain):
+def _larger_root(demand: Quantity, gain: Quantity) -> Array:
     return 0.5 * (demand + np.sqrt(demand**2 + gain))
 
 
-def _squared_gain(response, period, fraction):
+def _squared_gain(response: Quantity | Complexes, period: float, fraction: float) -> Array:
     return fraction * (1.0 - fraction) * (period * np.abs(response)) ** 2
 
 
-def _demand_at_rest(transfer, period, fraction):
+def _demand_at_rest(transfer: Response, period: float, fraction: float) -> Quantity:
     value, slope = value_at_rest(transfer)
     late = period * ((0.5 + fraction) * value - slope)
     return _larger_root(late, _squared_gain(value, period, fraction)) if fraction else late

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a device is shaken to be identified: springs whose rest position jumps.
+"""How a device is excited to be identified: springs whose rest position jumps.
 
 In x and y the spring is a pair of facing walls that overlap: within the overlap it pushes with 2K towards its centre.
 About theta it is the coupling to a tool. Jumps at irregular times, large and small, at two stiffnesses, move the handle
 fast (mass, delay), evenly (damping) and slowly (friction).
 """
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,18 +18,18 @@ STIFFNESS = (20.0, 100.0, 400.0)  # [N/m] softest, usual, stiffest of one wall
 QUICK = 50.0  # [rad/s] natural frequency of the described inertia on the stiffest rotational spring
 
 
-class Shake(NamedTuple):
+class Jumps(NamedTuple):
     """Parameters `wall.*` of one dwell, and how long it lasts [s]."""
 
-    normals: tuple
-    offsets: tuple
-    stiffness: tuple
-    damping: tuple
+    normals: tuple[float, ...]
+    offsets: tuple[float, ...]
+    stiffness: tuple[float, ...]
+    damping: tuple[float, ...]
     seconds: float
 
 
-def shakes(centres, force, damping, period, seed=1):
-    """Endless Shakes about these centres [m] (x, or x and y), with at most so much force [N] on each.
+def wall_jumps(centres: Sequence[float], force: float, damping: float, period: float, seed: int = 1) -> Iterator[Jumps]:
+    """Endless Jumps about these centres [m] (x, or x and y), with at most so much force [N] on each.
 
     damping: the described b of the weakest axis [N s/m]; walls stay at an eighth of the stiffness that this b bears.
     """
@@ -49,7 +50,9 @@ class Twist(NamedTuple):
     stiffness: float
 
 
-def twists(centre, torque, reach, damping, inertia, period, seed=2):
+def tool_twists(
+    centre: float, torque: float, reach: float, damping: float, inertia: float, period: float, seed: int = 2
+) -> Iterator[Twist]:
     """Endless Twists about this centre [rad], at most so far [rad], with at most so much torque [N m].
 
     damping, inertia: as described [N m s/rad, kg m²]; the coupling stays at a quarter of the stiffness that b bears.
@@ -61,11 +64,12 @@ def twists(centre, torque, reach, damping, inertia, period, seed=2):
         yield Twist(centre + far * float(rng.uniform(-1.0, 1.0)), torque / stiffness, stiffness)
 
 
-def _pairs(centres, stiffness, seconds):
-    normals, offsets = (), ()
+def _pairs(centres: Sequence[float], stiffness: float, seconds: float) -> Jumps:
+    normals: list[float] = []
+    offsets: list[float] = []
     for axis, centre in enumerate(centres):
         unit = (1.0, 0.0) if axis == 0 else (0.0, 1.0)
-        normals += (*unit, -unit[0], -unit[1])
-        offsets += (OVERLAP + centre, OVERLAP - centre)
+        normals += [*unit, -unit[0], -unit[1]]
+        offsets += [OVERLAP + centre, OVERLAP - centre]
     count = len(offsets)
-    return Shake(tuple(v + 0.0 for v in normals), offsets, (stiffness,) * count, (0.0,) * count, seconds)
+    return Jumps(tuple(v + 0.0 for v in normals), tuple(offsets), (stiffness,) * count, (0.0,) * count, seconds)

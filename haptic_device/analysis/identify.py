@@ -11,8 +11,10 @@ as one independent draw, which a coloured residual does not fool.
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
+import numpy.typing as npt
+from scipy.optimize import OptimizeResult, least_squares
 
+from haptic_device.analysis.quantity import Array
 from haptic_device.device.axis_rerun import run_segments
 
 SEGMENT = 0.2  # [s]
@@ -23,12 +25,12 @@ TINY, HUGE = 1e-3, 1e3  # times mass and damping of the beginning: where the sea
 
 
 class Trace(NamedTuple):
-    """One axis of consecutive servo ticks: latch, write [s], position [m | rad], force on handle [N | N m]."""
+    """One axis of consecutive servo ticks, (ticks): latch, write [s], position [m | rad], force on handle [N | N m]."""
 
-    time: np.ndarray
-    written: np.ndarray
-    position: np.ndarray
-    force: np.ndarray
+    time: Array
+    written: Array
+    position: Array
+    force: Array
 
 
 class Estimate(NamedTuple):
@@ -52,7 +54,7 @@ class Identified(NamedTuple):
     residual: float
 
 
-def trace_of(rows, axis, position_per_count):
+def trace_of(rows: npt.NDArray[np.void], axis: int, position_per_count: float) -> Trace:
     """Trace of axis 0…2 from servo rows (TICK), in device units: position_per_count [m | rad] carries the sign.
 
     Raises ValueError, one sentence, where rows do not follow each other.
@@ -66,7 +68,7 @@ def trace_of(rows, axis, position_per_count):
     return Trace(time, written, rows["counts"][:, axis] * position_per_count, rows["force_on_handle"][:, axis].copy())
 
 
-def identify(trace, mass, damping):
+def identify(trace: Trace, mass: float, damping: float) -> Identified:
     """Identified axis; mass and damping are where the search begins, a factor of five off is near enough.
 
     Raises ValueError, one sentence, if the trace is too short or the handle was not moved by the motor.
@@ -83,10 +85,10 @@ def identify(trace, mass, damping):
     found = least_squares(
         fit.residual, first, fit.jacobian, (low, high), x_scale="jac", xtol=1e-8, ftol=1e-7, max_nfev=60
     )
-    return _judged(found, begins)
+    return _with_confidence(found, begins)
 
 
-def resolution_of(counts, position_per_count):
+def resolution_of(counts: npt.ArrayLike, position_per_count: float) -> float:
     """Encoder step [m | rad]: the largest that divides every change of the counts. Raises ValueError at rest."""
     steps = np.unique(np.abs(np.diff(np.asarray(counts).astype(np.int64))))
     steps = steps[steps > 0]
@@ -102,13 +104,13 @@ class _Fit:
     damping, coulomb and bias, for the steps.
     """
 
-    def __init__(self, trace, begins, typical):
+    def __init__(self, trace: Trace, begins: npt.NDArray[np.intp], typical: Array) -> None:
         self.trace, self.begins, self.typical = trace, begins, typical
         self.count = begins.size - 1
         self.segment = np.repeat(np.arange(self.count), np.diff(begins))
         self.out = np.empty(begins[-1])
 
-    def run(self, parameters):
+    def run(self, parameters: Array) -> Array:
         device, states = parameters[: len(NAMES)], parameters[len(NAMES) :].reshape(2, -1)
         trace = self.trace
         run_segments(
@@ -116,10 +118,10 @@ class _Fit:
         )
         return self.out.copy()
 
-    def residual(self, parameters):
+    def residual(self, parameters: Array) -> Array:
         return self.run(parameters) - self.trace.position[: self.begins[-1]]
 
-    def jacobian(self, parameters):
+    def jacobian(self, parameters: Array) -> Array:
         columns = np.zeros((self.begins[-1], parameters.size))
         steps = 1e-4 * np.maximum(np.abs(parameters[: self.typical.size]), self.typical)
         for i, step in enumerate((*steps, 1e-6)):
@@ -130,14 +132,14 @@ class _Fit:
             columns[np.arange(slope.size), start + self.segment] = slope
         return columns
 
-    def _slope(self, parameters, start, end, step):
+    def _slope(self, parameters: Array, start: int, end: int, step: float) -> Array:
         ahead, behind = parameters.copy(), parameters.copy()
         ahead[start:end] += step
         behind[start:end] -= step
         return (self.run(ahead) - self.run(behind)) / (2.0 * step)
 
 
-def _segments(trace):
+def _segments(trace: Trace) -> npt.NDArray[np.intp]:
     length = round(SEGMENT / _tick(trace))
     count = len(trace.time) // max(length, 1)
     if count < FEWEST:
@@ -147,23 +149,23 @@ def _segments(trace):
     return np.arange(count + 1) * length
 
 
-def _tick(trace):
+def _tick(trace: Trace) -> float:
     return float(np.median(np.diff(trace.time)))
 
 
-def _velocities(trace, begins):
+def _velocities(trace: Trace, begins: npt.NDArray[np.intp]) -> Array:
     reach = max(2, round(0.005 / _tick(trace)))
     return np.array([np.polyfit(trace.time[i : i + reach], trace.position[i : i + reach], 1)[0] for i in begins[:-1]])
 
 
-def _refuse_rest(trace):
+def _refuse_rest(trace: Trace) -> None:
     if np.ptp(trace.force) == 0.0:
         raise ValueError("the motor force never changed, so nothing can be told from this trace")
     if np.ptp(trace.position) == 0.0:
         raise ValueError("the handle never moved, so nothing can be told from this trace")
 
 
-def _judged(found, begins):
+def _with_confidence(found: OptimizeResult, begins: npt.NDArray[np.intp]) -> Identified:
     """Values with the sandwich covariance over segments."""
     jacobian, residual = found.jac, found.fun
     scale = np.linalg.norm(jacobian, axis=0)
@@ -173,5 +175,5 @@ def _judged(found, begins):
     count = begins.size - 1
     covariance = bread @ (scores.T @ scores) @ bread * count / (count - 1)
     error = 1.96 * np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
-    values = [Estimate(float(v), float(e)) for v, e in zip(found.x[: len(NAMES)], error, strict=False)]
-    return Identified(*values, float(np.sqrt(np.mean(residual**2))))
+    mass, damping, coulomb, bias, delay = map(Estimate, found.x[: len(NAMES)].tolist(), error.tolist())
+    return Identified(mass, damping, coulomb, bias, delay, float(np.sqrt(np.mean(residual**2))))

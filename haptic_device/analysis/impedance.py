@@ -16,12 +16,18 @@ known from this recording, not whether the law is the right one.
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy import stats
+
+from haptic_device.analysis.quantity import Array
 
 STRETCHES = (24, 12, 6)  # into which the time is cut
 HAND = 0.04  # [s] of the moving mean; a hand's motion passes it
 LEAST = 100  # samples below which nothing is fitted
 CONFIDENCE = 0.95
+HELD_WINDOW = 0.05  # [s]
+HELD_SHARE = 0.1  # of the handle's way, up to which the tool counts as standing still
+HELD_WAY = 20e-6  # [m | rad] that the handle has to move in a window to tell something
 
 
 class Estimate(NamedTuple):
@@ -41,8 +47,10 @@ class Impedance(NamedTuple):
     samples: int
 
 
-def fit(time, position, velocity, force, groups=None) -> Impedance | None:
-    """Fits one axis; times [s] increasing, groups: number of the contact of each sample (their own constant c).
+def fit(
+    time: Array, position: Array, velocity: Array, force: Array, groups: npt.NDArray[np.int_] | None = None
+) -> Impedance | None:
+    """Fits one axis; all (samples), times [s] increasing. groups: number of the contact of each sample, for its c.
 
     None where there are too few samples, or the axis hardly moved. Samples that are not finite are left out.
     """
@@ -59,19 +67,27 @@ def fit(time, position, velocity, force, groups=None) -> Impedance | None:
     return _estimates(columns / scale, target, scale)
 
 
-def _means(columns, width):
+def held_still(time: Array, tool: Array, position: Array) -> npt.NDArray[np.bool_]:
+    """Whether the tool, or a wall, stood still in this axis while the handle moved, looked at in short windows."""
+    begins = np.flatnonzero(np.diff(np.floor(time / HELD_WINDOW), prepend=-1.0))
+    ways = [np.maximum.reduceat(x, begins) - np.minimum.reduceat(x, begins) for x in (tool, position)]
+    held = (ways[0] < HELD_SHARE * ways[1]) & (ways[1] > HELD_WAY)
+    return np.repeat(held, np.diff(np.append(begins, len(time))))
+
+
+def _means(columns: Array, width: int) -> tuple[Array, npt.NDArray[np.intp]]:
     """Means of so many neighbours, and the index of each one's first; only where every value is a number.
 
     The derivative is none at the ends of a group, so no mean reaches from one group into another.
     """
-    finite = np.isfinite(columns).all(axis=1)
+    finite = np.atleast_1d(np.isfinite(columns).all(axis=1))
     sums = np.cumsum(np.pad(np.where(finite[:, None], columns, 0.0), ((1, 0), (0, 0))), axis=0)
     counts = np.cumsum(np.pad(finite.astype(int), (1, 0)))
     begins = np.flatnonzero(counts[width:] - counts[:-width] == width)
     return (sums[begins + width] - sums[begins]) / width, begins
 
 
-def _derivative(time, values, groups):
+def _derivative(time: Array, values: Array, groups: npt.NDArray[np.int_] | None) -> Array:
     """Central difference; NaN at the ends, and where a neighbour is of another group or samples are missing."""
     rate = np.full(len(time), np.nan)
     if len(time) < 3:
@@ -85,7 +101,7 @@ def _derivative(time, values, groups):
     return rate
 
 
-def _centred(columns, groups):
+def _centred(columns: Array, groups: npt.NDArray[np.int_]) -> Array:
     """Columns less their mean in each group: the constants c are fitted by that."""
     _, index = np.unique(groups, return_inverse=True)
     counts = np.bincount(index)[:, None]
@@ -93,15 +109,15 @@ def _centred(columns, groups):
     return columns - means[index]
 
 
-def _estimates(columns, target, scale):
+def _estimates(columns: Array, target: Array, scale: Array) -> Impedance:
     solution = np.linalg.pinv(columns.T @ columns) @ (columns.T @ target)
     width = np.max([_half_width(columns, target, solution, count) for count in STRETCHES], axis=0)
     rest = target - columns @ solution
-    estimates = (Estimate(float(v), float(e)) for v, e in zip(solution / scale, width / scale, strict=True))
-    return Impedance(*estimates, float(1.0 - rest.var() / target.var()), len(target))
+    mass, damping, stiffness = map(Estimate, (solution / scale).tolist(), (width / scale).tolist())
+    return Impedance(mass, damping, stiffness, float(1.0 - rest.var() / target.var()), len(target))
 
 
-def _half_width(columns, target, solution, count):
+def _half_width(columns: Array, target: Array, solution: Array, count: int) -> Array:
     """Half width of each interval, from how much the solution moves when one of `count` stretches is left out."""
     parts = list(zip(np.array_split(columns, count), np.array_split(target, count), strict=True))
     squares, products = np.array([x.T @ x for x, _ in parts]), np.array([x.T @ y for x, y in parts])

@@ -16,12 +16,12 @@ import numpy as np
 from haptic_device.analysis.coupling_damping import leak, supply
 from haptic_device.analysis.delay import split_delay
 from haptic_device.analysis.passivity import as_transfer, sharp_angles
-from haptic_device.analysis.quantity import positive
+from haptic_device.analysis.quantity import Array, Complexes, Quantity, positive
 from haptic_device.analysis.supremum import supremum
-from haptic_device.analysis.transfer import Transfer
+from haptic_device.analysis.transfer import AnyTransfer, Response, Transfer
 
 
-def mu_margin(transfer, period, physical_damping, delay_samples=0.0):
+def mu_margin(transfer: AnyTransfer, period: float, physical_damping: float, delay_samples: float = 0.0) -> Quantity:
     """Smallest margin over 0 < ω ≤ π/T with b₀ = b: dimensionless, passive iff positive; −inf if D is not stable.
 
     `transfer` as in `least_damping`, a callable being taken to give a stable D; one that broadcasts parameters, period
@@ -31,8 +31,7 @@ def mu_margin(transfer, period, physical_damping, delay_samples=0.0):
     positive("period", period, "s")
     positive("physical_damping", physical_damping, "N s/m")
     transfer = as_transfer(transfer)
-    known = isinstance(transfer, Transfer)
-    if known and not _nominally_stable(transfer, period, physical_damping, delay_samples):
+    if isinstance(transfer, Transfer) and not _nominally_stable(transfer, period, physical_damping, delay_samples):
         return -np.inf
     lowest, _ = supremum(
         lambda angle: -margin_at(transfer, period, physical_damping, angle, delay_samples), sharp_angles(transfer)
@@ -40,7 +39,9 @@ def mu_margin(transfer, period, physical_damping, delay_samples=0.0):
     return -lowest
 
 
-def margin_at(transfer, period, physical_damping, angle, delay_samples=0.0):
+def margin_at(
+    transfer: Response, period: float, physical_damping: float, angle: Array, delay_samples: float = 0.0
+) -> Array:
     """The margin with b₀ = b at the angles θ, the poles of D cleared so that nothing cancels near rest.
 
     For a fractional delay its sign is exact, and D has the delay interpolated.
@@ -54,12 +55,12 @@ def margin_at(transfer, period, physical_damping, angle, delay_samples=0.0):
     return 4.0 * (kept - given) / np.abs(loop) ** 2
 
 
-def _late(angle, delay_samples):
+def _late(angle: Array, delay_samples: float) -> Complexes:
     whole, fraction = split_delay(delay_samples)
     return np.exp(-1j * whole * angle) * (1.0 - fraction + fraction * np.exp(-1j * angle))
 
 
-def _nominally_stable(transfer, period, physical_damping, delay_samples):
+def _nominally_stable(transfer: Transfer, period: float, physical_damping: float, delay_samples: float) -> bool:
     """Whether D, with both unknown blocks at 0 and b₀ = b, has all its zeros inside the unit circle."""
     whole, fraction = split_delay(delay_samples)
     shift = np.append(1.0, np.zeros(whole + 1))

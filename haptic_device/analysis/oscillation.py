@@ -4,7 +4,10 @@
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy import signal
+
+from haptic_device.analysis.quantity import Array
 
 WINDOW = 0.5  # [s] of one spectrum
 LOWEST = 15.0  # [Hz]; below it is the hand
@@ -28,12 +31,12 @@ class Oscillation(NamedTuple):
 class Spectrum(NamedTuple):
     """Frequencies [Hz], power density [N²/Hz] over the whole time, and the oscillation, if there is one."""
 
-    frequency: np.ndarray
-    density: np.ndarray
+    frequency: npt.NDArray[np.floating]
+    density: npt.NDArray[np.floating]
     oscillation: Oscillation | None
 
 
-def spectrum_of(force: np.ndarray, rate: float, known: float = 0.0) -> Spectrum:
+def spectrum_of(force: Array, rate: float, known: float = 0.0) -> Spectrum:
     """Spectrum of a force (samples, axes) at this rate [Hz], all axes together.
 
     known: frequency [Hz] whose multiples are no oscillation, such as the exchange's, which makes the force a stair.
@@ -50,16 +53,21 @@ def spectrum_of(force: np.ndarray, rate: float, known: float = 0.0) -> Spectrum:
     return Spectrum(frequency, densities.mean(axis=1), _strongest(frequency, densities, begins, known))
 
 
-def _densities(force, rate, length) -> np.ndarray:
+def _densities(force: Array, rate: float, length: int) -> npt.NDArray[np.float32]:
     """Power density (frequency, segment) of all axes together; the segments overlap by half."""
-    density = 0.0
+    density = np.zeros(1)
     for column in force.T:
         finite = np.nan_to_num(column, nan=0.0, posinf=0.0, neginf=0.0)
         density = density + signal.spectrogram(finite, rate, "hann", length, length - length // 2, detrend="linear")[2]
     return density.astype(np.float32)
 
 
-def _strongest(frequency, densities, begins, known) -> Oscillation | None:
+def _strongest(
+    frequency: npt.NDArray[np.floating],
+    densities: npt.NDArray[np.float32],
+    begins: npt.NDArray[np.floating],
+    known: float,
+) -> Oscillation | None:
     """The line with the largest force that stands out of its neighbourhood."""
     lines = _lines(frequency, densities, known)
     step = frequency[1] - frequency[0]
@@ -72,7 +80,9 @@ def _strongest(frequency, densities, begins, known) -> Oscillation | None:
     return Oscillation(float(line), float(force), float(begins[min(same)]), len(same) * WINDOW / 2)
 
 
-def _lines(frequency, densities, known) -> dict[int, tuple[float, float]]:
+def _lines(
+    frequency: npt.NDArray[np.floating], densities: npt.NDArray[np.float32], known: float
+) -> dict[int, tuple[float, float]]:
     """(frequency, RMS) of the line in each segment that has one."""
     step, found = frequency[1] - frequency[0], {}
     high = int(0.45 * 2 * len(frequency))

@@ -6,7 +6,8 @@ A device `m ẍ + b ẋ = f_operator − u(t)` whose u is held over each period 
     b > (T/2) · Re{(1 − e^{−jωT}) H(e^{jωT})} / (1 − cos ωT)   for 0 ≤ ω ≤ π/T                                  (1)
 
 (Colgate, Stanley & Brown 1995), H having all its poles inside the unit circle. The mass stores and never gives
-more than it got, so it does not enter. Near ω = 0 both parts vanish; with 1 − e^{−jθ} = 2j sin(θ/2) e^{−jθ/2} the
+more than it got, so it does not enter. For a wall or coupling (1) has the closed form that control/passivity has; here
+any H is searched. Near ω = 0 both parts vanish; with 1 − e^{−jθ} = 2j sin(θ/2) e^{−jθ/2} the
 ratio is −(T/2) Im{e^{−jθ/2} H}/sin(θ/2), and its limit at rest is T (H(1)/2 − H′(1)).
 """
 
@@ -14,25 +15,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.analysis.quantity import positive
+from haptic_device.analysis.quantity import Array, Quantity, positive
 from haptic_device.analysis.supremum import supremum
-from haptic_device.analysis.transfer import Transfer, value_at_rest
+from haptic_device.analysis.transfer import AnyTransfer, Response, Transfer, value_at_rest
 
 
 class LeastDamping(NamedTuple):
     """The physical damping b that must be exceeded [N s/m] and the frequency at which it binds [rad/s]."""
 
-    damping: float
-    frequency: float
+    damping: Quantity
+    frequency: Quantity
 
 
-def damping_demand(transfer, period, angle):
+def damping_demand(transfer: Response, period: float, angle: Array) -> Array:
     """Right-hand side of (1) at the angles θ = ωT in (0, π] [N s/m]."""
     half = 0.5 * angle
     return -0.5 * period * np.imag(np.exp(-1j * half) * transfer(np.exp(1j * angle))) / np.sin(half)
 
 
-def least_damping(transfer, period):
+def least_damping(transfer: AnyTransfer, period: float) -> LeastDamping:
     """Least physical damping for passivity by condition (1), necessary and sufficient.
 
     `transfer` is a Transfer, a pair (numerator, denominator) of coefficients in z from the highest power down, or any
@@ -49,7 +50,7 @@ def least_damping(transfer, period):
     return larger_of_rest(period * (0.5 * value - slope), moving, angle, period)
 
 
-def as_transfer(transfer):
+def as_transfer(transfer: AnyTransfer) -> Response:
     """Coefficients become a Transfer, a callable stays itself."""
     if callable(transfer):
         return transfer
@@ -59,21 +60,21 @@ def as_transfer(transfer):
     return Transfer(numerator if numerator.size else np.zeros(1), denominator)
 
 
-def unstable_pole(transfer):
+def unstable_pole(transfer: Response) -> complex | None:
     """A pole on or outside the unit circle, or None; None for a callable too."""
     poles = transfer.poles() if isinstance(transfer, Transfer) else np.zeros(0)
     outside = poles[np.abs(poles) >= 1.0 - 1e-12]
     return outside[0] if outside.size else None
 
 
-def sharp_angles(transfer):
+def sharp_angles(transfer: Response) -> Array:
     """Angles near which poles close to the unit circle may raise a narrow peak [rad]."""
     poles = transfer.poles() if isinstance(transfer, Transfer) else np.zeros(0)
     sharp = poles[np.abs(poles) > 0.9]
     return np.unique(np.abs(np.angle(sharp)))
 
 
-def larger_of_rest(rest, moving, angle, period):
+def larger_of_rest(rest: Quantity, moving: Quantity, angle: Quantity, period: Quantity) -> LeastDamping:
     """The supremum over 0 ≤ ω ≤ π/T from its limit at rest and its largest value elsewhere."""
     shape = np.shape(moving)
     rest, period = np.broadcast_to(np.squeeze(rest), shape), np.broadcast_to(np.squeeze(period), shape)

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_device.analysis.quantity import Array
+
 TAP, AWAY, PRESS, HELD, GESTURE = 0.1, 0.25, 0.8, 1.0, 2.0  # [s] of the gesture: a tap until, pressed from, looked at
 COARSE, HARDLY = 1e-3, 0.5  # [m] travel that is shaking even where it fades, unless to less than this share
 LASTS = 0.8  # share of the shaking of the first half of that time that is still there in the second: it does not settle
@@ -21,14 +23,14 @@ BEGIN, WINDOW = 0.5, 0.1  # [s] left out in the beginning; over which energies a
 GAP = 0.02  # [s] between two truths, beyond which such a balance is left out: on a busy machine some are lost
 
 
-class Truth(NamedTuple):
-    """What the hand got, arrays: time [s], x [m], velocities along x and y [m/s], energy given to it [J]."""
+class GroundTruth(NamedTuple):
+    """What the hand got, each (samples): time [s], x [m], velocities along x and y [m/s], energy given to it [J]."""
 
-    time: np.ndarray
-    position: np.ndarray
-    velocity_x: np.ndarray
-    velocity_y: np.ndarray
-    energy_given: np.ndarray
+    time: Array
+    position: Array
+    velocity_x: Array
+    velocity_y: Array
+    energy_given: Array
 
 
 class Boundary(NamedTuple):
@@ -38,13 +40,13 @@ class Boundary(NamedTuple):
     shaking: float | None
 
     @property
-    def stiffness(self):
+    def stiffness(self) -> float:
         """The middle of both [N/m], or the one there is."""
         known = [value for value in self if value is not None]
         return sum(known) / len(known)
 
 
-def tap_and_press(elapsed, out, depth):
+def tap_and_press(elapsed: float, out: float, depth: float) -> float:
     """Where the hand's target is, along the wall's normal from its surface [m]: `out` before it, `depth` in it."""
     if elapsed < TAP:
         return -depth
@@ -53,7 +55,7 @@ def tap_and_press(elapsed, out, depth):
     return out - (out + depth) * min(1.0, (elapsed - AWAY) / (PRESS - AWAY))
 
 
-def shakes(truth, began, resolution):
+def shakes(truth: GroundTruth, began: float, resolution: float) -> bool:
     """Whether the pressed handle goes on moving, by more than encoder steps, and the hand goes on getting energy.
 
     A millimetre of travel, so long after the touch, is shaking even if it fades slowly.
@@ -88,13 +90,13 @@ def find_boundary(show: Callable[[float], bool], begin: float, most: float) -> B
     return Boundary(quiet, shaking)
 
 
-def circle(elapsed, radius):
+def circle(elapsed: float, radius: float) -> tuple[float, float]:
     """Point (x, y) of the hand's target from where it begins [m], on a circle run faster and faster."""
     angle = 2.0 * np.pi * elapsed * (SLOW + 0.5 * (FAST - SLOW) * elapsed / CIRCLE)
     return radius * (np.cos(angle) - 1.0), radius * np.sin(angle)
 
 
-def apparent_damping(truth, began):
+def apparent_damping(truth: GroundTruth, began: float) -> float:
     """Damping that the hand feels in free space [N s/m].
 
     The energy it gives over each window is regressed on ∫ v² dt (damping), the path (friction) and the change of v²/2

@@ -13,14 +13,15 @@ destabilize what is stable alone.
 """
 
 import numpy as np
+import numpy.typing as npt
 from numpy.polynomial import chebyshev
 
 from haptic_device.analysis.delay import split_delay
-from haptic_device.analysis.quantity import finite, not_negative, over_grids, positive
+from haptic_device.analysis.quantity import Array, Quantity, finite, not_negative, over_grids, positive
 from haptic_device.analysis.transfer import Transfer, wall_transfer
 
 
-def held_plant(mass, physical_damping, period, fraction=0.0):
+def held_plant(mass: float, physical_damping: float, period: float, fraction: float = 0.0) -> Transfer:
     """Sampled position over force, the force switched `fraction` of a period after the sample [m/N].
 
     m [kg] > 0, b [N s/m] ≥ 0, T [s] > 0, 0 ≤ fraction < 1.
@@ -44,7 +45,14 @@ def held_plant(mass, physical_damping, period, fraction=0.0):
     return Transfer(np.polyadd(np.append(new, 0.0), old), np.append(denominator, 0.0))
 
 
-def characteristic(mass, physical_damping, damping, period, delay_samples=0.0, velocity_lag=0.0):
+def characteristic(
+    mass: float,
+    physical_damping: float,
+    damping: float,
+    period: float,
+    delay_samples: float = 0.0,
+    velocity_lag: float = 0.0,
+) -> tuple[npt.NDArray[np.floating], npt.NDArray[np.floating]]:
     """Polynomials (p, q) in z, from the highest power down: the loop's poles are the roots of p + K q."""
     whole, fraction = split_delay(delay_samples)
     plant = held_plant(mass, physical_damping, period, fraction)
@@ -56,14 +64,22 @@ def characteristic(mass, physical_damping, damping, period, delay_samples=0.0, v
     )
 
 
-def spectral_radius(stiffness, damping, mass, physical_damping, period, delay_samples=0.0, velocity_lag=0.0):
+def spectral_radius(
+    stiffness: Quantity,
+    damping: Quantity,
+    mass: float,
+    physical_damping: float,
+    period: float,
+    delay_samples: float = 0.0,
+    velocity_lag: float = 0.0,
+) -> Quantity:
     """Largest pole magnitude of the loop without an operator; below 1 is stable. Stiffness and damping broadcast.
 
     At K = 0 the free position is a pole at exactly 1, which is no instability: it is left out.
     """
     finite("stiffness", stiffness, "N/m")
 
-    def radius(stiffness, damping):
+    def radius(stiffness: float, damping: float) -> float:
         fixed, scaled = characteristic(mass, physical_damping, damping, period, delay_samples, velocity_lag)
         if stiffness == 0.0:
             return _radius(np.polydiv(fixed, [1.0, -1.0])[0])
@@ -72,12 +88,19 @@ def spectral_radius(stiffness, damping, mass, physical_damping, period, delay_sa
     return np.vectorize(radius, otypes=[float])(stiffness, damping)[()]
 
 
-def stable_ranges(mass, physical_damping, damping, period, delay_samples=0.0, velocity_lag=0.0):
+def stable_ranges(
+    mass: float,
+    physical_damping: float,
+    damping: float,
+    period: float,
+    delay_samples: float = 0.0,
+    velocity_lag: float = 0.0,
+) -> list[tuple[float, float]]:
     """All intervals (low, high) of stiffness K > 0 [N/m] in which the loop without an operator is stable, rising."""
     finite("damping", damping, "N s/m")
     fixed, scaled = characteristic(mass, physical_damping, damping, period, delay_samples, velocity_lag)
     edges = np.concatenate([[0.0], _crossings(fixed, scaled), [np.inf]])
-    ranges = []
+    ranges: list[tuple[float, float]] = []
     for low, high in zip(edges[:-1], edges[1:], strict=True):
         middle = 0.5 * (low + high) if np.isfinite(high) else 2.0 * low + 1.0
         if _radius(np.polyadd(fixed, middle * scaled)) >= 1.0:
@@ -89,7 +112,14 @@ def stable_ranges(mass, physical_damping, damping, period, delay_samples=0.0, ve
 
 
 @over_grids
-def largest_stable_stiffness(mass, physical_damping, damping, period, delay_samples=0.0, velocity_lag=0.0):
+def largest_stable_stiffness(
+    mass: float,
+    physical_damping: float,
+    damping: float,
+    period: float,
+    delay_samples: float = 0.0,
+    velocity_lag: float = 0.0,
+) -> float:
     """The first stiffness at which stability is lost when K rises from 0 [N/m]; 0 if it is missing already there.
 
     Stability may come back at larger K; `stable_ranges` tells. Arguments broadcast.
@@ -98,13 +128,13 @@ def largest_stable_stiffness(mass, physical_damping, damping, period, delay_samp
     return ranges[0][1] if ranges and ranges[0][0] == 0.0 else 0.0
 
 
-def _glide(mass, physical_damping, time):
+def _glide(mass: float, physical_damping: float, time: float) -> float:
     """Distance covered in `time` per unit of initial velocity [s]."""
     decay = physical_damping * time / mass
     return time if decay == 0.0 else time * (-np.expm1(-decay) / decay)  # the least of numbers has few digits
 
 
-def _response(mass, physical_damping, time):
+def _response(mass: float, physical_damping: float, time: float) -> tuple[float, float]:
     """Position and velocity after `time` of unit force from rest; a series where (T − φ)/b would cancel."""
     decay = physical_damping * time / mass
     if decay < 1e-2:
@@ -114,7 +144,7 @@ def _response(mass, physical_damping, time):
     return shape * time**2 / mass, _glide(mass, physical_damping, time) / mass
 
 
-def _crossings(fixed, scaled):
+def _crossings(fixed: npt.NDArray[np.floating], scaled: npt.NDArray[np.floating]) -> Array:
     """Positive K for which p + K q has a root on the unit circle, rising.
 
     Im{p q̄} on the circle is sin θ times a polynomial in cos θ: Σ a_k sin kθ = sin θ Σ a_k U_{k−1}(cos θ).
@@ -132,12 +162,12 @@ def _crossings(fixed, scaled):
     return gains[np.diff(gains, prepend=0.0) > 1e-9 * gains]
 
 
-def _second_kind(weights):
+def _second_kind(weights: Array) -> Array:
     """Chebyshev series of Σ w_k U_k: U_k is twice the sum of the T_j of its parity, T_0 counted once."""
     series = np.array([2.0 * weights[index::2].sum() for index in range(weights.size)])
     series[0] /= 2.0
     return series
 
 
-def _radius(polynomial):
+def _radius(polynomial: npt.NDArray[np.floating]) -> float:
     return np.max(np.abs(np.roots(polynomial)), initial=0.0)

@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The largest value of a smooth function of frequency: a dense grid, then every promising peak refined."""
 
+from collections.abc import Callable, Iterable
+
 import numpy as np
+
+from haptic_device.analysis.quantity import Array
 
 GRID = 1024
 PEAKS = 8
@@ -10,7 +14,7 @@ ROUNDS = 4
 LOWEST = 1e-5
 
 
-def angles(near=()):
+def angles(near: Iterable[float] = ()) -> Array:
     """Angles θ = ωT in (0, π]: even, dense towards 0 for slow poles, and around each angle of `near` [rad]."""
     even = np.linspace(0.0, np.pi, GRID + 1)[1:]
     slow = np.geomspace(LOWEST, even[0], 128, endpoint=False)
@@ -20,7 +24,7 @@ def angles(near=()):
     return grid[(grid >= LOWEST) & (grid <= np.pi)]
 
 
-def supremum(function, near=()):
+def supremum(function: Callable[[Array], Array], near: Iterable[float] = ()) -> tuple[Array, Array]:
     """Largest value of function(θ) over 0 < θ ≤ π and the angle where it is taken.
 
     `function` gets angles with the grid on the last axis and may broadcast parameters over the axes before it; both
@@ -41,7 +45,7 @@ def supremum(function, near=()):
     return np.take_along_axis(peaks, winner, -1)[..., 0], np.take_along_axis(places, winner, -1)[..., 0]
 
 
-def _brackets(grid, values):
+def _brackets(grid: Array, values: Array) -> tuple[Array, Array]:
     """Neighbours of the highest local maxima on the grid, one pair for each."""
     edge = np.full_like(values[..., :1], -np.inf)
     padded = np.concatenate([edge, values, edge], -1)

@@ -8,9 +8,10 @@ import multiprocessing
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from pathlib import Path
+from typing import Any
 
 import numba
 import numpy as np
@@ -27,7 +28,13 @@ class SchedulerError(ValueError):
     """The scheduler, or what stands behind it, cannot do the work; one sentence."""
 
 
-def spread(function: Callable, jobs: dict, workers: int, scheduler: str = "", threads: bool = False) -> Iterator[tuple]:
+def spread(
+    function: Callable[..., Any],
+    jobs: dict[Any, tuple[Any, ...]],
+    workers: int,
+    scheduler: str = "",
+    threads: bool = False,
+) -> Generator[tuple[Any, Any], None, None]:
     """Yields (key, function(*arguments)) of jobs {key: arguments} as they are done, in whatever order.
 
     By processes, or by `threads` for kernels without the interpreter's lock; or by all workers of the Dask scheduler at
@@ -53,7 +60,7 @@ def spread(function: Callable, jobs: dict, workers: int, scheduler: str = "", th
 
 
 @contextlib.contextmanager
-def _executor(workers, scheduler, threads, package):
+def _executor(workers: int, scheduler: str, threads: bool, package: str) -> Iterator[Executor]:
     if scheduler:
         with _client(scheduler, package) as client, client.get_executor(pure=False) as pool:
             yield pool
@@ -67,7 +74,7 @@ def _executor(workers, scheduler, threads, package):
 
 
 @contextlib.contextmanager
-def _client(scheduler, package):
+def _client(scheduler: str, package: str) -> Iterator[Any]:
     try:
         from distributed import Client
     except ModuleNotFoundError:
@@ -103,7 +110,7 @@ def sources(package: str = "haptic_device") -> str:
     return digest.hexdigest()
 
 
-def _check(client, scheduler, package):
+def _check(client: Any, scheduler: str, package: str) -> None:
     """Other sources would compute something else under the same name."""
     try:
         digests = client.run(sources, package)

@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_device.analysis.quantity import Array, Flags, Records
+
 SHORTEST_GAP = 0.02  # [s]; a contact that comes back sooner is the same one
 SHORTEST = 0.005  # [s]
 
@@ -17,9 +19,9 @@ class Contact(NamedTuple):
     force: float
 
 
-def touching(rows: np.ndarray) -> np.ndarray:
-    """Whether each tick was in contact: the tool with the scene, or the handle with a wall."""
-    there = [name for name in ("tool_contact", "force_walls") if name in rows.dtype.names]
+def touching(rows: Records) -> Flags:
+    """Whether each tick was in contact, (ticks): the tool with the scene, or the handle with a wall."""
+    there = [name for name in ("tool_contact", "force_walls") if name in (rows.dtype.names or ())]
     touch = np.zeros(len(rows), bool)
     for name in there:
         column = rows[name]
@@ -27,8 +29,8 @@ def touching(rows: np.ndarray) -> np.ndarray:
     return touch
 
 
-def contacts(seconds: np.ndarray, touch: np.ndarray, force: np.ndarray) -> list[Contact]:
-    """The contacts in the order of time; force: (ticks, 2) on the handle."""
+def contacts(seconds: Array, touch: Flags, force: Array) -> list[Contact]:
+    """The contacts in the order of time; seconds and touch: (ticks), force: (ticks, 2) on the handle [N]."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], touch, [False]]).astype(np.int8)))
     joined: list[list[int]] = []
     for begin, end in edges.reshape(-1, 2):
@@ -43,7 +45,7 @@ def contacts(seconds: np.ndarray, touch: np.ndarray, force: np.ndarray) -> list[
     ]
 
 
-def _largest(force: np.ndarray) -> float:
+def _largest(force: Array) -> float:
     sizes = np.hypot(force[:, 0], force[:, 1])
     sizes = sizes[np.isfinite(sizes)]
     return float(sizes.max()) if len(sizes) else float("nan")

@@ -6,14 +6,16 @@ wall and stays pressed against it. What a run can show depends on the operator, 
 them is the worst there is: condition (3) is about all passive ones (Colgate & Brown 1994 for the word Z-width).
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from haptic_device.analysis.closed_forms import fractionally_delayed_spring_damping
 from haptic_device.analysis.delay import largest_passive_stiffness
-from haptic_device.analysis.quantity import finite, not_negative, positive, within
+from haptic_device.analysis.quantity import Array, finite, not_negative, positive, within
 from haptic_device.analysis.stability import largest_stable_stiffness
+from haptic_device.control.passivity import least_damping
 from haptic_device.device import wall_tapping
 
 QUIET, GIVING, SHAKING = range(3)
@@ -48,14 +50,15 @@ class Operator(NamedTuple):
     pressed: bool = False
 
 
-def _grid():
+def _grid() -> tuple[Operator, ...]:
     """Operators without damper: masses and springs, whose push holds them 5 mm deep or 1 N strong in the wall."""
     masses, springs = (0.0, 0.1, 1.0), (0.0, 1e2, 1e3, 1e4)
     return tuple(Operator(m, 0.0, k, 1.0 + 5e-3 * k, True) for m in masses for k in springs)
 
 
-def _both(*hand):
-    return Operator(*hand), Operator(*hand, pressed=True)
+def _both(mass: float, damping: float, stiffness: float, push: float) -> tuple[Operator, Operator]:
+    hand = Operator(mass, damping, stiffness, push)
+    return hand, hand._replace(pressed=True)
 
 
 OPERATORS = {
@@ -68,14 +71,14 @@ OPERATORS = {
 
 
 class Outcome(NamedTuple):
-    """What the cells did, arrays over the cells: verdict (QUIET, GIVING, SHAKING), energy given [J], growth."""
+    """What the cells did, arrays over the cells: assessment (QUIET, GIVING, SHAKING), energy given [J], growth."""
 
-    verdict: np.ndarray
-    energy_given: np.ndarray
-    growth: np.ndarray
+    assessment: npt.NDArray[np.int8]
+    energy_given: Array
+    growth: Array
 
 
-def check_setup(setup):
+def check_setup(setup: Setup) -> None:
     """Refuse what cannot be a device or a run (ValueError, one sentence)."""
     for name, unit in (("mass", "kg"), ("physical_damping", "N s/m"), ("period", "s"), ("seconds", "s")):
         positive(name, getattr(setup, name), unit)
@@ -85,31 +88,33 @@ def check_setup(setup):
     within("seconds/period", setup.seconds / setup.period, wall_tapping.FEWEST_TICKS, 1e7, "ticks")
 
 
-def operators_of(name):
+def operators_of(name: str) -> tuple[Operator, ...]:
     """The operators behind a name of OPERATORS. Raises ValueError, one sentence, for another one."""
     if name not in OPERATORS:
         raise ValueError(f"operator is {name!r}, but it must be one of {', '.join(OPERATORS)}")
     return OPERATORS[name]
 
 
-def run_cells(setup, operators, stiffness, damping):
+def run_cells(setup: Setup, operators: Sequence[Operator], stiffness: npt.ArrayLike, damping: npt.ArrayLike) -> Outcome:
     """Outcome of the walls K [N/m], B [N s/m] (arrays that broadcast), the worst over the operators."""
     check_setup(setup)
     not_negative("stiffness", stiffness, "N/m")
     finite("damping", damping, "N s/m")
     stiffness, damping = (np.array(a, float) for a in np.broadcast_arrays(stiffness, damping))
     outcomes = [_run(setup, operator, stiffness.ravel(), damping.ravel()) for operator in operators]
-    verdict, given, growth = (np.max(column, axis=0) for column in zip(*outcomes, strict=True))
-    return Outcome(*(column.reshape(stiffness.shape) for column in (verdict.astype(np.int8), given, growth)))
+    assessment, given, growth = (np.max(column, axis=0) for column in zip(*outcomes, strict=True))
+    return Outcome(*(column.reshape(stiffness.shape) for column in (assessment.astype(np.int8), given, growth)))
 
 
-def _run(setup, operator, stiffness, damping):
+def _run(
+    setup: Setup, operator: Operator, stiffness: Array, damping: Array
+) -> tuple[npt.NDArray[np.int_], Array, Array]:
     record, outcomes = record_of(setup, operator), np.zeros(stiffness.size, wall_tapping.OUTCOME)
     wall_tapping.cells(record.view(np.recarray), stiffness, damping, outcomes.view(np.recarray))
-    return _verdict(setup, operator, outcomes), outcomes["energy_given"], outcomes["growth"]
+    return _assessment(setup, operator, outcomes), outcomes["energy_given"], outcomes["growth"]
 
 
-def record_of(setup, operator):
+def record_of(setup: Setup, operator: Operator) -> npt.NDArray[np.void]:
     """CELL record of one operator at this device."""
     record = np.zeros(1, wall_tapping.CELL)
     for name in setup._fields:
@@ -123,7 +128,7 @@ def record_of(setup, operator):
     return record
 
 
-def _verdict(setup, operator, outcomes):
+def _assessment(setup: Setup, operator: Operator, outcomes: npt.NDArray[np.void]) -> npt.NDArray[np.int_]:
     """Shaking is energy of motion that grows or has grown, beyond two encoder steps; giving is more than there was."""
     begin = outcomes["beginning"]
     steps = 0.5 * (operator.stiffness + operator.push / 1e-3) * (2.0 * setup.resolution) ** 2
@@ -133,7 +138,7 @@ def _verdict(setup, operator, outcomes):
     return np.where(shaking, SHAKING, np.where(giving, GIVING, QUIET))
 
 
-def theory(setup, damping, lateness=0.0):
+def theory(setup: Setup, damping: Array, lateness: float = 0.0) -> dict[str, Array]:
     """Lines over B [N s/m] (array): name → largest K [N/m]. lateness [s]: writes late by anything up to it."""
     check_setup(setup)
     within("lateness", lateness, 0.0, 0.5 * setup.period, "s")
@@ -144,7 +149,7 @@ def theory(setup, damping, lateness=0.0):
         "stable": [largest_stable_stiffness(m, b, float(B), period, **loop) for B in damping],
     }
     if lateness > 0.0:
-        late = setup.delay_samples + lateness / period
-        spare = b - np.abs(damping) * np.sqrt(1.0 + late)
-        lines["late writes"] = np.maximum(spare, 0.0) / fractionally_delayed_spring_damping(1.0, period, late)
+        late = setup.delay_samples * period + lateness
+        spare = np.array([b - least_damping(0.0, float(B), period, late) for B in damping])
+        lines["late writes"] = np.maximum(spare, 0.0) / least_damping(1.0, 0.0, period, late)
     return {name: np.array(line) for name, line in lines.items()}

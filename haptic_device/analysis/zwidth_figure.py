@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figure of a map of the K–B plane: cells by what they did, and the lines of theory over them."""
 
+from pathlib import Path
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from haptic_device.analysis.zwidth import NAMES, theory
+from haptic_device.analysis.zwidth_map import Plane, Request
 
 COLOURS = ("#d9ead3", "#f9d9a8", "#e8a7a1")
 LINES = {
@@ -16,20 +20,20 @@ LINES = {
 }
 
 
-def save_map(request, plane, lateness, path):
+def save_map(request: Request, plane: Plane, lateness: float, path: Path) -> None:
     """Writes the figure as PNG; OSError if the file cannot be written."""
     figure = Figure(figsize=(7.5, 5.5), layout="constrained")
     draw_cells(figure.subplots(), request, plane, lateness)
     figure.savefig(path, dpi=120, format="png")
 
 
-def draw_cells(axes, request, plane, lateness=0.0):
+def draw_cells(axes: Axes, request: Request, plane: Plane, lateness: float = 0.0) -> None:
     """Cells and lines of one map, labelled with everything that they depend on."""
     stiffness = request.stiffness / 1e3
     axes.pcolormesh(
         request.damping,
         stiffness,
-        plane.outcome.verdict.T,
+        plane.outcome.assessment.T,
         cmap=ListedColormap(COLOURS),
         vmin=0,
         vmax=2,
@@ -46,7 +50,7 @@ def draw_cells(axes, request, plane, lateness=0.0):
     axes.set_title(caption(request, lateness), fontsize=9)
 
 
-def caption(request, lateness=0.0):
+def caption(request: Request, lateness: float = 0.0) -> str:
     """The operating point in words."""
     s = request.setup
     late = f", writes late by up to {lateness / s.period:g} T" if lateness else ""

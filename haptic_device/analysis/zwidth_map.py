@@ -5,11 +5,11 @@ import contextlib
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from haptic_device.analysis.quantity import finite, not_negative
+from haptic_device.analysis.quantity import Array, Flags, finite, not_negative
 from haptic_device.analysis.sweep import spread
 from haptic_device.analysis.zwidth import SHAKING, Outcome, Setup, check_setup, operators_of, run_cells, theory
 
@@ -19,15 +19,15 @@ class Request(NamedTuple):
 
     setup: Setup
     operator: str
-    stiffness: np.ndarray
-    damping: np.ndarray
+    stiffness: Array
+    damping: Array
 
 
 class Plane(NamedTuple):
     """Outcomes over (B, K), and which rows (of one B each) are done."""
 
     outcome: Outcome
-    done: np.ndarray
+    done: Flags
 
 
 def empty(request: Request) -> Plane:
@@ -39,7 +39,7 @@ def empty(request: Request) -> Plane:
 def draw_map(
     request: Request,
     workers: int,
-    progress: Callable = lambda done: None,
+    progress: Callable[[int], object] = lambda done: None,
     scheduler: str = "",
     plane: Plane | None = None,
 ) -> Plane:
@@ -57,6 +57,7 @@ def draw_map(
     progress(0)
     with contextlib.closing(spread(run_cells, rows, workers, scheduler, threads=True)) as results:
         for row, outcome in results:
+            kept: Any
             for kept, column in zip(plane.outcome, outcome, strict=True):
                 kept[row] = column
             plane.done[row] = True
@@ -64,20 +65,20 @@ def draw_map(
     return plane
 
 
-def boundaries(request: Request, plane: Plane, lateness: float = 0.0) -> dict[str, np.ndarray]:
+def boundaries(request: Request, plane: Plane, lateness: float = 0.0) -> dict[str, Array]:
     """K [N/m] over B up to which all cells are `quiet`, and none shakes (`not shaking`), and the largest K of theory.
 
     One cell that is otherwise hides all above it, which may be quiet again: the map shows them."""
-    verdict = plane.outcome.verdict
+    assessment = plane.outcome.assessment
     return {
-        "quiet": _first(request.stiffness, verdict > 0),
-        "not shaking": _first(request.stiffness, verdict == SHAKING),
+        "quiet": _first(request.stiffness, assessment > 0),
+        "not shaking": _first(request.stiffness, assessment == SHAKING),
         **theory(request.setup, request.damping, lateness),
     }
 
 
 def write_csv(path: Path, request: Request, plane: Plane) -> None:
-    """A line a cell of the rows that are done: B, K, verdict (0 quiet, 1 gives energy, 2 shakes), energy, growth."""
+    """A line a cell of the finished rows: B, K, what it did (0 quiet, 1 gives energy, 2 shakes), energy, growth."""
     damping, stiffness = np.meshgrid(request.damping, request.stiffness, indexing="ij")
     columns = [column[plane.done].ravel() for column in (damping, stiffness, *plane.outcome)]
     head = "damping_ns_per_m,stiffness_n_per_m,verdict,energy_given_j,growth"
@@ -86,7 +87,7 @@ def write_csv(path: Path, request: Request, plane: Plane) -> None:
     os.replace(beside, path)
 
 
-def _first(stiffness, bad):
+def _first(stiffness: Array, bad: Flags) -> Array:
     """The last K before the first bad one of each row; the largest K of the map where none is bad, 0 where all are."""
     before = np.concatenate([[0.0], stiffness])
     return before[np.where(bad.any(axis=1), bad.argmax(axis=1), stiffness.size)]

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Collectors that turn serialized messages into arrays: JointStates by entry, clouds of records by column."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from haptic_device.recording.layouts import CLOUD, PARTS, STAMPED, layout_of, stamp_of
 
@@ -21,9 +22,10 @@ class JointColumns:
     kept: for each message whether it had the layout of the first; the others are left out.
     """
 
-    def __init__(self, type_name: str, entries: Entries | None = None):
-        self._type_name, self._wanted, self._layout = type_name, entries, None
-        self._parts: list[np.ndarray] = []
+    def __init__(self, type_name: str, entries: Entries | None = None) -> None:
+        self._type_name, self._wanted = type_name, entries
+        self._layout: Any = None  # of the first message
+        self._parts: list[npt.NDArray[Any]] = []
         self._count = 0
         self._kept: list[bool] = []
 
@@ -41,11 +43,11 @@ class JointColumns:
             part[before : self._count] = piece
 
     @property
-    def kept(self) -> np.ndarray:
+    def kept(self) -> npt.NDArray[np.bool_]:
         """Which messages are in the arrays."""
         return np.array(self._kept, bool)
 
-    def arrays(self) -> list[np.ndarray]:
+    def arrays(self) -> list[npt.NDArray[Any]]:
         """Stamps [ns], then position, velocity, effort as (messages, names)."""
         for part in self._parts:
             part.resize((self._count, *part.shape[1:]), refcheck=False)
@@ -64,12 +66,14 @@ class JointColumns:
 class CloudColumns:
     """Records of a PointCloud2 topic: with the columns and types of a structured type, or all as they are.
 
-    others: messages of another layout than the first, which are left out. stamps [ns]: of the others; begins: index of
-    the first record of each. A column that the messages lack is NaN and stands in `missing`.
+    others: messages of another layout than the first, which are left out. Of the messages taken: stamps [ns], and
+    begins, the index of each one's first record. A column that the messages lack is NaN and stands in `missing`.
     """
 
-    def __init__(self, columns: np.dtype | None = None):
-        self._wanted, self._layout, self._rows = columns, None, None
+    def __init__(self, columns: np.dtype[np.void] | None = None) -> None:
+        self._wanted = columns
+        self._rows: npt.NDArray[Any] = np.empty(0)
+        self._layout: Any = None  # of the first message
         self.stamps: list[int] = []
         self.begins: list[int] = []
         self._count = self.others = 0
@@ -79,7 +83,7 @@ class CloudColumns:
         """Takes the next messages. Raises ValueError if the first of all is no cloud of named fields."""
         if self._layout is None:
             self._layout = layout_of(CLOUD, data[0])
-            self._rows = np.empty(0, self._layout.record if self._wanted is None else self._subset())
+            self._rows = np.empty(0, self._layout.record if self._wanted is None else self._subset(self._wanted))
         pieces, before = [], self._count
         for message in data:
             if not self._layout.matches(message):
@@ -92,25 +96,25 @@ class CloudColumns:
         _make_room(self._rows, self._count)
         self._fill(self._rows[before : self._count], np.frombuffer(b"".join(pieces), self._layout.record))
 
-    def records(self) -> np.ndarray:
+    def records(self) -> npt.NDArray[np.void]:
         """All records as one structured array."""
         self._rows.resize(self._count, refcheck=False)
         return self._rows
 
-    def _subset(self) -> np.dtype:
-        there, wanted = self._layout.record, self._wanted
-        self.missing = [n for n in wanted.names if n not in there.names or there[n].shape != wanted[n].shape]
+    def _subset(self, wanted: np.dtype[np.void]) -> np.dtype[np.void]:
+        there = self._layout.record
+        self.missing = [n for n in wanted.names or () if n not in there.names or there[n].shape != wanted[n].shape]
         return wanted
 
-    def _fill(self, target: np.ndarray, rows: np.ndarray) -> None:
+    def _fill(self, target: npt.NDArray[Any], rows: npt.NDArray[Any]) -> None:
         if self._wanted is None:
             target[:] = rows
             return
-        for name in target.dtype.names:
+        for name in target.dtype.names or ():
             target[name] = np.nan if name in self.missing else rows[name]
 
 
-def _make_room(rows: np.ndarray, count: int) -> None:
+def _make_room(rows: npt.NDArray[Any], count: int) -> None:
     """Grows in place, where the operating system can: the whole is never there twice."""
     if count > len(rows):
         rows.resize((count + count // 8, *rows.shape[1:]), refcheck=False)

@@ -9,9 +9,14 @@ once. Needs no ROS.
 
 import functools
 import struct
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
 
 JOINTS, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 STRING, DIAGNOSTICS = "std_msgs/msg/String", "diagnostic_msgs/msg/DiagnosticArray"
@@ -31,45 +36,45 @@ class JointSample(NamedTuple):
     """One JointState's stamp [ns of the sender's ROS clock] and numbers, each array in the order of the names."""
 
     stamp_ns: int
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
+    position: npt.NDArray[np.float64]
+    velocity: npt.NDArray[np.float64]
+    effort: npt.NDArray[np.float64]
 
 
 class _Template:
     """CDR bytes as they grow, and beside them which of them are fixed; alignment counts from behind the header."""
 
-    def __init__(self, frame_id: str):
+    def __init__(self, frame_id: str) -> None:
         self.data, self.mask = bytearray(b"\x00\x01\x00\x00"), bytearray(b"\x01" * 4)
         self.varying(8)  # stamp
         self.text(frame_id)
 
-    def varying(self, count):
+    def varying(self, count: int) -> None:
         self.data += bytes(count)
         self.mask += bytes(count)
 
-    def fixed(self, data):
+    def fixed(self, data: bytes) -> None:
         self.data += data
         self.mask += b"\x01" * len(data)
 
-    def align(self, size):
+    def align(self, size: int) -> None:
         self.varying(-(len(self.data) - 4) % size)
 
-    def word(self, value):
+    def word(self, value: int) -> None:
         self.align(4)
         self.fixed(_WORD.pack(value))
 
-    def text(self, value):
+    def text(self, value: str) -> None:
         encoded = value.encode() + b"\0"
         self.word(len(encoded))
         self.fixed(encoded)
 
-    def counted(self):
+    def counted(self) -> int:
         self.align(4)
         self.varying(4)
         return len(self.data) - 4
 
-    def reals(self, count):
+    def reals(self, count: int) -> int:
         self.align(8)
         self.varying(8 * count)
         return len(self.data) - 8 * count
@@ -78,7 +83,7 @@ class _Template:
 class _Layout:
     """A template, and whether other bytes begin as it does where it is fixed; padding and options are the sender's."""
 
-    def __init__(self, head: _Template):
+    def __init__(self, head: _Template) -> None:
         self.template = bytes(head.data)
         mask = head.mask[:2] + bytes(2) + head.mask[4:]  # bytes 2 and 3 are the sender's options
         self._mask = int.from_bytes(bytes(0xFF * byte for byte in mask), "little")
@@ -98,29 +103,29 @@ class _Layout:
 class _Sized(_Layout):
     """A layout of one size: blocks of `count` float64 behind the head, one for each of these parts of a joint."""
 
-    def __init__(self, head: _Template, names, parts, offsets):
+    def __init__(self, head: _Template, names: Sequence[str], parts: Sequence[str], offsets: Sequence[int]) -> None:
         super().__init__(head)
         self.names, self.offsets, self.size = tuple(names), offsets, len(self.template)
         self.count = len(self.names)
         self._reals = struct.Struct(f"<{self.count}d")
-        fields = {"seconds": ("<i4", _STAMP_AT), "nanoseconds": ("<u4", _STAMP_AT + 4)}
+        fields: dict[str, tuple[Any, int]] = {"seconds": ("<i4", _STAMP_AT), "nanoseconds": ("<u4", _STAMP_AT + 4)}
         fields |= {part: (("<f8", (self.count,)), at) for part, at in zip(parts, offsets, strict=True)}
         formats, places = zip(*fields.values(), strict=True)
-        told = {"names": list(fields), "formats": formats, "offsets": places, "itemsize": self.size}
+        told: Any = {"names": list(fields), "formats": formats, "offsets": places, "itemsize": self.size}
         self._record = np.dtype(told)
 
     def matches(self, data: bytes) -> bool:
         """Whether these bytes have exactly this layout."""
         return len(data) == self.size and self.begins(data)
 
-    def packed(self, stamp_ns: int, *blocks) -> bytes:
+    def packed(self, stamp_ns: int, *blocks: Iterable[float]) -> bytes:
         """Bytes of one message with these numbers in its blocks."""
         data = self.stamped(stamp_ns)
         for offset, numbers in zip(self.offsets, blocks, strict=True):
             self._reals.pack_into(data, offset, *numbers)
         return bytes(data)
 
-    def arrays(self, messages: list[bytes]) -> list[np.ndarray]:
+    def arrays(self, messages: list[bytes]) -> list[npt.NDArray[Any]]:
         """Of bytes that match: stamps [ns], then position, velocity, effort (messages, names), NaN if not there."""
         rows = np.frombuffer(b"".join(messages), self._record)
         none = np.full((len(rows), self.count), np.nan)
@@ -131,7 +136,7 @@ class _Sized(_Layout):
 class JointLayout(_Sized):
     """A JointState with fixed names and frame: n numbers in each of its arrays, none in those not filled."""
 
-    def __init__(self, names, frame_id="", filled=PARTS):
+    def __init__(self, names: Sequence[str], frame_id: str = "", filled: Sequence[str] = PARTS) -> None:
         head, offsets = _Template(frame_id), []
         head.word(len(names))
         for name in names:
@@ -143,15 +148,17 @@ class JointLayout(_Sized):
         super().__init__(head, names, filled, offsets)
         self.fixed = np.frombuffer(bytes(head.mask), np.uint8)  # 1 where a byte never varies
 
-    def pack(self, stamp_ns, position, velocity, effort):
+    def pack(
+        self, stamp_ns: int, position: Iterable[float], velocity: Iterable[float], effort: Iterable[float]
+    ) -> bytes:
         """Bytes of one message; each array of length count."""
         return self.packed(stamp_ns, position, velocity, effort)
 
-    def numbers(self, data):
+    def numbers(self, data: bytes) -> tuple[Any, ...]:
         """Stamp [ns], positions, velocities and efforts of bytes that match, as tuples: quicker than unpack if few."""
         return stamp_of(data), *(self._reals.unpack_from(data, offset) for offset in self.offsets)
 
-    def unpack(self, data):
+    def unpack(self, data: bytes) -> JointSample:
         """JointSample of bytes that match."""
         return JointSample(stamp_of(data), *(np.frombuffer(data, "<f8", self.count, at) for at in self.offsets))
 
@@ -159,12 +166,12 @@ class JointLayout(_Sized):
 class StampedLayout(_Sized):
     """A message that is a header and then one float64 for each name: WrenchStamped, PoseStamped (STAMPED)."""
 
-    def __init__(self, type_name, frame_id=""):
+    def __init__(self, type_name: str, frame_id: str = "") -> None:
         (fields, parts), head = STAMPED[type_name], _Template(frame_id)
         names = fields.split()
         super().__init__(head, names, parts, [head.reals(len(names))])
 
-    def pack(self, stamp_ns, numbers):
+    def pack(self, stamp_ns: int, numbers: Iterable[float]) -> bytes:
         """Bytes of one message."""
         return self.packed(stamp_ns, numbers)
 
@@ -172,13 +179,14 @@ class StampedLayout(_Sized):
 class CloudLayout(_Layout):
     """A PointCloud2 of records: one point a record, one field a column."""
 
-    def __init__(self, dtype, frame_id=""):
+    def __init__(self, dtype: np.dtype[np.void], frame_id: str = "") -> None:
         head, self.record = _Template(frame_id), dtype
         head.word(1)  # height
         self._counts = [head.counted()]  # width
-        head.word(len(dtype.names))
-        for name in dtype.names:
-            kind, offset = dtype.fields[name][:2]
+        fields: Any = dtype.fields
+        head.word(len(fields))
+        for name in dtype.names or ():
+            kind, offset = fields[name][:2]
             head.text(name)
             head.word(offset)
             head.fixed(bytes([_CODES[kind.base]]))
@@ -189,7 +197,7 @@ class CloudLayout(_Layout):
         super().__init__(head)
         self._fixed = np.frombuffer(bytes(head.mask), np.uint8)
 
-    def fixed(self, count):
+    def fixed(self, count: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8], int]:
         """Template of a message of so many records, 1 where its bytes never vary, and where the records begin."""
         template = np.frombuffer(self.pack(0, np.zeros(count, self.record)), np.uint8)
         fixed = np.zeros(len(template), np.uint8)
@@ -198,7 +206,7 @@ class CloudLayout(_Layout):
             fixed[place : place + 4] = 1
         return template, fixed, len(self.template)
 
-    def pack(self, stamp_ns, records):
+    def pack(self, stamp_ns: int, records: npt.NDArray[np.void]) -> bytes:
         """Bytes of one message."""
         data = self.stamped(stamp_ns)
         for place, number in zip(self._counts, (len(records), records.nbytes, records.nbytes), strict=True):
@@ -206,7 +214,7 @@ class CloudLayout(_Layout):
         whole = b"".join((data, records.tobytes(), b"\1"))  # is_dense
         return whole + bytes(-len(whole) % 4)  # as it arrives: RTPS rounds a payload up to four bytes
 
-    def matches(self, data):
+    def matches(self, data: bytes) -> bool:
         """Whether these bytes have this layout, with all of their records."""
         begin = len(self.template)
         if len(data) < begin or not self.begins(data):
@@ -214,7 +222,7 @@ class CloudLayout(_Layout):
         count, _, size = (_WORD.unpack_from(data, place)[0] for place in self._counts)
         return size == count * self.record.itemsize and len(data) >= begin + size
 
-    def records(self, data):
+    def records(self, data: bytes) -> bytes:
         """The bytes of the records of bytes that match."""
         begin = len(self.template)
         return data[begin : begin + _WORD.unpack_from(data, self._counts[-1])[0]]
@@ -238,7 +246,7 @@ def layout_of(type_name: str, data: bytes) -> JointLayout | StampedLayout | Clou
     return layout
 
 
-def _described(type_name, message):
+def _described(type_name: str, message: Any) -> JointLayout | StampedLayout | CloudLayout:
     frame_id = message.header.frame_id
     if type_name == JOINTS:
         return JointLayout(message.name, frame_id, [part for part in PARTS if len(getattr(message, part))])
@@ -247,11 +255,12 @@ def _described(type_name, message):
     fields = message.fields
     kinds = [(FORMATS[field.datatype], (field.count,) if field.count > 1 else ()) for field in fields]
     places = {"names": [field.name for field in fields], "offsets": [field.offset for field in fields]}
-    return CloudLayout(np.dtype({**places, "formats": kinds, "itemsize": message.point_step}), frame_id)
+    record: Any = {**places, "formats": kinds, "itemsize": message.point_step}
+    return CloudLayout(np.dtype(record), frame_id)
 
 
 @functools.cache
-def types():
+def types() -> "Typestore":
     """The message types of ROS 2 Jazzy's common packages."""
     from rosbags.typesys import Stores, get_typestore  # which a node that only packs does without
 

@@ -4,6 +4,7 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -28,7 +29,7 @@ class FileSpan:
         self.messages += 1
 
 
-def topic_metadata(name: str, type_name: str, encoding: str, offered_qos: list, type_hash: str) -> dict:
+def topic_metadata(name: str, type_name: str, encoding: str, offered_qos: list[Any], type_hash: str) -> dict[str, Any]:
     """A topic as metadata.yaml lists it."""
     return {
         "name": name,
@@ -39,7 +40,9 @@ def topic_metadata(name: str, type_name: str, encoding: str, offered_qos: list, 
     }
 
 
-def information(files: list[FileSpan], topics: list[dict], counts: list[int], custom_data: dict[str, str]) -> dict:
+def information(
+    files: list[FileSpan], topics: list[dict[str, Any]], counts: list[int], custom_data: dict[str, str]
+) -> dict[str, Any]:
     """The content of rosbag2_bagfile_information; counts: messages of each topic."""
     spans = [file for file in files if file.messages]
     first = min((file.first for file in spans), default=0)
@@ -60,7 +63,7 @@ def information(files: list[FileSpan], topics: list[dict], counts: list[int], cu
     }
 
 
-def _times(span: FileSpan) -> dict:
+def _times(span: FileSpan) -> dict[str, Any]:
     return {
         "duration": {"nanoseconds": span.last - span.first},
         "starting_time": {"nanoseconds_since_epoch": span.first},
@@ -69,18 +72,18 @@ def _times(span: FileSpan) -> dict:
 
 
 class _Plain(yaml.SafeDumper):
-    """Writes what stands twice twice: not every reader of metadata.yaml knows anchors."""
+    """Repeats what occurs twice, without an anchor: not every reader of metadata.yaml knows anchors."""
 
-    def ignore_aliases(self, data):
+    def ignore_aliases(self, data: Any) -> bool:
         return True
 
 
-def dump(content) -> str:
+def dump(content: Any) -> str:
     """YAML text without anchors, in the order given."""
     return yaml.dump(content, Dumper=_Plain, sort_keys=False, allow_unicode=True)
 
 
-def write_metadata(folder: Path, content: dict) -> None:
+def write_metadata(folder: Path, content: dict[str, Any]) -> None:
     """Writes metadata.yaml into the bag's folder."""
     half = folder / f"{METADATA}.part"
     half.write_text(dump({"rosbag2_bagfile_information": content}), encoding="utf-8")

@@ -12,9 +12,10 @@ import zlib
 from array import array
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, Protocol
+from typing import Any, BinaryIO, NamedTuple, Protocol
 
 import numpy as np
+import numpy.typing as npt
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -27,7 +28,7 @@ LARGEST = 256 * 2**20  # bytes; a damaged length must not ask for the whole memo
 _RECORD = struct.Struct("<BQ")
 _FOOTER = struct.Struct("<BQQQI8s")  # opcode, length, begin of the summary, of its offsets, checksum, magic
 _BATCH = 2**20  # bytes of one topic's messages that are decoded together
-_PARTS = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel, Opcode.ATTACHMENT: Attachment}
+_PARTS: dict[int, Any] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel, Opcode.ATTACHMENT: Attachment}
 _DAMAGE = (ValueError, struct.error, OverflowError, MemoryError, RuntimeError, McapError, ZstdError)
 
 
@@ -39,7 +40,7 @@ class Records:
     says why the file is not whole, "" if it is. Raises ValueError if the file does not begin as MCAP files do.
     """
 
-    def __init__(self, stream: BinaryIO):
+    def __init__(self, stream: BinaryIO) -> None:
         self._stream, self._described = stream, described(stream)
         self.damaged, self.wrong = 0, "ends without its index"
         if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
@@ -116,7 +117,7 @@ class Collector(Protocol):
 class Keep:
     """The collector that keeps the messages as they are."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.data: list[bytes] = []
 
     def add(self, data: list[bytes]) -> None:
@@ -124,20 +125,25 @@ class Keep:
         self.data += data
 
 
-class Times(NamedTuple):
-    """Of each message: received and published in ns of the system clock, and the publisher's sequence."""
+Choice = Callable[[str, str], Collector | None]
+"""Who takes a topic's messages, by its name and its type."""
 
-    received: np.ndarray
-    published: np.ndarray
-    sequence: np.ndarray
+
+class Times(NamedTuple):
+    """Of each message, (messages): received and published in ns of the system clock, and the publisher's sequence."""
+
+    received: npt.NDArray[np.int64]
+    published: npt.NDArray[np.int64]
+    sequence: npt.NDArray[np.int64]
 
 
 class Topic:
     """One topic as it is read: its type, its times, its collector (None: only counted), and why that took no more."""
 
-    def __init__(self, type_name: str, collector: Collector | None):
+    def __init__(self, type_name: str, collector: Collector | None) -> None:
         self.type_name, self.collector, self.refused = type_name, collector, ""
-        self._times, self._waiting, self._bytes = array("Q"), [], 0
+        self._times, self._bytes = array("Q"), 0
+        self._waiting: list[bytes] = []
 
     @property
     def times(self) -> Times:
@@ -159,7 +165,7 @@ class Topic:
     def hand_on(self) -> None:
         """Hands what waits to the collector, unless that has refused before."""
         waiting, self._waiting, self._bytes = self._waiting, [], 0
-        if waiting and not self.refused:
+        if self.collector is not None and waiting and not self.refused:
             try:
                 self.collector.add(waiting)
             except ValueError as error:
@@ -174,7 +180,7 @@ class Contents(NamedTuple):
     notes: list[str]
 
 
-def read(bag: Path, collector: Callable[[str, str], Collector | None]) -> Contents:
+def read(bag: Path, collector: Choice) -> Contents:
     """Everything in the bag; collector(topic, type name) says who takes a topic's messages.
 
     Raises FileNotFoundError or ValueError when there is nothing to read.
@@ -208,9 +214,11 @@ def files(bag: Path) -> list[Path]:
     return found
 
 
-def _read_file(name: str, records: Records, contents: Contents, collector) -> None:
+def _read_file(name: str, records: Records, contents: Contents, collector: Choice) -> None:
     """One file, with its own schemas and channels, into the bag's topics."""
-    types, channels, notes, strangers = {}, {}, contents.notes, 0
+    types: dict[int, str] = {}
+    channels: dict[int, Topic] = {}
+    notes, strangers = contents.notes, 0
     for record in records:
         if isinstance(record, Message):
             topic = channels.get(record.channel_id)
@@ -232,7 +240,7 @@ def _read_file(name: str, records: Records, contents: Contents, collector) -> No
         notes.append(f"{name} {records.wrong}: what was written up to there is read")
 
 
-def _topic(file: str, name: str, type_name: str, contents: Contents, collector) -> Topic:
+def _topic(file: str, name: str, type_name: str, contents: Contents, collector: Choice) -> Topic:
     found = contents.topics.get(name)
     if found is None:
         found = contents.topics[name] = Topic(type_name, collector(name, type_name))

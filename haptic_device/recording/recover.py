@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import yaml
 from mcap.records import Attachment, Channel, McapRecord, Message, Schema
@@ -25,7 +26,7 @@ class Found:
     """What can be read of the bag's files: their spans, and by topic its metadata, its messages, what was skipped."""
 
     spans: list[FileSpan] = field(default_factory=list)
-    topics: dict[str, dict] = field(default_factory=dict)
+    topics: dict[str, dict[str, Any]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
     skipped: dict[str, Skipped] = field(default_factory=dict)
     renewed: bool = False
@@ -91,7 +92,8 @@ def _rewritten(path: Path) -> Path:
     kept = next(name for name in names if not name.exists())
     try:
         with open(path, "rb") as source, open(half, "wb") as target:
-            writer, numbers = Writer(target, CHUNK_BYTES), {}
+            writer = Writer(target, CHUNK_BYTES)
+            numbers: dict[tuple[type, int], int] = {}
             writer.start("ros2", "haptic_display")
             for record in Records(source):
                 _copy(record, writer, numbers)
@@ -107,19 +109,18 @@ def _rewritten(path: Path) -> Path:
     return kept
 
 
-def _copy(record: McapRecord, writer: Writer, numbers: dict) -> None:
+def _copy(record: McapRecord, writer: Writer, numbers: dict[tuple[type, int], int]) -> None:
     """numbers: of schemas and channels in the new file, by those in the one that is read."""
-    kind = type(record)
-    if kind is Message and (Channel, record.channel_id) in numbers:
+    if isinstance(record, Message) and (Channel, record.channel_id) in numbers:
         channel = numbers[Channel, record.channel_id]
         writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
-    elif kind is Schema and (kind, record.id) not in numbers:
-        numbers[kind, record.id] = writer.register_schema(record.name, record.encoding, record.data)
-    elif kind is Channel and (kind, record.id) not in numbers:
+    elif isinstance(record, Schema) and (Schema, record.id) not in numbers:
+        numbers[Schema, record.id] = writer.register_schema(record.name, record.encoding, record.data)
+    elif isinstance(record, Channel) and (Channel, record.id) not in numbers:
         schema = numbers.get((Schema, record.schema_id), 0)
         told = record.topic, record.message_encoding, schema, record.metadata
-        numbers[kind, record.id] = writer.register_channel(*told)
-    elif kind is Attachment:
+        numbers[Channel, record.id] = writer.register_channel(*told)
+    elif isinstance(record, Attachment):
         writer.add_attachment(record.create_time, record.log_time, record.name, record.media_type, record.data)
 
 
@@ -134,7 +135,7 @@ def _metadata(bag: Path, found: Found) -> str:
     return f"{METADATA} is written: {sum(found.counts.values())} messages in {len(found.spans)} files"
 
 
-def _said(path: Path) -> dict:
+def _said(path: Path) -> dict[str, Any]:
     """What metadata.yaml says; empty if there is none, or it is none."""
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -144,7 +145,7 @@ def _said(path: Path) -> dict:
     return said if isinstance(said, dict) else {}
 
 
-def _with_losses(before, lost: dict[str, str]) -> dict[str, str]:
+def _with_losses(before: Any, lost: dict[str, str]) -> dict[str, str]:
     """custom_data with what the files lack; `missing` beside a `lost` that the recorder itself has counted."""
     custom = before if isinstance(before, dict) else {}
     words = {name: "missing" if f"lost {name}" in custom else "lost" for name in lost}

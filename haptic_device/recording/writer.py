@@ -8,6 +8,7 @@ Each file holds all schemas, channels and attachments, so that it can be read al
 
 import os
 from pathlib import Path
+from typing import Any, BinaryIO, cast
 
 from mcap.writer import Writer
 
@@ -27,7 +28,7 @@ class _Disk:
     does not help, the last record is torn, and every later write is refused.
     """
 
-    def __init__(self, path: Path, reserve: Path):
+    def __init__(self, path: Path, reserve: Path) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         self._reserve, self._size = reserve, 0
         self.full: OSError | None = None
@@ -65,11 +66,11 @@ class _Disk:
 class Bag:
     """One bag being written; what has been flushed survives the death of the process."""
 
-    def __init__(self, folder: Path, split_bytes: int = 0, split_seconds: float = 0.0):
+    def __init__(self, folder: Path, split_bytes: int = 0, split_seconds: float = 0.0) -> None:
         """Creates `folder` and its first file; 0 never splits. Raises ValueError if the folder holds something."""
         self.folder = folder
         self._split_bytes, self._split_ns = split_bytes, int(split_seconds * 1e9)
-        self._topics: list[dict] = []
+        self._topics: list[dict[str, Any]] = []
         self._counts: list[int] = []
         self._attachments: dict[str, tuple[int, int, str, str, bytes]] = {}
         self._files: list[FileSpan] = []
@@ -90,7 +91,7 @@ class Bag:
         self._attachments[name] = now, now, name, media_type, data
         self._writer.add_attachment(*self._attachments[name])
 
-    def add_topic(self, name: str, type_name: str, offered_qos: list[dict]) -> int:
+    def add_topic(self, name: str, type_name: str, offered_qos: list[dict[str, Any]]) -> int:
         """Registers a topic, returns its channel. Raises ValueError for a type that Jazzy's common messages lack."""
         try:
             type_hash = types().hash_rihs01(type_name)
@@ -130,7 +131,7 @@ class Bag:
         """
         (self.folder / RESERVE).unlink(missing_ok=True)
         content = information(self._files, self._topics, self._counts, custom_data)
-        if self._writer:  # else a split has ended the last file, and could begin no other
+        if not self._ended:  # else a split has ended the last file, and could begin no other
             self._end_file({"rosbag2": {"serialized_metadata": dump(content)}})
         write_metadata(self.folder, content)
 
@@ -138,7 +139,9 @@ class Bag:
         name = f"{self.folder.name}_{len(self._files)}.mcap"
         self._disk = _Disk(self.folder / name, self.folder / RESERVE)
         self._files.append(FileSpan(name))
-        self._writer, self._schemas = Writer(self._disk, CHUNK_BYTES), {}
+        self._ended = False
+        self._writer = Writer(cast(BinaryIO, self._disk), CHUNK_BYTES)
+        self._schemas: dict[str, int] = {}
         self._writer.start("ros2", "haptic_display")
         for attachment in self._attachments.values():
             self._writer.add_attachment(*attachment)
@@ -150,11 +153,11 @@ class Bag:
             for name, content in metadata.items():
                 self._writer.add_metadata(name, content)
             self._writer.finish()
-            self._writer = None
+            self._ended = True
         finally:
             self._disk.close()
 
-    def _register(self, topic: dict) -> int:
+    def _register(self, topic: dict[str, Any]) -> int:
         metadata = {
             "offered_qos_profiles": dump(topic["offered_qos_profiles"]),
             "topic_type_hash": topic["type_description_hash"],

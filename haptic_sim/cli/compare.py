@@ -20,7 +20,7 @@ def compare(
 ) -> None:
     """Play the same motion at each operating point, in lock-step; a table, a bag of each, and a report of all."""
     from haptic_device.analysis.report.page import MOST, write_report
-    from haptic_device.analysis.report.run import read_run
+    from haptic_device.analysis.report.reading import read_run
     from haptic_sim.cli.compared import figures_of, given_at, print_table, replayed
 
     if len(points) > MOST:

@@ -3,7 +3,7 @@
 
 import math
 
-from haptic_device.analysis.bag_topics import Recording
+from haptic_device.analysis.bag_contents import Recording
 from haptic_device.analysis.report.summary import (
     energy_figures,
     engaged_rows,

@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from haptic_device.analysis.assessment import Display, advise, judge
+from haptic_device.analysis.assessment import Display, advise, assess
 
 
 def passivity(
@@ -31,52 +31,57 @@ def passivity(
         stiffness, damping, physical_damping, period, mass, delay_samples, velocity_lag, resolution, coulomb
     )
     try:
-        verdict = judge(display)
+        assessment = assess(display)
         if plot is not None:
-            _save(display, verdict, plot)
+            _save(display, assessment, plot)
     except (ValueError, OSError) as error:
         typer.echo(f"haptic passivity: {error}", err=True)
         raise typer.Exit(2) from None
     if as_json:
-        typer.echo(json.dumps(_report(display, verdict)))
+        typer.echo(json.dumps(_report(display, assessment)))
     else:
-        _show(display, verdict)
+        _show(display, assessment)
 
 
-def _save(display, verdict, path):
+def _save(display, assessment, path):
     from haptic_device.analysis.passivity_figure import save_map
 
-    save_map(display, verdict, path)
+    save_map(display, assessment, path)
 
 
-def _report(display, verdict):
+def _report(display, assessment):
     """Inputs, results and the advice; JSON has no infinity, so a need without end is null."""
-    values = {**display._asdict(), **verdict._asdict()}
+    values = {**display._asdict(), **assessment._asdict()}
     finite = {key: value if math.isfinite(value) else None for key, value in values.items()}
-    return {**finite, "advice": advise(display, verdict)}
+    return {**finite, "advice": advise(display, assessment)}
 
 
-def _show(display, verdict):
+def _show(display, assessment):
     table = Table(title=_heading(display), title_justify="left")
     for column in ("question", "answer", "has", "needs"):
         table.add_column(column, justify="left" if column == "question" else "right")
-    for row in _rows(display, verdict):
+    for row in _rows(display, assessment):
         table.add_row(*row)
     console = Console(width=None if Console().is_terminal else 100)
     console.print(table)
-    console.print(advise(display, verdict), soft_wrap=True)
+    console.print(advise(display, assessment), soft_wrap=True)
 
 
-def _rows(display, verdict):
+def _rows(display, assessment):
     has, wall = f"b = {display.physical_damping:.4g} N s/m", f"K = {display.stiffness:.5g} N/m"
-    coupling, limit = verdict.b_required_mu, verdict.stiffness_max_passive
-    yield "passive as a wall, any operator", _word(verdict.margin > 0.0), has, f"b > {verdict.b_required:.4g} N s/m"
-    yield "passive as a coupling, any simulation", _word(verdict.mu_passive), has, f"b > {coupling:.4g} N s/m"
+    coupling, limit = assessment.b_required_mu, assessment.stiffness_max_passive
+    yield (
+        "passive as a wall, any operator",
+        _word(assessment.margin > 0.0),
+        has,
+        f"b > {assessment.b_required:.4g} N s/m",
+    )
+    yield "passive as a coupling, any simulation", _word(assessment.mu_passive), has, f"b > {coupling:.4g} N s/m"
     if display.resolution > 0.0:
-        friction, needed = display.coulomb, verdict.coulomb_required
+        friction, needed = display.coulomb, assessment.coulomb_required
         yield "encoder step covered by friction", _word(friction >= needed), f"{friction:.4g} N", f"{needed:.4g} N"
     yield "largest passive stiffness", _word(display.stiffness < limit), wall, f"K < {limit:.5g} N/m"
-    yield "stable without operator", _word(verdict.stable), wall, f"K < {verdict.stiffness_max_stable:.5g} N/m"
+    yield "stable without operator", _word(assessment.stable), wall, f"K < {assessment.stiffness_max_stable:.5g} N/m"
 
 
 def _word(holds):

@@ -41,7 +41,7 @@ def replay(
         _refuse("--live", given)
         _play(bag, namespace)
         return
-    from haptic_device.analysis.report.run import read_run
+    from haptic_device.analysis.report.reading import read_run
     from haptic_sim.cli.compared import figures_of, given_at, print_table, replayed
 
     out = out or Path("haptic_bags") / time.strftime("replay-%Y%m%d-%H%M%S")

@@ -39,7 +39,7 @@ def report(
 
 def _read(bags: list[Path], namespace: str | None):
     """The runs that can be shown, and why the others cannot."""
-    from haptic_device.analysis.report.run import read_run
+    from haptic_device.analysis.report.reading import read_run
 
     runs, reasons = [], []
     for bag in bags:

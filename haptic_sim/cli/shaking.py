@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 
-from haptic_device.analysis.excitation import shakes, twists
+from haptic_device.analysis.excitation import tool_twists, wall_jumps
 from haptic_device.analysis.identify import FEWEST, SEGMENT
 from haptic_device.parameters import ENGAGE
 from haptic_sim.cli.tuning import Tuning, refuse_other_device
@@ -45,16 +45,16 @@ def _engaging(torque):
 
 
 def _plan(device, centres, force, torque, period):
-    """Endless pairs of a Shake and a Twist, None where nothing turns; centres, force and torque of the device."""
+    """Endless pairs of a Jumps and a Twist, None where nothing turns; centres, force and torque of the device."""
     damping = min(axis.damping for axis in device.axes[:2])
     plane = [centre * device.scale[0] for centre in centres[:2]]
-    along = shakes(plane, force / device.scale[0], damping / device.scale[0] ** 2, period)
+    along = wall_jumps(plane, force / device.scale[0], damping / device.scale[0] ** 2, period)
     if len(device.axes) < 3:
         return ((shake, None) for shake in along)
     theta, scale = device.axes[2], device.scale[1]
     reach = 0.5 * EDGE * (theta.workspace[1] - theta.workspace[0]) * scale
     figures = torque / scale, reach, theta.damping / scale**2, theta.mass / scale**2
-    return zip(along, twists(centres[2] * scale, *figures, period), strict=False)
+    return zip(along, tool_twists(centres[2] * scale, *figures, period), strict=False)
 
 
 def shake_handle(tuning, plan, seconds, check):

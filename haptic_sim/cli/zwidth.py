@@ -177,9 +177,9 @@ def _run(request, lateness, out, workers, scheduler):
     return {
         **request.setup._asdict(),
         "operator": request.operator,
-        "cells": int(plane.outcome.verdict.size),
+        "cells": int(plane.outcome.assessment.size),
         "shares": {
-            name: float(np.mean(plane.outcome.verdict == i)) for i, name in enumerate(("quiet", "gives", "shakes"))
+            name: float(np.mean(plane.outcome.assessment == i)) for i, name in enumerate(("quiet", "gives", "shakes"))
         },
         "energy_given_max": _finite(np.max(plane.outcome.energy_given)),
         "damping": request.damping.tolist(),

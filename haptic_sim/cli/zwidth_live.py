@@ -175,4 +175,4 @@ def _truth(truths):
     column = {
         key: np.array([t[name][part] if name in t else 0.0 for t in truths]) for key, (name, part) in columns.items()
     }
-    return probe.Truth(np.array([t["time"][0] for t in truths]), **column)
+    return probe.GroundTruth(np.array([t["time"][0] for t in truths]), **column)

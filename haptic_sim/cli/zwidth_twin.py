@@ -76,8 +76,8 @@ class Twin:
             )
             samples.append(_sample(state))
             if rows.fault[-1]:
-                return probe.Truth(*np.array(samples).T), True
-        return probe.Truth(*np.array(samples).T), False
+                return probe.GroundTruth(*np.array(samples).T), True
+        return probe.GroundTruth(*np.array(samples).T), False
 
     def _body(self, start):
         body, state = (

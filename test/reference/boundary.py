@@ -22,11 +22,11 @@ def boundary_stiffness(setup, operators, damping, high, precision=1e-3):
     Stops at this relative precision; `high` itself if nothing shakes there.
     """
     low = 0.0
-    if run_cells(setup, operators, high, damping).verdict < SHAKING:
+    if run_cells(setup, operators, high, damping).assessment < SHAKING:
         return high
     while high - low > precision * high:
         middle = 0.5 * (low + high)
-        if run_cells(setup, operators, middle, damping).verdict == SHAKING:
+        if run_cells(setup, operators, middle, damping).assessment == SHAKING:
             high = middle
         else:
             low = middle

@@ -61,3 +61,4 @@ def test_pip_installs_the_same_files_and_the_commands(clone, tmp_path):
     run(sys.executable, "-m", "pip", "install", *options, ".", folder=clone)
     assert installed_in(prefix) == []
     assert sorted(path.name for path in (prefix / "bin").iterdir()) == EXECUTABLES
+    assert {path.parent.name for path in prefix.rglob("py.typed")} == {"haptic_device", "haptic_sim"}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic passivity`: a verdict one can read, one object with --json, and a sentence for what cannot be."""
+"""`haptic passivity`: a assessment one can read, one object with --json, and a sentence for what cannot be."""
 
 import json
 import math
@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from haptic_device.analysis.assessment import Display, advise, judge
+from haptic_device.analysis.assessment import Display, advise, assess
 from haptic_sim.cli.passivity import passivity
 
 PROMISED = {
@@ -42,19 +42,19 @@ def judged(**options):
 
 
 def test_json_is_one_object_with_the_promised_keys():
-    verdict = judged()
-    assert verdict.keys() >= PROMISED
-    assert verdict["passive"] and verdict["stable"] and verdict["mu_passive"]
-    assert verdict["b_required"] == pytest.approx(0.675)
-    assert verdict["margin"] == pytest.approx(0.125)
-    assert verdict["stiffness_max_passive"] == pytest.approx(6000.0)
+    assessment = judged()
+    assert assessment.keys() >= PROMISED
+    assert assessment["passive"] and assessment["stable"] and assessment["mu_passive"]
+    assert assessment["b_required"] == pytest.approx(0.675)
+    assert assessment["margin"] == pytest.approx(0.125)
+    assert assessment["stiffness_max_passive"] == pytest.approx(6000.0)
 
 
 @pytest.mark.parametrize("stiffness, passive", [(5999, True), (6001, False)])
 def test_the_verdict_turns_at_the_largest_passive_stiffness(stiffness, passive):
-    verdict = judged(stiffness=stiffness)
-    assert verdict["passive"] is verdict["mu_passive"] is passive
-    assert (verdict["mu_margin"] > 0.0) is passive
+    assessment = judged(stiffness=stiffness)
+    assert assessment["passive"] is assessment["mu_passive"] is passive
+    assert (assessment["mu_margin"] > 0.0) is passive
 
 
 def test_the_verdict_on_stability_turns_at_the_largest_stable_stiffness():
@@ -81,9 +81,9 @@ def test_delay_and_lag_count():
 
 
 def test_a_need_without_end_is_null():
-    verdict = judged(damping=-0.7)
-    assert verdict["b_required_mu"] is None
-    assert verdict["mu_passive"] is False
+    assessment = judged(damping=-0.7)
+    assert assessment["b_required_mu"] is None
+    assert assessment["mu_passive"] is False
 
 
 def test_the_table_ends_with_a_sentence_that_says_what_to_change():
@@ -106,15 +106,15 @@ def test_the_table_ends_with_a_sentence_that_says_what_to_change():
     ],
 )
 def test_the_sentence_names_what_is_lacking(display, words):
-    assert words in advise(display, judge(display))
+    assert words in advise(display, assess(display))
 
 
 def test_the_stiffness_that_is_promised_is_passive_as_a_coupling_too():
     display = Display(100.0, 0.0, 0.5, 1e-3, delay_samples=1.0)
-    verdict = judge(display)
-    assert verdict.stiffness_max_passive == pytest.approx(1000.0 / 3.0)
-    assert verdict.stiffness_max_mu == pytest.approx(250.0)
-    assert "could rise to 250 N/m" in advise(display, verdict)
+    assessment = assess(display)
+    assert assessment.stiffness_max_passive == pytest.approx(1000.0 / 3.0)
+    assert assessment.stiffness_max_mu == pytest.approx(250.0)
+    assert "could rise to 250 N/m" in advise(display, assessment)
 
 
 @pytest.mark.parametrize("damping", [0.7, 0.05, 0.0, -0.05, -0.19])

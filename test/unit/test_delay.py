@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adversary.horizon import least_damping_over_horizon
-from haptic_device.analysis.closed_forms import delayed_wall_damping, fractionally_delayed_spring_damping
 from haptic_device.analysis.coupling_damping import largest_stiffness_for_any_simulation
 from haptic_device.analysis.delay import (
     delayed_demand,
@@ -18,6 +17,7 @@ from haptic_device.analysis.delay import (
 )
 from haptic_device.analysis.stability import largest_stable_stiffness
 from haptic_device.analysis.transfer import wall_transfer
+from reference.closed_forms import delayed_wall_damping, fractionally_delayed_spring_damping
 
 TABLE = {0.1: 0.6354, 0.25: 0.8080, 0.5: 1.0590, 0.75: 1.2864, 1.0: 1.5}
 DELAY = st.floats(0.0, 4.0)

@@ -99,6 +99,22 @@ def test_links_and_paths_lead_somewhere(page):
         assert (ROOT / path).exists(), path
 
 
+@pytest.mark.parametrize("name", ["ARCHITECTURE.md", "CONTRIBUTING.md"])
+def test_each_file_that_a_tour_of_the_tree_names_exists(name):
+    for part in re.split(r"\n\n|\n(?=\*|\d+\. )", (ROOT / name).read_text(encoding="utf-8")):
+        room = ROOT
+        for path in re.findall(r"`([\w./-]+\.(?:py|md|yaml|toml))`", part):
+            assert (ROOT / path).exists() or (room / path).exists(), path
+            room = (ROOT / path).parent if "/" in path else room  # a bare name is a neighbour of the path before it
+
+
+def test_the_tour_of_the_tree_names_each_room():
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    folders = {file.parent for room in ("haptic_device", "haptic_sim") for file in (ROOT / room).rglob("*.py")}
+    rooms = {str(folder.relative_to(ROOT)) for folder in folders} - {"haptic_device", "haptic_sim"}
+    assert {room for room in rooms if f"`{room}`" not in text} == set()
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_functions_are_in_the_files_that_the_page_says(page):
     for path, names in re.findall(r"`([\w/]+\.py): ([\w, ]+)`", page.read_text(encoding="utf-8")):

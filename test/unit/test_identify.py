@@ -10,14 +10,14 @@ import yaml
 from typer.testing import CliRunner
 
 from haptic_device import controller_config
-from haptic_device.analysis.bag_topics import Status
-from haptic_device.analysis.excitation import shakes, twists
+from haptic_device.analysis.excitation import tool_twists, wall_jumps
 from haptic_device.analysis.identify import NAMES, Trace, identify, resolution_of, trace_of
 from haptic_device.control import enable_state, records
 from haptic_device.description import Axis, Device, load_device
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.realtime import servo_loop
+from haptic_device.status import Status
 from haptic_sim.cli.identify import identify as command
 from haptic_sim.cli.identify import write
 from haptic_sim.cli.shaking import shake_handle, unbroken
@@ -77,7 +77,7 @@ def shaken(mass=0.1, damping=3.0, coulomb=0.02, step=5e-6, rate=2000.0, sensing=
     body, state = loopback_config.plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
     motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
     tool, blocks, first = np.zeros(1, servo_loop.TOOL).view(np.recarray), [], 0
-    period, plan = round(1e9 / rate), shakes((0.0,), force, 1.0, 1.0 / rate)
+    period, plan = round(1e9 / rate), wall_jumps((0.0,), force, 1.0, 1.0 / rate)
     while first < 3.0 * rate:
         shake = next(plan)
         values |= {f"wall.{name}": getattr(shake, name) for name in ("normals", "offsets", "stiffness", "damping")}
@@ -132,7 +132,7 @@ def twisted(inertia=2e-4, damping=0.006, coulomb=3e-4, rate=2000.0, torque=0.05)
     body, state = loopback_config.plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
     motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
     tool, blocks, first, period = np.zeros(1, servo_loop.TOOL).view(np.recarray), [], 0, round(1e9 / rate)
-    tool.sequence, plan = 1.0, twists(0.0, torque, 2.0, told.axes[2].damping, told.axes[2].mass, 1.0 / rate)
+    tool.sequence, plan = 1.0, tool_twists(0.0, torque, 2.0, told.axes[2].damping, told.axes[2].mass, 1.0 / rate)
     for dwell in np.random.default_rng(3).uniform(0.03, 0.15, 40):
         twist = next(plan)
         values["coupling.rotational_stiffness"] = twist.stiffness
@@ -235,7 +235,7 @@ class Listener:
 def test_shaking_goes_on_until_a_run_of_the_trace_is_long_enough(monkeypatch, broken, least, most):
     listener = Listener(broken)
     monkeypatch.setattr("haptic_sim.cli.shaking.time.monotonic", lambda: listener.now * 1e-3)
-    plan = ((shake, None) for shake in shakes((0.0,), 1.0, 1.0, 1e-3))
+    plan = ((shake, None) for shake in wall_jumps((0.0,), 1.0, 1.0, 1e-3))
     shake_handle(listener, plan, 2.0, lambda: None)
     assert least <= listener.now <= most
     assert len(unbroken(listener.rows)) > 1600

@@ -9,8 +9,8 @@ from lockstep_systems import device, values
 
 from adversary.switching import switched_cancellation_damping
 from haptic_device import controller_config, gain_check
-from haptic_device.analysis import closed_forms
 from haptic_device.control import passivity
+from reference import closed_forms
 
 NO_COUPLING = {"coupling__stiffness": 0.0, "coupling__damping": 0.0}
 

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import minimize_scalar
 
-from haptic_device.analysis.closed_forms import delayed_wall_damping, wall_damping
-from haptic_device.analysis.coupling_damping import least_damping_for_any_simulation, wall_damping_for_any_simulation
+from haptic_device.analysis.coupling_damping import least_damping_for_any_simulation
 from haptic_device.analysis.mu import margin_at, mu_margin
 from haptic_device.analysis.transfer import wall_transfer
+from reference.closed_forms import delayed_wall_damping, wall_damping, wall_damping_for_any_simulation
 
 ANGLES = np.concatenate([np.geomspace(2e-3, 0.05, 40), np.linspace(0.06, np.pi, 400)])
 IN_STEP = [1.0, 0.0]

@@ -8,16 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adversary.horizon import least_damping_over_horizon
-from haptic_device.analysis.closed_forms import (
-    coulomb_friction_needed,
+from haptic_device.analysis.assessment import coulomb_friction_needed
+from haptic_device.analysis.passivity import damping_demand, least_damping
+from haptic_device.analysis.transfer import wall_transfer
+from reference.closed_forms import (
     delayed_wall_damping,
     lagged_wall_damping,
     late_tick_damping,
     late_write_damping,
     wall_damping,
 )
-from haptic_device.analysis.passivity import damping_demand, least_damping
-from haptic_device.analysis.transfer import wall_transfer
 
 DRAWS = 2000
 STIFFNESS = st.floats(1.0, 1e5)

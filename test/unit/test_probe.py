@@ -18,7 +18,7 @@ def circling(damping=3.0, coulomb=0.02, mass=0.1, every=0.002, radius=0.02):
     v_x, v_y = np.gradient(x, time), np.gradient(y, time)
     square = v_x**2 + v_y**2
     loss = np.concatenate([[0.0], np.cumsum((damping * square + coulomb * np.sqrt(square))[1:] * every)])
-    return probe.Truth(time, x, v_x, v_y, -loss - 0.5 * mass * square)
+    return probe.GroundTruth(time, x, v_x, v_y, -loss - 0.5 * mass * square)
 
 
 @pytest.mark.parametrize("damping", [0.01, 0.15, 3.0])
@@ -31,13 +31,15 @@ def test_truths_that_were_lost_do_not_move_the_damping():
     kept = np.ones(whole.time.size, bool)
     for lost in (0.7, 1.31, 2.0, 3.2):
         kept &= (whole.time < lost) | (whole.time > lost + 0.05)
-    assert probe.apparent_damping(probe.Truth(*(column[kept] for column in whole)), 0.0) == pytest.approx(3.0, rel=2e-3)
+    assert probe.apparent_damping(probe.GroundTruth(*(column[kept] for column in whole)), 0.0) == pytest.approx(
+        3.0, rel=2e-3
+    )
 
 
 def test_a_circle_of_which_too_little_came_is_refused():
     whole = circling()
     with pytest.raises(ValueError, match="only 0 tenths of a second of the circle came whole"):
-        probe.apparent_damping(probe.Truth(*(column[::20] for column in whole)), 0.0)
+        probe.apparent_damping(probe.GroundTruth(*(column[::20] for column in whole)), 0.0)
 
 
 def pressed(amplitude, power, decay=0.0):
@@ -45,7 +47,7 @@ def pressed(amplitude, power, decay=0.0):
     time = np.arange(0.0, probe.GESTURE, 0.002)
     x = -0.02 + amplitude * np.exp(-decay * time) * np.sin(2.0 * np.pi * 40.0 * time)
     still = np.zeros(time.size)
-    return probe.Truth(time, x, still, still, power * time)
+    return probe.GroundTruth(time, x, still, still, power * time)
 
 
 def test_a_handle_shakes_while_it_keeps_moving_and_giving_energy():

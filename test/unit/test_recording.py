@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from haptic_device.analysis.bag_topics import ENTRY_UNITS, TRACE_UNITS, load
+from haptic_device.analysis.bag_contents import ENTRY_UNITS, TRACE_UNITS
+from haptic_device.analysis.bag_topics import load
 from haptic_device.analysis.report import summary
 from haptic_device.recording.columns import Entries
 from haptic_device.recording.layouts import JOINTS, POSE, STRING, WRENCH, StampedLayout, layout_of
@@ -369,7 +370,7 @@ for name in ("rclpy", "sensor_msgs"):
     except ModuleNotFoundError:
         continue
     sys.exit(f"{name} can be imported all the same")
-from haptic_device.analysis import page
+from haptic_device.analysis.report import page
 from haptic_device.analysis.bag_topics import load
 from haptic_sim.cli.main import main
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from haptic_device import controller_config
 from haptic_device.analysis.bag_topics import load
-from haptic_device.analysis.report.run import read_run
+from haptic_device.analysis.report.reading import read_run
 from haptic_device.control import records
 from haptic_device.device import operator_hand
 from haptic_device.nodes.messages import JointLayout

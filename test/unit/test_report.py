@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from haptic_device.analysis.report import page as pages
 from haptic_device.analysis.report import panel
 from haptic_device.analysis.report.page import FIGURES, write_report
-from haptic_device.analysis.report.run import read_run
+from haptic_device.analysis.report.reading import read_run
 from haptic_device.analysis.report.table import sections
 from haptic_device.recording.writer import Bag
 from haptic_sim.cli.compared import figures_of

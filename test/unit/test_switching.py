@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from adversary.switching import switched_cancellation_damping
-from haptic_device.analysis.closed_forms import wall_damping
+from reference.closed_forms import wall_damping
 
 
 def energy_given(path, damping, physical_damping, cancelled):

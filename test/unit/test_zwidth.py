@@ -85,8 +85,8 @@ def test_a_cell_gives_the_energy_that_servo_and_plant_give(delay, coulomb, lag):
 def test_walls_begin_to_shake_where_the_eigenvalues_say(mass, physical_damping, damping, period, delay):
     setup = Setup(mass, physical_damping, period, delay_samples=delay, seconds=10.0)
     exact = largest_stable_stiffness(mass, physical_damping, damping, period, delay)
-    assert run_cells(setup, PRESSED, 0.98 * exact, damping).verdict == QUIET
-    assert run_cells(setup, PRESSED, 1.02 * exact, damping).verdict == SHAKING
+    assert run_cells(setup, PRESSED, 0.98 * exact, damping).assessment == QUIET
+    assert run_cells(setup, PRESSED, 1.02 * exact, damping).assessment == SHAKING
 
 
 def test_bisection_finds_the_boundary_to_its_precision():
@@ -103,27 +103,27 @@ def test_no_operator_shakes_or_draws_energy_from_a_wall_just_inside_the_passive_
     limit = np.array([largest_passive_stiffness(0.5, B, 1e-3, 0.0, delay) for B in damping])
     setup = Setup(0.1, 0.5, 1e-3, delay_samples=delay)
     outcome = run_cells(setup, operators_of(name), 0.98 * limit, damping)
-    assert np.all(outcome.verdict[limit > 0.0] == QUIET)
+    assert np.all(outcome.assessment[limit > 0.0] == QUIET)
 
 
 @pytest.mark.parametrize("damping", [-0.3, -0.1, 0.0])
 def test_the_worst_of_the_grid_shakes_just_outside_the_passive_region_while_a_hand_still_calms_the_wall(damping):
     limit = largest_passive_stiffness(0.5, damping, 1e-3)
     setup = Setup(0.1, 0.5, 1e-3, seconds=4.0)
-    assert run_cells(setup, operators_of("worst"), 1.03 * limit, damping).verdict == SHAKING
-    assert run_cells(setup, operators_of("firm"), 1.03 * limit, damping).verdict == QUIET
+    assert run_cells(setup, operators_of("worst"), 1.03 * limit, damping).assessment == SHAKING
+    assert run_cells(setup, operators_of("firm"), 1.03 * limit, damping).assessment == QUIET
 
 
 def test_a_hand_may_get_energy_from_a_wall_that_it_keeps_from_shaking():
     outcome = run_cells(Setup(0.1, 0.5, 1e-3), operators_of("firm"), 5000.0, 0.0)
-    assert outcome.verdict == GIVING
+    assert outcome.assessment == GIVING
     assert outcome.energy_given > 1e-5
 
 
 def test_friction_calms_what_an_encoder_step_keeps_alive():
     rough = Setup(0.1, 0.5, 1e-3, resolution=5e-5, seconds=4.0)
-    assert run_cells(rough, PRESSED, 1100.0, 0.0).verdict == SHAKING
-    assert run_cells(rough._replace(coulomb=0.1), PRESSED, 1100.0, 0.0).verdict == QUIET
+    assert run_cells(rough, PRESSED, 1100.0, 0.0).assessment == SHAKING
+    assert run_cells(rough._replace(coulomb=0.1), PRESSED, 1100.0, 0.0).assessment == QUIET
 
 
 @pytest.mark.parametrize("resolution", (0.0, 5e-6))
@@ -131,13 +131,13 @@ def test_friction_calms_what_an_encoder_step_keeps_alive():
 def test_a_handle_that_friction_holds_does_not_shake(name, resolution):
     """Beside the equilibrium, where it shook by the energy that friction kept in the springs."""
     setup = Setup(0.1, 3.0, 1e-3, coulomb=0.02, resolution=resolution)
-    assert np.all(run_cells(setup, operators_of(name), [100.0, 1000.0, 2500.0], 0.5).verdict == QUIET)
+    assert np.all(run_cells(setup, operators_of(name), [100.0, 1000.0, 2500.0], 0.5).assessment == QUIET)
 
 
 def test_what_stands_still_has_no_vibration():
     setup = Setup(0.1, 3.0, 1e-3, coulomb=0.5, resolution=5e-6)
     outcome = run_cells(setup, PRESSED, [100.0, 1000.0, 1e4], 0.0)
-    assert np.all(outcome.growth == 0.0) and np.all(outcome.verdict == QUIET)
+    assert np.all(outcome.growth == 0.0) and np.all(outcome.assessment == QUIET)
 
 
 @few(40)
@@ -172,6 +172,15 @@ def test_energy_of_motion_is_above_the_place_where_friction_holds():
     assert energy(3.4, -1e-3) == 0.0 and energy(3.4, -4e-3) == pytest.approx(0.5 * 200.0 * 2e-3**2)
     assert energy(0.5, 2.5e-3, 0.3) == pytest.approx(0.5 * 0.2 * 0.09)
     assert energy(0.5, 1e-9) == pytest.approx(energy(0.5, -1e-9), rel=1e-5)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.7, 1.0, 1.6])
+def test_the_line_of_late_writes_never_lies_above_what_a_delay_as_long_allows_and_meets_it_without_damper(delay):
+    damping = np.linspace(-0.4, 0.4, 9)
+    late = theory(Setup(0.1, 0.5, 1e-3, delay_samples=delay), damping, lateness=2e-4)["late writes"]
+    delayed = np.array([largest_passive_stiffness(0.5, B, 1e-3, 0.0, delay + 0.2) for B in damping])
+    assert np.all(late <= delayed * (1.0 + 1e-9))
+    assert late[4] == pytest.approx(delayed[4], rel=1e-9)
 
 
 def test_lines_of_theory_lie_in_their_order():
@@ -240,4 +249,4 @@ def test_a_wall_that_pulls_and_an_operator_nobody_knows_are_refused():
 
 def test_the_smallest_run_has_two_ticks_in_each_quarter():
     assert wall_tapping.FEWEST_TICKS == 8
-    assert run_cells(SMALL.setup._replace(seconds=8e-3), PRESSED, 100.0, 0.0).verdict == QUIET
+    assert run_cells(SMALL.setup._replace(seconds=8e-3), PRESSED, 100.0, 0.0).assessment == QUIET

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import matplotlib
+from matplotlib.axes import Axes
 
 from haptic_device.analysis.report import panel
 from haptic_device.analysis.report.run import Run
@@ -40,7 +41,7 @@ class Figure(NamedTuple):
 
     name: str
     caption: str
-    draw: Callable
+    draw: Callable[..., None]
     height: float = 3.0
     wide: int = 1
 
@@ -104,7 +105,7 @@ def _draw(figure: Figure, runs: list[Run], picture: Path) -> None:
     )
     try:
         for number, run in enumerate(runs):
-            part = grid[0, number * figure.wide : (number + 1) * figure.wide]
+            part = list(grid[0, number * figure.wide : (number + 1) * figure.wide])
             part[0].set_title(_heading(run, 72), fontsize=8, loc="left")
             _try(figure, part, run)
         shown.savefig(picture, dpi=DPI)
@@ -118,7 +119,7 @@ def _heading(run: Run, width: int) -> str:
     return "\n".join([run.name, *textwrap.wrap(labels, width)])
 
 
-def _try(figure: Figure, part, run: Run) -> None:
+def _try(figure: Figure, part: Sequence[Axes], run: Run) -> None:
     try:
         figure.draw(part if figure.wide > 1 else part[0], run)
     except (ValueError, IndexError, FloatingPointError) as error:

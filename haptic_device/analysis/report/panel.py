@@ -6,9 +6,14 @@ line is drawn as the envelope of its ticks: no peak is lost.
 """
 
 import contextlib
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
 
+from haptic_device.analysis.quantity import Array
 from haptic_device.analysis.report.run import Run
 from haptic_device.analysis.report.summary import gains, period
 
@@ -16,10 +21,15 @@ BLUE, ORANGE, GREEN, VERMILION, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E
 COLOURS, NAMES = (BLUE, VERMILION, GREEN), ("x", "y", "θ")
 POINTS = 2000  # of one line; more than a page resolves
 _BACK = (4, 2)  # dashes
-_DASHES = {"handle": {}, "tool": {"dashes": _BACK}, "on handle": {}, "of the coupling": {"dashes": _BACK}}
+_DASHES: dict[str, dict[str, Any]] = {
+    "handle": {},
+    "tool": {"dashes": _BACK},
+    "on handle": {},
+    "of the coupling": {"dashes": _BACK},
+}
 
 
-def positions(axes, run: Run) -> None:
+def positions(axes: Axes, run: Run) -> None:
     """Handle and tool, x and y over time."""
     for i in range(2):
         for what, (time, place) in run.places(i).items():
@@ -28,13 +38,13 @@ def positions(axes, run: Run) -> None:
     _finish(axes, _time(run), "position [mm]")
 
 
-def distances(axes, run: Run) -> None:
+def distances(axes: Axes, run: Run) -> None:
     """Handle to tool in the plane, over time."""
     _line(axes, run.seconds[run.rows["tool_age"] >= 0], run.distance * 1e3, BLUE, "handle to tool")
     _finish(axes, _time(run), "distance [mm]")
 
 
-def angles(axes, run: Run) -> None:
+def angles(axes: Axes, run: Run) -> None:
     """Handle and tool, angle over time."""
     for what, (time, angle) in run.places(2).items():
         colour = GREEN if what == "handle" else PURPLE
@@ -42,7 +52,7 @@ def angles(axes, run: Run) -> None:
     _finish(axes, _time(run), "angle [°],\ncounter-clockwise")
 
 
-def path(axes, run: Run) -> None:
+def path(axes: Axes, run: Run) -> None:
     """Handle and tool in the plane, to scale."""
     across, up = run.places(0), run.places(1)
     for what, (time, x) in across.items():
@@ -53,7 +63,7 @@ def path(axes, run: Run) -> None:
     _finish(axes, "x [mm]", "y [mm]")
 
 
-def forces(axes, run: Run) -> None:
+def forces(axes: Axes, run: Run) -> None:
     """Force on the handle, and the coupling's part of it, with the contacts shaded."""
     with contextlib.suppress(ValueError):  # nothing told of contacts
         for contact in run.contacts[:200]:
@@ -66,7 +76,7 @@ def forces(axes, run: Run) -> None:
     _finish(axes, f"{_time(run)}; grey: contact", "force [N]")
 
 
-def contact_events(axes, run: Run) -> None:
+def contact_events(axes: Axes, run: Run) -> None:
     """Each contact as a bar from beginning to end, as high as its largest force."""
     if not run.contacts:
         raise ValueError("nothing was touched")
@@ -77,13 +87,15 @@ def contact_events(axes, run: Run) -> None:
     axes.grid(color="0.9")
 
 
-def energies(axes, run: Run) -> None:
-    """Energy given to the operator by truth and by the servo's books, and what went through the other ports."""
+def energies(axes: Axes, run: Run) -> None:
+    """Energy given to the operator by the ground truth and by the servo's account, and through the other ports."""
     if run.traced:
         booked = run.rows["energy_given"].sum(axis=1) * 1e3
         _line(axes, run.seconds, booked, ORANGE, "to the operator, servo's books", dashes=_BACK)
     try:
-        _line(axes, run.truth_seconds, run.truth.entry("energy_given") * 1e3, BLUE, "to the operator, truth")
+        _line(
+            axes, run.ground_truth_seconds, run.ground_truth.entry("energy_given") * 1e3, BLUE, "to the operator, truth"
+        )
     except ValueError:
         if not run.traced:
             raise
@@ -94,7 +106,7 @@ def energies(axes, run: Run) -> None:
     _finish(axes, _time(run), "energy [mJ]")
 
 
-def margins(axes, run: Run) -> None:
+def margins(axes: Axes, run: Run) -> None:
     """Passivity margin: physical damping left over by the gains in force, as a share of b."""
     damping = run.physical_damping
     if not np.isfinite(damping).any():
@@ -107,14 +119,14 @@ def margins(axes, run: Run) -> None:
     _finish(axes, _time(run), "passivity margin\n[% of b left over]")
 
 
-def lateness(axes, run: Run) -> None:
+def lateness(axes: Axes, run: Run) -> None:
     """Histogram of wake-up after the deadline and of the tick's own work."""
     late, compute = (np.maximum(_finite(run.rows[name]) * 1e6, 0.1) for name in ("lateness", "compute"))
     if not len(late) or not len(compute):
         raise ValueError("lateness and compute are no numbers")
     if not run.rows["lateness"].any():
         raise ValueError("it was not measured: lateness is 0 in every tick")
-    bins = np.geomspace(0.1, max(late.max(), compute.max()) * 1.01, 80)
+    bins = np.geomspace(0.1, max(late.max(), compute.max()) * 1.01, 80).tolist()
     axes.hist(late, bins, color=BLUE, alpha=0.8, label="wake-up after the deadline")
     axes.hist(compute, bins, color=ORANGE, histtype="step", linewidth=1.5, label="time of the tick's own work")
     axes.axvline(period(run.rows) * 1e6, color="black", linestyle=":", label="one period T")
@@ -122,18 +134,20 @@ def lateness(axes, run: Run) -> None:
     _finish(axes, "lateness and compute time [µs]", "ticks")
 
 
-def ages(axes, run: Run) -> None:
+def ages(axes: Axes, run: Run) -> None:
     """Histogram of the age of the tool sample in use."""
     age = run.rows["tool_age"][run.rows["tool_age"] >= 0] * 1e3
     if not len(age):
         raise ValueError("no tool sample was ever used")
-    axes.hist(age, np.linspace(0, np.percentile(age, 99.9) * 1.2 + 0.1, 80), color=GREEN, alpha=0.8, label="age")
+    axes.hist(
+        age, np.linspace(0, np.percentile(age, 99.9) * 1.2 + 0.1, 80).tolist(), color=GREEN, alpha=0.8, label="age"
+    )
     axes.axvline(np.median(age), color="black", linestyle=":", label=f"median {np.median(age):.2f} ms")
     axes.set(yscale="log")
     _finish(axes, "age of the tool sample in use [ms]", "ticks")
 
 
-def spectrum(axes, run: Run) -> None:
+def spectrum(axes: Axes, run: Run) -> None:
     """Power density of the force on the handle; an oscillation is named with its frequency."""
     found = run.spectrum
     axes.loglog(found.frequency[1:], np.maximum(found.density[1:], 1e-18), color=BLUE, label="x and y together")
@@ -144,13 +158,13 @@ def spectrum(axes, run: Run) -> None:
     _finish(axes, "frequency [Hz]", "force on handle [N²/Hz]")
 
 
-def impedance(axes, run: Run) -> None:
+def impedance(axes: Sequence[Axes], run: Run) -> None:
     """Fitted stiffness and damping of each axis, with confidence."""
     rows = [(kind, axis, fitted) for (kind, axis), fitted in run.impedances.items() if axis != "theta"]
     if not rows:
         raise ValueError("no motion of the handle that told an impedance")
     for place, (kind, _, fitted) in enumerate(rows):
-        look = {"color": VERMILION, "fmt": "o"} if kind == "contact" else {"color": BLUE, "fmt": "s"}
+        look: dict[str, Any] = {"color": VERMILION, "fmt": "o"} if kind == "contact" else {"color": BLUE, "fmt": "s"}
         for column, estimate in enumerate((fitted.stiffness, fitted.damping)):
             axes[column].errorbar(estimate.value, place, xerr=estimate.error, capsize=4, **look)
     for column, value in enumerate(_set_gains(run)):
@@ -174,13 +188,13 @@ def _time(run: Run) -> str:
     return f"time since first {'motor command' if run.traced else 'message'} [s]"
 
 
-def _line(axes, time, values, colour, label, **style) -> None:
+def _line(axes: Axes, time: Array, values: npt.NDArray[np.floating], colour: str, label: str, **style: Any) -> None:
     if len(time) == 0:
         return
     axes.plot(*thin(time, values), color=colour, linewidth=1.2, label=label, **style)
 
 
-def thin(time, values):
+def thin(time: Array, values: npt.NDArray[np.floating]) -> tuple[Array, npt.NDArray[np.floating]]:
     """At most 2 POINTS of a line: the least and the largest value of each stretch."""
     if len(values) <= 2 * POINTS:
         return time, values
@@ -193,18 +207,18 @@ def _stride(count: int) -> slice:
     return slice(None, None, max(1, count // (10 * POINTS)))
 
 
-def _finite(values):
+def _finite(values: Array) -> Array:
     return values[np.isfinite(values)]
 
 
-def _mark(axes, run: Run) -> None:
+def _mark(axes: Axes, run: Run) -> None:
     """Markers as vertical lines with their text."""
     for time, text in run.marks[:40]:
         axes.axvline(time, color="black", linewidth=0.8, dashes=(2, 2))
         axes.annotate(text[:30], (time, 1), xycoords=("data", "axes fraction"), rotation=90, va="top", fontsize=7)
 
 
-def _finish(axes, horizontal: str, vertical: str) -> None:
+def _finish(axes: Axes, horizontal: str, vertical: str) -> None:
     axes.set(xlabel=horizontal, ylabel=vertical)
     axes.set_axisbelow(True)
     axes.grid(color="0.9")

@@ -3,49 +3,22 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import yaml
 
-from haptic_device.analysis.bag_topics import TOPICS, Joints, Recording, load
-from haptic_device.analysis.impedance import Impedance, fit
+from haptic_device.analysis.bag_contents import Joints, Recording
+from haptic_device.analysis.impedance import Impedance, fit, held_still
 from haptic_device.analysis.oscillation import Spectrum, spectrum_of
+from haptic_device.analysis.quantity import Array, Flags, Nanoseconds, Records
 from haptic_device.analysis.report import summary
 from haptic_device.analysis.wall_contacts import Contact, contacts, touching
-from haptic_device.recording.columns import Entries
 from haptic_device.status import number
 
 AXES = ("x", "y", "theta")
-TRACE = np.dtype(  # a tick in a fifth of its full size: ten minutes at 4 kHz then fit into half a gigabyte
-    [(name, "f8") for name in ("tick", "deadline", "tool_answered", "handle_sequence", "missed")]
-    + [(name, "f4", (3,)) for name in ("position", "tool_position", "tool_effort")]
-    + [(name, "f4") for name in ("lateness", "compute", "tool_age", "tool_contact", "engage", "fault")]
-    + [("injections", "f8")]  # f4 counts to 2**24 only: four hours at 1 kHz
-    + [(name, "f4", (3,)) for name in ("force_coupling", "force_on_handle", "force_walls", "energy_given", "margin")]
-)
-HANDLE = ("exchange_method", "stiffness", "damping", "rotational_stiffness", "rotational_damping")
-ONLY = {
-    "trace": TRACE,
-    "handle": Entries(HANDLE, ("position",)),
-    "tool": Entries(("answered",), ("position",)),
-    "operator/state": Entries((*AXES, *(f"motor_{name}" for name in AXES), "energy_given", "time")),
-}
-NO_TRACE = {  # where the trace cannot be had: every topic, and what of it stands for the trace's columns
-    **{name: Entries((), ()) for name in TOPICS if name != "trace"},
-    "handle": Entries((*HANDLE, *AXES), ("position", "effort")),
-    "tool": Entries((*AXES, "contact"), ("position", "effort")),
-    "motor": Entries(AXES, ("effort",)),
-    "operator/state": ONLY["operator/state"],
-}
-LEFT_OUT = (
-    "servo, exchange, passivity margin, impedance and spectrum are left out; positions, forces and contacts are those "
-    "of the topics, and time counts from the first message"
-)
 TELLING = 0.9  # share of the force that a fit in contact has to explain
-HELD_WINDOW = 0.05  # [s]
-HELD_SHARE = 0.1  # of the handle's way, up to which the tool counts as standing still
-HELD_WAY = 20e-6  # [m | rad] that the handle has to move in a window to tell something
 AVERAGED = 8  # ticks, where only the servo's own columns are there
 
 
@@ -67,7 +40,7 @@ class Run:
         return not self.no_trace
 
     @cached_property
-    def rows(self) -> np.ndarray:
+    def rows(self) -> Records:
         """The ticks from the first to the last with the motor engaged, or all if it never was."""
         if self.no_trace:
             raise ValueError(self.no_trace)
@@ -90,7 +63,7 @@ class Run:
         return trace[np.argmax(engaged) : len(trace) - np.argmax(engaged[::-1])]
 
     @cached_property
-    def seconds(self) -> np.ndarray:
+    def seconds(self) -> Array:
         """Time of each tick [s] from the first."""
         return (self.rows["deadline"] - self.rows["deadline"][0]) * 1e-9
 
@@ -108,13 +81,13 @@ class Run:
         """From the first to the last tick, or message without a trace [s]."""
         return float(self.seconds[-1]) if self.traced else (self.span[1] - self.span[0]) * 1e-9
 
-    def since(self, time: np.ndarray) -> np.ndarray:
+    def since(self, time: Nanoseconds) -> Array:
         """Times of the system clock [ns] as times from the first tick, or message without a trace [s]."""
         if not self.traced:
-            return (time - self.span[0]) * 1e-9
+            return np.multiply(time - self.span[0], 1e-9, dtype=float)
         return (self.recording.monotonic(time) - self.rows["deadline"][0]) * 1e-9
 
-    def places(self, axis: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def places(self, axis: int) -> dict[str, tuple[Array, Array]]:
         """Of handle and tool: times [s] and place [m | rad]. Raises ValueError if there is neither."""
         if not self.traced:
             return self._by_topic({"handle": "handle", "tool": "tool"}, "position", axis)
@@ -125,14 +98,14 @@ class Run:
             "tool": (self.seconds[chosen], self.rows["tool_position"][chosen, axis]),
         }
 
-    def forces(self, axis: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def forces(self, axis: int) -> dict[str, tuple[Array, Array]]:
         """On the handle in all, and of the coupling: times [s] and force [N | N m]. Raises ValueError if neither."""
         if not self.traced:
             return self._by_topic({"on handle": "motor", "of the coupling": "handle"}, "effort", axis)
         columns = {"on handle": "force_on_handle", "of the coupling": "force_coupling"}
         return {name: (self.seconds, self.rows[column][:, axis]) for name, column in columns.items()}
 
-    def _by_topic(self, topics: dict[str, str], part: str, axis: int) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def _by_topic(self, topics: dict[str, str], part: str, axis: int) -> dict[str, tuple[Array, Array]]:
         """Times and values of one axis of the topics that there are, zero where a topic lacks it."""
         found, name = {}, AXES[axis]
         for label, topic in topics.items():
@@ -144,7 +117,7 @@ class Run:
         return found
 
     @cached_property
-    def truth(self) -> Joints:
+    def ground_truth(self) -> Joints:
         """`operator/state` while the ticks ran."""
         state = self.recording.joint("operator/state")
         if not self.traced:
@@ -153,17 +126,17 @@ class Run:
         during = (time >= 0.0) & (time <= self.seconds[-1])
         first, count = int(np.argmax(during)), int(during.sum())
         chosen = slice(first, first + count) if during[first : first + count].all() else during  # a view, if it can be
-        return Joints(state.names, *(column[chosen] for column in state[1:]))
+        return Joints._make((state.names, *(column[chosen] for column in state[1:])))
 
     @cached_property
-    def truth_seconds(self) -> np.ndarray:
-        """Time of each truth [s] from the first tick."""
+    def ground_truth_seconds(self) -> Array:
+        """Time of each sample of the ground truth [s] from the first tick."""
         if not self.traced:
-            return self.since(self.truth.published)
-        return self.truth.entry("time") - self.rows["deadline"][0] * 1e-9
+            return self.since(self.ground_truth.published)
+        return self.ground_truth.entry("time") - self.rows["deadline"][0] * 1e-9
 
     @cached_property
-    def tool_energy(self) -> np.ndarray:
+    def tool_energy(self) -> npt.NDArray[np.float32]:
         """Work [J] of the coupling on the tool up to each tick, by the tool samples as the servo got them (trapezoids).
 
         The energy that the trace itself has of a tool sample is what the exchange ships, another thing.
@@ -175,7 +148,7 @@ class Run:
         return np.append(np.float32(0.0), np.cumsum(work, dtype=float).astype(np.float32))
 
     @property
-    def distance(self) -> np.ndarray:
+    def distance(self) -> npt.NDArray[np.floating]:
         """From handle to tool in the plane [m] at each tick with a tool. Raises ValueError if there is none."""
         there = self.rows["tool_age"] >= 0
         if not there.any():
@@ -192,7 +165,7 @@ class Run:
             return {"T": f"{summary.period(self.rows) * 1e6:.0f} µs"} if self.traced else {}
 
     @cached_property
-    def touch(self) -> np.ndarray:
+    def touch(self) -> Flags:
         """Whether each tick was in contact; without a trace, the tool at each of its messages."""
         if not self.traced:
             return self.recording.joint("tool").entry("contact") > 0.0
@@ -214,7 +187,7 @@ class Run:
         return spectrum_of(self.rows["force_on_handle"][:, :2], 1.0 / summary.period(self.rows), exchange)
 
     @cached_property
-    def physical_damping(self) -> np.ndarray:
+    def physical_damping(self) -> Array:
         """b of each axis [N s/m, N m s/rad] as the driver says it; NaN where it does not."""
         said = self.recording.last_values("haptic_driver").get("physical_damping", "")
         values = [number(word) for word in said.split(",") if word.strip()]
@@ -238,7 +211,7 @@ class Run:
         found = {}
         for axis, (position, velocity, force) in parts.items():
             tool = self._held_to(AXES.index(axis), place)
-            held = self._held(time, tool, position)
+            held = held_still(time, tool, position)
             with np.errstate(divide="ignore", invalid="ignore"):  # a state published twice: no number, and left out
                 stretch = position - tool, velocity - np.gradient(tool, time)
             for kind, chosen, way in (
@@ -246,42 +219,35 @@ class Run:
                 ("free", ~touch & engaged, (position, velocity)),
             ):
                 episode = np.cumsum(np.diff(chosen, prepend=chosen[:1]) != 0)
-                fitted = fit(time[chosen], *(column[chosen] for column in (*way, force)), episode[chosen])
+                place_of, speed_of, push_of = (column[chosen] for column in (*way, force))
+                fitted = fit(time[chosen], place_of, speed_of, push_of, episode[chosen])
                 if fitted is not None:
                     found[kind, axis] = fitted
         return found
 
-    def _held_to(self, axis: int, place: np.ndarray) -> np.ndarray:
+    def _held_to(self, axis: int, place: npt.NDArray[np.intp]) -> Array:
         """Where the tool is in this axis; 0 where a wall holds the handle."""
         tool = self.rows["tool_position"][place, axis].astype(float)
         return np.where(np.abs(self.rows["force_walls"][place]).max(axis=1) > 0.0, 0.0, tool)
 
-    @staticmethod
-    def _held(time: np.ndarray, tool: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Whether the tool, or a wall, stood still in this axis while the handle moved, looked at in short windows."""
-        begins = np.flatnonzero(np.diff(np.floor(time / HELD_WINDOW), prepend=-1.0))
-        ways = [np.maximum.reduceat(x, begins) - np.minimum.reduceat(x, begins) for x in (tool, position)]
-        held = (ways[0] < HELD_SHARE * ways[1]) & (ways[1] > HELD_WAY)
-        return np.repeat(held, np.diff(np.append(begins, len(time))))
-
-    def _felt(self) -> tuple[np.ndarray, dict[str, tuple]]:
+    def _felt(self) -> tuple[Array, dict[str, tuple[Array, Array, Array]]]:
         """Times [s], and position, velocity, minus motor force of each axis: of the truth, else of the trace."""
         state = self.recording.joints.get("operator/state")
         names = [name for name in AXES if state and name in state.names and f"motor_{name}" in state.names]
         if not names:
             return self._felt_by_servo()
-        truth = self.truth
+        truth = self.ground_truth
         parts = {
             name: (truth.entry(name), truth.entry(name, "velocity"), -truth.entry(f"motor_{name}", "effort"))
             for name in names
         }
-        return self.truth_seconds, parts
+        return self.ground_truth_seconds, parts
 
-    def _felt_by_servo(self) -> tuple[np.ndarray, dict[str, tuple]]:
+    def _felt_by_servo(self) -> tuple[Array, dict[str, tuple[Array, Array, Array]]]:
         """The same as the servo saw it: means of some ticks, which an encoder's steps hardly touch."""
         count = len(self.rows) // AVERAGED * AVERAGED
 
-        def blocks(values):
+        def blocks(values: Array) -> Array:
             return values[:count].reshape(-1, AVERAGED).mean(axis=1)
 
         time = blocks(self.seconds)
@@ -298,7 +264,7 @@ class Run:
         seconds = self.since(np.array([mark.time for mark in self.recording.marks], np.int64))
         return [(float(time), mark.text) for time, mark in zip(seconds, self.recording.marks, strict=True)]
 
-    def attached(self, name: str) -> dict:
+    def attached(self, name: str) -> dict[str, Any]:
         """An attachment in YAML; empty if there is none, or it is none."""
         try:
             content = yaml.safe_load(self.recording.attachments.get(name, b""))
@@ -307,52 +273,5 @@ class Run:
         return content if isinstance(content, dict) else {}
 
 
-def read_run(bag: Path | str, namespace: str | None = None) -> Run:
-    """The run in a bag. Raises FileNotFoundError or ValueError if nothing of it can be shown."""
-    recording = load(bag, namespace, ONLY)
-    run = Run(recording, _name(Path(bag)), list(recording.notes))
-    try:
-        rows = run.rows
-    except ValueError as error:
-        return _without_trace(run, error)
-    missing = recording.trace_rows_missing
-    if missing:
-        run.notes.append(f"{missing} ticks are missing from the trace")
-    run.notes += _not_numbers(rows)
-    return run
-
-
-def _without_trace(run: Run, error: ValueError) -> Run:
-    """The run as the other topics tell it. Raises the error, which the trace made, if none of them can be read."""
-    recording = load(run.recording.bag, run.recording.namespace, NO_TRACE)
-    ours = any(name.startswith(f"{recording.namespace}/") for name in recording.counts)
-    if not ours or not (recording.joints or recording.marks or recording.diagnostics):
-        raise error
-    reason = str(error) if "trace" in run.recording.clouds else "there is no trace"
-    notes = dict.fromkeys([f"{reason}: {LEFT_OUT}", *run.notes, *recording.notes])
-    return Run(recording, run.name, [*notes, *_no_numbers_in(recording.joints)], reason)
-
-
-def _no_numbers_in(topics: dict[str, Joints]) -> list[str]:
-    """A sentence for each topic with values that are no numbers."""
-    counts = {name: np.isnan(np.hstack([j.position, j.velocity, j.effort])).any(axis=1) for name, j in topics.items()}
-    return [
-        f"topic {name}: {np.sum(n)} of {len(n)} messages have values that are no numbers"
-        for name, n in counts.items()
-        if n.any()
-    ]
-
-
 def _telling(kind: str, found: Impedance) -> bool:
     return kind == "free" or found.explained >= TELLING
-
-
-def _name(bag: Path) -> str:
-    bag = bag.absolute()
-    return bag.parent.name if bag.name == "bag" else bag.name
-
-
-def _not_numbers(rows: np.ndarray) -> list[str]:
-    """A sentence for each column with values that are no numbers."""
-    counts = {name: int(np.isnan(rows[name]).reshape(len(rows), -1).any(axis=1).sum()) for name in rows.dtype.names}
-    return [f"trace column {name} is no number in {n} of {len(rows)} ticks" for name, n in counts.items() if n]

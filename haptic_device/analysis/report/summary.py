@@ -4,9 +4,13 @@
 All figures are of the ticks with the motor engaged (`engage` > 0).
 """
 
-import numpy as np
+from typing import Any
 
-from haptic_device.analysis.bag_topics import Joints, Recording
+import numpy as np
+import numpy.typing as npt
+
+from haptic_device.analysis.bag_contents import Joints, Recording
+from haptic_device.analysis.quantity import Array, Records
 from haptic_device.control.faults import name_of
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.status import number
@@ -14,7 +18,7 @@ from haptic_device.status import number
 _MICRO, _MILLI = 1e6, 1e3
 
 
-def engaged_rows(trace: np.ndarray) -> np.ndarray:
+def engaged_rows(trace: Records) -> Records:
     """Rows of the trace with the motor engaged. Raises ValueError if there is none."""
     rows = trace[trace["engage"] > 0]
     if len(rows) < 2:
@@ -22,19 +26,19 @@ def engaged_rows(trace: np.ndarray) -> np.ndarray:
     return rows
 
 
-def first_command(trace: np.ndarray) -> float:
+def first_command(trace: Records) -> float:
     """CLOCK_MONOTONIC [s] of the first tick with the motor engaged. Raises ValueError if there is none."""
     return float(engaged_rows(trace)["deadline"][0]) * 1e-9
 
 
-def period(rows: np.ndarray) -> float:
+def period(rows: Records) -> float:
     """Servo period T [s], the median step of the deadlines."""
     steps = np.diff(rows["deadline"])
     known = steps[np.isfinite(steps)]
     return float(np.median(known)) * 1e-9 if len(known) else np.nan
 
 
-def servo_figures(rows: np.ndarray) -> dict:
+def servo_figures(rows: Records) -> dict[str, Any]:
     """Rate [Hz], ticks, missed ticks, lateness and compute time [us]."""
     compute = rows["compute"][1:] * _MICRO  # each row carries the time of the tick before it
     steps = _grown(rows["tick"])
@@ -47,7 +51,7 @@ def servo_figures(rows: np.ndarray) -> dict:
     }
 
 
-def exchange_figures(recording: Recording, rows: np.ndarray) -> dict:
+def exchange_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     """Handle samples sent and answered while engaged, their rate [Hz], and the age of the tool sample in use [ms]."""
     sequence = rows["handle_sequence"][rows["handle_sequence"] > 0]
     sent = np.arange(sequence[0], sequence[-1] + 1) if len(sequence) else sequence
@@ -61,7 +65,7 @@ def exchange_figures(recording: Recording, rows: np.ndarray) -> dict:
     }
 
 
-def energy_figures(recording: Recording, rows: np.ndarray) -> dict:
+def energy_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     """Energy given to the operator [J] by the loopback's truth, and supplied to the tool at its port by the end."""
     state = recording.joint("operator/state")
     given = state.entry("energy_given")[state.entry("time") * 1e9 <= rows["deadline"][-1]]
@@ -73,7 +77,7 @@ def energy_figures(recording: Recording, rows: np.ndarray) -> dict:
     }
 
 
-def residual_figures(recording: Recording, rows: np.ndarray) -> dict:
+def residual_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     """RMS [N] of force_coupling on the handle + effort on the tool (zero if equal and opposite), in translation.
 
     The tool's force answers an older handle sample. `explained_by_age_n` is what that leaves: with the stretch in the
@@ -131,7 +135,7 @@ def _with_units(damping: list[str]) -> str:
     return ", ".join(damping[:2]) + " N s/m" + angle
 
 
-def _answers(recording: Recording, rows: np.ndarray) -> np.ndarray:
+def _answers(recording: Recording, rows: Records) -> Array:
     """Sequences answered: by the recorded tool messages, and by those the servo used and the recorder may have lost."""
     tool = recording.joints.get("tool")
     recorded = tool.entry("answered") if tool else np.empty(0)
@@ -140,7 +144,7 @@ def _answers(recording: Recording, rows: np.ndarray) -> np.ndarray:
     return np.union1d(recorded, used[fresh])
 
 
-def _with_answered(rows: np.ndarray, handle: Joints) -> tuple[np.ndarray, np.ndarray]:
+def _with_answered(rows: Records, handle: Joints) -> tuple[Records, npt.NDArray[np.intp]]:
     """Rows whose tool sample answers a recorded handle sample of the last session, and the index of that sample."""
     session = handle.entry("session")
     last = np.flatnonzero(session == session[-1])
@@ -150,7 +154,7 @@ def _with_answered(rows: np.ndarray, handle: Joints) -> tuple[np.ndarray, np.nda
     return rows[known], last[place[known]]
 
 
-def _plane(columns: np.ndarray, topic: Joints | None = None) -> np.ndarray:
+def _plane(columns: Array, topic: Joints | None = None) -> Array:
     """The columns of x and y; of a topic only those axes that it has, the rest zero."""
     plane = np.zeros((len(columns), 2))
     for axis, name in enumerate(("x", "y")):
@@ -159,17 +163,17 @@ def _plane(columns: np.ndarray, topic: Joints | None = None) -> np.ndarray:
     return plane
 
 
-def _grown(count: np.ndarray) -> int | None:
+def _grown(count: Array) -> int | None:
     """Last less first of the values that are numbers; None if there is none."""
     known = count[np.isfinite(count)]
     return int(known[-1] - known[0]) if len(known) else None
 
 
-def _rms(vectors: np.ndarray) -> float:
+def _rms(vectors: Array) -> float:
     return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
 
 
-def _quantiles(values: np.ndarray, **wanted: float) -> dict[str, float | None]:
+def _quantiles(values: Array, **wanted: float) -> dict[str, float | None]:
     """Of the values that are numbers."""
     values = values[np.isfinite(values)]
     if len(values) == 0:

@@ -2,6 +2,7 @@
 """The table of a report: what ran and what came of it, name by name, as text; what cannot be had says why."""
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from haptic_device.analysis.report import summary
 from haptic_device.analysis.report.run import Run
 from haptic_device.status import number
 
+Entries = Iterator[tuple[str, str]]
+"""(name, text) of a section's lines."""
 MISSING = "—"
 VERSIONS = ("haptic_display", "numba", "numpy", "ros-rclpy")  # of what was attached, those that a reader looks for
 READ = (
@@ -37,7 +40,7 @@ def sections(run: Run) -> dict[str, dict[str, str]]:
     return {title: {name: text for part in those for name, text in _tried(part, run)} for title, those in parts.items()}
 
 
-def _tried(part: Callable[[Run], Iterator[tuple[str, str]]], run: Run) -> Iterator[tuple[str, str]]:
+def _tried(part: Callable[[Run], Entries], run: Run) -> Entries:
     """The part's entries, as far as they go before something is missing."""
     try:
         yield from part(run)
@@ -45,7 +48,7 @@ def _tried(part: Callable[[Run], Iterator[tuple[str, str]]], run: Run) -> Iterat
         yield "not shown", str(error)
 
 
-def _what_ran(run: Run):
+def _what_ran(run: Run) -> Entries:
     yield "recording", run.name
     yield "length", f"{run.length:.3f} s, " + (f"{len(run.rows)} ticks" if run.traced else "no trace")
     yield from run.conditions.items()
@@ -61,7 +64,7 @@ def _what_ran(run: Run):
     yield "faults", (", ".join(summary.faults(run.recording)) or "none") if run.traced else MISSING
 
 
-def _servo(run: Run):
+def _servo(run: Run) -> Entries:
     found = summary.servo_figures(run.rows)
     yield "rate", f"{found['rate_hz']:.0f} Hz"
     yield "missed ticks", MISSING if found["missed"] is None else str(found["missed"])
@@ -70,7 +73,7 @@ def _servo(run: Run):
         yield f"{label} p50, p99, max", _three(found[name], "µs") if measured else "not measured"
 
 
-def _exchange(run: Run):
+def _exchange(run: Run) -> Entries:
     found = summary.exchange_figures(run.recording, run.rows)
     yield "handle samples", f"{found['sent']} at {found['rate_hz']:.0f} Hz"
     yield "answered", f"{found['answered']} ({100 * found['answered'] / max(1, found['sent']):.2f} %)"
@@ -86,7 +89,7 @@ def _apart(run: Run) -> tuple[float, float]:
     return float(np.sqrt(np.mean(distance**2, dtype=float))) * 1e3, float(np.max(distance)) * 1e3
 
 
-def _energy(run: Run):
+def _energy(run: Run) -> Entries:
     yield "given to the operator, servo's books, end", _told("{:.3g} mJ", run.rows["energy_given"][-1].sum() * 1e3)
     yield "to the tool at its port, end", f"{run.tool_energy[-1] * 1e3:.3g} mJ"
     margin = np.fmin.reduce(run.rows["margin"], axis=0)
@@ -94,13 +97,13 @@ def _energy(run: Run):
     yield "ticks in which the controller acted", _told("{:.0f}", run.rows["injections"][-1] - run.rows["injections"][0])
 
 
-def _truth(run: Run):
-    given = run.truth.entry("energy_given") * 1e3
+def _truth(run: Run) -> Entries:
+    given = run.ground_truth.entry("energy_given") * 1e3
     yield "given to the operator, truth, largest", _told("{:.3g} mJ", np.fmax.reduce(given))
     yield "given to the operator, truth, end", _told("{:.3g} mJ", given[-1])
 
 
-def _contact(run: Run):
+def _contact(run: Run) -> Entries:
     yield "contacts", str(len(run.contacts))
     yield "time in contact", f"{100 * run.touch.mean():.1f} %"
     if run.contacts:
@@ -109,12 +112,12 @@ def _contact(run: Run):
         yield "strongest", f"{strongest.force:.3g} N, {strongest.begin:.3f} to {strongest.end:.3f} s"
 
 
-def _overlap(run: Run):
+def _overlap(run: Run) -> Entries:
     deepest = number(run.recording.last_values("haptic_simulation").get("max_penetration", ""))
     yield "deepest overlap", MISSING if np.isnan(deepest) else f"{deepest * 1e6:.3g} µm"
 
 
-def _impedance(run: Run):
+def _impedance(run: Run) -> Entries:
     if not run.fits:
         raise ValueError("the handle did not move enough, engaged and with the tool held still")
     for (kind, axis), found in run.fits.items():
@@ -138,7 +141,7 @@ def _apparent(run: Run, axis: str, damping: Estimate) -> str:
     return _plus(Estimate(physical + damping.value, damping.error), unit)
 
 
-def _oscillation(run: Run):
+def _oscillation(run: Run) -> Entries:
     found = run.spectrum.oscillation
     if found is None:
         yield "found", "none"
@@ -148,7 +151,7 @@ def _oscillation(run: Run):
     yield "when", f"from {found.begin:.2f} s, {found.seconds:.2f} s in all"
 
 
-def _said(run: Run):
+def _said(run: Run) -> Entries:
     """Each node's last status, which without a trace is all that is known of the servo."""
     for name in run.recording.diagnostics:
         if not run.traced and ":" not in name:
@@ -156,7 +159,7 @@ def _said(run: Run):
             yield name, "; ".join([last.message, *(f"{key} {value}" for key, value in last.values.items() if value)])
 
 
-def _recording(run: Run):
+def _recording(run: Run) -> Entries:
     yield "rows missing from the trace", str(run.recording.trace_rows_missing) if run.traced else MISSING
     driver = run.recording.last_values("haptic_driver")
     yield "rows that the servo had to drop", driver.get("trace_dropped", MISSING)
@@ -174,13 +177,13 @@ def _recording(run: Run):
         yield f"note {place}", note
 
 
-def _trial(run: Run):
+def _trial(run: Run) -> Entries:
     yield from ((str(name), str(value)) for name, value in run.attached("trial.yaml").items())
     for time, text in run.marks:
         yield f"mark at {time:.3f} s", text
 
 
-def _three(found: dict, unit: str) -> str:
+def _three(found: dict[str, Any], unit: str) -> str:
     values = [found[name] for name in ("p50", "p99", "max")]
     return MISSING if None in values else ", ".join(map(_plain, values)) + f" {unit}"
 

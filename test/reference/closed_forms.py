@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Closed forms of the least physical damping b of a wall or coupling, where condition (1) has one.
 
+Written out here a second time, so that control/passivity and the search of analysis/passivity have something to be
+compared with.
 K stiffness [N/m], B damping [N s/m], T period [s]; every function takes arrays and broadcasts.
 """
 
@@ -69,13 +71,9 @@ def late_tick_damping(stiffness, damping, period, longest_period):
     return (stiffness / 2.0 + np.abs(damping) / period) * longest_period
 
 
-def coulomb_friction_needed(stiffness, damping, period, resolution, velocity_lag=0.0):
-    """Coulomb friction f_c that covers the encoder step Δ: half of Δ Σ|h_k|, h the impulse response of H [N].
-
-    Each sample is off by at most Δ/2, so the force is off by at most that, and friction f_c takes at least as much from
-    every displacement; b must satisfy its own condition beside it. For B ≥ 0 and no lag: (K + 2B/T) Δ ≤ 2 f_c
-    (Abbott & Okamura 2005 for B = 0).
-    """
-    not_negative("resolution", resolution, "m")
-    viscous = np.asarray(damping) / (period + velocity_lag)
-    return 0.5 * resolution * (np.abs(stiffness + viscous) + np.abs(viscous))
+def wall_damping_for_any_simulation(stiffness, damping, period):
+    """Eq. 5 with eq. 2, in step [N s/m]: KT/2 + B for B ≥ 0, (KT/2)²/(KT/2 + B) for −KT/2 < B < 0, else infinite."""
+    half = np.asarray(stiffness) * period / 2.0
+    total = half + damping
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(np.asarray(damping) >= 0.0, total, np.where(total > 0.0, half**2 / total, np.inf))[()]

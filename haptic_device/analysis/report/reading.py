@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads a bag for a report: only the columns that it shows, and the other topics where there is no trace."""
+
+from pathlib import Path
+
+import numpy as np
+
+from haptic_device.analysis.bag_contents import Joints
+from haptic_device.analysis.bag_topics import TOPICS, load
+from haptic_device.analysis.quantity import Records
+from haptic_device.analysis.report.run import AXES, Run
+from haptic_device.recording.columns import Entries
+
+TRACE = np.dtype(  # a tick in a fifth of its full size: ten minutes at 4 kHz then fit into half a gigabyte
+    [(name, "f8") for name in ("tick", "deadline", "tool_answered", "handle_sequence", "missed")]
+    + [(name, "f4", (3,)) for name in ("position", "tool_position", "tool_effort")]
+    + [(name, "f4") for name in ("lateness", "compute", "tool_age", "tool_contact", "engage", "fault")]
+    + [("injections", "f8")]  # f4 counts to 2**24 only: four hours at 1 kHz
+    + [(name, "f4", (3,)) for name in ("force_coupling", "force_on_handle", "force_walls", "energy_given", "margin")]
+)
+HANDLE = ("exchange_method", "stiffness", "damping", "rotational_stiffness", "rotational_damping")
+ONLY = {
+    "trace": TRACE,
+    "handle": Entries(HANDLE, ("position",)),
+    "tool": Entries(("answered",), ("position",)),
+    "operator/state": Entries((*AXES, *(f"motor_{name}" for name in AXES), "energy_given", "time")),
+}
+NO_TRACE = {  # where the trace cannot be had: every topic, and what of it stands for the trace's columns
+    **{name: Entries((), ()) for name in TOPICS if name != "trace"},
+    "handle": Entries((*HANDLE, *AXES), ("position", "effort")),
+    "tool": Entries((*AXES, "contact"), ("position", "effort")),
+    "motor": Entries(AXES, ("effort",)),
+    "operator/state": ONLY["operator/state"],
+}
+LEFT_OUT = (
+    "servo, exchange, passivity margin, impedance and spectrum are left out; positions, forces and contacts are those "
+    "of the topics, and time counts from the first message"
+)
+
+
+def read_run(bag: Path | str, namespace: str | None = None) -> Run:
+    """The run in a bag. Raises FileNotFoundError or ValueError if nothing of it can be shown."""
+    recording = load(bag, namespace, ONLY)
+    run = Run(recording, _name(Path(bag)), list(recording.notes))
+    try:
+        rows = run.rows
+    except ValueError as error:
+        return _without_trace(run, error)
+    missing = recording.trace_rows_missing
+    if missing:
+        run.notes.append(f"{missing} ticks are missing from the trace")
+    run.notes += _not_numbers(rows)
+    return run
+
+
+def _without_trace(run: Run, error: ValueError) -> Run:
+    """The run as the other topics tell it. Raises the error, which the trace made, if none of them can be read."""
+    recording = load(run.recording.bag, run.recording.namespace, NO_TRACE)
+    ours = any(name.startswith(f"{recording.namespace}/") for name in recording.counts)
+    if not ours or not (recording.joints or recording.marks or recording.diagnostics):
+        raise error
+    reason = str(error) if "trace" in run.recording.clouds else "there is no trace"
+    notes = dict.fromkeys([f"{reason}: {LEFT_OUT}", *run.notes, *recording.notes])
+    return Run(recording, run.name, [*notes, *_no_numbers_in(recording.joints)], reason)
+
+
+def _no_numbers_in(topics: dict[str, Joints]) -> list[str]:
+    """A sentence for each topic with values that are no numbers."""
+    parts = {name: np.isnan(np.hstack([j.position, j.velocity, j.effort])) for name, j in topics.items()}
+    counts = {name: np.asarray(part.any(axis=1)) for name, part in parts.items()}
+    return [
+        f"topic {name}: {np.sum(n)} of {len(n)} messages have values that are no numbers"
+        for name, n in counts.items()
+        if n.any()
+    ]
+
+
+def _name(bag: Path) -> str:
+    bag = bag.absolute()
+    return bag.parent.name if bag.name == "bag" else bag.name
+
+
+def _not_numbers(rows: Records) -> list[str]:
+    """A sentence for each column with values that are no numbers."""
+    counts = {
+        name: int(np.isnan(rows[name]).reshape(len(rows), -1).any(axis=1).sum()) for name in rows.dtype.names or ()
+    }
+    return [f"trace column {name} is no number in {n} of {len(rows)} ticks" for name, n in counts.items() if n]
