@@ -125,9 +125,9 @@ def _blames(settings, lateness):
         if settings["coupling"]["stiffness"][i] <= 0.0 and settings["coupling"]["damping"][i] <= 0.0:
             continue
         name, counted = "coupling.rotational_" if i == 2 else "coupling.", _coupling_damping(settings, i)
-        told = f"{name}damping {settings['damping'][i]:.4g} {'N m s/rad' if i == 2 else 'N s/m'}"
+        told = f"{name}damping {settings['coupling']['damping'][i]:.4g} {'N m s/rad' if i == 2 else 'N s/m'}"
         if counted > abs(settings["coupling"]["damping"][i]):
-            told += f" and cancellation.ratio {settings['cancellation_ratio']:g}"
+            told += f" and cancellation.ratio {settings['cancellation']['ratio']:g}"
         yield _blame(
             f"{name}stiffness", settings["coupling"]["stiffness"][i], counted, there, settings, lateness, told=told
         )

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from adversary.exchange_search import engaged
-from haptic_device.control import contact_model, contact_solver, enable_state, faults, servo, virtual_coupling
+from haptic_device.control import contact_model, contact_solver, enable_state, faults, records, servo, virtual_coupling
 from haptic_device.jit import kernel, njit
 
 FEATURES = 4  # of the eight places
@@ -151,7 +151,8 @@ def search(settings, ticks=120, evaluations=2000, loss=0.0, seed=0):
     best, score, size, watched = np.zeros((ticks, GENES)), -np.inf, 0.5, np.array([-np.inf, 0.0, 0.0])
     for _ in range(evaluations):
         child = np.clip(best + size * _change(random, ticks), -3.0, 3.0)
-        value = energy_given(settings, *engaged(), child, scale, lost, watched)
+        memory, row = engaged()
+        value = energy_given(settings, memory, row.view(records.TICK), child, scale, lost, watched)
         better = value > score
         size = min(2.0, max(0.02, size * (1.5 if better else 0.97)))
         best, score = (child, value) if better else (best, score)

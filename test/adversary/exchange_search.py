@@ -59,12 +59,16 @@ class Adversary(NamedTuple):
     books: int = 0
 
 
-@kernel
 def energy_given(settings, memory, row, path, scale, adversary, watched):
-    """Largest energy given [J] at any tick of a path's second half; settings, memory and row are records of one.
+    """Largest energy given [J] at any tick of a path's second half; settings, memory and row are arrays of one.
 
     scale: of each gene; adversary.loss: genes below it are lost here; watched: largest force and change, kept.
     """
+    return _energy_given(settings, memory, row.view(records.TICK), path, scale, adversary, watched)
+
+
+@kernel
+def _energy_given(settings, memory, row, path, scale, adversary, watched):
     period, damping = settings[0].period, settings[0].device.damping[0]
     step = abs(settings[0].device.position_per_count[0])
     past, position, moved, given, most = np.zeros(len(path)), 0.0, 0.0, 0.0, -np.inf
@@ -174,7 +178,7 @@ def _contacts(memory, record, genes, scale, position, k):
 
 def engaged():
     """Memory and row of a servo that is engaged and at rest at the origin."""
-    memory, row = np.zeros(1, records.STATE), np.zeros(1, records.TICK)
+    memory, row = np.zeros(1, records.STATE), np.zeros(1, records.TRACE_ROW)
     memory["enable"]["ramp"] = memory["fade"]["factor"] = memory["observer"]["coupled"] = 1.0
     memory["enable"]["state"] = enable_state.ENGAGED
     return memory, row

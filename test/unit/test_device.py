@@ -148,7 +148,7 @@ def test_count_zero_is_at_the_devices_zero():
 def test_the_force_the_servo_wants_is_the_force_the_plants_motor_makes(constant, sign, force):
     device = changed(motor_constant=constant, motor_sign=sign)
     body, memory = loopback_config.plant_of(device), np.zeros(1, plant.PLANT_MEMORY)
-    motor = force * controller_config.settings_of(device)["motor_per_force"][0]
+    motor = force * controller_config.settings_of(device)["device"]["motor_per_force"][0]
     plant.push_motor(body[0], memory[0], 0, motor)
     plant.take_motor(memory[0])
     assert memory["motor_force"][0, :2].tolist() == pytest.approx([force, force])
@@ -158,7 +158,7 @@ def test_the_force_the_servo_wants_is_the_force_the_plants_motor_makes(constant,
 def test_gravity_is_compensated_against_its_pull_and_only_if_wanted():
     device = changed(gravity=(0.0, -9.81))
     assert loopback_config.plant_of(device)["gravity"][0].tolist() == pytest.approx([0.0, -0.981, 0.0])
-    assert controller_config.settings_of(device)["gravity"][0].tolist() == pytest.approx([0.0, 0.981, 0.0])
+    assert controller_config.settings_of(device)["device"]["gravity"][0].tolist() == pytest.approx([0.0, 0.981, 0.0])
     assert not controller_config.settings_of(changed(gravity=(0.0, -9.81), gravity_compensation=False))["gravity"].any()
 
 

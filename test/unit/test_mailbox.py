@@ -130,8 +130,8 @@ def test_a_mailbox_gives_the_latest_record_again_and_again_and_zeros_before_the_
 def push(ring, value):
     """Writes one row as the servo does; whether it found a place."""
     slot = seqlock.ring_slot(ring.words, ring.size)
-    ring.rows["a"][slot] = value  # −1 is the spare row
     if slot >= 0:
+        ring.rows["a"][slot] = value
         seqlock.ring_push(ring.words)
     return slot >= 0
 

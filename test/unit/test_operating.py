@@ -9,6 +9,7 @@ from haptic_device import controller_config
 from haptic_device.control import exchange_samples
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand
+from haptic_device.parameters import OPERATING_POINT
 
 DESKTOP = load_device("desktop")
 
@@ -25,9 +26,12 @@ def test_every_parameter_arrives_in_its_field():
     assert settings["force"]["limit"].tolist() == [3.0, 3.0, 0.2]
     assert settings["coupling"]["stiffness"].tolist() == [500.0, 500.0, 2.5]
     assert settings["coupling"]["damping"].tolist() == [1.5, 1.5, 0.004]
-    for i, (name, field) in enumerate(controller_config.DIRECT.items()):
-        given = 0.03125 + i / 64
-        assert point(**{name.replace(".", "__"): given})[field] == given
+    numbers = [one.name for one in OPERATING_POINT if tuple(one.name.split(".")) in controller_config.SAME]
+    numbers = [name for name in numbers if name not in ("exchange.method", "cancellation.source", "velocity.estimator")]
+    assert len(numbers) == 25
+    for i, name in enumerate(numbers):
+        given, (group, field) = 0.03125 + i / 64, name.split(".")
+        assert point(**{name.replace(".", "__"): given})[group][field] == given
 
 
 def test_walls_arrive_in_order_with_unit_normals():
@@ -65,14 +69,14 @@ def test_walls_that_do_not_fit_together_are_refused_in_a_sentence(change, senten
 
 
 def test_a_normal_may_be_off_by_a_thousandth_and_no_more():
-    assert point(**ONE | {"wall__normals": (1.0009, 0.0)})["wall_x"][0] == 1.0
+    assert point(**ONE | {"wall__normals": (1.0009, 0.0)})["wall"]["x"][0] == 1.0
     with pytest.raises(ValueError, match="unit vector"):
         point(**ONE | {"wall__normals": (1.0011, 0.0)})
 
 
 def test_eight_walls_are_taken():
     eight = {"wall__normals": (1.0, 0.0) * 8, "wall__offsets": (0.0,) * 8, "wall__stiffness": (1.0,) * 8}
-    assert point(**eight, wall__damping=(0.0,) * 8)["walls"] == 8
+    assert point(**eight, wall__damping=(0.0,) * 8)["wall"]["count"] == 8
 
 
 def test_both_sides_of_the_coupling_are_told_the_same_gains():

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from haptic_device.description import SUB_STEP
 from haptic_device.device import plant
 
 SECOND = 1_000_000_000
@@ -33,7 +34,7 @@ def state(**changes):
     return record
 
 
-def run(record, memory, seconds, target=lambda t: (0.0, 0.0, 0.0), grip=0.0, step=plant.SUB_STEP):
+def run(record, memory, seconds, target=lambda t: (0.0, 0.0, 0.0), grip=0.0, step=SUB_STEP):
     """Integrates by sub-steps; yields after each."""
     end = int(memory["time"][0]) + round(seconds * SECOND)
     while memory["time"][0] < end:
@@ -69,7 +70,7 @@ def exact(mass, damping, stiffness, force, rate, position, velocity, time):
     rate=st.floats(-1e4, 1e4),
     position=st.floats(-0.1, 0.1),
     velocity=st.floats(-3.0, 3.0),
-    time=st.floats(1e-7, plant.SUB_STEP * 1e-9),
+    time=st.floats(1e-7, SUB_STEP * 1e-9),
 )
 def test_drift_is_the_matrix_exponential(mass, damped, sprung, force, rate, position, velocity, time):
     damping, stiffness = damped * mass / time, sprung * mass / time**2
@@ -144,7 +145,7 @@ def swing(t):
 def test_without_friction_the_length_of_the_sub_step_does_not_matter():
     """Both follow a target that moves uniformly within 50 µs, so that the drive is the same."""
     ends = []
-    for step in (plant.SUB_STEP, plant.SUB_STEP // 5):
+    for step in (SUB_STEP, plant.SUB_STEP // 5):
         record, memory = device(damping=2.0, hand_mass=0.1, hand_damping=8.0, hand_stiffness=500.0), state()
         finish(record, memory, 0.05, lambda t: (0.2 * t, 0.0, 0.0), 1.0, step)
         ends.append((memory["position"][0, 0], memory["velocity"][0, 0], memory["energy_given"][0]))
@@ -244,7 +245,7 @@ def test_a_motor_value_acts_exactly_after_the_actuation_delay(delay):
     record, memory = device(actuation_delay=delay), state()
     plant.push_motor(record[0], memory[0], 0, np.array([1.0, 0.0, 0.0]))
     while memory["time"][0] < 1_000_000:
-        end = plant.next_change(memory[0], min(1_000_000, int(memory["time"][0]) + plant.SUB_STEP))
+        end = plant.next_change(memory[0], min(1_000_000, int(memory["time"][0]) + SUB_STEP))
         if end > memory["time"][0]:
             plant.sub_step(record[0], memory[0], end, np.zeros(3), 0.0)
         plant.take_motor(memory[0])

@@ -11,7 +11,7 @@ from lockstep_systems import device, values
 from ticks import tick
 
 from haptic_device import controller_config
-from haptic_device.control import enable_state, faults, records, servo
+from haptic_device.control import enable_state, faults, records
 from haptic_device.device import loopback_config, simulated_device
 from haptic_device.parameters import EXCHANGE_METHODS, MOST_WALLS
 from haptic_device.realtime import servo_loop
@@ -127,7 +127,7 @@ def test_the_coupling_pulls_the_handle_to_the_tool_and_swapping_the_two_turns_th
 def test_a_tool_that_grows_old_loses_its_pull_and_a_fresh_one_gets_it_back_slowly():
     runner = Servo(coupling__stiffness=500.0)
     runner.tool((0.001, 0.0, 0.0))
-    hold, fade = (float(runner.settings[name][0]) for name in ("exchange_hold", "exchange_fade"))
+    hold, fade = (float(runner.settings["exchange"][name][0]) for name in ("hold", "fade"))
     assert runner.run(fade + 0.01).force_on_handle[0] == pytest.approx(0.5)
     assert runner.tick(tool_age=hold - 1e-6).force_on_handle[0] == pytest.approx(0.5)
     assert runner.tick(tool_age=hold + fade / 2).force_on_handle[0] == pytest.approx(0.25)
@@ -138,7 +138,7 @@ def test_a_tool_that_grows_old_loses_its_pull_and_a_fresh_one_gets_it_back_slowl
 
 def test_cancellation_changes_by_a_ticks_share_at_most_as_a_tool_with_the_coupling_stretched_comes_and_goes():
     runner = Servo(coupling__stiffness=50.0, cancellation__ratio=0.9)
-    hold, fade = (float(runner.settings[name][0]) for name in ("exchange_hold", "exchange_fade"))
+    hold, fade = (float(runner.settings["exchange"][name][0]) for name in ("hold", "fade"))
     ticks = round(fade / PERIOD) + 2
     assert runner.rows[-1]["cancellation_fade"] == 1.0
     runner.tool((0.005, 0.0, 0.0))
@@ -417,7 +417,7 @@ def test_no_input_that_is_not_a_number_becomes_a_force(field, value):
 @pytest.mark.parametrize("axes", [1, 3])
 @pytest.mark.parametrize("method", EXCHANGE_METHODS)
 def test_a_row_that_is_used_again_keeps_nothing_of_the_tick_it_held_before(method, axes):
-    outputs = [column.rstrip("*#^") for column in servo.OUTPUTS]
+    outputs = list(records.OUTPUT.names)
     outputs = [name for name in outputs if name not in ("margin", "surplus")]  # which recomputing takes from the row
     quick = {"exchange__method": method, "engage__time": 0.01, "exchange__fade": 0.01}
     clean, used = (Servo(axes=axes, settled=False, **WALL, **quick) for _ in range(2))
@@ -501,7 +501,7 @@ def test_lockstep_in_two_pieces_is_lockstep_in_one():
 def replay(rows, settings):
     """The rows computed again from their inputs alone."""
     memory, again = np.zeros(1, records.STATE), np.zeros(len(rows), records.TRACE_ROW)
-    inputs = [name for name in records.TRACE_ROW.names if name in INPUTS]
+    inputs = [name for name in records.TRACE_ROW.names if name not in records.OUTPUT.names]
     for name in inputs:
         again[name] = rows[name]
     for k in range(len(again)):
