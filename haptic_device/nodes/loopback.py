@@ -34,7 +34,7 @@ class LoopbackNode(ManagedNode):
         self.create_subscription(messages.JointState, "operator/target", self._on_target, messages.LATEST)
         self.refused_targets, self.realtime, self._publisher = 0, "", None
         self._rates = diagnostics.Rates()
-        on_change(self, LOOPBACK, self._on_parameters)
+        on_change(self, LOOPBACK, lambda values: None, self._apply)
         self.create_timer(0.5, self._diagnose)
 
     def configure(self):
@@ -125,7 +125,7 @@ class LoopbackNode(ManagedNode):
             low, high = axis.workspace
             self.motion["points"][0, 0, i] = min(high, max(low, target[i] / self.device.scale[i // 2]))
 
-    def _on_parameters(self, values):
+    def _apply(self, values):
         self.values = values
 
     def _health(self):

@@ -62,7 +62,7 @@ class Recorder(Node):
         super().__init__("haptic_recorder", namespace="/haptic")
         self.parameters = declare(self, PARAMETERS)
         trial_of(self.parameters)
-        on_change(self, PARAMETERS, self._on_parameters)
+        on_change(self, PARAMETERS, trial_of, self._apply)
         self.tracks: dict[str, Track] = {}
         self.bag: Bag | None = None
         self.stopped = ""  # why recording ended by itself
@@ -202,8 +202,7 @@ class Recorder(Node):
     def _losses(self) -> dict[str, str]:
         return {f"lost {topic}": track.losses for topic, track in self.tracks.items() if track.channel}
 
-    def _on_parameters(self, values: dict) -> None:
-        trial_of(values)
+    def _apply(self, values: dict) -> None:
         self.parameters = values
 
     def _on_answer(self, node: str, values: dict) -> None:

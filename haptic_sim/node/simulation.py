@@ -44,7 +44,7 @@ class SimulationNode(ManagedNode):
         beside = ReentrantCallbackGroup()  # while it waits for its world others are served
         self.create_service(Trigger, "~/load_scene", self._on_load_scene, callback_group=beside)
         self.create_service(SetBool, "~/pause", self._on_pause)
-        on_change(self, PARAMETERS, self._accept)
+        on_change(self, PARAMETERS, lambda values: load(values["scene"]), self._apply)
 
     def configure(self) -> None:
         """Loads the scene."""
@@ -127,9 +127,8 @@ class SimulationNode(ManagedNode):
         except Exception as error:
             built.set_result(f"{type(error).__name__}: {error}")
 
-    def _accept(self, values):
-        """The parameter `scene` names what load_scene loads next; one that cannot be read is refused here."""
-        load(values["scene"])
+    def _apply(self, values):
+        """The parameter `scene` names what load_scene loads next."""
         self.values = values
 
     def _prepare(self):
