@@ -14,13 +14,13 @@ from haptic_device.control import enable_state, faults, records
 from haptic_device.description import load_device
 from haptic_device.jit import have
 from haptic_device.nodes import diagnostics, messages
-from haptic_device.nodes.declared import DRIVER
 from haptic_device.nodes.exchange_server import ExchangeThread
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.nodes.service_thread import ServiceThread
 from haptic_device.nodes.telemetry import Telemetry
+from haptic_device.parameters import DRIVER, DRIVER_FIGURES
 from haptic_device.realtime import scheduling, servo_loop
 from haptic_device.realtime.hardware_interface import PageLink
 from haptic_device.realtime.servo_thread import ServoThread
@@ -288,7 +288,7 @@ class DriverNode(ManagedNode):
         if math.isfinite(self._margins[1]):
             figures["margin_theta"] = self._margins[1]
         self._stall = 0.0
-        return diagnostics.statuses("haptic_driver", diagnostics.DRIVER, figures, self.values)
+        return diagnostics.statuses("haptic_driver", DRIVER_FIGURES, figures, self.values)
 
     def _verdict(self, row):
         if row.fault:

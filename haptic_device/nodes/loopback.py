@@ -12,9 +12,9 @@ from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand, simulated_device
 from haptic_device.jit import have
 from haptic_device.nodes import diagnostics, messages
-from haptic_device.nodes.declared import LOOPBACK
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.ros_parameters import on_change
+from haptic_device.parameters import LOOPBACK, LOOPBACK_FIGURES
 from haptic_device.realtime import clock, scheduling
 from haptic_device.realtime.seqlock import Mailbox
 from haptic_device.realtime.shared_memory import DEVICE, Page, page_name
@@ -134,7 +134,7 @@ class LoopbackNode(ManagedNode):
             run_on=self._control[simulated_device.RUN_ON], late_writes=self._control[simulated_device.LATE_WRITES]
         )
         figures = {"energy": float(self._truth.get()[0].energy_given), **rates}
-        return diagnostics.statuses("haptic_loopback", diagnostics.LOOPBACK, figures, self.values)
+        return diagnostics.statuses("haptic_loopback", LOOPBACK_FIGURES, figures, self.values)
 
     def _diagnose(self):
         if self._thread is None:

@@ -15,7 +15,7 @@ from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.realtime.scheduling import go_realtime, lift_threads, spare_collections
-from haptic_sim.node.declared import PARAMETERS
+from haptic_sim.node.declared import FIGURES, PARAMETERS
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.port import Port
 from haptic_sim.scene import load
@@ -82,7 +82,7 @@ class SimulationNode(ManagedNode):
         level, message = self._verdict()
         now_ns = self.get_clock().now().nanoseconds
         figures = {"compute": values["compute_us_p99"] * 1e-6, **self._rates.of(refused=values["refused"])}
-        watched = diagnostics.statuses(self.get_name(), diagnostics.SIMULATION, figures, self.values)
+        watched = diagnostics.statuses(self.get_name(), FIGURES, figures, self.values)
         self._diagnostics.publish(messages.diagnostics(now_ns, self.get_name(), "", level, message, values, watched))
 
     def _verdict(self):

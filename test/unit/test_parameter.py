@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_device import ros_yaml
-from haptic_device.parameter import Parameter, check_value, operating_point_problems, read_operating_point
+from haptic_device.parameter import Parameter, check_value
+from haptic_device.parameter_files import operating_point_problems, read_operating_point
 
 STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", low=0.0, high=5000.0, live=True)
 RATE = Parameter("rate", 4000, "Hz", "servo rate", low=1000, high=10000)
