@@ -7,9 +7,9 @@ coupling.stiffness. Descriptors, the check of files, the table of docs and the c
 
 from typing import Annotated, Literal, get_args
 
-from pydantic import BaseModel, Field
+from pydantic import Field
 
-from haptic_device.parameter import Parameter, Watched, fixed, limits_of, live, parameters_of
+from haptic_device.parameter import Group, Parameter, Watched, fixed, limits_of, live, parameters_of
 
 MOST_WALLS = 64  # walls; settings are a record of fixed size
 KEPT = 33  # samples: windows of up to 32 ticks
@@ -24,26 +24,26 @@ SOURCES, ESTIMATORS, EXCHANGE_METHODS = get_args(Source), get_args(Estimator), g
 POLICIES, SCRIPTS = get_args(Policy), get_args(Script)
 
 
-class Servo(BaseModel):
+class Servo(Group):
     """The loop."""
 
     rate: float = fixed(4000.0, "Hz", "ticks of the servo loop per second", 500.0, 10000.0)
 
 
-class Force(BaseModel):
+class Force(Group):
     """Limits of what the handle is given."""
 
     limit: float = live(20.0, "N", "largest force on the handle, each of x and y", 0.0, 1000.0)
     limit_rotational: float = live(1.0, "N m", "largest torque on the handle", 0.0, 100.0)
 
 
-class Clutch(BaseModel):
+class Clutch(Group):
     """Between handle and world."""
 
     open: bool = live(False, "", "let the device move without the handle in the world; no force meanwhile")
 
 
-class Coupling(BaseModel):
+class Coupling(Group):
     """The virtual coupling."""
 
     stiffness: float = live(1000.0, "N/m", "stiffness K between handle and tool, x and y", 0.0, 1e5)
@@ -52,7 +52,7 @@ class Coupling(BaseModel):
     rotational_damping: float = live(0.001, "N m s/rad", "damping about theta", 0.0, 10.0)
 
 
-class Wall(BaseModel):
+class Wall(Group):
     """Virtual walls."""
 
     normals: tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...] = live(
@@ -67,7 +67,7 @@ class Wall(BaseModel):
     )
 
 
-class Cancellation(BaseModel):
+class Cancellation(Group):
     """Damping compensation."""
 
     ratio: float = live(0.0, "", "part of the physical damping cancelled in free space", 0.0, 0.98)
@@ -78,7 +78,7 @@ class Cancellation(BaseModel):
     stretch: float = live(0.001, "m", "coupling stretch at which it is faded out", 1e-6, 1.0)
 
 
-class Velocity(BaseModel):
+class Velocity(Group):
     """Velocity from position."""
 
     estimator: Estimator = live("backward_difference", "", "how velocity comes from position")
@@ -86,7 +86,7 @@ class Velocity(BaseModel):
     window: int = live(16, "ticks", "longest adaptive window", 1, KEPT - 1)
 
 
-class Engage(BaseModel):
+class Engage(Group):
     """Enabling."""
 
     time: float = live(0.5, "s", "time over which forces rise after enabling", 0.01, 10.0)
@@ -94,7 +94,7 @@ class Engage(BaseModel):
     force: float = live(1.0, "N", "engaging begins only while the wanted force is below this", 0.01, 100.0)
 
 
-class Exchange(BaseModel):
+class Exchange(Group):
     """Exchange with the simulation."""
 
     rate: float = fixed(1000.0, "Hz", "handle samples sent to the simulation per second", 100.0, 2000.0)
@@ -108,7 +108,7 @@ class Exchange(BaseModel):
     fade: float = live(0.14, "s", "time over which the coupling then lets go, and returns", 0.001, 5.0)
 
 
-class Local(BaseModel):
+class Local(Group):
     """The virtual tool in the servo."""
 
     compliance: float = live(1e-9, "m/N", "of a contact in the servo", 1e-10, 1e-5)
@@ -119,7 +119,7 @@ class Local(BaseModel):
     rejoin: float = live(0.02, "s", "time for which all must be well before they count again", 0.0, 1.0)
 
 
-class Passivity(BaseModel):
+class Passivity(Group):
     """What is done to stay passive."""
 
     policy: Policy = live(
@@ -129,7 +129,7 @@ class Passivity(BaseModel):
     budget: float = live(0.001, "J", "energy generated, per axis, before damping is injected", 0.0, 10.0)
 
 
-class Fault(BaseModel):
+class Fault(Group):
     """When a fault is latched."""
 
     silence: float = fixed(0.02, "s", "time without an answer of the device that latches device_silent", 0.001, 1.0)
@@ -145,7 +145,7 @@ class Fault(BaseModel):
     )
 
 
-class Hand(BaseModel):
+class Hand(Group):
     """The operator's hand."""
 
     mass: float = fixed(0.1, "kg", "mass of the hand that moves with the handle, x and y", 0.0, 10.0)
@@ -156,7 +156,7 @@ class Hand(BaseModel):
     rotational_stiffness: float = fixed(1.0, "N m/rad", "spring about theta", 0.0, 1000.0)
 
 
-class Motion(BaseModel):
+class Motion(Group):
     """What the hand does."""
 
     name: Script = fixed("hold", "", "the hand's script; follow: it runs after operator/target")
@@ -173,7 +173,7 @@ class Motion(BaseModel):
     lag: float = fixed(0.01, "s", "time constant with which follow runs after the target", 0.001, 1.0)
 
 
-class OperatingPoint(BaseModel):
+class OperatingPoint(Group):
     """What a driver's servo is told."""
 
     servo: Servo
@@ -190,14 +190,14 @@ class OperatingPoint(BaseModel):
     fault: Fault
 
 
-class Operator(BaseModel):
+class Operator(Group):
     """What a loopback's hand is told."""
 
     hand: Hand
     motion: Motion
 
 
-class Common(BaseModel):
+class Common(Group):
     """Of driver and loopback."""
 
     device: str = fixed("desktop", "", "device description: a file, or a name in config/devices")
@@ -205,7 +205,7 @@ class Common(BaseModel):
     realtime: Realtime = fixed("prefer", "", "SCHED_FIFO, locked memory, timer slack")
 
 
-class DriverTopics(BaseModel):
+class DriverTopics(Group):
     """What a driver publishes."""
 
     rate: float = fixed(500.0, "Hz", "encoder and motor", 1.0, 1000.0)
@@ -224,7 +224,7 @@ class Driver(OperatingPoint, Common):
     publish: DriverTopics
 
 
-class LoopbackTopics(BaseModel):
+class LoopbackTopics(Group):
     """What a loopback publishes."""
 
     rate: float = fixed(500.0, "Hz", "operator/state", 1.0, 1000.0)
@@ -237,14 +237,14 @@ class Loopback(Operator, Common):
     publish: LoopbackTopics
 
 
-class Split(BaseModel):
+class Split(Group):
     """When a bag begins a new file."""
 
     size: float = fixed(2000.0, "MB", "size from which on a new file is begun; 0: never", 0.0, 1e6)
     duration: float = fixed(0.0, "s", "time after which a new file is begun; 0: never", 0.0, 1e6)
 
 
-class Trial(BaseModel):
+class Trial(Group):
     """Facts of an experiment."""
 
     participant: str = live("", "", "code of the participant, kept in the next bag")
@@ -252,7 +252,7 @@ class Trial(BaseModel):
     fields: tuple[str, ...] = live(("",), "", "further facts of the trial, each as name=value")
 
 
-class Recorder(BaseModel):
+class Recorder(Group):
     """haptic_recorder."""
 
     autostart: bool = fixed(True, "", "configure and activate by itself at start")

@@ -3,21 +3,19 @@
 
 from typing import Literal
 
-from pydantic import BaseModel
-
-from haptic_device.parameter import Watched, fixed, limits_of, live, parameters_of
+from haptic_device.parameter import Group, Watched, fixed, limits_of, live, parameters_of
 from haptic_device.parameters import Exchange, ExchangeMethod, Realtime
 from haptic_sim.port_limits import BUDGET, LIMITS
 from haptic_sim.scene import AUTO, METHODS
 
 
-class Method(BaseModel):
+class Method(Group):
     """What a simulation shares of the driver's exchange."""
 
     method: ExchangeMethod = Exchange.model_fields["method"]
 
 
-class Simulation(BaseModel):
+class Simulation(Group):
     """haptic_simulation."""
 
     autostart: bool = fixed(True, "", "configure and activate by itself at start")
@@ -36,7 +34,7 @@ class Simulation(BaseModel):
     realtime_priority: int = fixed(60, "", "SCHED_FIFO priority of the exchange thread", 1, 98)
 
 
-class Relay(BaseModel):
+class Relay(Group):
     """haptic_relay."""
 
     autostart: bool = fixed(True, "", "configure and activate by itself at start")

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of haptic_viewer."""
 
-from pydantic import BaseModel
-
-from haptic_device.parameter import fixed, parameters_of
+from haptic_device.parameter import Group, fixed, parameters_of
 
 
-class Viewer(BaseModel):
+class Viewer(Group):
     """haptic_viewer."""
 
     host: str = fixed("127.0.0.1", "", "address it listens on; anything but this machine's own is warned of")

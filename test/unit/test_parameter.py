@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import BaseModel, Field
+from pydantic import Field
 
 from haptic_device import ros_yaml
-from haptic_device.parameter import Parameter, check_value, fixed, live, parameters_of
+from haptic_device.parameter import Group, Parameter, check_value, fixed, live, parameters_of
 from haptic_device.parameter_files import operating_point_problems, read_operating_point
 from haptic_sim.cli.nodes import NODES as ALL_NODES
 
@@ -42,12 +42,12 @@ def problems(text):
     return list(operating_point_problems(ros_yaml.loads(text), NODES))
 
 
-class Wall(BaseModel):
+class Wall(Group):
     stiffness: float = live(1000.0, "N/m", "stiffness of the wall", 0.0, 5000.0)
     normal: tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...] = fixed((), "", "normal of the wall")
 
 
-class Driver(BaseModel):
+class Driver(Group):
     rate: int = fixed(4000, "Hz", "servo rate", 1000, 10000)
     autostart: bool = fixed(True, "", "activate by itself")
     realtime: Literal["require", "prefer", "off"] = fixed("prefer", "", "scheduling")
