@@ -25,26 +25,26 @@ POLICIES, SCRIPTS = get_args(Policy), get_args(Script)
 
 
 class Servo(Group):
-    """The loop."""
+    """Rate of the servo."""
 
     rate: float = fixed(4000.0, "Hz", "ticks of the servo loop per second", 500.0, 10000.0)
 
 
 class Force(Group):
-    """Limits of what the handle is given."""
+    """Largest force and torque on the handle."""
 
     limit: float = live(20.0, "N", "largest force on the handle, each of x and y", 0.0, 1000.0)
     limit_rotational: float = live(1.0, "N m", "largest torque on the handle", 0.0, 100.0)
 
 
 class Clutch(Group):
-    """Between handle and world."""
+    """Separates the handle from the world."""
 
     open: bool = live(False, "", "let the device move without the handle in the world; no force meanwhile")
 
 
 class Coupling(Group):
-    """The virtual coupling."""
+    """Spring and damper between handle and tool."""
 
     stiffness: float = live(1000.0, "N/m", "stiffness K between handle and tool, x and y", 0.0, 1e5)
     damping: float = live(1.0, "N s/m", "damping B between handle and tool, x and y", 0.0, 1000.0)
@@ -53,7 +53,7 @@ class Coupling(Group):
 
 
 class Wall(Group):
-    """Virtual walls."""
+    """Walls that the servo renders by itself."""
 
     normals: tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...] = live(
         (), "", "outward unit normals of all walls, flat: nx, ny of each"
@@ -68,18 +68,18 @@ class Wall(Group):
 
 
 class Cancellation(Group):
-    """Damping compensation."""
+    """How much of the device's damping the motors compensate, and where."""
 
     ratio: float = live(0.0, "", "part of the physical damping cancelled in free space", 0.0, 0.98)
     source: Source = live("model", "", "drag as the device is described, or as measured")
     filter: float = live(0.002, "s", "time constant of the filter on measured drag", 0.0, 0.1)
-    band: float = live(0.005, "m", "distance before a wall over which it fades out", 1e-5, 1.0)
-    twist: float = live(0.01, "rad", "coupling twist at which it is faded out", 1e-5, 1.0)
-    stretch: float = live(0.001, "m", "coupling stretch at which it is faded out", 1e-6, 1.0)
+    band: float = live(0.005, "m", "distance before a wall over which cancellation fades out", 1e-5, 1.0)
+    twist: float = live(0.01, "rad", "coupling twist at which cancellation has faded out", 1e-5, 1.0)
+    stretch: float = live(0.001, "m", "coupling stretch at which cancellation has faded out", 1e-6, 1.0)
 
 
 class Velocity(Group):
-    """Velocity from position."""
+    """Estimate of the velocity."""
 
     estimator: Estimator = live("backward_difference", "", "how velocity comes from position")
     lag: float = live(0.001, "s", "time constant of the lowpass estimate", 0.0, 0.1)
@@ -87,40 +87,40 @@ class Velocity(Group):
 
 
 class Engage(Group):
-    """Enabling."""
+    """How forces begin after enabling."""
 
     time: float = live(0.5, "s", "time over which forces rise after enabling", 0.01, 10.0)
-    torque: float = live(0.1, "N m", "and the wanted torque below this", 0.001, 10.0)
+    torque: float = live(0.1, "N m", "engaging begins only while the wanted torque is below this", 0.001, 10.0)
     force: float = live(1.0, "N", "engaging begins only while the wanted force is below this", 0.01, 100.0)
 
 
 class Exchange(Group):
-    """Exchange with the simulation."""
+    """Exchange of samples with the simulation."""
 
     rate: float = fixed(1000.0, "Hz", "handle samples sent to the simulation per second", 100.0, 2000.0)
     method: ExchangeMethod = fixed("pspm", "", "what both sides do with each other's samples")
     hold: float = live(0.06, "s", "age up to which a tool sample is held at full force", 0.001, 2.0)
     budget: float = fixed(0.005, "J", "energy the coupling may give before the hand has paid any", 0.0, 1.0)
     tank: float = fixed(0.05, "J", "energy kept to pay for set positions; the rest is shipped", 0.0, 10.0)
-    horizon: float = live(0.06, "s", "time over which the tool's motion is foretold, at most", 0.0, 0.5)
+    horizon: float = live(0.06, "s", "longest time over which the tool's motion is predicted", 0.0, 0.5)
     slew: float = live(400.0, "N/s", "fastest change of force by the tool's samples alone", 1.0, 1e6)
     agility: float = live(20.0, "m/s^2", "acceleration that a free tool is given credit for", 0.0, 10000.0)
-    fade: float = live(0.14, "s", "time over which the coupling then lets go, and returns", 0.001, 5.0)
+    fade: float = live(0.14, "s", "time over which the coupling lets go after exchange.hold, and returns", 0.001, 5.0)
 
 
 class Local(Group):
-    """The virtual tool in the servo."""
+    """Contacts of the servo's own virtual tool."""
 
-    compliance: float = live(1e-9, "m/N", "of a contact in the servo", 1e-10, 1e-5)
+    compliance: float = live(1e-9, "m/N", "compliance of a contact in the servo", 1e-10, 1e-5)
     apart: float = live(
-        0.005, "m", "between the tools of servo and simulation, beyond which pspm takes over", 1e-4, 1.0
+        0.005, "m", "distance between the tools of servo and simulation beyond which pspm takes over", 1e-4, 1.0
     )
     hold: float = live(0.06, "s", "age up to which local contacts count", 0.001, 2.0)
     rejoin: float = live(0.02, "s", "time for which all must be well before they count again", 0.0, 1.0)
 
 
 class Passivity(Group):
-    """What is done to stay passive."""
+    """What keeps the display passive."""
 
     policy: Policy = live(
         "enforce", "", "gains beyond the device's damping are refused (enforce), said (warn) or taken (off)"
@@ -130,23 +130,23 @@ class Passivity(Group):
 
 
 class Fault(Group):
-    """When a fault is latched."""
+    """Limits beyond which a fault is latched."""
 
-    silence: float = fixed(0.02, "s", "time without an answer of the device that latches device_silent", 0.001, 1.0)
+    silence: float = fixed(0.02, "s", "time without an answer of the device which latches device_silent", 0.001, 1.0)
     saturation: float = live(1.0, "s", "time of wanting more than the motor limit before saturation", 0.01, 60.0)
     duty: float = live(1.0, "", "share of the motor limit that may be held for ever; more latches duty", 0.01, 1.0)
     duty_time: float = live(20.0, "s", "time constant of a motor's warmth", 0.01, 3600.0)
     unattended: float = fixed(
         5.0,
         "s",
-        "time for which the thread that serves the node stood still that latches unattended; 0: never",
+        "longest standstill of the thread that serves the node; beyond it unattended is latched; 0: never",
         0.0,
         3600.0,
     )
 
 
 class Hand(Group):
-    """The operator's hand."""
+    """Mechanics of the simulated hand."""
 
     mass: float = fixed(0.1, "kg", "mass of the hand that moves with the handle, x and y", 0.0, 10.0)
     damping: float = fixed(8.0, "N s/m", "damper between the hand's target and the handle", 0.0, 500.0)
@@ -157,7 +157,7 @@ class Hand(Group):
 
 
 class Motion(Group):
-    """What the hand does."""
+    """Script of the simulated hand."""
 
     name: Script = fixed("hold", "", "the hand's script; follow: it runs after operator/target")
     start: tuple[Annotated[float, Field(ge=-10.0, le=10.0)], ...] = fixed(
@@ -167,7 +167,7 @@ class Motion(Group):
         (0.0, 0.0, 0.0), "m, m, rad", "where the script leads"
     )
     duration: float = fixed(4.0, "s", "time of the whole script", 0.1, 36000.0)
-    radius: float = fixed(0.03, "m", "of the circle, whose rightmost point is motion.start", 0.0, 1.0)
+    radius: float = fixed(0.03, "m", "radius of the circle, whose rightmost point is motion.start", 0.0, 1.0)
     turns: float = fixed(4.0, "", "turns of the circle", 0.0, 10000.0)
     taps: int = fixed(5, "", "how often tap goes to the target and back", 1, 15)
     lag: float = fixed(0.01, "s", "time constant with which follow runs after the target", 0.001, 1.0)
@@ -198,7 +198,7 @@ class Operator(Group):
 
 
 class Common(Group):
-    """Of driver and loopback."""
+    """What driver and loopback share."""
 
     device: str = fixed("desktop", "", "device description: a file, or a name in config/devices")
     autostart: bool = fixed(True, "", "configure and activate by itself")

@@ -38,11 +38,11 @@ class Relay(Group):
     """haptic_relay."""
 
     autostart: bool = fixed(True, "", "configure and activate by itself at start")
-    delay: float = fixed(0.0, "s", "of both ways together; either has half of it", 0.0, 2.0)
+    delay: float = fixed(0.0, "s", "delay of both ways together; either has half of it", 0.0, 2.0)
     jitter: float = fixed(0.0, "s", "uniform ± of the delay of both ways together", 0.0, 2.0)
     loss: float = fixed(0.0, "", "share of the messages lost, either way", 0.0, 1.0)
     duplicates: float = fixed(0.0, "", "share of the messages that come twice", 0.0, 1.0)
-    seed: int = fixed(0, "", "of the random numbers", 0, 2**31 - 1)
+    seed: int = fixed(0, "", "seed of the random numbers", 0, 2**31 - 1)
 
 
 FIGURES = (

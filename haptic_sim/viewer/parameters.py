@@ -12,7 +12,7 @@ class Viewer(Group):
     rate: float = fixed(60.0, "Hz", "frames sent to each page, at most", 1.0, 120.0)
     marker_rate: float = fixed(30.0, "Hz", "markers, while somebody listens", 1.0, 120.0)
     hand_speed: float = fixed(1.0, "m/s", "fastest motion of the hand's target that a page may ask for", 0.01, 3.0)
-    hand_turn: float = fixed(15.0, "rad/s", "and the fastest turn", 0.1, 60.0)
+    hand_turn: float = fixed(15.0, "rad/s", "fastest turn of the hand's target that a page may ask for", 0.1, 60.0)
 
 
 PARAMETERS = parameters_of(Viewer)
