@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A parameter is declared once, beside what uses it; descriptors, documents and file checks are read from that line."""
+"""A parameter is a field of a pydantic model, declared in one line; here is what is read from it and what it allows."""
 
 import array
 import difflib
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, Literal, NamedTuple, get_args, get_origin
 
-from haptic_device import ros_yaml
+from pydantic import BaseModel, Field
 
 SECTION = "ros__parameters"
 ROS_OWN = re.compile(r"use_sim_time|start_type_description_service|qos_overrides\..*")
 KINDS = {bool: "boolean", int: "integer", float: "decimal number", str: "text", dict: "mapping", list: "list"}
+MOST = 1e9
 
 
 class Parameter(NamedTuple):
-    """One declared parameter. The type is that of the default; the default () declares an empty array of numbers.
+    """What is declared of one parameter, read from its field; an array () without elements is one of numbers.
 
     low and high are inclusive and in unit; for arrays they hold for each element. A parameter that is not live is fixed
     once the node has started. choices, where given, are the only texts allowed.
@@ -33,12 +33,56 @@ class Parameter(NamedTuple):
     choices: tuple[str, ...] = ()
 
 
+class Group(BaseModel, defer_build=True):
+    """Parameters that belong together. Their validators are built when one is asked for: all take 30 ms."""
+
+
+class Watched(NamedTuple):
+    """A figure, and the limits beyond which it is WARN and ERROR: above them, or below where error lies below warn."""
+
+    name: str
+    unit: str
+    meaning: str
+    warn: float
+    error: float
+
+
+def fixed(default, unit: str, meaning: str, low=None, high=None, name: str | None = None) -> Any:
+    """Field of a parameter that is fixed once the node runs; low, high: inclusive; name: where not the field's."""
+    extra = {"unit": unit, "live": False}
+    return Field(default, alias=name, description=meaning, ge=low, le=high, json_schema_extra=extra)
+
+
+def live(default, unit: str, meaning: str, low=None, high=None) -> Any:
+    """Field of a parameter that may change while the node runs."""
+    return Field(default, description=meaning, ge=low, le=high, json_schema_extra={"unit": unit, "live": True})
+
+
+def parameters_of(model: type[Group], prefix: str = "") -> tuple[Parameter, ...]:
+    """The parameters that a model declares, in its order; those of a group are called group.field."""
+    found = []
+    for name, field in model.model_fields.items():
+        name = prefix + (field.alias or name)
+        group = isinstance(field.annotation, type) and issubclass(field.annotation, Group)
+        found += parameters_of(field.annotation, f"{name}.") if group else [_read(name, field)]
+    return tuple(found)
+
+
+def limits_of(watched: Iterable[Watched]) -> tuple[Parameter, ...]:
+    """Two live parameters a figure: diagnostics.NAME.warn and diagnostics.NAME.error."""
+    return tuple(
+        Parameter(f"diagnostics.{each.name}.{level}", limit, each.unit, _limit_meaning(each, level), -MOST, MOST, True)
+        for each in watched
+        for level, limit in (("warn", each.warn), ("error", each.error))
+    )
+
+
 def check_value(parameter: Parameter, value):
     """The value, arrays as tuple, if type, finiteness, range and choice are right; else ValueError, one sentence."""
     if not isinstance(parameter.default, tuple):
         return _check_scalar(parameter, parameter.name, type(parameter.default), value)
     if not isinstance(value, list | tuple | array.array):
-        raise ValueError(f"{parameter.name} is {_show(value)}; write a list: [{_show(value)}]")
+        raise ValueError(f"{parameter.name} is {shown(value)}; write a list: [{shown(value)}]")
     kind = type(parameter.default[0]) if parameter.default else float
     return tuple(_check_scalar(parameter, f"{parameter.name}[{i}]", kind, item) for i, item in enumerate(value))
 
@@ -49,49 +93,29 @@ def unknown(name: str, owner: str, known: Iterable[str]) -> str:
     return f"{name} is not {owner}" + (f"; did you mean {near[0]}?" if near else "")
 
 
-def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
-    """What the ROS 2 parameter file at path gives each of the nodes when they run in namespace.
-
-    Returns {node: {name: value}} with the values written in the file only; later sections win, as in ROS 2. Raises
-    ValueError with the first sentence of operating_point_problems, and OSError if the file cannot be read.
-    """
-    document = _load(path)
-    for sentence in operating_point_problems(document, nodes):
-        raise ValueError(f"{path}: {sentence}")
-    values = {node: {} for node in nodes}
-    for key, given in _sections(document):
-        for node in nodes:
-            if _pattern(key).fullmatch(f"{namespace.rstrip('/')}/{node}"):
-                declared = {parameter.name: parameter for parameter in nodes[node]}
-                taken = {name: check_value(declared[name], given[name]) for name in given if name in declared}
-                values[node].update(taken)
-    return values
+def shown(value) -> str:
+    """A value as a parameter file has it."""
+    return {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
 
 
-def operating_point_problems(document: dict, nodes: Mapping[str, tuple[Parameter, ...]]) -> Iterator[str]:
-    """One sentence for each thing that is wrong in a parameter file, already loaded; nothing when all is well."""
-    yield from _strays(document)
-    for key, given in _sections(document):
-        try:
-            owners = _owners(key, nodes)
-        except ValueError as error:
-            yield str(error)
-            continue
-        for name, value in given.items():
-            yield from (f"{key}: {sentence}" for sentence in _entry_problems(name, value, owners))
+def _read(name, field):
+    kind, extra = field.annotation, field.json_schema_extra
+    choices = get_args(kind) if get_origin(kind) is Literal else ()
+    element = get_args(kind)[0] if get_origin(kind) is tuple else kind
+    limited = getattr(element, "__metadata__", (field,))[0].metadata  # of the element, if there are several
+    limits = {bound: getattr(each, bound) for each in limited for bound in ("ge", "le") if hasattr(each, bound)}
+    low, high = limits.get("ge", -math.inf), limits.get("le", math.inf)
+    return Parameter(name, field.default, extra["unit"], field.description, low, high, extra["live"], choices)
 
 
-def _load(path):
-    try:
-        return ros_yaml.load(Path(path))
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+def _limit_meaning(each, level):
+    return f"{level.upper()} {'above' if each.error >= each.warn else 'below'} this: {each.meaning}"
 
 
 def _check_scalar(parameter, name, kind, value):
     if type(value) is not kind:
         written = KINDS.get(type(value), type(value).__name__)
-        raise ValueError(f"{name} is {_show(value)} ({written}); {_remedy(parameter, kind, value)}")
+        raise ValueError(f"{name} is {shown(value)} ({written}); {_remedy(parameter, kind, value)}")
     if kind in (int, float):
         _check_number(parameter, name, value)
     if kind is str and parameter.choices and value not in parameter.choices:
@@ -123,78 +147,9 @@ def _remedy(parameter, kind, value):
     return f"{wanted[kind]}{_in(parameter)} is needed"
 
 
-def _show(value):
-    return {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
-
-
 def _amount(parameter, value):
-    return f"{_show(value)} {parameter.unit}".rstrip()
+    return f"{shown(value)} {parameter.unit}".rstrip()
 
 
 def _in(parameter):
     return f" in {parameter.unit}" if parameter.unit else ""
-
-
-def _sections(document, path=""):
-    """(node key, {dotted name: value}) for each ros__parameters in the file, in the order of the file."""
-    for name, content in document.items():
-        key = f"{path}/{name}" if path else name
-        if name == SECTION and isinstance(content, dict):
-            yield path, dict(_flat(content))
-        elif isinstance(content, dict):
-            yield from _sections(content, key)
-
-
-def _strays(document, path=""):
-    """Sentences for what stands outside every ros__parameters, where ROS 2 would not look or not start."""
-    for name, content in document.items():
-        key = f"{path}/{name}" if path else name
-        if name == SECTION and not path:
-            yield f"{SECTION} stands without a node name above it, such as /**/haptic_driver"
-        elif name == SECTION and not isinstance(content, dict):
-            yield f"{key} holds no parameters; indent them below it"
-        elif not isinstance(content, dict):
-            yield f"{key} holds {_show(content)}; a node name with {SECTION} below it belongs there"
-        elif name != SECTION:
-            yield from _strays(content, key)
-
-
-def _flat(mapping, prefix=""):
-    for name, content in mapping.items():
-        if isinstance(content, dict):
-            yield from _flat(content, f"{prefix}{name}.")
-        else:
-            yield f"{prefix}{name}", content
-
-
-def _pattern(key):
-    """Node key with wildcards as a pattern of full node names: * is one level, ** any number of them."""
-    levels = {"**": r"(/\w+)*", "*": r"/\w+"}
-    return re.compile("".join(levels.get(level, "/" + re.escape(level)) for level in key.strip("/").split("/")))
-
-
-def _owners(key, nodes):
-    """The nodes that a section may reach in some namespace: {node: parameters}."""
-    last = key.rsplit("/", 1)[-1]
-    if last in ("*", "**"):
-        return nodes
-    if last not in nodes:
-        raise ValueError(unknown(last, "a node of this package", nodes))
-    if key == last:
-        raise ValueError(f"{key} reaches only a node outside any namespace; write /**/{key} or /haptic/{key}")
-    return {last: nodes[last]}
-
-
-def _entry_problems(name, value, owners):
-    if ROS_OWN.fullmatch(name):
-        return
-    declared = [parameter for parameters in owners.values() for parameter in parameters if parameter.name == name]
-    if not declared:
-        known = [parameter.name for parameters in owners.values() for parameter in parameters]
-        yield unknown(name, f"a parameter of {' or '.join(owners)}", known)
-    for parameter in declared:
-        try:
-            check_value(parameter, value)
-        except ValueError as error:
-            yield str(error)
-            return

@@ -4,12 +4,12 @@
 import numba
 import numpy as np
 
-from haptic_device import controller_config
+from haptic_device import controller_config, parameters
 from haptic_device.control import contact_model, exchange_samples, records
 from haptic_device.description import load_device
 from haptic_device.device import axis_rerun, loopback_config, operator_hand, simulated_device
 from haptic_device.device import wall_tapping as cell
-from haptic_device.nodes import declared, messages
+from haptic_device.nodes import messages
 from haptic_device.realtime import (
     clock,
     exchange_loop,
@@ -27,7 +27,7 @@ from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
 
-NODES = {**declared.NODES, "haptic_simulation": PARAMETERS}
+NODES = {**parameters.NODES, "haptic_simulation": PARAMETERS}
 DEVICE = "desktop"
 FREE, JOINTED, IN_CLOSED_FORM = "push_block", "ratchet", "wall"  # a scene of each kind
 SUB_STEP = 1e-3  # [s]

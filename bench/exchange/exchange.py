@@ -16,7 +16,7 @@ from bench.exchange.exchange_live import run as run_live
 from bench.jobs import WORKERS, Kept, sweep
 from haptic_device.config_files import find
 from haptic_device.description import load_device
-from haptic_device.parameter import read_operating_point
+from haptic_device.parameter_files import read_operating_point
 from haptic_device.parameters import EXCHANGE, EXCHANGE_METHODS
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.cli.progress import SCHEDULER

@@ -10,8 +10,7 @@ import numpy as np
 from haptic_device import controller_config
 from haptic_device.control import enable_state, faults, records, servo
 from haptic_device.description import load_device
-from haptic_device.nodes.declared import NODES
-from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.parameters import EXCHANGE_METHODS, NODES
 
 TICKS, TURNS = 20_000, 15
 

@@ -12,7 +12,7 @@ from bench.methods import insertion as peg
 from haptic_device.config_files import find
 from haptic_device.control.virtual_tool import LEAVING
 from haptic_device.description import load_device
-from haptic_device.parameter import read_operating_point
+from haptic_device.parameter_files import read_operating_point
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.method import Coupling

@@ -16,8 +16,7 @@ import typer
 from haptic_device import controller_config
 from haptic_device.control import contact_model, contact_solver, enable_state, faults, records, servo, tool_contacts
 from haptic_device.description import load_device
-from haptic_device.nodes.declared import NODES
-from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.parameters import EXCHANGE_METHODS, NODES
 from haptic_device.realtime import clock
 
 PERIOD_NS = 250_000

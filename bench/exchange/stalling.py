@@ -5,7 +5,7 @@ import numpy as np
 
 from haptic_device.description import load_device
 from haptic_device.device import simulated_device
-from haptic_device.nodes.declared import NODES
+from haptic_device.parameters import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation

@@ -17,7 +17,7 @@ from haptic_device.analysis.zwidth_map import Request, draw_map
 from haptic_device.config_files import find
 from haptic_device.control import records
 from haptic_device.description import load_device
-from haptic_device.nodes.declared import NODES
+from haptic_device.parameters import NODES
 from haptic_device.realtime import servo_loop, tick_replay
 from haptic_device.realtime.machine import cores
 from haptic_sim.cli.lateness import COMMON, values

@@ -14,13 +14,13 @@ from haptic_device.control import enable_state, faults, records
 from haptic_device.description import load_device
 from haptic_device.jit import have
 from haptic_device.nodes import diagnostics, messages
-from haptic_device.nodes.declared import DRIVER
 from haptic_device.nodes.exchange_server import ExchangeThread
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.nodes.service_thread import ServiceThread
 from haptic_device.nodes.telemetry import Telemetry
+from haptic_device.parameters import DRIVER, DRIVER_FIGURES
 from haptic_device.realtime import scheduling, servo_loop
 from haptic_device.realtime.hardware_interface import PageLink
 from haptic_device.realtime.servo_thread import ServoThread
@@ -44,7 +44,7 @@ class DriverNode(ManagedNode):
         self._changing = threading.Lock()  # held while the servo comes and goes: no e-stop falls in between
         commands = {f"~/{name}": getattr(self, f"_on_{name}") for name in ("estop", "reset", "enable", "disable")}
         self._commands = ServiceThread(self, commands, "an e-stop came first")
-        on_change(self, DRIVER, self._on_parameters)
+        on_change(self, DRIVER, self._check, self._apply)
         self.create_timer(0.5, self._diagnose)
         self.create_timer(0.02, self._watch)
         self._commands.start()
@@ -59,7 +59,9 @@ class DriverNode(ManagedNode):
         have("servo", "exchange", told=self.told)
         scheduling.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)  # that of the commands too
         self.device = load_device(self.values["device"])
-        self._judge(controller_config.settings_from(self.device, self.values), self.values)
+        settings = controller_config.settings_from(self.device, self.values)
+        self._judge(settings, self.values)
+        self._warn(settings, self.values)
         self.link = PageLink(self.page_name(page_name), secrets.randbits(48) | 1)
         if self.link.stale:
             self.get_logger().warning("took over a stale page of a process that had died")
@@ -69,6 +71,7 @@ class DriverNode(ManagedNode):
         home = self.device.home if self.device.homing == "at_start" else None
         settings = controller_config.settings_from(self.device, self.values, self._version)
         self._judge(settings, self.values)
+        self._warn(settings, self.values)
         self._enabled_once, self._alone_since = False, 0.0
         with self._changing:
             self.servo = ServoThread(self.link, settings, home, self.values["realtime"], self._kept)
@@ -101,13 +104,18 @@ class DriverNode(ManagedNode):
             self.link.close()
         self.link = None
 
-    def _on_parameters(self, values):
-        """Takes live changes at the next tick boundary; raises ValueError to refuse them."""
+    def _check(self, values):
+        """Raises ValueError, one sentence, where values do not fit each other or the device."""
+        if self.link is not None:
+            self._judge(controller_config.settings_from(self.device, values), values)
+
+    def _apply(self, values):
+        """Takes values that were checked, at the next tick boundary."""
+        self.values = values
         if self.link is None:
-            self.values = values
             return
         settings = controller_config.settings_from(self.device, values, self._version + 1)
-        self._judge(settings, values)
+        self._warn(settings, values)
         if self.servo is not None:
             self._version += 1
             settings["passivity"]["margin"] = gain_check.margins(settings[0], self._lateness())[0]
@@ -115,22 +123,27 @@ class DriverNode(ManagedNode):
             self.servo.set(settings)
             self.servo.gains.put(controller_config.gains_from(values))
             self._set_flag(enable_state.CLUTCH, values["clutch.open"])
-        self.values = values
 
     def _judge(self, settings, values):
-        """Refuses (ValueError), says or takes gains beyond the device's damping, as passivity.policy wants it.
+        """Raises ValueError for gains beyond the device's damping, if passivity.policy is to enforce it.
 
         Gains that need no more in any direction than those in force are taken, and said: a servo that runs late must
         not refuse softer ones.
         """
-        sentence = gain_check.refusal(settings[0], self._lateness()) if values["passivity.policy"] != "off" else ""
+        sentence = self._excess(settings, values)
         softer = self.servo is not None and gain_check.softer(
             settings[0], self.servo.settings.get()[0], self._lateness()
         )
         if sentence and values["passivity.policy"] == "enforce" and not softer:
             raise ValueError(sentence)
-        if sentence:
+
+    def _warn(self, settings, values):
+        if sentence := self._excess(settings, values):
             self._say("warning", sentence)
+
+    def _excess(self, settings, values):
+        """The sentence on gains beyond the device's damping; "" if they are not, or the policy is off."""
+        return gain_check.refusal(settings[0], self._lateness()) if values["passivity.policy"] != "off" else ""
 
     def _lateness(self):
         """How late forces act [s]: the device's own delays, and the p99 of the measured delay of the writes."""
@@ -275,7 +288,7 @@ class DriverNode(ManagedNode):
         if math.isfinite(self._margins[1]):
             figures["margin_theta"] = self._margins[1]
         self._stall = 0.0
-        return diagnostics.statuses("haptic_driver", diagnostics.DRIVER, figures, self.values)
+        return diagnostics.statuses("haptic_driver", DRIVER_FIGURES, figures, self.values)
 
     def _verdict(self, row):
         if row.fault:

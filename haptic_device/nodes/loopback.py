@@ -12,9 +12,9 @@ from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand, simulated_device
 from haptic_device.jit import have
 from haptic_device.nodes import diagnostics, messages
-from haptic_device.nodes.declared import LOOPBACK
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.ros_parameters import on_change
+from haptic_device.parameters import LOOPBACK, LOOPBACK_FIGURES
 from haptic_device.realtime import clock, scheduling
 from haptic_device.realtime.seqlock import Mailbox
 from haptic_device.realtime.shared_memory import DEVICE, Page, page_name
@@ -34,7 +34,7 @@ class LoopbackNode(ManagedNode):
         self.create_subscription(messages.JointState, "operator/target", self._on_target, messages.LATEST)
         self.refused_targets, self.realtime, self._publisher = 0, "", None
         self._rates = diagnostics.Rates()
-        on_change(self, LOOPBACK, self._on_parameters)
+        on_change(self, LOOPBACK, lambda values: None, self._apply)
         self.create_timer(0.5, self._diagnose)
 
     def configure(self):
@@ -125,7 +125,7 @@ class LoopbackNode(ManagedNode):
             low, high = axis.workspace
             self.motion["points"][0, 0, i] = min(high, max(low, target[i] / self.device.scale[i // 2]))
 
-    def _on_parameters(self, values):
+    def _apply(self, values):
         self.values = values
 
     def _health(self):
@@ -134,7 +134,7 @@ class LoopbackNode(ManagedNode):
             run_on=self._control[simulated_device.RUN_ON], late_writes=self._control[simulated_device.LATE_WRITES]
         )
         figures = {"energy": float(self._truth.get()[0].energy_given), **rates}
-        return diagnostics.statuses("haptic_loopback", diagnostics.LOOPBACK, figures, self.values)
+        return diagnostics.statuses("haptic_loopback", LOOPBACK_FIGURES, figures, self.values)
 
     def _diagnose(self):
         if self._thread is None:

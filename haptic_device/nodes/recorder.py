@@ -21,8 +21,8 @@ from haptic_device.nodes.parameter_client import Inquiry
 from haptic_device.nodes.participant_id import own_port
 from haptic_device.nodes.polled_subscription import Sample, Tap
 from haptic_device.nodes.recorded_topic import Track, joining_qos, offered_qos
-from haptic_device.nodes.recorder_parameters import PARAMETERS
 from haptic_device.nodes.ros_parameters import declare, on_change
+from haptic_device.parameters import RECORDER
 from haptic_device.realtime import scheduling
 from haptic_device.recording.layouts import CLOUD, JOINTS, POSE, STRING, WRENCH
 from haptic_device.recording.layouts import DIAGNOSTICS as STATUSES
@@ -60,9 +60,9 @@ class Recorder(Node):
 
     def __init__(self):
         super().__init__("haptic_recorder", namespace="/haptic")
-        self.parameters = declare(self, PARAMETERS)
+        self.parameters = declare(self, RECORDER)
         trial_of(self.parameters)
-        on_change(self, PARAMETERS, self._on_parameters)
+        on_change(self, RECORDER, trial_of, self._apply)
         self.tracks: dict[str, Track] = {}
         self.bag: Bag | None = None
         self.stopped = ""  # why recording ended by itself
@@ -202,8 +202,7 @@ class Recorder(Node):
     def _losses(self) -> dict[str, str]:
         return {f"lost {topic}": track.losses for topic, track in self.tracks.items() if track.channel}
 
-    def _on_parameters(self, values: dict) -> None:
-        trial_of(values)
+    def _apply(self, values: dict) -> None:
         self.parameters = values
 
     def _on_answer(self, node: str, values: dict) -> None:

@@ -29,10 +29,13 @@ def declare(node: Node, parameters: Iterable[Parameter]) -> dict:
     return values
 
 
-def on_change(node: Node, parameters: Iterable[Parameter], accept: Callable[[dict], None]) -> None:
-    """Calls accept with all values, wished ones merged in, before a live change; its ValueError refuses the change.
+def on_change(
+    node: Node, parameters: Iterable[Parameter], check: Callable[[dict], None], apply: Callable[[dict], None]
+) -> None:
+    """Calls check with all values, wished ones merged in, before a live change, and apply with those in force after it.
 
-    A request of more than MOST_AT_ONCE entries is refused as a whole before any of them is looked at.
+    check changes nothing; its ValueError refuses the request, all of it. apply must take what check let pass. A request
+    of more than MOST_AT_ONCE entries is refused before any of them is looked at.
     """
     declared = {parameter.name: parameter for parameter in parameters}
 
@@ -43,12 +46,17 @@ def on_change(node: Node, parameters: Iterable[Parameter], accept: Callable[[dic
                 if change.name not in declared and not ROS_OWN.fullmatch(change.name):
                     raise ValueError(unknown(repr(change.name), f"a parameter of {node.get_name()}", declared))
             if wished:
-                accept(_merged(node, declared, wished))
+                check(_merged(node, declared, wished))
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
+    def take(changes):
+        if any(change.name in declared for change in changes):
+            apply(_merged(node, declared, {}))
+
     node.add_on_set_parameters_callback(decide)
+    node.add_post_set_parameters_callback(take)
     for service in node.services:
         if service.srv_type in (SetParameters, SetParametersAtomically):
             service.callback = _bounded(service.callback)
@@ -128,6 +136,6 @@ def _constraints(parameter):
 
 
 def _merged(node, declared, wished):
-    """All values as declare returned them, with the wished ones instead."""
+    """All values in force, as declare returned them, with the wished ones instead."""
     now = {name: wished[name] if name in wished else node.get_parameter(name).value for name in declared}
     return {name: check_value(parameter, now[name]) for name, parameter in declared.items()}

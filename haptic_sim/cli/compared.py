@@ -14,7 +14,7 @@ COLUMNS = ("stiffness N/m", "error mm", "energy given mJ", "oscillation", "margi
 def given_at(params: str | None) -> dict[str, dict]:
     """{node: {parameter: value}} of an operating point, a name or a file; empty for none. Raises ValueError."""
     from haptic_device.config_files import find
-    from haptic_device.parameter import read_operating_point
+    from haptic_device.parameter_files import read_operating_point
     from haptic_sim.cli.nodes import NODES
 
     return {} if params is None else read_operating_point(find("", params), NODES)

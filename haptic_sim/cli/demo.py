@@ -97,7 +97,7 @@ def _order(scene, seconds, out, exchange, rate, params) -> Order:
 def programs_of(order: Order) -> list[Program]:
     """The four nodes in the order of their start; they are stopped in the reverse order, the recorder last."""
     from haptic_device.config_files import find
-    from haptic_device.parameter import read_operating_point
+    from haptic_device.parameter_files import read_operating_point
     from haptic_sim.cli.nodes import NODES
     from haptic_sim.scene import load
 

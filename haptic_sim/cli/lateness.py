@@ -9,7 +9,7 @@ import numpy as np
 from haptic_device import controller_config
 from haptic_device.control import enable_state
 from haptic_device.description import load_device
-from haptic_device.nodes.declared import DRIVER
+from haptic_device.parameters import DRIVER
 from haptic_device.realtime.null_device import StillLink
 from haptic_device.realtime.servo_thread import ServoThread
 

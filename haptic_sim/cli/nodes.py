@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameter declarations of every node of the package, gathered without importing ROS."""
 
-from haptic_device.nodes import declared as device
+from haptic_device import parameters as device
 from haptic_sim.node import declared as simulation
 from haptic_sim.viewer import parameters as viewer
 

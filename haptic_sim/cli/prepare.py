@@ -4,7 +4,7 @@
 from pathlib import Path
 
 from haptic_device.jit import have
-from haptic_device.parameter import read_operating_point
+from haptic_device.parameter_files import read_operating_point
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.cli.processes import Program
 

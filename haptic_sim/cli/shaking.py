@@ -8,7 +8,7 @@ import numpy as np
 
 from haptic_device.analysis.excitation import tool_twists, wall_jumps
 from haptic_device.analysis.identify import FEWEST, SEGMENT
-from haptic_device.parameters import ENGAGE
+from haptic_device.parameters import OPERATING_POINT
 from haptic_sim.cli.tuning import Tuning, refuse_other_device
 
 WALLS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping")
@@ -40,7 +40,7 @@ def record(domain, namespace, check, device, seconds, force, torque):
 
 def _engaging(torque):
     """engage.torque at which a coupling that let go of the tool takes hold of it again."""
-    [declared] = [parameter for parameter in ENGAGE if parameter.name == "engage.torque"]
+    [declared] = [parameter for parameter in OPERATING_POINT if parameter.name == "engage.torque"]
     return min(declared.high, max(declared.low, 2.0 * torque))
 
 

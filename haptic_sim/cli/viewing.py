@@ -27,7 +27,7 @@ class Company:
 
     def offer(self) -> dict:
         """What `change` takes, and how it is now."""
-        from haptic_device.parameters import EXCHANGE, EXCHANGE_METHODS
+        from haptic_device.parameters import EXCHANGE_METHODS, Exchange
 
         now = self._order.relay or self._relay(0.0, 0.0, 0.0)
         times = {
@@ -35,8 +35,7 @@ class Company:
             for name, high in NETWORK.items()
         }
         loss = {"value": now.loss, "unit": "share", "low": 0, "high": 1}
-        [declared] = [parameter for parameter in EXCHANGE if parameter.name == "exchange.method"]
-        method = {"value": self._order.exchange or declared.default, "choices": EXCHANGE_METHODS}
+        method = {"value": self._order.exchange or Exchange.model_fields["method"].default, "choices": EXCHANGE_METHODS}
         return {"exchange.method": method, **times, "loss": loss}
 
     async def change(self, name: str, value) -> str:

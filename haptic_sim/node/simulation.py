@@ -15,7 +15,7 @@ from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.realtime.scheduling import go_realtime, lift_threads, spare_collections
-from haptic_sim.node.declared import PARAMETERS
+from haptic_sim.node.declared import FIGURES, PARAMETERS
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.port import Port
 from haptic_sim.scene import load
@@ -44,7 +44,7 @@ class SimulationNode(ManagedNode):
         beside = ReentrantCallbackGroup()  # while it waits for its world others are served
         self.create_service(Trigger, "~/load_scene", self._on_load_scene, callback_group=beside)
         self.create_service(SetBool, "~/pause", self._on_pause)
-        on_change(self, PARAMETERS, self._accept)
+        on_change(self, PARAMETERS, lambda values: load(values["scene"]), self._apply)
 
     def configure(self) -> None:
         """Loads the scene."""
@@ -82,7 +82,7 @@ class SimulationNode(ManagedNode):
         level, message = self._verdict()
         now_ns = self.get_clock().now().nanoseconds
         figures = {"compute": values["compute_us_p99"] * 1e-6, **self._rates.of(refused=values["refused"])}
-        watched = diagnostics.statuses(self.get_name(), diagnostics.SIMULATION, figures, self.values)
+        watched = diagnostics.statuses(self.get_name(), FIGURES, figures, self.values)
         self._diagnostics.publish(messages.diagnostics(now_ns, self.get_name(), "", level, message, values, watched))
 
     def _verdict(self):
@@ -127,9 +127,8 @@ class SimulationNode(ManagedNode):
         except Exception as error:
             built.set_result(f"{type(error).__name__}: {error}")
 
-    def _accept(self, values):
-        """The parameter `scene` names what load_scene loads next; one that cannot be read is refused here."""
-        load(values["scene"])
+    def _apply(self, values):
+        """The parameter `scene` names what load_scene loads next."""
         self.values = values
 
     def _prepare(self):

@@ -5,8 +5,8 @@ import math
 
 import yaml
 
-from haptic_device.nodes.declared import NODES as DEVICE_NODES
 from haptic_device.parameter import SECTION, Parameter
+from haptic_device.parameters import NODES as DEVICE_NODES
 from haptic_sim.node.declared import PARAMETERS as SIMULATION
 
 NODES: dict[str, tuple[Parameter, ...]] = {

@@ -17,7 +17,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 
 from adversary import contact_search
 from haptic_device.description import load_device
-from haptic_device.nodes.declared import NODES
+from haptic_device.parameters import NODES
 
 GAINS = {
     "coupling.stiffness": 2000.0,

@@ -19,8 +19,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 from adversary import exchange_search, port_search
 from adversary.exchange_search import FREE, Adversary
 from haptic_device.description import load_device
-from haptic_device.nodes.declared import NODES
-from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.parameters import EXCHANGE_METHODS, NODES
 from haptic_sim.port_limits import BUDGET
 from haptic_sim.simulation import HandleSample
 from haptic_sim.tool_port import port_of

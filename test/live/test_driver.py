@@ -23,7 +23,7 @@ from live_nodes import (
     refusals_of,
 )
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 
 from haptic_device.control import exchange_samples, faults
 from haptic_device.nodes import messages
@@ -84,6 +84,12 @@ def provoke(ear, name, act):
     assert (level, message, values["state"]) == (ERROR, f"fault {name}", "fault")
     ear.motor_off_after(time.monotonic())
     assert ear.trigger("enable") == (False, f"fault {name} is latched; call ~/reset first")
+
+
+def plain(value):
+    """A number, or a list of them, out of a ParameterValue."""
+    found = parameter_value_to_python(value)
+    return found if isinstance(found, float) else list(found)
 
 
 def test_without_a_simulation_the_handle_moves_in_free_space_and_diagnostics_say_so(display):
@@ -164,6 +170,31 @@ def test_a_wrong_live_value_is_refused_with_its_reason(display, name, value, wor
     accepted, reason = display.set(name, value)
     assert not accepted and "\n" not in reason
     assert all(word in reason for word in words), reason
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_of_a_request_at_once_with_one_refused_gain_none_is_in_force_and_the_servo_keeps_its_gains(display, last):
+    assert display.set("coupling.stiffness", 400.0) == (True, "")
+    wishes = {"coupling.stiffness": 300.0, "wall.offsets": [-0.02], "wall.stiffness": [90000.0]}
+    wishes = wishes if last else dict(reversed(wishes.items()))
+    entries = [Parameter(name, value=value).to_parameter_msg() for name, value in wishes.items()]
+    request = SetParametersAtomically.Request(parameters=entries)
+    result = display.ask("haptic_driver/set_parameters_atomically", SetParametersAtomically, request).result
+    assert not result.successful and "wall.stiffness 90000 N/m" in result.reason
+    asked = GetParameters.Request(names=list(wishes))
+    found = display.ask("haptic_driver/get_parameters", GetParameters, asked).values
+    kept = {
+        "coupling.stiffness": 400.0,
+        "wall.offsets": WALL["wall__offsets"],
+        "wall.stiffness": WALL["wall__stiffness"],
+    }
+    assert dict(zip(wishes, map(plain, found), strict=True)) == kept
+    display.hear_handles()
+    display.handles.clear()
+    told = messages.exchange_names(3).index("stiffness")
+    display.until(lambda: len(display.handles) > 20, "handle samples after the refusal")
+    assert {handle.position[told] for handle in display.handles} == {400.0}
+    display.hear_handles(False)
 
 
 @pytest.mark.parametrize("count", [MOST_AT_ONCE, MOST_AT_ONCE + 1])

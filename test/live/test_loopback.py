@@ -14,7 +14,7 @@ from live_nodes import Nodes, command, page_path, refusal_of, refusals_of
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, simulated_device
 from haptic_device.nodes import messages
-from haptic_device.nodes.declared import LOOPBACK
+from haptic_device.parameters import LOOPBACK
 
 pytestmark = pytest.mark.timeout(600)
 

@@ -12,7 +12,7 @@ from live_nodes import command, strange_diagnostics
 from waiting import LIMIT, until
 
 from fault_injection.witness import Witness
-from haptic_device.nodes import diagnostics
+from haptic_device.parameters import LOOPBACK_FIGURES
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -32,7 +32,7 @@ def test_status_shows_every_figure_of_a_running_system_and_says_by_its_exit_code
         return heard[0].get("haptic_loopback", {}).get("message") == "serving" and heard
 
     found, code = until(serving, "a haptic_loopback that serves")
-    assert set(found) == {"haptic_loopback", *(f"haptic_loopback: {each.name}" for each in diagnostics.LOOPBACK)}
+    assert set(found) == {"haptic_loopback", *(f"haptic_loopback: {each.name}" for each in LOOPBACK_FIGURES)}
     assert found["haptic_loopback: energy"]["level"] == 0
     assert code == int(any(said["level"] >= 2 for said in found.values()))
     node.send_signal(signal.SIGINT)

@@ -16,7 +16,9 @@ from fault_injection import chaos_figures, chaos_loads, conductor
 from fault_injection.soak import _row
 from fault_injection.witness import ROW, TRUTH
 from haptic_device.nodes import diagnostics, messages
+from haptic_device.parameters import DRIVER_FIGURES, LOOPBACK_FIGURES
 from haptic_sim.cli.keys import ESTOP, keys
+from haptic_sim.node.declared import FIGURES
 
 ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 250_000  # ns
@@ -101,9 +103,7 @@ def test_memory_that_grows_by_more_than_two_percent_is_told():
     assert row["grown"] == pytest.approx(0.021) and row["threads"] == (9, 9) and row["files"] == (30, 30)
 
 
-@pytest.mark.parametrize(
-    "watched", [*diagnostics.DRIVER, *diagnostics.LOOPBACK, *diagnostics.SIMULATION], ids=lambda each: each.name
-)
+@pytest.mark.parametrize("watched", [*DRIVER_FIGURES, *LOOPBACK_FIGURES, *FIGURES], ids=lambda each: each.name)
 def test_a_figure_is_ok_at_its_limit_and_warns_or_errs_just_beyond(watched):
     beyond = 1e-9 if watched.error >= watched.warn else -1e-9
     for figure, level in (

@@ -2,9 +2,11 @@
 """Declarations as parameters of a live ROS 2 node: start values, refusals, live changes."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 import rclpy
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -106,40 +108,79 @@ def test_a_name_of_another_node_in_a_shared_section_is_refused(make_node):
         declare(make_node("/**: {ros__parameters: {scene: wall}}"), PARAMETERS)
 
 
-def test_a_live_change_is_offered_with_all_values_and_taken(make_node):
-    node, offered = make_node(), []
-    values = declare(node, PARAMETERS)
-    on_change(node, PARAMETERS, offered.append)
-    assert change(node, "wall.stiffness", 300.0).successful
-    assert offered == [{**values, "wall.stiffness": 300.0}]
-    assert node.get_parameter("wall.stiffness").value == 300.0
-
-
-def test_a_refused_change_leaves_the_value_and_gives_the_sentence(make_node):
+@pytest.fixture
+def taker(make_node):
+    """A node that refuses stiff walls; checked and applied are what it was given to check and to apply."""
     node = make_node()
-    declare(node, PARAMETERS)
+    taker = SimpleNamespace(node=node, start=declare(node, PARAMETERS), checked=[], applied=[])
 
-    def accept(values):
+    def check(values):
+        taker.checked.append(values)
         if values["wall.stiffness"] > 2000.0:
             raise ValueError(f"wall.stiffness is {values['wall.stiffness']} N/m; at most 2000.0 N/m is passive")
 
-    on_change(node, PARAMETERS, accept)
-    assert change(node, "wall.stiffness", 2000.0).successful
-    refused = change(node, "wall.stiffness", 2000.5)
+    on_change(node, PARAMETERS, check, taker.applied.append)
+    return taker
+
+
+def set_at_once(node, **values):
+    changes = [RosParameter(name.replace("__", "."), value=value) for name, value in values.items()]
+    return node.set_parameters_atomically(changes)
+
+
+def test_a_live_change_is_checked_and_applied_with_all_values(taker):
+    assert change(taker.node, "wall.stiffness", 300.0).successful
+    assert taker.checked == taker.applied == [{**taker.start, "wall.stiffness": 300.0}]
+    assert taker.node.get_parameter("wall.stiffness").value == 300.0
+
+
+def test_a_refused_change_leaves_the_value_and_gives_the_sentence(taker):
+    assert change(taker.node, "wall.stiffness", 2000.0).successful
+    refused = change(taker.node, "wall.stiffness", 2000.5)
     assert not refused.successful
     assert refused.reason == "wall.stiffness is 2000.5 N/m; at most 2000.0 N/m is passive"
-    assert node.get_parameter("wall.stiffness").value == 2000.0
+    assert taker.node.get_parameter("wall.stiffness").value == 2000.0
+    assert [values["wall.stiffness"] for values in taker.applied] == [2000.0]
+
+
+@pytest.mark.parametrize(
+    "refused",
+    [{"wall__stiffness": 2000.5}, {"wall__stiffness": 300}, {"rate": 2000}, {"wall__offsets": [0]}],
+)
+@pytest.mark.parametrize("last", [True, False])
+def test_of_a_request_with_one_refused_parameter_nothing_is_taken(taker, refused, last):
+    allowed = {"wall__offsets": [0.1, 0.2]} if "wall__stiffness" in refused else {"wall__stiffness": 300.0}
+    assert not set_at_once(taker.node, **(allowed | refused if last else refused | allowed)).successful
+    assert taker.applied == []
+    assert taker.node.get_parameter("wall.stiffness").value == 1000.0
+    assert list(taker.node.get_parameter("wall.offsets").value) == []
+
+
+def test_a_request_that_another_callback_refuses_is_not_applied(make_node):
+    node, checked, applied = make_node(), [], []
+    declare(node, PARAMETERS)
+    refusal = SetParametersResult(successful=False, reason="not now")
+    node.add_on_set_parameters_callback(lambda changes: refusal)  # asked after the later one
+    on_change(node, PARAMETERS, checked.append, applied.append)
+    assert change(node, "wall.stiffness", 300.0).reason == "not now"
+    assert (len(checked), applied) == (1, [])
+
+
+def test_what_is_applied_is_what_the_node_says_it_has(taker):
+    assert set_at_once(taker.node, wall__stiffness=300.0, wall__offsets=[0.1, 0.2]).successful
+    assert set_at_once(taker.node, wall__stiffness=1500.0).successful
+    there = {name: taker.node.get_parameter(name).value for name in taker.start}
+    said = {name: tuple(value) if isinstance(taker.start[name], tuple) else value for name, value in there.items()}
+    assert (len(taker.applied), taker.applied[-1]) == (2, said)
+    assert said == {**taker.start, "wall.stiffness": 1500.0, "wall.offsets": (0.1, 0.2)}
 
 
 @pytest.mark.parametrize("value", [300, 5000.1, math.nan, math.inf, "stiff"])
-def test_a_bad_live_value_never_reaches_the_node(make_node, value):
-    node, offered = make_node(), []
-    declare(node, PARAMETERS)
-    on_change(node, PARAMETERS, offered.append)
-    assert not change(node, "wall.stiffness", value).successful
-    assert not change(node, "wall.offsets", [math.nan]).successful
-    assert offered == []
-    assert node.get_parameter("wall.stiffness").value == 1000.0
+def test_a_bad_live_value_never_reaches_the_node(taker, value):
+    assert not change(taker.node, "wall.stiffness", value).successful
+    assert not change(taker.node, "wall.offsets", [math.nan]).successful
+    assert taker.checked == taker.applied == []
+    assert taker.node.get_parameter("wall.stiffness").value == 1000.0
 
 
 SCALARS = """

@@ -3,13 +3,17 @@
 
 import array
 import math
+from typing import Annotated, Literal
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import Field
 
 from haptic_device import ros_yaml
-from haptic_device.parameter import Parameter, check_value, operating_point_problems, read_operating_point
+from haptic_device.parameter import Group, Parameter, check_value, fixed, live, parameters_of
+from haptic_device.parameter_files import operating_point_problems, read_operating_point
+from haptic_sim.cli.nodes import NODES as ALL_NODES
 
 STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", low=0.0, high=5000.0, live=True)
 RATE = Parameter("rate", 4000, "Hz", "servo rate", low=1000, high=10000)
@@ -36,6 +40,35 @@ def operating_point(folder, text, **options):
 
 def problems(text):
     return list(operating_point_problems(ros_yaml.loads(text), NODES))
+
+
+class Wall(Group):
+    stiffness: float = live(1000.0, "N/m", "stiffness of the wall", 0.0, 5000.0)
+    normal: tuple[Annotated[float, Field(ge=-1.0, le=1.0)], ...] = fixed((), "", "normal of the wall")
+
+
+class Driver(Group):
+    rate: int = fixed(4000, "Hz", "servo rate", 1000, 10000)
+    autostart: bool = fixed(True, "", "activate by itself")
+    realtime: Literal["require", "prefer", "off"] = fixed("prefer", "", "scheduling")
+    axes: tuple[str, ...] = fixed(("x", "y"), "", "axes of the handle")
+    wall: Wall
+    wall_offset: float = fixed(0.0, "m", "where it stands", name="wall.offset")
+
+
+def test_a_field_is_a_parameter_called_after_its_group_with_unit_limits_choices_and_whether_it_is_live():
+    offset = Parameter("wall.offset", 0.0, "m", "where it stands")
+    assert parameters_of(Driver) == (RATE, AUTOSTART, REALTIME, AXES, STIFFNESS, NORMAL, offset)
+
+
+DECLARED = [(node, one) for node, declared in ALL_NODES.items() for one in declared]
+
+
+@pytest.mark.parametrize(("node", "parameter"), DECLARED, ids=lambda each: getattr(each, "name", each))
+def test_a_declared_parameter_allows_its_own_default_and_says_what_it_means(node, parameter):
+    assert check_value(parameter, parameter.default) == parameter.default
+    assert parameter.meaning and parameter.low < parameter.high
+    assert [one.name for one in ALL_NODES[node]].count(parameter.name) == 1
 
 
 def test_a_value_of_the_declared_type_within_its_range_comes_back_unchanged():

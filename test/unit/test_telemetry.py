@@ -10,8 +10,8 @@ from waiting import until
 
 from haptic_device import controller_config
 from haptic_device.control import records
-from haptic_device.nodes.declared import DRIVER
 from haptic_device.nodes.telemetry import Telemetry
+from haptic_device.parameters import DRIVER
 from haptic_device.realtime import clock, seqlock
 from haptic_device.realtime.null_device import StillLink
 from haptic_device.realtime.servo_thread import ServoThread

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameter files of ROS 2: what they give each node, and one sentence for each thing that is wrong in them."""
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from haptic_device import ros_yaml
+from haptic_device.parameter import ROS_OWN, SECTION, Parameter, check_value, shown, unknown
+
+
+def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
+    """What the ROS 2 parameter file at path gives each of the nodes when they run in namespace.
+
+    Returns {node: {name: value}} with the values written in the file only; later sections win, as in ROS 2. Raises
+    ValueError with the first sentence of operating_point_problems, and OSError if the file cannot be read.
+    """
+    document = _load(path)
+    for sentence in operating_point_problems(document, nodes):
+        raise ValueError(f"{path}: {sentence}")
+    values = {node: {} for node in nodes}
+    for key, given in _sections(document):
+        for node in nodes:
+            if _pattern(key).fullmatch(f"{namespace.rstrip('/')}/{node}"):
+                declared = {parameter.name: parameter for parameter in nodes[node]}
+                taken = {name: check_value(declared[name], given[name]) for name in given if name in declared}
+                values[node].update(taken)
+    return values
+
+
+def operating_point_problems(document: dict, nodes: Mapping[str, tuple[Parameter, ...]]) -> Iterator[str]:
+    """One sentence for each thing that is wrong in a parameter file, already loaded; nothing when all is well."""
+    yield from _strays(document)
+    for key, given in _sections(document):
+        try:
+            owners = _owners(key, nodes)
+        except ValueError as error:
+            yield str(error)
+            continue
+        for name, value in given.items():
+            yield from (f"{key}: {sentence}" for sentence in _entry_problems(name, value, owners))
+
+
+def _load(path):
+    try:
+        return ros_yaml.load(Path(path))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _sections(document, path=""):
+    """(node key, {dotted name: value}) for each ros__parameters in the file, in the order of the file."""
+    for name, content in document.items():
+        key = f"{path}/{name}" if path else name
+        if name == SECTION and isinstance(content, dict):
+            yield path, dict(_flat(content))
+        elif isinstance(content, dict):
+            yield from _sections(content, key)
+
+
+def _strays(document, path=""):
+    """Sentences for what stands outside every ros__parameters, where ROS 2 would not look or not start."""
+    for name, content in document.items():
+        key = f"{path}/{name}" if path else name
+        if name == SECTION and not path:
+            yield f"{SECTION} stands without a node name above it, such as /**/haptic_driver"
+        elif name == SECTION and not isinstance(content, dict):
+            yield f"{key} holds no parameters; indent them below it"
+        elif not isinstance(content, dict):
+            yield f"{key} holds {shown(content)}; a node name with {SECTION} below it belongs there"
+        elif name != SECTION:
+            yield from _strays(content, key)
+
+
+def _flat(mapping, prefix=""):
+    for name, content in mapping.items():
+        if isinstance(content, dict):
+            yield from _flat(content, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", content
+
+
+def _pattern(key):
+    """Node key with wildcards as a pattern of full node names: * is one level, ** any number of them."""
+    levels = {"**": r"(/\w+)*", "*": r"/\w+"}
+    return re.compile("".join(levels.get(level, "/" + re.escape(level)) for level in key.strip("/").split("/")))
+
+
+def _owners(key, nodes):
+    """The nodes that a section may reach in some namespace: {node: parameters}."""
+    last = key.rsplit("/", 1)[-1]
+    if last in ("*", "**"):
+        return nodes
+    if last not in nodes:
+        raise ValueError(unknown(last, "a node of this package", nodes))
+    if key == last:
+        raise ValueError(f"{key} reaches only a node outside any namespace; write /**/{key} or /haptic/{key}")
+    return {last: nodes[last]}
+
+
+def _entry_problems(name, value, owners):
+    if ROS_OWN.fullmatch(name):
+        return
+    declared = [parameter for parameters in owners.values() for parameter in parameters if parameter.name == name]
+    if not declared:
+        known = [parameter.name for parameters in owners.values() for parameter in parameters]
+        yield unknown(name, f"a parameter of {' or '.join(owners)}", known)
+    for parameter in declared:
+        try:
+            check_value(parameter, value)
+        except ValueError as error:
+            yield str(error)
+            return
