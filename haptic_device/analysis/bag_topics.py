@@ -16,7 +16,7 @@ import numpy as np
 from haptic_device.recording.columns import CloudColumns, JointColumns
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STAMPED, STRING, types
 from haptic_device.recording.reader import Keep, Topic, read
-from haptic_device.sequence_gaps import Skipped, counted
+from haptic_device.sequence_gaps import SequenceGaps, counted
 from haptic_device.status import Status, named_statuses
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
@@ -108,7 +108,7 @@ class Recording:
     marks: tuple[Mark, ...]
     attachments: dict[str, bytes]
     counts: dict[str, int]
-    skipped: dict[str, Skipped]
+    skipped: dict[str, SequenceGaps]
     pairs: tuple[np.ndarray, np.ndarray]
     notes: tuple[str, ...]
 

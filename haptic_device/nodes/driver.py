@@ -13,17 +13,17 @@ from haptic_device import controller_config, gain_check
 from haptic_device.control import enable_state, faults
 from haptic_device.control import servo as law
 from haptic_device.description import load_device
-from haptic_device.jit import have
+from haptic_device.jit import ensure_compiled
 from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.declared import DRIVER
-from haptic_device.nodes.exchange_server import ExchangeThread
+from haptic_device.nodes.exchange_server import ExchangeServer
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.nodes.service_thread import ServiceThread
 from haptic_device.nodes.telemetry import Telemetry
 from haptic_device.realtime import scheduling, servo_loop
-from haptic_device.realtime.hardware_interface import PageLink
+from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.servo_thread import ServoThread
 from haptic_device.realtime.shared_memory import page_name
 
@@ -57,11 +57,11 @@ class DriverNode(ManagedNode):
 
     def configure(self):
         """Reads the device description and takes the device."""
-        have("servo", "exchange", told=self.told)
+        ensure_compiled("servo", "exchange", told=self.told)
         scheduling.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)  # that of the commands too
         self.device = load_device(self.values["device"])
         self._judge(controller_config.settings_from(self.device, self.values), self.values)
-        self.link = PageLink(self.page_name(page_name), secrets.randbits(48) | 1)
+        self.link = SharedMemoryInterface(self.page_name(page_name), secrets.randbits(48) | 1)
         if self.link.stale:
             self.get_logger().warning("took over a stale page of a process that had died")
 
@@ -75,7 +75,7 @@ class DriverNode(ManagedNode):
             self.servo = ServoThread(self.link, settings, home, self.values["realtime"], self._kept)
         self.servo.gains.put(controller_config.gains_from(self.values))
         self._set_flag(enable_state.CLUTCH, self.values["clutch.open"])
-        self.exchange = ExchangeThread(self, self.servo, len(self.device.axes), self.values)
+        self.exchange = ExchangeServer(self, self.servo, len(self.device.axes), self.values)
         self.exchange.start()
         self._refused = Refusals("tool")
         scheduling.spare_collections()

@@ -9,21 +9,23 @@ import numpy as np
 
 from haptic_device.control import contact_model, servo
 from haptic_device.control import exchange_samples as law
+from haptic_device.message_fields import LOCAL_CONTACT, MOST, exchange_names
 from haptic_device.nodes import messages
-from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import clock, exchange_loop, exchange_step, scheduling, servo_loop
+from haptic_device.recording.layouts import CLOUD, JOINTS, CloudLayout, JointLayout
 
 PRIORITY = 60
 
 
-class ExchangeThread:
+class ExchangeServer:
     """Sends `handle` at the exchange rate and takes `tool`, from start() until stop()."""
 
     def __init__(self, node, servo_thread, axes, values):
         self._servo, self._path = servo_thread, values["exchange.path"]
         self._realtime, self._period = values["realtime"], round(1e9 / values["exchange.rate"])
-        layout = messages.JointLayout(messages.exchange_names(axes))
+        layout = JointLayout(exchange_names(axes))
         self.frame = exchange_step.make_frame(layout.template, layout.fixed, layout.offsets, layout.count)
         self.state, self.watch = np.zeros(1, exchange_step.STATE), np.zeros(exchange_step.WATCHES, np.int64)
         self.state["session"], self.state["axes"] = secrets.randbits(48) | 1, axes
@@ -31,12 +33,10 @@ class ExchangeThread:
         self.state["method"] = EXCHANGE_METHODS.index(values["exchange.method"])
         self._node = node
         self._publisher = node.create_publisher(messages.JointState, "handle", messages.LATEST)
-        self._tap = Tap(node, "tool", "sensor_msgs/msg/JointState", messages.LATEST, raw=True)
-        self.near_frame = exchange_step.make_near_frame(*messages.CloudLayout(messages.NEAR).fixed(contact_model.MOST))
+        self._tap = PolledSubscription(node, "tool", JOINTS, messages.LATEST, raw=True)
+        self.near_frame = exchange_step.make_near_frame(*CloudLayout(LOCAL_CONTACT).fixed(MOST))
         local = values["exchange.method"] == EXCHANGE_METHODS[law.LOCAL]
-        self._near = (
-            Tap(node, "local_contacts", "sensor_msgs/msg/PointCloud2", messages.LATEST, raw=True) if local else None
-        )
+        self._near = PolledSubscription(node, "local_contacts", CLOUD, messages.LATEST, raw=True) if local else None
         self._compiled, self._error = threading.Event(), None
         self._thread = threading.Thread(target=self._run, name="exchange")
 

@@ -14,7 +14,7 @@ from rclpy.lifecycle import Node, TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from haptic_device.nodes.participant_id import own_port
+from haptic_device.nodes.participant_id import own_participant_id
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.parameter import Parameter
 
@@ -162,7 +162,7 @@ def run(make_node, name, args=None):
     """
     told, node = hear_the_end(), None
     try:
-        with own_port(name):
+        with own_participant_id(name):
             begin_ros(args)
             node = _made(make_node)
         node.told = told
@@ -174,7 +174,7 @@ def run(make_node, name, args=None):
     except (ValueError, OSError) as refusal:
         print(f"{name}: {' '.join(str(refusal).split())}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:  # of jit.have, which was waiting
+    except KeyboardInterrupt:  # of jit.ensure_compiled, which was waiting
         return 0
     finally:
         try:

@@ -10,14 +10,16 @@ import numpy as np
 
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand, simulated_device
-from haptic_device.jit import have
+from haptic_device.jit import ensure_compiled
+from haptic_device.message_fields import AXES, truth_names
 from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.declared import LOOPBACK
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.realtime import clock, scheduling
-from haptic_device.realtime.seqlock import Mailbox
-from haptic_device.realtime.shared_memory import DEVICE, Page, page_name
+from haptic_device.realtime.seqlock import SeqLock
+from haptic_device.realtime.shared_memory import DEVICE, SharedMemory, page_name
+from haptic_device.recording.layouts import JointLayout
 
 PRIORITY = 85  # above the servo: the plant must be there when the servo reads
 
@@ -28,7 +30,7 @@ class LoopbackNode(ManagedNode):
     def __init__(self):
         super().__init__("haptic_loopback", LOOPBACK)
         self.page = self._thread = None
-        self._control, self._truth = np.zeros(simulated_device.CONTROLS, np.int64), Mailbox(simulated_device.TRUTH)
+        self._control, self._truth = np.zeros(simulated_device.CONTROLS, np.int64), SeqLock(simulated_device.TRUTH)
         self._state = self.create_publisher(messages.JointState, "operator/state", messages.STREAM)
         self._diagnostics = self.create_publisher(messages.DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(messages.JointState, "operator/target", self._on_target, messages.LATEST)
@@ -39,11 +41,11 @@ class LoopbackNode(ManagedNode):
 
     def configure(self):
         """Reads device and script, and takes the page."""
-        have("loopback", told=self.told)
+        ensure_compiled("loopback", told=self.told)
         self.device = load_device(self.values["device"])
         self.plant, self.memory, self.motion = loopback_config.hand_from(self.device, self.values)
-        self.layout = messages.JointLayout(messages.truth_names(len(self.device.axes)))
-        self.page = Page(self.page_name(page_name), DEVICE)
+        self.layout = JointLayout(truth_names(len(self.device.axes)))
+        self.page = SharedMemory(self.page_name(page_name), DEVICE)
         if self.page.stale:
             self.get_logger().warning(f"took over the stale page {self.page.path} of a process that had died")
 
@@ -115,7 +117,7 @@ class LoopbackNode(ManagedNode):
 
     def _on_target(self, message):
         """Takes a target in the world; with wrong names or numbers, or beside a script, it is refused and counted."""
-        names = messages.AXES[: len(self.device.axes)] if self.page else ()
+        names = AXES[: len(self.device.axes)] if self.page else ()
         following = self.page and self.motion["kind"][0] == operator_hand.FOLLOW
         target = messages.planar_target(message, names)
         if not following or target is None:

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from haptic_device.nodes.polled_subscription import Tap
-from haptic_device.sequence_gaps import UNKNOWN, Skipped
+from haptic_device.nodes.polled_subscription import PolledSubscription
+from haptic_device.sequence_gaps import UNKNOWN, SequenceGaps
 
 _SECOND = 1_000_000_000
 
@@ -15,14 +15,14 @@ _SECOND = 1_000_000_000
 class Track:
     """A topic's tap, its channel in the bag (0: none yet), and what its publisher's numbers skipped."""
 
-    tap: Tap
+    tap: PolledSubscription
     channel: int = 0
     publishers: int = 0
-    skipped: Skipped = field(default_factory=Skipped)
+    skipped: SequenceGaps = field(default_factory=SequenceGaps)
 
     def restart(self) -> None:
         """Makes it ready for another bag."""
-        self.channel, self.skipped = 0, Skipped()
+        self.channel, self.skipped = 0, SequenceGaps()
 
     @property
     def losses(self) -> str:

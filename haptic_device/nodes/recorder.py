@@ -17,9 +17,9 @@ from haptic_device import provenance
 from haptic_device.nodes.bag_attachments import YAML, files_of, parameter_file, trial_of
 from haptic_device.nodes.lifecycle import begin_ros, hear_the_end
 from haptic_device.nodes.messages import STATE, TRACE, DiagnosticArray, String, diagnostics
-from haptic_device.nodes.parameter_client import Inquiry
-from haptic_device.nodes.participant_id import own_port
-from haptic_device.nodes.polled_subscription import Sample, Tap
+from haptic_device.nodes.parameter_client import ParameterClient
+from haptic_device.nodes.participant_id import own_participant_id
+from haptic_device.nodes.polled_subscription import PolledSubscription, Sample
 from haptic_device.nodes.recorded_topic import Track, joining_qos, offered_qos
 from haptic_device.nodes.recorder_parameters import PARAMETERS
 from haptic_device.nodes.ros_parameters import declare, on_change
@@ -69,7 +69,7 @@ class Recorder(Node):
         self._fresh: dict[str, bytes] = {}  # attachments that the present bag does not hold yet
         self._unknown: set[str] = set()
         self._next_discovery = self._next_flush = self._marks = 0
-        self._inquiry = Inquiry(self, self._on_answer)
+        self._inquiry = ParameterClient(self, self._on_answer)
         self._mark = self.create_publisher(String, "mark", TRACE)
         self.create_service(Trigger, "~/mark", self._on_mark)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -243,7 +243,7 @@ class Recorder(Node):
         return Path(self.parameters["bag"] or time.strftime("haptic_bags/%Y%m%d-%H%M%S")).absolute()
 
     def _join(self, topic: str, type_name: str, qos: QoSProfile) -> None:
-        tap = Tap(self, topic, type_name, qos, raw=True)
+        tap = PolledSubscription(self, topic, type_name, qos, raw=True)
         self.tracks[tap.topic] = Track(tap)
 
     def _discover(self) -> None:
@@ -311,7 +311,7 @@ def main(args: list[str] | None = None) -> int:
     """
     told = hear_the_end()
     try:
-        with own_port("haptic_recorder"):
+        with own_participant_id("haptic_recorder"):
             begin_ros(args)
             node = Recorder()
         try:

@@ -29,11 +29,11 @@ LIVELY = 100_000_000  # [ns] since which a device that is there has written its 
 AHEAD = 20_000_000  # [ns] beyond which a sample from the future is nonsense: it would hide a silent device so long
 
 
-class PageLink:
+class SharedMemoryInterface:
     """The device behind a shared-memory page, as haptic_loopback serves it."""
 
     def __init__(self, name, session):
-        self._page = shared_memory.Page(name, shared_memory.SERVO)
+        self._page = shared_memory.SharedMemory(name, shared_memory.SERVO)
         self.stale = self._page.stale
         self.memory = self._page.words
         self.memory[SESSION] = session

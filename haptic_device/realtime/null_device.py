@@ -7,7 +7,7 @@ from haptic_device.jit import kernel
 from haptic_device.realtime import hardware_interface
 
 
-class StillLink:
+class NullDevice:
     """Always there, at count 0; what the motor is told goes nowhere."""
 
     def __init__(self):

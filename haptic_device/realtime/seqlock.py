@@ -10,7 +10,7 @@ HEAD, TAIL, DROPPED = 0, 1, 2
 FIRST = 8  # word at which a mailbox's record begins, a cache line behind its lock
 
 
-class Mailbox:
+class SeqLock:
     """The latest record of one writer; the record's type is a structured one of 8-byte fields."""
 
     def __init__(self, dtype):

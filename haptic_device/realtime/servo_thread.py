@@ -9,7 +9,7 @@ import numpy as np
 from haptic_device.control import contact_model, enable_state, faults, servo
 from haptic_device.control.exchange_samples import COUPLING_GAINS
 from haptic_device.realtime import clock, hardware_interface, scheduling, servo_loop, tick_replay
-from haptic_device.realtime.seqlock import Mailbox, Ring
+from haptic_device.realtime.seqlock import Ring, SeqLock
 
 PRIORITY = 80
 RING_ROWS = 16384  # 1.6 s at 10 kHz
@@ -30,9 +30,9 @@ class ServoThread:
 
     def __init__(self, device_link, settings, home=None, realtime="prefer", kept=None):
         self.link, self._home, self._wish = device_link, home, realtime
-        self.settings, self.gains = Mailbox(servo.SETTINGS), Mailbox(COUPLING_GAINS)
-        self.tool, self.row, self.ring = Mailbox(servo_loop.TOOL), Mailbox(servo.TICK), Ring(servo.TICK, RING_ROWS)
-        self.near = Mailbox(contact_model.SET)
+        self.settings, self.gains = SeqLock(servo.SETTINGS), SeqLock(COUPLING_GAINS)
+        self.tool, self.row, self.ring = SeqLock(servo_loop.TOOL), SeqLock(servo.TICK), Ring(servo.TICK, RING_ROWS)
+        self.near = SeqLock(contact_model.SET)
         self.control = np.zeros(servo_loop.CONTROLS, np.int64)
         self._memory = np.zeros(1, servo.MEMORY)
         for name, value in (kept or {}).items():

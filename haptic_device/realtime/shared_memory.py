@@ -29,7 +29,7 @@ SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadl
 WATCHDOG = 2  # bit of status: the device has cut the motor
 
 
-class PageError(OSError):
+class SharedMemoryError(OSError):
     """The page cannot be had; one sentence says why."""
 
 
@@ -38,7 +38,7 @@ def page_name(domain, namespace):
     return f"haptic_display.{domain}.{namespace.strip('/').replace('/', '.') or 'root'}"
 
 
-class Page:
+class SharedMemory:
     """One side's hold on the page; `words` is the memory, `stale` tells that a dead owner's page was taken over."""
 
     def __init__(self, name, role):
@@ -75,7 +75,9 @@ class Page:
 
     def _claim(self):
         if not _lock(self._file, ROLE_BYTE[self.role]):
-            raise PageError(f"page {self.path} is held by another {self.role}; stop it, or use another namespace")
+            raise SharedMemoryError(
+                f"page {self.path} is held by another {self.role}; stop it, or use another namespace"
+            )
         alone = not self.peer_present()
         self.stale = alone and os.fstat(self._file).st_size > 0
         os.ftruncate(self._file, 8 * WORDS)
@@ -85,7 +87,9 @@ class Page:
             words[:] = 0
             words[:2] = MAGIC, LAYOUT_VERSION
         if words[0] != MAGIC or words[1] != LAYOUT_VERSION:
-            raise PageError(f"page {self.path} has layout version {words[1]}, this program speaks {LAYOUT_VERSION}")
+            raise SharedMemoryError(
+                f"page {self.path} has layout version {words[1]}, this program speaks {LAYOUT_VERSION}"
+            )
         return words
 
     def peer_present(self):

@@ -16,7 +16,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.messages import LATEST, STREAM, JointState, PointCloud2
-from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.realtime.scheduling import go_realtime
 from haptic_sim.node.declared import RELAY
 
@@ -28,7 +28,10 @@ class Way:
     """One direction: what comes on one topic leaves on another when its time has come."""
 
     def __init__(self, node, source, target, kind, values, seed):
-        self._node, self.tap = node, Tap(node, source, f"sensor_msgs/msg/{kind.__name__}", STREAM, raw=True)
+        self._node, self.tap = (
+            node,
+            PolledSubscription(node, source, f"sensor_msgs/msg/{kind.__name__}", STREAM, raw=True),
+        )
         self._publisher = node.create_publisher(kind, target, LATEST)
         self._values, self._random, self._number, self._flying = values, random.Random(seed), itertools.count(), []
 

@@ -9,7 +9,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
-from haptic_device.jit import have
+from haptic_device.jit import ensure_compiled
 from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.refusals import Refusals
@@ -110,7 +110,7 @@ class SimulationNode(ManagedNode):
     def _world(self, values):
         """A simulation as these parameters say."""
         scene = load(values["scene"])
-        have(*kernels_of(scene, values["method"], values["exchange.method"]), told=self.told)
+        ensure_compiled(*kernels_of(scene, values["method"], values["exchange.method"]), told=self.told)
         world = Simulation.by_parameters(scene, values)
         if values["exchange.method"] == "local":
             world.local_contacts.look(0.0)  # compiled here, not in the first exchange

@@ -96,7 +96,7 @@ class Hands:
     """A device behind the page that says whatever the test wants it to say."""
 
     def __init__(self):
-        self.page = shared_memory.Page(
+        self.page = shared_memory.SharedMemory(
             shared_memory.page_name(os.environ["ROS_DOMAIN_ID"], SPACE), shared_memory.DEVICE
         )
         self.x, self.goal, self.drag, self.motor, self._stop = 0.0, 0.0, 0.0, 0.0, False

@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 
 from haptic_device.analysis.bag_topics import load
 from haptic_device.nodes import recorder as module
-from haptic_device.nodes.parameter_client import Inquiry
+from haptic_device.nodes.parameter_client import ParameterClient
 from haptic_device.nodes.polled_subscription import Sample
 from haptic_device.nodes.recorded_topic import Track
 from haptic_device.nodes.recorder import Recorder
@@ -166,7 +166,7 @@ class Graph:
 
 def test_nodes_are_asked_once_and_anew_by_the_same_clients_for_the_next_bag():
     graph, told = Graph(), []
-    inquiry = Inquiry(graph, lambda node, values: told.append((node, values["coupling.stiffness"])))
+    inquiry = ParameterClient(graph, lambda node, values: told.append((node, values["coupling.stiffness"])))
     inquiry.look()
     graph.value = 200.0
     inquiry.look()
