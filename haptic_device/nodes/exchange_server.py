@@ -33,7 +33,7 @@ class ExchangeServer:
         self.state["method"] = EXCHANGE_METHODS.index(values["exchange.method"])
         self._node = node
         self._publisher = node.create_publisher(messages.JointState, "handle", messages.LATEST)
-        self._tap = PolledSubscription(node, "tool", JOINTS, messages.LATEST, raw=True)
+        self._subscription = PolledSubscription(node, "tool", JOINTS, messages.LATEST, raw=True)
         self.near_frame = exchange_step.make_near_frame(*CloudLayout(LOCAL_CONTACT).fixed(MOST))
         local = values["exchange.method"] == EXCHANGE_METHODS[law.LOCAL]
         self._near = PolledSubscription(node, "local_contacts", CLOUD, messages.LATEST, raw=True) if local else None
@@ -52,7 +52,7 @@ class ExchangeServer:
         self.watch[exchange_step.STOP] = 1
         if self._thread.is_alive():
             self._thread.join()
-        self._tap.close()
+        self._subscription.close()
         if self._near is not None:
             self._near.close()
         self._node.destroy_publisher(self._publisher)
@@ -101,7 +101,7 @@ class ExchangeServer:
             self._compiled.set()
 
     def _run_rcl(self, mails, row, gains, tool):
-        publisher, subscription = self._publisher.handle, self._tap.handle
+        publisher, subscription = self._publisher.handle, self._subscription.handle
         near_handle = self._near.handle if self._near is not None else contextlib.nullcontext()
         records = row, gains, tool
         with publisher, subscription, near_handle:  # they live on while the loop has their addresses
@@ -144,7 +144,7 @@ class ExchangeServer:
                 if exchange_step.next_handle(self.frame, self.state, mails[0], mails[1], row, gains, scratch):
                     self._publisher.publish(self.frame.outgoing.tobytes())
                     self.watch[exchange_step.SENT] += 1
-            for sample in self._tap.take():
+            for sample in self._subscription.take():
                 self._take(sample.message, gains, tool, mails[2], scratch)
             for sample in self._near.take() if self._near is not None else ():
                 self._take_contacts(sample.message, near)

@@ -98,7 +98,7 @@ def _aligned(size):
 def compose_handle(frame, state, row, gains, scratch):
     """Writes the next handle sample into frame.outgoing, from the servo's newest row."""
     axes, position, velocity, effort = int(state.axes), frame.first[0], frame.first[1], frame.first[2]
-    state.sequence += 1.0
+    state.sequence += 1.0  # a float64, as all in the message: whole numbers up to 2**53, which no session reaches
     state.sent[int(state.sequence) % REMEMBERED] = np.int64(row.deadline)
     state.composed[int(state.sequence) % REMEMBERED] = clock.now_ns(scratch)
     for i in range(axes):
@@ -138,7 +138,7 @@ def next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
 def take_in(frame, size, state, watch, gains, tool, tool_mail, now):
     """Judges the message of `size` bytes in frame.incoming; accepted, it becomes the tool sample that counts."""
     verdict = _judge(frame, size, state, gains, now)
-    if verdict != exchange_samples.ACCEPTED:
+    if verdict != exchange_samples.ACCEPTED:  # counted by reason; what counted before goes on to count
         watch[REFUSED + verdict] += 1
         return verdict
     watch[ANSWERED] += 1
@@ -179,6 +179,7 @@ def _judge(frame, size, state, gains, now):
     verdict = exchange_samples.judge_tool(
         sample, axes, peer, state.session, state.sequence, state.method, gains.hash, now, SILENCE
     )
+    # its time would be another sample's: the ring of times has gone round since
     forgotten = sample[axes + exchange_samples.ANSWERED] <= state.sequence - REMEMBERED
     return exchange_samples.OLD if verdict == exchange_samples.ACCEPTED and forgotten else verdict
 
@@ -215,11 +216,11 @@ def _judge_contacts(frame, size, state):
     for i in range(size):
         if frame.fixed[i] != 0 and frame.incoming[i] != frame.template[i]:
             return contact_model.OTHER_LAYOUT
-    for k in range(SHARED):
+    for k in range(SHARED):  # NaN fails any comparison, so the test is for what is good
         if not abs(frame.numbers[0, k]) < 1e15:
             return contact_model.NOT_FINITE
     head = frame.rows[0]
-    if head.session != state.peer_session:
+    if head.session != state.peer_session:  # of the simulation whose tool sample counts, or of none
         return contact_model.OTHER_SENDER
     answered, known = head.answered, state.sequence - REMEMBERED
     if head.answered_session != state.session or not known < answered <= state.sequence or answered < 1.0:

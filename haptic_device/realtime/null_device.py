@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A link to a handle that stands still and answers at once: what is measured through it is the servo alone."""
+"""A device that stands still and answers at once: what is measured with it is the servo alone."""
 
 import numpy as np
 

@@ -21,7 +21,6 @@ from haptic_sim.node.port import Port
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation, kernels_of
 
-DIAGNOSTICS_PERIOD = 0.5  # s
 MIDDLEWARE_PRIORITY = 65  # above the exchange, which must never wait for the middleware's own threads
 GIL_SWITCH = 0.2e-3  # s, longest time the executor keeps the exchange thread from running; python's own is 5 ms
 
@@ -34,12 +33,10 @@ class SimulationNode(ManagedNode):
         self.exchange: ExchangeThread | None = None
         self.simulation: Simulation | None = None
         self._loading = False
-        self._diagnostics = self.create_publisher(messages.DiagnosticArray, "/diagnostics", 10)
         self._rates = diagnostics.Rates()
         self._tool = self.create_publisher(messages.JointState, "tool", messages.LATEST)
         local = self.values["exchange.method"] == "local"
         self._near = self.create_publisher(messages.PointCloud2, "local_contacts", messages.LATEST) if local else None
-        self.create_timer(DIAGNOSTICS_PERIOD, self.diagnose)
         self.create_service(Trigger, "~/reset_scene", self._on_reset_scene)
         beside = ReentrantCallbackGroup()  # while it waits for its world others are served
         self.create_service(Trigger, "~/load_scene", self._on_load_scene, callback_group=beside)
@@ -80,10 +77,9 @@ class SimulationNode(ManagedNode):
         values = {"scene": world.scene.name, "method": world.method_name, "why": world.why, **_values(self.exchange)}
         values["survived"] = self.survived
         level, message = self._verdict()
-        now_ns = self.get_clock().now().nanoseconds
         figures = {"compute": values["compute_us_p99"] * 1e-6, **self._rates.of(refused=values["refused"])}
         watched = diagnostics.statuses(self.get_name(), diagnostics.SIMULATION, figures, self.values)
-        self._diagnostics.publish(messages.diagnostics(now_ns, self.get_name(), "", level, message, values, watched))
+        self.say_status(level, message, values, watched)
 
     def _verdict(self):
         counters = self.exchange.report.counters

@@ -97,7 +97,7 @@ class Hands:
 
     def __init__(self):
         self.page = shared_memory.SharedMemory(
-            shared_memory.page_name(os.environ["ROS_DOMAIN_ID"], SPACE), shared_memory.DEVICE
+            shared_memory.file_name(os.environ["ROS_DOMAIN_ID"], SPACE), shared_memory.DEVICE
         )
         self.x, self.goal, self.drag, self.motor, self._stop = 0.0, 0.0, 0.0, 0.0, False
         self.writes = [(0, 0.0)]  # of the servo that were seen: when [ns], motor

@@ -169,9 +169,9 @@ def test_nobody_else_can_read_or_write_the_page(name):
 
 def test_namespaces_and_domains_have_pages_of_their_own():
     pairs = [(0, "/haptic"), (0, "/left/haptic"), (0, "/right/haptic"), (1, "/haptic"), (0, "/"), (10, "/haptic")]
-    names = {shared_memory.page_name(domain, namespace) for domain, namespace in pairs}
+    names = {shared_memory.file_name(domain, namespace) for domain, namespace in pairs}
     assert len(names) == len(pairs) and not any("/" in name for name in names)
-    assert shared_memory.page_name(0, "/haptic") == shared_memory.page_name("0", "haptic/")
+    assert shared_memory.file_name(0, "/haptic") == shared_memory.file_name("0", "haptic/")
 
 
 def test_two_devices_live_side_by_side(name):
