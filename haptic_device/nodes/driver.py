@@ -65,6 +65,8 @@ class DriverNode(ManagedNode):
 
     def activate(self):
         """Starts servo, exchange and telemetry; the motor stays at zero until enabled, and a latched fault latched."""
+        if not self._commands.running:
+            raise ValueError("the services thread has ended: nobody could stop the motor")
         home = self.device.home if self.device.homing == "at_start" else None
         settings = controller_config.settings_from(self.device, self.values, self._version)
         self._judge(settings, self.values)

@@ -41,6 +41,12 @@ class ManagedNode(Node):
         self.told: Sequence[int] = ()  # signals that tell it to end, as they come: whoever waits long looks at them
         self._diagnostics = self.create_publisher(messages.DiagnosticArray, "/diagnostics", 10)
         self.create_timer(DIAGNOSTICS_PERIOD, self.diagnose)
+        threading.excepthook = self.thread_ended  # one process, one node
+
+    def destroy_node(self):
+        """Ends the node; exceptions of threads are again printed as Python does."""
+        threading.excepthook = threading.__excepthook__
+        super().destroy_node()
 
     def diagnose(self):
         """Says how the node is (`say_status`); called each DIAGNOSTICS_PERIOD."""
@@ -150,6 +156,8 @@ def _autostart(node):
     for trigger in (node.trigger_configure, node.trigger_activate):
         if node.told:
             return
+        if node.failure:  # of a thread that it has from its beginning
+            raise ValueError(node.failure)
         if trigger() != TransitionCallbackReturn.SUCCESS:
             raise ValueError(node.refusal)
 
@@ -209,7 +217,7 @@ def run(make_node, name, args=None):
         with own_participant_id(name):
             begin_ros(args)
             node = _made(make_node)
-        node.told, threading.excepthook = told, node.thread_ended
+        node.told = told
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         _autostart(node)
@@ -229,6 +237,5 @@ def run(make_node, name, args=None):
         finally:
             if node is not None:
                 node.destroy_node()
-            threading.excepthook = threading.__excepthook__
             rclpy.try_shutdown()
     return 1 if node.failure else 0
