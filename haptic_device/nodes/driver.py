@@ -39,7 +39,7 @@ class DriverNode(ManagedNode):
         self.hardware = self.servo = self.exchange = self.telemetry = None
         self._kept = {"fault": faults.NONE}
         self._version, self._enabled_once, self._said, self.margins = 0, False, set(), [math.inf, math.inf]
-        self._watched, self.stall, self._told_of = time.monotonic(), 0.0, None
+        self._watched, self.stall, self._reported = time.monotonic(), 0.0, None
         self._changing = threading.Lock()  # held while the servo comes and goes: no e-stop falls in between
         commands = {f"~/{name}": getattr(self, f"_on_{name}") for name in ("estop", "reset", "enable", "disable")}
         self._commands = ServiceThread(self, commands, "an e-stop came first")
@@ -77,7 +77,7 @@ class DriverNode(ManagedNode):
         self._set_flag(enable_state.CLUTCH, self.values["clutch.open"])
         self.exchange = ExchangeServer(self, self.servo, len(self.device.axes), self.values)
         self.exchange.start()
-        self._told = DriverDiagnostics(self)
+        self.report = DriverDiagnostics(self)
         scheduling.spare_collections()
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values)
@@ -157,9 +157,9 @@ class DriverNode(ManagedNode):
             return
         self._say("info", f"servo at {self.values['servo.rate']:g} Hz, {self.servo.realtime}")
         row = self.servo.row.get()[0]
-        if self._told_of != (news := (int(row.state), int(row.fault))):
-            self._told_of = news
-            self._told.say(row)  # without figures: a rate needs its half second
+        if self._reported != (news := (int(row.state), int(row.fault))):
+            self._reported = news
+            self.report.say(row)  # without figures: a rate needs its half second
         if row.fault:  # its reset takes the wish to be enabled back: here it could already be the next one
             self._say("error", f"fault {faults.name_of(row.fault)}: motor off")
         elif self.values["auto_enable"] and not self._enabled_once and self._met(now):
@@ -252,7 +252,7 @@ class DriverNode(ManagedNode):
             return
         self._follow_margin()
         row = self.servo.row.get()[0]
-        self._told.say(row, self._told.watched(row))
+        self.report.say(row, self.report.watched(row))
 
 
 def main(args=None):
