@@ -186,7 +186,7 @@ HOOKED = """
 import sys, time
 from pathlib import Path
 from haptic_sim.node import exchange_thread, simulation
-plain, count, answer = simulation.have, [], exchange_thread.Port.answer
+plain, count, answer = simulation.ensure_compiled, [], exchange_thread.Port.answer
 
 def have(*names, **options):
     count.append(names)
@@ -201,7 +201,7 @@ def failing(port, *given):
         raise KeyError("nobody\\nforesaw this")
     return answer(port, *given)
 
-simulation.have, exchange_thread.Port.answer = have, failing
+simulation.ensure_compiled, exchange_thread.Port.answer = have, failing
 exchange_thread.is_for = lambda world: False
 sys.exit(simulation.main())
 """
