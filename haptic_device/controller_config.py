@@ -6,56 +6,34 @@ import math
 import numpy as np
 
 from haptic_device import gain_check
-from haptic_device.control import exchange_samples, servo
+from haptic_device.control import exchange_samples, records
 from haptic_device.control.exchange_samples import COUPLING_GAINS
-from haptic_device.parameters import ESTIMATORS, EXCHANGE_METHODS, MOST_WALLS, SOURCES
+from haptic_device.parameters import MOST_WALLS, OPERATING_POINT
 
 ARM = 0.05  # [m] between grip and tip, which turns accelerations into angular ones
-DIRECT = {  # parameter → field of SETTINGS with the same number
-    "cancellation.ratio": "cancellation_ratio",
-    "cancellation.band": "cancellation_band",
-    "cancellation.stretch": "cancellation_stretch",
-    "cancellation.twist": "cancellation_twist",
-    "cancellation.filter": "cancellation_filter",
-    "velocity.lag": "velocity_lag",
-    "velocity.window": "velocity_window",
-    "passivity.control": "passivity_control",
-    "passivity.budget": "passivity_budget",
-    "exchange.hold": "exchange_hold",
-    "exchange.fade": "exchange_fade",
-    "exchange.budget": "exchange_budget",
-    "exchange.tank": "exchange_tank",
-    "exchange.horizon": "exchange_horizon",
-    "local.compliance": "local_compliance",
-    "local.apart": "local_apart",
-    "local.hold": "local_hold",
-    "local.rejoin": "local_rejoin",
-    "engage.time": "engage_time",
-    "engage.force": "engage_force",
-    "engage.torque": "engage_torque",
-    "fault.silence": "silence",
-    "fault.saturation": "saturation",
-    "fault.duty": "duty",
-    "fault.unattended": "unattended",
+SAME = {
+    (group, name)
+    for group in records.SETTINGS.names
+    for name in records.SETTINGS[group].names or ()
+    if records.SETTINGS[group][name].shape == ()
 }
+"""Group and name of the numbers of the record that are parameters of the same name; a choice is its number there."""
 
 
 def settings_of(device):
     """SETTINGS record of the servo with what the device description says; gains and limits are still to be set."""
-    settings = np.zeros(1, servo.SETTINGS)
-    settings["axes"] = len(device.axes)
-    scale = (device.scale[0], device.scale[0], device.scale[1])
-    for i in range(servo.AXES):
-        settings["scale"][0, i] = scale[i]
+    settings = np.zeros(1, records.SETTINGS)
+    settings["axes"], described = len(device.axes), settings["device"][0]
+    described["scale"] = device.scale[0], device.scale[0], device.scale[1]
     for i, axis in enumerate(device.axes):
-        settings["position_per_count"][0, i] = axis.encoder_sign / axis.counts_per_unit
-        settings["zero"][0, i] = -axis.zero
-        settings["motor_per_force"][0, i] = axis.motor_sign / axis.motor_constant
-        settings["device_limit"][0, i] = axis.motor_limit
-        settings["gravity"][0, i] = -device.weight(i) if device.gravity_compensation else 0.0
-        settings["physical_damping"][0, i] = axis.damping
-        settings["position_low"][0, i], settings["position_high"][0, i] = axis.workspace
-        settings["velocity_limit"][0, i] = axis.velocity_limit
+        described["position_per_count"][i] = axis.encoder_sign / axis.counts_per_unit
+        described["zero"][i] = -axis.zero
+        described["motor_per_force"][i] = axis.motor_sign / axis.motor_constant
+        described["motor_limit"][i] = axis.motor_limit
+        described["gravity"][i] = -device.weight(i) if device.gravity_compensation else 0.0
+        described["damping"][i] = axis.damping
+        described["position_low"][i], described["position_high"][i] = axis.workspace
+        described["velocity_limit"][i] = axis.velocity_limit
     return settings
 
 
@@ -63,31 +41,33 @@ def settings_from(device, values, version=0):
     """SETTINGS record of this operating point. Raises ValueError, one sentence, where values do not fit together."""
     settings = settings_of(device)
     settings["version"], settings["period"] = version, 1.0 / values["servo.rate"]
-    for name, field in DIRECT.items():
-        settings[field] = values[name]
-    settings["velocity_estimator"] = ESTIMATORS.index(values["velocity.estimator"])
-    settings["cancellation_source"] = SOURCES.index(values["cancellation.source"])
-    for name, field in (("stiffness", "stiffness"), ("damping", "damping")):
-        settings[field][0, :2] = values[f"coupling.{name}"]
-        settings[field][0, 2] = values[f"coupling.rotational_{name}"]
-    settings["duty_kept"] = math.exp(-1.0 / (values["servo.rate"] * values["fault.duty_time"]))
-    settings["force_limit"][0] = (values["force.limit"], values["force.limit"], values["force.limit_rotational"])
+    for parameter in OPERATING_POINT:
+        group, _, name = parameter.name.partition(".")
+        if (group, name) in SAME:
+            value = values[parameter.name]
+            settings[group][name] = parameter.choices.index(value) if parameter.choices else value
+    for name in ("stiffness", "damping"):
+        settings["coupling"][name][0, :2] = values[f"coupling.{name}"]
+        settings["coupling"][name][0, 2] = values[f"coupling.rotational_{name}"]
+    settings["fault"]["duty_kept"] = math.exp(-1.0 / (values["servo.rate"] * values["fault.duty_time"]))
+    settings["force"]["limit"][0] = (values["force.limit"], values["force.limit"], values["force.limit_rotational"])
     _set_walls(settings, values)
     _set_exchange(settings, values)
-    settings["margin"][0], settings["cross"] = gain_check.margins(settings[0], 0.0)[0], gain_check.cross(settings[0])
+    settings["passivity"]["margin"][0] = gain_check.margins(settings[0], 0.0)[0]
+    settings["passivity"]["cross"] = gain_check.cross(settings[0])
     return settings
 
 
 def _set_exchange(settings, values):
     """Settings of the exchange that follow from others."""
-    settings["exchange_method"] = EXCHANGE_METHODS.index(values["exchange.method"])
-    settings["exchange_play"] = max(2.0 / values["servo.rate"], 1.0 / values["exchange.rate"])
-    held = settings["device_limit"] - np.abs(settings["gravity"])
-    settings["coupling_limit"] = np.maximum(0.0, np.minimum(settings["force_limit"], held / settings["scale"]))
+    settings["exchange"]["play"] = max(2.0 / values["servo.rate"], 1.0 / values["exchange.rate"])
+    device = settings["device"]
+    held = (device["motor_limit"] - np.abs(device["gravity"])) / device["scale"]
+    settings["coupling"]["limit"] = np.maximum(0.0, np.minimum(settings["force"]["limit"], held))
     ratio = values["force.limit_rotational"] / values["force.limit"] if values["force.limit"] > 0.0 else 1.0
-    settings["exchange_slew"][0] = values["exchange.slew"] * np.array([1.0, 1.0, ratio])
-    settings["exchange_agility"][0] = values["exchange.agility"] * np.array([1.0, 1.0, 1.0 / ARM])
-    settings["surplus"][0] = gain_check.surplus(settings[0], 0.0)
+    settings["exchange"]["slew"][0] = values["exchange.slew"] * np.array([1.0, 1.0, ratio])
+    settings["exchange"]["agility"][0] = values["exchange.agility"] * np.array([1.0, 1.0, 1.0 / ARM])
+    settings["passivity"]["surplus"][0] = gain_check.surplus(settings[0], 0.0)
 
 
 def _set_walls(settings, values):
@@ -98,7 +78,7 @@ def _set_walls(settings, values):
     for name, per_wall in (("wall.normals", 2), ("wall.stiffness", 1), ("wall.damping", 1)):
         if len(values[name]) != per_wall * count:
             raise ValueError(f"{name} has {len(values[name])} numbers; {count} walls need {per_wall * count}")
-    settings["walls"] = count
+    settings["wall"]["count"] = count
     for i in range(count):
         nx, ny = normals[2 * i : 2 * i + 2]
         length = math.hypot(nx, ny)
@@ -106,9 +86,9 @@ def _set_walls(settings, values):
             raise ValueError(f"wall.normals of wall {i} is [{nx:g}, {ny:g}], of length {length:g}; write a unit vector")
         if abs(ny) > 1e-3 and int(settings["axes"][0]) < 2:
             raise ValueError(f"wall.normals of wall {i} is [{nx:g}, {ny:g}]; the device has no y axis, so ny must be 0")
-        settings["wall_x"][0, i], settings["wall_y"][0, i] = nx / length, ny / length
-        settings["wall_offset"][0, i] = offsets[i]
-        settings["wall_stiffness"][0, i], settings["wall_damping"][0, i] = (
+        settings["wall"]["x"][0, i], settings["wall"]["y"][0, i] = nx / length, ny / length
+        settings["wall"]["offset"][0, i] = offsets[i]
+        settings["wall"]["stiffness"][0, i], settings["wall"]["damping"][0, i] = (
             values["wall.stiffness"][i],
             values["wall.damping"][i],
         )

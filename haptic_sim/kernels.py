@@ -5,7 +5,7 @@ import numba
 import numpy as np
 
 from haptic_device import controller_config
-from haptic_device.control import contact_model, exchange_samples, servo
+from haptic_device.control import contact_model, exchange_samples, records
 from haptic_device.description import load_device
 from haptic_device.device import axis_rerun, loopback_config, simulated_device
 from haptic_device.device import wall_tapping as cell
@@ -60,7 +60,7 @@ def exchange_of_the_driver():
     near_frame = exchange_step.make_near_frame(*CloudLayout(LOCAL_CONTACT).fixed(MOST))
     state, watch = np.zeros(1, exchange_step.STATE), np.zeros(exchange_step.WATCHES, np.int64)
     row, gains, tool = (
-        np.zeros(1, servo.TICK),
+        np.zeros(1, records.TRACE_ROW),
         np.zeros(1, exchange_samples.COUPLING_GAINS),
         np.zeros(1, servo_loop.TOOL),
     )
@@ -158,7 +158,7 @@ def _hand():
 
 
 def _lock_step_records():
-    return _settings(), np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK), np.zeros(1, servo_loop.TOOL)
+    return _settings(), np.zeros(1, records.STATE), np.zeros(1, records.TRACE_ROW), np.zeros(1, servo_loop.TOOL)
 
 
 ENTRIES = {  # those that take longest first

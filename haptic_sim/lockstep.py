@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_device import controller_config
-from haptic_device.control import contact_model, enable_state, exchange_samples, servo, virtual_tool
+from haptic_device.control import contact_model, enable_state, exchange_samples, records, tool_contacts
 from haptic_device.device import loopback_config, simulated_device
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import servo_loop
@@ -48,7 +48,7 @@ class Lockstep:
         self.device, self.simulation, self.network, self._hand = device, simulation, network, hand
         self.settings = controller_config.settings_from(device, driver)
         self.gains = controller_config.gains_from(driver)[0]
-        self.memory, self.tool = np.zeros(1, servo.MEMORY), np.zeros(1, servo_loop.TOOL)
+        self.memory, self.tool = np.zeros(1, records.STATE), np.zeros(1, servo_loop.TOOL)
         self.plant, self.plant_memory, self.motion = loopback_config.hand_from(device, loopback)
         self.ticks, self.period = 0, round(SECOND / driver["servo.rate"])
         self.exchange_period = SECOND / driver["exchange.rate"]
@@ -63,7 +63,7 @@ class Lockstep:
 
     def run(self, seconds) -> np.recarray:
         """Rows of the ticks of this time."""
-        rows = np.zeros(round(seconds * SECOND / self.period), servo.TICK).view(np.recarray)
+        rows = np.zeros(round(seconds * SECOND / self.period), records.TRACE_ROW).view(np.recarray)
         done = 0
         while done < len(rows):
             until = min(len(rows), done + self._ticks_to_event())
@@ -133,7 +133,7 @@ class Lockstep:
         self.near["number"], self.near["sent"], self.near["table"] = sequence, sent, table
         for name, value in common.items():
             self.near[name] = value
-        virtual_tool.take(self.memory[0], self.near[0])
+        tool_contacts.take(self.memory.view(np.recarray)[0].virtual_tool.contacts, self.near[0])
 
     def _fly(self, flying, now, sequence, sent, sample):
         """Puts a sample on its way, unless it is lost."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.control import contact_model, servo
+from haptic_device.control import contact_model, records
 from haptic_device.message_fields import COMMON, EACH, MOST
 from haptic_device.realtime import tick_replay
 
@@ -63,8 +63,8 @@ def verdict_on(trace: np.ndarray, snapshots: np.ndarray, points: np.ndarray | No
 
 
 def _check(trace, snapshots):
-    if trace.dtype.names != servo.TICK.names or trace.dtype.itemsize != servo.TICK.itemsize:
-        strange = sorted(set(trace.dtype.names) ^ set(servo.TICK.names)) or ["another order"]
+    if trace.dtype.names != records.TRACE_ROW.names or trace.dtype.itemsize != records.TRACE_ROW.itemsize:
+        strange = sorted(set(trace.dtype.names) ^ set(records.TRACE_ROW.names)) or ["another order"]
         raise ValueError(f"the trace is of another version of the servo; it differs in {', '.join(strange)}")
     if len(snapshots) == 0:
         raise ValueError("the bag has no snapshot of the servo's settings, without which no tick can be computed again")
@@ -96,7 +96,7 @@ def _stretch(trace, begin, end, snapshots):
 def _memory_before(trace, at, snapshots):
     """What the servo remembered before row `at`; None if no snapshot says it."""
     if trace["tick"][at] == 0:
-        return np.zeros(1, servo.MEMORY)
+        return np.zeros(1, records.STATE)
     elapsed = trace["latched"][at] - snapshots["memory.latched"]  # a restarted servo counts its ticks anew
     found = np.flatnonzero((snapshots["tick"] == trace["tick"][at] - 1) & (elapsed >= 0) & (elapsed < SECOND))
     return tick_replay.parts_of(snapshots[found[:1]])[1] if len(found) else None

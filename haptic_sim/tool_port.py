@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from haptic_device.control import tool_side_tank, wave_variables
+from haptic_device.control import exchange_wave, tool_side_tank
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim.method import Coupling, Planar
 from haptic_sim.port_limits import BUDGET, LIMITS, Limits
@@ -180,8 +180,8 @@ class Waves(Drawn):
         self.memory[tool_side_tank.TANK] += max(0.0, handle.energy - self._energy_come)
         self._come, self._energy_come = handle.effort, max(handle.energy, self._energy_come)
         line, turning = (
-            wave_variables.impedance(handle.stiffness),
-            wave_variables.impedance(handle.rotational_stiffness),
+            exchange_wave.impedance(handle.stiffness),
+            exchange_wave.impedance(handle.rotational_stiffness),
         )
         self._impedance, self._sub_step = (line, line, turning), sub_step
         self._rule((0.0, line, 0.0, turning), sub_step, inner)
@@ -189,14 +189,14 @@ class Waves(Drawn):
 
     def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
         """The waves of this sub-step as velocities; their energy leaves the tank."""
-        waves = [wave_variables.played(*both, self._sub_step) for both in zip(self._pending, self._rate, strict=True)]
+        waves = [exchange_wave.played(*both, self._sub_step) for both in zip(self._pending, self._rate, strict=True)]
         wanted = tuple(value / z for value, z in zip(waves, self._impedance, strict=True))
         _, made = super().drive(tool, wanted, tool)
         covered = self.memory[tool_side_tank.SHARE] == 1.0
         for i, z in enumerate(self._impedance):
             taken = made[i] * z if covered else waves[i]  # what energy does not cover is dropped, or it grows
             self._pending[i] -= taken * self._sub_step
-            self.memory[tool_side_tank.TANK] -= wave_variables.power(made[i] * z, z) * self._sub_step
+            self.memory[tool_side_tank.TANK] -= exchange_wave.power(made[i] * z, z) * self._sub_step
         return tool, made
 
     def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
@@ -205,7 +205,7 @@ class Waves(Drawn):
             z = self._impedance[i]
             back = force_on_tool[i] - z * (after[i] - before[i]) / self._sub_step
             self._sent[i] += back * self._sub_step
-            self._sent_energy += wave_variables.power(back, z) * self._sub_step
+            self._sent_energy += exchange_wave.power(back, z) * self._sub_step
 
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The sums of the waves sent and of their energy."""

@@ -10,7 +10,7 @@ from ticks import tick
 
 from adversary import exchange_search as adversary
 from haptic_device import controller_config
-from haptic_device.control import enable_state, faults, servo, virtual_coupling
+from haptic_device.control import enable_state, faults, records, virtual_coupling
 from haptic_device.description import load_device
 from haptic_sim.lockstep import PERFECT, Lockstep
 from haptic_sim.scene import load
@@ -56,9 +56,9 @@ def reference(method, late, seconds=6.0):
     scene = load("wall")
     scene = scene.model_copy(update={"tool": scene.tool.model_copy(update={"mass": 0.05, "pose": (0.01, 0.0, 0.0)})})
     settings = one_axis(method, damping=0.0, over=4.0)
-    memory, row = np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK)
-    memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, enable_state.ENGAGED
-    settings["exchange_hold"] = 10.0
+    memory, row = np.zeros(1, records.STATE), np.zeros(1, records.TRACE_ROW)
+    memory["enable"]["ramp"], memory["fade"]["factor"], memory["enable"]["state"] = 1.0, 1.0, enable_state.ENGAGED
+    settings["exchange"]["hold"] = 10.0
     simulation, record = Simulation(scene, 1e-3, 0.2, port=port_of(method)), row[0]
     going, coming, errors, taken, before, force = deque(), deque(), [], 0.0, 0.0, 0.0
     for k in range(int(seconds * 1000)):
@@ -92,8 +92,8 @@ def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, mi
     """
     random, settings = np.random.default_rng(seed), three_axes(method, scale, limit, wall)
     memory, row = adversary.engaged()
-    record, period, damping = row[0], settings["period"][0], settings["physical_damping"][0]
-    unit = reach * np.array([5.0, 5.0, 0.3]) / settings["stiffness"][0]
+    record, period, damping = row[0], settings["period"][0], settings["device"]["damping"][0]
+    unit = reach * np.array([5.0, 5.0, 0.3]) / settings["coupling"]["stiffness"][0]
     step = reach * 2.5 * period / damping * np.array([1.0, 1.0, 0.05])
     place, way, given, most, wide = np.zeros(3), np.zeros(3), 0.0, -np.inf, int(2.0 ** random.uniform(0.0, 5.0))
     for k in range(ticks):
@@ -144,8 +144,16 @@ def _books(settings, memory, record):
     """Energy [J] in tank, springs and on its way, less the budget."""
     stretch = record["coupling_position"] - record["position"]
     stored = sum(
-        virtual_coupling.spring_store(*one) for one in zip(memory["spring"], memory["clamp"], stretch, strict=True)
+        virtual_coupling.spring_store(*one)
+        for one in zip(memory["spring"]["stiffness"], memory["spring"]["limit"], stretch, strict=True)
     )
-    depth = max(0.0, settings["wall_offset"][0] - record["position"][0])
-    stored += 0.5 * settings["wall_stiffness"][0] * depth**2
-    return memory["tank"] + stored + memory["shipped"] - memory["returned"] + memory["wave_store"] - 0.005
+    depth = max(0.0, settings["wall"]["offset"][0] - record["position"][0])
+    stored += 0.5 * settings["wall"]["stiffness"][0] * depth**2
+    return (
+        memory["tank"]["level"]
+        + stored
+        + memory["tank"]["shipped"]
+        - memory["tank"]["returned"]
+        + memory["waves"]["store"]
+        - 0.005
+    )

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 
 from haptic_device import controller_config
-from haptic_device.control import enable_state, faults, servo
+from haptic_device.control import enable_state, faults, records, servo
 from haptic_device.description import load_device
 from haptic_device.nodes.declared import NODES
 from haptic_device.parameters import EXCHANGE_METHODS
@@ -22,15 +22,18 @@ def run(settings, memory, row, ticks):
     record = row[0]
     for k in range(ticks):
         phase = 0.001 * k
-        record.latched = record.deadline = (k + 1) * 250_000.0
-        record.command, record.device_status = enable_state.ENABLE, faults.FRESH
-        record.counts[0], record.counts[1] = np.round(4000.0 * np.cos(phase)), np.round(4000.0 * np.sin(phase))
-        record.tool_age += 250e-6
+        record.sensors.latched = record.sensors.deadline = (k + 1) * 250_000.0
+        record.sensors.command, record.sensors.device_status = enable_state.ENABLE, faults.FRESH
+        record.sensors.counts[0], record.sensors.counts[1] = (
+            np.round(4000.0 * np.cos(phase)),
+            np.round(4000.0 * np.sin(phase)),
+        )
+        record.tool.age += 250e-6
         if k % 4 == 0:
-            record.tool_session, record.tool_answered, record.tool_age = 1.0, k, 1e-3
+            record.tool.session, record.tool.answered, record.tool.age = 1.0, k, 1e-3
             late = phase - 0.004
-            record.tool_position[0], record.tool_position[1] = 0.02 * np.cos(late), 0.02 * np.sin(late)
-            record.tool_velocity[0], record.tool_velocity[1] = -0.08 * np.sin(phase), 0.08 * np.cos(phase)
+            record.tool.position[0], record.tool.position[1] = 0.02 * np.cos(late), 0.02 * np.sin(late)
+            record.tool.velocity[0], record.tool.velocity[1] = -0.08 * np.sin(phase), 0.08 * np.cos(phase)
         servo.tick(settings[0], memory[0], record)
 
 
@@ -38,8 +41,8 @@ def timed(method):
     """Work of a tick [us]."""
     values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]} | {"exchange.method": method}
     settings = controller_config.settings_from(load_device("desktop"), values)
-    memory, row = np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK)
-    memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, enable_state.ENGAGED
+    memory, row = np.zeros(1, records.STATE), np.zeros(1, records.TICK)
+    memory["enable"]["ramp"], memory["fade"]["factor"], memory["enable"]["state"] = 1.0, 1.0, enable_state.ENGAGED
     began = time.perf_counter()
     run(settings, memory, row, TICKS)
     return (time.perf_counter() - began) / TICKS * 1e6

@@ -221,7 +221,9 @@ def run(
     simulation = Simulation(scene, None, 0.5, port=port_of(method))
     system = Lockstep(device, driver, values["haptic_loopback"] | motion, simulation, network)
     rows = system.run(seconds + after)
-    return Ran(rows, float(system.plant_memory["energy_given"][0]), int(system.memory["near_number"][0]))
+    return Ran(
+        rows, float(system.plant_memory["energy_given"][0]), int(system.memory["virtual_tool"]["contacts"]["number"][0])
+    )
 
 
 def drag(rows) -> tuple[float, float]:

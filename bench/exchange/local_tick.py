@@ -14,7 +14,7 @@ import numpy as np
 import typer
 
 from haptic_device import controller_config
-from haptic_device.control import contact_model, contact_solver, enable_state, faults, servo, virtual_tool
+from haptic_device.control import contact_model, contact_solver, enable_state, faults, records, servo, tool_contacts
 from haptic_device.description import load_device
 from haptic_device.message_fields import MOST
 from haptic_device.nodes.declared import NODES
@@ -31,18 +31,21 @@ def run(settings, memory, row, near, times, pivots):
     record, scratch = row[0], np.zeros(2, np.int64)
     for k in range(times.size):
         phase = 0.003 * k
-        record.latched = record.deadline = (k + 1.0) * PERIOD_NS
-        record.command, record.device_status = enable_state.ENABLE, faults.FRESH
-        record.counts[0], record.counts[1] = np.round(400.0 * np.sin(phase)), np.round(200.0 * np.sin(1.7 * phase))
-        record.counts[2] = np.round(800.0 * np.sin(2.3 * phase))
-        record.tool_session, record.tool_answered, record.tool_sequence, record.tool_age = 1.0, k + 1.0, k + 1.0, 1e-3
-        record.contact_age = 1e-3
+        record.sensors.latched = record.sensors.deadline = (k + 1.0) * PERIOD_NS
+        record.sensors.command, record.sensors.device_status = enable_state.ENABLE, faults.FRESH
+        record.sensors.counts[0], record.sensors.counts[1] = (
+            np.round(400.0 * np.sin(phase)),
+            np.round(200.0 * np.sin(1.7 * phase)),
+        )
+        record.sensors.counts[2] = np.round(800.0 * np.sin(2.3 * phase))
+        record.tool.session, record.tool.answered, record.tool.sequence, record.tool.age = 1.0, k + 1.0, k + 1.0, 1e-3
+        record.tool.contact_age = 1e-3
         began = clock.now_ns(scratch)
         if k % 4 == 0:
             near[0].number = k + 1.0
-            virtual_tool.take(memory[0], near[0])
+            tool_contacts.take(memory[0].virtual_tool.contacts, near[0])
         servo.tick(settings[0], memory[0], record)
-        times[k], pivots[k] = clock.now_ns(scratch) - began, record.local_pivots
+        times[k], pivots[k] = clock.now_ns(scratch) - began, record.output.local_pivots
 
 
 def slot():
@@ -93,8 +96,8 @@ def main(ticks: Annotated[int, typer.Argument(min=1)] = 100_000) -> None:
 
 def start(settings):
     """Settings, memory and row of a servo that is engaged."""
-    memory, row = np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK)
-    memory["engage"], memory["exchange_fade"], memory["state"] = 1.0, 1.0, enable_state.ENGAGED
+    memory, row = np.zeros(1, records.STATE), np.zeros(1, records.TICK)
+    memory["enable"]["ramp"], memory["fade"]["factor"], memory["enable"]["state"] = 1.0, 1.0, enable_state.ENGAGED
     return settings, memory, row
 
 

@@ -15,7 +15,7 @@ from haptic_device import controller_config
 from haptic_device.analysis.zwidth import Setup
 from haptic_device.analysis.zwidth_map import Request, draw_map
 from haptic_device.config_files import find
-from haptic_device.control import servo
+from haptic_device.control import records
 from haptic_device.description import load_device
 from haptic_device.nodes.declared import NODES
 from haptic_device.realtime import servo_loop, tick_replay
@@ -134,10 +134,10 @@ def tick(axes: int = 3, walls: int = 4, ticks: int = 4000) -> float:
 
 
 def _run(settings, counts):
-    memory, rows = np.zeros(1, servo.MEMORY), np.zeros(len(counts), servo.TICK)
-    records = [array.view(np.recarray) for array in (settings, memory, rows, np.zeros(1, servo_loop.TOOL))]
+    memory, rows = np.zeros(1, records.STATE), np.zeros(len(counts), records.TRACE_ROW)
+    arrays = [array.view(np.recarray) for array in (settings, memory, rows, np.zeros(1, servo_loop.TOOL))]
     began = time.thread_time()
-    tick_replay.run_on_counts(*records, counts, 1_000_000_000, 0, 5000, 1)
+    tick_replay.run_on_counts(*arrays, counts, 1_000_000_000, 0, 5000, 1)
     return time.thread_time() - began
 
 

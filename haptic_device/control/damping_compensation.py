@@ -3,6 +3,7 @@
 
 import math
 
+from haptic_device.control import faults
 from haptic_device.jit import kernel, njit
 
 MODEL, MEASURED = range(2)
@@ -38,6 +39,15 @@ def cancellation_force(ratio, damping, velocity):
 
 
 @kernel
+def filter_drag(settings, compensation, i, drag, elapsed):
+    """The measured drag of axis i behind its filter; returns a fault code: it must never swallow what is no number."""
+    if not abs(drag) < math.inf:
+        return faults.NOT_A_NUMBER
+    compensation.drag[i] = filtered_drag(compensation.drag[i], drag, elapsed, settings.cancellation.filter)
+    return faults.NONE
+
+
+@kernel
 def filtered_drag(previous, drag, elapsed, lag):
     """Next value of the measured drag [N | N m] behind a first-order lag [s], backward Euler."""
     return (lag * previous + elapsed * drag) / (lag + elapsed) if elapsed > 0.0 else previous
@@ -53,3 +63,36 @@ def measured_cancellation_force(ratio, drag, damping, velocity):
     along = drag * math.copysign(1.0, velocity)
     most = GUARD * damping * abs(velocity)
     return ratio * math.copysign(min(most, max(0.0, along)), velocity)
+
+
+@kernel
+def compensate(settings, compensation, motion, walls, output):
+    """Negative damping of the device's own, in free space only: fills in force_cancellation and cancellation_fade."""
+    chosen, device = settings.cancellation, settings.device
+    clearance = math.inf
+    for i in range(int(settings.wall.count)):
+        clearance = min(clearance, -walls.depth[i])
+    fade = cancellation_fade(clearance, chosen.band, 0.0, 1.0)
+    fade *= _left_by_coupling(settings, output)
+    output.cancellation_fade = fade
+    ratio = chosen.ratio * fade
+    for i in range(int(settings.axes)):
+        damping, velocity = device.damping[i], motion.device_velocity[i]
+        if chosen.source == MEASURED:
+            force = measured_cancellation_force(ratio, compensation.drag[i], damping, velocity)
+        else:
+            force = cancellation_force(ratio, damping, velocity)
+        output.force_cancellation[i] = force / device.scale[i]
+
+
+@njit
+def _left_by_coupling(settings, output):
+    """Share of the cancellation that the coupling leaves: all without a tool, which then need not be anywhere."""
+    if output.exchange_fade == 0.0:
+        return 1.0
+    chosen, pulled, handle = settings.cancellation, output.coupling_position, output.position
+    stretch = math.hypot(pulled[0] - handle[0], pulled[1] - handle[1])
+    twist = abs(pulled[2] - handle[2]) if settings.axes > 2.0 else 0.0
+    held = cancellation_fade(math.inf, 1.0, stretch, chosen.stretch)
+    held *= cancellation_fade(math.inf, 1.0, twist, chosen.twist)
+    return share_beside_coupling(held, output.exchange_fade)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Engaging: forces rise over a set time, and only after the wanted force has been small."""
 
+import math
+
 from haptic_device.jit import kernel
 
 IDLE, WAITING, ENGAGING, ENGAGED, FAULT = range(5)
@@ -23,8 +25,22 @@ def engage_state(state, enabled, faulted, small, factor):
 
 
 @kernel
-def engage_factor(state, factor, period, time):
+def force_ramp(state, factor, period, time):
     """Factor 0…1 on every force for this tick: zero unless engaging or engaged, rising over time [s]."""
     if state in (ENGAGING, ENGAGED):
         return min(1.0, factor + period / time)
     return 0.0
+
+
+@kernel
+def advance(settings, enable, fault, motion, sensors, output):
+    """State and force ramp of this tick, from the command word and the force that is wanted."""
+    command, limits = int(sensors.command), settings.engage
+    enabled = (command & ENABLE) != 0 and (command & CLUTCH) == 0
+    wanted_x = output.force_walls[0] + output.force_coupling[0]
+    wanted_y = output.force_walls[1] + output.force_coupling[1]
+    small = math.hypot(wanted_x, wanted_y) < limits.force and abs(output.force_coupling[2]) < limits.torque
+    enable.state = engage_state(int(enable.state), enabled, fault.code != 0.0, small, enable.ramp)
+    ramp = force_ramp(int(enable.state), enable.ramp, settings.period, limits.time)
+    enable.ramp = min(ramp, enable.ramp) if motion.stale_ticks > 0.0 else ramp  # nothing rises on old counts
+    output.engage = enable.ramp

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The energy tank of the device's side, whatever set position an exchange method wants (control/set_position).
+"""The energy tank of the device's side, for whatever set position an exchange method wants (control/set_position).
 
 It is filled by what the hand dissipates beyond what the gains need, and by what the spring lets go; it pays for what
 the spring gains when the set position, or a factor on the spring, moves. One tank for all axes.
@@ -7,235 +7,287 @@ the spring gains when the set position, or a factor on the spring, moves. One ta
 
 import math
 
-from haptic_device.control import (
-    exchange_samples,
-    faults,
-    passivity,
-    set_position,
-    velocity_estimator,
-    virtual_coupling,
-)
+import numpy as np
+
+from haptic_device.control import exchange_samples, faults, passivity, set_position, velocity_estimator
+from haptic_device.control.passivity_observer import LONG
+from haptic_device.control.virtual_coupling import spring_force, spring_store
 from haptic_device.jit import kernel, njit
 
-DAMPER_SLEW = 0.25  # share of the slew that the set position's velocity may make on top of it
-LONG = 1.5  # periods: a hold beyond is one of a missed tick, which the device's damping was not chosen for
+NOTHING_PAID = np.zeros(3)
 
 
 @kernel
-def fill(settings, memory, row):
-    """Books the hold that ends here (control/set_position, 1)."""
-    if not memory.filled:
-        memory.filled, memory.tank, memory.latched_before = 1.0, settings.exchange_budget, row.latched
-        _open_window(settings, memory, row)
-    hold = (row.latched - memory.latched_before) * 1e-9
-    regained = settings.version != memory.version  # damper and surplus of the hold that ends are not these
-    if int(row.device_status) & faults.WATCHDOG and memory.factor_held > 0.0:
-        _forget_spring(settings, memory)
-        _open_window(settings, memory, row)
-    elif regained or max(hold, memory.hold_before) > LONG * settings.period:
-        _count_drawn(settings, memory)
-        _charge_changes(settings, memory, hold)
-        _charge_long_hold(settings, memory, hold)
-        memory.owed = max(0.0, -memory.tank) if hold > LONG * settings.period else memory.owed
-        _open_window(settings, memory, row)
+def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fills):
+    """Books the hold that ends here (set_position, 1).
+
+    damper_fills: the coupling's own damper fills the tank beside its bound.
+    """
+    if not tank.filled:
+        tank.filled, tank.level, tank.sample_before = 1.0, settings.exchange.budget, sensors.latched
+        _open_window(settings, tank, motion, sensors.latched)
+    time = (sensors.latched - tank.sample_before) * 1e-9
+    regained = settings.version != tank.version  # damper and surplus of the hold that ends are not these
+    if int(sensors.device_status) & faults.WATCHDOG and spring.factor_held > 0.0:
+        _forget_spring(settings, tank, spring)
+        _open_window(settings, tank, motion, sensors.latched)
+    elif regained or max(time, tank.hold_before) > LONG * settings.period:
+        _count_drawn(settings, tank, spring, hold, motion, enable)
+        _charge_changes(settings, tank, hold, motion, enable, time)
+        _charge_long_hold(settings, tank, spring, hold, motion, time)
+        tank.owed = max(0.0, -tank.level) if time > LONG * settings.period else tank.owed
+        _open_window(settings, tank, motion, sensors.latched)
     else:
-        _count_drawn(settings, memory)
-        _charge_changes(settings, memory, hold)
-        _count_dissipated(settings, memory, row)
-        memory.owed = min(memory.owed, max(0.0, -memory.tank))
-    memory.latched_before, memory.hold_before, memory.version = row.latched, hold, settings.version
+        _count_drawn(settings, tank, spring, hold, motion, enable)
+        _charge_changes(settings, tank, hold, motion, enable, time)
+        _count_dissipated(settings, tank, spring, hold, motion, sensors.latched, damper_fills)
+        tank.owed = min(tank.owed, max(0.0, -tank.level))
+    tank.sample_before, tank.hold_before, tank.version = sensors.latched, time, settings.version
 
 
 @njit
-def _count_drawn(settings, memory):
+def _count_drawn(settings, tank, spring, hold, motion, enable):
     """What the set position's velocity gave the handle through the damper."""
     for i in range(int(settings.axes)):
-        drawn = memory.push[i] * settings.scale[i] * memory.moved[i]
-        less = memory.limited[i] or memory.engage == 0.0  # at its limit, or let go on old counts, it took less
-        memory.tank -= max(0.0, drawn) if less else drawn
+        drawn = spring.push[i] * settings.device.scale[i] * motion.moved[i]
+        less = hold.limited[i] or enable.ramp == 0.0  # at its limit, or let go on old counts, it took less
+        tank.level -= max(0.0, drawn) if less else drawn
 
 
 @njit
-def _charge_changes(settings, memory, hold):
+def _charge_changes(settings, tank, hold, motion, enable, time):
     """What new gains on old counts may have given beyond the force that the books of this hold are about.
 
     Whoever let go in such a tick owes nothing more: tank and spring are empty (`_let_go_unseen`).
     """
     for i in range(int(settings.axes)):
-        change, square = memory.held_change[i], memory.held_square[i]
-        given = passivity.energy_changed(change, square, memory.moved[i], settings.physical_damping[i], hold)
-        memory.tank -= max(0.0, given) if memory.engage > 0.0 else 0.0
+        damping = settings.device.damping[i]
+        given = passivity.energy_changed(hold.change[i], hold.square[i], motion.moved[i], damping, time)
+        tank.level -= max(0.0, given) if enable.ramp > 0.0 else 0.0
 
 
 @njit
-def _forget_spring(settings, memory):
+def _forget_spring(settings, tank, spring):
     """The device has cut the motor, some time in this hold: the spring let go unseen, and its energy is not paid back.
 
     What the handle did until then nobody knows, so the tank is empty; what it did after that gave it nothing.
     """
-    memory.tank = min(0.0, memory.tank)
+    tank.level = min(0.0, tank.level)
     for i in range(int(settings.axes)):
-        memory.spring[i] = memory.clamp[i] = 0.0
+        spring.stiffness[i] = spring.limit[i] = 0.0
 
 
 @njit
-def _open_window(settings, memory, row):
+def _open_window(settings, tank, motion, latched):
     """With the midpoint of the hold that ends now, a window begins."""
-    memory.window_start, memory.window_holds = row.latched, 0.0
+    tank.window_start, tank.window_holds = latched, 0.0
     for i in range(int(settings.axes)):
-        memory.window_from[i] = memory.midpoint[i] = memory.device_position[i] - 0.5 * memory.moved[i]
-        memory.counted[i] = 0.0
+        tank.window_from[i] = tank.midpoint[i] = motion.device_position[i] - 0.5 * motion.moved[i]
+        tank.counted[i] = 0.0
 
 
 @njit
-def _charge_long_hold(settings, memory, hold):
+def _charge_long_hold(settings, tank, spring, hold, motion, time):
     """What the handle may have gained over the hold of a missed tick, beyond what the damper took for certain.
 
     Over one between old and new gains too: it needs κT/2 of the old and half of either damper, and no old gains need
     more than b. Where there are walls, the device's damper is theirs.
     """
-    if hold <= 0.0:
+    if time <= 0.0:
         return
-    spare = 0.0 if settings.walls > 0.0 else 1.0
+    spare = 0.0 if settings.wall.count > 0.0 else 1.0
     for i in range(int(settings.axes)):
-        squared = settings.scale[i] ** 2
-        stiffness = max(memory.spring[i], memory.factor_held * settings.stiffness[i])  # one let go unseen held too
-        cancelled = settings.cancellation_ratio * settings.physical_damping[i] / settings.period
-        lost = spare * settings.physical_damping[i] / hold
-        gained = (0.5 * squared * stiffness + cancelled - lost) * memory.moved[i] ** 2
-        memory.tank -= max(0.0, gained + _damper_gained(settings, memory, i, hold))
+        scale, damping = settings.device.scale[i], settings.device.damping[i]
+        # one let go unseen held too
+        stiffness = max(spring.stiffness[i], spring.factor_held * settings.coupling.stiffness[i])
+        cancelled = settings.cancellation.ratio * damping / settings.period
+        lost = spare * damping / time
+        gained = (0.5 * scale**2 * stiffness + cancelled - lost) * motion.moved[i] ** 2
+        known = not hold.limited[i] and _is_known(settings, tank, spring, i)
+        tank.level -= max(0.0, gained + _damper_gained(settings, spring, i, scale * motion.moved[i], time, known))
 
 
 @njit
-def _damper_gained(settings, memory, i, hold):
+def _is_known(settings, tank, spring, i):
+    """Whether the damper's force over the hold, and the next one's velocity, are known."""
+    estimator = settings.velocity.estimator
+    known = settings.version == tank.version and estimator == velocity_estimator.BACKWARD_DIFFERENCE
+    return known and abs(spring.damped[i]) < math.inf
+
+
+@njit
+def _damper_gained(settings, spring, i, moved, time, known):
     """What the coupling's damper gave over a long hold [J], with what (1) leaves open on both sides of it.
 
     Its force F = B v is known, so it gave −F Δx, and the next tick's damper begins a new sum with (BT/2)(Δx/hold)².
     Where F or the next velocity is not known it is at most (B/T) Δx².
     """
-    moved = settings.scale[i] * memory.moved[i]
-    known = settings.version == memory.version and settings.velocity_estimator == velocity_estimator.BACKWARD_DIFFERENCE
-    if not known or memory.limited[i] or not abs(memory.damped[i]) < math.inf:
-        return memory.factor_held * settings.damping[i] / settings.period * moved * moved
-    factor = max(memory.factor, memory.factor_held)
-    begun = 0.5 * factor * settings.damping[i] * settings.period * (moved / hold) ** 2
-    return begun - memory.damped[i] * moved + hidden_energy(settings, i, 2.0 * memory.damped[i])
+    damping = settings.coupling.damping[i]
+    if not known:
+        return spring.factor_held * damping / settings.period * moved * moved
+    factor = max(spring.factor, spring.factor_held)
+    begun = 0.5 * factor * damping * settings.period * (moved / time) ** 2
+    return begun - spring.damped[i] * moved + hidden_energy(settings, i, 2.0 * spring.damped[i])
 
 
 @njit
-def _count_dissipated(settings, memory, row):
+def _count_dissipated(settings, tank, spring, hold, motion, latched, damper_fills):
     """What the way of the midpoints shows to have been dissipated in this window, less what has been counted."""
-    if memory.window_holds >= set_position.WINDOW:
-        memory.window_start, memory.window_holds = memory.latched_before, 0.0
+    if tank.window_holds >= set_position.WINDOW:
+        tank.window_start, tank.window_holds = tank.sample_before, 0.0
         for i in range(int(settings.axes)):
-            memory.window_from[i], memory.counted[i] = memory.midpoint[i], 0.0
-    memory.window_holds += 1.0
-    elapsed = (row.latched - memory.window_start) * 1e-9
+            tank.window_from[i], tank.counted[i] = tank.midpoint[i], 0.0
+    tank.window_holds += 1.0
+    elapsed = (latched - tank.window_start) * 1e-9
     for i in range(int(settings.axes)):
-        memory.midpoint[i] = memory.device_position[i] - 0.5 * memory.moved[i]
-        way, step = memory.midpoint[i] - memory.window_from[i], abs(settings.position_per_count[i])
-        counted = set_position.dissipated(memory.counted[i], way, step, elapsed)
-        memory.tank += _worth(settings, memory, i) * (counted - memory.counted[i])
-        memory.counted[i] = counted
+        tank.midpoint[i] = motion.device_position[i] - 0.5 * motion.moved[i]
+        way, step = tank.midpoint[i] - tank.window_from[i], abs(settings.device.position_per_count[i])
+        counted = set_position.dissipated(tank.counted[i], way, step, elapsed)
+        worth = _worth(settings, spring, i, damper_fills and not hold.limited[i])
+        tank.level += worth * (counted - tank.counted[i])
+        tank.counted[i] = counted
 
 
 @njit
-def _worth(settings, memory, i):
-    """What ∫ v² dt fills in [N s/m]: b − c, and for pspm what the coupling's damper takes beside its bound."""
-    modulated = exchange_samples.is_modulated(settings.exchange_method)
-    if not modulated or memory.limited[i] or settings.velocity_estimator != velocity_estimator.BACKWARD_DIFFERENCE:
-        return max(0.0, settings.surplus[i])
-    damper = 2.0 * memory.factor_held * settings.damping[i] * settings.scale[i] ** 2
-    cancelled = settings.cancellation_ratio * settings.physical_damping[i]
-    return max(0.0, settings.surplus[i]) + max(0.0, damper - cancelled)
+def _worth(settings, spring, i, damper_fills):
+    """What ∫ v² dt fills in [N s/m]: b − c, and what the coupling's damper takes beside its bound."""
+    surplus = max(0.0, settings.passivity.surplus[i])
+    if not damper_fills or settings.velocity.estimator != velocity_estimator.BACKWARD_DIFFERENCE:
+        return surplus
+    damper = 2.0 * spring.factor_held * settings.coupling.damping[i] * settings.device.scale[i] ** 2
+    cancelled = settings.cancellation.ratio * settings.device.damping[i]
+    return surplus + max(0.0, damper - cancelled)
 
 
 @kernel
-def pay(settings, memory, row):
+def pay(settings, tank, spring, hold, motion, fade):
     """Moves the set position towards the goal; the tank takes what the spring lets go and pays what it gains.
 
     A tank without the reserve moves nothing of its own: then the set position stays, or goes along with the handle.
     What a long hold left owing the spring pays, at once: it lets go of as much.
     """
-    stored, kept = held(settings, memory, row), reserve(settings, memory)
-    available = max(0.0, stored + max(0.0, memory.tank - kept) - memory.owed)
-    left = memory.tank + stored - _reach_out(settings, memory, row, 1.0, available)
+    held, kept = stored(settings, spring, hold, motion), reserve(settings, spring)
+    available = max(0.0, held + max(0.0, tank.level - kept) - tank.owed)
+    left = tank.level + held - _reach_out(settings, tank, spring, motion, fade, 1.0, available)
     if left < kept:
-        left = memory.tank + stored - _reach_out(settings, memory, row, 0.0, available)
-    memory.tank = left
+        left = tank.level + held - _reach_out(settings, tank, spring, motion, fade, 0.0, available)
+    tank.level = left
     for i in range(int(settings.axes)):
-        before, memory.set[i] = memory.set[i], row.position[i] + memory.stretch[i]
-        memory.own_velocity[i] = (memory.set[i] - before) / settings.period
-        memory.spring[i], memory.clamp[i] = _spring(settings, memory, i)
+        before, spring.set_position[i] = spring.set_position[i], motion.handle[i] + spring.stretch[i]
+        spring.own_velocity[i] = (spring.set_position[i] - before) / settings.period
+        spring.stiffness[i], spring.limit[i] = _wanted_spring(settings, spring, i)
 
 
 @kernel
-def reserve(settings, memory):
+def reserve(settings, spring):
     """Energy [J] that half an encoder step may hide of a tick's fastest changes of force, and of dropping the push."""
-    hidden, risen = 0.0, abs(memory.factor - memory.factor_held)
+    hidden, risen = 0.0, abs(spring.factor - spring.factor_held)
     for i in range(int(settings.axes)):
-        change = (1.0 + DAMPER_SLEW) * settings.exchange_slew[i] * settings.period + abs(memory.push[i])
-        change += risen * settings.coupling_limit[i]
-        hidden += hidden_energy(settings, i, change)
+        slew = (1.0 + set_position.DAMPER_SLEW) * settings.exchange.slew[i] * settings.period
+        hidden += hidden_energy(settings, i, slew + abs(spring.push[i]) + risen * settings.coupling.limit[i])
     return hidden
 
 
 @kernel
 def hidden_energy(settings, i, change):
     """Energy [J] of a change of force [N] over half an encoder step, by which the handle may be elsewhere."""
-    return 0.5 * settings.scale[i] * abs(settings.position_per_count[i]) * abs(change)
+    return 0.5 * settings.device.scale[i] * abs(settings.device.position_per_count[i]) * abs(change)
 
 
 @njit
-def _spring(settings, memory, i):
-    return memory.factor * settings.stiffness[i], memory.factor * settings.coupling_limit[i]
+def _wanted_spring(settings, spring, i):
+    return spring.factor * settings.coupling.stiffness[i], spring.factor * settings.coupling.limit[i]
 
 
 @kernel
-def held(settings, memory, row):
-    """Energy in the spring that held until now, at where the handle is now."""
+def stored(settings, spring, hold, motion):
+    """Energy [J] in the spring that held until now, at where the handle is now."""
     energy = 0.0
     for i in range(int(settings.axes)):
-        stretch = memory.set[i] - row.position[i]
-        kept = virtual_coupling.spring_store(memory.spring[i], memory.clamp[i], stretch)
-        if memory.mixed[i]:  # less was held than the spring says: what the hand may not have paid is not there
-            before = stretch + settings.scale[i] * memory.moved[i]
-            kept = min(kept, virtual_coupling.spring_store(memory.spring[i], memory.clamp[i], before))
+        stretch = spring.set_position[i] - motion.handle[i]
+        kept = spring_store(spring.stiffness[i], spring.limit[i], stretch)
+        if hold.mixed[i]:  # less was held than the spring says: what the hand may not have paid is not there
+            before = stretch + settings.device.scale[i] * motion.moved[i]
+            kept = min(kept, spring_store(spring.stiffness[i], spring.limit[i], before))
         energy += kept
     return energy
 
 
 @njit
-def _reach_out(settings, memory, row, own, available):
+def _reach_out(settings, tank, spring, motion, fade, own, available):
     """Fills in the stretches, whose energy is at most what is available; returns that energy. own: 0 for no slew."""
     wanted, square = 0.0, 0.0
     for i in range(int(settings.axes)):
-        stiffness, limit = _spring(settings, memory, i)
-        reach = own * settings.exchange_slew[i] * settings.period / stiffness if stiffness > 0.0 else math.inf
-        goal = memory.goal[i] if row.exchange_fade > 0.0 else row.position[i]
-        moved = settings.scale[i] * memory.moved[i]
-        stretch = set_position.slewed(memory.set[i], goal, moved, reach) - row.position[i]
-        memory.stretch[i] = stretch
-        wanted += virtual_coupling.spring_store(stiffness, limit, stretch)
+        stiffness, limit = _wanted_spring(settings, spring, i)
+        reach = own * settings.exchange.slew[i] * settings.period / stiffness if stiffness > 0.0 else math.inf
+        goal = spring.goal[i] if fade > 0.0 else motion.handle[i]
+        moved = settings.device.scale[i] * motion.moved[i]
+        stretch = set_position.slewed(spring.set_position[i], goal, moved, reach) - motion.handle[i]
+        spring.stretch[i] = stretch
+        wanted += spring_store(stiffness, limit, stretch)
         square += 0.5 * stiffness * stretch * stretch
-    share = set_position.share_paid(available, wanted, square)
+    share = set_position.scale_to_available_energy(available, wanted, square)
     if share == 1.0:
         return wanted
-    memory.shortened += own
+    tank.shortened += own
     wanted = 0.0
     for i in range(int(settings.axes)):
-        memory.stretch[i] *= share
-        stiffness, limit = _spring(settings, memory, i)
-        wanted += virtual_coupling.spring_store(stiffness, limit, memory.stretch[i])
+        spring.stretch[i] *= share
+        stiffness, limit = _wanted_spring(settings, spring, i)
+        wanted += spring_store(stiffness, limit, spring.stretch[i])
     return wanted
 
 
 @kernel
-def take_returned(settings, memory, row):
+def take_returned(settings, tank, tool):
     """Energy that the simulation's side sends back, never more than was shipped there."""
-    if row.tool_session != memory.tool_session:
-        memory.tool_session, memory.tool_energy = row.tool_session, row.tool_energy
-    back = exchange_samples.believed(row.tool_energy, memory.tool_energy, memory.shipped, memory.returned)
-    memory.tank = max(memory.tank, min(settings.exchange_tank, memory.tank + back))  # what is over is not sent again
-    memory.returned += back
-    memory.tool_energy = max(memory.tool_energy, row.tool_energy)
+    if tool.session != tank.tool_session:
+        tank.tool_session, tank.tool_energy = tool.session, tool.energy
+    back = exchange_samples.believed(tool.energy, tank.tool_energy, tank.shipped, tank.returned)
+    tank.level = max(tank.level, min(settings.exchange.tank, tank.level + back))  # what is over is not sent again
+    tank.returned += back
+    tank.tool_energy = max(tank.tool_energy, tool.energy)
+
+
+@kernel
+def tick_ended(settings, tank, spring, motion, output, paid):
+    """At the end of the tick: what the coupling's spring really holds, and what the encoder's step may hide.
+
+    paid (3): velocity of the set position that somebody else pays for [m/s | rad/s].
+
+    A factor that was paid for and did not rise is paid back. The handle may be half an encoder step from where it is
+    booked: a change of force that is not the handle's own costs that much way (the rest is the friction's, as with any
+    sampled spring: Abbott & Okamura 2005).
+    """
+    factor, gains = output.engage * output.exchange_fade, settings.coupling
+    for i in range(int(settings.axes)):
+        stretch = output.coupling_position[i] - output.position[i]
+        stiffness, limit = factor * gains.stiffness[i], factor * gains.limit[i]
+        push = factor * gains.damping[i] * (output.coupling_velocity[i] - paid[i])
+        if abs(stretch) < math.inf and abs(push) < math.inf:
+            tank.level += spring_store(spring.stiffness[i], spring.limit[i], stretch)
+            tank.level -= spring_store(stiffness, limit, stretch)
+            own = abs(stretch - spring.stretch_before[i]) - settings.device.scale[i] * abs(motion.moved[i])
+            full = spring_force(gains.stiffness[i], gains.limit[i], stretch)
+            change = stiffness * max(0.0, own) + abs(push - spring.push[i])
+            change += abs((factor - spring.factor_held) * full)
+            tank.level -= hidden_energy(settings, i, change)
+            spring.push[i], spring.stretch_before[i] = push, stretch
+            spring.damped[i] = factor * gains.damping[i] * output.velocity[i]
+        spring.stiffness[i], spring.limit[i] = stiffness, limit
+    spring.factor = spring.factor_held = factor
+
+
+@kernel
+def tick_ended_unseen(settings, tank, spring, output):
+    """A tick whose counts are old: nothing rises in it, and what falls is not paid back.
+
+    The tank is empty then: what the handle did until the spring was let go, nobody knows.
+    """
+    factor = output.engage * output.exchange_fade
+    if factor < spring.factor:
+        tank.level, spring.factor = min(0.0, tank.level), factor
+        for i in range(int(settings.axes)):
+            spring.stiffness[i] = factor * settings.coupling.stiffness[i]
+            spring.limit[i] = factor * settings.coupling.limit[i]
+            spring.damped[i] = math.nan  # more than one force in one hold

@@ -3,6 +3,7 @@
 
 from typing import NamedTuple
 
+from haptic_device.control import enable_state
 from haptic_device.jit import kernel
 
 NONE, ESTOP, DEVICE_SILENT, NOT_A_NUMBER, ENCODER_JUMP, POSITION, VELOCITY, SATURATION, DEVICE_WATCHDOG = range(9)
@@ -84,13 +85,31 @@ def name_of(code):
 
 
 @kernel
-def warmed(warmth, share, kept):
-    """Warmth of a motor after a tick's force, as a share of what it reaches at its limit.
+def latch(fault, code):
+    """Latches this code if it is one and no other was first."""
+    if code != NONE and fault.code == NONE:
+        fault.code = code
 
-    Heat goes with the square of the current and leaves by one time constant τ: dw/dt = (share² − w)/τ, exact for a
-    share of the limit held over T with kept = exp(−T/τ). A force of fault.duty times the limit warms to fault.duty².
-    """
-    return share * share + (warmth - share * share) * kept
+
+@kernel
+def watch(settings, fault, enable, motion, sensors):
+    """Latches the first fault that command, device and motors show; a new count of resets clears the last one."""
+    command, limits = int(sensors.command), settings.fault
+    resets = command // enable_state.RESET
+    if resets != fault.resets:
+        fault.resets, fault.code, fault.saturated = resets, NONE, 0.0
+    if command & enable_state.ESTOP:
+        latch(fault, ESTOP)
+    if max((sensors.deadline - sensors.latched) * 1e-9, motion.stale_ticks * settings.period) > limits.silence:
+        latch(fault, DEVICE_SILENT)
+    if int(sensors.device_status) & WATCHDOG and enable.ramp > 0.0:
+        latch(fault, DEVICE_WATCHDOG)
+    if fault.saturated > limits.saturation:
+        latch(fault, SATURATION)
+    if command & enable_state.UNATTENDED:
+        latch(fault, UNATTENDED)
+    if max(fault.thermal_load[0], fault.thermal_load[1], fault.thermal_load[2]) > limits.duty * limits.duty:
+        latch(fault, DUTY)
 
 
 @kernel

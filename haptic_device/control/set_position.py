@@ -14,9 +14,10 @@ and the device's damper takes at least b Δx²/T. With c = κT/2 + B (Colgate 19
     E ← E + U(x − y_k; κ_k) − U(x − y_{k+1}; κ_{k+1})                   when y or κ changes                       (2)
 
 the energy given up to any tick is at most E_0 − E − U. So E ≥ 0 is the whole condition, for any samples: (2) is kept by
-`share_paid`, which shortens a stretch that the tank cannot pay; (1) by `damper_share`, for the handle's worst motion.
-With midpoints m_k = (x_k + x_{k+1})/2 both squares of (1) are at least (b − c + 2B) Δm²/T, and over a window of n holds
-at least (b − c + 2B)(Σ Δm)²/nT (Cauchy–Schwarz): that is credited, by `dissipated`, where no encoder step raises it.
+`scale_to_available_energy`, which shortens a stretch that the tank cannot pay; (1) by `damper_share`, for the handle's
+worst motion. With midpoints m_k = (x_k + x_{k+1})/2 both squares of (1) are at least (b − c + 2B) Δm²/T, and over a
+window of n holds at least (b − c + 2B)(Σ Δm)²/nT (Cauchy–Schwarz): that is credited, by `dissipated`, where no encoder
+step raises it.
 
 Energy leaves the tank for the other side and comes back at most up to what has left (exchange.believed).
 Limits: b = c leaves B alone to fill the tank; κ = 0 lets y go anywhere.
@@ -26,17 +27,18 @@ import math
 
 from haptic_device.jit import kernel
 
+DAMPER_SLEW = 0.25  # share of the slew that the set position's velocity may make on top of it
 WINDOW = 16  # holds over which the dissipated energy is counted from one start
 
 
 @kernel
-def foretold(position, velocity, age, horizon):
+def predicted_position(position, velocity, age, horizon):
     """Where a tool that goes on as it did is now [m | rad]: first order, for at most the horizon [s]."""
     return position + velocity * min(horizon, max(0.0, age))
 
 
 @kernel
-def beside(straight, handle, stretch, age, agility, trust):
+def predicted_beside_handle(straight, handle, stretch, age, agility, trust):
     """Where a free tool is now: beside the handle, by the stretch of its last sample, which is believed less with age.
 
     A free tool goes where the handle goes, so that the handle's own motion foretells it without the error of
@@ -62,7 +64,17 @@ def slewed(before, wanted, moved, reach):
 
 
 @kernel
-def share_paid(available, wanted, square):
+def slewed_velocity(before, wanted, damping, slew, period):
+    """Next velocity at which the damper pulls: the wanted one, as far as the damper's share of the slew lets it.
+
+    damping [N s/m], slew [N/s].
+    """
+    reach = DAMPER_SLEW * slew * period / damping if damping > 0.0 else math.inf
+    return min(before + reach, max(before - reach, wanted))
+
+
+@kernel
+def scale_to_available_energy(available, wanted, square):
     """Share 0…1 of the wanted stretches whose energy is covered by the energy available [J].
 
     wanted: Σ U(s) of the wanted stretches; square: Σ ½ κ s² of the same, both convex and 0 at s = 0, so that

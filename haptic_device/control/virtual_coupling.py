@@ -26,3 +26,15 @@ def spring_store(stiffness, limit, stretch):
     if force <= limit:
         return 0.5 * force * abs(stretch)
     return limit * (abs(stretch) - 0.5 * limit / stiffness)
+
+
+@kernel
+def pull(settings, output):
+    """Force of the virtual coupling on the handle, faded; its spring gives no more than the motor can hold."""
+    gains = settings.coupling
+    for i in range(int(settings.axes)):
+        stretch = output.coupling_position[i] - output.position[i]
+        rate = output.coupling_velocity[i] - output.velocity[i]
+        force = spring_force(gains.stiffness[i], gains.limit[i], stretch)
+        force += gains.damping[i] * rate
+        output.force_coupling[i] = output.exchange_fade * force if output.exchange_fade > 0.0 else 0.0

@@ -25,3 +25,22 @@ def wall_force(stiffness, damping, depth, depth_rate):
 def wall_store(stiffness, depth):
     """Energy in the wall's spring [J]."""
     return 0.5 * stiffness * max(0.0, depth) ** 2
+
+
+@kernel
+def measure_depths(wall, walls, handle):
+    """Depth of the handle in each wall, once a tick."""
+    for i in range(int(wall.count)):
+        walls.depth[i] = wall_depth(wall.x[i], wall.y[i], wall.offset[i], handle[0], handle[1])
+
+
+@kernel
+def push(wall, walls, output):
+    """Sum of all walls' forces on the handle, x and y, less the share of the walls that is released."""
+    for i in range(int(wall.count)):
+        nx, ny = wall.x[i], wall.y[i]
+        rate = -(nx * output.velocity[0] + ny * output.velocity[1])
+        force = wall_force(wall.stiffness[i], wall.damping[i], walls.depth[i], rate)
+        force *= 1.0 - walls.release
+        output.force_walls[0] += nx * force
+        output.force_walls[1] += ny * force

@@ -6,6 +6,7 @@ import math
 import numpy as np
 
 from haptic_device.control import enable_state, servo
+from haptic_device.control.records import TICK
 from haptic_device.description import SUB_STEP
 from haptic_device.device import operator_hand, plant
 from haptic_device.jit import kernel, njit
@@ -64,10 +65,10 @@ def latch(device, memory, deadline, sample):
 
 
 @kernel
-def command(device, memory, motion, written, row):
+def command(device, memory, motion, written, output):
     """Takes the servo's motor value; the hand's script begins when the display is engaged."""
-    plant.push_motor(device, memory, written, row.motor)
-    _begin(motion, row.state == enable_state.ENGAGED, written)
+    plant.push_motor(device, memory, written, output.motor)
+    _begin(motion, output.state == enable_state.ENGAGED, written)
 
 
 @njit
@@ -179,21 +180,24 @@ def _tell(mail, memory, motion, truth, driven):
 
 
 @kernel
-def run_lockstep(settings, memory, rows, tool, plant, plant_memory, motion, start, first, write_delay, command):
+def run_lockstep(settings, state, rows, tool, body, body_state, motion, start, first, write_delay, word):
     """rows.size ticks without clock, the first of number `first` at time start [ns], against the plant itself.
 
     The motor is written write_delay [ns] after each deadline, as the live servo's lateness has it. All records as in
-    run_realtime, of one each; plant, plant_memory and motion as in device/plant and device/operator_hand.
+    run_realtime, of one each; body, body_state and motion as in device/plant and device/operator_hand; word: command.
     """
-    sample = np.zeros(hardware_interface.SAMPLE)
+    sample, ticks = np.zeros(hardware_interface.SAMPLE), np.zeros(1, TICK)
+    tick = ticks[0]
     period = np.int64(round(settings[0].period * 1e9))
     for k in range(rows.size):
-        row, deadline = rows[k], start + k * period
-        advance(plant[0], plant_memory[0], motion[0], deadline)
-        latch(plant[0], plant_memory[0], deadline, sample)
-        row.tick, row.deadline, row.missed, row.compute = first + k, deadline, 0, 0.0
-        row.lateness, row.write_delay, row.command = write_delay * 1e-9, write_delay * 1e-9, command
-        servo_loop.fill_inputs(row, settings[0], tool[0], sample, 1)
-        servo_loop.fill_contacts(row, memory[0])
-        servo.tick(settings[0], memory[0], row)
-        command(plant[0], plant_memory[0], motion[0], deadline + write_delay, row)
+        deadline = start + k * period
+        advance(body[0], body_state[0], motion[0], deadline)
+        latch(body[0], body_state[0], deadline, sample)
+        servo_loop.begin_tick(tick.sensors, first + k, deadline, 0, 0.0)
+        tick.sensors.lateness, tick.sensors.write_delay = write_delay * 1e-9, write_delay * 1e-9
+        tick.sensors.command = word
+        servo_loop.fill_sensors(tick.sensors, settings[0].version, sample, 1)
+        servo_loop.fill_tool(tick.tool, tool[0], state[0].virtual_tool.contacts, deadline)
+        servo.tick(settings[0], state[0], tick)
+        command(body[0], body_state[0], motion[0], deadline + write_delay, tick.output)
+        servo_loop.copy_tick(ticks, rows, k)

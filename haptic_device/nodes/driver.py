@@ -10,8 +10,7 @@ import time
 import numpy as np
 
 from haptic_device import controller_config, gain_check
-from haptic_device.control import enable_state, faults
-from haptic_device.control import servo as law
+from haptic_device.control import enable_state, faults, records
 from haptic_device.description import load_device
 from haptic_device.jit import ensure_compiled
 from haptic_device.nodes.declared import DRIVER
@@ -37,7 +36,7 @@ class DriverNode(ManagedNode):
     def __init__(self):
         super().__init__("haptic_driver", DRIVER)
         self.hardware = self.servo = self.exchange = self.telemetry = None
-        self._kept = {"fault": faults.NONE}
+        self._kept = {"code": faults.NONE}
         self._version, self._enabled_once, self._said, self.margins = 0, False, set(), [math.inf, math.inf]
         self._watched, self.stall, self._reported = time.monotonic(), 0.0, None
         self._changing = threading.Lock()  # held while the servo comes and goes: no e-stop falls in between
@@ -111,8 +110,8 @@ class DriverNode(ManagedNode):
         self._judge(settings, values)
         if self.servo is not None:
             self._version += 1
-            settings["margin"] = gain_check.margins(settings[0], self.lateness())[0]
-            settings["surplus"] = gain_check.surplus(settings[0], self.lateness())
+            settings["passivity"]["margin"] = gain_check.margins(settings[0], self.lateness())[0]
+            settings["passivity"]["surplus"] = gain_check.surplus(settings[0], self.lateness())
             self.servo.set(settings)
             self.servo.gains.put(controller_config.gains_from(values))
             self._set_flag(enable_state.CLUTCH, values["clutch.open"])
@@ -141,9 +140,12 @@ class DriverNode(ManagedNode):
 
     def _follow_margin(self):
         """The margin of the gains in force, with the lateness as measured now."""
-        settings = self.servo.settings.get().view(np.ndarray).view(law.SETTINGS)
+        settings = self.servo.settings.get().view(np.ndarray).view(records.SETTINGS)
         by_axis, *self.margins = gain_check.margins(settings[0], self.lateness())
-        settings["margin"], settings["surplus"] = by_axis, gain_check.surplus(settings[0], self.lateness())
+        settings["passivity"]["margin"], settings["passivity"]["surplus"] = (
+            by_axis,
+            gain_check.surplus(settings[0], self.lateness()),
+        )
         self.servo.set(settings)
 
     def _set_flag(self, flag, wanted):
@@ -199,7 +201,7 @@ class DriverNode(ManagedNode):
         with self._changing:
             servo = self.servo
             if servo is None:
-                self._kept["fault"] = self._kept["fault"] or faults.ESTOP
+                self._kept["code"] = self._kept["code"] or faults.ESTOP
             else:
                 servo.order(set_flags=enable_state.ESTOP, clear_flags=enable_state.ENABLE)
         response.success = True

@@ -7,8 +7,9 @@ import threading
 
 import numpy as np
 
-from haptic_device.control import contact_model, servo
+from haptic_device.control import contact_model
 from haptic_device.control import exchange_samples as law
+from haptic_device.control.records import TRACE_ROW
 from haptic_device.message_fields import LOCAL_CONTACT, MOST, exchange_names
 from haptic_device.nodes import messages
 from haptic_device.nodes.polled_subscription import PolledSubscription
@@ -86,7 +87,7 @@ class ExchangeServer:
 
     def _run(self):
         row, gains, tool = (
-            np.zeros(1, servo.TICK),
+            np.zeros(1, TRACE_ROW),
             np.zeros(1, law.COUPLING_GAINS),
             np.zeros(1, servo_loop.TOOL),
         )

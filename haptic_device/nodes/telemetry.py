@@ -7,7 +7,7 @@ import time
 import numpy as np
 from rclpy.duration import Duration
 
-from haptic_device.control.servo import SETTINGS, TICK
+from haptic_device.control.records import SETTINGS, TRACE_ROW
 from haptic_device.message_fields import AXES
 from haptic_device.nodes import messages
 from haptic_device.realtime import clock
@@ -45,7 +45,7 @@ class Telemetry:
         self._trace = node.create_publisher(messages.PointCloud2, "trace", messages.TRACE)
         self._snapshot = node.create_publisher(messages.PointCloud2, "snapshot", messages.STATE)
         self._trace_layout, self._snapshot_layout = (
-            CloudLayout(TICK, FRAME),
+            CloudLayout(TRACE_ROW, FRAME),
             CloudLayout(SNAPSHOT, FRAME),
         )
         self._version, self._snapshot_due, self.cpu = -1, 0, 0.0
@@ -54,7 +54,7 @@ class Telemetry:
         self._judged, self._judged_at = np.full((4, 4), np.nan), -FRESH_ENOUGH
         self._ticks, self._latched, self._position = 0, 0.0, np.zeros(3)
         self._told = {"axes": 0.0, "pose": 0.0}  # deadline of the tick that was published last
-        self._row, self._settings = np.zeros(1, TICK), np.zeros(1, SETTINGS)
+        self._row, self._settings = np.zeros(1, TRACE_ROW), np.zeros(1, SETTINGS)
         self._wrench_layout, self._pose_layout = (
             StampedLayout(WRENCH, FRAME),
             StampedLayout(POSE, FRAME),
@@ -126,7 +126,7 @@ class Telemetry:
 
     def _device_position(self):
         settings = self._settings
-        return self._row["counts"][0] * settings["position_per_count"][0] - settings["zero"][0]
+        return self._row["counts"][0] * settings["device"]["position_per_count"][0] - settings["device"]["zero"][0]
 
     def _publish_pose(self, now):
         """The operator's side: handle on the device, and the force the motor holds there."""

@@ -43,13 +43,10 @@ class SeqLock:
 
 
 class Ring:
-    """Rows from one writer to one reader; when full, new rows are dropped and counted.
-
-    Behind the ring's `size` rows there is one more, for the writer to work in while the ring is full.
-    """
+    """Rows from one writer to one reader; when full, new rows are dropped and counted."""
 
     def __init__(self, dtype, size):
-        self.size, self.rows = size, np.zeros(size + 1, dtype)
+        self.size, self.rows = size, np.zeros(size, dtype)
         self.rows.view(np.uint8).fill(0)  # touched now, so that the writer meets no page fault
         self.words = np.zeros(8, np.int64)
 

@@ -7,30 +7,21 @@ import numba
 import numpy as np
 from numba import types
 
-from haptic_device.control import contact_model, enable_state, servo, virtual_tool
+from haptic_device.control import contact_model, enable_state, servo, tool_contacts
+from haptic_device.control.records import AXES, SETTINGS, STATE, TICK, TRACE_ROW
 from haptic_device.jit import kernel, njit
 from haptic_device.realtime import atomic, clock, hardware_interface, seqlock
 
 STOP, COMMAND, RUNNING, LATE_DEVICE, TORN, ATTENDED, CONTROLS = 0, 1, 2, 3, 4, 5, 8  # words of control
 
-# what the servo takes of the tool sample that counts now; the exchange writes it
 TOOL = np.dtype(
     [
-        (name, "f8", (3,)) if name in ("position", "velocity", "effort") else (name, "f8")
-        for name in (
-            "session",
-            "sequence",
-            "answered",
-            "sent",
-            "position",
-            "velocity",
-            "effort",
-            "contact",
-            "energy",
-            "handle_sequence",
-        )
+        *((name, "f8") for name in ("session", "sequence", "answered", "sent")),
+        *((name, "f8", (AXES,)) for name in ("position", "velocity", "effort")),
+        *((name, "f8") for name in ("contact", "energy", "handle_sequence")),
     ]
 )
+"""What the servo takes of the tool sample that counts now; the exchange writes it. sent [ns]: of the handle sample."""
 
 _WORDS = types.int64[::1]
 
@@ -39,12 +30,12 @@ def _records(dtype):
     return types.Array(numba.from_dtype(dtype), 1, "C")
 
 
-def _signature(memory):
+def _signature():
     return types.int64(
         types.FunctionType(hardware_interface.READ),
         types.FunctionType(hardware_interface.WRITE),
         *(_WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS, _WORDS),
-        *map(_records, (servo.SETTINGS, memory, servo.TICK, TOOL, contact_model.SET)),
+        *map(_records, (SETTINGS, STATE, TICK, TRACE_ROW, TOOL, contact_model.SET)),
     )
 
 
@@ -59,21 +50,22 @@ def run_realtime(
     row_mail,
     ring,
     settings,
-    memory,
+    state,
+    ticks,
     rows,
     tool,
     near,
 ):
     """The servo by CLOCK_MONOTONIC until control[STOP]; every way out writes zero to the motor. Returns missed ticks.
 
-    rows: the trace ring's rows and one more, which is used while the ring is full. settings, memory, tool, near: one
-    record each. Nothing here allocates, locks or calls Python.
+    ticks: the TICK record to work in, copied to the mailbox and into the ring's rows at its end. settings, state, tool,
+    near: one record each. Nothing here allocates, locks or calls Python.
     """
     scratch, sample = np.zeros(2, np.int64), np.zeros(hardware_interface.SAMPLE)
     zero, motor = np.zeros(3), np.zeros(3)
     settings_words, tool_words = atomic.words_of(settings), atomic.words_of(tool)
     settings_staged, tool_staged = np.empty_like(settings_words), np.empty_like(tool_words)
-    near_words, near_turn = atomic.words_of(near), -1
+    near_words, near_turn, tick, words = atomic.words_of(near), -1, ticks[0], atomic.words_of(ticks)
     near_staged = np.empty_like(near_words)
     tool_turn, missed, compute, delay, number = -1, 0, 0.0, 0.0, 0
     settings_turn = _take(control, settings_mail, settings_staged, settings_words, -1)
@@ -91,27 +83,28 @@ def run_realtime(
         patience = period // 2 if fresh else period // 16  # a device that is gone must not keep the processor busy
         fresh = read(memory_of_link, deadline, deadline + patience, sample)
         began = clock.now_ns(scratch)
-        slot = seqlock.ring_slot(ring, rows.size - 1)
-        row = rows[slot if slot >= 0 else rows.size - 1]
         settings_turn = _take(control, settings_mail, settings_staged, settings_words, settings_turn)
         tool_turn = _take(control, tool_mail, tool_staged, tool_words, tool_turn)
         near_known = near_turn
         near_turn = _take(control, near_mail, near_staged, near_words, near_turn)
         if near_turn != near_known and near[0].number > 0.0:
-            virtual_tool.take(memory[0], near[0])
-        row.tick, row.deadline, row.missed, row.compute = number, deadline, missed, compute
-        row.write_delay = delay
-        row.lateness = (woke - deadline + late * period) * 1e-9
-        row.command = _command(control, settings[0].unattended, deadline)
-        fill_inputs(row, settings[0], tool[0], sample, fresh)
-        fill_contacts(row, memory[0])
-        servo.tick(settings[0], memory[0], row)
-        for i in range(servo.AXES):
-            motor[i] = row.motor[i]
+            tool_contacts.take(state[0].virtual_tool.contacts, near[0])
+        begin_tick(tick.sensors, number, deadline, missed, compute)
+        tick.sensors.write_delay = delay
+        tick.sensors.lateness = (woke - deadline + late * period) * 1e-9
+        tick.sensors.command = _command(control, settings[0].fault.unattended, deadline)
+        fill_sensors(tick.sensors, settings[0].version, sample, fresh)
+        fill_tool(tick.tool, tool[0], state[0].virtual_tool.contacts, deadline)
+        servo.tick(settings[0], state[0], tick)
+        for i in range(AXES):
+            motor[i] = tick.output.motor[i]
         written = clock.now_ns(scratch)
-        write(memory_of_link, written, deadline + period, period, np.int64(row.state == enable_state.ENGAGED), motor)
-        atomic.publish(row_mail, 0, seqlock.FIRST, row_words(rows, slot))
+        engaged = np.int64(tick.output.state == enable_state.ENGAGED)
+        write(memory_of_link, written, deadline + period, period, engaged, motor)
+        atomic.publish(row_mail, 0, seqlock.FIRST, words)
+        slot = seqlock.ring_slot(ring, rows.size)
         if slot >= 0:
+            copy_tick(ticks, rows, slot)
             seqlock.ring_push(ring)
         control[LATE_DEVICE] += 1 - fresh
         delay = (written - deadline) * 1e-9
@@ -123,12 +116,9 @@ def run_realtime(
 
 
 @functools.cache
-def realtime(memory):
-    """run_realtime compiled for this dtype of memory, and links given as function pointers.
-
-    So any link runs the same cached machine code.
-    """
-    return kernel(_signature(memory))(run_realtime)
+def realtime():
+    """run_realtime, compiled for links given as function pointers: any link runs the same cached machine code."""
+    return kernel(_signature())(run_realtime)
 
 
 @njit
@@ -142,10 +132,12 @@ def _command(control, unattended, now):
     return word | enable_state.UNATTENDED if alone and word & enable_state.ENABLE else word
 
 
-@kernel
-def row_words(rows, slot):
-    index = slot if slot >= 0 else rows.size - 1
-    return atomic.words_of(rows[index : index + 1])
+@njit
+def copy_tick(ticks, rows, at):
+    """Copies the one TICK into a row of the trace (TRACE_ROW, the same bytes)."""
+    words, row = atomic.words_of(ticks), atomic.words_of(rows[at : at + 1])
+    for i in range(words.size):
+        row[i] = words[i]
 
 
 @njit
@@ -162,22 +154,34 @@ def _take(control, mail, staged, words, known):
 
 
 @njit
-def fill_inputs(row, settings, tool, sample, fresh):
-    """The tick's inputs from the device's sample and the tool sample that counts; deadline is in the row already."""
-    row.parameter_version, row.latched = settings.version, sample[hardware_interface.LATCHED]
-    row.device_status = sample[hardware_interface.STATUS] + fresh
-    row.tool_session, row.tool_sequence, row.tool_answered = tool.session, tool.sequence, tool.answered
-    row.tool_age = (row.deadline - tool.sent) * 1e-9 if tool.sequence > 0.0 else -1.0
-    row.tool_contact, row.tool_energy = tool.contact, tool.energy
-    row.handle_sequence = tool.handle_sequence
-    for i in range(servo.AXES):
-        row.counts[i], row.drag[i] = sample[hardware_interface.COUNTS + i], sample[hardware_interface.DRAG + i]
-        row.tool_position[i], row.tool_velocity[i] = tool.position[i], tool.velocity[i]
-        row.tool_effort[i] = tool.effort[i]
+def begin_tick(sensors, number, deadline, missed, compute):
+    """Number and deadline [ns] of a tick, ticks missed so far, and the last one's work [s]."""
+    sensors.tick, sensors.deadline, sensors.missed, sensors.compute = number, deadline, missed, compute
 
 
-@kernel
-def fill_contacts(row, memory):
+@njit
+def fill_sensors(sensors, version, sample, fresh):
+    """What the device says: sample (hardware_interface.SAMPLE), fresh: 1 if it is of this deadline."""
+    sensors.parameter_version, sensors.latched = version, sample[hardware_interface.LATCHED]
+    sensors.device_status = sample[hardware_interface.STATUS] + fresh
+    for i in range(AXES):
+        sensors.counts[i] = sample[hardware_interface.COUNTS + i]
+        sensors.drag[i] = sample[hardware_interface.DRAG + i]
+
+
+@njit
+def fill_tool(sample, tool, contacts, deadline):
+    """The tool sample that counts, and which set of local contacts, with their ages [s]; −1: none yet."""
+    sample.session, sample.sequence, sample.answered = tool.session, tool.sequence, tool.answered
+    sample.age = (deadline - tool.sent) * 1e-9 if tool.sequence > 0.0 else -1.0
+    sample.contact, sample.energy, sample.handle_sequence = tool.contact, tool.energy, tool.handle_sequence
+    for i in range(AXES):
+        sample.position[i], sample.velocity[i], sample.effort[i] = tool.position[i], tool.velocity[i], tool.effort[i]
+    fill_contacts(sample, contacts, deadline)
+
+
+@njit
+def fill_contacts(sample, contacts, deadline):
     """Which set of local contacts counts in this tick, and its age [s]; −1: none yet."""
-    row.contact_set = memory.near_number
-    row.contact_age = (row.deadline - memory.near_sent) * 1e-9 if memory.near_number > 0.0 else -1.0
+    sample.contact_set = contacts.number
+    sample.contact_age = (deadline - contacts.sent) * 1e-9 if contacts.number > 0.0 else -1.0

@@ -6,8 +6,9 @@ import time
 
 import numpy as np
 
-from haptic_device.control import contact_model, enable_state, faults, servo
+from haptic_device.control import contact_model, enable_state, faults
 from haptic_device.control.exchange_samples import COUPLING_GAINS
+from haptic_device.control.records import SETTINGS, STATE, TICK, TRACE_ROW
 from haptic_device.realtime import clock, hardware_interface, scheduling, servo_loop, tick_replay
 from haptic_device.realtime.seqlock import Ring, SeqLock
 
@@ -30,20 +31,20 @@ class ServoThread:
 
     def __init__(self, device_link, settings, home=None, realtime="prefer", kept=None):
         self.link, self._home, self._wish = device_link, home, realtime
-        self.settings, self.gains = SeqLock(servo.SETTINGS), SeqLock(COUPLING_GAINS)
-        self.tool, self.row, self.ring = SeqLock(servo_loop.TOOL), SeqLock(servo.TICK), Ring(servo.TICK, RING_ROWS)
+        self.settings, self.gains = SeqLock(SETTINGS), SeqLock(COUPLING_GAINS)
+        self.tool, self.row, self.ring = SeqLock(servo_loop.TOOL), SeqLock(TRACE_ROW), Ring(TRACE_ROW, RING_ROWS)
         self.near = SeqLock(contact_model.SET)
         self.control = np.zeros(servo_loop.CONTROLS, np.int64)
-        self._memory = np.zeros(1, servo.MEMORY)
+        self._state = np.zeros(1, STATE)
         for name, value in (kept or {}).items():
-            self._memory[name] = value
+            self._state["fault"][name] = value
         self.realtime, self._refused, self._ready = "", None, threading.Event()
         self.clock_offset = time.time_ns() - time.monotonic_ns()
         self._writing = threading.Lock()  # one writer at a time; ticks take no lock
-        self._resets, self._zero = 0, settings["zero"].copy()
+        self._resets, self._zero = 0, settings["device"]["zero"].copy()
         self.set(settings)
         self.snapshot()  # what it calls is compiled now: that holds the interpreter, and would disturb an exchange
-        self._run_ticks = servo_loop.realtime(self._memory.dtype)  # and not by the thread, which is urgent
+        self._run_ticks = servo_loop.realtime()  # and not by the thread, which is urgent
         self._thread = threading.Thread(target=self._run, name="servo")
 
     def start(self):
@@ -67,8 +68,10 @@ class ServoThread:
     @property
     def kept(self):
         """Latched fault and warmth of the motors, when it has stopped; an e-stop that no tick has taken is one."""
-        latched = int(self._memory["fault"][0]) or (faults.ESTOP if self.command & enable_state.ESTOP else faults.NONE)
-        return {"fault": latched, "warmth": self._memory["warmth"][0].copy()}
+        latched = int(self._state["fault"]["code"][0]) or (
+            faults.ESTOP if self.command & enable_state.ESTOP else faults.NONE
+        )
+        return {"code": latched, "thermal_load": self._state["fault"]["thermal_load"][0].copy()}
 
     @property
     def running(self):
@@ -101,10 +104,10 @@ class ServoThread:
         deadline: nothing is asked of the servo, and it never waits.
         """
         for _ in range(SNAPSHOT_ATTEMPTS):
-            settings, row, memory = self.settings.get()[0], self.row.get()[0], self._memory[0].copy()
+            settings, row, state = self.settings.get()[0], self.row.get()[0], self._state[0].copy()
             whole = time.monotonic_ns() < int(row.deadline) + round(settings.period * SECOND)
             if whole and row.parameter_version == settings.version:
-                return tick_replay.snapshot_of(row.tick, settings, memory)
+                return tick_replay.snapshot_of(row.tick, settings, state)
         return None
 
     def _run(self):
@@ -119,7 +122,7 @@ class ServoThread:
             if self.control[servo_loop.STOP]:
                 return
             threading.Event().wait(LOOK_UP)
-        settings = self.settings.get().view(np.ndarray).view(servo.SETTINGS)
+        settings = self.settings.get().view(np.ndarray).view(SETTINGS)
         tool, near = np.zeros(1, servo_loop.TOOL), np.zeros(1, contact_model.SET)
         self._run_ticks(
             self.link.read,
@@ -132,7 +135,8 @@ class ServoThread:
             self.row.words,
             self.ring.words,
             settings,
-            self._memory,
+            self._state,
+            np.zeros(1, TICK),
             self.ring.rows,
             tool,
             near,
@@ -146,7 +150,7 @@ class ServoThread:
         if not self.link.read(self.link.memory, 0, clock.now_ns(scratch) + SECOND // 10, sample):
             return False
         with self._writing:
-            settings = self.settings.get().view(np.ndarray).view(servo.SETTINGS)
+            settings = self.settings.get().view(np.ndarray).view(SETTINGS)
             self._zero = sample[hardware_interface.COUNTS : hardware_interface.COUNTS + 3] * settings[
                 "position_per_count"
             ] - np.array(self._home)

@@ -1,80 +1,142 @@
 # SPDX-License-Identifier: Apache-2.0
 """The servo's ticks again: from a trace, to the bit, or with other settings on the counts of a recorded hand.
 
-A snapshot is what a tick leaves behind, settings and memory; with it and the inputs of the rows that follow, every
+A snapshot is what a tick leaves behind, settings and state; with it and the inputs of the rows that follow, every
 output of these rows can be computed again.
 """
 
 import numpy as np
 
-from haptic_device.control import contact_model, servo, virtual_tool
+from haptic_device.control import contact_model, servo, tool_contacts
+from haptic_device.control.records import AXES, CONTACTS, SETTINGS, STATE, TICK
 from haptic_device.jit import kernel
-from haptic_device.realtime import hardware_interface
-from haptic_device.realtime.servo_loop import fill_contacts, fill_inputs
+from haptic_device.realtime import atomic, hardware_interface
+from haptic_device.realtime.servo_loop import begin_tick, copy_tick, fill_sensors, fill_tool
+
+IN_BAGS = {
+    "settings": {
+        **{f"device.{name}": name for name in SETTINGS["device"].names},
+        **{"device.motor_limit": "device_limit", "device.damping": "physical_damping"},
+        **{"coupling.stiffness": "stiffness", "coupling.damping": "damping", "wall.count": "walls"},
+        **{f"passivity.{name}": name for name in ("margin", "surplus", "cross")},
+        **{f"fault.{name}": name for name in SETTINGS["fault"].names},
+    },
+    "memory": {
+        **{
+            f"{group}.{name}": name
+            for group in STATE.names
+            for name in STATE[group].names
+            if STATE[group][name].names is None
+        },
+        **{"motion.sample_time": "latched", "motion.stale_ticks": "unseen"},
+        **{"motion.handle": "world", "motion.clutch_offset": "offset"},
+        **{"samples.count": "history", "samples.x": "positions_x", "samples.y": "positions_y"},
+        **{"samples.theta": "positions_theta"},
+        **{"hold.force": "held_force", "hold.force_now": "held_now"},
+        **{"hold.change": "held_change", "hold.square": "held_square"},
+        **{"walls.release": "walls_off", "walls.touched": "walls_touched", "walls.force": "walls_held"},
+        **{"observer.pulled_to": "pulled", "observer.damping_credit": "credit"},
+        **{"observer.observed_energy": "generated", "observer.missed_tick_energy": "late"},
+        **{"enable.ramp": "engage", "fault.code": "fault", "fault.thermal_load": "warmth"},
+        **{"fade.factor": "exchange_fade"},
+        **{"spring.stiffness": "spring", "spring.limit": "clamp", "spring.set_position": "set"},
+        **{"spring.stretch_before": "stretched"},
+        **{"tank.level": "tank", "tank.sample_before": "latched_before"},
+        **{"waves.answered": "tool_answered", "waves.store": "wave_store", "waves.received": "come"},
+        **{"virtual_tool.pose": "copy", "virtual_tool.velocity": "copy_velocity"},
+        **{f"contacts.{name}": f"near_{name}" for name in CONTACTS.names[: CONTACTS.names.index("table")]},
+        **{f"contacts.{name}": name for name in ("places", "shown", "pushed", "shifted", "pushes", "shifts")},
+        **{"contacts.table": "near", "contacts.constraints": "rows"},
+    },
+}
+"""group.field of a record → its name in the snapshots of bags, where that is not group_field."""
+MADE_ANEW = {"motion.handle_before", "motion.elapsed", "walls.depth"}
+"""Fields that a tick fills in before it reads them: no part of a snapshot."""
 
 
-def _fields(prefix, dtype):
-    return [(f"{prefix}.{name}", "f8", dtype[name].shape) for name in dtype.names]
+def _columns(prefix, dtype, within=""):
+    """(path of names, name in bags, shape) of every number that a snapshot holds."""
+    for name in dtype.names:
+        place, part = f"{within}{name}", dtype[name]
+        if part.names is not None:
+            for path, *rest in _columns(prefix, part, f"{name}."):
+                yield (name, *path), *rest
+        elif place not in MADE_ANEW:
+            yield (name,), f"{prefix}.{IN_BAGS[prefix].get(place, place.replace('.', '_'))}", part.shape
 
 
-SNAPSHOT = np.dtype([("tick", "f8"), *_fields("settings", servo.SETTINGS), *_fields("memory", servo.MEMORY)])
+COLUMNS = {prefix: tuple(_columns(prefix, dtype)) for prefix, dtype in (("settings", SETTINGS), ("memory", STATE))}
+SNAPSHOT = np.dtype(
+    [("tick", "f8"), *((name, "f8", shape) for columns in COLUMNS.values() for _, name, shape in columns)]
+)
 
 NO_SETS = np.zeros(0, contact_model.SET).view(np.recarray)
 
 
 @kernel
-def recompute(settings, memory, rows, sets):
+def recompute(settings, state, rows, sets):
     """Computes the outputs of consecutive rows again, in place, from their inputs; sets: of local contacts, by number.
 
     Margin and surplus are no outputs of the tick: with them the driver follows the measured lateness, so they are taken
     as recorded.
     """
-    at = 0
+    at, ticks, contacts = 0, np.zeros(1, TICK), state[0].virtual_tool.contacts
     for k in range(rows.size):
-        if rows[k].contact_set != memory[0].near_number:
+        if rows[k].contact_set != contacts.number:
             while at < sets.size - 1 and sets[at].number < rows[k].contact_set:
                 at += 1
             if sets.size and sets[at].number == rows[k].contact_set:
-                virtual_tool.take(memory[0], sets[at])
-        for i in range(servo.AXES):
-            settings[0].margin[i], settings[0].surplus[i] = rows[k].margin[i], rows[k].surplus[i]
-        servo.tick(settings[0], memory[0], rows[k])
+                tool_contacts.take(contacts, sets[at])
+        for i in range(AXES):
+            settings[0].passivity.margin[i], settings[0].passivity.surplus[i] = rows[k].margin[i], rows[k].surplus[i]
+        words, row = atomic.words_of(ticks), atomic.words_of(rows[k : k + 1])
+        for i in range(words.size):
+            words[i] = row[i]
+        servo.tick(settings[0], state[0], ticks[0])
+        copy_tick(ticks, rows, k)
 
 
 @kernel
-def run_on_counts(settings, memory, rows, tool, counts, start, first, write_delay, command):
-    """As loop.run_lockstep, on a device that is where the recorded hand had it: counts (rows, 3) instead of a plant."""
-    sample = np.zeros(hardware_interface.SAMPLE)
-    period = np.int64(round(settings[0].period * 1e9))
+def run_on_counts(settings, state, rows, tool, counts, start, first, write_delay, word):
+    """As run_lockstep, on a device that is where the recorded hand had it: counts (rows, 3) instead of a plant."""
+    sample, ticks = np.zeros(hardware_interface.SAMPLE), np.zeros(1, TICK)
+    tick, period = ticks[0], np.int64(round(settings[0].period * 1e9))
     for k in range(rows.size):
-        row, deadline = rows[k], start + k * period
+        deadline = start + k * period
         sample[hardware_interface.LATCHED] = deadline
-        sample[hardware_interface.COUNTS : hardware_interface.COUNTS + 3] = counts[k]
-        row.tick, row.deadline, row.missed, row.compute = first + k, deadline, 0, 0.0
-        row.lateness, row.write_delay, row.command = write_delay * 1e-9, write_delay * 1e-9, command
-        fill_inputs(row, settings[0], tool[0], sample, 1)
-        fill_contacts(row, memory[0])
-        servo.tick(settings[0], memory[0], row)
+        sample[hardware_interface.COUNTS : hardware_interface.COUNTS + AXES] = counts[k]
+        begin_tick(tick.sensors, first + k, deadline, 0, 0.0)
+        tick.sensors.lateness, tick.sensors.write_delay = write_delay * 1e-9, write_delay * 1e-9
+        tick.sensors.command = word
+        fill_sensors(tick.sensors, settings[0].version, sample, 1)
+        fill_tool(tick.tool, tool[0], state[0].virtual_tool.contacts, deadline)
+        servo.tick(settings[0], state[0], tick)
+        copy_tick(ticks, rows, k)
 
 
-def snapshot_of(tick, settings, memory):
+def snapshot_of(tick, settings, state):
     """SNAPSHOT array of one, of what this tick (number) has left behind."""
     record = np.zeros(1, SNAPSHOT)
     record["tick"] = tick
-    for prefix, part in (("settings", settings), ("memory", memory)):
-        for name in part.dtype.names:
-            record[f"{prefix}.{name}"] = part[name]
+    for part, columns in zip((settings, state), COLUMNS.values(), strict=True):
+        for path, name, _ in columns:
+            record[name] = _at(part, path)
     return record
 
 
 def parts_of(snapshot):
-    """SETTINGS and MEMORY arrays of one, of a SNAPSHOT record. Raises ValueError if its fields are not today's."""
-    parts = []
-    for prefix, dtype in (("settings", servo.SETTINGS), ("memory", servo.MEMORY)):
-        part = np.zeros(1, dtype)
-        for name in dtype.names:
-            if f"{prefix}.{name}" not in snapshot.dtype.names:
-                raise ValueError(f"the snapshots lack {prefix}.{name}: the bag was recorded by another version")
-            part[name] = snapshot[f"{prefix}.{name}"].reshape(part[name].shape)  # a bag knows no tables
-        parts.append(part)
+    """SETTINGS and STATE arrays of one, of a SNAPSHOT record. Raises ValueError if its fields are not today's."""
+    parts = np.zeros(1, SETTINGS), np.zeros(1, STATE)
+    for part, columns in zip(parts, COLUMNS.values(), strict=True):
+        for path, name, _ in columns:
+            if name not in snapshot.dtype.names:
+                raise ValueError(f"the snapshots lack {name}: the bag was recorded by another version")
+            field = _at(part, path)
+            field[...] = snapshot[name].reshape(field.shape)  # a bag has tables as rows of numbers
     return parts
+
+
+def _at(part, path):
+    for name in path:
+        part = part[name]
+    return part

@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
 from haptic_device.control.faults import NAMES
-from haptic_device.control.servo import TICK
+from haptic_device.control.records import TRACE_ROW
 from haptic_device.message_fields import AXES, truth_names
 from haptic_device.nodes.messages import LATEST, STREAM, TRACE, JointState, statuses_of
 from haptic_device.nodes.polled_subscription import PolledSubscription
@@ -231,11 +231,12 @@ def _undisturbed() -> Iterator[None]:
 
 def _rows(cloud) -> np.ndarray:
     """Servo ticks of a block of the trace. Raises ValueError where the driver is of another version."""
-    if cloud.point_step != TICK.itemsize:
+    if cloud.point_step != TRACE_ROW.itemsize:
         raise ValueError(
-            f"a tick of the trace has {cloud.point_step} bytes, not {TICK.itemsize}: the driver is of another version"
+            f"a tick of the trace has {cloud.point_step} bytes, not {TRACE_ROW.itemsize}: "
+            "the driver is of another version"
         )
-    return np.frombuffer(cloud.data, TICK)
+    return np.frombuffer(cloud.data, TRACE_ROW)
 
 
 def _plain(value):

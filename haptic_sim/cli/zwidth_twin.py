@@ -5,7 +5,7 @@ import numpy as np
 
 from haptic_device import controller_config
 from haptic_device.analysis import probe
-from haptic_device.control import enable_state, servo
+from haptic_device.control import enable_state, records
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.realtime import servo_loop
@@ -52,13 +52,13 @@ class Twin:
     def _play(self, values, seconds, aim, start=0.0):
         """Truth and whether a fault latched, the handle beginning at rest at x = start [m]."""
         settings = controller_config.settings_from(self.device, self.values | values).view(np.recarray)
-        memory = np.zeros(1, servo.MEMORY).view(np.recarray)
-        memory.state, memory.engage = enable_state.ENGAGED, 1.0
+        memory = np.zeros(1, records.STATE).view(np.recarray)
+        memory.enable.state, memory.enable.ramp = enable_state.ENGAGED, 1.0
         body, state = self._body(start)
         motion = operator_hand.script({p.name: p.default for p in OPERATOR} | {"motion.name": "follow"})
         motion, tool = motion.view(np.recarray), np.zeros(1, servo_loop.TOOL).view(np.recarray)
         ticks = max(1, round(EVERY * 1e9 / self.period))
-        rows, samples = np.zeros(ticks, servo.TICK).view(np.recarray), []
+        rows, samples = np.zeros(ticks, records.TRACE_ROW).view(np.recarray), []
         for first in range(0, round(seconds * 1e9 / self.period), ticks):
             motion.points[0, 0, :2] = aim(first * self.period * 1e-9)
             simulated_device.run_lockstep(

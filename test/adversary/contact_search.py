@@ -39,21 +39,21 @@ def energy_given(settings, memory, row, path, scale, loss, watched):
     position, given, most = np.zeros(3), 0.0, -np.inf
     for k in range(len(path)):
         genes = path[k]
-        record.latched = record.deadline = (k + 1) * period * 1e9
-        record.command, record.device_status = enable_state.ENABLE, faults.FRESH
+        record.sensors.latched = record.sensors.deadline = (k + 1) * period * 1e9
+        record.sensors.command, record.sensors.device_status = enable_state.ENABLE, faults.FRESH
         for i in range(3):
-            record.counts[i] = np.round(position[i] / abs(settings[0].position_per_count[i]))
+            record.sensors.counts[i] = np.round(position[i] / abs(settings[0].device.position_per_count[i]))
         if k == 0 or not genes[LOST] < loss:
             _tool(record, genes, scale, position, k)
             _set(one, genes, scale, k)
-        record.tool_age += period
-        record.contact_age += period
+        record.tool.age += period
+        record.tool.contact_age += period
         servo.tick(settings[0], one, record)
         watched[0] = max(watched[0], given + _booked(settings[0], one, record))
-        watched[1] += record.local
+        watched[1] += record.output.local
         for i in range(3):
             moved = genes[MOVED + i] * scale[0, i]
-            given += record.force_on_handle[i] * moved - settings[0].physical_damping[i] * moved * moved / period
+            given += record.output.force_on_handle[i] * moved - settings[0].device.damping[i] * moved * moved / period
             position[i] += moved
         if 2 * k >= len(path):
             most = max(most, given)
@@ -64,42 +64,54 @@ def energy_given(settings, memory, row, path, scale, loss, watched):
 @njit
 def _booked(settings, memory, record):
     """Energy [J] that the books say may still be given, or was shipped, less the budget."""
-    stored = memory.tank + memory.shipped - memory.returned - settings.exchange_budget
+    stored = memory.tank.level + memory.tank.shipped - memory.tank.returned - settings.exchange.budget
     for i in range(3):
-        stretch = record.coupling_position[i] - record.position[i]
-        stored += virtual_coupling.spring_store(memory.spring[i], memory.clamp[i], stretch)
+        stretch = record.output.coupling_position[i] - record.output.position[i]
+        stored += virtual_coupling.spring_store(memory.spring.stiffness[i], memory.spring.limit[i], stretch)
     return stored
 
 
 @njit
 def _tool(record, genes, scale, position, k):
-    record.tool_session, record.tool_contact = 1.0, 0.0
-    record.tool_answered = record.tool_sequence = k + 1.0
-    record.tool_age, record.contact_age = 0.003 * abs(genes[AGES]), 0.003 * abs(genes[AGES + 1])
+    record.tool.session, record.tool.contact = 1.0, 0.0
+    record.tool.answered = record.tool.sequence = k + 1.0
+    record.tool.age, record.tool.contact_age = 0.003 * abs(genes[AGES]), 0.003 * abs(genes[AGES + 1])
     for i in range(3):
-        record.tool_position[i] = position[i] + genes[TOOL + i] * 0.2 * scale[1, i]
-        record.tool_velocity[i] = genes[TOOL + 3 + i] * 0.1
+        record.tool.position[i] = position[i] + genes[TOOL + i] * 0.2 * scale[1, i]
+        record.tool.velocity[i] = genes[TOOL + 3 + i] * 0.1
 
 
 @njit
 def _set(memory, genes, scale, k):
-    memory.near_number, memory.near_fresh, memory.near_extent = k + 1.0, 1.0, 0.0
-    memory.near_mass, memory.near_inertia = 0.1 * 10.0 ** (0.3 * genes[WHOLE]), 1e-4 * 10.0 ** (0.3 * genes[WHOLE])
-    memory.near_gravity[0], memory.near_gravity[1] = 10.0 * genes[WHOLE + 1], 10.0 * genes[WHOLE + 2]
-    memory.near_trust = 0.0 if genes[WHOLE + 3] > 2.5 else 10.0
+    memory.virtual_tool.contacts.number, memory.virtual_tool.contacts.fresh, memory.virtual_tool.contacts.extent = (
+        k + 1.0,
+        1.0,
+        0.0,
+    )
+    memory.virtual_tool.contacts.mass, memory.virtual_tool.contacts.inertia = (
+        0.1 * 10.0 ** (0.3 * genes[WHOLE]),
+        1e-4 * 10.0 ** (0.3 * genes[WHOLE]),
+    )
+    memory.virtual_tool.contacts.gravity[0], memory.virtual_tool.contacts.gravity[1] = (
+        10.0 * genes[WHOLE + 1],
+        10.0 * genes[WHOLE + 2],
+    )
+    memory.virtual_tool.contacts.trust = 0.0 if genes[WHOLE + 3] > 2.5 else 10.0
     for i in range(3):
-        memory.near_pose[i] = memory.copy[i]
+        memory.virtual_tool.contacts.pose[i] = memory.virtual_tool.pose[i]
     for f in range(FEATURES):
         _feature(memory, genes[FIRST + f * OWN :], scale, f)
 
 
 @njit
 def _feature(memory, own, scale, f):
-    one, identity = memory.near[f], 1.0 + f + (FEATURES if own[0] > 1.0 else 0.0)
+    one, identity = memory.virtual_tool.contacts.table[f], 1.0 + f + (FEATURES if own[0] > 1.0 else 0.0)
     identity = 0.0 if own[0] < -1.5 else identity
     if one[contact_model.IDENTITY] != identity:
-        memory.rows[f, contact_solver.MODE] = contact_solver.OPEN if identity > 0.0 else contact_solver.UNUSED
-        memory.pushed[f], memory.shifted[f] = 0.0, 0.0
+        memory.virtual_tool.contacts.constraints[f, contact_solver.MODE] = (
+            contact_solver.OPEN if identity > 0.0 else contact_solver.UNUSED
+        )
+        memory.virtual_tool.contacts.pushed[f], memory.virtual_tool.contacts.shifted[f] = 0.0, 0.0
     one[contact_model.IDENTITY], one[contact_model.GROUP] = identity, 1.0 if own[1] > 1.5 else 0.0
     one[contact_model.KIND] = (
         contact_model.ROUND if own[2] > 1.2 else (contact_model.FLAT_HERE if own[2] > 0.3 else contact_model.FLAT_THERE)
@@ -107,10 +119,14 @@ def _feature(memory, own, scale, f):
     angle = math.pi * own[3]
     one[contact_model.NORMAL_X], one[contact_model.NORMAL_Y] = math.cos(angle), math.sin(angle)
     one[contact_model.TOOL_X], one[contact_model.TOOL_Y] = 0.05 * own[4], 0.05 * own[5]
-    c, s = math.cos(memory.copy[2]), math.sin(memory.copy[2])
+    c, s = math.cos(memory.virtual_tool.pose[2]), math.sin(memory.virtual_tool.pose[2])
     near = 0.3 * own[6] * scale[1, 0]  # the gap, about
-    one[contact_model.POINT_X] = memory.copy[0] + 0.05 * (c * own[4] - s * own[5]) - near * one[contact_model.NORMAL_X]
-    one[contact_model.POINT_Y] = memory.copy[1] + 0.05 * (s * own[4] + c * own[5]) - near * one[contact_model.NORMAL_Y]
+    one[contact_model.POINT_X] = (
+        memory.virtual_tool.pose[0] + 0.05 * (c * own[4] - s * own[5]) - near * one[contact_model.NORMAL_X]
+    )
+    one[contact_model.POINT_Y] = (
+        memory.virtual_tool.pose[1] + 0.05 * (s * own[4] + c * own[5]) - near * one[contact_model.NORMAL_Y]
+    )
     one[contact_model.RADIUS] = (
         0.005 * max(0.0, own[7]) if one[contact_model.KIND] != contact_model.ROUND else 1e-3 * abs(own[7])
     )
@@ -128,8 +144,8 @@ def _feature(memory, own, scale, f):
 def search(settings, ticks=120, evaluations=2000, loss=0.0, seed=0):
     """Evolution strategy with one parent, one child and a step that adapts to success. settings: of three axes."""
     random = np.random.default_rng(seed)
-    stretch = 5.0 / settings["stiffness"][0]
-    way = 2.5 * settings["period"][0] / settings["physical_damping"][0] * np.array([1.0, 1.0, 0.05])
+    stretch = 5.0 / settings["coupling"]["stiffness"][0]
+    way = 2.5 * settings["period"][0] / settings["device"]["damping"][0] * np.array([1.0, 1.0, 0.05])
     scale = np.stack([way, stretch])
     lost = -np.inf if loss <= 0.0 else float(np.quantile(random.normal(size=4000), loss))
     best, score, size, watched = np.zeros((ticks, GENES)), -np.inf, 0.5, np.array([-np.inf, 0.0, 0.0])

@@ -22,6 +22,7 @@ from haptic_device.control import (
     enable_state,
     exchange_samples,
     faults,
+    records,
     servo,
     virtual_coupling,
 )
@@ -64,8 +65,8 @@ def energy_given(settings, memory, row, path, scale, adversary, watched):
 
     scale: of each gene; adversary.loss: genes below it are lost here; watched: largest force and change, kept.
     """
-    period, damping = settings[0].period, settings[0].physical_damping[0]
-    step = abs(settings[0].position_per_count[0])
+    period, damping = settings[0].period, settings[0].device.damping[0]
+    step = abs(settings[0].device.position_per_count[0])
     past, position, moved, given, most = np.zeros(len(path)), 0.0, 0.0, 0.0, -np.inf
     record, force = row[0], 0.0
     for k in range(len(path)):
@@ -74,19 +75,26 @@ def energy_given(settings, memory, row, path, scale, adversary, watched):
         troubled = path[k, DEVICE] if adversary.rough and k > 0 else 0.0
         if troubled < MISSED:
             stale = troubled > STALE
-            record.deadline, record.device_status = (k + 1) * period * 1e9, 0.0 if stale else faults.FRESH
+            record.sensors.deadline, record.sensors.device_status = (
+                (k + 1) * period * 1e9,
+                0.0 if stale else faults.FRESH,
+            )
             if not stale:
-                record.latched, record.counts[0] = record.deadline, np.round(position / step)
+                record.sensors.latched, record.sensors.counts[0] = record.sensors.deadline, np.round(position / step)
             _sample(record, path, k, scale, past, adversary, period)
-            if settings[0].exchange_method == exchange_samples.LOCAL and not path[k, LOST] < adversary.loss:
+            if settings[0].exchange.method == exchange_samples.LOCAL and not path[k, LOST] < adversary.loss:
                 _contacts(memory[0], record, path[k], scale, position, k)
-            before, faded, handle = record.coupling_position[0], record.exchange_fade, record.position[0]
+            before, faded, handle = (
+                record.output.coupling_position[0],
+                record.output.exchange_fade,
+                record.output.position[0],
+            )
             servo.tick(settings[0], memory[0], record)
-            there, gone = _spring(settings, before, record.position[0]), _spring(settings, before, handle)
-            now = _spring(settings, record.coupling_position[0], record.position[0])
-            if k > 0 and faded == record.exchange_fade:
+            there, gone = _spring(settings, before, record.output.position[0]), _spring(settings, before, handle)
+            now = _spring(settings, record.output.coupling_position[0], record.output.position[0])
+            if k > 0 and faded == record.output.exchange_fade:
                 watched[1] = max(watched[1], faded * max(now - max(there, gone), min(there, gone) - now))
-            force = record.force_on_handle[0]
+            force = record.output.force_on_handle[0]
             watched[0] = max(watched[0], abs(force))
             if not stale:
                 watched[2] = max(watched[2], given + _booked(settings[0], memory[0], record))
@@ -100,52 +108,58 @@ def energy_given(settings, memory, row, path, scale, adversary, watched):
 @njit
 def _booked(settings, memory, record):
     """Energy [J] that the books say may still be given, or was shipped, less the budget."""
-    stretch = record.coupling_position[0] - record.position[0]
-    stored = virtual_coupling.spring_store(memory.spring[0], memory.clamp[0], stretch)
-    away = memory.shipped - memory.returned + memory.wave_store
-    return memory.tank + stored + away - settings.exchange_budget
+    stretch = record.output.coupling_position[0] - record.output.position[0]
+    stored = virtual_coupling.spring_store(memory.spring.stiffness[0], memory.spring.limit[0], stretch)
+    away = memory.tank.shipped - memory.tank.returned + memory.waves.store
+    return memory.tank.level + stored + away - settings.exchange.budget
 
 
 @njit
 def _spring(settings, set_position, handle):
-    return virtual_coupling.spring_force(settings[0].stiffness[0], settings[0].coupling_limit[0], set_position - handle)
+    return virtual_coupling.spring_force(
+        settings[0].coupling.stiffness[0], settings[0].coupling.limit[0], set_position - handle
+    )
 
 
 @njit
 def _sample(record, path, k, scale, past, adversary, period):
     """The tool sample that the servo finds at tick k."""
     genes, late = path[k], adversary.late
-    record.command, record.tool_session = enable_state.ENABLE, 1.0
-    record.tool_age += period
+    record.sensors.command, record.tool.session = enable_state.ENABLE, 1.0
+    record.tool.age += period
     if k > 0 and genes[LOST] < adversary.loss:
         return
-    record.tool_answered = record.tool_sequence = k + 1.0
-    record.tool_contact = 1.0 if genes[CONTACT] > 0.0 else 0.0
-    record.tool_energy += abs(genes[ENERGY]) * scale[ENERGY]
-    record.tool_effort[0] += genes[EFFORT] * scale[EFFORT]
+    record.tool.answered = record.tool.sequence = k + 1.0
+    record.tool.contact = 1.0 if genes[CONTACT] > 0.0 else 0.0
+    record.tool.energy += abs(genes[ENERGY]) * scale[ENERGY]
+    record.tool.effort[0] += genes[EFFORT] * scale[EFFORT]
     if late < 0:
-        record.tool_position[0] = genes[POSITION] * scale[POSITION]
-        record.tool_velocity[0] = genes[VELOCITY] * scale[VELOCITY]
-        record.tool_age = abs(genes[AGE]) * scale[AGE]
+        record.tool.position[0] = genes[POSITION] * scale[POSITION]
+        record.tool.velocity[0] = genes[VELOCITY] * scale[VELOCITY]
+        record.tool.age = abs(genes[AGE]) * scale[AGE]
         return
     then = max(0, k - late)
     held = genes[CONTACT] > 0.0 and past[then] < 0.0
-    record.tool_position[0] = 0.0 if held else past[then]
-    record.tool_velocity[0] = 0.0 if held else (past[then] - past[max(0, then - 1)]) / period
-    record.tool_age = late * period
+    record.tool.position[0] = 0.0 if held else past[then]
+    record.tool.velocity[0] = 0.0 if held else (past[then] - past[max(0, then - 1)]) / period
+    record.tool.age = late * period
 
 
 @njit
 def _contacts(memory, record, genes, scale, position, k):
     """Local contacts that say what they like: two planes anywhere, moving, giving way, rebounding, in turn renamed."""
-    memory.near_number, memory.near_trust = k + 1.0, 1.0 if genes[AGE] < 2.5 else 0.0
-    record.contact_age = 0.01 * abs(genes[AGE])
-    memory.near_mass, memory.near_inertia, memory.near_fresh = 0.1, 1e-4, 1.0
+    memory.virtual_tool.contacts.number, memory.virtual_tool.contacts.trust = k + 1.0, 1.0 if genes[AGE] < 2.5 else 0.0
+    record.tool.contact_age = 0.01 * abs(genes[AGE])
+    memory.virtual_tool.contacts.mass, memory.virtual_tool.contacts.inertia, memory.virtual_tool.contacts.fresh = (
+        0.1,
+        1e-4,
+        1.0,
+    )
     for i in range(2):
-        one, side = memory.near[i], 1.0 if (genes[CONTACT] > 0.0) == (i == 0) else -1.0
+        one, side = memory.virtual_tool.contacts.table[i], 1.0 if (genes[CONTACT] > 0.0) == (i == 0) else -1.0
         identity = 1.0 + i + (2.0 if genes[ENERGY] > 1.0 else 0.0)
         if one[contact_model.IDENTITY] != identity:
-            memory.rows[i, contact_solver.MODE] = contact_solver.OPEN
+            memory.virtual_tool.contacts.constraints[i, contact_solver.MODE] = contact_solver.OPEN
         one[contact_model.IDENTITY], one[contact_model.KIND], one[contact_model.NORMAL_X] = (
             identity,
             contact_model.FLAT_THERE,
@@ -160,9 +174,9 @@ def _contacts(memory, record, genes, scale, position, k):
 
 def engaged():
     """Memory and row of a servo that is engaged and at rest at the origin."""
-    memory, row = np.zeros(1, servo.MEMORY), np.zeros(1, servo.TICK)
-    memory["engage"] = memory["exchange_fade"] = memory["coupled"] = 1.0
-    memory["state"] = enable_state.ENGAGED
+    memory, row = np.zeros(1, records.STATE), np.zeros(1, records.TICK)
+    memory["enable"]["ramp"] = memory["fade"]["factor"] = memory["observer"]["coupled"] = 1.0
+    memory["enable"]["state"] = enable_state.ENGAGED
     return memory, row
 
 
@@ -198,6 +212,6 @@ def _change(random, ticks):
 
 def scale_of(settings, reach=1.0):
     """What one of each gene is: steps and stretches of some newtons, any age, sums of energy and waves that matter."""
-    stretch = reach * 5.0 / max(1.0, float(settings["stiffness"][0, 0]))
-    way = reach * 2.5 * float(settings["period"][0]) / float(settings["physical_damping"][0, 0])
+    stretch = reach * 5.0 / max(1.0, float(settings["coupling"]["stiffness"][0, 0]))
+    way = reach * 2.5 * float(settings["period"][0]) / float(settings["device"]["damping"][0, 0])
     return np.array([way, stretch, reach, 0.03, 1.0, 1e-3, 1e-2, 1.0, 1.0])

@@ -11,7 +11,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 
-from haptic_device.control.servo import TICK
+from haptic_device.control.records import TRACE_ROW
 from haptic_device.message_fields import AXES, truth_names
 from haptic_device.nodes.messages import LATEST, STREAM, TRACE, JointState, statuses_of
 from haptic_device.nodes.polled_subscription import PolledSubscription
@@ -37,7 +37,7 @@ COLUMNS = (
     "margin",
     "lateness",
 )
-ROW = np.dtype([(name, *TICK.fields[name][:1]) for name in COLUMNS])
+ROW = np.dtype([(name, *TRACE_ROW.fields[name][:1]) for name in COLUMNS])
 TRUTH = np.dtype([("time", "f8"), ("x", "f8"), ("y", "f8"), ("energy", "f8"), ("motor", "f8", (3,))])
 _STATE = JointLayout(truth_names(3))
 
@@ -139,8 +139,8 @@ def _truth(data):
 
 def _rows(cloud):
     found = np.zeros(cloud.width, ROW)
-    if cloud.point_step == TICK.itemsize:
-        ticks = np.frombuffer(cloud.data, TICK)
+    if cloud.point_step == TRACE_ROW.itemsize:
+        ticks = np.frombuffer(cloud.data, TRACE_ROW)
         for name in COLUMNS:
             found[name] = ticks[name]
     return found

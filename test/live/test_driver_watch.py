@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from haptic_device import controller_config, gain_check
-from haptic_device.control import enable_state, faults, servo
+from haptic_device.control import enable_state, faults, records
 from haptic_device.nodes import driver as module
 from haptic_device.realtime import servo_loop
 
@@ -53,7 +53,7 @@ def driver(ros_domain, monkeypatch):
 
 def serve(driver, **given):
     """Gives it a servo whose last row says an e-stop, and what it needs to report that."""
-    row = np.zeros(1, servo.TICK).view(np.recarray)[0]
+    row = np.zeros(1, records.TRACE_ROW).view(np.recarray)[0]
     row.state, row.fault = enable_state.FAULT, faults.ESTOP
     driver.device, driver.servo = (
         device(),

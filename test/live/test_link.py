@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from waiting import until
 
-from haptic_device.control import enable_state, faults, servo
+from haptic_device.control import enable_state, faults, records
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
 from haptic_device.jit import kernel
@@ -242,7 +242,7 @@ def test_a_device_that_returns_where_its_predecessor_died_takes_up_an_odd_lock(n
 
 
 def settings():
-    record = np.zeros(1, servo.SETTINGS)
+    record = np.zeros(1, records.SETTINGS)
     record["period"], record["axes"], record["scale"], record["position_per_count"] = 0.001, 3, 1.0, 5e-6
     record["motor_per_force"], record["device_limit"], record["force_limit"] = 1.0, 10.0, 10.0
     record["position_low"], record["position_high"], record["velocity_limit"] = -1.0, 1.0, 100.0

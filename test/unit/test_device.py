@@ -128,7 +128,9 @@ def test_the_servo_reads_from_the_encoder_where_the_plant_is(position, sign, zer
     counts, drag = np.zeros(3), np.zeros(3)
     plant.sense(body[0], memory[0], 0, counts, drag)
     read = [
-        velocity_estimator.position_of(counts[i], settings["position_per_count"][i], settings["zero"][i])
+        velocity_estimator.position_of(
+            counts[i], settings["device"]["position_per_count"][i], settings["device"]["zero"][i]
+        )
         for i in range(3)
     ]
     assert read == pytest.approx(position, abs=0.5001 / counts_per_unit)
@@ -136,7 +138,10 @@ def test_the_servo_reads_from_the_encoder_where_the_plant_is(position, sign, zer
 
 def test_count_zero_is_at_the_devices_zero():
     settings = controller_config.settings_of(changed(zero=0.02))[0]
-    assert velocity_estimator.position_of(0.0, settings["position_per_count"][0], settings["zero"][0]) == 0.02
+    assert (
+        velocity_estimator.position_of(0.0, settings["device"]["position_per_count"][0], settings["device"]["zero"][0])
+        == 0.02
+    )
 
 
 @pytest.mark.parametrize(("constant", "sign", "force"), [*itertools.product([1.0, 4.0], [1, -1], [3.0, -2.0])])
@@ -161,6 +166,6 @@ def test_delays_limits_and_scale_arrive_in_the_records_units():
     device = changed(sensing_delay=0.001, actuation_delay=0.00025, scale=(2.0, 3.0))
     body, settings = loopback_config.plant_of(device)[0], controller_config.settings_of(device)[0]
     assert (body["sensing_delay"], body["actuation_delay"]) == (1_000_000, 250_000)
-    assert settings["scale"].tolist() == [2.0, 2.0, 3.0]
-    assert settings["device_limit"].tolist() == body["force_limit"].tolist() == [15.0, 15.0, 1.0]
+    assert settings["device"]["scale"].tolist() == [2.0, 2.0, 3.0]
+    assert settings["device"]["motor_limit"].tolist() == body["force_limit"].tolist() == [15.0, 15.0, 1.0]
     assert body["drag_bandwidth"] == pytest.approx(2 * np.pi * 500.0)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from in_process import haptic
 
-from haptic_device.control import enable_state, servo
+from haptic_device.control import enable_state, records
 from haptic_device.message_fields import TAIL
 from haptic_device.nodes import driver, exchange_server, loopback, recorder
 from haptic_device.parameters import EXCHANGE_METHODS
@@ -40,7 +40,10 @@ def rows(page, heading):
 
 
 def test_the_trace_table_lists_each_column_in_order_with_its_width():
-    widths = [(name, int(servo.TICK[name].shape[0]) if servo.TICK[name].shape else 1) for name in servo.TICK.names]
+    widths = [
+        (name, int(records.TRACE_ROW[name].shape[0]) if records.TRACE_ROW[name].shape else 1)
+        for name in records.TRACE_ROW.names
+    ]
     assert [(name, int(width)) for name, width, *_ in rows(MODEL, "Columns of `trace`")] == widths
 
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_device.control import exchange_samples as law
-from haptic_device.control import servo
+from haptic_device.control import records
 from haptic_device.message_fields import TAIL, exchange_names
 from haptic_device.realtime import clock, exchange_step, servo_loop
 from haptic_device.realtime.seqlock import SeqLock
@@ -212,7 +212,7 @@ def mutated(data, reals, random):
 
 
 def test_a_handle_sample_carries_port_session_gains_and_the_time_it_was_latched():
-    side, row, scratch = Side(sequence=0.0), np.zeros(1, servo.TICK), clock.scratch()
+    side, row, scratch = Side(sequence=0.0), np.zeros(1, records.TRACE_ROW), clock.scratch()
     side.gains["stiffness"], side.gains["damping"] = 2000.0, 2.0
     latched, side.state["clock_offset"] = 5_000_000_000, 7_000_000_123
     row["deadline"], row["position"], row["velocity"] = latched, (1.0, 2.0, 3.0), (4.0, 5.0, 6.0)
@@ -231,8 +231,8 @@ def test_a_handle_sample_carries_port_session_gains_and_the_time_it_was_latched(
 
 
 def test_nothing_is_sent_before_the_servo_has_run():
-    side, row, scratch = Side(sequence=0.0), np.zeros(1, servo.TICK), clock.scratch()
-    rows, gains = SeqLock(servo.TICK), SeqLock(law.COUPLING_GAINS)
+    side, row, scratch = Side(sequence=0.0), np.zeros(1, records.TRACE_ROW), clock.scratch()
+    rows, gains = SeqLock(records.TRACE_ROW), SeqLock(law.COUPLING_GAINS)
     arguments = side.frame, side.state, rows.words, gains.words, row, side.gains, scratch
     assert not exchange_step.next_handle(*arguments)
     rows.put(row)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.control import exchange_samples, set_position, virtual_coupling, wave_variables
+from haptic_device.control import exchange_samples, exchange_wave, set_position, virtual_coupling
 
 FORCE = st.floats(-50.0, 50.0)
 STRETCH = st.floats(-0.1, 0.1)
@@ -35,7 +35,7 @@ def test_a_shortened_stretch_holds_no_more_than_is_available_and_all_that_can_be
 ):
     wanted = sum(virtual_coupling.spring_store(stiffness, limit, s) for s in stretches)
     square = sum(0.5 * stiffness * s * s for s in stretches)
-    share = set_position.share_paid(available, wanted, square)
+    share = set_position.scale_to_available_energy(available, wanted, square)
     held = sum(virtual_coupling.spring_store(stiffness, limit, share * s) for s in stretches)
     assert held <= available * (1.0 + 1e-12) + 1e-300 or share == 1.0
     assert (share == 1.0) == (wanted <= available)
@@ -78,26 +78,28 @@ def test_the_set_position_changes_the_stretch_by_no_more_than_the_handle_does_an
 
 
 def test_a_free_tool_is_foretold_beside_the_handle_as_far_as_its_agility_lets_it():
-    straight = set_position.foretold(0.010, 0.1, 0.002, 0.03)
+    straight = set_position.predicted_position(0.010, 0.1, 0.002, 0.03)
     assert straight == pytest.approx(0.0102)
-    assert set_position.beside(straight, 0.01021, 0.0, 0.002, 20.0, 0.004) == pytest.approx(0.01021)
-    assert set_position.beside(straight, 0.02, 0.0, 0.002, 20.0, 0.004) == pytest.approx(0.0102 + 4e-5)
-    assert set_position.foretold(0.010, 0.1, 1.0, 0.03) == pytest.approx(0.013)
+    assert set_position.predicted_beside_handle(straight, 0.01021, 0.0, 0.002, 20.0, 0.004) == pytest.approx(0.01021)
+    assert set_position.predicted_beside_handle(straight, 0.02, 0.0, 0.002, 20.0, 0.004) == pytest.approx(0.0102 + 4e-5)
+    assert set_position.predicted_position(0.010, 0.1, 1.0, 0.03) == pytest.approx(0.013)
 
 
 @pytest.mark.parametrize(("trust", "share"), [(math.inf, 1.0), (0.002, 0.5), (0.0, 0.0)])
 def test_half_of_a_free_tools_force_is_believed_at_the_age_of_trust_and_none_where_nothing_damps(trust, share):
-    assert set_position.beside(0.01, 0.01, 1e-5, 0.002, 20.0, trust) == pytest.approx(0.01 - share * 1e-5, abs=1e-12)
+    assert set_position.predicted_beside_handle(0.01, 0.01, 1e-5, 0.002, 20.0, trust) == pytest.approx(
+        0.01 - share * 1e-5, abs=1e-12
+    )
 
 
 @given(spring=FORCE, rate=st.floats(-1.0, 1.0), incoming=FORCE, limit=st.floats(0.5, 50.0), k=st.floats(0.0, 2e4))
 def test_the_port_obeys_coupling_and_wave_at_once(spring, rate, incoming, limit, k):
-    damping, z, period = 0.5, wave_variables.impedance(k), 0.25e-3
-    velocity = wave_variables.port_velocity(incoming, spring, damping, rate, k, limit, z, period)
+    damping, z, period = 0.5, exchange_wave.impedance(k), 0.25e-3
+    velocity = exchange_wave.port_velocity(incoming, spring, damping, rate, k, limit, z, period)
     force = min(limit, max(-limit, spring - k * period * velocity)) + damping * (rate - velocity)
     assert force - z * velocity == pytest.approx(incoming, abs=1e-9)
     outgoing = force + z * velocity
-    assert wave_variables.power(outgoing, z) - wave_variables.power(incoming, z) == pytest.approx(
+    assert exchange_wave.power(outgoing, z) - exchange_wave.power(incoming, z) == pytest.approx(
         force * velocity, abs=1e-6
     )
 
@@ -109,12 +111,12 @@ def test_played_waves_sum_up_to_what_has_come_whenever_it_comes(come, gaps):
         pending += sample
         rate = pending / 1.5e-3
         for _ in range(gap):
-            value = wave_variables.played(pending, rate, period)
+            value = exchange_wave.played(pending, rate, period)
             pending, played = pending - value * period, played + value * period
     assert played + pending == pytest.approx(sum(come), abs=1e-12)
     rate = pending / 1.5e-3
     for _ in range(6):
-        pending -= wave_variables.played(pending, rate, period) * period
+        pending -= exchange_wave.played(pending, rate, period) * period
     assert pending == pytest.approx(0.0, abs=1e-15)
 
 
@@ -122,8 +124,8 @@ def test_played_waves_sum_up_to_what_has_come_whenever_it_comes(come, gaps):
 def test_waves_played_hold_no_more_energy_than_has_come(waves, store):
     z, period, left = 8.0, 0.25e-3, store
     for value in waves:
-        share = wave_variables.covered(wave_variables.power(value, z) * period, left)
-        left -= wave_variables.power(share * value, z) * period
+        share = exchange_wave.covered(exchange_wave.power(value, z) * period, left)
+        left -= exchange_wave.power(share * value, z) * period
         assert left >= -1e-15
         assert share == 1.0 or left == pytest.approx(0.0, abs=1e-12)
 

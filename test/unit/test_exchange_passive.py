@@ -107,12 +107,12 @@ def held_still(given, ages):
         row["tool_session"], row["tool_answered"], row["tool_contact"], row["tool_age"] = 1.0, k + 1.0, 1.0, age
         tick(given, memory, row)
         if k == 0:
-            memory["set"][0, 0] = 0.0  # as after a press that the tank has paid
-            memory["tank"] = 0.5 * given["exchange_tank"][0]
-            memory["stretched"][0, 0] = 0.004
+            memory["spring"]["set_position"][0, 0] = 0.0  # as after a press that the tank has paid
+            memory["tank"]["level"] = 0.5 * given["exchange_tank"][0]
+            memory["spring"]["stretch_before"][0, 0] = 0.004
         if k == 1:
-            before, force = memory["tank"][0], row["force_on_handle"][0, 0]
-    return before, memory["tank"][0], force
+            before, force = memory["tank"]["level"][0], row["force_on_handle"][0, 0]
+    return before, memory["tank"]["level"][0], force
 
 
 def test_fading_and_returning_costs_what_an_encoder_step_hides_of_its_change_of_force():
@@ -309,10 +309,10 @@ def test_counts_that_are_old_pay_nothing_back_and_let_nothing_rise(enabled):
     given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
     memory, row, before = pressed(given)
     row["deadline"] += given["period"][0] * 1e9
-    row["command"], memory["engage"] = (enable_state.ENABLE, 0.5) if enabled else (0, 1.0)
+    row["command"], memory["enable"]["ramp"] = (enable_state.ENABLE, 0.5) if enabled else (0, 1.0)
     tick(given, memory, row)
     assert row["engage"][0] == (0.5 if enabled else 0.0)
-    assert memory["tank"][0] <= (before if enabled else 0.0)
+    assert memory["tank"]["level"][0] <= (before if enabled else 0.0)
     row["deadline"] += given["period"][0] * 1e9
     row["latched"] = row["deadline"]
     tick(given, memory, row)
@@ -335,19 +335,19 @@ def test_gains_that_change_on_old_counts_are_paid_for_whatever_the_handle_did_me
         row["latched"], row["deadline"] = row["deadline"], row["deadline"] + period * 1e9
         after(given, memory, row, period, way, faults.FRESH)
         assert abs(forces[1] - forces[0]) > 1.0 and row["fault"][0] == faults.NONE
-        assert before - memory["tank"][0] - energy(memory, row) >= gained - step * np.abs(forces).max()
+        assert before - memory["tank"]["level"][0] - energy(memory, row) >= gained - step * np.abs(forces).max()
 
 
 def test_a_push_that_was_let_go_on_old_counts_is_no_credit():
     given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
     memory, row, _ = pressed(given)
-    memory["push"][0, 0] = 1.0
+    memory["spring"]["push"][0, 0] = 1.0
     row["deadline"] += given["period"][0] * 1e9
     row["command"] = 0
     tick(given, memory, row)
-    assert memory["tank"][0] == 0.0
+    assert memory["tank"]["level"][0] == 0.0
     after(given, memory, row, 2.0 * given["period"][0], -1e-4, faults.FRESH)
-    assert memory["tank"][0] <= 0.0
+    assert memory["tank"]["level"][0] <= 0.0
 
 
 @pytest.mark.parametrize("way", [-0.02, 0.02])
@@ -356,7 +356,7 @@ def test_a_device_that_cut_its_motor_leaves_neither_debt_nor_credit_however_the_
     memory, row, before = pressed(given)
     after(given, memory, row, 0.4, way, faults.FRESH | faults.WATCHDOG)
     assert row["fault"][0] == faults.DEVICE_WATCHDOG and not row["motor"].any()
-    assert before > 0.0 and memory["tank"][0] == 0.0 and memory["spring"][0, 0] == 0.0
+    assert before > 0.0 and memory["tank"]["level"][0] == 0.0 and memory["spring"]["stiffness"][0, 0] == 0.0
 
 
 def test_one_that_did_not_cut_it_pays_for_what_the_force_gave_over_the_hold_and_is_paid_for_what_it_took():
@@ -365,7 +365,7 @@ def test_one_that_did_not_cut_it_pays_for_what_the_force_gave_over_the_hold_and_
         memory, row, before = pressed(given)
         stored, force = energy(memory, row), row["force_on_handle"][0, 0]
         after(given, memory, row, 0.01, way, faults.FRESH)
-        gained = before + stored - memory["tank"][0] - energy(memory, row)
+        gained = before + stored - memory["tank"]["level"][0] - energy(memory, row)
         drag = given["physical_damping"][0, 0] * way * way / 0.01
         hidden = 0.1 * abs(force * way)
         assert 0.0 <= gained - (force * way - drag) < hidden
@@ -376,9 +376,9 @@ def test_steady_motion_through_a_late_tick_costs_what_the_spring_may_gain_not_wh
     memory, row, _ = pressed(given)
     for _ in range(5):
         after(given, memory, row, given["period"][0], -speed * given["period"][0], faults.FRESH)
-    before = memory["tank"][0] + energy(memory, row)
+    before = memory["tank"]["level"][0] + energy(memory, row)
     after(given, memory, row, late, -speed * late, faults.FRESH)
-    assert before - memory["tank"][0] - energy(memory, row) <= 0.0  # the hand paid for it
+    assert before - memory["tank"]["level"][0] - energy(memory, row) <= 0.0  # the hand paid for it
     assert 2.0 / given["period"][0] * (speed * late) ** 2 > 5e-3  # any damper of 2 N s/m could
 
 
@@ -387,13 +387,13 @@ def test_what_a_long_hold_leaves_owing_the_spring_pays_at_once_and_no_more(tank,
     given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
     memory, row, _ = pressed(given)
     force = row["force_on_handle"][0, 0]
-    memory["tank"] = tank
-    stretch = memory["set"][0, 0] - row["position"][0, 0] - way
+    memory["tank"]["level"] = tank
+    stretch = memory["spring"]["set_position"][0, 0] - row["position"][0, 0] - way
     stored, hold = 0.5 * 2000.0 * stretch * stretch, 0.01
     after(given, memory, row, hold, way, faults.FRESH)
     debt = max(0.0, (1000.0 - given["physical_damping"][0, 0] / hold) * way * way - tank)
     assert energy(memory, row) == pytest.approx(max(0.0, stored - debt), rel=0.05)
-    assert memory["tank"][0] == pytest.approx(min(0.0, stored - debt) if debt > 0.0 else tank, abs=1e-4)
+    assert memory["tank"]["level"][0] == pytest.approx(min(0.0, stored - debt) if debt > 0.0 else tank, abs=1e-4)
     assert row["force_on_handle"][0, 0] * force > 0.0 and abs(row["force_on_handle"][0, 0]) <= abs(force) * (1.0 + 1e-9)
 
 
@@ -411,8 +411,8 @@ def test_missed_ticks_by_the_hundred_give_no_more_than_the_budget(method, share,
 
 def energy(memory, row):
     """In the coupling's spring [J]."""
-    stretch = memory["set"][0, 0] - row["position"][0, 0]
-    return virtual_coupling.spring_store(memory["spring"][0, 0], memory["clamp"][0, 0], stretch)
+    stretch = memory["spring"]["set_position"][0, 0] - row["position"][0, 0]
+    return virtual_coupling.spring_store(memory["spring"]["stiffness"][0, 0], memory["spring"]["limit"][0, 0], stretch)
 
 
 def after(given, memory, row, time, way, status):
@@ -432,17 +432,21 @@ def pressed(given):
         row["command"], row["device_status"], row["counts"][0] = enable_state.ENABLE, faults.FRESH, round(-0.004 / step)
         row["tool_session"], row["tool_answered"], row["tool_contact"] = 1.0, k + 1.0, 1.0
         if k == 1:
-            memory["set"][0, 0], memory["tank"], memory["stretched"][0, 0] = 0.0, 0.02, 0.004
+            (
+                memory["spring"]["set_position"][0, 0],
+                memory["tank"]["level"],
+                memory["spring"]["stretch_before"][0, 0],
+            ) = 0.0, 0.02, 0.004
         tick(given, memory, row)
     assert row["force_on_handle"][0, 0] > 1.0
-    return memory, row, float(memory["tank"][0])
+    return memory, row, float(memory["tank"]["level"][0])
 
 
 @pytest.mark.parametrize("field", ["tool_effort", "tool_velocity", "drag"])
 def test_the_fault_of_what_is_not_a_number_books_no_force(field):
     given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
     memory, row, before = pressed(given)
-    stored = virtual_coupling.spring_store(memory["spring"][0, 0], memory["clamp"][0, 0], 0.004)
+    stored = virtual_coupling.spring_store(memory["spring"]["stiffness"][0, 0], memory["spring"]["limit"][0, 0], 0.004)
     row[field] = np.nan
     if field != "drag":
         row["tool_position"][0, 0] = 1e3
@@ -450,8 +454,10 @@ def test_the_fault_of_what_is_not_a_number_books_no_force(field):
     row["deadline"] = row["latched"]
     tick(given, memory, row)
     assert row["fault"][0] == faults.NOT_A_NUMBER and not row["motor"].any()
-    assert row["engage"][0] == 0.0 and memory["factor"][0] == 0.0 and memory["spring"][0, 0] == 0.0
-    assert memory["tank"][0] <= before + stored + 1e-9
+    assert (
+        row["engage"][0] == 0.0 and memory["spring"]["factor"][0] == 0.0 and memory["spring"]["stiffness"][0, 0] == 0.0
+    )
+    assert memory["tank"]["level"][0] <= before + stored + 1e-9
 
 
 @pytest.mark.parametrize(("late", "limit"), [(1, 0.156), (5, 0.283), (20, 0.749), (100, 3.145)])
@@ -486,10 +492,10 @@ def test_a_sample_that_is_not_a_number_stops_the_motor_and_leaves_the_tank_as_it
     given, (memory, row) = one_axis(method), adversary.engaged()
     path, scale = np.zeros((20, adversary.GENES)), adversary.scale_of(given)
     adversary.energy_given(given, memory, row, path, scale, adversary.Adversary(loss=-9.0), np.zeros(3))
-    tank = float(memory["tank"][0])
+    tank = float(memory["tank"]["level"][0])
     row[field] = value
     row["latched"] += 1e6
     row["deadline"] = row["latched"]
     tick(given, memory, row)
     assert not row["motor"].any() and np.isfinite(row["force_on_handle"]).all()
-    assert memory["tank"][0] == tank
+    assert memory["tank"]["level"][0] == tank

@@ -13,7 +13,7 @@ from haptic_device import controller_config
 from haptic_device.analysis.bag_topics import Status
 from haptic_device.analysis.excitation import shakes, twists
 from haptic_device.analysis.identify import NAMES, Trace, identify, resolution_of, trace_of
-from haptic_device.control import enable_state, servo
+from haptic_device.control import enable_state, records
 from haptic_device.description import Axis, Device, load_device
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
@@ -72,7 +72,7 @@ def shaken(mass=0.1, damping=3.0, coulomb=0.02, step=5e-6, rate=2000.0, sensing=
     told = Device(name="told", axes=(axis(0.05, 1.0, 0.0, step, sign),))
     values = {p.name: p.default for p in OPERATING_POINT}
     values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
-    memory = np.zeros(1, servo.MEMORY).view(np.recarray)
+    memory = np.zeros(1, records.STATE).view(np.recarray)
     memory.state, memory.engage = enable_state.ENGAGED, 1.0
     body, state = loopback_config.plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
     motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
@@ -82,7 +82,7 @@ def shaken(mass=0.1, damping=3.0, coulomb=0.02, step=5e-6, rate=2000.0, sensing=
         shake = next(plan)
         values |= {f"wall.{name}": getattr(shake, name) for name in ("normals", "offsets", "stiffness", "damping")}
         settings, rows = controller_config.settings_from(told, values).view(np.recarray), round(shake.seconds * rate)
-        rows = np.zeros(rows, servo.TICK).view(np.recarray)
+        rows = np.zeros(rows, records.TRACE_ROW).view(np.recarray)
         at = (first * period, first, 30_000, enable_state.ENABLE)
         simulated_device.run_lockstep(settings, memory, rows, tool, body, state, motion, *at)
         blocks.append(np.asarray(rows))
@@ -127,7 +127,7 @@ def twisted(inertia=2e-4, damping=0.006, coulomb=3e-4, rate=2000.0, torque=0.05)
     values = {p.name: p.default for p in OPERATING_POINT}
     values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0, "exchange.hold": 2.0}
     values |= {"coupling.rotational_damping": 0.0}
-    memory = np.zeros(1, servo.MEMORY).view(np.recarray)
+    memory = np.zeros(1, records.STATE).view(np.recarray)
     memory.state, memory.engage = enable_state.ENGAGED, 1.0
     body, state = loopback_config.plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
     motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
@@ -137,7 +137,7 @@ def twisted(inertia=2e-4, damping=0.006, coulomb=3e-4, rate=2000.0, torque=0.05)
         twist = next(plan)
         values["coupling.rotational_stiffness"] = twist.stiffness
         settings, rows = controller_config.settings_from(told, values).view(np.recarray), round(dwell * rate)
-        rows = np.zeros(rows, servo.TICK).view(np.recarray)
+        rows = np.zeros(rows, records.TRACE_ROW).view(np.recarray)
         tool.sent, angle = first * period, state.position[0, 2]
         tool.position[0, 2] = min(angle + twist.leash, max(angle - twist.leash, twist.angle))
         at = (first * period, first, 30_000, enable_state.ENABLE)
@@ -204,7 +204,7 @@ def test_a_trace_with_gaps_is_refused():
 
 def ticks(first, last):
     """A block of the trace at 1 kHz, from tick to tick."""
-    rows = np.zeros(last - first, servo.TICK)
+    rows = np.zeros(last - first, records.TRACE_ROW)
     rows["tick"] = np.arange(first, last)
     rows["deadline"] = rows["tick"] * 1e6
     return rows

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from haptic_device import jit
-from haptic_device.control import servo
+from haptic_device.control import records
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -105,7 +105,7 @@ LOCKSTEP = """
     body, memory, motion = loopback_config.hand_from(described, values("haptic_loopback", motion__name="press_wall",
         motion__start=(-0.0002, 0.0, 0.0), motion__target=(-0.01, -0.005, 0.0), motion__duration=0.1))
     memory["time"] = start = 1_000_000_000
-    state, rows, tool = np.zeros(1, servo.MEMORY), np.zeros(100, servo.TICK), np.zeros(1, servo_loop.TOOL)
+    state, rows, tool = np.zeros(1, records.STATE), np.zeros(100, records.TRACE_ROW), np.zeros(1, servo_loop.TOOL)
     records = [array.view(np.recarray) for array in (settings, state, rows, tool, body, memory, motion)]
     simulated_device.run_lockstep(*records, start, 0, 5000, 1)
     rows.tofile(OUT)
@@ -117,10 +117,10 @@ def test_without_the_compiler_the_same_servo_and_plant_compute_the_same(tmp_path
     for disabled in ("0", "1"):
         out = tmp_path / disabled
         python(f"OUT = {str(out)!r}\n" + textwrap.dedent(LOCKSTEP), NUMBA_DISABLE_JIT=disabled)
-        results.append(np.fromfile(out, servo.TICK))
+        results.append(np.fromfile(out, records.TRACE_ROW))
     compiled, plain = results
     assert np.abs(compiled["force_walls"]).max() > 0.1 and compiled["engage"][-1] == 1.0
-    for name in servo.TICK.names:
+    for name in records.TRACE_ROW.names:
         assert np.allclose(compiled[name], plain[name], rtol=1e-9, atol=1e-12), name
 
 

@@ -131,12 +131,12 @@ def test_engaging_waits_for_a_small_wanted_force_and_then_lasts_until_disabled_o
 def test_forces_rise_evenly_over_the_engage_time_and_fall_at_once():
     factor, rises = 0.0, []
     for _ in range(10):
-        factor = enable_state.engage_factor(enable_state.ENGAGING, factor, 0.001, 0.008)
+        factor = enable_state.force_ramp(enable_state.ENGAGING, factor, 0.001, 0.008)
         rises.append(factor)
     assert rises[:8] == pytest.approx([(k + 1) / 8 for k in range(8)])
     assert rises[8:] == [1.0, 1.0]
     for state in (enable_state.IDLE, enable_state.WAITING, enable_state.FAULT):
-        assert enable_state.engage_factor(state, 1.0, 0.001, 0.008) == 0.0
+        assert enable_state.force_ramp(state, 1.0, 0.001, 0.008) == 0.0
 
 
 def motion(position=0.0, velocity=0.0, displacement=0.0, elapsed=0.001):

@@ -10,7 +10,7 @@ from exchange_systems import demo_system, one_axis
 from adversary import exchange_search as adversary
 from bench.exchange import felt as local_felt
 from bench.exchange.felt import FINE, NETWORKS, compare
-from haptic_device.control import contact_model, servo, virtual_tool
+from haptic_device.control import contact_model, records, tool_contacts
 from haptic_device.message_fields import COMMON, EACH, LOCAL_CONTACT, MOST
 from haptic_device.realtime import tick_replay
 from haptic_device.recording.layouts import CloudLayout
@@ -214,13 +214,18 @@ def test_the_books_never_credit_what_contacts_said_beyond_the_truth():
 
 
 def test_a_set_of_contacts_keeps_the_modes_of_those_that_were_there():
-    memory, new = np.zeros(1, servo.MEMORY), np.zeros(1, contact_model.SET)
+    memory, new = np.zeros(1, records.STATE), np.zeros(1, contact_model.SET)
     new["table"][0, 0, contact_model.IDENTITY], new["table"][0, 3, contact_model.IDENTITY] = 5.0, 6.0
-    virtual_tool.take(memory[0], new[0])
-    memory["rows"][0, 0, 11] = memory["rows"][0, 3, 11] = 1.0
+    tool_contacts.take(memory[0], new[0])
+    memory["virtual_tool"]["contacts"]["constraints"][0, 0, 11] = memory["virtual_tool"]["contacts"]["constraints"][
+        0, 3, 11
+    ] = 1.0
     new["table"][0, 3, contact_model.IDENTITY] = 7.0
-    virtual_tool.take(memory[0], new[0])
-    assert memory["rows"][0, 0, 11] == 1.0 and memory["rows"][0, 3, 11] == 0.0
+    tool_contacts.take(memory[0], new[0])
+    assert (
+        memory["virtual_tool"]["contacts"]["constraints"][0, 0, 11] == 1.0
+        and memory["virtual_tool"]["contacts"]["constraints"][0, 3, 11] == 0.0
+    )
 
 
 def points_of(sets):
@@ -237,9 +242,9 @@ def points_of(sets):
 def written(folder, **topics):
     """A bag with one message of each topic's records."""
     bag = Bag(folder)
-    for topic, records in topics.items():
+    for topic, rows in topics.items():
         channel = bag.add_topic(f"/haptic/{topic}", "sensor_msgs/msg/PointCloud2", [])
-        bag.write(channel, CloudLayout(records.dtype).pack(0, records), 1, 1, 1)
+        bag.write(channel, CloudLayout(rows.dtype).pack(0, rows), 1, 1, 1)
     bag.close({})
     return folder
 

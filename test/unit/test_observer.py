@@ -150,8 +150,8 @@ def test_walls_against_each_other_whose_sum_is_within_the_limit_owe_no_more_than
     depth -= 3.0 * step
     assert hand.go(depth, 3.0) == pytest.approx(2000.0 * depth, rel=1e-3)
     leak = 0.5 * 2000.0 * (3.0 * step) ** 2 - (3.0 * step) ** 2 / (3.0 * TICK)
-    assert hand.memory["late"][0] == pytest.approx(max(0.0, leak), abs=1e-7)
-    assert hand.memory["walls_off"][0] == 0.0
+    assert hand.memory["observer"]["missed_tick_energy"][0] == pytest.approx(max(0.0, leak), abs=1e-7)
+    assert hand.memory["walls"]["release"][0] == 0.0
 
 
 def test_a_wall_left_from_the_motors_limit_in_one_long_hold_gives_that_once_and_is_not_there_until_it_is_paid():
@@ -162,17 +162,20 @@ def test_a_wall_left_from_the_motors_limit_in_one_long_hold_gives_that_once_and_
         hand.go(-1e-3, 40.0)
         given.append(hand.given)
     assert given[0] > 0.01 and max(given) == given[0]
-    assert hand.memory["walls_off"][0] == 1.0 and hand.go(3e-3) == 0.0
+    assert hand.memory["walls"]["release"][0] == 1.0 and hand.go(3e-3) == 0.0
 
 
 def test_a_device_that_cut_its_motor_and_whoever_engages_anew_owe_nothing():
     hand = Led(7000.0)
     hand.go(1e-3)
     hand.go(8e-3, 800.0, faults.FRESH | faults.WATCHDOG)
-    assert hand.row["fault"][0] == faults.DEVICE_WATCHDOG and hand.memory["late"][0] == 0.0
+    assert hand.row["fault"][0] == faults.DEVICE_WATCHDOG and hand.memory["observer"]["missed_tick_energy"][0] == 0.0
     other = Led(7000.0)
     other.go(1e-3)
-    assert other.go(8e-3, 40.0) == 0.0 and other.memory["late"][0] > other.settings["passivity_budget"]
+    assert (
+        other.go(8e-3, 40.0) == 0.0
+        and other.memory["observer"]["missed_tick_energy"][0] > other.settings["passivity"]["budget"]
+    )
     other.go(8e-3, command=0)
     assert other.go(8e-3, command=0) == pytest.approx(7000.0 * 8e-3) and other.row["engage"][0] == 0.0
 
@@ -215,7 +218,7 @@ class OldCounts:
         self.given += float(held @ moved - self.damping * np.sum(moved**2 / times))
         began = float(self.row["latched"][0])
         self.tick(forces[-1], periods[-1])
-        return held, (self.time - began) * 1e-9, self.memory["moved"][0, 0]
+        return held, (self.time - began) * 1e-9, self.memory["motion"]["moved"][0, 0]
 
     def booked(self):
         return self.row["energy_given"][0, 0], self.row["generated"][0, 0]

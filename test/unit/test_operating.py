@@ -22,9 +22,9 @@ def test_every_parameter_arrives_in_its_field():
     coupling = {f"coupling__{name}": value for name, value in coupling.items()}
     settings = point(servo__rate=2000.0, force__limit=3.0, force__limit_rotational=0.2, **coupling)
     assert (settings["version"], settings["period"], settings["axes"]) == (7, 0.0005, 3)
-    assert settings["force_limit"].tolist() == [3.0, 3.0, 0.2]
-    assert settings["stiffness"].tolist() == [500.0, 500.0, 2.5]
-    assert settings["damping"].tolist() == [1.5, 1.5, 0.004]
+    assert settings["force"]["limit"].tolist() == [3.0, 3.0, 0.2]
+    assert settings["coupling"]["stiffness"].tolist() == [500.0, 500.0, 2.5]
+    assert settings["coupling"]["damping"].tolist() == [1.5, 1.5, 0.004]
     for i, (name, field) in enumerate(controller_config.DIRECT.items()):
         given = 0.03125 + i / 64
         assert point(**{name.replace(".", "__"): given})[field] == given
@@ -37,11 +37,11 @@ def test_walls_arrive_in_order_with_unit_normals():
         wall__stiffness=(300.0, 400.0),
         wall__damping=(1.0, 2.0),
     )
-    assert settings["walls"] == 2
-    assert np.hypot(settings["wall_x"], settings["wall_y"])[:2] == pytest.approx([1.0, 1.0], abs=1e-15)
-    assert settings["wall_offset"][:2].tolist() == [0.01, -0.02]
-    assert settings["wall_stiffness"][:2].tolist() == [300.0, 400.0]
-    assert settings["wall_damping"][:2].tolist() == [1.0, 2.0]
+    assert settings["wall"]["count"] == 2
+    assert np.hypot(settings["wall"]["x"], settings["wall"]["y"])[:2] == pytest.approx([1.0, 1.0], abs=1e-15)
+    assert settings["wall"]["offset"][:2].tolist() == [0.01, -0.02]
+    assert settings["wall"]["stiffness"][:2].tolist() == [300.0, 400.0]
+    assert settings["wall"]["damping"][:2].tolist() == [1.0, 2.0]
 
 
 ONE = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness": (1.0,), "wall__damping": (0.0,)}

@@ -297,9 +297,9 @@ def test_a_topic_becomes_a_data_frame_over_the_one_clock(run, library):
 
 
 def test_every_column_of_the_trace_has_its_unit_or_counts():
-    from haptic_device.control.servo import TICK
+    from haptic_device.control.records import TRACE_ROW
 
-    plain = {name for name in TICK.names if name not in TRACE_UNITS}
+    plain = {name for name in TRACE_ROW.names if name not in TRACE_UNITS}
     counted = "tick missed parameter_version command counts device_status tool_session tool_sequence tool_answered"
     counted += " tool_contact contact_set handle_sequence engage exchange_fade exchange_shortened exchange_let_go"
     counted += " cancellation_fade injections state fault warmth"

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from haptic_device import controller_config
 from haptic_device.analysis.bag_topics import load
 from haptic_device.analysis.report.run import read_run
-from haptic_device.control import servo
+from haptic_device.control import records
 from haptic_device.device import operator_hand
 from haptic_device.realtime import tick_replay
 from haptic_device.recording.layouts import JointLayout
@@ -86,7 +86,7 @@ def test_after_a_gap_it_goes_on_from_the_next_snapshot_and_says_what_it_skipped(
 
 def test_changed_settings_count_from_their_version_on():
     system, start, rows = busy(2000)
-    system.settings["version"], system.settings["stiffness"] = 1, 300.0
+    system.settings["version"], system.settings["coupling"]["stiffness"] = 1, 300.0
     changed = tick_replay.snapshot_of(system.ticks + 100, system.settings[0], system.memory[0])
     trace = np.concatenate([rows, system.run(0.5)])
     assert verdict_on(trace, np.concatenate([start, changed])).same == len(trace)
@@ -99,7 +99,7 @@ def test_a_trace_of_another_version_or_without_snapshots_is_refused_in_a_sentenc
         verdict_on(rows[[name for name in rows.dtype.names if name != "margin"]], start)
     with pytest.raises(ValueError, match="no snapshot"):
         verdict_on(rows, start[:0])
-    with pytest.raises(ValueError, match="snapshots lack settings.stiffness"):
+    with pytest.raises(ValueError, match="snapshots lack settings.coupling.stiffness"):
         verdict_on(rows, start[[name for name in start.dtype.names if name != "settings.stiffness"]])
 
 
@@ -227,8 +227,8 @@ def test_a_bag_without_motion_is_refused_in_a_sentence(tmp_path):
 
 def test_settings_survive_the_way_through_a_snapshot():
     settings = controller_config.settings_from(device(), values("haptic_driver"), 7)
-    memory = np.zeros(1, servo.MEMORY)
-    memory["history"], memory["times"][0, 3] = 5.0, 1.5
+    memory = np.zeros(1, records.STATE)
+    memory["samples"]["count"], memory["samples"]["times"][0, 3] = 5.0, 1.5
     again_settings, again_memory = tick_replay.parts_of(tick_replay.snapshot_of(3, settings[0], memory[0]))
     assert again_settings.tobytes() == settings.tobytes() and again_memory.tobytes() == memory.tobytes()
 

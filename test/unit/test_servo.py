@@ -11,7 +11,7 @@ from lockstep_systems import device, values
 from ticks import tick
 
 from haptic_device import controller_config
-from haptic_device.control import enable_state, faults, servo
+from haptic_device.control import enable_state, faults, records, servo
 from haptic_device.device import loopback_config, simulated_device
 from haptic_device.parameters import EXCHANGE_METHODS, MOST_WALLS
 from haptic_device.realtime import servo_loop
@@ -35,7 +35,7 @@ class Servo:
         self.device = device(damping=3.0, counts=COUNTS, axes=axes, scale=scale, gravity=gravity)
         given = {"exchange__method": "direct"} | given  # the tool as it is; the other methods have tests of their own
         self.settings = controller_config.settings_from(self.device, values("haptic_driver", **given))
-        self.memory, self.now, self.command = np.zeros(1, servo.MEMORY), 10**12, enable_state.ENABLE
+        self.memory, self.now, self.command = np.zeros(1, records.STATE), 10**12, enable_state.ENABLE
         self.inputs = {"tool_age": -1.0, "device_status": faults.FRESH}
         self.left = {}  # in the outputs of each row, of a tick before
         self.position = np.zeros(3)
@@ -53,13 +53,13 @@ class Servo:
 
     def tick(self, stale=False, **changes):
         """One tick; inputs in changes last for this tick only. The device is at self.position."""
-        row = np.zeros(1, servo.TICK)
+        row = np.zeros(1, records.TRACE_ROW)
         self.now += round(PERIOD * 1e9)
-        counts = np.round(self.position / self.settings["position_per_count"][0, :3].clip(1e-12))
+        counts = np.round(self.position / self.settings["device"]["position_per_count"][0, :3].clip(1e-12))
         given = {"deadline": self.now, "latched": self.now, "counts": counts, "command": self.command}
         given |= self.left | self.inputs | changes
         if stale:
-            given["latched"] = self.memory["latched"][0]
+            given["latched"] = self.memory["motion"]["sample_time"][0]
         for name, value in given.items():
             row[name] = value
         tick(self.settings, self.memory, row)
@@ -249,28 +249,28 @@ def _device_watchdog(runner):
 
 def _encoder_jump(runner):
     runner.position = runner.position + [0.005, 0.0, 0.0]
-    runner.settings["velocity_limit"] = 9.0
+    runner.settings["device"]["velocity_limit"] = 9.0
     return runner.tick()
 
 
 def _velocity(runner):
-    runner.settings["velocity_limit"] = 2.0
+    runner.settings["device"]["velocity_limit"] = 2.0
     runner.position = runner.position + [0.75e-3, 0.0, 0.0]
     return runner.tick()
 
 
 def _position(runner):
-    runner.settings["position_low"] = -0.0019
+    runner.settings["device"]["position_low"] = -0.0019
     return runner.tick()
 
 
 def _saturation(runner):
-    runner.settings["device_limit"] = 1.9
+    runner.settings["device"]["motor_limit"] = 1.9
     return runner.run(1.0 + 3 * PERIOD)
 
 
 def _not_a_number(runner):
-    runner.settings["stiffness"] = 1.0
+    runner.settings["coupling"]["stiffness"] = 1.0
     runner.tool((0.0, 0.0, 0.0))
     runner.run(0.2)
     runner.tool((math.nan, 0.0, 0.0))
@@ -278,9 +278,9 @@ def _not_a_number(runner):
 
 
 def _duty(runner):
-    force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["device_limit"][0, 0]
-    runner.settings["duty"] = 0.5 * force / limit
-    runner.settings["duty_kept"] = math.exp(-PERIOD / 0.05)
+    force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["device"]["motor_limit"][0, 0]
+    runner.settings["fault"]["duty"] = 0.5 * force / limit
+    runner.settings["fault"]["duty_kept"] = math.exp(-PERIOD / 0.05)
     return runner.run(0.05)
 
 
@@ -320,7 +320,7 @@ def test_a_fault_zeroes_the_motor_in_its_tick_stays_latched_and_is_cleared_by_re
         row = runner.tick()
         assert faults.name_of(row.fault) == entry.name and not row.motor.any() and row.state == enable_state.FAULT
     runner.position[:] = 0.0
-    runner.memory["device_position"] = 0.0  # the handle was carried back
+    runner.memory["motion"]["device_position"] = 0.0  # the handle was carried back
     runner.command = enable_state.RESET
     runner.run(0.1)
     runner.command = enable_state.RESET | enable_state.ENABLE
@@ -340,7 +340,7 @@ def test_silence_and_saturation_just_within_their_times_are_no_faults():
     rows = [runner.tick(stale=True) for _ in range(round(0.02 / PERIOD) - 1)]
     assert rows[-1].fault == faults.NONE and runner.tick().fault == faults.NONE
     runner = pressing()
-    runner.settings["device_limit"] = 1.9
+    runner.settings["device"]["motor_limit"] = 1.9
     assert runner.run(1.0 - 3 * PERIOD).fault == faults.NONE
     assert runner.rows[-1]["force_on_handle"][0, 0] == 1.9
 
@@ -348,8 +348,11 @@ def test_silence_and_saturation_just_within_their_times_are_no_faults():
 @pytest.mark.parametrize("share", [0.99, 1.01])
 def test_a_motor_may_hold_its_duty_for_ever_and_a_little_more_until_it_is_warm(share):
     runner, time = pressing(), 0.1
-    force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["device_limit"][0, 0]
-    runner.settings["duty"], runner.settings["duty_kept"] = force / limit / share, math.exp(-PERIOD / time)
+    force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["device"]["motor_limit"][0, 0]
+    runner.settings["fault"]["duty"], runner.settings["fault"]["duty_kept"] = (
+        force / limit / share,
+        math.exp(-PERIOD / time),
+    )
     began, row = len(runner.rows), runner.run(10 * time)
     assert faults.name_of(row.fault) == ("" if share < 1.0 else "duty")
     if share > 1.0:
@@ -369,7 +372,7 @@ def test_an_axis_that_the_device_lacks_is_not_saturated_by_a_wall_whose_normal_l
 @pytest.mark.parametrize("back", [0.0, 0.4, 3.0])
 def test_counts_that_change_without_a_newer_time_move_nothing_and_their_way_is_booked_with_the_next(back):
     runner, speed = pressing(), 1e-2
-    first, latched, held = runner.rows[-1], runner.memory["latched"][0], 3
+    first, latched, held = runner.rows[-1], runner.memory["motion"]["sample_time"][0], 3
     for _ in range(held - 1):
         runner.position = runner.position + [speed * PERIOD, 0.0, 0.0]
         row = runner.tick(latched=latched - back * PERIOD * 1e9)
@@ -408,7 +411,7 @@ def test_no_input_that_is_not_a_number_becomes_a_force(field, value):
     runner.run(0.01)
     runner.command |= enable_state.ENABLE
     row = runner.run(0.2)
-    assert row.state == enable_state.ENGAGED and np.isfinite(runner.memory["drag"]).all()
+    assert row.state == enable_state.ENGAGED and np.isfinite(runner.memory["compensation"]["drag"]).all()
 
 
 @pytest.mark.parametrize("axes", [1, 3])
@@ -420,8 +423,10 @@ def test_a_row_that_is_used_again_keeps_nothing_of_the_tick_it_held_before(metho
     clean, used = (Servo(axes=axes, settled=False, **WALL, **quick) for _ in range(2))
     for runner, left in ((clean, 0.0), (used, math.nan)):
         runner.left = {name: left for name in outputs}
-        runner.memory["near_number"] = runner.memory["near_mass"] = runner.memory["near_inertia"] = 1.0
-        runner.memory["near_trust"] = 1.0
+        runner.memory["virtual_tool"]["contacts"]["number"] = runner.memory["virtual_tool"]["contacts"][
+            "mass"
+        ] = runner.memory["virtual_tool"]["contacts"]["inertia"] = 1.0
+        runner.memory["virtual_tool"]["contacts"]["trust"] = 1.0
         runner.tool((0.001, 0.0, 0.0))
         runner.inputs |= {"contact_set": 1.0, "contact_age": 0.001}
         runner.run(0.05)
@@ -443,11 +448,11 @@ WORD = st.integers(-(2**63), 2**63 - 1)
 @given(st.lists(st.tuples(st.tuples(WORD, WORD, WORD), st.tuples(ANY, ANY, ANY), WORD, WORD), min_size=1, max_size=8))
 def test_whatever_stands_in_the_page_the_motor_stays_finite_within_its_limit_and_zero_in_a_fault(samples):
     runner = Servo(settled=False, **WALL, cancellation__ratio=0.5, cancellation__source="measured")
-    runner.memory["engage"], runner.memory["state"] = 1.0, enable_state.ENGAGED
+    runner.memory["enable"]["ramp"], runner.memory["enable"]["state"] = 1.0, enable_state.ENGAGED
     for counts, drag, status, latched in samples:
         row = runner.tick(counts=counts, drag=drag, device_status=status, latched=latched)
         assert np.isfinite(row.motor).all()
-        assert (abs(row.force_on_handle) <= runner.settings["device_limit"][0]).all()
+        assert (abs(row.force_on_handle) <= runner.settings["device"]["motor_limit"][0]).all()
         assert row.fault == faults.NONE or not row.motor.any()
 
 
@@ -468,14 +473,14 @@ class Press:
         self.hand = loopback_config.hand_from(described, values("haptic_loopback", **script))
         self.plant = self.hand[1]
         self.plant["time"] = self.start = 10**12
-        self.memory, self.ticks = np.zeros(1, servo.MEMORY), 0
+        self.memory, self.ticks = np.zeros(1, records.STATE), 0
 
     def run(self, seconds=0.5, delay=5000):
         """Rows of the next ticks, whose motor values are written this much [ns] after each deadline."""
-        rows, tool = np.zeros(round(seconds / PERIOD), servo.TICK), np.zeros(1, servo_loop.TOOL)
+        rows, tool = np.zeros(round(seconds / PERIOD), records.TRACE_ROW), np.zeros(1, servo_loop.TOOL)
         now = self.start + self.ticks * round(PERIOD * 1e9)
-        records = self.settings, self.memory, rows, tool, *self.hand
-        simulated_device.run_lockstep(*records, now, self.ticks, delay, enable_state.ENABLE)
+        whole = self.settings, self.memory, rows, tool, *self.hand
+        simulated_device.run_lockstep(*whole, now, self.ticks, delay, enable_state.ENABLE)
         self.ticks += len(rows)
         return rows
 
@@ -495,8 +500,8 @@ def test_lockstep_in_two_pieces_is_lockstep_in_one():
 
 def replay(rows, settings):
     """The rows computed again from their inputs alone."""
-    memory, again = np.zeros(1, servo.MEMORY), np.zeros(len(rows), servo.TICK)
-    inputs = [name for name in servo.TICK.names if name in {column.rstrip("*#^") for column in servo.INPUTS}]
+    memory, again = np.zeros(1, records.STATE), np.zeros(len(rows), records.TRACE_ROW)
+    inputs = [name for name in records.TRACE_ROW.names if name in {column.rstrip("*#^") for column in servo.INPUTS}]
     for name in inputs:
         again[name] = rows[name]
     for k in range(len(again)):
@@ -531,8 +536,8 @@ def test_the_wall_never_pulls_while_a_hand_taps_it():
 
 def test_a_tool_that_joins_an_engaged_handle_from_afar_waits_until_its_pull_is_small():
     runner = Servo(settled=True, **FREE)
-    runner.settings["stiffness"][0, :2] = 1000.0
-    runner.settings["exchange_fade"] = 0.01
+    runner.settings["coupling"]["stiffness"][0, :2] = 1000.0
+    runner.settings["exchange"]["fade"] = 0.01
     runner.tool((0.0011, 0.0, 0.0))
     assert runner.run(0.1).exchange_fade == 0.0 and not runner.rows[-1]["motor"].any()
     runner.tool((0.0009, 0.0, 0.0))

@@ -9,7 +9,7 @@ from lockstep_systems import device, values
 from waiting import until
 
 from haptic_device import controller_config
-from haptic_device.control import servo
+from haptic_device.control import records
 from haptic_device.nodes.declared import DRIVER
 from haptic_device.nodes.telemetry import Telemetry
 from haptic_device.realtime import clock, seqlock
@@ -65,7 +65,7 @@ class Told:
 
     def tick(self):
         """A tick, and some looks of the telemetry after it."""
-        row = np.zeros(1, servo.TICK)
+        row = np.zeros(1, records.TRACE_ROW)
         self.deadlines.append(10**12 + len(self.deadlines) * STEP)
         row["tick"], row["deadline"] = len(self.deadlines) - 1, self.deadlines[-1]
         self.servo.row.put(row)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from live_nodes import STRANGE
 from rclpy.serialization import deserialize_message, serialize_message
 
-from haptic_device.control import servo
+from haptic_device.control import records
 from haptic_device.message_fields import AXES, exchange_names, truth_names
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import (
@@ -100,18 +100,18 @@ def test_tail_and_truth_have_their_published_names_in_their_order():
 
 
 def test_a_trace_describes_itself_and_holds_every_column_of_every_tick():
-    rows = np.zeros(5, servo.TICK)
+    rows = np.zeros(5, records.TRACE_ROW)
     rows["tick"], rows["position"] = np.arange(5), np.arange(15).reshape(5, 3)
-    packed = CloudLayout(servo.TICK, "haptic_base").pack(STAMP, rows)
+    packed = CloudLayout(records.TRACE_ROW, "haptic_base").pack(STAMP, rows)
     cloud = deserialize_message(packed, messages.PointCloud2)
     assert messages.to_time(STAMP) == cloud.header.stamp and cloud.header.frame_id == "haptic_base"
     assert (cloud.row_step, cloud.is_dense, cloud.is_bigendian) == (rows.nbytes, True, False)
-    assert (cloud.width, cloud.height, cloud.point_step) == (5, 1, servo.TICK.itemsize)
+    assert (cloud.width, cloud.height, cloud.point_step) == (5, 1, records.TRACE_ROW.itemsize)
     assert {field.datatype for field in cloud.fields} == {8}
     kind = np.dtype(
         [(field.name, "f8", (field.count,)) if field.count > 1 else (field.name, "f8") for field in cloud.fields]
     )
-    assert kind == servo.TICK
+    assert kind == records.TRACE_ROW
     assert np.frombuffer(bytes(cloud.data), kind).tobytes() == rows.tobytes()
 
 

@@ -23,7 +23,7 @@ from haptic_device.analysis.zwidth import (
     theory,
 )
 from haptic_device.analysis.zwidth_map import Request, boundaries, draw_map, empty, write_csv
-from haptic_device.control import enable_state, servo
+from haptic_device.control import enable_state, records
 from haptic_device.description import Axis, Device
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device, wall_tapping
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
@@ -54,15 +54,15 @@ def whole_servo(setup, start, stiffness, damping):
     values |= {"wall.normals": (1.0, 0.0), "wall.offsets": (0.0,)}
     values |= {"wall.stiffness": (stiffness,), "wall.damping": (damping,)}
     settings = controller_config.settings_from(device, values).view(np.recarray)
-    memory = np.zeros(1, servo.MEMORY).view(np.recarray)
-    memory.state, memory.engage = enable_state.ENGAGED, 1.0
+    memory = np.zeros(1, records.STATE).view(np.recarray)
+    memory.enable.state, memory.enable.ramp = enable_state.ENGAGED, 1.0
     body, state = loopback_config.plant_of(device).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
     body.actuation_delay = round(setup.delay_samples * setup.period * 1e9)
     state.position[0, 0], state.velocity[0, 0] = -start.position, -start.velocity
     motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
     tool, most, period = np.zeros(1, servo_loop.TOOL).view(np.recarray), 0.0, round(setup.period * 1e9)
     for k in range(round(setup.seconds / setup.period) + 1):
-        row = np.zeros(1, servo.TICK).view(np.recarray)
+        row = np.zeros(1, records.TRACE_ROW).view(np.recarray)
         simulated_device.run_lockstep(
             settings, memory, row, tool, body, state, motion, k * period, k, 0, enable_state.ENABLE
         )

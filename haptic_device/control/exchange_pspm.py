@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Exchange method `pspm`: passive set-position modulation after the tool's samples (control/set_position)."""
+
+from haptic_device.control import energy_tank, set_position
+from haptic_device.jit import kernel, njit
+
+
+@kernel
+def hold_ended(settings, tank, spring, hold, motion, enable, sensors):
+    """Books the hold; what the coupling's damper takes beside its bound fills the tank."""
+    energy_tank.hold_ended(settings, tank, spring, hold, motion, enable, sensors, True)
+
+
+@kernel
+def move_set_point(settings, tank, spring, hold, motion, tool, output):
+    """Set position after the tool's samples, as far as slew and tank allow (set_position, 2)."""
+    energy_tank.take_returned(settings, tank, tool)
+    for i in range(int(settings.axes)):
+        spring.goal[i] = _predicted(settings, motion, tool, i)
+    energy_tank.pay(settings, tank, spring, hold, motion, output.exchange_fade)
+    force_square = 0.0
+    for i in range(int(settings.axes)):
+        # never faster than the tool is said to be, nor than the set position really moves
+        most, least = max(0.0, tool.velocity[i]), min(0.0, tool.velocity[i])
+        wanted, damping = min(most, max(least, spring.own_velocity[i])), spring.factor * settings.coupling.damping[i]
+        slew = settings.exchange.slew[i]
+        velocity = set_position.slewed_velocity(spring.set_velocity[i], wanted, damping, slew, settings.period)
+        spring.set_velocity[i] = velocity
+        force = settings.device.scale[i] * spring.factor * settings.coupling.damping[i] * velocity
+        if force != 0.0:
+            force_square += force * force / max(0.0, settings.passivity.surplus[i])
+    spare = tank.level - energy_tank.reserve(settings, spring)
+    share = set_position.damper_share(spare, force_square, settings.period)
+    for i in range(int(settings.axes)):
+        spring.set_velocity[i] *= share
+        output.coupling_position[i], output.coupling_velocity[i] = spring.set_position[i], spring.set_velocity[i]
+    if tank.level > settings.exchange.tank:
+        tank.shipped += tank.level - settings.exchange.tank
+        tank.level = settings.exchange.tank
+    output.exchange_energy = tank.shipped
+
+
+@kernel
+def tick_ended(settings, tank, spring, motion, output):
+    """The spring that is held; the handle sample carries its force."""
+    energy_tank.tick_ended(settings, tank, spring, motion, output, energy_tank.NOTHING_PAID)
+    for i in range(output.position.size):
+        output.exchange_effort[i] = output.force_coupling[i]
+
+
+@njit
+def _predicted(settings, motion, tool, i):
+    """Where the tool is now, in contact or free [m | rad]."""
+    chosen, stiffness = settings.exchange, settings.coupling.stiffness[i]
+    straight = set_position.predicted_position(tool.position[i], tool.velocity[i], tool.age, chosen.horizon)
+    if tool.contact > 0.0 or stiffness <= 0.0:
+        return straight
+    age, stretch = max(0.0, min(tool.age, chosen.horizon)), tool.effort[i] / stiffness
+    trust, agility = _trust(settings, i), chosen.agility[i]
+    return set_position.predicted_beside_handle(straight, motion.handle[i], stretch, age, agility, trust)
+
+
+@njit
+def _trust(settings, i):
+    """Age [s] at which half of a free tool's force is believed: (2 b + B)/K, of what of b is not cancelled."""
+    left = (1.0 - settings.cancellation.ratio) * settings.device.damping[i] / settings.device.scale[i] ** 2
+    return max(0.0, 2.0 * left + settings.coupling.damping[i]) / settings.coupling.stiffness[i]

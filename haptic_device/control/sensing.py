@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Encoder counts to the handle's position and velocity: the first stage of a tick."""
+
+from haptic_device.control import damping_compensation, enable_state, faults, kinematics, velocity_estimator
+from haptic_device.jit import kernel, njit
+
+
+@kernel
+def sense(settings, motion, samples, compensation, fault, sensors, output):
+    """Fills in motion and samples, and the output's position and velocity; latches what is wrong with the motion.
+
+    Counts that change without a newer time move nothing: their way counts when such a time has come.
+    """
+    motion.elapsed = (sensors.latched - motion.sample_time) * 1e-9 if motion.started else 0.0
+    _keep_time(motion, samples, sensors)
+    opened = (int(sensors.command) & enable_state.CLUTCH) != 0
+    device = settings.device
+    for i in range(int(settings.axes)):
+        seen = velocity_estimator.position_of(sensors.counts[i], device.position_per_count[i], device.zero[i])
+        before = motion.device_position[i] if motion.started else seen
+        position = before if motion.stale_ticks > 0.0 else seen
+        motion.moved[i] = position - before
+        velocity = _velocity(settings, motion, samples, i, position)
+        faults.latch(fault, _motion_fault(device, motion, i, position, velocity))
+        if opened:  # the handle stays where it is in the world
+            world = kinematics.to_world(before, device.scale[i], motion.clutch_offset[i])
+            motion.clutch_offset[i] = kinematics.clutched_offset(world, position, device.scale[i])
+        output.position[i] = kinematics.to_world(position, device.scale[i], motion.clutch_offset[i])
+        output.velocity[i] = 0.0 if opened else device.scale[i] * velocity
+        motion.device_position[i], motion.device_velocity[i] = position, velocity
+        faults.latch(
+            fault, damping_compensation.filter_drag(settings, compensation, i, sensors.drag[i], motion.elapsed)
+        )
+    for i in range(motion.handle.size):
+        motion.handle_before[i], motion.handle[i] = motion.handle[i], output.position[i]
+    motion.sample_time = max(motion.sample_time, sensors.latched) if motion.started else sensors.latched
+    motion.started = 1.0
+
+
+@njit
+def _keep_time(motion, samples, sensors):
+    """A new sample's place in the history."""
+    fresh = motion.elapsed > 0.0 or not motion.started
+    motion.stale_ticks = 0.0 if fresh else motion.stale_ticks + 1.0
+    if fresh:
+        samples.count += 1.0
+        samples.times[int(samples.count) % velocity_estimator.KEPT] = sensors.latched * 1e-9
+
+
+@njit
+def _velocity(settings, motion, samples, i, position):
+    """Device velocity of axis i by the estimator that is set."""
+    history = samples.x if i == 0 else (samples.y if i == 1 else samples.theta)
+    newest = int(samples.count) % velocity_estimator.KEPT
+    history[newest] = position
+    chosen = settings.velocity
+    if chosen.estimator == velocity_estimator.ADAPTIVE_WINDOW:
+        count = int(min(samples.count, velocity_estimator.KEPT))
+        step = 1.01 * abs(settings.device.position_per_count[i])  # an end-fit line passes through quantized ends
+        return velocity_estimator.adaptive_velocity(samples.times, history, newest, count, int(chosen.window), step)
+    lag = chosen.lag if chosen.estimator == velocity_estimator.LOWPASS else 0.0
+    return velocity_estimator.velocity_of(motion.device_velocity[i], motion.moved[i], motion.elapsed, lag)
+
+
+@njit
+def _motion_fault(device, motion, i, position, velocity):
+    low, high, limit = device.position_low[i], device.position_high[i], device.velocity_limit[i]
+    return faults.motion_fault(position, velocity, low, high, limit, motion.moved[i], motion.elapsed)
