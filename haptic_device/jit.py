@@ -6,7 +6,7 @@ unseen. Here the cache folder's name is a digest of the package's sources, of wh
 looks at these), of numba, of python and of the CPU: any change is a new folder.
 
 Compiling takes all of a core for many seconds, and some hundred MB that stay. `haptic compile` does it in processes of
-its own; `have(...)` runs that command where an entry (haptic_sim/kernels.py) is not in the cache yet.
+its own; `ensure_compiled(...)` runs that command where an entry (haptic_sim/kernels.py) is not in the cache yet.
 """
 
 import contextlib
@@ -55,7 +55,7 @@ def kernel(function):
     return njit(function, cache=True)
 
 
-def have(*entries, told=()):
+def ensure_compiled(*entries, told=()):
     """Returns when these entries are in the cache; `haptic compile`, a process of its own, compiles what is not there.
 
     What cannot be compiled there is compiled here when it is called, which then says why. KeyboardInterrupt as soon as

@@ -10,7 +10,7 @@ SHARED = ("/diagnostics", "/parameter_events", "/mark")  # ends of topics on whi
 
 
 @dataclass
-class Skipped:
+class SequenceGaps:
     """Of one topic: the last number (0: none yet), how many were skipped, how often they did not go on."""
 
     last: int = 0
@@ -34,8 +34,8 @@ class Skipped:
         return UNKNOWN if several else str(self.lost)
 
 
-def counted(sequence: np.ndarray) -> Skipped:
-    """`Skipped.count` of all these numbers, at once."""
+def counted(sequence: np.ndarray) -> SequenceGaps:
+    """`SequenceGaps.count` of all these numbers, at once."""
     steps = np.diff(sequence)
     gaps, back = (steps > 1) & (sequence[:-1] > 0), (steps <= 0) & (sequence[1:] > 0)
-    return Skipped(int(sequence[-1]), int(np.sum(steps[gaps] - 1)), int(np.sum(back)))
+    return SequenceGaps(int(sequence[-1]), int(np.sum(steps[gaps] - 1)), int(np.sum(back)))

@@ -9,7 +9,7 @@ from haptic_device.control import contact_model, exchange_samples, records
 from haptic_device.description import load_device
 from haptic_device.device import axis_rerun, loopback_config, operator_hand, simulated_device
 from haptic_device.device import wall_tapping as cell
-from haptic_device.nodes import messages
+from haptic_device.message_fields import LOCAL_CONTACT, MOST, exchange_names
 from haptic_device.realtime import (
     clock,
     exchange_loop,
@@ -20,8 +20,9 @@ from haptic_device.realtime import (
     shared_memory,
     tick_replay,
 )
-from haptic_device.realtime.seqlock import Mailbox
+from haptic_device.realtime.seqlock import SeqLock
 from haptic_device.realtime.servo_thread import ServoThread
+from haptic_device.recording.layouts import CloudLayout, JointLayout
 from haptic_sim.method.registry import make
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.scene import load
@@ -35,7 +36,7 @@ SUB_STEP = 1e-3  # [s]
 
 def driven():
     """The driver's servo, and all by which others meet it."""
-    thread = ServoThread(null_device.StillLink(), _settings())
+    thread = ServoThread(null_device.NullDevice(), _settings())
     thread.gains.put(controller_config.gains_from(_values("haptic_driver")))
     thread.ring.take(1)
     scratch = clock.scratch()
@@ -48,22 +49,22 @@ def loopback_plant():
     """The loopback's loop around the plant."""
     words, control = np.zeros(shared_memory.WORDS, np.int64), np.zeros(simulated_device.CONTROLS, np.int64)
     truth = np.zeros(1, simulated_device.TRUTH)
-    _compile(simulated_device.serve, words, control, Mailbox(simulated_device.TRUTH).words, 1, *_hand(), truth)
+    _compile(simulated_device.serve, words, control, SeqLock(simulated_device.TRUTH).words, 1, *_hand(), truth)
 
 
 def exchange_of_the_driver():
     """The driver's side of the exchange, with and without local contacts, on librcl and by rclpy."""
-    layout = messages.JointLayout(messages.exchange_names(3))
+    layout = JointLayout(exchange_names(3))
     frame = exchange_step.make_frame(layout.template, layout.fixed, layout.offsets, layout.count)
-    near_frame = exchange_step.make_near_frame(*messages.CloudLayout(messages.NEAR).fixed(contact_model.MOST))
+    near_frame = exchange_step.make_near_frame(*CloudLayout(LOCAL_CONTACT).fixed(MOST))
     state, watch = np.zeros(1, exchange_step.STATE), np.zeros(exchange_step.WATCHES, np.int64)
     row, gains, tool = (
         np.zeros(1, records.TRACE_ROW),
         np.zeros(1, exchange_samples.COUPLING_GAINS),
         np.zeros(1, servo_loop.TOOL),
     )
-    row_mail, gains_mail, tool_mail = (Mailbox(record.dtype).words for record in (row, gains, tool))
-    contacts = 1, near_frame, Mailbox(contact_model.SET).words, np.zeros(1, contact_model.SET)
+    row_mail, gains_mail, tool_mail = (SeqLock(record.dtype).words for record in (row, gains, tool))
+    contacts = 1, near_frame, SeqLock(contact_model.SET).words, np.zeros(1, contact_model.SET)
     _compile(exchange_step.take_in_contacts, near_frame, 1, state[0], watch, contacts[3], contacts[2])
     exchange_loop.load_library()
     buffer = np.zeros(8, np.int64)

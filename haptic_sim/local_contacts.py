@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from haptic_device.control import contact_model
+from haptic_device.message_fields import EACH, MOST
 from haptic_sim.compile import compile_scene
 from haptic_sim.compile.model import PIN, SLIDER, SPRING
 from haptic_sim.method import Method, nearby
@@ -51,7 +52,7 @@ class LocalContacts:
             if model.shape_body[shape] == 0
             for x, y in model.vertices[model.shape_start[shape] : model.shape_start[shape + 1]]
         )
-        self.table, self.trust, self.offered = np.zeros((contact_model.MOST, len(contact_model.EACH))), 0.0, 0
+        self.table, self.trust, self.offered = np.zeros((MOST, len(EACH))), 0.0, 0
         self.look(0.0)
 
     @property

@@ -7,6 +7,7 @@ import numpy as np
 
 from haptic_device import provenance
 from haptic_device.control import exchange_samples
+from haptic_device.message_fields import TAIL
 from haptic_device.nodes.bag_attachments import YAML
 from haptic_device.parameter import SECTION
 from haptic_device.parameters import EXCHANGE_METHODS
@@ -99,7 +100,7 @@ class LockstepBag:
             "layout_version": exchange_samples.LAYOUT_VERSION
         }
         known["exchange_method"] = EXCHANGE_METHODS.index(driver["exchange.method"])
-        names = self._axes + exchange_samples.TAIL
+        names = self._axes + TAIL
         zeros = np.zeros(len(names))
         return JointLayout(names, FRAME).pack(EPOCH, [known.get(name, 0.0) for name in names], zeros, zeros)
 

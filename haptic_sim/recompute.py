@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_device.control import contact_model, records
+from haptic_device.message_fields import COMMON, EACH, MOST
 from haptic_device.realtime import tick_replay
 
 BLOCK = 100_000  # ticks computed at a time
@@ -27,12 +28,12 @@ def contact_sets(points: np.ndarray | None) -> np.ndarray:
     """SET records of the points of `local_contacts`; none where it was not recorded."""
     if points is None:
         return np.zeros(0, contact_model.SET)
-    heads = points.reshape(-1, contact_model.MOST)
+    heads = points.reshape(-1, MOST)
     sets = np.zeros(len(heads), contact_model.SET)
-    for name in contact_model.COMMON:
+    for name in COMMON:
         sets[name] = heads[name][:, 0]
     sets["number"] = sets["answered"]
-    sets["table"] = np.stack([heads[name] for name in contact_model.EACH], axis=-1)
+    sets["table"] = np.stack([heads[name] for name in EACH], axis=-1)
     return sets[np.argsort(sets["number"], kind="stable")]
 
 

@@ -14,7 +14,9 @@ from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
+from haptic_device.message_fields import AXES, exchange_names, truth_names
 from haptic_device.nodes import messages
+from haptic_device.recording.layouts import JointLayout
 
 AGAIN, ONCE_MORE = 0.3, 3.0  # [s] after which a service is asked again: one that never answered, and any other
 
@@ -108,7 +110,7 @@ class Ear(Client):
         self.truths, self.handles, self.said, self.alone = [], [], {}, {}
         self.axes, self.namespace = axes, namespace
         self._handles = None
-        self._hear("operator/state", messages.JointLayout(messages.truth_names(axes)), self.truths, messages.STREAM)
+        self._hear("operator/state", JointLayout(truth_names(axes)), self.truths, messages.STREAM)
         self.node.create_subscription(messages.DiagnosticArray, "/diagnostics", self._note, 50)
         self.tool = self.node.create_publisher(messages.JointState, "tool", messages.LATEST)
         self.target = self.node.create_publisher(messages.JointState, "operator/target", messages.LATEST)
@@ -121,7 +123,7 @@ class Ear(Client):
     def hear_handles(self, wanted=True):
         """Keeps handle samples from now on, or no more; they are many."""
         if wanted:
-            layout = messages.JointLayout(messages.exchange_names(self.axes))
+            layout = JointLayout(exchange_names(self.axes))
             self._handles = self._hear("handle", layout, self.handles, messages.LATEST)
         else:
             self.node.destroy_subscription(self._handles)
@@ -186,7 +188,7 @@ class Ear(Client):
 
     def go_to(self, x, y=0.0, theta=0.0):
         """Has the hand follow to a target, and waits until it wants to be there."""
-        names, position = list(messages.AXES[: self.axes]), [x, y, theta][: self.axes]
+        names, position = list(AXES[: self.axes]), [x, y, theta][: self.axes]
         begin, asked = len(self.truths), 0.0
 
         def there():

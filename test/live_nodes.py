@@ -93,7 +93,7 @@ def refusals_of(name, arguments):
 
 
 def page_path(namespace="/haptic"):
-    return shared_memory.FOLDER / shared_memory.page_name(os.environ["ROS_DOMAIN_ID"], namespace)
+    return shared_memory.FOLDER / shared_memory.file_name(os.environ["ROS_DOMAIN_ID"], namespace)
 
 
 def _strange(name, level=0, **values):

@@ -24,6 +24,7 @@ import numpy as np
 import typer
 
 from haptic_device.control import exchange_samples
+from haptic_device.message_fields import TAIL
 from haptic_device.process import running_module
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes, Program
@@ -39,9 +40,11 @@ def answer_barely(folder):
     import rclpy.signals
     from rclpy.impl.implementation_singleton import rclpy_implementation
 
-    from haptic_device.nodes.messages import LATEST, JointLayout, JointState, exchange_names
+    from haptic_device.message_fields import exchange_names
+    from haptic_device.nodes.messages import LATEST, JointState
     from haptic_device.nodes.polled_subscription import Untouched
     from haptic_device.realtime.scheduling import go_realtime
+    from haptic_device.recording.layouts import JointLayout
 
     signal.signal(signal.SIGINT, lambda *_: sys.exit())
     times = Times(folder)
@@ -52,7 +55,7 @@ def answer_barely(folder):
         JointState, "handle", lambda data: None, LATEST, raw=True, callback_group=Untouched()
     )
     layout = JointLayout(exchange_names(AXES))
-    place = {entry: layout.offsets[0] + 8 * (AXES + entry) for entry in range(len(exchange_samples.TAIL))}
+    place = {entry: layout.offsets[0] + 8 * (AXES + entry) for entry in range(len(TAIL))}
     go_realtime("prefer", 60)
     wait_set, number = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle), 0.0
     while True:

@@ -16,6 +16,7 @@ import typer
 from haptic_device import controller_config
 from haptic_device.control import contact_model, contact_solver, enable_state, faults, records, servo, tool_contacts
 from haptic_device.description import load_device
+from haptic_device.message_fields import MOST
 from haptic_device.parameters import EXCHANGE_METHODS, NODES
 from haptic_device.realtime import clock
 
@@ -102,8 +103,8 @@ def start(settings):
 def bound():
     """Least time [ns] of as many systems as a tick may take at most, of eight contacts with friction."""
     random = np.random.default_rng(1)
-    rows = np.zeros((contact_model.MOST, contact_solver.COLUMNS))
-    rows[:, : contact_solver.B_T + 1] = random.normal(size=(contact_model.MOST, contact_solver.B_T + 1))
+    rows = np.zeros((MOST, contact_solver.COLUMNS))
+    rows[:, : contact_solver.B_T + 1] = random.normal(size=(MOST, contact_solver.B_T + 1))
     rows[:, [contact_solver.E_N, contact_solver.E_T, contact_solver.MU]] = 1e-2, 1e-5, 0.5
     rows[:, contact_solver.MODE] = contact_solver.STICK
     return min(systems(rows, np.ones(3), np.ones(3), np.zeros((3, 4)), np.zeros(3)) for _ in range(1000))

@@ -12,10 +12,12 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from haptic_device.control import exchange_samples
+from haptic_device.message_fields import AXES, exchange_names
 from haptic_device.nodes.lifecycle import hear_the_end
-from haptic_device.nodes.messages import AXES, LATEST, JointLayout, JointState, exchange_names
+from haptic_device.nodes.messages import LATEST, JointState
 from haptic_device.nodes.polled_subscription import Untouched
 from haptic_device.realtime.scheduling import go_realtime
+from haptic_device.recording.layouts import JointLayout
 
 LOOK_UP_NS = 50_000_000
 PRIORITY = 60

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from haptic_device.analysis.quantity import Array, Nanoseconds, Records
-from haptic_device.sequence_gaps import Skipped
+from haptic_device.sequence_gaps import SequenceGaps
 from haptic_device.status import Status
 
 PORT_UNITS = {"position": "m | rad", "velocity": "m/s | rad/s", "effort": "N | N·m"}
@@ -104,7 +104,7 @@ class Recording:
     marks: tuple[Mark, ...]
     attachments: dict[str, bytes]
     counts: dict[str, int]
-    skipped: dict[str, Skipped]
+    skipped: dict[str, SequenceGaps]
     pairs: tuple[Nanoseconds, Nanoseconds]
     notes: tuple[str, ...]
 

@@ -21,8 +21,8 @@ import math
 
 import numpy as np
 
-from haptic_device.exchange_entries import COMMON, EACH, MOST
 from haptic_device.jit import njit
+from haptic_device.message_fields import COMMON, EACH, MOST
 
 FLAT_THERE, FLAT_HERE, ROUND = 1, 2, 3
 IDENTITY, GROUP, KIND, GAP, POINT_X, POINT_Y, TOOL_X, TOOL_Y, NORMAL_X, NORMAL_Y, LOW, HIGH = range(12)

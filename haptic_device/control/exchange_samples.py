@@ -2,7 +2,7 @@
 """What driver and simulation tell each other, and which of the other's samples a side accepts.
 
 A sample is a vector of 3 n numbers, n = axes + tail: the `position`, `velocity` and `effort` arrays of one JointState
-behind each other. The axes carry the port; each entry of TAIL (entries.py) carries one number in its position slot.
+behind each other. The axes carry the port; each entry of TAIL (message_fields.py) has one number, in its position slot.
 """
 
 import math
@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.exchange_entries import TAIL
 from haptic_device.jit import kernel
+from haptic_device.message_fields import TAIL
 
 LAYOUT_VERSION = 1
 LAYOUT, SESSION, SEQUENCE, ANSWERED_SESSION, ANSWERED, METHOD, GAINS, GAIN_0 = range(8)

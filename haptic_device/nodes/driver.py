@@ -12,19 +12,18 @@ import numpy as np
 from haptic_device import controller_config, gain_check
 from haptic_device.control import enable_state, faults, records
 from haptic_device.description import load_device
-from haptic_device.jit import have
-from haptic_device.nodes import diagnostics, messages
-from haptic_device.nodes.exchange_server import ExchangeThread
+from haptic_device.jit import ensure_compiled
+from haptic_device.nodes.driver_diagnostics import DriverDiagnostics
+from haptic_device.nodes.exchange_server import ExchangeServer
 from haptic_device.nodes.lifecycle import ManagedNode, run
-from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.nodes.service_thread import ServiceThread
 from haptic_device.nodes.telemetry import Telemetry
-from haptic_device.parameters import DRIVER, DRIVER_FIGURES
-from haptic_device.realtime import scheduling, servo_loop
-from haptic_device.realtime.hardware_interface import PageLink
+from haptic_device.parameters import DRIVER
+from haptic_device.realtime import scheduling
+from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.servo_thread import ServoThread
-from haptic_device.realtime.shared_memory import page_name
+from haptic_device.realtime.shared_memory import file_name
 
 MIDDLEWARE_PRIORITY = 65  # below the servo, above the exchange
 PATIENCE = 1.0  # [s] that a service waits for the servo to have taken a command
@@ -36,16 +35,14 @@ class DriverNode(ManagedNode):
 
     def __init__(self):
         super().__init__("haptic_driver", DRIVER)
-        self.link = self.servo = self.exchange = self.telemetry = None
+        self.hardware = self.servo = self.exchange = self.telemetry = None
         self._kept = {"code": faults.NONE}
-        self._version, self._enabled_once, self._said, self._margins = 0, False, set(), [math.inf, math.inf]
-        self._watched, self._stall, self._rates, self._told = time.monotonic(), 0.0, diagnostics.Rates(), None
-        self._diagnostics = self.create_publisher(messages.DiagnosticArray, "/diagnostics", 10)
+        self._version, self._enabled_once, self._said, self.margins = 0, False, set(), [math.inf, math.inf]
+        self._watched, self.stall, self._reported = time.monotonic(), 0.0, None
         self._changing = threading.Lock()  # held while the servo comes and goes: no e-stop falls in between
         commands = {f"~/{name}": getattr(self, f"_on_{name}") for name in ("estop", "reset", "enable", "disable")}
         self._commands = ServiceThread(self, commands, "an e-stop came first")
         on_change(self, DRIVER, self._check, self._apply)
-        self.create_timer(0.5, self._diagnose)
         self.create_timer(0.02, self._watch)
         self._commands.start()
 
@@ -56,30 +53,33 @@ class DriverNode(ManagedNode):
 
     def configure(self):
         """Reads the device description and takes the device."""
-        have("servo", "exchange", told=self.told)
+        ensure_compiled("servo", "exchange", told=self.told)
         scheduling.lift_threads(self.values["realtime"], MIDDLEWARE_PRIORITY)  # that of the commands too
         self.device = load_device(self.values["device"])
         settings = controller_config.settings_from(self.device, self.values)
         self._judge(settings, self.values)
         self._warn(settings, self.values)
-        self.link = PageLink(self.page_name(page_name), secrets.randbits(48) | 1)
-        if self.link.stale:
+        name = file_name(self.context.get_domain_id(), self.get_namespace())
+        self.hardware = SharedMemoryInterface(name, secrets.randbits(48) | 1)
+        if self.hardware.stale:
             self.get_logger().warning("took over a stale page of a process that had died")
 
     def activate(self):
         """Starts servo, exchange and telemetry; the motor stays at zero until enabled, and a latched fault latched."""
+        if not self._commands.running:
+            raise ValueError("the services thread has ended: nobody could stop the motor")
         home = self.device.home if self.device.homing == "at_start" else None
         settings = controller_config.settings_from(self.device, self.values, self._version)
         self._judge(settings, self.values)
         self._warn(settings, self.values)
         self._enabled_once, self._alone_since = False, 0.0
         with self._changing:
-            self.servo = ServoThread(self.link, settings, home, self.values["realtime"], self._kept)
+            self.servo = ServoThread(self.hardware, settings, home, self.values["realtime"], self._kept)
         self.servo.gains.put(controller_config.gains_from(self.values))
         self._set_flag(enable_state.CLUTCH, self.values["clutch.open"])
-        self.exchange = ExchangeThread(self, self.servo, len(self.device.axes), self.values)
+        self.exchange = ExchangeServer(self, self.servo, len(self.device.axes), self.values)
         self.exchange.start()
-        self._refused = Refusals("tool")
+        self.report = DriverDiagnostics(self)
         scheduling.spare_collections()
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values)
@@ -91,7 +91,7 @@ class DriverNode(ManagedNode):
             if part is not None:
                 part.stop()
         if self.telemetry is not None:
-            self._diagnose()
+            self.diagnose()
         with self._changing:
             if self.servo is not None:
                 self._kept = self.servo.kept
@@ -100,26 +100,26 @@ class DriverNode(ManagedNode):
 
     def cleanup(self):
         """Lets the device go."""
-        if self.link is not None:
-            self.link.close()
-        self.link = None
+        if self.hardware is not None:
+            self.hardware.close()
+        self.hardware = None
 
     def _check(self, values):
         """Raises ValueError, one sentence, where values do not fit each other or the device."""
-        if self.link is not None:
+        if self.hardware is not None:
             self._judge(controller_config.settings_from(self.device, values), values)
 
     def _apply(self, values):
         """Takes values that were checked, at the next tick boundary."""
         self.values = values
-        if self.link is None:
+        if self.hardware is None:
             return
         settings = controller_config.settings_from(self.device, values, self._version + 1)
         self._warn(settings, values)
         if self.servo is not None:
             self._version += 1
-            settings["passivity"]["margin"] = gain_check.margins(settings[0], self._lateness())[0]
-            settings["passivity"]["surplus"] = gain_check.surplus(settings[0], self._lateness())
+            settings["passivity"]["margin"] = gain_check.margins(settings[0], self.lateness())[0]
+            settings["passivity"]["surplus"] = gain_check.surplus(settings[0], self.lateness())
             self.servo.set(settings)
             self.servo.gains.put(controller_config.gains_from(values))
             self._set_flag(enable_state.CLUTCH, values["clutch.open"])
@@ -132,7 +132,7 @@ class DriverNode(ManagedNode):
         """
         sentence = self._excess(settings, values)
         softer = self.servo is not None and gain_check.softer(
-            settings[0], self.servo.settings.get()[0], self._lateness()
+            settings[0], self.servo.settings.get()[0], self.lateness()
         )
         if sentence and values["passivity.policy"] == "enforce" and not softer:
             raise ValueError(sentence)
@@ -143,9 +143,9 @@ class DriverNode(ManagedNode):
 
     def _excess(self, settings, values):
         """The sentence on gains beyond the device's damping; "" if they are not, or the policy is off."""
-        return gain_check.refusal(settings[0], self._lateness()) if values["passivity.policy"] != "off" else ""
+        return gain_check.refusal(settings[0], self.lateness()) if values["passivity.policy"] != "off" else ""
 
-    def _lateness(self):
+    def lateness(self):
         """How late forces act [s]: the device's own delays, and the p99 of the measured delay of the writes."""
         measured = self.telemetry.percentiles()[3, 1] if self.telemetry is not None else math.nan
         delays = self.device.sensing_delay + self.device.actuation_delay
@@ -154,10 +154,10 @@ class DriverNode(ManagedNode):
     def _follow_margin(self):
         """The margin of the gains in force, with the lateness as measured now."""
         settings = self.servo.settings.get().view(np.ndarray).view(records.SETTINGS)
-        by_axis, *self._margins = gain_check.margins(settings[0], self._lateness())
+        by_axis, *self.margins = gain_check.margins(settings[0], self.lateness())
         settings["passivity"]["margin"], settings["passivity"]["surplus"] = (
             by_axis,
-            gain_check.surplus(settings[0], self._lateness()),
+            gain_check.surplus(settings[0], self.lateness()),
         )
         self.servo.set(settings)
 
@@ -167,14 +167,14 @@ class DriverNode(ManagedNode):
     def _watch(self):
         """Enables once by itself if asked to, and says what is new."""
         now = time.monotonic()
-        self._stall, self._watched = max(self._stall, now - self._watched), now
+        self.stall, self._watched = max(self.stall, now - self._watched), now
         if self.servo is None or not self.servo.running:
             return
         self._say("info", f"servo at {self.values['servo.rate']:g} Hz, {self.servo.realtime}")
         row = self.servo.row.get()[0]
-        if self._told != (told := (int(row.state), int(row.fault))):
-            self._told = told
-            self._report(row)  # without figures: a rate needs its half second
+        if self._reported != (news := (int(row.state), int(row.fault))):
+            self._reported = news
+            self.report.say(row)  # without figures: a rate needs its half second
         if row.fault:  # its reset takes the wish to be enabled back: here it could already be the next one
             self._say("error", f"fault {faults.name_of(row.fault)}: motor off")
         elif self.values["auto_enable"] and not self._enabled_once and self._met(now):
@@ -261,102 +261,13 @@ class DriverNode(ManagedNode):
             time.sleep(0.0002)
         return True
 
-    def _diagnose(self):
+    def diagnose(self):
+        """Says how servo and exchange are, while the node is active."""
         if self.telemetry is None:
             return
         self._follow_margin()
         row = self.servo.row.get()[0]
-        self._report(row, self._health(row))
-
-    def _report(self, row, figures=()):
-        level, message = self._verdict(row)
-        now = self.get_clock().now().nanoseconds
-        refused = self.exchange.refusals() | {f"contacts: {k}": v for k, v in self.exchange.refused_contacts().items()}
-        values = {**self._figures(row), **{f"refused.{k}": v for k, v in refused.items()}}
-        said = "haptic_driver", self.device.name, level, message, values
-        self._diagnostics.publish(messages.diagnostics(now, *said, figures))
-
-    def _health(self, row):
-        """Statuses of the figures that are watched; what has grown is counted since the last look."""
-        lateness, compute, age, _ = self.telemetry.percentiles()[:, 1]
-        counts = {"missed": row.missed, "sent": self.exchange.sent, "answered": self.exchange.answered}
-        rates = self._rates.of(**counts)
-        lost = max(0.0, 1.0 - rates["answered"] / rates["sent"]) if rates["sent"] > 0.0 <= row.tool_age else math.nan
-        figures = {"margin": self._margins[0], "lateness": lateness, "compute": compute, "missed": rates["missed"]}
-        figures |= {"age": age, "loss": lost, "energy": float(sum(row.energy_given))}
-        figures |= {"warmth": float(max(row.warmth)), "stall": self._stall}
-        if math.isfinite(self._margins[1]):
-            figures["margin_theta"] = self._margins[1]
-        self._stall = 0.0
-        return diagnostics.statuses("haptic_driver", DRIVER_FIGURES, figures, self.values)
-
-    def _verdict(self, row):
-        if row.fault:
-            return "error", f"fault {faults.name_of(row.fault)}"
-        if not self.servo.running:
-            return "warn", "no device: waiting for its page"
-        if refused := self._refused.sentence(self.exchange.refusals()):
-            return "warn", refused
-        if row.tool_age < 0.0:
-            return "warn", "no simulation: the handle is in free space"
-        if min(self._margins) <= 0.0 and self.values["passivity.policy"] != "off":
-            return (
-                "warn",
-                "the passivity margin is not positive: at the measured lateness the gains need more damping",
-            )
-        if row.exchange_fade < 1.0:
-            return "warn", f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling is let go"
-        return "ok", enable_state.STATES[int(row.state)]
-
-    def _figures(self, row):
-        lateness, compute, age, _ = self.telemetry.percentiles() * 1e6
-        trips = self.exchange.round_trips() * 1e-3
-        return {
-            "state": enable_state.STATES[int(row.state)],
-            "fault": faults.name_of(row.fault),
-            "realtime": self.servo.realtime,
-            "rate_hz": self.values["servo.rate"],
-            "ticks": int(row.tick),
-            "missed": int(row.missed),
-            "late_device": int(self.servo.control[servo_loop.LATE_DEVICE]),
-            "torn_records": int(self.servo.control[servo_loop.TORN]),
-            "trace_dropped": self.servo.ring.dropped,
-            "telemetry_cpu_s": f"{self.telemetry.cpu:.3f}",
-            "window_s": f"{self.telemetry.window():.1f}",
-            **{
-                f"lateness_us_{name}": f"{v:.1f}"
-                for name, v in zip(("p50", "p99", "p999", "max"), lateness, strict=True)
-            },
-            **{
-                f"compute_us_{name}": f"{v:.2f}" for name, v in zip(("p50", "p99", "p999", "max"), compute, strict=True)
-            },
-            **{f"age_ms_{name}": f"{v / 1e3:.3f}" for name, v in zip(("p50", "p99", "p999", "max"), age, strict=True)},
-            **{f"round_trip_us_{name}": f"{v:.1f}" for name, v in zip(("p50", "p99"), trips, strict=True)},
-            "exchange_sent": self.exchange.sent,
-            "exchange_answered": self.exchange.answered,
-            "exchange_method": self.values["exchange.method"],
-            "exchange_tank": f"{row.exchange_tank:.6f}",
-            "exchange_shortened": int(row.exchange_shortened),
-            "exchange_let_go": int(row.exchange_let_go),
-            **(self._local_figures(row) if self.values["exchange.method"] == "local" else {}),
-            "physical_damping": ", ".join(f"{axis.damping:g}" for axis in self.device.axes),
-            "passivity_margin": f"{self._margins[0]:.4f}",
-            "passivity_margin_theta": f"{self._margins[1]:.6f}",
-            "lateness_counted_us": f"{self._lateness() * 1e6:.1f}",
-            "injections": int(row.injections),
-            "survived": self.survived,
-            "generated": f"{max(row.generated):.6f}",
-            "energy_given": f"{sum(row.energy_given):.6f}",
-        }
-
-    def _local_figures(self, row):
-        return {
-            "local": "acts" if row.local else "pspm takes its place",
-            "local_sets": self.exchange.contact_sets,
-            "local_fallbacks": int(row.local_fallbacks),
-            "local_stays": int(row.local_stays),
-            "tools_apart_mm": f"{row.tools_apart * 1e3:.4f}",
-        }
+        self.report.say(row, self.report.watched(row))
 
 
 def main(args=None):

@@ -10,21 +10,23 @@ import numpy as np
 from haptic_device.control import contact_model
 from haptic_device.control import exchange_samples as law
 from haptic_device.control.records import TRACE_ROW
+from haptic_device.message_fields import LOCAL_CONTACT, MOST, exchange_names
 from haptic_device.nodes import messages
-from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import clock, exchange_loop, exchange_step, scheduling, servo_loop
+from haptic_device.recording.layouts import CLOUD, JOINTS, CloudLayout, JointLayout
 
 PRIORITY = 60
 
 
-class ExchangeThread:
+class ExchangeServer:
     """Sends `handle` at the exchange rate and takes `tool`, from start() until stop()."""
 
     def __init__(self, node, servo_thread, axes, values):
         self._servo, self._path = servo_thread, values["exchange.path"]
         self._realtime, self._period = values["realtime"], round(1e9 / values["exchange.rate"])
-        layout = messages.JointLayout(messages.exchange_names(axes))
+        layout = JointLayout(exchange_names(axes))
         self.frame = exchange_step.make_frame(layout.template, layout.fixed, layout.offsets, layout.count)
         self.state, self.watch = np.zeros(1, exchange_step.STATE), np.zeros(exchange_step.WATCHES, np.int64)
         self.state["session"], self.state["axes"] = secrets.randbits(48) | 1, axes
@@ -32,12 +34,10 @@ class ExchangeThread:
         self.state["method"] = EXCHANGE_METHODS.index(values["exchange.method"])
         self._node = node
         self._publisher = node.create_publisher(messages.JointState, "handle", messages.LATEST)
-        self._tap = Tap(node, "tool", "sensor_msgs/msg/JointState", messages.LATEST, raw=True)
-        self.near_frame = exchange_step.make_near_frame(*messages.CloudLayout(messages.NEAR).fixed(contact_model.MOST))
+        self._subscription = PolledSubscription(node, "tool", JOINTS, messages.LATEST, raw=True)
+        self.near_frame = exchange_step.make_near_frame(*CloudLayout(LOCAL_CONTACT).fixed(MOST))
         local = values["exchange.method"] == EXCHANGE_METHODS[law.LOCAL]
-        self._near = (
-            Tap(node, "local_contacts", "sensor_msgs/msg/PointCloud2", messages.LATEST, raw=True) if local else None
-        )
+        self._near = PolledSubscription(node, "local_contacts", CLOUD, messages.LATEST, raw=True) if local else None
         self._compiled, self._error = threading.Event(), None
         self._thread = threading.Thread(target=self._run, name="exchange")
 
@@ -53,7 +53,7 @@ class ExchangeThread:
         self.watch[exchange_step.STOP] = 1
         if self._thread.is_alive():
             self._thread.join()
-        self._tap.close()
+        self._subscription.close()
         if self._near is not None:
             self._near.close()
         self._node.destroy_publisher(self._publisher)
@@ -102,7 +102,7 @@ class ExchangeThread:
             self._compiled.set()
 
     def _run_rcl(self, mails, row, gains, tool):
-        publisher, subscription = self._publisher.handle, self._tap.handle
+        publisher, subscription = self._publisher.handle, self._subscription.handle
         near_handle = self._near.handle if self._near is not None else contextlib.nullcontext()
         records = row, gains, tool
         with publisher, subscription, near_handle:  # they live on while the loop has their addresses
@@ -145,7 +145,7 @@ class ExchangeThread:
                 if exchange_step.next_handle(self.frame, self.state, mails[0], mails[1], row, gains, scratch):
                     self._publisher.publish(self.frame.outgoing.tobytes())
                     self.watch[exchange_step.SENT] += 1
-            for sample in self._tap.take():
+            for sample in self._subscription.take():
                 self._take(sample.message, gains, tool, mails[2], scratch)
             for sample in self._near.take() if self._near is not None else ():
                 self._take_contacts(sample.message, near)

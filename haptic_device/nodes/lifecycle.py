@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the device's nodes have in common: a managed node that starts by itself and ends well."""
+"""What all nodes have in common: a managed node that starts by itself, says how it is, and ends well."""
 
 import atexit
-import os
 import re
 import signal
 import sys
+import threading
 from collections.abc import Sequence
 
 import rclpy
@@ -14,38 +14,67 @@ from rclpy.lifecycle import Node, TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from haptic_device.nodes.participant_id import own_port
+from haptic_device.nodes import messages
+from haptic_device.nodes.participant_id import own_participant_id
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.parameter import Parameter
 
 LOOK_UP = 0.05  # [s] longest time a signal waits
+DIAGNOSTICS_PERIOD = 0.5  # [s]
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 MOST_SAID = 20  # different exceptions that are logged; all are counted
 
 
 class ManagedNode(Node):
-    """Lifecycle node with declared parameters; a subclass's begin/end raise ValueError, OSError to refuse."""
+    """Lifecycle node with declared parameters. A subclass has configure, activate, deactivate, cleanup, diagnose.
+
+    configure and activate raise ValueError or OSError to refuse. failure: why the node's work ended by itself, as a
+    sentence; "" while it does not. Its diagnostics are then ERROR with that sentence, and `run` deactivates it, or ends
+    its process with code 1 where it began by itself (autostart).
+    """
 
     def __init__(self, name, parameters: tuple[Parameter, ...]):
         super().__init__(name, namespace="/haptic")
         self.values = declare(self, parameters)
-        self.refusal, self.survived, self._said_of = "", 0, set()
+        self.refusal, self.failure, self.active = "", "", False
+        self.survived, self._said_of = 0, set()
         self.told: Sequence[int] = ()  # signals that tell it to end, as they come: whoever waits long looks at them
+        self._diagnostics = self.create_publisher(messages.DiagnosticArray, "/diagnostics", 10)
+        self.create_timer(DIAGNOSTICS_PERIOD, self.diagnose)
+        threading.excepthook = self.thread_ended  # one process, one node
 
-    def page_name(self, page_name):
-        """The device page of this node's ROS domain and namespace."""
-        return page_name(os.environ.get("ROS_DOMAIN_ID", "0") or "0", self.get_namespace())
+    def destroy_node(self):
+        """Ends the node; exceptions of threads are again printed as Python does."""
+        threading.excepthook = threading.__excepthook__
+        super().destroy_node()
+
+    def diagnose(self):
+        """Says how the node is (`say_status`); called each DIAGNOSTICS_PERIOD."""
+
+    def say_status(self, level, message, values, figures=(), hardware_id=""):
+        """Publishes the node's status: level `ok`, `warn` or `error`, values {name: anything}, figures of `statuses`.
+
+        A node that has failed says that instead.
+        """
+        level, message = ("error", self.failure) if self.failure else (level, message)
+        now = self.get_clock().now().nanoseconds
+        told = messages.diagnostics(now, self.get_name(), hardware_id, level, message, values, figures)
+        self._diagnostics.publish(told)
 
     def on_configure(self, state):
         """Configures; a refusal is logged as its sentence."""
         return self._try(self.configure, super().on_configure, state, self.cleanup)
 
     def on_activate(self, state):
-        """Starts."""
-        return self._try(self.activate, super().on_activate, state, self.deactivate)
+        """Starts; what failed before is forgotten."""
+        self.failure = ""
+        answer = self._try(self.activate, super().on_activate, state, self.deactivate)
+        self.active = answer == TransitionCallbackReturn.SUCCESS
+        return answer
 
     def on_deactivate(self, state):
         """Stops; what must be zero is zero before it answers."""
+        self.active = False
         return self._try(self.deactivate, super().on_deactivate, state)
 
     def on_cleanup(self, state):
@@ -65,13 +94,37 @@ class ManagedNode(Node):
     def survive(self, error):
         """Counts an exception out of a callback, and logs it; a node that a message could end would be no safe one."""
         self.survived += 1
-        sentence = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        sentence = sentence_of(error)
         if sentence not in self._said_of and len(self._said_of) < MOST_SAID:
             self._said_of.add(sentence)
             self.get_logger().error(f"an input could not be served: {sentence}")
 
+    def fail(self, sentence):
+        """The node's work has ended by itself; any thread may say so. The first failure is kept, all are logged."""
+        self.failure = self.failure or sentence
+        self.get_logger().error(sentence)
+
+    def thread_ended(self, ended):
+        """threading.excepthook: an exception that ends a thread of the node is its failure."""
+        self.fail(f"the {ended.thread.name} thread ended: {sentence_of(ended.exc_value)}")
+
+    def end_failed(self):
+        """Ends what is left of the work of a node that has failed; ValueError where its process is to end."""
+        if self.values["autostart"]:
+            raise ValueError(self.failure)
+        if self.active:
+            self.trigger_deactivate()
+
+    def serve(self, executor, patience=LOOK_UP):
+        """Serves what has come within `patience` [s]; whatever a message makes rclpy or a callback raise ends there."""
+        try:
+            executor.spin_once(timeout_sec=patience)
+        except Exception as error:
+            self.survive(error)
+
     def finish(self):
         """Ends in the right order whatever has begun."""
+        self.active = False
         try:
             self.deactivate()
         finally:
@@ -87,9 +140,14 @@ class ManagedNode(Node):
             return TransitionCallbackReturn.FAILURE
         except Exception as error:
             self.survive(error)
-            self.refusal = f"{type(error).__name__}: {error}"
+            self.refusal = sentence_of(error)
             return TransitionCallbackReturn.ERROR
         return after(state)
+
+
+def sentence_of(error):
+    """Kind and text of an exception on one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def _autostart(node):
@@ -98,6 +156,8 @@ def _autostart(node):
     for trigger in (node.trigger_configure, node.trigger_activate):
         if node.told:
             return
+        if node.failure:  # of a thread that it has from its beginning
+            raise ValueError(node.failure)
         if trigger() != TransitionCallbackReturn.SUCCESS:
             raise ValueError(node.refusal)
 
@@ -127,14 +187,6 @@ def _made(make_node):
         raise ValueError(f"ROS makes no node: {_plain(error)}") from None
 
 
-def _serve(executor, node):
-    """Serves what has come; whatever a message makes rclpy or a callback raise ends there."""
-    try:
-        executor.spin_once(timeout_sec=LOOK_UP)
-    except Exception as error:
-        node.survive(error)
-
-
 def hear_the_end():
     """From now on SIGINT, SIGTERM and SIGHUP are put into the list that is returned, and do nothing else."""
     told = []
@@ -155,14 +207,14 @@ def _be_deaf():
 
 
 def run(make_node, name, args=None):
-    """Runs a managed node until SIGINT, SIGTERM or SIGHUP, exit code 0; a refusal is printed as its sentence, code 1.
+    """Runs a managed node until SIGINT, SIGTERM or SIGHUP, exit code 0; code 1 after a refusal or failure, printed.
 
     A signal only sets a flag, also while the node starts: raised in the middle of anything it would leave threads that
     wait on what is then destroyed.
     """
     told, node = hear_the_end(), None
     try:
-        with own_port(name):
+        with own_participant_id(name):
             begin_ros(args)
             node = _made(make_node)
         node.told = told
@@ -170,11 +222,13 @@ def run(make_node, name, args=None):
         executor.add_node(node)
         _autostart(node)
         while not told and rclpy.ok():
-            _serve(executor, node)
+            node.serve(executor)
+            if node.failure:
+                node.end_failed()
     except (ValueError, OSError) as refusal:
         print(f"{name}: {' '.join(str(refusal).split())}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:  # of jit.have, which was waiting
+    except KeyboardInterrupt:  # of jit.ensure_compiled, which was waiting
         return 0
     finally:
         try:
@@ -184,4 +238,4 @@ def run(make_node, name, args=None):
             if node is not None:
                 node.destroy_node()
             rclpy.try_shutdown()
-    return 0
+    return 1 if node.failure else 0

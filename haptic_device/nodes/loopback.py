@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""haptic_loopback: a device model behind the page, with an operator's hand on it; publishes the truth."""
+"""haptic_loopback: a device model in shared memory, with an operator's hand on it; publishes the truth."""
 
 import secrets
 import sys
@@ -10,42 +10,42 @@ import numpy as np
 
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand, simulated_device
-from haptic_device.jit import have
+from haptic_device.jit import ensure_compiled
+from haptic_device.message_fields import AXES, truth_names
 from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.ros_parameters import on_change
-from haptic_device.parameters import LOOPBACK, LOOPBACK_FIGURES
+from haptic_device.parameters import LOOPBACK
 from haptic_device.realtime import clock, scheduling
-from haptic_device.realtime.seqlock import Mailbox
-from haptic_device.realtime.shared_memory import DEVICE, Page, page_name
+from haptic_device.realtime.seqlock import SeqLock
+from haptic_device.realtime.shared_memory import DEVICE, SharedMemory, file_name
+from haptic_device.recording.layouts import JointLayout
 
 PRIORITY = 85  # above the servo: the plant must be there when the servo reads
 
 
 class LoopbackNode(ManagedNode):
-    """Configured it holds the page, active it serves it."""
+    """Configured it holds the shared memory, active it serves the servo there."""
 
     def __init__(self):
         super().__init__("haptic_loopback", LOOPBACK)
-        self.page = self._thread = None
-        self._control, self._truth = np.zeros(simulated_device.CONTROLS, np.int64), Mailbox(simulated_device.TRUTH)
+        self.shared = self._thread = None
+        self._control, self._truth = np.zeros(simulated_device.CONTROLS, np.int64), SeqLock(simulated_device.TRUTH)
         self._state = self.create_publisher(messages.JointState, "operator/state", messages.STREAM)
-        self._diagnostics = self.create_publisher(messages.DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(messages.JointState, "operator/target", self._on_target, messages.LATEST)
         self.refused_targets, self.realtime, self._publisher = 0, "", None
         self._rates = diagnostics.Rates()
         on_change(self, LOOPBACK, lambda values: None, self._apply)
-        self.create_timer(0.5, self._diagnose)
 
     def configure(self):
-        """Reads device and script, and takes the page."""
-        have("loopback", told=self.told)
+        """Reads device and script, and takes the shared memory."""
+        ensure_compiled("loopback", told=self.told)
         self.device = load_device(self.values["device"])
         self.plant, self.memory, self.motion = loopback_config.hand_from(self.device, self.values)
-        self.layout = messages.JointLayout(messages.truth_names(len(self.device.axes)))
-        self.page = Page(self.page_name(page_name), DEVICE)
-        if self.page.stale:
-            self.get_logger().warning(f"took over the stale page {self.page.path} of a process that had died")
+        self.layout = JointLayout(truth_names(len(self.device.axes)))
+        self.shared = SharedMemory(file_name(self.context.get_domain_id(), self.get_namespace()), DEVICE)
+        if self.shared.stale:
+            self.get_logger().warning(f"took over the stale page {self.shared.path} of a process that had died")
 
     def activate(self):
         """Starts plant and telemetry."""
@@ -62,6 +62,8 @@ class LoopbackNode(ManagedNode):
 
     def deactivate(self):
         """Stops them."""
+        if self.failure:
+            self.diagnose()
         self._control[simulated_device.STOP] = 1
         for thread in (self._thread, self._publisher):
             if thread is not None:
@@ -69,15 +71,15 @@ class LoopbackNode(ManagedNode):
         self._thread = self._publisher = None
 
     def cleanup(self):
-        """Lets the page go."""
-        if self.page is not None:
-            self.page.close()
-        self.page = None
+        """Lets the shared memory go."""
+        if self.shared is not None:
+            self.shared.close()
+        self.shared = None
 
     def _serve(self):
         session, truth = secrets.randbits(48) | 1, np.zeros(1, simulated_device.TRUTH)
         serving = (
-            self.page.words,
+            self.shared.words,
             self._control,
             self._truth.words,
             session,
@@ -115,8 +117,8 @@ class LoopbackNode(ManagedNode):
 
     def _on_target(self, message):
         """Takes a target in the world; with wrong names or numbers, or beside a script, it is refused and counted."""
-        names = messages.AXES[: len(self.device.axes)] if self.page else ()
-        following = self.page and self.motion["kind"][0] == operator_hand.FOLLOW
+        names = AXES[: len(self.device.axes)] if self.shared else ()
+        following = self.shared and self.motion["kind"][0] == operator_hand.FOLLOW
         target = messages.planar_target(message, names)
         if not following or target is None:
             self.refused_targets += 1
@@ -128,15 +130,8 @@ class LoopbackNode(ManagedNode):
     def _apply(self, values):
         self.values = values
 
-    def _health(self):
-        """Statuses of the figures that are watched."""
-        rates = self._rates.of(
-            run_on=self._control[simulated_device.RUN_ON], late_writes=self._control[simulated_device.LATE_WRITES]
-        )
-        figures = {"energy": float(self._truth.get()[0].energy_given), **rates}
-        return diagnostics.statuses("haptic_loopback", LOOPBACK_FIGURES, figures, self.values)
-
-    def _diagnose(self):
+    def diagnose(self):
+        """Says how the plant is, while the node is active."""
         if self._thread is None:
             return
         level, message = ("ok", "serving") if self._thread.is_alive() else ("error", "the plant is not running")
@@ -152,9 +147,13 @@ class LoopbackNode(ManagedNode):
             "survived": self.survived,
             "energy_given": float(self._truth.get()[0].energy_given),
         }
-        now = self.get_clock().now().nanoseconds
-        said = "haptic_loopback", self.device.name, level, message, values
-        self._diagnostics.publish(messages.diagnostics(now, *said, self._health()))
+        self.say_status(level, message, values, self._watched(values), self.device.name)
+
+    def _watched(self, values):
+        """Statuses of the figures that have limits."""
+        figures = {"energy": values["energy_given"]}
+        figures |= self._rates.of(run_on=values["run_on"], late_writes=values["late_writes"])
+        return diagnostics.statuses("haptic_loopback", diagnostics.LOOPBACK, figures, self.values)
 
 
 def main(args=None):

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages: the only file that knows their fields; their bytes are in recording/layouts.py."""
-
-import math
+"""ROS messages and their QoS; names of our fields: message_fields.py, layouts of bytes: recording/layouts.py."""
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -12,24 +10,10 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
 
-from haptic_device.exchange_entries import COMMON, EACH, TAIL
-from haptic_device.recording.layouts import CloudLayout, JointLayout, JointSample, StampedLayout
 from haptic_device.status import Status, named_statuses
 
-__all__ = [
-    "CloudLayout",
-    "DiagnosticArray",
-    "JointLayout",
-    "JointSample",
-    "JointState",
-    "PointCloud2",
-    "PoseStamped",
-    "StampedLayout",
-    "String",
-    "WrenchStamped",
-]
+__all__ = ["DiagnosticArray", "JointState", "PointCloud2", "PoseStamped", "String", "WrenchStamped"]
 
-AXES = ("x", "y", "theta")
 LATEST = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT,
     durability=DurabilityPolicy.VOLATILE,
@@ -57,16 +41,6 @@ STATE = QoSProfile(
 LEVELS = {"ok": DiagnosticStatus.OK, "warn": DiagnosticStatus.WARN, "error": DiagnosticStatus.ERROR}
 
 
-def exchange_names(axes):
-    """Names of a handle or tool message with that many axes."""
-    return AXES[:axes] + TAIL
-
-
-def truth_names(axes):
-    """Names of `operator/state` with that many axes."""
-    return AXES[:axes] + tuple(f"motor_{name}" for name in AXES[:axes]) + ("energy_given", "time", "motion_done")
-
-
 def planar_target(message, names):
     """Positions of a JointState with exactly these names, in their order; None if names, sizes or numbers are wrong."""
     given = dict(zip(message.name, message.position, strict=False))
@@ -78,21 +52,6 @@ def planar_target(message, names):
 
 def to_time(stamp_ns):
     return Time(sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000)
-
-
-NEAR = np.dtype([(name, "f8") for name in COMMON + EACH])
-"""A point of `local_contacts`: what the whole set says, and one contact. A message has MOST (entries.py) of them."""
-
-
-def wrench_numbers(force):
-    """The numbers of a WrenchStamped of a planar (f_x, f_y, torque)."""
-    return force[0], force[1], 0.0, 0.0, 0.0, force[2]
-
-
-def pose_numbers(position):
-    """The numbers of a PoseStamped of a planar (x, y, theta)."""
-    half = float(position[2]) / 2
-    return position[0], position[1], 0.0, 0.0, 0.0, math.sin(half), math.cos(half)
 
 
 def diagnostics(stamp_ns, name, hardware_id, level, message, values, figures=()):

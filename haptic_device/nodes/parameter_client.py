@@ -12,7 +12,7 @@ from rclpy.parameter import parameter_value_to_python
 AGAIN = 3.0  # [s] an answer is lost if its server was found a moment ago: asked again after this time
 
 
-class Inquiry:
+class ParameterClient:
     """tell(node name, {parameter: value}) is called with each node's answer."""
 
     def __init__(self, node: Node, tell: Callable[[str, dict], None]):

@@ -22,11 +22,11 @@ KINDS = ("haptic_driver", "haptic_loopback", "haptic_simulation", "haptic_record
 FIRST, EACH = 8, 6  # ids below are left to others; beyond 31 nobody looks on the loopback interface
 QUEUES = Path("/dev/shm")
 _SPACE = "http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"
-_BARE = f'<profiles xmlns="{_SPACE}"><participant profile_name="own_port" is_default_profile="true"/></profiles>'
+_BARE = f'<profiles xmlns="{_SPACE}"><participant profile_name="own_id" is_default_profile="true"/></profiles>'
 
 
 @contextlib.contextmanager
-def own_port(kind: str) -> Iterator[None]:
+def own_participant_id(kind: str) -> Iterator[None]:
     """The node of this kind that is made inside takes a port of its own.
 
     Fast DDS profiles that the environment names are kept; where they cannot be read, or choose an id, or every id of

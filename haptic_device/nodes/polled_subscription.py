@@ -41,7 +41,7 @@ def message_class(type_name: str) -> type:
     return getattr(import_module(f"{package}.{kind}"), name)
 
 
-class Tap:
+class PolledSubscription:
     """Takes the messages of one topic, as objects or (raw) as the serialized bytes."""
 
     def __init__(self, node: Node, topic: str, type_name: str, qos: QoSProfile, raw: bool = False):

@@ -8,10 +8,19 @@ import numpy as np
 from rclpy.duration import Duration
 
 from haptic_device.control.records import SETTINGS, TRACE_ROW
+from haptic_device.message_fields import AXES
 from haptic_device.nodes import messages
 from haptic_device.realtime import clock
 from haptic_device.realtime.tick_replay import SNAPSHOT
-from haptic_device.recording.layouts import POSE, WRENCH
+from haptic_device.recording.layouts import (
+    POSE,
+    WRENCH,
+    CloudLayout,
+    JointLayout,
+    StampedLayout,
+    pose_numbers,
+    wrench_numbers,
+)
 
 TRACE_PERIOD = 10_000_000  # [ns] between trace blocks
 SNAPSHOT_PERIOD = 1_000_000_000  # [ns] between snapshots of settings and memory, where nothing has changed
@@ -27,8 +36,8 @@ class Telemetry:
 
     def __init__(self, node, servo_thread, device, values):
         self._servo, self._device, self._values = servo_thread, device, values
-        axes = messages.AXES[: len(device.axes)]
-        self._layout = messages.JointLayout(axes, FRAME)
+        axes = AXES[: len(device.axes)]
+        self._layout = JointLayout(axes, FRAME)
         self._encoder = node.create_publisher(messages.JointState, "encoder", messages.STREAM)
         self._motor = node.create_publisher(messages.JointState, "motor", messages.STREAM)
         self._wrench = node.create_publisher(messages.WrenchStamped, "wrench", messages.STREAM)
@@ -36,8 +45,8 @@ class Telemetry:
         self._trace = node.create_publisher(messages.PointCloud2, "trace", messages.TRACE)
         self._snapshot = node.create_publisher(messages.PointCloud2, "snapshot", messages.STATE)
         self._trace_layout, self._snapshot_layout = (
-            messages.CloudLayout(TRACE_ROW, FRAME),
-            messages.CloudLayout(SNAPSHOT, FRAME),
+            CloudLayout(TRACE_ROW, FRAME),
+            CloudLayout(SNAPSHOT, FRAME),
         )
         self._version, self._snapshot_due, self.cpu = -1, 0, 0.0
         self._node, self._stopped, self._scratch = node, False, clock.scratch()
@@ -47,8 +56,8 @@ class Telemetry:
         self._told = {"axes": 0.0, "pose": 0.0}  # deadline of the tick that was published last
         self._row, self._settings = np.zeros(1, TRACE_ROW), np.zeros(1, SETTINGS)
         self._wrench_layout, self._pose_layout = (
-            messages.StampedLayout(WRENCH, FRAME),
-            messages.StampedLayout(POSE, FRAME),
+            StampedLayout(WRENCH, FRAME),
+            StampedLayout(POSE, FRAME),
         )
         self._thread = threading.Thread(target=self._run, name="telemetry")
 
@@ -123,9 +132,9 @@ class Telemetry:
         """The operator's side: handle on the device, and the force the motor holds there."""
         if self._look("pose"):
             stamp = self._stamp(self._row["deadline"][0])
-            force = messages.wrench_numbers(self._row["force_on_handle"][0])
+            force = wrench_numbers(self._row["force_on_handle"][0])
             self._wrench.publish(self._wrench_layout.pack(stamp, force))
-            self._pose.publish(self._pose_layout.pack(stamp, messages.pose_numbers(self._device_position())))
+            self._pose.publish(self._pose_layout.pack(stamp, pose_numbers(self._device_position())))
 
     def _publish_trace(self, now):
         """Everything that waits in the ring, in blocks; stops at one that is not full, for rows never stop coming."""

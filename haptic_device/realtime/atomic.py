@@ -1,5 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Acquire and release words on shared int64 arrays, and records handed over under a sequence lock."""
+"""Acquire and release words on shared int64 arrays, and records handed over under a sequence lock.
+
+numba has no atomics of memory order for CPU code, and the compiler may reorder plain reads and writes; so load, store
+and fence write LLVM's own instructions, and words_of spares a compilation for each kind of record. That takes parts
+of numba that are not public (cgutils, imputils, arrayobj): public atomics in numba, or these few functions in C called
+by pointer, would replace them.
+
+The sequence lock (seqlock of Linux; H.-J. Boehm, "Can seqlocks get along with programming language memory models?",
+MSPC 2012): the word is odd while the writer writes; a reader that finds it odd, or changed after its copy, reads anew.
+"""
 
 from numba import types
 from numba.core import cgutils
@@ -9,7 +18,7 @@ from numba.np.arrayobj import make_array, populate_array
 
 from haptic_device.jit import kernel, njit
 
-ATTEMPTS = 1000
+ATTEMPTS = 1000  # of a reader: a writer that was put off in the middle must not hold up a servo
 
 
 def _pointer(context, builder, array_type, array, index):
@@ -69,9 +78,9 @@ def words_of(typing_context, records):
 @njit
 def publish(words, lock, first, values):
     """Writes int64 values into words from first on, under the sequence lock at words[lock]; one writer only."""
-    turn = load(words, lock) | 1
+    turn = load(words, lock) | 1  # odd already, where a writer died in the middle
     store(words, lock, turn)
-    fence()
+    fence()  # odd is seen before any new word
     for i in range(values.size):
         words[first + i] = values[i]
     fence()
@@ -88,7 +97,7 @@ def collect(words, lock, first, values):
         fence()
         for i in range(values.size):
             values[i] = words[first + i]
-        fence()
+        fence()  # all words are read before the sequence is read again
         if load(words, lock) == turn:
             return turn
     return -1

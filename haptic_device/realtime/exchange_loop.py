@@ -88,13 +88,13 @@ def run_exchange(
     while atomic.load(watch, exchange_step.STOP) == 0:
         now = clock.now_ns(scratch)
         if now >= deadline:
-            deadline += period * (1 + (now - deadline) // period)
+            deadline += period * (1 + (now - deadline) // period)  # by whole periods: what was missed is left out
             if exchange_step.next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
                 _publish(publisher, outbox.ctypes.data, 0)
                 watch[exchange_step.SENT] += 1
                 due = now + DUE
         while _take(subscription, inbox.ctypes.data, 0, 0) == 0:
-            size = inbox[1]
+            size = inbox[1]  # of what came; what is longer than ours is refused by its size, and cut here
             _memcpy(frame.incoming.ctypes.data, inbox[0], min(size, frame.incoming.size))
             exchange_step.take_in(frame, size, state[0], watch, gains[0], tool, tool_mail, clock.now_ns(scratch))
             due = np.int64(0) if state[0].peer_answered == state[0].sequence else due
@@ -103,6 +103,6 @@ def run_exchange(
                 size = inbox[1]
                 _memcpy(near_frame.incoming.ctypes.data, inbox[0], min(size, near_frame.incoming.size))
                 exchange_step.take_in_contacts(near_frame, size, state[0], watch, near, near_mail)
-        now = clock.now_ns(scratch)
+        now = clock.now_ns(scratch)  # looking less often while nothing is due leaves the core to others
         clock.sleep_until(min(deadline, now + (LOOK if now < due else POLL)), scratch)
     return watch[exchange_step.SENT]

@@ -2,7 +2,7 @@
 """The device's side of the exchange: handle samples out at a fixed rate, tool samples in, the latest one counts.
 
 A thread of its own, without the GIL, beside the servo: it reads the servo's newest row, and leaves the tool sample that
-counts in a mailbox. How bytes come and go is somebody else's: realtime/exchange_loop.py has the fast way.
+counts under a sequence lock. How bytes come and go: realtime/exchange_loop.py.
 """
 
 from typing import NamedTuple
@@ -11,6 +11,7 @@ import numpy as np
 
 from haptic_device.control import contact_model, exchange_samples
 from haptic_device.jit import kernel, njit
+from haptic_device.message_fields import COMMON, EACH, LOCAL_CONTACT, MOST
 from haptic_device.realtime import atomic, clock, seqlock
 
 STOP, SENT, ANSWERED, REFUSED, SEEN, UNSEEN, WATCHES = 0, 1, 2, 3, 16, 17, 32
@@ -18,7 +19,7 @@ STOP, SENT, ANSWERED, REFUSED, SEEN, UNSEEN, WATCHES = 0, 1, 2, 3, 16, 17, 32
 REMEMBERED = 4096  # handle samples whose time is known when they are answered
 SILENCE = 100_000_000  # [ns] after which another simulation may take over
 
-COMMON, EACH = len(contact_model.COMMON), len(contact_model.EACH)
+SHARED = len(COMMON)  # columns that say something of the whole set, the same in each row
 
 STATE = np.dtype(
     [(name, "f8") for name in ("session", "sequence", "method", "axes", "peer_session", "peer_answered")]
@@ -48,9 +49,10 @@ class Frame(NamedTuple):
 
 
 class NearFrame(NamedTuple):
-    """The same for `local_contacts`: numbers is a view on incoming, (contact.MOST, columns)."""
+    """The same for `local_contacts`: rows (MOST) of LOCAL_CONTACT and numbers (MOST, columns) are views on incoming."""
 
     incoming: np.ndarray
+    rows: np.ndarray
     numbers: np.ndarray
     template: np.ndarray
     fixed: np.ndarray
@@ -61,13 +63,9 @@ def make_near_frame(template, fixed, offset):
     room = np.zeros(len(template) + 16, np.uint8)
     start = -(room.ctypes.data + offset) % 8
     incoming = room[start : start + len(template)]
-    columns = len(contact_model.COMMON) + len(contact_model.EACH)
-    numbers = (
-        incoming[offset : offset + 8 * contact_model.MOST * columns]
-        .view(np.float64)
-        .reshape(contact_model.MOST, columns)
-    )
-    return NearFrame(incoming, numbers, np.array(template), np.ascontiguousarray(fixed, np.uint8))
+    rows = incoming[offset : offset + MOST * LOCAL_CONTACT.itemsize].view(LOCAL_CONTACT)
+    numbers = rows.view(np.float64).reshape(MOST, len(COMMON + EACH))
+    return NearFrame(incoming, rows, numbers, np.array(template), np.ascontiguousarray(fixed, np.uint8))
 
 
 def make_frame(template, fixed, offsets, count):
@@ -100,7 +98,7 @@ def _aligned(size):
 def compose_handle(frame, state, row, gains, scratch):
     """Writes the next handle sample into frame.outgoing, from the servo's newest row."""
     axes, position, velocity, effort = int(state.axes), frame.first[0], frame.first[1], frame.first[2]
-    state.sequence += 1.0
+    state.sequence += 1.0  # a float64, as all in the message: whole numbers up to 2**53, which no session reaches
     state.sent[int(state.sequence) % REMEMBERED] = np.int64(row.deadline)
     state.composed[int(state.sequence) % REMEMBERED] = clock.now_ns(scratch)
     for i in range(axes):
@@ -140,7 +138,7 @@ def next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
 def take_in(frame, size, state, watch, gains, tool, tool_mail, now):
     """Judges the message of `size` bytes in frame.incoming; accepted, it becomes the tool sample that counts."""
     verdict = _judge(frame, size, state, gains, now)
-    if verdict != exchange_samples.ACCEPTED:
+    if verdict != exchange_samples.ACCEPTED:  # counted by reason; what counted before goes on to count
         watch[REFUSED + verdict] += 1
         return verdict
     watch[ANSWERED] += 1
@@ -181,6 +179,7 @@ def _judge(frame, size, state, gains, now):
     verdict = exchange_samples.judge_tool(
         sample, axes, peer, state.session, state.sequence, state.method, gains.hash, now, SILENCE
     )
+    # its time would be another sample's: the ring of times has gone round since
     forgotten = sample[axes + exchange_samples.ANSWERED] <= state.sequence - REMEMBERED
     return exchange_samples.OLD if verdict == exchange_samples.ACCEPTED and forgotten else verdict
 
@@ -193,17 +192,19 @@ def take_in_contacts(frame, size, state, watch, near, near_mail):
         watch[UNSEEN + verdict] += 1
         return verdict
     watch[SEEN] += 1
-    head, record = frame.numbers[0], near[0]
-    state.near_session, state.near_scene, state.near_answered = head[0], head[4], head[3]
-    record.number, record.sent = head[3], state.sent[int(head[3]) % REMEMBERED]
-    record.session, record.sequence, record.answered_session, record.answered = head[0], head[1], head[2], head[3]
-    record.scene, record.offered, record.trust = head[4], head[5], head[6]
-    record.mass, record.inertia, record.extent = head[7], head[8], head[9]
-    record.gravity_x, record.gravity_y = head[10], head[11]
-    record.tool_pose_x, record.tool_pose_y, record.tool_pose_theta = head[12], head[13], head[14]
-    for i in range(contact_model.MOST):
-        for k in range(EACH):
-            record.table[i, k] = frame.numbers[i, COMMON + k]
+    head, record = frame.rows[0], near[0]
+    state.near_session, state.near_scene, state.near_answered = head.session, head.scene, head.answered
+    record.number, record.sent = head.answered, state.sent[int(head.answered) % REMEMBERED]
+    record.session, record.sequence = head.session, head.sequence
+    record.answered_session, record.answered = head.answered_session, head.answered
+    record.scene, record.offered, record.trust = head.scene, head.offered, head.trust
+    record.mass, record.inertia, record.extent = head.mass, head.inertia, head.extent
+    record.gravity_x, record.gravity_y = head.gravity_x, head.gravity_y
+    record.tool_pose_x, record.tool_pose_y = head.tool_pose_x, head.tool_pose_y
+    record.tool_pose_theta = head.tool_pose_theta
+    for i in range(MOST):
+        for k in range(record.table.shape[1]):
+            record.table[i, k] = frame.numbers[i, SHARED + k]
     atomic.publish(near_mail, 0, seqlock.FIRST, atomic.words_of(near))
     return verdict
 
@@ -215,19 +216,19 @@ def _judge_contacts(frame, size, state):
     for i in range(size):
         if frame.fixed[i] != 0 and frame.incoming[i] != frame.template[i]:
             return contact_model.OTHER_LAYOUT
-    head = frame.numbers[0]
-    for k in range(COMMON):
-        if not abs(head[k]) < 1e15:
+    for k in range(SHARED):  # NaN fails any comparison, so the test is for what is good
+        if not abs(frame.numbers[0, k]) < 1e15:
             return contact_model.NOT_FINITE
-    if head[0] != state.peer_session:
+    head = frame.rows[0]
+    if head.session != state.peer_session:  # of the simulation whose tool sample counts, or of none
         return contact_model.OTHER_SENDER
-    answered = head[3]
-    if head[2] != state.session or not state.sequence - REMEMBERED < answered <= state.sequence or answered < 1.0:
+    answered, known = head.answered, state.sequence - REMEMBERED
+    if head.answered_session != state.session or not known < answered <= state.sequence or answered < 1.0:
         return contact_model.NOT_MINE
-    if head[0] == state.near_session and answered <= state.near_answered:
+    if head.session == state.near_session and answered <= state.near_answered:
         return contact_model.OLD
-    if head[0] == state.near_session and head[4] < state.near_scene:
+    if head.session == state.near_session and head.scene < state.near_scene:
         return contact_model.OTHER_SCENE
-    if not (head[7] > 0.0 and head[8] > 0.0 and head[6] >= 0.0):
+    if not (head.mass > 0.0 and head.inertia > 0.0 and head.trust >= 0.0):
         return contact_model.NOT_A_CONTACT
-    return contact_model.judge_table(frame.numbers[:, COMMON:])
+    return contact_model.judge_table(frame.numbers[:, SHARED:])

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hardware seam. A link is how the servo reaches a device; another device is one more file with such a class.
+"""How the servo reaches a device: the hardware interface, and the one to a device in shared memory.
 
-A link has `memory` (int64 array, its own), `read` and `write` (compiled with the signatures below), `present()`,
-whether the device answers, and `close()`. test/link_conformance.py checks any link against this text.
+A hardware interface has `memory` (int64 array, its own), `read` and `write` (compiled with the signatures below),
+`present()`, whether the device answers, and `close()`. Another device is one more file with such a class;
+test/link_conformance.py checks any against this text.
 
 * read(memory, deadline, give_up, sample) → 1 if the sample is of this deadline, 0 if it is older. It may wait for
-  the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (8): latched [ns], status (bit 2: motor cut),
-  counts of x, y, theta, drag of x, y, theta [N | N m]. Counts change with latched only.
+  the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (8): time of sampling [ns], status (bit 2:
+  motor cut), counts of x, y, theta, measured damper force of x, y, theta [N | N m]. Counts change with the time only.
 * write(memory, written, next_deadline, period, engaged, motor) → 0. motor (3) in motor units, held until the next
   write; the device zeroes it by itself when writes stop.
 """
@@ -24,32 +25,29 @@ READ = WORD(WORDS, WORD, WORD, REALS)
 WRITE = WORD(WORDS, WORD, WORD, WORD, WORD, REALS)
 LATCHED, STATUS, COUNTS, DRAG, SAMPLE = 0, 1, 2, 5, 8
 
-
-LIVELY = 100_000_000  # [ns] since which a device that is there has written its page
+SESSION = shared_memory.WORDS - 1  # word in which the servo keeps the number of its own run, for its writes
+LIVELY = 100_000_000  # [ns] within which a device that is there has written
 AHEAD = 20_000_000  # [ns] beyond which a sample from the future is nonsense: it would hide a silent device so long
 
 
-class PageLink:
-    """The device behind a shared-memory page, as haptic_loopback serves it."""
+class SharedMemoryInterface:
+    """The device in the shared memory of this name, as haptic_loopback serves it; session: of this servo's run."""
 
     def __init__(self, name, session):
-        self._page = shared_memory.Page(name, shared_memory.SERVO)
-        self.stale = self._page.stale
-        self.memory = self._page.words
+        self._shared = shared_memory.SharedMemory(name, shared_memory.SERVO)
+        self.stale = self._shared.stale
+        self.memory = self._shared.words
         self.memory[SESSION] = session
         self.read, self.write = compiled()
         self._scratch = clock.scratch()
 
     def present(self):
         age = clock.now_ns(self._scratch) - self.memory[shared_memory.DEVICE_FIRST + 3]
-        return self._page.peer_present() and abs(age) < LIVELY
+        return self._shared.peer_present() and abs(age) < LIVELY
 
     def close(self):
-        self.memory = None
-        self._page.close()
-
-
-SESSION = shared_memory.WORDS - 1  # of the servo's run, kept for its writes
+        self.memory = None  # a view that is left would keep the mapping
+        self._shared.close()
 
 
 def _read(memory, deadline, give_up, sample):
@@ -72,5 +70,5 @@ def _write(memory, written, next_deadline, period, engaged, motor):
 
 @functools.cache
 def compiled():
-    """Both as function pointers; compiled where there is a link, not in each process that knows what a link is."""
+    """Both as function pointers; compiled where there is such an interface, not in each process that imports this."""
     return kernel(READ)(_read), kernel(WRITE)(_write)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A link to a handle that stands still and answers at once: what is measured through it is the servo alone."""
+"""A device that stands still and answers at once: what is measured with it is the servo alone."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from haptic_device.jit import kernel
 from haptic_device.realtime import hardware_interface
 
 
-class StillLink:
+class NullDevice:
     """Always there, at count 0; what the motor is told goes nowhere."""
 
     def __init__(self):

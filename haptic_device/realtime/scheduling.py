@@ -17,6 +17,7 @@ def go_realtime(wish, priority):
     SCHED_FIFO at priority, timer slack of 1 ns, and memory locked. Raises PermissionError with what is missing and
     how to grant it if wish is `require`.
     """
+    # the kernel may else put off a wake-up of an ordinary thread by 50 us, to bundle it with others (man prctl)
     _libc().prctl(PR_SET_TIMERSLACK, ctypes.c_ulong(1), 0, 0, 0)
     if wish == "off":
         return "realtime off"
@@ -87,6 +88,7 @@ def stay_on_one_core(has):
 def lock_memory():
     """Locks pages as they are touched from now on; returns what is missing, or ""."""
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    # ONFAULT: else all that is mapped would be read into memory at once (man mlockall)
     if _libc().mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT):
         return f"memory not locked: memlock limit is {limit // 1024} KiB; set `memlock unlimited` in limits.d"
     return ""

@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Memory between threads of one process: the latest record under a sequence lock, and a ring that never blocks."""
+"""Memory between threads of one process: the latest record under a sequence lock, and a ring that never blocks.
+
+Neither side ever waits for the other, so that an ordinary thread cannot hold up a real-time one. Each has one writer.
+"""
 
 import numpy as np
 
 from haptic_device.jit import kernel
 from haptic_device.realtime import atomic
 
-HEAD, TAIL, DROPPED = 0, 1, 2
-FIRST = 8  # word at which a mailbox's record begins, a cache line behind its lock
+HEAD, TAIL, DROPPED = 0, 1, 2  # words of a ring
+FIRST = 8  # word at which the record begins, a cache line behind its lock
 
 
-class Mailbox:
+class SeqLock:
     """The latest record of one writer; the record's type is a structured one of 8-byte fields."""
 
     def __init__(self, dtype):
@@ -49,7 +52,7 @@ class Ring:
 
     def take(self, most):
         """Up to `most` of the oldest rows, copied."""
-        tail = int(self.words[TAIL])
+        tail = int(self.words[TAIL])  # the reader's own; the head is the writer's, read with acquire ordering
         count = min(int(atomic_head(self.words)) - tail, most)
         begin = tail % self.size
         to_end = min(count, self.size - begin)
@@ -59,16 +62,19 @@ class Ring:
 
     @property
     def dropped(self):
+        """Rows that found the ring full."""
         return int(self.words[DROPPED])
 
 
 @kernel
 def atomic_head(words):
+    """Rows written so far, with what stands in them."""
     return atomic.load(words, HEAD)
 
 
 @kernel
 def release_tail(words, value):
+    """Gives the rows before this one back to the writer."""
     atomic.store(words, TAIL, value)
 
 
@@ -85,4 +91,4 @@ def ring_slot(words, size):
 @kernel
 def ring_push(words):
     """Hands the row written last to the reader."""
-    atomic.store(words, HEAD, words[HEAD] + 1)
+    atomic.store(words, HEAD, words[HEAD] + 1)  # release: the row is whole before the reader may see it

@@ -10,7 +10,7 @@ from haptic_device.control import contact_model, enable_state, faults
 from haptic_device.control.exchange_samples import COUPLING_GAINS
 from haptic_device.control.records import SETTINGS, STATE, TICK, TRACE_ROW
 from haptic_device.realtime import clock, hardware_interface, scheduling, servo_loop, tick_replay
-from haptic_device.realtime.seqlock import Mailbox, Ring
+from haptic_device.realtime.seqlock import Ring, SeqLock
 
 PRIORITY = 80
 RING_ROWS = 16384  # 1.6 s at 10 kHz
@@ -31,9 +31,9 @@ class ServoThread:
 
     def __init__(self, device_link, settings, home=None, realtime="prefer", kept=None):
         self.link, self._home, self._wish = device_link, home, realtime
-        self.settings, self.gains = Mailbox(SETTINGS), Mailbox(COUPLING_GAINS)
-        self.tool, self.row, self.ring = Mailbox(servo_loop.TOOL), Mailbox(TRACE_ROW), Ring(TRACE_ROW, RING_ROWS)
-        self.near = Mailbox(contact_model.SET)
+        self.settings, self.gains = SeqLock(SETTINGS), SeqLock(COUPLING_GAINS)
+        self.tool, self.row, self.ring = SeqLock(servo_loop.TOOL), SeqLock(TRACE_ROW), Ring(TRACE_ROW, RING_ROWS)
+        self.near = SeqLock(contact_model.SET)
         self.control = np.zeros(servo_loop.CONTROLS, np.int64)
         self._state = np.zeros(1, STATE)
         for name, value in (kept or {}).items():

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The device page: shared memory that behaves like the registers of a hardware-timed DAQ card.
+"""The device's shared memory ("page" in messages): it behaves like the registers of a hardware-timed DAQ card.
 
 One block of int64 words each way, each under a sequence lock. The device latches encoders at the servo's nominal
 deadlines; the servo's write carries its time and the next deadline, up to which the device holds that motor value.
-Either side may start, end and return first. Who is there is told by locks on bytes of the page's file, which the
-kernel drops when a process ends, however it ends; the last one out removes the file.
+Either side may start, end and return first. Who is there is told by locks on bytes of its file, which the kernel
+drops when a process ends, however it ends; the last one out removes the file.
 """
 
 import fcntl
@@ -22,24 +22,25 @@ FOLDER = Path("/dev/shm")
 MAGIC, LAYOUT_VERSION, WORDS = 0x6861707469630001, 1, 64
 DEVICE, SERVO = "device", "servo"
 ROLE_BYTE = {DEVICE: 0, SERVO: 1}
-GATE_BYTE = 2
+GATE_BYTE = 2  # held by who comes or goes, so that nobody opens a file that another one is about to remove
 
+# words of either block, each with its lock before it and apart from the other: no two writers share a cache line
 DEVICE_LOCK, DEVICE_FIRST, DEVICE_WORDS = 8, 9, 10  # session, latched, status, alive, counts 3, drag 3
 SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadline, period, engaged, motor 3
 WATCHDOG = 2  # bit of status: the device has cut the motor
 
 
-class PageError(OSError):
-    """The page cannot be had; one sentence says why."""
+class SharedMemoryError(OSError):
+    """The shared memory cannot be had; one sentence says why."""
 
 
-def page_name(domain, namespace):
-    """File name of the page of this ROS domain and namespace."""
+def file_name(domain, namespace):
+    """Name of the file in FOLDER for this ROS domain and namespace."""
     return f"haptic_display.{domain}.{namespace.strip('/').replace('/', '.') or 'root'}"
 
 
-class Page:
-    """One side's hold on the page; `words` is the memory, `stale` tells that a dead owner's page was taken over."""
+class SharedMemory:
+    """One side's hold; `words` is the memory (WORDS int64), `stale`: it was left by owners that had died."""
 
     def __init__(self, name, role):
         self.path, self.role = FOLDER / name, role
@@ -75,7 +76,9 @@ class Page:
 
     def _claim(self):
         if not _lock(self._file, ROLE_BYTE[self.role]):
-            raise PageError(f"page {self.path} is held by another {self.role}; stop it, or use another namespace")
+            raise SharedMemoryError(
+                f"page {self.path} is held by another {self.role}; stop it, or use another namespace"
+            )
         alone = not self.peer_present()
         self.stale = alone and os.fstat(self._file).st_size > 0
         os.ftruncate(self._file, 8 * WORDS)
@@ -85,7 +88,9 @@ class Page:
             words[:] = 0
             words[:2] = MAGIC, LAYOUT_VERSION
         if words[0] != MAGIC or words[1] != LAYOUT_VERSION:
-            raise PageError(f"page {self.path} has layout version {words[1]}, this program speaks {LAYOUT_VERSION}")
+            raise SharedMemoryError(
+                f"page {self.path} has layout version {words[1]}, this program speaks {LAYOUT_VERSION}"
+            )
         return words
 
     def peer_present(self):
@@ -96,7 +101,7 @@ class Page:
         return True
 
     def close(self):
-        """Lets the page go; removes it if the other side is not there."""
+        """Lets it go; removes the file if the other side is not there."""
         if self.words is None:
             return
         self.words = None
@@ -122,7 +127,10 @@ def _unlock(file, byte):
 
 @kernel
 def write_device(words, block, session, latched, status, alive, counts, drag):
-    """Device side: encoder counts and drag latched at this time [ns]; block: int64 scratch (DEVICE_WORDS)."""
+    """Device side: encoder counts and damper forces [N | N m], sampled at `latched` [ns].
+
+    block: int64 scratch (DEVICE_WORDS).
+    """
     block[0], block[1], block[2], block[3] = session, latched, status, alive
     reals = block.view(np.float64)
     for i in range(3):
@@ -153,7 +161,7 @@ def read_device(words, block, deadline, give_up, scratch):
 
     Returns 1 if the sample is of this deadline, 0 if an older one had to do, −1 if the device left none that is whole.
     """
-    while True:
+    while True:  # spinning: the sample is due within microseconds, and a sleep takes longer than that
         turn = atomic.collect(words, DEVICE_LOCK, DEVICE_FIRST, block)
         if turn >= 0 and block[1] >= deadline:
             return 1

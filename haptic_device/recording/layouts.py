@@ -8,6 +8,7 @@ once. Needs no ROS.
 """
 
 import functools
+import math
 import struct
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -226,6 +227,17 @@ class CloudLayout(_Layout):
         """The bytes of the records of bytes that match."""
         begin = len(self.template)
         return data[begin : begin + _WORD.unpack_from(data, self._counts[-1])[0]]
+
+
+def wrench_numbers(force):
+    """The numbers of a WrenchStamped of a planar (f_x, f_y, torque)."""
+    return force[0], force[1], 0.0, 0.0, 0.0, force[2]
+
+
+def pose_numbers(position):
+    """The numbers of a PoseStamped of a planar (x, y, theta)."""
+    half = float(position[2]) / 2
+    return position[0], position[1], 0.0, 0.0, 0.0, math.sin(half), math.cos(half)
 
 
 def stamp_of(data: bytes) -> int:

@@ -18,7 +18,7 @@ from mcap.writer import Writer
 from haptic_device.recording.metadata import METADATA, FileSpan, information, topic_metadata, write_metadata
 from haptic_device.recording.reader import Records, files
 from haptic_device.recording.writer import CHUNK_BYTES, RESERVE
-from haptic_device.sequence_gaps import Skipped
+from haptic_device.sequence_gaps import SequenceGaps
 
 
 @dataclass
@@ -28,7 +28,7 @@ class Found:
     spans: list[FileSpan] = field(default_factory=list)
     topics: dict[str, dict[str, Any]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
-    skipped: dict[str, Skipped] = field(default_factory=dict)
+    skipped: dict[str, SequenceGaps] = field(default_factory=dict)
     renewed: bool = False
 
     def take(self, path: Path) -> str:
@@ -64,7 +64,7 @@ class Found:
         type_hash = said.get("topic_type_hash", "")
         self.topics[name] = topic_metadata(name, type_name, channel.message_encoding, qos, type_hash)
         self.counts.setdefault(name, 0)
-        self.skipped.setdefault(name, Skipped())
+        self.skipped.setdefault(name, SequenceGaps())
 
 
 def recovered(bag: Path) -> Iterator[str]:

@@ -10,7 +10,7 @@ from haptic_device import controller_config
 from haptic_device.control import enable_state
 from haptic_device.description import load_device
 from haptic_device.parameters import DRIVER
-from haptic_device.realtime.null_device import StillLink
+from haptic_device.realtime.null_device import NullDevice
 from haptic_device.realtime.servo_thread import ServoThread
 
 RATES = (1000, 2000, 4000, 8000, 10000)  # [Hz]
@@ -49,7 +49,7 @@ def values(**given) -> dict:
 def alone(rate: float, seconds: float, realtime: str = "prefer") -> tuple[Lateness, np.ndarray]:
     """Runs the servo for so long against a handle that stands still: lateness, and the rows of all ticks."""
     settings = controller_config.settings_from(load_device("desktop"), values(**COMMON, **{"servo.rate": float(rate)}))
-    thread, kept = ServoThread(StillLink(), settings, None, realtime), []
+    thread, kept = ServoThread(NullDevice(), settings, None, realtime), []
     thread.order(set_flags=enable_state.ENABLE)
     thread.start()
     try:

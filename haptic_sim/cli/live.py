@@ -7,13 +7,13 @@ import rclpy
 from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 
-from haptic_device.nodes.messages import AXES, LATEST, STREAM, JointLayout, JointSample, statuses_of, truth_names
-from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.message_fields import AXES, truth_names
+from haptic_device.nodes.messages import LATEST, STREAM, statuses_of
+from haptic_device.nodes.polled_subscription import PolledSubscription
+from haptic_device.recording.layouts import DIAGNOSTICS, JOINTS, JointLayout, JointSample
 from haptic_device.status import Status
 from haptic_sim.cli.commands import Commands
 from haptic_sim.cli.processes import NAMESPACE
-
-_DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
 
 class Live:
@@ -23,8 +23,8 @@ class Live:
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node(name, namespace=NAMESPACE, context=self._context)
-        self._truth = Tap(self._node, "operator/state", "sensor_msgs/msg/JointState", LATEST, raw=True)
-        self._said = Tap(self._node, "/diagnostics", _DIAGNOSTICS, STREAM, raw=True)
+        self._truth = PolledSubscription(self._node, "operator/state", JOINTS, LATEST, raw=True)
+        self._said = PolledSubscription(self._node, "/diagnostics", DIAGNOSTICS, STREAM, raw=True)
         self._layouts = [JointLayout(truth_names(axes)) for axes in (1, 2, 3)]
         self.truth: dict[str, tuple[float, float, float]] = {}
         self.statuses: dict[str, Status] = {}

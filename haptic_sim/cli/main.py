@@ -70,10 +70,10 @@ def _application(wanted):
 def _prepare(words):
     """Kernels that a command calls itself; those of nodes are for who starts the nodes."""
     if words and words[0] in ("compare", "identify", "replay", "zwidth") and "--help" not in words:
-        from haptic_device.jit import have
+        from haptic_device.jit import ensure_compiled
         from haptic_sim.cli.prepare import COMMANDS
 
-        have(*COMMANDS[words[0]])
+        ensure_compiled(*COMMANDS[words[0]])
 
 
 def _refuse(name, reason):

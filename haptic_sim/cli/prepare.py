@@ -3,7 +3,7 @@
 
 from pathlib import Path
 
-from haptic_device.jit import have
+from haptic_device.jit import ensure_compiled
 from haptic_device.parameter_files import read_operating_point
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.cli.processes import Program
@@ -19,7 +19,7 @@ COMMANDS = {  # what a command that starts no nodes calls
 
 def prepare(programs: list[Program]) -> None:
     """What these nodes will call."""
-    have(*(entry for program in programs for entry in _entries(program)))
+    ensure_compiled(*(entry for program in programs for entry in _entries(program)))
 
 
 def _entries(program):

@@ -7,7 +7,8 @@ import time
 import rclpy
 from rclpy.context import Context
 
-from haptic_device.nodes.messages import LATEST, JointLayout, JointState
+from haptic_device.nodes.messages import LATEST, JointState
+from haptic_device.recording.layouts import JointLayout
 from haptic_sim.played import PlayedTarget
 
 PATIENCE = 10.0  # [s] for the loopback device to listen

@@ -8,7 +8,8 @@ the handle is.
 import time
 
 from haptic_device.nodes.messages import LATEST, JointState
-from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.nodes.polled_subscription import PolledSubscription
+from haptic_device.recording.layouts import JOINTS
 from haptic_sim.node.port import Port
 from haptic_sim.simulation import ToolSample
 
@@ -20,7 +21,7 @@ class StandIn:
 
     def __init__(self, node):
         self._node, self._port = node, Port(STILL)
-        self._handle = Tap(node, "handle", "sensor_msgs/msg/JointState", LATEST, raw=True)
+        self._handle = PolledSubscription(node, "handle", JOINTS, LATEST, raw=True)
         self._publisher = node.create_publisher(JointState, "tool", LATEST)
         self.angle = self.leash = 0.0
 

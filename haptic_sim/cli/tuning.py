@@ -20,8 +20,10 @@ from std_srvs.srv import Trigger
 
 from haptic_device.control.faults import NAMES
 from haptic_device.control.records import TRACE_ROW
-from haptic_device.nodes.messages import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, statuses_of, truth_names
-from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.message_fields import AXES, truth_names
+from haptic_device.nodes.messages import LATEST, STREAM, TRACE, JointState, statuses_of
+from haptic_device.nodes.polled_subscription import PolledSubscription
+from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, JointLayout
 from haptic_device.status import Status, number
 from haptic_sim.cli.stand_in import StandIn
 
@@ -29,8 +31,6 @@ PATIENCE = 15.0  # [s] for a service
 ATTEMPTS = 5  # the answer to a client whom the service has not discovered yet is lost; all calls may be repeated
 APPEARANCE = 60.0  # [s] for a driver that has just been started to be engaged; the first start compiles the kernels
 POLICY = "passivity.policy"
-_DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-_CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
 class Tuning:
@@ -45,9 +45,9 @@ class Tuning:
         self._node = rclpy.create_node("haptic_tuning", namespace=namespace, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._state = Tap(self._node, "operator/state", "sensor_msgs/msg/JointState", STREAM, raw=True)
-        self._said = Tap(self._node, "/diagnostics", _DIAGNOSTICS, STREAM, raw=True)
-        self._trace = Tap(self._node, "trace", _CLOUD, TRACE) if trace else None
+        self._state = PolledSubscription(self._node, "operator/state", JOINTS, STREAM, raw=True)
+        self._said = PolledSubscription(self._node, "/diagnostics", DIAGNOSTICS, STREAM, raw=True)
+        self._trace = PolledSubscription(self._node, "trace", CLOUD, TRACE) if trace else None
         self.tool = StandIn(self._node) if tool else None
         self._target = self._node.create_publisher(JointState, "operator/target", LATEST)
         self._layouts = [JointLayout(truth_names(axes)) for axes in (1, 2, 3)]

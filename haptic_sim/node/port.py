@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.control import contact_model, exchange_samples
-from haptic_device.nodes.messages import NEAR, CloudLayout, JointLayout, exchange_names
+from haptic_device.control import exchange_samples
+from haptic_device.message_fields import COMMON, LOCAL_CONTACT, MOST, exchange_names
 from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.recording.layouts import CloudLayout, JointLayout
 from haptic_sim.simulation import HandleSample, Planar, ToolSample
 
 SILENCE_NS = 500_000_000
@@ -46,7 +47,7 @@ class Port:
         self._axes = {layout.size: axes for axes, layout in self._layouts.items()}
         self._sequence, self.scene = 0, 0
         self._answers = deque(maxlen=ANSWERS_KEPT)  # (own sequence, time of the handle sample answered [ns])
-        self._near_layout, self._near = CloudLayout(NEAR), np.zeros(contact_model.MOST, NEAR)
+        self._near_layout, self._near = CloudLayout(LOCAL_CONTACT), np.zeros(MOST, LOCAL_CONTACT)
         self._peer_session = self._peer_sequence = 0.0
         self._accepted_ns = 0
         exchange_samples.gains_hash(0.0, 0.0, 0.0, 0.0)  # compiled here, not with the first sample
@@ -98,7 +99,7 @@ class Port:
         near["answered_session"], near["answered"] = tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE]
         for name, value in common.items():
             near[name] = value
-        near.view(np.float64).reshape(contact_model.MOST, -1)[:, len(contact_model.COMMON) :] = table
+        near.view(np.float64).reshape(MOST, -1)[:, len(COMMON) :] = table
         return self._near_layout.pack(question.handle.time_ns, near)
 
     def _judge(self, arrays, tail, now_ns):

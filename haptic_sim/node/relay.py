@@ -16,7 +16,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.messages import LATEST, STREAM, JointState, PointCloud2
-from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.realtime.scheduling import go_realtime
 from haptic_sim.node.declared import RELAY
 
@@ -28,7 +28,10 @@ class Way:
     """One direction: what comes on one topic leaves on another when its time has come."""
 
     def __init__(self, node, source, target, kind, values, seed):
-        self._node, self.tap = node, Tap(node, source, f"sensor_msgs/msg/{kind.__name__}", STREAM, raw=True)
+        self._node, self.subscription = (
+            node,
+            PolledSubscription(node, source, f"sensor_msgs/msg/{kind.__name__}", STREAM, raw=True),
+        )
         self._publisher = node.create_publisher(kind, target, LATEST)
         self._values, self._random, self._number, self._flying = values, random.Random(seed), itertools.count(), []
 
@@ -39,7 +42,7 @@ class Way:
 
     def carry(self, now_ns):
         """Takes what has come, sends what is due."""
-        for sample in self.tap.take():
+        for sample in self.subscription.take():
             if self._random.random() >= self._values["loss"]:
                 for _ in range(1 + (self._random.random() < self._values["duplicates"])):
                     heapq.heappush(self._flying, (now_ns + self._flight_ns(), next(self._number), sample.message))
@@ -48,7 +51,7 @@ class Way:
 
     def close(self):
         """Ends both; what is on its way is lost."""
-        self.tap.close()
+        self.subscription.close()
         self._node.destroy_publisher(self._publisher)
 
     def _flight_ns(self):
@@ -100,7 +103,7 @@ class RelayNode(ManagedNode):
                 way.carry(now)
             wait_set.clear_entities()
             for way in self._ways:
-                wait_set.add_subscription(way.tap.handle)
+                wait_set.add_subscription(way.subscription.handle)
             due = min(way.next_ns for way in self._ways)
             wait_set.wait(min(LONGEST_WAIT_NS, max(0, due - time.monotonic_ns())))
 

@@ -6,7 +6,9 @@ The exchange thread calls it after an answer has left: what it takes, some 30 us
 
 import numpy as np
 
-from haptic_device.nodes.messages import AXES, STATE, STREAM, CloudLayout, JointLayout, JointState, PointCloud2, String
+from haptic_device.message_fields import AXES
+from haptic_device.nodes.messages import STATE, STREAM, JointState, PointCloud2, String
+from haptic_device.recording.layouts import CloudLayout, JointLayout
 from haptic_sim.simulation import Simulation
 from haptic_sim.solid import TOOL
 

@@ -9,7 +9,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
-from haptic_device.jit import have
+from haptic_device.jit import ensure_compiled
 from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.refusals import Refusals
@@ -21,7 +21,6 @@ from haptic_sim.node.port import Port
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation, kernels_of
 
-DIAGNOSTICS_PERIOD = 0.5  # s
 MIDDLEWARE_PRIORITY = 65  # above the exchange, which must never wait for the middleware's own threads
 GIL_SWITCH = 0.2e-3  # s, longest time the executor keeps the exchange thread from running; python's own is 5 ms
 
@@ -34,12 +33,10 @@ class SimulationNode(ManagedNode):
         self.exchange: ExchangeThread | None = None
         self.simulation: Simulation | None = None
         self._loading = False
-        self._diagnostics = self.create_publisher(messages.DiagnosticArray, "/diagnostics", 10)
         self._rates = diagnostics.Rates()
         self._tool = self.create_publisher(messages.JointState, "tool", messages.LATEST)
         local = self.values["exchange.method"] == "local"
         self._near = self.create_publisher(messages.PointCloud2, "local_contacts", messages.LATEST) if local else None
-        self.create_timer(DIAGNOSTICS_PERIOD, self.diagnose)
         self.create_service(Trigger, "~/reset_scene", self._on_reset_scene)
         beside = ReentrantCallbackGroup()  # while it waits for its world others are served
         self.create_service(Trigger, "~/load_scene", self._on_load_scene, callback_group=beside)
@@ -80,10 +77,9 @@ class SimulationNode(ManagedNode):
         values = {"scene": world.scene.name, "method": world.method_name, "why": world.why, **_values(self.exchange)}
         values["survived"] = self.survived
         level, message = self._verdict()
-        now_ns = self.get_clock().now().nanoseconds
         figures = {"compute": values["compute_us_p99"] * 1e-6, **self._rates.of(refused=values["refused"])}
         watched = diagnostics.statuses(self.get_name(), FIGURES, figures, self.values)
-        self._diagnostics.publish(messages.diagnostics(now_ns, self.get_name(), "", level, message, values, watched))
+        self.say_status(level, message, values, watched)
 
     def _verdict(self):
         counters = self.exchange.report.counters
@@ -110,7 +106,7 @@ class SimulationNode(ManagedNode):
     def _world(self, values):
         """A simulation as these parameters say."""
         scene = load(values["scene"])
-        have(*kernels_of(scene, values["method"], values["exchange.method"]), told=self.told)
+        ensure_compiled(*kernels_of(scene, values["method"], values["exchange.method"]), told=self.told)
         world = Simulation.by_parameters(scene, values)
         if values["exchange.method"] == "local":
             world.local_contacts.look(0.0)  # compiled here, not in the first exchange

@@ -12,15 +12,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.nodes.messages import LATEST, STATE, STREAM, JointLayout, statuses_of, truth_names
-from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.message_fields import truth_names
+from haptic_device.nodes.messages import LATEST, STATE, STREAM, statuses_of
+from haptic_device.nodes.polled_subscription import PolledSubscription
+from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STRING, WRENCH, JointLayout
 from haptic_sim.node.showing import CONTACT, ENERGY, HANDLE, state_names
 from haptic_sim.scene import Scene, SceneError, parse
 from haptic_sim.solid import TOOL
 
 STALE = 0.5  # s after which what was said counts no more
 SILENT = 3.0  # s after which a node that said nothing counts as gone
-_JOINTS = "sensor_msgs/msg/JointState"
 _WRENCH = struct.Struct("<6d")
 
 
@@ -39,12 +40,12 @@ class Feed:
     """`scene`, `truth`, `statuses` and what `frame` gives are as of the last look."""
 
     def __init__(self, node):
-        self._truths = Tap(node, "operator/state", _JOINTS, LATEST, raw=True)
-        self._wrenches = Tap(node, "wrench", "geometry_msgs/msg/WrenchStamped", LATEST, raw=True)
-        self._scenes = Tap(node, "scene", "std_msgs/msg/String", STATE)
-        self._states = Tap(node, "scene/state", _JOINTS, LATEST, raw=True)
-        self._clouds = Tap(node, "scene/contacts", "sensor_msgs/msg/PointCloud2", LATEST)
-        self._said = Tap(node, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", STREAM, raw=True)
+        self._truths = PolledSubscription(node, "operator/state", JOINTS, LATEST, raw=True)
+        self._wrenches = PolledSubscription(node, "wrench", WRENCH, LATEST, raw=True)
+        self._scenes = PolledSubscription(node, "scene", STRING, STATE)
+        self._states = PolledSubscription(node, "scene/state", JOINTS, LATEST, raw=True)
+        self._clouds = PolledSubscription(node, "scene/contacts", CLOUD, LATEST)
+        self._said = PolledSubscription(node, "/diagnostics", DIAGNOSTICS, STREAM, raw=True)
         self._layouts = [JointLayout(truth_names(axes)) for axes in (1, 2, 3)]
         self._state_layout, self._heard = None, {}
         self.scale = (1.0, 1.0)  # of the device: world metres per device metre, and radians

@@ -22,15 +22,16 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
-from haptic_device.nodes.messages import STREAM, JointLayout, truth_names
-from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.message_fields import truth_names
+from haptic_device.nodes.messages import STREAM
+from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.process import ending_with_us
+from haptic_device.recording.layouts import JOINTS, JointLayout
 
 SHOTS = Path(__file__).parents[2] / "build" / "browser"
 FIGURES = []
 POINT = Path(__file__).parents[1] / "busy.yaml"
 PATIENCE, COMPILING = 120.0, 180.0  # s for what a busy machine does in one, and with kernels that nobody has used yet
-_JOINTS = "sensor_msgs/msg/JointState"
 
 
 def pytest_terminal_summary(terminalreporter):
@@ -88,8 +89,8 @@ class Listener:
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain)
         self._node = rclpy.create_node("listener", namespace="/haptic", context=self._context)
-        self._truths = Tap(self._node, "operator/state", _JOINTS, STREAM, raw=True)
-        self._targets = Tap(self._node, "operator/target", _JOINTS, STREAM)
+        self._truths = PolledSubscription(self._node, "operator/state", JOINTS, STREAM, raw=True)
+        self._targets = PolledSubscription(self._node, "operator/target", JOINTS, STREAM)
         self._layout, self.truths, self.targets = JointLayout(truth_names(3)), [], []
         self._thread, self._over = threading.Thread(target=self._listen, daemon=True), False
         self._thread.start()
@@ -119,7 +120,7 @@ class Listener:
 
     def marked(self):
         """Namespaces of the next markers, with the frames they are in."""
-        tap = Tap(self._node, "markers", "visualization_msgs/msg/MarkerArray", STREAM)
+        tap = PolledSubscription(self._node, "markers", "visualization_msgs/msg/MarkerArray", STREAM)
         found = self.until(tap.latest, "markers").message.markers
         tap.close()
         return {marker.ns for marker in found}, {marker.header.frame_id for marker in found}

@@ -33,7 +33,7 @@ class Conductor:
         self.programs = {program.name: program for program in programs}
         self.nodes, self.witness = Nodes(folder / "log"), Witness(domain)
         self.folder, self._bags = folder, 0
-        self._page = shared_memory.FOLDER / shared_memory.page_name(str(domain), NAMESPACE)
+        self._page = shared_memory.FOLDER / shared_memory.file_name(str(domain), NAMESPACE)
 
     def __enter__(self):
         for program in self.programs.values():

@@ -15,17 +15,9 @@ import numpy as np
 import rclpy
 from rclpy.context import Context
 
-from haptic_device.control import contact_model, exchange_samples
-from haptic_device.nodes.messages import (
-    AXES,
-    LATEST,
-    NEAR,
-    CloudLayout,
-    JointLayout,
-    JointState,
-    PointCloud2,
-    exchange_names,
-)
+from haptic_device.message_fields import AXES, LOCAL_CONTACT, MOST, TAIL, exchange_names
+from haptic_device.nodes.messages import LATEST, JointState, PointCloud2
+from haptic_device.recording.layouts import CloudLayout, JointLayout
 from haptic_sim.cli.processes import NAMESPACE
 
 COMMAND = [sys.executable, __file__]
@@ -64,7 +56,7 @@ def mutated(message: bytes, dice: random.Random) -> bytes:
 
 def _messages() -> dict[str, list[bytes]]:
     exchanged = JointLayout(exchange_names(3))
-    targets = [JointLayout(names) for names in (AXES[:2], ("a", "b", "c"), AXES + ("x",), exchange_samples.TAIL)]
+    targets = [JointLayout(names) for names in (AXES[:2], ("a", "b", "c"), AXES + ("x",), TAIL)]
     foreign = [message for layout in targets for message in mutations(layout, KINDS // 4)]
     dice, contacts = random.Random(3), _contacts()
     return {
@@ -76,7 +68,7 @@ def _messages() -> dict[str, list[bytes]]:
 
 
 def _contacts() -> bytes:
-    return CloudLayout(NEAR).pack(0, np.zeros(contact_model.MOST, NEAR))
+    return CloudLayout(LOCAL_CONTACT).pack(0, np.zeros(MOST, LOCAL_CONTACT))
 
 
 def main() -> int:

@@ -12,8 +12,10 @@ from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 
 from haptic_device.control.records import TRACE_ROW
-from haptic_device.nodes.messages import AXES, LATEST, STREAM, TRACE, JointLayout, JointState, statuses_of, truth_names
-from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.message_fields import AXES, truth_names
+from haptic_device.nodes.messages import LATEST, STREAM, TRACE, JointState, statuses_of
+from haptic_device.nodes.polled_subscription import PolledSubscription
+from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, JointLayout
 from haptic_sim.cli.commands import Commands
 from haptic_sim.cli.processes import NAMESPACE
 
@@ -56,9 +58,9 @@ class Witness:
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node("haptic_witness", namespace=NAMESPACE, context=self._context)
         self.commands = Commands(self._node, self._context)
-        self._truth = Tap(self._node, "operator/state", "sensor_msgs/msg/JointState", STREAM, raw=True)
-        self._trace = Tap(self._node, "trace", "sensor_msgs/msg/PointCloud2", TRACE)
-        self._said = Tap(self._node, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", STREAM, raw=True)
+        self._truth = PolledSubscription(self._node, "operator/state", JOINTS, STREAM, raw=True)
+        self._trace = PolledSubscription(self._node, "trace", CLOUD, TRACE)
+        self._said = PolledSubscription(self._node, "/diagnostics", DIAGNOSTICS, STREAM, raw=True)
         self._target = self._node.create_publisher(JointState, "operator/target", LATEST)
         self._truths, self._rows, self._sessions = [], [], []
         self._goal = self._hand = None

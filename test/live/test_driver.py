@@ -26,8 +26,10 @@ from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomic
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from haptic_device.control import exchange_samples, faults
+from haptic_device.message_fields import AXES, TAIL, exchange_names
 from haptic_device.nodes import messages
 from haptic_device.nodes.ros_parameters import MOST_AT_ONCE
+from haptic_device.recording.layouts import JointLayout
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -140,16 +142,13 @@ def test_softer_gains_are_taken_while_it_runs_and_told_to_the_simulation(display
     for stiffness in (500.0, 400.0):
         assert display.set("coupling.stiffness", stiffness) == (True, "")
         display.handles.clear()
-        names = messages.exchange_names(3)
+        names = exchange_names(3)
         told = names.index("stiffness")
         display.until(
             lambda: display.handles and display.handles[-1].position[told] == stiffness,  # noqa: B023
             f"a handle sample with {stiffness} N/m",
         )
-        gains = [
-            display.handles[-1].position[names.index(name)]
-            for name in exchange_samples.TAIL[exchange_samples.GAIN_0 :][:4]
-        ]
+        gains = [display.handles[-1].position[names.index(name)] for name in TAIL[exchange_samples.GAIN_0 :][:4]]
         assert display.handles[-1].position[names.index("gains_hash")] == exchange_samples.gains_hash(*gains)
     display.hear_handles(False)
 
@@ -213,7 +212,7 @@ def test_as_many_parameters_as_are_taken_at_once_are_set_and_one_more_are_refuse
 
 
 def test_handle_encoder_and_motor_of_one_tick_bear_the_same_stamp(display):
-    layout, heard = messages.JointLayout(messages.AXES, "haptic_base"), {"encoder": set(), "motor": set()}
+    layout, heard = JointLayout(AXES, "haptic_base"), {"encoder": set(), "motor": set()}
 
     def hear(topic, stamps):
         def note(data):
@@ -232,14 +231,14 @@ def test_handle_encoder_and_motor_of_one_tick_bear_the_same_stamp(display):
 
 
 def test_foreign_tool_messages_move_nothing_are_refused_and_counted_by_reason(display):
-    layout, count = messages.JointLayout(messages.exchange_names(3)), len(messages.exchange_names(3))
+    layout, count = JointLayout(exchange_names(3)), len(exchange_names(3))
     still, wild = [0.0] * count, [math.nan] * count
-    tail = dict.fromkeys(exchange_samples.TAIL, 1.0) | {"layout_version": exchange_samples.LAYOUT_VERSION}
+    tail = dict.fromkeys(TAIL, 1.0) | {"layout_version": exchange_samples.LAYOUT_VERSION}
     tail["exchange_method"] = float(exchange_samples.PSPM)
     samples = [
         layout.pack(0, wild, still, still),
         layout.pack(0, [0.05, 0.05, 0.5, *tail.values()], still, still),
-        messages.JointLayout(messages.exchange_names(2)).pack(0, *[[0.0] * (count - 1)] * 3),
+        JointLayout(exchange_names(2)).pack(0, *[[0.0] * (count - 1)] * 3),
         layout.template[:-3],
     ]
     reasons = "refused.NaN or out of range", "refused.answers another session", "refused.other axis names or size"

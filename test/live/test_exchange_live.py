@@ -15,7 +15,9 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 
 from fault_injection.flood import COMMAND
 from haptic_device.control import exchange_samples
+from haptic_device.message_fields import TAIL, exchange_names
 from haptic_device.nodes import messages
+from haptic_device.recording.layouts import JointLayout
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -184,7 +186,7 @@ def test_the_same_method_on_both_sides_exchanges(exchanging):
 def test_a_second_simulation_is_refused_counted_and_not_felt(exchanging, ear):
     ear.hear_handles()
     ear.until(lambda: ear.handles, "a handle sample")
-    layout, names = messages.JointLayout(messages.exchange_names(3)), messages.exchange_names(3)
+    layout, names = JointLayout(exchange_names(3)), exchange_names(3)
     still = [0.0] * len(names)
 
     def forged():
@@ -204,12 +206,12 @@ def test_a_second_simulation_is_refused_counted_and_not_felt(exchanging, ear):
 @pytest.mark.parametrize("session", ["another", "wild numbers", "other names"])
 def test_a_second_driver_is_refused_and_counted_by_the_simulation_and_moves_no_tool(exchanging, ear, session):
     publisher = ear.node.create_publisher(messages.JointState, "handle", messages.LATEST)
-    names, gains = messages.exchange_names(3), (1000.0, 1.0, 1.0, 0.001)
-    tail = dict.fromkeys(exchange_samples.TAIL, 0.0) | {"layout_version": 1.0, "session": 99.0}
+    names, gains = exchange_names(3), (1000.0, 1.0, 1.0, 0.001)
+    tail = dict.fromkeys(TAIL, 0.0) | {"layout_version": 1.0, "session": 99.0}
     tail |= {"exchange_method": float(exchange_samples.PSPM), "gains_hash": exchange_samples.gains_hash(*gains)}
-    tail |= dict(zip(exchange_samples.TAIL[exchange_samples.GAIN_0 :], gains, strict=False))
+    tail |= dict(zip(TAIL[exchange_samples.GAIN_0 :], gains, strict=False))
     number, wild = iter(range(1, 1 << 30)), float("nan") if session == "wild numbers" else 0.1
-    layout = messages.JointLayout(("z", *names[1:]) if session == "other names" else names)
+    layout = JointLayout(("z", *names[1:]) if session == "other names" else names)
     still = [0.0] * len(names)
     key = {"another": "second publisher", "wild numbers": "NaN or out of range"}.get(
         session, "other axis names or size"
@@ -229,9 +231,9 @@ def test_a_second_driver_is_refused_and_counted_by_the_simulation_and_moves_no_t
 def test_wrong_stamps_and_jumps_of_the_simulation_that_is_accepted_give_no_energy_and_no_fault(exchanging, nodes, ear):
     nodes.lack("haptic_simulation")
     ear.hear_handles()
-    begin, heard, layout = len(ear.truths), len(ear.handles), messages.JointLayout(messages.exchange_names(3))
+    begin, heard, layout = len(ear.truths), len(ear.handles), JointLayout(exchange_names(3))
     ear.until(lambda: len(ear.handles) > heard, "a handle sample")
-    names, number = messages.exchange_names(3), iter(range(1, 1 << 30))
+    names, number = exchange_names(3), iter(range(1, 1 << 30))
 
     def forged():
         count, still = next(number), [0.0] * len(names)
@@ -260,12 +262,12 @@ def test_stamps_of_the_past_and_future_from_the_driver_that_is_accepted_make_the
     nodes.lack("haptic_driver", "haptic_simulation")
     nodes.start("haptic_simulation", scene="free_space")
     publisher = ear.node.create_publisher(messages.JointState, "handle", messages.LATEST)
-    names, gains, number = messages.exchange_names(3), (1000.0, 1.0, 1.0, 0.001), iter(range(1, 1 << 30))
-    tail = dict.fromkeys(exchange_samples.TAIL, 0.0) | {"layout_version": 1.0, "session": 99.0}
+    names, gains, number = exchange_names(3), (1000.0, 1.0, 1.0, 0.001), iter(range(1, 1 << 30))
+    tail = dict.fromkeys(TAIL, 0.0) | {"layout_version": 1.0, "session": 99.0}
     tail |= {"exchange_method": float(exchange_samples.PSPM), "gains_hash": exchange_samples.gains_hash(*gains)}
-    tail |= dict(zip(exchange_samples.TAIL[exchange_samples.GAIN_0 :], gains, strict=False))
-    layout, still, tools = messages.JointLayout(names), [0.0] * len(names), []
-    tool = messages.JointLayout(names)
+    tail |= dict(zip(TAIL[exchange_samples.GAIN_0 :], gains, strict=False))
+    layout, still, tools = JointLayout(names), [0.0] * len(names), []
+    tool = JointLayout(names)
     ear.node.create_subscription(
         messages.JointState, "tool", lambda data: tools.append(tool.unpack(data)), messages.LATEST, raw=True
     )

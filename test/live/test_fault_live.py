@@ -96,8 +96,8 @@ class Hands:
     """A device behind the page that says whatever the test wants it to say."""
 
     def __init__(self):
-        self.page = shared_memory.Page(
-            shared_memory.page_name(os.environ["ROS_DOMAIN_ID"], SPACE), shared_memory.DEVICE
+        self.page = shared_memory.SharedMemory(
+            shared_memory.file_name(os.environ["ROS_DOMAIN_ID"], SPACE), shared_memory.DEVICE
         )
         self.x, self.goal, self.drag, self.motor, self._stop = 0.0, 0.0, 0.0, 0.0, False
         self.writes = [(0, 0.0)]  # of the servo that were seen: when [ns], motor

@@ -16,9 +16,9 @@ from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
 from haptic_device.jit import kernel
 from haptic_device.realtime import clock, hardware_interface, scheduling, servo_loop, shared_memory
-from haptic_device.realtime.hardware_interface import PageLink
-from haptic_device.realtime.null_device import StillLink
-from haptic_device.realtime.seqlock import Mailbox
+from haptic_device.realtime.hardware_interface import SharedMemoryInterface
+from haptic_device.realtime.null_device import NullDevice
+from haptic_device.realtime.seqlock import SeqLock
 from haptic_device.realtime.servo_thread import ServoThread
 
 WATCHDOG = 15_000_000  # ns
@@ -28,7 +28,7 @@ class Served:
     """A plant behind a page, as haptic_loopback runs it; the hand holds on with nothing."""
 
     def __init__(self, name, position=(0.01, 0.0, 0.0)):
-        self.page, self.truth = shared_memory.Page(name, shared_memory.DEVICE), Mailbox(simulated_device.TRUTH)
+        self.page, self.truth = shared_memory.SharedMemory(name, shared_memory.DEVICE), SeqLock(simulated_device.TRUTH)
         self.control, self.plant = (
             np.zeros(simulated_device.CONTROLS, np.int64),
             loopback_config.plant_of(load_device("desktop")),
@@ -75,14 +75,14 @@ def served(name):
 @pytest.fixture
 def device(name):
     """The page's other side, with nothing behind it."""
-    device = shared_memory.Page(name, shared_memory.DEVICE)
+    device = shared_memory.SharedMemory(name, shared_memory.DEVICE)
     yield device
     device.close()
 
 
 @pytest.fixture
 def device_link(name):
-    device_link = PageLink(name, 7)
+    device_link = SharedMemoryInterface(name, 7)
     yield device_link
     device_link.close()
 
@@ -282,7 +282,7 @@ def read_later(memory, deadline, give_up, sample):
     return 1
 
 
-class LateLink(StillLink):
+class LateLink(NullDevice):
     """Always there, at 6000 counts of x, but without a sample in so many reads."""
 
     def __init__(self, without):
@@ -309,7 +309,7 @@ def test_without_a_sample_there_is_no_home_and_no_tick_and_the_servo_can_be_stop
 
 
 def test_settings_that_are_put_while_the_home_is_taken_are_not_lost(servo_thread, monkeypatch):
-    thread, newer, others = servo_thread(StillLink(), home=HOME), settings(), []
+    thread, newer, others = servo_thread(NullDevice(), home=HOME), settings(), []
     newer["version"], get = 7, thread.settings.get
 
     def put_meanwhile():
@@ -331,7 +331,7 @@ def test_settings_that_are_put_while_the_home_is_taken_are_not_lost(servo_thread
 def test_signals_neither_repeat_a_tick_nor_take_missed_ones_back(servo_thread):
     before = signal.signal(signal.SIGUSR1, lambda number, frame: None)
     try:
-        thread, rows = servo_thread(StillLink()), []
+        thread, rows = servo_thread(NullDevice()), []
         thread.start()
         [servo] = [one for one in threading.enumerate() if one.name == "servo"]
 
@@ -350,7 +350,7 @@ def test_signals_neither_repeat_a_tick_nor_take_missed_ones_back(servo_thread):
 def test_only_who_attends_keeps_an_enabled_servo_from_being_unattended(servo_thread):
     alone = settings()
     alone["unattended"] = 0.2
-    thread = servo_thread(StillLink(), alone)
+    thread = servo_thread(NullDevice(), alone)
     thread.order(set_flags=enable_state.ENABLE)
     thread.start()
 

@@ -13,6 +13,7 @@ from live_nodes import Nodes, command, page_path, refusal_of, refusals_of
 
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, simulated_device
+from haptic_device.message_fields import AXES
 from haptic_device.nodes import messages
 from haptic_device.parameters import LOOPBACK
 
@@ -55,7 +56,7 @@ def test_the_hand_takes_the_handle_to_its_target_within_the_friction_it_feels(ea
 
 
 def test_a_target_beyond_the_workspace_ends_at_its_edge(ear):
-    names = list(messages.AXES)
+    names = list(AXES)
 
     def ends(truth):
         ear.target.publish(messages.JointState(name=names, position=[5.0, 0.0, 0.0]))
@@ -71,8 +72,8 @@ def test_wrong_targets_move_nothing_and_are_counted(ear):
     wrong = [
         (["x", "y"], [0.1, 0.1]),
         (["x", "y", "z"], [0.1] * 3),
-        (list(messages.AXES), [0.1, math.nan, 0.1]),
-        (list(messages.AXES), [0.1]),
+        (list(AXES), [0.1, math.nan, 0.1]),
+        (list(AXES), [0.1]),
     ]
 
     def counted(level, message, values):
@@ -134,7 +135,7 @@ def test_a_killed_loopback_leaves_a_stale_page_that_the_next_one_takes_over_and_
 
 def test_a_script_takes_no_targets(ear):
     ear.news("haptic_loopback", lambda level, message, values: True)
-    names = list(messages.AXES)
+    names = list(AXES)
 
     def refused(level, message, values):
         ear.target.publish(messages.JointState(name=names, position=[0.05, 0.0, 0.0]))

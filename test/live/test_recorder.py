@@ -464,7 +464,8 @@ from pathlib import Path
 from haptic_device.nodes import parameter_client, polled_subscription, recorder
 from haptic_device.recording import writer
 bag, name = Path(sys.argv.pop(1)), sys.argv.pop(1)
-owner = {"look": parameter_client.Inquiry, "take": polled_subscription.Tap, "close": writer.Bag}[name]
+owners = parameter_client.ParameterClient, polled_subscription.PolledSubscription, writer.Bag
+owner = dict(zip(("look", "take", "close"), owners))[name]
 does = getattr(owner, name)
 def fails(self, *given):
     if any(bag.glob("*.mcap")):

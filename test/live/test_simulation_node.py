@@ -16,7 +16,9 @@ from std_srvs.srv import SetBool, Trigger
 from waiting import LIMIT
 
 from haptic_device.control import exchange_samples
+from haptic_device.message_fields import exchange_names
 from haptic_device.nodes import messages
+from haptic_device.recording.layouts import JointLayout
 from haptic_sim.compile import compile_scene
 from haptic_sim.scene import load
 
@@ -33,7 +35,7 @@ class Peer(Client):
         super().__init__(domain, "peer")
         self.tools, self.said, self.sequence = [], [], 0
         self.handle = self.node.create_publisher(messages.JointState, "handle", messages.LATEST)
-        self.layout = messages.JointLayout(messages.exchange_names(3))
+        self.layout = JointLayout(exchange_names(3))
         self._tool = self.node.create_subscription(messages.JointState, "tool", self._take, messages.LATEST, raw=True)
         self.node.create_subscription(messages.DiagnosticArray, "/diagnostics", self._hear, 10)
 
@@ -184,7 +186,7 @@ HOOKED = """
 import sys, time
 from pathlib import Path
 from haptic_sim.node import exchange_thread, simulation
-plain, count, answer = simulation.have, [], exchange_thread.Port.answer
+plain, count, answer = simulation.ensure_compiled, [], exchange_thread.Port.answer
 
 def have(*names, **options):
     count.append(names)
@@ -199,7 +201,7 @@ def failing(port, *given):
         raise KeyError("nobody\\nforesaw this")
     return answer(port, *given)
 
-simulation.have, exchange_thread.Port.answer = have, failing
+simulation.ensure_compiled, exchange_thread.Port.answer = have, failing
 exchange_thread.is_for = lambda world: False
 sys.exit(simulation.main())
 """

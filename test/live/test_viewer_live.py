@@ -16,8 +16,10 @@ from rclpy.context import Context
 from rclpy.signals import SignalHandlerOptions
 from waiting import LIMIT
 
+from haptic_device.message_fields import truth_names
 from haptic_device.nodes import messages
-from haptic_device.nodes.polled_subscription import Tap
+from haptic_device.nodes.polled_subscription import PolledSubscription
+from haptic_device.recording.layouts import JOINTS, JointLayout
 from haptic_sim.viewer import hand as hand_of_a_page
 from haptic_sim.viewer import viewer
 from haptic_sim.viewer.parameters import PARAMETERS
@@ -81,8 +83,8 @@ class Pulled:
 
     def __init__(self, context):
         self.target, self._node = (0.0, 0.0, 0.0), rclpy.create_node("pulled", namespace="/haptic", context=context)
-        self._targets = Tap(self._node, "operator/target", "sensor_msgs/msg/JointState", messages.LATEST)
-        self._layout = messages.JointLayout(messages.truth_names(3))
+        self._targets = PolledSubscription(self._node, "operator/target", JOINTS, messages.LATEST)
+        self._layout = JointLayout(truth_names(3))
         self._truths = self._node.create_publisher(messages.JointState, "operator/state", messages.STREAM)
 
     async def wants_to_be_at(self, x):

@@ -21,7 +21,7 @@ SMALL = "wall maps"  # of few functions
 
 def asking(cache_home, *names):
     """A process that has these entries in the cache when it ends; what was compiled is said by numba itself."""
-    script = f"from haptic_device.jit import have; have(*{names!r})"
+    script = f"from haptic_device.jit import ensure_compiled; ensure_compiled(*{names!r})"
     environment = {**os.environ, "XDG_CACHE_HOME": str(cache_home)}
     return subprocess.Popen(
         [sys.executable, "-c", script],

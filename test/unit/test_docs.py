@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from in_process import haptic
 
-from haptic_device.control import enable_state, exchange_samples, records
+from haptic_device.control import enable_state, records
+from haptic_device.message_fields import TAIL
 from haptic_device.nodes import driver, exchange_server, loopback, recorder
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import servo_thread
@@ -47,7 +48,7 @@ def test_the_trace_table_lists_each_column_in_order_with_its_width():
 
 
 def test_the_tail_table_lists_each_entry_in_order():
-    assert tuple(row[0] for row in rows(MODEL, "Tail of `handle` and `tool`")) == exchange_samples.TAIL
+    assert tuple(row[0] for row in rows(MODEL, "Tail of `handle` and `tool`")) == TAIL
 
 
 def test_the_fault_table_is_that_of_the_law():

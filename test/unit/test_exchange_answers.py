@@ -11,7 +11,8 @@ from handle_samples import GAINS, HOME, MS, handle
 
 from haptic_device.control import exchange_samples
 from haptic_device.control import tool_side_tank as law_port
-from haptic_device.nodes import messages
+from haptic_device.message_fields import TAIL, exchange_names
+from haptic_device.recording.layouts import JointLayout
 from haptic_sim.node import exchange_thread
 from haptic_sim.node.declared import PARAMETERS
 from haptic_sim.node.exchange_thread import RETURN_NS, ExchangeThread
@@ -55,8 +56,8 @@ def test_a_message_that_cannot_be_meant_is_refused_and_counted(change, reason):
 
 
 def test_other_axis_names_and_foreign_bytes_are_refused():
-    port, names = Port(HOME), ("x", "z", "theta", *exchange_samples.TAIL)
-    other = messages.JointLayout(names).pack(0, *[[0.0] * 16] * 3)
+    port, names = Port(HOME), ("x", "z", "theta", *TAIL)
+    other = JointLayout(names).pack(0, *[[0.0] * 16] * 3)
     assert len(other) == len(handle())
     assert [port.take(data, 0) for data in (other, b"", b"\0" * len(other), handle()[:-1])] == [None] * 4
     assert port.refused["other axis names or size"] == 4
@@ -82,13 +83,13 @@ def test_a_second_device_is_heard_only_after_the_first_has_gone_silent():
 def test_the_answer_names_the_sample_it_answers_and_carries_its_stamp_and_gains(axes):
     port = Port(HOME)
     port.take(handle(41.0, axes=axes), 0)
-    layout = messages.JointLayout(messages.exchange_names(axes))
+    layout = JointLayout(exchange_names(axes))
     answers = [layout.unpack(port.answer(port.take(handle(sequence, axes=axes), 0), TOOL)) for sequence in (42.0, 43.0)]
     assert answers[0].stamp_ns == 5_000_000_007
     assert answers[0].position[:axes].tolist() == list(TOOL.position[:axes])
     assert answers[0].velocity[:axes].tolist() == list(TOOL.velocity[:axes])
     assert answers[0].effort[:axes].tolist() == list(TOOL.force_on_tool[:axes])
-    tail = dict(zip(exchange_samples.TAIL, answers[1].position[axes:], strict=True))
+    tail = dict(zip(TAIL, answers[1].position[axes:], strict=True))
     assert (tail["answered_session"], tail["answered"], tail["sequence"]) == (77.0, 43.0, 2.0)
     assert (tail["session"], tail["gains_hash"], tail["damping"]) == (
         port.session,

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from haptic_device.control import exchange_samples as law
 from haptic_device.control import records
-from haptic_device.nodes import messages
+from haptic_device.message_fields import TAIL, exchange_names
 from haptic_device.realtime import clock, exchange_step, servo_loop
-from haptic_device.realtime.seqlock import Mailbox
+from haptic_device.realtime.seqlock import SeqLock
+from haptic_device.recording.layouts import JointLayout
 
 SESSION, SEQUENCE, PEER, GAINS = 1234567.0, 500.0, 777.0, (2000.0, 2.0, 2.0, 0.002)
 NOW, SILENCE = 10**12, exchange_step.SILENCE
@@ -25,7 +26,7 @@ class Side:
     """The driver's side of the exchange with its memory, without any middleware."""
 
     def __init__(self, axes=3, sequence=SEQUENCE):
-        self.axes, self.layout = axes, messages.JointLayout(messages.exchange_names(axes))
+        self.axes, self.layout = axes, JointLayout(exchange_names(axes))
         self.frame = exchange_step.make_frame(
             self.layout.template, self.layout.fixed, self.layout.offsets, self.layout.count
         )
@@ -33,7 +34,7 @@ class Side:
         self.state["session"], self.state["sequence"], self.state["axes"] = SESSION, sequence, axes
         self.gains, self.tool = np.zeros(1, law.COUPLING_GAINS), np.zeros(1, servo_loop.TOOL)
         self.gains["hash"] = law.gains_hash(*GAINS)
-        self.mail = Mailbox(servo_loop.TOOL)
+        self.mail = SeqLock(servo_loop.TOOL)
 
     def hear(self, data, now=NOW):
         """Verdict on a message's bytes; as many as fit are copied, as the receiving loop does."""
@@ -49,7 +50,7 @@ class Side:
         }
 
     def tool_message(self, position=(0.01, 0.02, 0.03), velocity=(0.1, 0.2, 0.3), effort=(1.0, 2.0, 3.0), **tail):
-        entries = dict.fromkeys(law.TAIL, 0.0)
+        entries = dict.fromkeys(TAIL, 0.0)
         entries |= {"layout_version": law.LAYOUT_VERSION, "session": PEER, "sequence": 9.0, "answered": SEQUENCE}
         entries |= {"answered_session": SESSION, "gains_hash": law.gains_hash(*GAINS), "energy": 0.5, "contact": 1.0}
         entries |= tail
@@ -142,7 +143,7 @@ def test_a_second_simulation_is_heard_only_after_the_first_has_been_silent():
 def test_foreign_bytes_names_and_sizes_are_refused(axes):
     side = Side(axes)
     good = side.tool_message()
-    names = messages.JointLayout(("z", *messages.exchange_names(axes)[1:])).pack(0, *[[0.0] * side.layout.count] * 3)
+    names = JointLayout(("z", *exchange_names(axes)[1:])).pack(0, *[[0.0] * side.layout.count] * 3)
     other = Side(axes % 3 + 1).tool_message()
     big_endian = b"\x00\x00" + good[2:]
     for data in (b"", b"\0", good[:-1], good + b"\0", names, other, big_endian, bytes(len(good)), b"\xff" * 70_000):
@@ -221,7 +222,7 @@ def test_a_handle_sample_carries_port_session_gains_and_the_time_it_was_latched(
     assert side.layout.matches(side.frame.outgoing.tobytes())
     assert sample.position[:3].tolist() == [1.0, 2.0, 3.0] and sample.velocity[:3].tolist() == [4.0, 5.0, 6.0]
     assert sample.effort[:3].tolist() == [7.0, 8.0, 9.0]
-    tail = dict(zip(law.TAIL, sample.position[3:], strict=True))
+    tail = dict(zip(TAIL, sample.position[3:], strict=True))
     assert (tail["session"], tail["sequence"], tail["answered"]) == (SESSION, 1.0, 41.0)
     assert (tail["layout_version"], tail["stiffness"], tail["damping"]) == (law.LAYOUT_VERSION, 2000.0, 2.0)
     assert tail["gains_hash"] == side.gains["hash"][0]
@@ -231,7 +232,7 @@ def test_a_handle_sample_carries_port_session_gains_and_the_time_it_was_latched(
 
 def test_nothing_is_sent_before_the_servo_has_run():
     side, row, scratch = Side(sequence=0.0), np.zeros(1, records.TRACE_ROW), clock.scratch()
-    rows, gains = Mailbox(records.TRACE_ROW), Mailbox(law.COUPLING_GAINS)
+    rows, gains = SeqLock(records.TRACE_ROW), SeqLock(law.COUPLING_GAINS)
     arguments = side.frame, side.state, rows.words, gains.words, row, side.gains, scratch
     assert not exchange_step.next_handle(*arguments)
     rows.put(row)

@@ -13,7 +13,9 @@ from rclpy.serialization import deserialize_message
 
 from fault_injection.flood import mutated
 from haptic_device.control import exchange_samples as law
+from haptic_device.message_fields import AXES, TAIL, exchange_names
 from haptic_device.nodes import messages
+from haptic_device.recording.layouts import JointLayout
 from haptic_sim.cli.check import problems
 from haptic_sim.node.port import Port
 
@@ -61,11 +63,11 @@ GAINS = (2000.0, 2.0, 2.0, 0.002)
 
 def exchanged(**tail):
     """Bytes of a right message of the exchange."""
-    entries = dict.fromkeys(law.TAIL, 0.0) | {"layout_version": law.LAYOUT_VERSION, "session": 77.0, "sequence": 1e6}
+    entries = dict.fromkeys(TAIL, 0.0) | {"layout_version": law.LAYOUT_VERSION, "session": 77.0, "sequence": 1e6}
     entries |= {"exchange_method": float(law.PSPM), "gains_hash": law.gains_hash(*GAINS)}
-    entries |= dict(zip(law.TAIL[law.GAIN_0 :], GAINS, strict=False)) | tail
+    entries |= dict(zip(TAIL[law.GAIN_0 :], GAINS, strict=False)) | tail
     zeros = [0.0] * (3 + len(entries))
-    return messages.JointLayout(messages.exchange_names(3)).pack(0, [0.01, 0.1, 0.0, *entries.values()], zeros, zeros)
+    return JointLayout(exchange_names(3)).pack(0, [0.01, 0.1, 0.0, *entries.values()], zeros, zeros)
 
 
 def test_of_many_spoilt_handle_messages_the_simulation_takes_only_what_is_finite_and_whole():
@@ -99,12 +101,10 @@ def test_a_command_line_of_nonsense_is_refused_in_a_sentence(tmp_path, monkeypat
 
 def test_ros_itself_survives_spoilt_bytes_and_says_so():
     dice = random.Random(3)
-    message = messages.JointLayout(messages.AXES).pack(0, [0.0] * 3, [0.0] * 3, [0.0] * 3)
+    message = JointLayout(AXES).pack(0, [0.0] * 3, [0.0] * 3, [0.0] * 3)
     for _ in range(2000):
         try:
-            target = messages.planar_target(
-                deserialize_message(mutated(message, dice), messages.JointState), messages.AXES
-            )
+            target = messages.planar_target(deserialize_message(mutated(message, dice), messages.JointState), AXES)
         except Exception as error:  # what the node's own guard survives
             assert not isinstance(error, MemoryError)
         else:

@@ -125,7 +125,7 @@ def test_without_the_compiler_the_same_servo_and_plant_compute_the_same(tmp_path
 
 
 def test_who_needs_kernels_that_are_not_there_has_them_compiled_in_sight_and_the_next_finds_them(tmp_path):
-    ask = f"from haptic_device import jit; jit.have('{SMALL}'); print(jit.missing(['{SMALL}']))"
+    ask = f"from haptic_device import jit; jit.ensure_compiled('{SMALL}'); print(jit.missing(['{SMALL}']))"
     (tmp_path / "haptic_device").mkdir()  # in the current folder lies another package of this name
     (tmp_path / "haptic_device/__init__.py").write_text("raise ImportError('the wrong package')\n")
     known = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 
 import yaml
 
-from haptic_device.nodes.messages import AXES, exchange_names, truth_names
-from haptic_device.nodes.recorder import KNOWN
+from haptic_device.message_fields import AXES, exchange_names, truth_names
+from haptic_device.nodes.recorded_topics import KNOWN
 from haptic_sim.node.showing import FRAME
 
 LAYOUTS = Path(__file__).parents[2] / "config" / "layouts"

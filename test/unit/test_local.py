@@ -11,8 +11,9 @@ from adversary import exchange_search as adversary
 from bench.exchange import felt as local_felt
 from bench.exchange.felt import FINE, NETWORKS, compare
 from haptic_device.control import contact_model, records, tool_contacts
-from haptic_device.nodes import messages
+from haptic_device.message_fields import COMMON, EACH, LOCAL_CONTACT, MOST
 from haptic_device.realtime import tick_replay
+from haptic_device.recording.layouts import CloudLayout
 from haptic_device.recording.writer import Bag
 from haptic_sim.cli.replay import replay
 from haptic_sim.lockstep import Network
@@ -229,10 +230,10 @@ def test_a_set_of_contacts_keeps_the_modes_of_those_that_were_there():
 
 def points_of(sets):
     """What `local_contacts` carries of these sets."""
-    points = np.zeros((len(sets), contact_model.MOST), messages.NEAR)
-    for name in contact_model.COMMON:
+    points = np.zeros((len(sets), MOST), LOCAL_CONTACT)
+    for name in COMMON:
         points[name] = sets[name][:, None]
-    for place, name in enumerate(contact_model.EACH):
+    for place, name in enumerate(EACH):
         points[name] = sets["table"][:, :, place]
     points["answered"] = sets["number"][:, None]
     return points.ravel()
@@ -243,7 +244,7 @@ def written(folder, **topics):
     bag = Bag(folder)
     for topic, rows in topics.items():
         channel = bag.add_topic(f"/haptic/{topic}", "sensor_msgs/msg/PointCloud2", [])
-        bag.write(channel, messages.CloudLayout(rows.dtype).pack(0, rows), 1, 1, 1)
+        bag.write(channel, CloudLayout(rows.dtype).pack(0, rows), 1, 1, 1)
     bag.close({})
     return folder
 

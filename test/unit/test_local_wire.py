@@ -9,8 +9,9 @@ import pytest
 from fault_injection.flood import mutated
 from haptic_device.control import contact_model
 from haptic_device.control import exchange_samples as law
-from haptic_device.nodes import messages
+from haptic_device.message_fields import EACH, LOCAL_CONTACT, MOST, TAIL
 from haptic_device.realtime import exchange_step, seqlock
+from haptic_device.recording.layouts import CloudLayout
 from haptic_sim.node.port import Port, Question
 from haptic_sim.simulation import HandleSample
 
@@ -22,11 +23,11 @@ class Driver:
     """The driver's end: a session that has asked five times, and knows its simulation."""
 
     def __init__(self, peer):
-        self.frame = exchange_step.make_near_frame(*messages.CloudLayout(messages.NEAR).fixed(contact_model.MOST))
+        self.frame = exchange_step.make_near_frame(*CloudLayout(LOCAL_CONTACT).fixed(MOST))
         self.state, self.watch = np.zeros(1, exchange_step.STATE), np.zeros(exchange_step.WATCHES, np.int64)
         self.state["session"], self.state["sequence"], self.state["peer_session"] = SESSION, 5.0, peer
         self.state["sent"][0, 3] = 123
-        self.near, self.mail = np.zeros(1, contact_model.SET), seqlock.Mailbox(contact_model.SET)
+        self.near, self.mail = np.zeros(1, contact_model.SET), seqlock.SeqLock(contact_model.SET)
 
     def take(self, data):
         self.frame.incoming[: len(data)] = np.frombuffer(data, np.uint8)[: len(self.frame.incoming)]
@@ -36,11 +37,11 @@ class Driver:
 
 
 def packed(port, answers=3.0, session=SESSION, **given):
-    table = np.zeros((contact_model.MOST, len(contact_model.EACH)))
+    table = np.zeros((MOST, len(EACH)))
     table[2, [contact_model.IDENTITY, contact_model.KIND, contact_model.NORMAL_X]] = 4.0, contact_model.FLAT_THERE, 1.0
     for name, value in given.items():
-        table[2, contact_model.EACH.index(name)] = value
-    tail = [0.0] * len(law.TAIL)
+        table[2, EACH.index(name)] = value
+    tail = [0.0] * len(TAIL)
     tail[law.SESSION], tail[law.SEQUENCE] = session, answers
     handle = HandleSample(10**9, (0.0,) * 3, (0.0,) * 3, 1.0, 1.0, 1.0, 1.0)
     return port.local_contacts(Question(handle, 3, tuple(tail), False), COMMON, table)

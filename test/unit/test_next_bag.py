@@ -12,9 +12,9 @@ from rclpy.parameter import Parameter
 
 from haptic_device.analysis.bag_topics import load
 from haptic_device.nodes import recorder as module
-from haptic_device.nodes.parameter_client import Inquiry
+from haptic_device.nodes.parameter_client import ParameterClient
 from haptic_device.nodes.polled_subscription import Sample
-from haptic_device.nodes.recorded_topic import Track
+from haptic_device.nodes.recorded_topics import RecordedTopics, Track
 from haptic_device.nodes.recorder import Recorder
 from haptic_device.recording.writer import Bag
 
@@ -24,9 +24,10 @@ class Deaf(Recorder):
 
     def __init__(self):
         self.waiting = []
-        tap = SimpleNamespace(topic="/haptic/encoder", type_name=JOINTS, take=self._heard)
-        self.tracks, self.bag, self.stopped, self._unknown = {tap.topic: Track(tap)}, None, "", set()
-        self.parameters = {"trial.participant": "P7", "trial.condition": "", "trial.fields": []}
+        heard = SimpleNamespace(topic="/haptic/encoder", type_name=JOINTS, take=self._heard)
+        self.topics, self.bag, self.failure = RecordedTopics(self), None, ""
+        self.topics.tracks[heard.topic] = Track(heard)
+        self.values = {"trial.participant": "P7", "trial.condition": "", "trial.fields": []}
 
     def _heard(self):
         while self.waiting:
@@ -54,19 +55,19 @@ def test_a_bag_that_cannot_be_ended_leaves_the_next_one_whole(tmp_path, monkeypa
     with monkeypatch.context() as full:
         full.setattr(Bag, "close", refuse)
         recorder.bag, recorder.waiting = Bag(tmp_path / "first"), [1, 2, 4]
-        recorder._take(recorder.tracks["/haptic/encoder"])
-        recorder.finish() if way == "told to end" else recorder._end("the disk is full")
+        recorder._take(recorder.topics.tracks["/haptic/encoder"])
+        recorder.deactivate() if way == "told to end" else recorder._end("the disk is full")
     assert recorder.bag is None and said[0]["lost /haptic/encoder"] == "1"
-    assert "recording stopped" in recorder.stopped and "haptic recover" in recorder.stopped
+    assert "recording stopped" in recorder.failure and "haptic recover" in recorder.failure
     recorder.bag, recorder.waiting = Bag(tmp_path / "second"), [5, 6]
-    recorder.finish()
+    recorder.deactivate()
     assert "message_count: 2\n" in (tmp_path / "second" / "metadata.yaml").read_text()
 
 
 def test_a_bag_that_a_full_disk_ends_says_what_was_lost(tmp_path, monkeypatch):
     recorder = Deaf()
     recorder._next_discovery, recorder._next_flush, recorder._fresh = 10**30, 0, {}
-    recorder.parameters |= {"flush_period": 0.25, "disk_reserve": 0.0}
+    recorder.values |= {"flush_period": 0.25, "disk_reserve": 0.0}
     recorder.bag, recorder.waiting = Bag(tmp_path / "bag"), [1, 2, 4]
 
     def refuse(bag):
@@ -74,7 +75,7 @@ def test_a_bag_that_a_full_disk_ends_says_what_was_lost(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Bag, "flush", refuse)
     recorder.look()
-    assert recorder.bag is None and "No space left on device; 3 messages are kept" in recorder.stopped
+    assert recorder.bag is None and "No space left on device; 3 messages are kept" in recorder.failure
     assert "lost /haptic/encoder: '1'" in (tmp_path / "bag" / "metadata.yaml").read_text()
 
 
@@ -87,8 +88,8 @@ def test_a_write_that_fails_as_the_bag_is_ended_is_said_as_while_it_records(tmp_
     with monkeypatch.context() as full:
         full.setattr(Bag, "write", refuse)
         recorder.bag, recorder.waiting = Bag(tmp_path / "bag"), [1]
-        recorder.finish()
-    assert "the bag could not be written: No space left on device; 0 messages are kept" in recorder.stopped
+        recorder.deactivate()
+    assert "the bag could not be written: No space left on device; 0 messages are kept" in recorder.failure
 
 
 def test_a_bag_of_which_nothing_can_be_said_is_ended_whole(tmp_path, monkeypatch):
@@ -99,8 +100,8 @@ def test_a_bag_of_which_nothing_can_be_said_is_ended_whole(tmp_path, monkeypatch
 
     monkeypatch.setattr(Deaf, "_facts", fail)
     recorder.bag, recorder.waiting = Bag(tmp_path / "bag"), [1, 2]
-    recorder.finish()
-    assert "recording stopped: RuntimeError: nobody foresaw this; 2 messages are kept" in recorder.stopped
+    recorder.deactivate()
+    assert "recording stopped: RuntimeError: nobody foresaw this; 2 messages are kept" in recorder.failure
     assert "message_count: 2\n" in (tmp_path / "bag" / "metadata.yaml").read_text()
 
 
@@ -110,7 +111,7 @@ def test_a_message_waits_for_the_disk_no_longer_than_the_flush_period_whatever_k
     recorder, now, heard, folder = Deaf(), 0, [], tmp_path / "bag"
     monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: now, time_ns=lambda: now))
     period, look = 250_000_000, 40_000_000  # [ns] as shipped
-    recorder.parameters |= {"flush_period": period * 1e-9, "disk_reserve": 0.0}
+    recorder.values |= {"flush_period": period * 1e-9, "disk_reserve": 0.0}
     recorder._next_discovery, recorder._next_flush, recorder._fresh, recorder.bag = 10**18, 0, {}, Bag(folder)
     written = []
     for now in range(look, 40 * look, look):
@@ -120,7 +121,7 @@ def test_a_message_waits_for_the_disk_no_longer_than_the_flush_period_whatever_k
         written.append(len(load(folder).joint("encoder").sequence))
         assert written[-1] >= sum(each <= now - period for each in heard)
     assert len(set(written)) < len(written) / 2  # and it is not written each time it is looked at
-    recorder.finish()
+    recorder.deactivate()
 
 
 class Done:
@@ -166,7 +167,7 @@ class Graph:
 
 def test_nodes_are_asked_once_and_anew_by_the_same_clients_for_the_next_bag():
     graph, told = Graph(), []
-    inquiry = Inquiry(graph, lambda node, values: told.append((node, values["coupling.stiffness"])))
+    inquiry = ParameterClient(graph, lambda node, values: told.append((node, values["coupling.stiffness"])))
     inquiry.look()
     graph.value = 200.0
     inquiry.look()

@@ -309,7 +309,7 @@ def test_every_column_of_the_trace_has_its_unit_or_counts():
 
 
 def test_every_entry_of_a_joint_state_is_an_axis_or_has_its_unit_or_counts():
-    from haptic_device.nodes.messages import exchange_names, truth_names
+    from haptic_device.message_fields import exchange_names, truth_names
 
     others = {*exchange_names(3), *truth_names(3)} - {*AXES, *(f"motor_{axis}" for axis in AXES)}
     counted = "layout_version session sequence answered_session answered exchange_method gains_hash contact motion_done"

@@ -189,7 +189,7 @@ def test_blocks_of_another_version_in_one_bag_are_left_out_and_counted(tmp_path)
 
 def cloud_of(rows):
     """A block of any structured array of float64 columns."""
-    from haptic_device.nodes.messages import CloudLayout
+    from haptic_device.recording.layouts import CloudLayout
 
     packed = np.array(rows.tolist(), [(name, rows.dtype[name]) for name in rows.dtype.names])
     return CloudLayout(packed.dtype).pack(0, packed)

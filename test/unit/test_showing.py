@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from live_nodes import STRANGE
 
-from haptic_device.nodes.messages import JointLayout
 from haptic_device.nodes.polled_subscription import Sample
-from haptic_device.recording.layouts import CLOUD, layout_of
+from haptic_device.recording.layouts import CLOUD, JointLayout, layout_of
 from haptic_sim.node.showing import CONTACT, PERIOD_NS, Showing, state_names
 from haptic_sim.scene import Scene, load, parse
 from haptic_sim.simulation import HandleSample, Simulation
@@ -117,7 +116,7 @@ def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
     simulation, handle = pressed
     node = FakeNode()
     Showing(node).show(simulation, handle, 0)
-    monkeypatch.setattr("haptic_sim.viewer.feed.Tap", FakeTap)
+    monkeypatch.setattr("haptic_sim.viewer.feed.PolledSubscription", FakeTap)
     feed = Feed(None)
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
     feed.look()
@@ -136,7 +135,7 @@ def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns(m
         simulation.exchange(HandleSample(1_000_000 * k, handle, (0.0, 0.0, 0.0), *GAINS))
     node = FakeNode()
     Showing(node).show(simulation, handle, 0)
-    monkeypatch.setattr("haptic_sim.viewer.feed.Tap", FakeTap)
+    monkeypatch.setattr("haptic_sim.viewer.feed.PolledSubscription", FakeTap)
     feed = Feed(None)
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
     feed.look()
@@ -148,7 +147,7 @@ def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns(m
 
 def test_what_is_no_number_is_not_known(pressed, monkeypatch):
     simulation, _ = pressed
-    monkeypatch.setattr("haptic_sim.viewer.feed.Tap", FakeTap)
+    monkeypatch.setattr("haptic_sim.viewer.feed.PolledSubscription", FakeTap)
     node = FakeNode()
     simulation.measure = lambda: {"insertion_fraction": float("nan")}
     Showing(node).show(simulation, (float("inf"), 0.0, 0.0), 0)
@@ -164,7 +163,7 @@ def test_what_is_no_number_is_not_known(pressed, monkeypatch):
 def test_rubbish_on_the_topics_of_the_page_is_not_shown_and_harms_nothing(pressed, monkeypatch):
     node = FakeNode()
     Showing(node).show(*pressed, 0)
-    monkeypatch.setattr("haptic_sim.viewer.feed.Tap", FakeTap)
+    monkeypatch.setattr("haptic_sim.viewer.feed.PolledSubscription", FakeTap)
     feed = Feed(None)
     cut = types.SimpleNamespace(point_step=CONTACT.itemsize, data=bytes(CONTACT.itemsize + 1))
     FakeTap.waiting = {"scene": node.said["scene"], "scene/state": [b"", b"\0" * 500], "scene/contacts": [cut]}

@@ -13,7 +13,7 @@ from haptic_device.control import records
 from haptic_device.nodes.telemetry import Telemetry
 from haptic_device.parameters import DRIVER
 from haptic_device.realtime import clock, seqlock
-from haptic_device.realtime.null_device import StillLink
+from haptic_device.realtime.null_device import NullDevice
 from haptic_device.realtime.servo_thread import ServoThread
 
 EACH_TICK = ("encoder", "motor", "wrench", "pose")
@@ -52,7 +52,7 @@ class Told:
 
     def __init__(self, patch):
         given = {parameter.name: parameter.default for parameter in DRIVER} | values("haptic_driver", **RATES)
-        self.servo = ServoThread(StillLink(), controller_config.settings_from(device(damping=3.0), given), None, "off")
+        self.servo = ServoThread(NullDevice(), controller_config.settings_from(device(damping=3.0), given), None, "off")
         self.node, self.looks, self.deadlines, sleep = Node(), 0, [], clock.sleep_until
 
         def look(deadline, scratch):

@@ -12,12 +12,21 @@ from live_nodes import STRANGE
 from rclpy.serialization import deserialize_message, serialize_message
 
 from haptic_device.control import records
+from haptic_device.message_fields import AXES, exchange_names, truth_names
 from haptic_device.nodes import messages
-from haptic_device.recording.layouts import POSE, WRENCH
+from haptic_device.recording.layouts import (
+    POSE,
+    WRENCH,
+    CloudLayout,
+    JointLayout,
+    StampedLayout,
+    pose_numbers,
+    wrench_numbers,
+)
 from haptic_device.status import LEVELS, number
 
-NAMES = [messages.exchange_names(axes) for axes in (1, 2, 3)] + [messages.truth_names(axes) for axes in (1, 2, 3)]
-NAMES += [messages.AXES[:axes] for axes in (1, 2, 3)]
+NAMES = [exchange_names(axes) for axes in (1, 2, 3)] + [truth_names(axes) for axes in (1, 2, 3)]
+NAMES += [AXES[:axes] for axes in (1, 2, 3)]
 STAMP = 1_700_000_000_123_456_789
 
 
@@ -36,7 +45,7 @@ def message(names, frame="", arrays=None):
 @pytest.mark.parametrize("frame", ["", "haptic_base", "abc"])
 @pytest.mark.parametrize("names", NAMES, ids=len)
 def test_a_packed_message_is_what_ros_would_have_written_but_for_padding(names, frame):
-    layout = messages.JointLayout(names, frame)
+    layout = JointLayout(names, frame)
     ours, theirs = layout.pack(STAMP, *numbers(len(names))), serialize_message(message(names, frame))
     assert len(ours) == len(theirs) == layout.size
     counts = layout.fixed.astype(bool)
@@ -49,7 +58,7 @@ def test_a_packed_message_is_what_ros_would_have_written_but_for_padding(names, 
 
 @pytest.mark.parametrize("names", NAMES, ids=len)
 def test_ros_reads_what_was_packed_and_what_ros_wrote_is_unpacked(names):
-    layout, arrays = messages.JointLayout(names), numbers(len(names))
+    layout, arrays = JointLayout(names), numbers(len(names))
     read = deserialize_message(layout.pack(STAMP, *arrays), messages.JointState)
     assert read == message(names)
     written = serialize_message(message(names))
@@ -60,8 +69,8 @@ def test_ros_reads_what_was_packed_and_what_ros_wrote_is_unpacked(names):
 
 
 def test_layouts_of_different_names_frames_or_sizes_do_not_match():
-    layouts = [messages.JointLayout(names) for names in NAMES]
-    layouts += [messages.JointLayout(NAMES[0], "base"), messages.JointLayout(("y", *NAMES[0][1:]))]
+    layouts = [JointLayout(names) for names in NAMES]
+    layouts += [JointLayout(NAMES[0], "base"), JointLayout(("y", *NAMES[0][1:]))]
     for layout in layouts:
         data = serialize_message(message(layout.names, "base" if layout is layouts[-2] else ""))
         assert [other.matches(data) for other in layouts] == [other is layout for other in layouts]
@@ -70,12 +79,12 @@ def test_layouts_of_different_names_frames_or_sizes_do_not_match():
 @few(60)
 @given(st.binary(max_size=600))
 def test_no_foreign_bytes_match(data):
-    assert not messages.JointLayout(NAMES[2]).matches(data)
+    assert not JointLayout(NAMES[2]).matches(data)
 
 
 @given(st.integers(0, 2**31 * 10**9 - 1))
 def test_a_stamp_survives_the_way_there_and_back(stamp):
-    layout = messages.JointLayout(("x",))
+    layout = JointLayout(("x",))
     assert layout.unpack(layout.pack(stamp, [0.0], [0.0], [0.0])).stamp_ns == stamp
     time = messages.to_time(stamp)
     assert time.sec * 10**9 + time.nanosec == stamp
@@ -86,14 +95,14 @@ def test_tail_and_truth_have_their_published_names_in_their_order():
         "layout_version session sequence answered_session answered exchange_method gains_hash stiffness damping "
         "rotational_stiffness rotational_damping contact energy"
     )
-    assert messages.exchange_names(2) == ("x", "y", *tail.split())
-    assert messages.truth_names(2) == ("x", "y", "motor_x", "motor_y", "energy_given", "time", "motion_done")
+    assert exchange_names(2) == ("x", "y", *tail.split())
+    assert truth_names(2) == ("x", "y", "motor_x", "motor_y", "energy_given", "time", "motion_done")
 
 
 def test_a_trace_describes_itself_and_holds_every_column_of_every_tick():
     rows = np.zeros(5, records.TRACE_ROW)
     rows["tick"], rows["position"] = np.arange(5), np.arange(15).reshape(5, 3)
-    packed = messages.CloudLayout(records.TRACE_ROW, "haptic_base").pack(STAMP, rows)
+    packed = CloudLayout(records.TRACE_ROW, "haptic_base").pack(STAMP, rows)
     cloud = deserialize_message(packed, messages.PointCloud2)
     assert messages.to_time(STAMP) == cloud.header.stamp and cloud.header.frame_id == "haptic_base"
     assert (cloud.row_step, cloud.is_dense, cloud.is_bigendian) == (rows.nbytes, True, False)
@@ -108,17 +117,17 @@ def test_a_trace_describes_itself_and_holds_every_column_of_every_tick():
 
 def test_wrench_and_pose_are_planar_and_a_full_turn_is_the_identity():
     for frame in ("haptic_base", "", "abcd"):
-        packed = messages.StampedLayout(WRENCH, frame).pack(STAMP, messages.wrench_numbers((1.0, 2.0, 3.0)))
+        packed = StampedLayout(WRENCH, frame).pack(STAMP, wrench_numbers((1.0, 2.0, 3.0)))
         read = deserialize_message(packed, messages.WrenchStamped)
         force = read.wrench
         assert (force.force.x, force.force.y, force.force.z, force.torque.z) == (1.0, 2.0, 0.0, 3.0)
         assert (read.header.stamp, read.header.frame_id) == (messages.to_time(STAMP), frame)
-    poses = messages.StampedLayout(POSE, "haptic_base")
-    packed = poses.pack(STAMP, messages.pose_numbers((0.1, 0.2, math.pi / 2)))
+    poses = StampedLayout(POSE, "haptic_base")
+    packed = poses.pack(STAMP, pose_numbers((0.1, 0.2, math.pi / 2)))
     quarter = deserialize_message(packed, messages.PoseStamped).pose
     assert (quarter.position.x, quarter.position.y) == (0.1, 0.2)
     assert quarter.orientation.z == pytest.approx(math.sqrt(0.5)) == quarter.orientation.w
-    packed = poses.pack(STAMP, messages.pose_numbers((0.0, 0.0, 4 * math.pi)))
+    packed = poses.pack(STAMP, pose_numbers((0.0, 0.0, 4 * math.pi)))
     turned = deserialize_message(packed, messages.PoseStamped).pose.orientation
     assert (abs(turned.w), turned.z) == (pytest.approx(1.0), pytest.approx(0.0, abs=1e-12))
 

@@ -78,7 +78,7 @@ def test_no_record_is_torn_between_two_threads():
 WRITER = """
     import mmap, sys
     import numpy as np
-    from test_mailbox import LONG, write_until
+    from test_seqlock import LONG, write_until
     with open(sys.argv[1], "r+b") as file:
         words = np.frombuffer(mmap.mmap(file.fileno(), 8 * 64), np.int64)
         write_until(words, 8, np.zeros(LONG, np.int64), words[63:])
@@ -109,7 +109,7 @@ def test_a_reader_does_not_wait_for_a_writer_that_died_half_way_and_a_new_writer
 
 
 def test_a_mailbox_whose_writer_died_half_way_gives_the_record_before():
-    box, record = seqlock.Mailbox(PAIR), np.ones(1, PAIR)
+    box, record = seqlock.SeqLock(PAIR), np.ones(1, PAIR)
     box.put(record)
     assert box.get()[0].a == 1.0
     box.words[0] |= 1
@@ -118,7 +118,7 @@ def test_a_mailbox_whose_writer_died_half_way_gives_the_record_before():
 
 
 def test_a_mailbox_gives_the_latest_record_again_and_again_and_zeros_before_the_first():
-    box, record = seqlock.Mailbox(PAIR), np.zeros(1, PAIR)
+    box, record = seqlock.SeqLock(PAIR), np.zeros(1, PAIR)
     assert box.get()[0].a == 0.0
     for value in (1.0, 2.0):
         record["a"], record["b"] = value, np.arange(5) * value

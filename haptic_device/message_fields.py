@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names of what messages carry for the law beside the axes; apart, so that who only reads them loads no compiler."""
+"""Names of the fields of our messages; apart, so that who only reads them loads neither ROS nor a compiler."""
 
+import numpy as np
+
+AXES = ("x", "y", "theta")
 TAIL = (
     "layout_version",
     "session",  # of the sender's run, random 48 bits
@@ -33,4 +36,15 @@ EACH = (
     *("velocity_x", "velocity_y", "turn_rate"),  # of the other body at its point
     *("mobility", "slip_mobility", "force"),  # of the other body along normal and tangent [1/kg]; on it already [N]
 )
-"""Of `local_contacts`: what a whole set says, and each contact."""
+LOCAL_CONTACT = np.dtype([(name, "f8") for name in COMMON + EACH])
+"""A point of `local_contacts`: what the whole set says, and one contact. A message has MOST of them."""
+
+
+def exchange_names(axes):
+    """Names of a `handle` or `tool` message with that many axes."""
+    return AXES[:axes] + TAIL
+
+
+def truth_names(axes):
+    """Names of `operator/state` with that many axes."""
+    return AXES[:axes] + tuple(f"motor_{name}" for name in AXES[:axes]) + ("energy_given", "time", "motion_done")

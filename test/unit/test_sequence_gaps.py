@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_device.sequence_gaps import UNKNOWN, Skipped, counted
+from haptic_device.sequence_gaps import UNKNOWN, SequenceGaps, counted
 
 
 def one_by_one(sequences):
-    skipped = Skipped()
+    skipped = SequenceGaps()
     for sequence in sequences:
         skipped.count(sequence)
     return skipped

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from haptic_device.nodes import participant_id as ports
-from haptic_device.nodes.participant_id import EACH, KINDS, PROFILES, free_ids, own_port, queues
+from haptic_device.nodes.participant_id import EACH, KINDS, PROFILES, free_ids, own_participant_id, queues
 from haptic_sim.cli.domain import _QUICK
 
 
@@ -31,13 +31,13 @@ def test_neither_the_living_nor_the_dead_have_the_id_of_a_successor(monkeypatch,
     monkeypatch.delenv(PROFILES, raising=False)
     used = set()
     for _ in range(EACH):
-        with own_port(kind):
+        with own_participant_id(kind):
             number = drawn()[0]
         assert number not in used and PROFILES not in os.environ
         used.add(number)
         queues(number)[len(used) % 2].touch()
     assert free_ids(kind) == []
-    with own_port(kind):
+    with own_participant_id(kind):
         assert PROFILES not in os.environ
 
 
@@ -55,7 +55,7 @@ def test_profiles_given_are_kept_and_in_force_again_afterwards(monkeypatch, tmp_
     given = tmp_path / "given.xml"
     given.write_text(_QUICK)
     monkeypatch.setenv(PROFILES, str(given))
-    with own_port(KINDS[0]):
+    with own_participant_id(KINDS[0]):
         assert "leaseAnnouncement" in drawn()[1] and os.environ[PROFILES] != str(given)
     assert os.environ[PROFILES] == str(given) and given.read_text() == _QUICK
 
@@ -65,5 +65,5 @@ def test_profiles_that_choose_an_id_or_cannot_be_read_are_left_alone(monkeypatch
     for text in (_QUICK.replace("</rtps>", "<participantID>7</participantID></rtps>"), "no profile", None):
         given.unlink(missing_ok=True) if text is None else given.write_text(text)
         monkeypatch.setenv(PROFILES, str(given))
-        with own_port(KINDS[0]):
+        with own_participant_id(KINDS[0]):
             assert os.environ[PROFILES] == str(given)

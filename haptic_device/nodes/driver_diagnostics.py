@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What haptic_driver says of itself in its diagnostics: its status, the figures that are watched, and all others."""
+
+import math
+
+from haptic_device.control import enable_state, faults
+from haptic_device.nodes import diagnostics
+from haptic_device.nodes.refusals import Refusals
+from haptic_device.parameters import DRIVER_FIGURES
+from haptic_device.realtime import servo_loop
+
+PERCENTILES = ("p50", "p99", "p999", "max")
+
+
+class DriverDiagnostics:
+    """Of one activation of a DriverNode, whose servo, exchange, telemetry, margins and stall it reads."""
+
+    def __init__(self, node):
+        self._node, self._refused, self._rates = node, Refusals("tool"), diagnostics.Rates()
+
+    def say(self, row, watched=()):
+        """Publishes the status at this servo row, with the statuses of watched figures."""
+        node = self._node
+        refused = node.exchange.refusals()
+        refused |= {f"contacts: {reason}": count for reason, count in node.exchange.refused_contacts().items()}
+        values = {**self._values(row), **{f"refused.{reason}": count for reason, count in refused.items()}}
+        node.say_status(*self._status(row), values, watched, node.device.name)
+
+    def watched(self, row):
+        """Statuses of the figures that have limits; what has grown is counted since the last look."""
+        node, exchange = self._node, self._node.exchange
+        lateness, compute, age, _ = node.telemetry.percentiles()[:, 1]
+        rates = self._rates.of(missed=row.missed, sent=exchange.sent, answered=exchange.answered)
+        lost = max(0.0, 1.0 - rates["answered"] / rates["sent"]) if rates["sent"] > 0.0 <= row.tool_age else math.nan
+        figures = {"margin": node.margins[0], "lateness": lateness, "compute": compute, "missed": rates["missed"]}
+        figures |= {"age": age, "loss": lost, "energy": float(sum(row.energy_given))}
+        figures |= {"warmth": float(max(row.warmth)), "stall": node.stall}
+        if math.isfinite(node.margins[1]):
+            figures["margin_theta"] = node.margins[1]
+        node.stall = 0.0
+        return diagnostics.statuses("haptic_driver", DRIVER_FIGURES, figures, node.values)
+
+    def _status(self, row):
+        """(level, message), the worst first."""
+        node = self._node
+        if row.fault:
+            return "error", f"fault {faults.name_of(row.fault)}"
+        if not node.servo.running:
+            return "warn", "no device: waiting for its page"
+        if refused := self._refused.sentence(node.exchange.refusals()):
+            return "warn", refused
+        if row.tool_age < 0.0:
+            return "warn", "no simulation: the handle is in free space"
+        if min(node.margins) <= 0.0 and node.values["passivity.policy"] != "off":
+            late = "at the measured lateness the gains need more damping"
+            return "warn", f"the passivity margin is not positive: {late}"
+        if row.exchange_fade < 1.0:
+            return "warn", f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling is let go"
+        return "ok", enable_state.STATES[int(row.state)]
+
+    def _values(self, row):
+        node, exchange = self._node, self._node.exchange
+        lateness, compute, age, _ = node.telemetry.percentiles() * 1e6
+        trips = exchange.round_trips() * 1e-3
+        return {
+            "state": enable_state.STATES[int(row.state)],
+            "fault": faults.name_of(row.fault),
+            "realtime": node.servo.realtime,
+            "rate_hz": node.values["servo.rate"],
+            "ticks": int(row.tick),
+            "missed": int(row.missed),
+            "late_device": int(node.servo.control[servo_loop.LATE_DEVICE]),
+            "torn_records": int(node.servo.control[servo_loop.TORN]),
+            "trace_dropped": node.servo.ring.dropped,
+            "telemetry_cpu_s": f"{node.telemetry.cpu:.3f}",
+            "window_s": f"{node.telemetry.window():.1f}",
+            **{f"lateness_us_{name}": f"{v:.1f}" for name, v in zip(PERCENTILES, lateness, strict=True)},
+            **{f"compute_us_{name}": f"{v:.2f}" for name, v in zip(PERCENTILES, compute, strict=True)},
+            **{f"age_ms_{name}": f"{v / 1e3:.3f}" for name, v in zip(PERCENTILES, age, strict=True)},
+            **{f"round_trip_us_{name}": f"{v:.1f}" for name, v in zip(("p50", "p99"), trips, strict=True)},
+            "exchange_sent": exchange.sent,
+            "exchange_answered": exchange.answered,
+            "exchange_method": node.values["exchange.method"],
+            "exchange_tank": f"{row.exchange_tank:.6f}",
+            "exchange_shortened": int(row.exchange_shortened),
+            "exchange_let_go": int(row.exchange_let_go),
+            **(self._local_values(row) if node.values["exchange.method"] == "local" else {}),
+            "physical_damping": ", ".join(f"{axis.damping:g}" for axis in node.device.axes),
+            "passivity_margin": f"{node.margins[0]:.4f}",
+            "passivity_margin_theta": f"{node.margins[1]:.6f}",
+            "lateness_counted_us": f"{node.lateness() * 1e6:.1f}",
+            "injections": int(row.injections),
+            "survived": node.survived,
+            "generated": f"{max(row.generated):.6f}",
+            "energy_given": f"{sum(row.energy_given):.6f}",
+        }
+
+    def _local_values(self, row):
+        return {
+            "local": "acts" if row.local else "pspm takes its place",
+            "local_sets": self._node.exchange.contact_sets,
+            "local_fallbacks": int(row.local_fallbacks),
+            "local_stays": int(row.local_stays),
+            "tools_apart_mm": f"{row.tools_apart * 1e3:.4f}",
+        }
