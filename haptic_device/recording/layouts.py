@@ -229,12 +229,12 @@ class CloudLayout(_Layout):
         return data[begin : begin + _WORD.unpack_from(data, self._counts[-1])[0]]
 
 
-def wrench_numbers(force):
+def wrench_numbers(force: Sequence[float]) -> tuple[float, ...]:
     """The numbers of a WrenchStamped of a planar (f_x, f_y, torque)."""
     return force[0], force[1], 0.0, 0.0, 0.0, force[2]
 
 
-def pose_numbers(position):
+def pose_numbers(position: Sequence[float]) -> tuple[float, ...]:
     """The numbers of a PoseStamped of a planar (x, y, theta)."""
     half = float(position[2]) / 2
     return position[0], position[1], 0.0, 0.0, 0.0, math.sin(half), math.cos(half)
