@@ -17,7 +17,6 @@ COMMANDS = {  # name: (module with a `main`, what it measures)
     "crash_table": ("bench.recording.crash_table", "what a recorder that is killed loses, and its bags repaired"),
     "estop_beside_load": ("bench.pages.estop_beside_load", "how long an e-stop waits beside requests and messages"),
     "exchange": ("bench.exchange.exchange", "exchange methods against delay, jitter, loss and rate; --round-trip"),
-    "exchange_paths": ("bench.exchange.exchange_paths", "round trip by librcl and by rclpy, alone and beside Python"),
     "exchange_reference": ("bench.exchange.exchange_reference", "how a late tool follows, and a cut in contact"),
     "exchange_tick": ("bench.exchange.exchange_tick", "what the exchange methods add to a tick's own work"),
     "figure_insertion": ("bench.methods.figure_insertion", "draws docs/methods/insertion.png"),

@@ -218,9 +218,6 @@ class Driver(OperatingPoint, Common):
 
     auto_enable: bool = fixed(False, "", "enable as soon as the device answers, as if ~/enable had been called")
     auto_enable_wait: float = fixed(0.0, "s", "longest that auto_enable waits for a tool's first answer", 0.0, 600.0)
-    exchange_path: Literal["rcl", "rclpy"] = fixed(
-        "rcl", "", "rcl: without python; rclpy: its supported interface", name="exchange.path"
-    )
     publish: DriverTopics
 
 

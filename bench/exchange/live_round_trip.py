@@ -139,7 +139,7 @@ STAGES = (
 )
 
 
-def measure(domain, answerer, seconds, driver=None):
+def measure(domain, answerer, seconds):
     """Round trip p50 and p99 [us], and the share of servo ticks with a tool sample younger than 3 ms."""
     from haptic_sim.cli.tuning import Tuning
 
@@ -147,7 +147,7 @@ def measure(domain, answerer, seconds, driver=None):
         circle = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.duration": 60.0}
         nodes.start(Program("haptic_loopback", "haptic_device.nodes.loopback", circle))
         nodes.start(answerer)
-        nodes.start(driver or Program("haptic_driver", "haptic_device.nodes.driver", {"auto_enable": True}))
+        nodes.start(Program("haptic_driver", "haptic_device.nodes.driver", {"auto_enable": True}))
         with contextlib.closing(Tuning(domain, "/haptic", trace=True)) as tuning:
             tuning.wait_engaged(nodes.check)
             tuning.wait_answered(nodes.check)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The driver's side of the exchange as a thread: on librcl without python, or by rclpy's supported interface."""
+"""The driver's side of the exchange as a thread, by the compiled loop on librcl (docs/decisions/0002, 0031)."""
 
 import contextlib
 import secrets
@@ -14,7 +14,7 @@ from haptic_device.message_fields import LOCAL_CONTACT, MOST, exchange_names
 from haptic_device.nodes import messages
 from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.parameters import EXCHANGE_METHODS
-from haptic_device.realtime import clock, exchange_loop, exchange_step, scheduling, servo_loop
+from haptic_device.realtime import exchange_loop, exchange_step, scheduling, servo_loop
 from haptic_device.recording.layouts import CLOUD, JOINTS, CloudLayout, JointLayout
 
 PRIORITY = 60
@@ -24,7 +24,7 @@ class ExchangeServer:
     """Sends `handle` at the exchange rate and takes `tool`, from start() until stop()."""
 
     def __init__(self, node, servo_thread, axes, values):
-        self._servo, self._path = servo_thread, values["exchange.path"]
+        self._servo = servo_thread
         self._realtime, self._period = values["realtime"], round(1e9 / values["exchange.rate"])
         layout = JointLayout(exchange_names(axes))
         self.frame = exchange_step.make_frame(layout.template, layout.fixed, layout.offsets, layout.count)
@@ -93,7 +93,7 @@ class ExchangeServer:
         )
         mails = self._servo.row.words, self._servo.gains.words, self._servo.tool.words
         try:
-            (self._run_rcl if self._path == "rcl" else self._run_rclpy)(mails, row, gains, tool)
+            self._run_rcl(mails, row, gains, tool)
         except Exception as error:
             if self._compiled.is_set():
                 raise
@@ -133,35 +133,6 @@ class ExchangeServer:
         if self._realtime != "off" and not self._compiled.is_set():
             scheduling.go_realtime("prefer", PRIORITY)
         self._compiled.set()
-
-    def _run_rclpy(self, mails, row, gains, tool):
-        scratch, deadline, near = clock.scratch(), 0, np.zeros(1, contact_model.SET)
-        exchange_step.next_handle(self.frame, self.state, mails[0], mails[1], row, gains, scratch)
-        self._get_ready()
-        while not self.watch[exchange_step.STOP]:
-            now = int(clock.now_ns(scratch))
-            if now >= deadline:
-                deadline = max(deadline + self._period, now)
-                if exchange_step.next_handle(self.frame, self.state, mails[0], mails[1], row, gains, scratch):
-                    self._publisher.publish(self.frame.outgoing.tobytes())
-                    self.watch[exchange_step.SENT] += 1
-            for sample in self._subscription.take():
-                self._take(sample.message, gains, tool, mails[2], scratch)
-            for sample in self._near.take() if self._near is not None else ():
-                self._take_contacts(sample.message, near)
-            clock.sleep_until(min(deadline, now + exchange_loop.POLL), scratch)
-
-    def _take(self, message, gains, tool, tool_mail, scratch):
-        size = min(len(message), self.frame.incoming.size)
-        self.frame.incoming[:size] = np.frombuffer(message, np.uint8, size)
-        now = clock.now_ns(scratch)
-        exchange_step.take_in(self.frame, len(message), self.state[0], self.watch, gains[0], tool, tool_mail, now)
-
-    def _take_contacts(self, message, near):
-        size = min(len(message), self.near_frame.incoming.size)
-        self.near_frame.incoming[:size] = np.frombuffer(message, np.uint8, size)
-        mail = self._servo.near.words
-        exchange_step.take_in_contacts(self.near_frame, len(message), self.state[0], self.watch, near, mail)
 
 
 def stopped():
