@@ -190,7 +190,7 @@ def test_of_a_request_at_once_with_one_refused_gain_none_is_in_force_and_the_ser
     assert dict(zip(wishes, map(plain, found), strict=True)) == kept
     display.hear_handles()
     display.handles.clear()
-    told = messages.exchange_names(3).index("stiffness")
+    told = exchange_names(3).index("stiffness")
     display.until(lambda: len(display.handles) > 20, "handle samples after the refusal")
     assert {handle.position[told] for handle in display.handles} == {400.0}
     display.hear_handles(False)
