@@ -32,7 +32,7 @@ FRAME = "haptic_base"
 
 
 class Telemetry:
-    """Publishes from the servo's mailboxes from start() until stop()."""
+    """Publishes what the servo leaves under its sequence locks, from start() until stop()."""
 
     def __init__(self, node, servo_thread, device, values):
         self._servo, self._device, self._values = servo_thread, device, values

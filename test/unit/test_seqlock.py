@@ -108,7 +108,7 @@ def test_a_reader_does_not_wait_for_a_writer_that_died_half_way_and_a_new_writer
     assert found.tolist() == [10, 11, 12, 13, 14]
 
 
-def test_a_mailbox_whose_writer_died_half_way_gives_the_record_before():
+def test_a_seqlock_whose_writer_died_half_way_gives_the_record_before():
     box, record = seqlock.SeqLock(PAIR), np.ones(1, PAIR)
     box.put(record)
     assert box.get()[0].a == 1.0
@@ -117,7 +117,7 @@ def test_a_mailbox_whose_writer_died_half_way_gives_the_record_before():
     assert (box.get() == record).all()
 
 
-def test_a_mailbox_gives_the_latest_record_again_and_again_and_zeros_before_the_first():
+def test_a_seqlock_gives_the_latest_record_again_and_again_and_zeros_before_the_first():
     box, record = seqlock.SeqLock(PAIR), np.zeros(1, PAIR)
     assert box.get()[0].a == 0.0
     for value in (1.0, 2.0):
