@@ -23,7 +23,7 @@ SAME = {
 def settings_of(device):
     """SETTINGS record of the servo with what the device description says; gains and limits are still to be set."""
     settings = np.zeros(1, records.SETTINGS)
-    settings["axes"], described = len(device.axes), settings["device"][0]
+    settings["axes"], described = len(device.axes), settings["hardware"][0]
     described["scale"] = device.scale[0], device.scale[0], device.scale[1]
     for i, axis in enumerate(device.axes):
         described["position_per_count"][i] = axis.encoder_sign / axis.counts_per_unit
@@ -61,7 +61,7 @@ def settings_from(device, values, version=0):
 def _set_exchange(settings, values):
     """Settings of the exchange that follow from others."""
     settings["exchange"]["play"] = max(2.0 / values["servo.rate"], 1.0 / values["exchange.rate"])
-    device = settings["device"]
+    device = settings["hardware"]
     held = (device["motor_limit"] - np.abs(device["gravity"])) / device["scale"]
     settings["coupling"]["limit"] = np.maximum(0.0, np.minimum(settings["force"]["limit"], held))
     ratio = values["force.limit_rotational"] / values["force.limit"] if values["force.limit"] > 0.0 else 1.0

@@ -14,9 +14,9 @@ the last steps, and the l² norm of that maximum is at most twice that of the st
 
 def surplus(settings, lateness):
     """Damping [N s/m | N m s/rad] of each axis that no gain needs, whatever the direction: by Gershgorin's bound."""
-    worst = np.array(settings["device"]["damping"], float)
+    worst = np.array(settings["hardware"]["damping"], float)
     for need in _needs(settings, lateness):
-        left = np.diag(settings["device"]["damping"]) - need
+        left = np.diag(settings["hardware"]["damping"]) - need
         crossed = np.sum(np.abs(left), axis=1) - np.abs(np.diag(left))
         worst = np.minimum(worst, np.diag(left) - crossed)
     return np.maximum(0.0, worst)
@@ -29,7 +29,7 @@ def margins(settings, lateness):
     (control/passivity); the lesser of outside and inside of walls, where nothing is cancelled.
     lateness: how late forces act beyond the nominal period [s], delays of the device included.
     """
-    left = [np.diag(settings["device"]["damping"]) - need for need in _needs(settings, lateness)]
+    left = [np.diag(settings["hardware"]["damping"]) - need for need in _needs(settings, lateness)]
     axes = int(settings["axes"])
     by_axis = np.min([np.diag(each) for each in left], axis=0) * (np.arange(3) < axes)
     plane = min(float(np.linalg.eigvalsh(each[: min(2, axes), : min(2, axes)])[0]) for each in left)
@@ -45,7 +45,7 @@ def softer(wished, known, lateness):
 def _needs(settings, lateness):
     """Damping that all gains together need, as matrices over x, y, theta: outside of walls, and inside."""
     outside, inside = np.zeros((2, 3, 3))
-    period, scale, switched = float(settings["period"]), settings["device"]["scale"], _switched(settings)
+    period, scale, switched = float(settings["period"]), settings["hardware"]["scale"], _switched(settings)
     for i in range(int(settings["axes"])):
         for need, damping in (
             (outside, _coupling_damping(settings, i)),
@@ -68,7 +68,7 @@ def _switch_price(settings, normal, lateness):
 
     Nothing is paid where the band is no narrower than the handle's longest way towards the wall in one tick.
     """
-    travel = float(np.abs(normal) @ settings["device"]["velocity_limit"]) * (float(settings["period"]) + lateness)
+    travel = float(np.abs(normal) @ settings["hardware"]["velocity_limit"]) * (float(settings["period"]) + lateness)
     if settings["cancellation"]["band"] >= travel:
         return 1.0
     return 2.0 / (1.0 + math.sqrt(1.0 - float(settings["cancellation"]["ratio"]) ** 2))
@@ -83,7 +83,9 @@ def _coupling_damping(settings, axis):
 def _cancelled(settings, axis):
     """Damping that cancellation takes away, at the world's handle [N s/m | N m s/rad]."""
     return (
-        settings["cancellation"]["ratio"] * settings["device"]["damping"][axis] / settings["device"]["scale"][axis] ** 2
+        settings["cancellation"]["ratio"]
+        * settings["hardware"]["damping"][axis]
+        / settings["hardware"]["scale"][axis] ** 2
     )
 
 
@@ -97,7 +99,7 @@ def _switched(settings):
 
 def cross(settings):
     """λ with which the observer shares the cross term of oblique walls between x and y (control/passivity_observer)."""
-    left = settings["device"]["damping"] - np.diag(_needs(settings, 0.0)[1])
+    left = settings["hardware"]["damping"] - np.diag(_needs(settings, 0.0)[1])
     if int(settings["axes"]) < 2 or left[0] <= 0.0 or left[1] <= 0.0:
         return 1.0
     return float(np.sqrt(left[0] / left[1]))
@@ -113,14 +115,14 @@ def refusal(settings, lateness=0.0):
 def _blames(settings, lateness):
     """A sentence for each wall and each axis of the coupling that alone needs more than there is."""
     for j in range(int(settings["wall"]["count"])):
-        normal = settings["device"]["scale"] * (settings["wall"]["x"][j], settings["wall"]["y"][j], 0.0)
+        normal = settings["hardware"]["scale"] * (settings["wall"]["x"][j], settings["wall"]["y"][j], 0.0)
         has = slice(int(settings["axes"]))  # a normal may lean by rounding towards an axis that is not there
-        there = 1.0 / np.sum(normal[has] ** 2 / settings["device"]["damping"][has])
+        there = 1.0 / np.sum(normal[has] ** 2 / settings["hardware"]["damping"][has])
         gains = settings["wall"]["stiffness"][j], settings["wall"]["damping"][j]
         price = _switch_price(settings, normal, lateness)
         yield _blame("wall.stiffness", *gains, there, settings, lateness, price)
     for i in range(int(settings["axes"])):
-        there = settings["device"]["damping"][i] / settings["device"]["scale"][i] ** 2
+        there = settings["hardware"]["damping"][i] / settings["hardware"]["scale"][i] ** 2
         yield _blame_cancellation(settings, i, lateness)
         if settings["coupling"]["stiffness"][i] <= 0.0 and settings["coupling"]["damping"][i] <= 0.0:
             continue
@@ -154,7 +156,7 @@ def _blame(name, stiffness, damping, there, settings, lateness, price=1.0, told=
 
 def _blame_cancellation(settings, axis, lateness):
     """The sentence where nothing but the damping cancelled in free space needs more than there is."""
-    ratio, b = float(settings["cancellation"]["ratio"]), float(settings["device"]["damping"][axis])
+    ratio, b = float(settings["cancellation"]["ratio"]), float(settings["hardware"]["damping"][axis])
     counted = ratio * b * _switched(settings)
     need = passivity.least_damping(0.0, counted, float(settings["period"]), lateness)
     if need < b:

@@ -59,9 +59,9 @@ class PlayedDevice:
         settings = system.settings[0]
         world = np.stack([np.interp(deadlines, self._times, column) for column in self._points.T], axis=1)
         per_count = np.where(
-            settings["device"]["position_per_count"] != 0.0, settings["device"]["position_per_count"], 1.0
+            settings["hardware"]["position_per_count"] != 0.0, settings["hardware"]["position_per_count"], 1.0
         )
-        counts = np.round((world / settings["device"]["scale"] + settings["device"]["zero"]) / per_count)
+        counts = np.round((world / settings["hardware"]["scale"] + settings["hardware"]["zero"]) / per_count)
         tick_replay.run_on_counts(
             system.settings,
             system.memory,

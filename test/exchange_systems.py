@@ -92,7 +92,7 @@ def credited(method, seed, scale=(1.0, 1.0), limit=20.0, reach=1.0, wall=0.0, mi
     """
     random, settings = np.random.default_rng(seed), three_axes(method, scale, limit, wall)
     memory, row = adversary.engaged()
-    record, period, damping = row[0], settings["period"][0], settings["device"]["damping"][0]
+    record, period, damping = row[0], settings["period"][0], settings["hardware"]["damping"][0]
     unit = reach * np.array([5.0, 5.0, 0.3]) / settings["coupling"]["stiffness"][0]
     step = reach * 2.5 * period / damping * np.array([1.0, 1.0, 0.05])
     place, way, given, most, wide = np.zeros(3), np.zeros(3), 0.0, -np.inf, int(2.0 ** random.uniform(0.0, 5.0))

@@ -17,7 +17,7 @@ from bench.jobs import WORKERS, Kept, sweep
 from haptic_device.config_files import find
 from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
-from haptic_device.parameters import EXCHANGE, EXCHANGE_METHODS
+from haptic_device.parameters import EXCHANGE_METHODS, OPERATING_POINT
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.cli.progress import SCHEDULER
 from haptic_sim.lockstep import Lockstep, Network
@@ -31,7 +31,7 @@ SECONDS = 3.0
 _DELAYS, _RATES = "Round trip (ms) [0 1 2 5 10 20 50 100].", "Handle samples a second [1000]."
 _CSV = "CSV file for the figures, each as it comes; cases that are in it are not done again."
 _ROUND_TRIP = "Handle to tool to handle on running nodes at each rate [500 1000 2000], beside a bare ping-pong."
-BUDGET = next(one.default for one in EXCHANGE if one.name == "exchange.budget")  # [J]
+BUDGET = next(one.default for one in OPERATING_POINT if one.name == "exchange.budget")  # [J]
 TURNING = 2.0 * np.pi * 3.0 / (0.9 * SECONDS)  # [rad/s] between easing in and out
 
 

@@ -68,7 +68,7 @@ def measured_cancellation_force(ratio, drag, damping, velocity):
 @kernel
 def compensate(settings, compensation, motion, walls, output):
     """Negative damping of the device's own, in free space only: fills in force_cancellation and cancellation_fade."""
-    chosen, device = settings.cancellation, settings.device
+    chosen, device = settings.cancellation, settings.hardware
     clearance = math.inf
     for i in range(int(settings.wall.count)):
         clearance = min(clearance, -walls.depth[i])

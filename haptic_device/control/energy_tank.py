@@ -49,7 +49,7 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fil
 def _count_drawn(settings, tank, spring, hold, motion, enable):
     """What the set position's velocity gave the handle through the damper."""
     for i in range(int(settings.axes)):
-        drawn = spring.push[i] * settings.device.scale[i] * motion.moved[i]
+        drawn = spring.push[i] * settings.hardware.scale[i] * motion.moved[i]
         less = hold.limited[i] or enable.ramp == 0.0  # at its limit, or let go on old counts, it took less
         tank.level -= max(0.0, drawn) if less else drawn
 
@@ -61,7 +61,7 @@ def _charge_changes(settings, tank, hold, motion, enable, time):
     Whoever let go in such a tick owes nothing more: tank and spring are empty (`_let_go_unseen`).
     """
     for i in range(int(settings.axes)):
-        damping = settings.device.damping[i]
+        damping = settings.hardware.damping[i]
         given = passivity.energy_changed(hold.change[i], hold.square[i], motion.moved[i], damping, time)
         tank.level -= max(0.0, given) if enable.ramp > 0.0 else 0.0
 
@@ -97,7 +97,7 @@ def _charge_long_hold(settings, tank, spring, hold, motion, time):
         return
     spare = 0.0 if settings.wall.count > 0.0 else 1.0
     for i in range(int(settings.axes)):
-        scale, damping = settings.device.scale[i], settings.device.damping[i]
+        scale, damping = settings.hardware.scale[i], settings.hardware.damping[i]
         # one let go unseen held too
         stiffness = max(spring.stiffness[i], spring.factor_held * settings.coupling.stiffness[i])
         cancelled = settings.cancellation.ratio * damping / settings.period
@@ -141,7 +141,7 @@ def _count_dissipated(settings, tank, spring, hold, motion, latched, damper_fill
     elapsed = (latched - tank.window_start) * 1e-9
     for i in range(int(settings.axes)):
         tank.midpoint[i] = motion.device_position[i] - 0.5 * motion.moved[i]
-        way, step = tank.midpoint[i] - tank.window_from[i], abs(settings.device.position_per_count[i])
+        way, step = tank.midpoint[i] - tank.window_from[i], abs(settings.hardware.position_per_count[i])
         counted = set_position.dissipated(tank.counted[i], way, step, elapsed)
         worth = _worth(settings, spring, i, damper_fills and not hold.limited[i])
         tank.level += worth * (counted - tank.counted[i])
@@ -154,8 +154,8 @@ def _worth(settings, spring, i, damper_fills):
     surplus = max(0.0, settings.passivity.surplus[i])
     if not damper_fills or settings.velocity.estimator != velocity_estimator.BACKWARD_DIFFERENCE:
         return surplus
-    damper = 2.0 * spring.factor_held * settings.coupling.damping[i] * settings.device.scale[i] ** 2
-    cancelled = settings.cancellation.ratio * settings.device.damping[i]
+    damper = 2.0 * spring.factor_held * settings.coupling.damping[i] * settings.hardware.scale[i] ** 2
+    cancelled = settings.cancellation.ratio * settings.hardware.damping[i]
     return surplus + max(0.0, damper - cancelled)
 
 
@@ -191,7 +191,7 @@ def reserve(settings, spring):
 @kernel
 def hidden_energy(settings, i, change):
     """Energy [J] of a change of force [N] over half an encoder step, by which the handle may be elsewhere."""
-    return 0.5 * settings.device.scale[i] * abs(settings.device.position_per_count[i]) * abs(change)
+    return 0.5 * settings.hardware.scale[i] * abs(settings.hardware.position_per_count[i]) * abs(change)
 
 
 @njit
@@ -207,7 +207,7 @@ def stored(settings, spring, hold, motion):
         stretch = spring.set_position[i] - motion.handle[i]
         kept = spring_store(spring.stiffness[i], spring.limit[i], stretch)
         if hold.mixed[i]:  # less was held than the spring says: what the hand may not have paid is not there
-            before = stretch + settings.device.scale[i] * motion.moved[i]
+            before = stretch + settings.hardware.scale[i] * motion.moved[i]
             kept = min(kept, spring_store(spring.stiffness[i], spring.limit[i], before))
         energy += kept
     return energy
@@ -221,7 +221,7 @@ def _reach_out(settings, tank, spring, motion, fade, own, available):
         stiffness, limit = _wanted_spring(settings, spring, i)
         reach = own * settings.exchange.slew[i] * settings.period / stiffness if stiffness > 0.0 else math.inf
         goal = spring.goal[i] if fade > 0.0 else motion.handle[i]
-        moved = settings.device.scale[i] * motion.moved[i]
+        moved = settings.hardware.scale[i] * motion.moved[i]
         stretch = set_position.slewed(spring.set_position[i], goal, moved, reach) - motion.handle[i]
         spring.stretch[i] = stretch
         wanted += spring_store(stiffness, limit, stretch)
@@ -267,7 +267,7 @@ def tick_ended(settings, tank, spring, motion, output, paid):
         if abs(stretch) < math.inf and abs(push) < math.inf:
             tank.level += spring_store(spring.stiffness[i], spring.limit[i], stretch)
             tank.level -= spring_store(stiffness, limit, stretch)
-            own = abs(stretch - spring.stretch_before[i]) - settings.device.scale[i] * abs(motion.moved[i])
+            own = abs(stretch - spring.stretch_before[i]) - settings.hardware.scale[i] * abs(motion.moved[i])
             full = spring_force(gains.stiffness[i], gains.limit[i], stretch)
             change = stiffness * max(0.0, own) + abs(push - spring.push[i])
             change += abs((factor - spring.factor_held) * full)

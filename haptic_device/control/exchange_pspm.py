@@ -26,7 +26,7 @@ def move_set_point(settings, tank, spring, hold, motion, tool, output):
         slew = settings.exchange.slew[i]
         velocity = set_position.slewed_velocity(spring.set_velocity[i], wanted, damping, slew, settings.period)
         spring.set_velocity[i] = velocity
-        force = settings.device.scale[i] * spring.factor * settings.coupling.damping[i] * velocity
+        force = settings.hardware.scale[i] * spring.factor * settings.coupling.damping[i] * velocity
         if force != 0.0:
             force_square += force * force / max(0.0, settings.passivity.surplus[i])
     spare = tank.level - energy_tank.reserve(settings, spring)
@@ -63,5 +63,5 @@ def _predicted(settings, motion, tool, i):
 @njit
 def _trust(settings, i):
     """Age [s] at which half of a free tool's force is believed: (2 b + B)/K, of what of b is not cancelled."""
-    left = (1.0 - settings.cancellation.ratio) * settings.device.damping[i] / settings.device.scale[i] ** 2
+    left = (1.0 - settings.cancellation.ratio) * settings.hardware.damping[i] / settings.hardware.scale[i] ** 2
     return max(0.0, 2.0 * left + settings.coupling.damping[i]) / settings.coupling.stiffness[i]

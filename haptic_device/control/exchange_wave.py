@@ -172,7 +172,7 @@ def _move_port(settings, waves, tank, spring, motion, output, i, incoming):
 
     The damper's force on the handle changes by its own slew; the tank pays for what lies between.
     """
-    stiffness, limit, moved = spring.stiffness[i], spring.limit[i], settings.device.scale[i] * motion.moved[i]
+    stiffness, limit, moved = spring.stiffness[i], spring.limit[i], settings.hardware.scale[i] * motion.moved[i]
     damping, z = spring.factor * settings.coupling.damping[i], impedance(settings.coupling.stiffness[i])
     period, rate, slew = settings.period, output.velocity[i], settings.exchange.slew[i]
     pull = stiffness * (motion.handle[i] - spring.set_position[i])
@@ -197,7 +197,7 @@ def _felt_share(settings, tank, spring):
     force_square = 0.0
     for i in range(int(settings.axes)):
         beyond = spring.set_velocity[i] - spring.own_velocity[i]
-        force = settings.device.scale[i] * spring.factor * settings.coupling.damping[i] * beyond
+        force = settings.hardware.scale[i] * spring.factor * settings.coupling.damping[i] * beyond
         if force != 0.0:
             force_square += force * force / max(0.0, settings.passivity.surplus[i])
     spare = tank.level - energy_tank.reserve(settings, spring)

@@ -13,7 +13,7 @@ def command(settings, enable, fault, hold, output):
 
     The sum is limited in the world, then gravity compensation is added, then the motor's own limit holds.
     """
-    device, saturated = settings.device, False
+    device, saturated = settings.hardware, False
     for i in range(output.motor.size):
         total = output.force_walls[i] + output.force_coupling[i] + output.force_cancellation[i]
         total += output.force_passivity[i]
@@ -43,7 +43,7 @@ def command(settings, enable, fault, hold, output):
 def _heat(settings, fault, output):
     """Thermal load of each motor after this tick's force."""
     for i in range(int(settings.axes)):
-        share = output.force_on_handle[i] / settings.device.motor_limit[i]
+        share = output.force_on_handle[i] / settings.hardware.motor_limit[i]
         fault.thermal_load[i] = thermal_load(fault.thermal_load[i], share, settings.fault.duty_kept)
         output.warmth[i] = fault.thermal_load[i]
 

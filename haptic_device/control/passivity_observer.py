@@ -25,8 +25,8 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
         return
     _spring_growth(settings, observer, motion, spring, walls, enable.ramp)
     for i in range(int(settings.axes)):
-        moved, damping, store = motion.moved[i], settings.device.damping[i], observer.store[i]
-        lifted = enable.ramp * settings.device.gravity[i]  # compensation only carries the handle's weight
+        moved, damping, store = motion.moved[i], settings.hardware.damping[i], observer.store[i]
+        lifted = enable.ramp * settings.hardware.gravity[i]  # compensation only carries the handle's weight
         given = passivity.energy_booked(hold.force[i] - lifted, moved, damping, elapsed)
         observer.energy_given[i] += given + _changed(hold, i, moved, damping, elapsed)
         observer.store[i] = passivity.damping_store(observer.damper[i], moved, elapsed)
@@ -71,7 +71,7 @@ def _spring_growth(settings, observer, motion, spring, walls, ramp):
         stiffness, limit, pulled = spring.stiffness[i], spring.limit[i], observer.pulled_to[i]
         observer.growth[i] = virtual_coupling.spring_store(stiffness, limit, pulled - now[i])
         observer.growth[i] -= virtual_coupling.spring_store(stiffness, limit, pulled - before[i])
-        observer.growth[i] += ramp * settings.device.gravity[i] * -motion.moved[i]
+        observer.growth[i] += ramp * settings.hardware.gravity[i] * -motion.moved[i]
     for j in range(int(wall.count)):
         nx, ny, offset = wall.x[j], wall.y[j], wall.offset[j]
         stiffness = ramp * (1.0 - walls.release) * wall.stiffness[j]
@@ -95,8 +95,8 @@ def _book_long_hold(settings, observer, motion, walls, ramp):
     beyond = _beyond_limit(settings, stretch, before) or _beyond_limit(settings, stretch, now)
     limit = settings.coupling.limit[0] if beyond else math.inf
     for i in range(min(2, int(settings.axes))):
-        lost = observer.damping_credit * settings.device.damping[i] * motion.moved[i] ** 2 / motion.elapsed
-        given += walls.force[i] * settings.device.scale[i] * motion.moved[i] - lost
+        lost = observer.damping_credit * settings.hardware.damping[i] * motion.moved[i] ** 2 / motion.elapsed
+        given += walls.force[i] * settings.hardware.scale[i] * motion.moved[i] - lost
     for j in range(int(wall.count)):
         stiffness = stretch * wall.stiffness[j]
         start = max(0.0, virtual_wall.wall_depth(wall.x[j], wall.y[j], wall.offset[j], before[0], before[1]))
@@ -162,7 +162,7 @@ def inject(settings, observer, motion, walls, output):
     A tick in which walls have let go counts too.
     """
     acted = 1.0 if walls.release > 0.0 and walls.touched > 0.0 else 0.0
-    limits, device = settings.passivity, settings.device
+    limits, device = settings.passivity, settings.hardware
     for i in range(AXES):
         most = device.damping[i] if limits.control else 0.0
         generated, velocity = observer.observed_energy[i], motion.device_velocity[i]
@@ -177,7 +177,7 @@ def inject(settings, observer, motion, walls, output):
 @kernel
 def hold_begins(settings, observer, hold, motion, walls, output):
     """What the observer must know of this hold: how far the coupling counts, where it pulls to, and the dampers."""
-    chosen, device, wall = settings.cancellation, settings.device, settings.wall
+    chosen, device, wall = settings.cancellation, settings.hardware, settings.wall
     observer.coupled = output.engage * output.exchange_fade
     ratio = output.engage * chosen.ratio * output.cancellation_fade
     measured = chosen.source == damping_compensation.MEASURED
@@ -205,5 +205,5 @@ def _begin_hold(settings, observer, hold, output, measured):
     observer.damping_credit = 1.0 - measured  # what cancels measured drag is paid by that drag, b or not
     for i in range(int(settings.axes)):
         hold.force[i], hold.change[i], hold.square[i] = output.force_on_handle[i], 0.0, 0.0
-        paid = output.engage * settings.device.scale[i] * output.force_cancellation[i]
+        paid = output.engage * settings.hardware.scale[i] * output.force_cancellation[i]
         observer.cancelled[i] = paid if settings.cancellation.source == damping_compensation.MEASURED else 0.0

@@ -38,7 +38,7 @@ OUTPUT = record(
     " margin* surplus*"  # of the physical damping [N s/m]
     " state fault warmth*"
 )
-TICK = np.dtype([("sensors", SENSORS), ("tool", TOOL_SAMPLE), ("output", OUTPUT)])
+TICK = np.dtype((np.record, [("sensors", SENSORS), ("tool", TOOL_SAMPLE), ("output", OUTPUT)]))
 _NOT_PREFIXED = {"contact_set", "contact_age", "handle_sequence"}
 TRACE_ROW = np.dtype(
     [
@@ -53,7 +53,7 @@ SETTINGS = np.dtype(
     [
         *((name, "f8") for name in ("version", "period", "axes")),
         (
-            "device",
+            "hardware",
             record(
                 "position_per_count* zero* scale* motor_per_force* motor_limit* gravity* damping*"
                 " position_low* position_high* velocity_limit*"

@@ -14,7 +14,7 @@ def sense(settings, motion, samples, compensation, fault, sensors, output):
     motion.elapsed = (sensors.latched - motion.sample_time) * 1e-9 if motion.started else 0.0
     _keep_time(motion, samples, sensors)
     opened = (int(sensors.command) & enable_state.CLUTCH) != 0
-    device = settings.device
+    device = settings.hardware
     for i in range(int(settings.axes)):
         seen = velocity_estimator.position_of(sensors.counts[i], device.position_per_count[i], device.zero[i])
         before = motion.device_position[i] if motion.started else seen
@@ -56,7 +56,7 @@ def _velocity(settings, motion, samples, i, position):
     chosen = settings.velocity
     if chosen.estimator == velocity_estimator.ADAPTIVE_WINDOW:
         count = int(min(samples.count, velocity_estimator.KEPT))
-        step = 1.01 * abs(settings.device.position_per_count[i])  # an end-fit line passes through quantized ends
+        step = 1.01 * abs(settings.hardware.position_per_count[i])  # an end-fit line passes through quantized ends
         return velocity_estimator.adaptive_velocity(samples.times, history, newest, count, int(chosen.window), step)
     lag = chosen.lag if chosen.estimator == velocity_estimator.LOWPASS else 0.0
     return velocity_estimator.velocity_of(motion.device_velocity[i], motion.moved[i], motion.elapsed, lag)

@@ -161,7 +161,7 @@ def kinetic(contacts, axes, velocity):
 @njit
 def _pay_for_move(settings, own, tank, spring, hold, motion):
     """Whether (3) holds for own.trial; the tank's books are then those of the move."""
-    stored, hidden, worst, gains, scale = 0.0, 0.0, 0.0, settings.coupling, settings.device.scale
+    stored, hidden, worst, gains, scale = 0.0, 0.0, 0.0, settings.coupling, settings.hardware.scale
     for i in range(int(settings.axes)):
         stretch = own.pose[i] + settings.period * own.trial[i] - motion.handle[i]
         push = spring.factor * gains.damping[i] * own.trial[i]
@@ -180,7 +180,7 @@ def _pay_for_move(settings, own, tank, spring, hold, motion):
 @njit
 def _worst_draw(settings, i, force):
     """What the damper's force may draw in a hold: g² T/4 (b − c), and no more than the handle may move at all."""
-    most = force * settings.device.velocity_limit[i] * settings.period
+    most = force * settings.hardware.velocity_limit[i] * settings.period
     if settings.passivity.surplus[i] <= 0.0:
         return most
     return min(most, 0.25 * force * force * settings.period / settings.passivity.surplus[i])

@@ -126,7 +126,7 @@ class Telemetry:
 
     def _device_position(self):
         settings = self._settings
-        return self._row["counts"][0] * settings["device"]["position_per_count"][0] - settings["device"]["zero"][0]
+        return self._row["counts"][0] * settings["hardware"]["position_per_count"][0] - settings["hardware"]["zero"][0]
 
     def _publish_pose(self, now):
         """The operator's side: handle on the device, and the force the motor holds there."""

@@ -41,7 +41,7 @@ class ServoThread:
         self.realtime, self._refused, self._ready = "", None, threading.Event()
         self.clock_offset = time.time_ns() - time.monotonic_ns()
         self._writing = threading.Lock()  # one writer at a time; ticks take no lock
-        self._resets, self._zero = 0, settings["device"]["zero"].copy()
+        self._resets, self._zero = 0, settings["hardware"]["zero"].copy()
         self.set(settings)
         self.snapshot()  # what it calls is compiled now: that holds the interpreter, and would disturb an exchange
         self._run_ticks = servo_loop.realtime()  # and not by the thread, which is urgent
@@ -62,7 +62,7 @@ class ServoThread:
     def set(self, settings):
         """These settings from the next tick on."""
         with self._writing:
-            settings["device"]["zero"] = self._zero
+            settings["hardware"]["zero"] = self._zero
             self.settings.put(settings)
 
     @property
@@ -154,6 +154,6 @@ class ServoThread:
             self._zero = sample[hardware_interface.COUNTS : hardware_interface.COUNTS + 3] * settings[
                 "position_per_count"
             ] - np.array(self._home)
-            settings["device"]["zero"] = self._zero
+            settings["hardware"]["zero"] = self._zero
             self.settings.put(settings)
         return True

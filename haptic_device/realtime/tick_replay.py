@@ -10,13 +10,13 @@ import numpy as np
 from haptic_device.control import contact_model, servo, tool_contacts
 from haptic_device.control.records import AXES, CONTACTS, SETTINGS, STATE, TICK
 from haptic_device.jit import kernel
-from haptic_device.realtime import atomic, hardware_interface
+from haptic_device.realtime import hardware_interface
 from haptic_device.realtime.servo_loop import begin_tick, copy_tick, fill_sensors, fill_tool
 
 IN_BAGS = {
     "settings": {
-        **{f"device.{name}": name for name in SETTINGS["device"].names},
-        **{"device.motor_limit": "device_limit", "device.damping": "physical_damping"},
+        **{f"hardware.{name}": name for name in SETTINGS["hardware"].names},
+        **{"hardware.motor_limit": "device_limit", "hardware.damping": "physical_damping"},
         **{"coupling.stiffness": "stiffness", "coupling.damping": "damping", "wall.count": "walls"},
         **{f"passivity.{name}": name for name in ("margin", "surplus", "cross")},
         **{f"fault.{name}": name for name in SETTINGS["fault"].names},
@@ -89,9 +89,7 @@ def recompute(settings, state, rows, sets):
                 tool_contacts.take(contacts, sets[at])
         for i in range(AXES):
             settings[0].passivity.margin[i], settings[0].passivity.surplus[i] = rows[k].margin[i], rows[k].surplus[i]
-        words, row = atomic.words_of(ticks), atomic.words_of(rows[k : k + 1])
-        for i in range(words.size):
-            words[i] = row[i]
+        ticks.view(np.int64)[:] = rows[k : k + 1].view(np.int64)
         servo.tick(settings[0], state[0], ticks[0])
         copy_tick(ticks, rows, k)
 

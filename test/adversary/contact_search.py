@@ -42,7 +42,7 @@ def energy_given(settings, memory, row, path, scale, loss, watched):
         record.sensors.latched = record.sensors.deadline = (k + 1) * period * 1e9
         record.sensors.command, record.sensors.device_status = enable_state.ENABLE, faults.FRESH
         for i in range(3):
-            record.sensors.counts[i] = np.round(position[i] / abs(settings[0].device.position_per_count[i]))
+            record.sensors.counts[i] = np.round(position[i] / abs(settings[0].hardware.position_per_count[i]))
         if k == 0 or not genes[LOST] < loss:
             _tool(record, genes, scale, position, k)
             _set(one, genes, scale, k)
@@ -53,7 +53,7 @@ def energy_given(settings, memory, row, path, scale, loss, watched):
         watched[1] += record.output.local
         for i in range(3):
             moved = genes[MOVED + i] * scale[0, i]
-            given += record.output.force_on_handle[i] * moved - settings[0].device.damping[i] * moved * moved / period
+            given += record.output.force_on_handle[i] * moved - settings[0].hardware.damping[i] * moved * moved / period
             position[i] += moved
         if 2 * k >= len(path):
             most = max(most, given)
@@ -145,7 +145,7 @@ def search(settings, ticks=120, evaluations=2000, loss=0.0, seed=0):
     """Evolution strategy with one parent, one child and a step that adapts to success. settings: of three axes."""
     random = np.random.default_rng(seed)
     stretch = 5.0 / settings["coupling"]["stiffness"][0]
-    way = 2.5 * settings["period"][0] / settings["device"]["damping"][0] * np.array([1.0, 1.0, 0.05])
+    way = 2.5 * settings["period"][0] / settings["hardware"]["damping"][0] * np.array([1.0, 1.0, 0.05])
     scale = np.stack([way, stretch])
     lost = -np.inf if loss <= 0.0 else float(np.quantile(random.normal(size=4000), loss))
     best, score, size, watched = np.zeros((ticks, GENES)), -np.inf, 0.5, np.array([-np.inf, 0.0, 0.0])

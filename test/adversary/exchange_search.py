@@ -69,8 +69,8 @@ def energy_given(settings, memory, row, path, scale, adversary, watched):
 
 @kernel
 def _energy_given(settings, memory, row, path, scale, adversary, watched):
-    period, damping = settings[0].period, settings[0].device.damping[0]
-    step = abs(settings[0].device.position_per_count[0])
+    period, damping = settings[0].period, settings[0].hardware.damping[0]
+    step = abs(settings[0].hardware.position_per_count[0])
     past, position, moved, given, most = np.zeros(len(path)), 0.0, 0.0, 0.0, -np.inf
     record, force = row[0], 0.0
     for k in range(len(path)):
@@ -217,5 +217,5 @@ def _change(random, ticks):
 def scale_of(settings, reach=1.0):
     """What one of each gene is: steps and stretches of some newtons, any age, sums of energy and waves that matter."""
     stretch = reach * 5.0 / max(1.0, float(settings["coupling"]["stiffness"][0, 0]))
-    way = reach * 2.5 * float(settings["period"][0]) / float(settings["device"]["damping"][0, 0])
+    way = reach * 2.5 * float(settings["period"][0]) / float(settings["hardware"]["damping"][0, 0])
     return np.array([way, stretch, reach, 0.03, 1.0, 1e-3, 1e-2, 1.0, 1.0])

@@ -491,7 +491,10 @@ YAML = {
     "nan": ({"servo.rate": ".nan"}, ["servo.rate is nan; a finite number in Hz is needed"]),
     "too fast": ({"servo.rate": "10001.0"}, ["servo.rate is 10001.0 Hz; at most 10000.0 Hz is allowed"]),
     "too slow": ({"servo.rate": "499.0"}, ["servo.rate is 499.0 Hz; at least 500.0 Hz is needed"]),
-    "choice": ({"exchange.method": "waves"}, ["exchange.method is 'waves'; it must be one of direct, wave, pspm, local"]),
+    "choice": (
+        {"exchange.method": "waves"},
+        ["exchange.method is 'waves'; it must be one of direct, wave, pspm, local"],
+    ),
     "device": ({"device": "desktp"}, ["desktp is neither a file nor a name", "desktop"]),
     "beyond damping": ({"coupling.stiffness": "90000.0"}, ["coupling.stiffness 90000 N/m", "the device has 3"]),
     "walls": ({"wall.offsets": "[0.0]"}, ["wall.normals has 0 numbers; 1 walls need 2"]),

@@ -129,7 +129,7 @@ def test_the_servo_reads_from_the_encoder_where_the_plant_is(position, sign, zer
     plant.sense(body[0], memory[0], 0, counts, drag)
     read = [
         velocity_estimator.position_of(
-            counts[i], settings["device"]["position_per_count"][i], settings["device"]["zero"][i]
+            counts[i], settings["hardware"]["position_per_count"][i], settings["hardware"]["zero"][i]
         )
         for i in range(3)
     ]
@@ -139,7 +139,9 @@ def test_the_servo_reads_from_the_encoder_where_the_plant_is(position, sign, zer
 def test_count_zero_is_at_the_devices_zero():
     settings = controller_config.settings_of(changed(zero=0.02))[0]
     assert (
-        velocity_estimator.position_of(0.0, settings["device"]["position_per_count"][0], settings["device"]["zero"][0])
+        velocity_estimator.position_of(
+            0.0, settings["hardware"]["position_per_count"][0], settings["hardware"]["zero"][0]
+        )
         == 0.02
     )
 
@@ -148,7 +150,7 @@ def test_count_zero_is_at_the_devices_zero():
 def test_the_force_the_servo_wants_is_the_force_the_plants_motor_makes(constant, sign, force):
     device = changed(motor_constant=constant, motor_sign=sign)
     body, memory = loopback_config.plant_of(device), np.zeros(1, plant.PLANT_MEMORY)
-    motor = force * controller_config.settings_of(device)["device"]["motor_per_force"][0]
+    motor = force * controller_config.settings_of(device)["hardware"]["motor_per_force"][0]
     plant.push_motor(body[0], memory[0], 0, motor)
     plant.take_motor(memory[0])
     assert memory["motor_force"][0, :2].tolist() == pytest.approx([force, force])
@@ -158,14 +160,15 @@ def test_the_force_the_servo_wants_is_the_force_the_plants_motor_makes(constant,
 def test_gravity_is_compensated_against_its_pull_and_only_if_wanted():
     device = changed(gravity=(0.0, -9.81))
     assert loopback_config.plant_of(device)["gravity"][0].tolist() == pytest.approx([0.0, -0.981, 0.0])
-    assert controller_config.settings_of(device)["device"]["gravity"][0].tolist() == pytest.approx([0.0, 0.981, 0.0])
-    assert not controller_config.settings_of(changed(gravity=(0.0, -9.81), gravity_compensation=False))["gravity"].any()
+    assert controller_config.settings_of(device)["hardware"]["gravity"][0].tolist() == pytest.approx([0.0, 0.981, 0.0])
+    carried = controller_config.settings_of(changed(gravity=(0.0, -9.81), gravity_compensation=False))
+    assert not carried["hardware"]["gravity"].any()
 
 
 def test_delays_limits_and_scale_arrive_in_the_records_units():
     device = changed(sensing_delay=0.001, actuation_delay=0.00025, scale=(2.0, 3.0))
     body, settings = loopback_config.plant_of(device)[0], controller_config.settings_of(device)[0]
     assert (body["sensing_delay"], body["actuation_delay"]) == (1_000_000, 250_000)
-    assert settings["device"]["scale"].tolist() == [2.0, 2.0, 3.0]
-    assert settings["device"]["motor_limit"].tolist() == body["force_limit"].tolist() == [15.0, 15.0, 1.0]
+    assert settings["hardware"]["scale"].tolist() == [2.0, 2.0, 3.0]
+    assert settings["hardware"]["motor_limit"].tolist() == body["force_limit"].tolist() == [15.0, 15.0, 1.0]
     assert body["drag_bandwidth"] == pytest.approx(2 * np.pi * 500.0)

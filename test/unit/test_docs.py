@@ -10,7 +10,7 @@ from in_process import haptic
 
 from haptic_device.control import enable_state, records
 from haptic_device.message_fields import TAIL
-from haptic_device.nodes import driver, exchange_server, loopback, recorder
+from haptic_device.nodes import driver, exchange_server, loopback, recorded_topics, recorder
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import servo_thread
 from haptic_device.ros_yaml import load as load_yaml
@@ -61,7 +61,7 @@ def test_the_method_table_lists_each_exchange_method_in_order():
 
 def test_each_recorded_topic_stands_in_the_topic_table_with_its_type():
     types = {row[0]: row[1] for row in rows(MODEL, "Topics")}
-    known = {topic: kind.replace("/msg/", "/") for topic, kind in recorder.KNOWN.items()}
+    known = {topic: kind.replace("/msg/", "/") for topic, kind in recorded_topics.KNOWN.items()}
     assert {topic: types.get(topic) for topic in known} == known
 
 

@@ -92,7 +92,7 @@ def test_nor_in_three_axes_with_a_scaled_device_beside_a_wall_or_with_missed_tic
 @pytest.mark.parametrize("method", PASSIVE)
 def test_what_an_encoder_step_hides_is_paid_for(method):
     given, step = one_axis(method, 2000.0, 2.0, 0.25e-3), 5e-6
-    given["device"]["position_per_count"][:, 0] = step
+    given["hardware"]["position_per_count"][:, 0] = step
     against = adversary.Adversary(coulomb=2000.0 * step / 2.0, reach=0.1, books=1)
     at_its_ends = given["coupling"]["limit"][0, 0] * step / 2.0
     assert adversary.search(given, against, evaluations=800, seed=4).overcredit <= at_its_ends
@@ -100,7 +100,7 @@ def test_what_an_encoder_step_hides_is_paid_for(method):
 
 def held_still(given, ages):
     """Tank [J] before and after ticks at rest 4 mm from a tool of these ages, and the force [N] before."""
-    (memory, row), step = adversary.engaged(), given["device"]["position_per_count"][0, 0]
+    (memory, row), step = adversary.engaged(), given["hardware"]["position_per_count"][0, 0]
     for k, age in enumerate([0.0, *ages]):
         row["latched"] = row["deadline"] = (k + 1) * given["period"][0] * 1e9
         row["command"], row["device_status"], row["counts"][0] = enable_state.ENABLE, faults.FRESH, round(-0.004 / step)
@@ -117,7 +117,7 @@ def held_still(given, ages):
 
 def test_fading_and_returning_costs_what_an_encoder_step_hides_of_its_change_of_force():
     given, step = one_axis("pspm", 2000.0, 2.0, 0.25e-3), 5e-6
-    given["device"]["position_per_count"][:, 0] = step
+    given["hardware"]["position_per_count"][:, 0] = step
     half = 0.06 + 0.07  # [s] age at which half of the force is left
     before, after, force = held_still(given, [0.0, *[half] * 10, *[0.0] * 400])
     assert force == pytest.approx(8.0, rel=0.01)
@@ -329,7 +329,7 @@ def test_gains_that_change_on_old_counts_are_paid_for_whatever_the_handle_did_me
         row["deadline"] += period * 1e9
         tick(given, memory, row)
         forces = np.array([*forces, row["force_on_handle"][0, 0]])
-        b, step = given["device"]["damping"][0, 0], given["device"]["position_per_count"][0, 0]
+        b, step = given["hardware"]["damping"][0, 0], given["hardware"]["position_per_count"][0, 0]
         moved = 0.5 * way + period * (forces - forces.mean()) / (2.0 * b)  # the hand's best
         gained = forces @ moved - b * np.sum(moved**2) / period
         row["latched"], row["deadline"] = row["deadline"], row["deadline"] + period * 1e9
@@ -366,7 +366,7 @@ def test_one_that_did_not_cut_it_pays_for_what_the_force_gave_over_the_hold_and_
         stored, force = energy(memory, row), row["force_on_handle"][0, 0]
         after(given, memory, row, 0.01, way, faults.FRESH)
         gained = before + stored - memory["tank"]["level"][0] - energy(memory, row)
-        drag = given["device"]["damping"][0, 0] * way * way / 0.01
+        drag = given["hardware"]["damping"][0, 0] * way * way / 0.01
         hidden = 0.1 * abs(force * way)
         assert 0.0 <= gained - (force * way - drag) < hidden
 
@@ -391,7 +391,7 @@ def test_what_a_long_hold_leaves_owing_the_spring_pays_at_once_and_no_more(tank,
     stretch = memory["spring"]["set_position"][0, 0] - row["position"][0, 0] - way
     stored, hold = 0.5 * 2000.0 * stretch * stretch, 0.01
     after(given, memory, row, hold, way, faults.FRESH)
-    debt = max(0.0, (1000.0 - given["device"]["damping"][0, 0] / hold) * way * way - tank)
+    debt = max(0.0, (1000.0 - given["hardware"]["damping"][0, 0] / hold) * way * way - tank)
     assert energy(memory, row) == pytest.approx(max(0.0, stored - debt), rel=0.05)
     assert memory["tank"]["level"][0] == pytest.approx(min(0.0, stored - debt) if debt > 0.0 else tank, abs=1e-4)
     assert row["force_on_handle"][0, 0] * force > 0.0 and abs(row["force_on_handle"][0, 0]) <= abs(force) * (1.0 + 1e-9)
@@ -419,14 +419,14 @@ def after(given, memory, row, time, way, status):
     """One tick that comes a time [s] after the last, with the handle moved by a way [m]."""
     row["latched"] += time * 1e9
     row["deadline"], row["device_status"] = row["latched"], status
-    row["counts"][0, 0] += round(way / given["device"]["position_per_count"][0, 0])
+    row["counts"][0, 0] += round(way / given["hardware"]["position_per_count"][0, 0])
     row["tool_answered"] += 1.0
     tick(given, memory, row)
 
 
 def pressed(given):
     """Memory and row of a servo whose spring has been paid for, and its tank [J]."""
-    (memory, row), step = adversary.engaged(), given["device"]["position_per_count"][0, 0]
+    (memory, row), step = adversary.engaged(), given["hardware"]["position_per_count"][0, 0]
     for k in range(3):
         row["latched"] = row["deadline"] = (k + 1) * given["period"][0] * 1e9
         row["command"], row["device_status"], row["counts"][0] = enable_state.ENABLE, faults.FRESH, round(-0.004 / step)

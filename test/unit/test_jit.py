@@ -94,7 +94,7 @@ LOCKSTEP = """
     import numpy as np
     from lockstep_systems import device, values
     from haptic_device import controller_config
-    from haptic_device.control import servo
+    from haptic_device.control.records import STATE, TRACE_ROW
     from haptic_device.device import loopback_config, simulated_device
     from haptic_device.realtime import servo_loop
 
@@ -105,7 +105,7 @@ LOCKSTEP = """
     body, memory, motion = loopback_config.hand_from(described, values("haptic_loopback", motion__name="press_wall",
         motion__start=(-0.0002, 0.0, 0.0), motion__target=(-0.01, -0.005, 0.0), motion__duration=0.1))
     memory["time"] = start = 1_000_000_000
-    state, rows, tool = np.zeros(1, records.STATE), np.zeros(100, records.TRACE_ROW), np.zeros(1, servo_loop.TOOL)
+    state, rows, tool = np.zeros(1, STATE), np.zeros(100, TRACE_ROW), np.zeros(1, servo_loop.TOOL)
     records = [array.view(np.recarray) for array in (settings, state, rows, tool, body, memory, motion)]
     simulated_device.run_lockstep(*records, start, 0, 5000, 1)
     rows.tofile(OUT)

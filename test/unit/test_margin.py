@@ -128,7 +128,7 @@ def test_walls_keep_their_whole_bound_where_cancellation_fades_out_over_a_ticks_
 @pytest.mark.parametrize("stiffness, damping", [(5900.0, 0.0), (5000.0, 0.1)])
 def test_a_wall_pays_for_the_switch_where_the_band_is_narrower_than_a_ticks_travel(stiffness, damping):
     wall = {**walls(stiffness, damping, 90.0), "cancellation__ratio": 0.9, "coupling__rotational_damping": 0.0}
-    travel = settings(**wall)["device"]["velocity_limit"][1] * 0.25e-3
+    travel = settings(**wall)["hardware"]["velocity_limit"][1] * 0.25e-3
     wide, narrow = (settings(**wall, cancellation__band=share * travel) for share in (1.01, 0.99))
     assert gain_check.margins(wide, 0.0)[1] == pytest.approx(0.8 - stiffness * 0.125e-3 - damping)
     needed = switched_cancellation_damping(stiffness, damping, 0.25e-3, 0.9)

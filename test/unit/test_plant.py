@@ -145,7 +145,7 @@ def swing(t):
 def test_without_friction_the_length_of_the_sub_step_does_not_matter():
     """Both follow a target that moves uniformly within 50 µs, so that the drive is the same."""
     ends = []
-    for step in (SUB_STEP, plant.SUB_STEP // 5):
+    for step in (SUB_STEP, SUB_STEP // 5):
         record, memory = device(damping=2.0, hand_mass=0.1, hand_damping=8.0, hand_stiffness=500.0), state()
         finish(record, memory, 0.05, lambda t: (0.2 * t, 0.0, 0.0), 1.0, step)
         ends.append((memory["position"][0, 0], memory["velocity"][0, 0], memory["energy_given"][0]))

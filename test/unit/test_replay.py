@@ -99,7 +99,7 @@ def test_a_trace_of_another_version_or_without_snapshots_is_refused_in_a_sentenc
         verdict_on(rows[[name for name in rows.dtype.names if name != "margin"]], start)
     with pytest.raises(ValueError, match="no snapshot"):
         verdict_on(rows, start[:0])
-    with pytest.raises(ValueError, match="snapshots lack settings.coupling.stiffness"):
+    with pytest.raises(ValueError, match="snapshots lack settings.stiffness"):
         verdict_on(rows, start[[name for name in start.dtype.names if name != "settings.stiffness"]])
 
 

@@ -55,7 +55,7 @@ class Servo:
         """One tick; inputs in changes last for this tick only. The device is at self.position."""
         row = np.zeros(1, records.TRACE_ROW)
         self.now += round(PERIOD * 1e9)
-        counts = np.round(self.position / self.settings["device"]["position_per_count"][0, :3].clip(1e-12))
+        counts = np.round(self.position / self.settings["hardware"]["position_per_count"][0, :3].clip(1e-12))
         given = {"deadline": self.now, "latched": self.now, "counts": counts, "command": self.command}
         given |= self.left | self.inputs | changes
         if stale:
@@ -249,23 +249,23 @@ def _device_watchdog(runner):
 
 def _encoder_jump(runner):
     runner.position = runner.position + [0.005, 0.0, 0.0]
-    runner.settings["device"]["velocity_limit"] = 9.0
+    runner.settings["hardware"]["velocity_limit"] = 9.0
     return runner.tick()
 
 
 def _velocity(runner):
-    runner.settings["device"]["velocity_limit"] = 2.0
+    runner.settings["hardware"]["velocity_limit"] = 2.0
     runner.position = runner.position + [0.75e-3, 0.0, 0.0]
     return runner.tick()
 
 
 def _position(runner):
-    runner.settings["device"]["position_low"] = -0.0019
+    runner.settings["hardware"]["position_low"] = -0.0019
     return runner.tick()
 
 
 def _saturation(runner):
-    runner.settings["device"]["motor_limit"] = 1.9
+    runner.settings["hardware"]["motor_limit"] = 1.9
     return runner.run(1.0 + 3 * PERIOD)
 
 
@@ -278,7 +278,7 @@ def _not_a_number(runner):
 
 
 def _duty(runner):
-    force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["device"]["motor_limit"][0, 0]
+    force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["hardware"]["motor_limit"][0, 0]
     runner.settings["fault"]["duty"] = 0.5 * force / limit
     runner.settings["fault"]["duty_kept"] = math.exp(-PERIOD / 0.05)
     return runner.run(0.05)
@@ -340,7 +340,7 @@ def test_silence_and_saturation_just_within_their_times_are_no_faults():
     rows = [runner.tick(stale=True) for _ in range(round(0.02 / PERIOD) - 1)]
     assert rows[-1].fault == faults.NONE and runner.tick().fault == faults.NONE
     runner = pressing()
-    runner.settings["device"]["motor_limit"] = 1.9
+    runner.settings["hardware"]["motor_limit"] = 1.9
     assert runner.run(1.0 - 3 * PERIOD).fault == faults.NONE
     assert runner.rows[-1]["force_on_handle"][0, 0] == 1.9
 
@@ -348,7 +348,7 @@ def test_silence_and_saturation_just_within_their_times_are_no_faults():
 @pytest.mark.parametrize("share", [0.99, 1.01])
 def test_a_motor_may_hold_its_duty_for_ever_and_a_little_more_until_it_is_warm(share):
     runner, time = pressing(), 0.1
-    force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["device"]["motor_limit"][0, 0]
+    force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["hardware"]["motor_limit"][0, 0]
     runner.settings["fault"]["duty"], runner.settings["fault"]["duty_kept"] = (
         force / limit / share,
         math.exp(-PERIOD / time),
@@ -452,7 +452,7 @@ def test_whatever_stands_in_the_page_the_motor_stays_finite_within_its_limit_and
     for counts, drag, status, latched in samples:
         row = runner.tick(counts=counts, drag=drag, device_status=status, latched=latched)
         assert np.isfinite(row.motor).all()
-        assert (abs(row.force_on_handle) <= runner.settings["device"]["motor_limit"][0]).all()
+        assert (abs(row.force_on_handle) <= runner.settings["hardware"]["motor_limit"][0]).all()
         assert row.fault == faults.NONE or not row.motor.any()
 
 
