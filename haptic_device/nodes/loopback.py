@@ -15,7 +15,7 @@ from haptic_device.message_fields import AXES, truth_names
 from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.ros_parameters import on_change
-from haptic_device.parameters import LOOPBACK
+from haptic_device.parameters import LOOPBACK, LOOPBACK_FIGURES
 from haptic_device.realtime import clock, scheduling
 from haptic_device.realtime.seqlock import SeqLock
 from haptic_device.realtime.shared_memory import DEVICE, SharedMemory, file_name
@@ -153,7 +153,7 @@ class LoopbackNode(ManagedNode):
         """Statuses of the figures that have limits."""
         figures = {"energy": values["energy_given"]}
         figures |= self._rates.of(run_on=values["run_on"], late_writes=values["late_writes"])
-        return diagnostics.statuses("haptic_loopback", diagnostics.LOOPBACK, figures, self.values)
+        return diagnostics.statuses("haptic_loopback", LOOPBACK_FIGURES, figures, self.values)
 
 
 def main(args=None):
