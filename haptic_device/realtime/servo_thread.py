@@ -8,7 +8,7 @@ import numpy as np
 
 from haptic_device.control import contact_model, enable_state, faults
 from haptic_device.control.exchange_samples import COUPLING_GAINS
-from haptic_device.control.records import SETTINGS, STATE, TICK, TRACE_ROW
+from haptic_device.control.records import AXES, SETTINGS, STATE, TICK, TRACE_ROW
 from haptic_device.realtime import clock, hardware_interface, scheduling, servo_loop, tick_replay
 from haptic_device.realtime.seqlock import Ring, SeqLock
 
@@ -151,9 +151,8 @@ class ServoThread:
             return False
         with self._writing:
             settings = self.settings.get().view(np.ndarray).view(SETTINGS)
-            self._zero = sample[hardware_interface.COUNTS : hardware_interface.COUNTS + 3] * settings[
-                "position_per_count"
-            ] - np.array(self._home)
+            counts = sample[hardware_interface.COUNTS : hardware_interface.COUNTS + AXES]
+            self._zero = counts * settings["hardware"]["position_per_count"] - np.array(self._home)
             settings["hardware"]["zero"] = self._zero
             self.settings.put(settings)
         return True

@@ -62,7 +62,7 @@ def show(method, what, adversary, given, evaluations, seed):
 def main():
     evaluations = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
     methods = sys.argv[2:] or EXCHANGE_METHODS
-    budget = float(settings("pspm")["exchange_budget"][0])
+    budget = float(settings("pspm")["exchange"]["budget"][0])
     print(f"{evaluations} evaluations a row; budget {budget * 1e3:g} mJ")
     print("method  what            late  loss     given mJ  credited mJ  force N    N/ms")
     for method in methods:

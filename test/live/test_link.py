@@ -243,12 +243,26 @@ def test_a_device_that_returns_where_its_predecessor_died_takes_up_an_odd_lock(n
 
 def settings():
     record = np.zeros(1, records.SETTINGS)
-    record["period"], record["axes"], record["scale"], record["position_per_count"] = 0.001, 3, 1.0, 5e-6
-    record["motor_per_force"], record["device_limit"], record["force_limit"] = 1.0, 10.0, 10.0
-    record["position_low"], record["position_high"], record["velocity_limit"] = -1.0, 1.0, 100.0
-    record["cancellation_band"] = record["cancellation_stretch"] = record["cross"] = 1.0
-    record["engage_time"], record["engage_force"], record["silence"], record["saturation"] = 0.1, 1.0, 5.0, 1.0
-    record["exchange_fade"] = 0.1
+    record["period"], record["axes"], record["hardware"]["scale"], record["hardware"]["position_per_count"] = (
+        0.001,
+        3,
+        1.0,
+        5e-6,
+    )
+    record["hardware"]["motor_per_force"], record["hardware"]["motor_limit"], record["force"]["limit"] = 1.0, 10.0, 10.0
+    record["hardware"]["position_low"], record["hardware"]["position_high"], record["hardware"]["velocity_limit"] = (
+        -1.0,
+        1.0,
+        100.0,
+    )
+    record["cancellation"]["band"] = record["cancellation"]["stretch"] = record["passivity"]["cross"] = 1.0
+    record["engage"]["time"], record["engage"]["force"], record["fault"]["silence"], record["fault"]["saturation"] = (
+        0.1,
+        1.0,
+        5.0,
+        1.0,
+    )
+    record["exchange"]["fade"] = 0.1
     return record
 
 
