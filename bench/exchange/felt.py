@@ -10,7 +10,7 @@ from bench.exchange import local_live
 from bench.exchange.exchange import CIRCLE, PATIENT, PRESS
 from bench.methods import insertion as peg
 from haptic_device.config_files import find
-from haptic_device.control.virtual_tool import LEAVING
+from haptic_device.control.tool_contacts import LEAVING
 from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
 from haptic_sim.cli.nodes import NODES

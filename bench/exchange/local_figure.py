@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from bench.exchange.felt import HAND, SOFT, Felt
 from bench.methods import insertion as peg
-from haptic_device.control.virtual_tool import LEAVING
+from haptic_device.control.tool_contacts import LEAVING
 
 LINES = {  # of the methods: colours that all eyes can tell apart (Okabe and Ito), and how the line is drawn
     "direct": ("#D55E00", ":"),

@@ -52,6 +52,7 @@ def place(one, pose, age, back, out):
     if one[KIND] == FLAT_HERE:
         nx, ny = c * one[NORMAL_X] - s * one[NORMAL_Y], s * one[NORMAL_X] + c * one[NORMAL_Y]
     else:
+        # first order: the age is some ticks
         turn = one[TURN_RATE] * age
         nx, ny = one[NORMAL_X] - turn * one[NORMAL_Y], one[NORMAL_Y] + turn * one[NORMAL_X]
     dx, dy = dx + back * nx, dy + back * ny
@@ -67,6 +68,7 @@ def place(one, pose, age, back, out):
             far = math.hypot(dx, dy)
             nx, ny = (dx / far, dy / far) if far > 0.0 else (nx, ny)
             here = False
+    # along the normal, less the round feature's radius
     gap = nx * dx + ny * dy - one[RADIUS]
     if here:
         ahead = one[RADIUS] - one[TOOL_RADIUS]
@@ -124,6 +126,7 @@ def judge_table(table):
         for value in one:
             if not abs(value) < 1e15:
                 return NOT_FINITE
+        # a row that is not used
         if one[IDENTITY] == 0.0:
             continue
         if one[KIND] != FLAT_THERE and one[KIND] != FLAT_HERE and one[KIND] != ROUND:

@@ -58,6 +58,7 @@ def _pivot(rows, mass, right, system, velocity, braked, most):
         wrong, worst = _review(rows, velocity, patience > 0, braked)
         if wrong == 0:
             return turn + 1
+        # Bland's rule in effect: one at a time cannot circle without friction
         if patience <= 0:
             _change(rows[worst], velocity, braked)
         elif wrong < fewest:
@@ -89,6 +90,7 @@ def _assemble(rows, mass, right, system, braked):
 @njit
 def _close(one, system, sliding):
     """λ_n = −(G_n v + b)/e, and λ_t = `sliding` times as much."""
+    # E > 0: a compliant contact is a spring in the system
     stiff = 1.0 / one[E_N]
     for i in range(3):
         pushed = stiff * (one[N_X + i] + sliding * one[T_X + i])
@@ -180,6 +182,7 @@ def _wished(one, velocity, braked):
         return OPEN, one[SENSE], rate
     if one[MU] == 0.0:
         return one[MODE], one[SENSE], 0.0
+    # Coulomb's cone
     bound = one[MU] * one[IMPULSE]
     if one[MODE] == STICK:
         one[SLIP_IMPULSE] = -slip / one[E_T]

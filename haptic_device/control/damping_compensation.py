@@ -29,6 +29,7 @@ def share_beside_coupling(held, exchange_fade):
     Passive: the coupling needs exchange_fade (KT/2 + |B|), and both that need and what is left of b are linear in the
     fade, so what holds at 0 and at 1 holds between.
     """
+    # linear in the fade: 1 without a coupling, `held` with a whole one
     return 1.0 - exchange_fade * (1.0 - held)
 
 
@@ -60,6 +61,7 @@ def measured_cancellation_force(ratio, drag, damping, velocity):
     It pushes along the motion only, and by no more than GUARD times the described damping would drag: a bias at rest,
     or noise against the motion, becomes no force.
     """
+    # drag along the motion: what it takes is positive, a bias against it is not
     along = drag * math.copysign(1.0, velocity)
     most = GUARD * damping * abs(velocity)
     return ratio * math.copysign(min(most, max(0.0, along)), velocity)
@@ -69,6 +71,7 @@ def measured_cancellation_force(ratio, drag, damping, velocity):
 def compensate(settings, compensation, motion, walls, output):
     """Negative damping of the device's own, in free space only: fills in force_cancellation and cancellation_fade."""
     chosen, device = settings.cancellation, settings.hardware
+    # a band before the nearest wall: within it cancellation fades, so that it is gone at the surface
     clearance = math.inf
     for i in range(int(settings.wall.count)):
         clearance = min(clearance, -walls.depth[i])
@@ -82,6 +85,7 @@ def compensate(settings, compensation, motion, walls, output):
             force = measured_cancellation_force(ratio, compensation.drag[i], damping, velocity)
         else:
             force = cancellation_force(ratio, damping, velocity)
+        # from the device to the world: power is the same at both
         output.force_cancellation[i] = force / device.scale[i]
 
 

@@ -39,6 +39,7 @@ def advance(settings, enable, fault, motion, sensors, output):
     enabled = (command & ENABLE) != 0 and (command & CLUTCH) == 0
     wanted_x = output.force_walls[0] + output.force_coupling[0]
     wanted_y = output.force_walls[1] + output.force_coupling[1]
+    # nobody is pushed by what stood there before: engaging waits for a small force
     small = math.hypot(wanted_x, wanted_y) < limits.force and abs(output.force_coupling[2]) < limits.torque
     enable.state = engage_state(int(enable.state), enabled, fault.code != 0.0, small, enable.ramp)
     ramp = force_ramp(int(enable.state), enable.ramp, settings.period, limits.time)

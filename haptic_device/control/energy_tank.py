@@ -26,6 +26,7 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fil
     if not tank.filled:
         tank.filled, tank.level, tank.sample_before = 1.0, settings.exchange.budget, sensors.latched
         _open_window(settings, tank, motion, sensors.latched)
+    # the hold lasts from sample to sample, not from deadline to deadline
     time = (sensors.latched - tank.sample_before) * 1e-9
     regained = settings.version != tank.version  # damper and surplus of the hold that ends are not these
     if int(sensors.device_status) & faults.WATCHDOG and spring.factor_held > 0.0:
@@ -49,6 +50,7 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fil
 def _count_drawn(settings, tank, spring, hold, motion, enable):
     """What the set position's velocity gave the handle through the damper."""
     for i in range(int(settings.axes)):
+        # the term −B w Δx of (1)
         drawn = spring.push[i] * settings.hardware.scale[i] * motion.moved[i]
         less = hold.limited[i] or enable.ramp == 0.0  # at its limit, or let go on old counts, it took less
         tank.level -= max(0.0, drawn) if less else drawn
@@ -102,6 +104,7 @@ def _charge_long_hold(settings, tank, spring, hold, motion, time):
         stiffness = max(spring.stiffness[i], spring.factor_held * settings.coupling.stiffness[i])
         cancelled = settings.cancellation.ratio * damping / settings.period
         lost = spare * damping / time
+        # (κT/2 of the spring + what is cancelled − what the damper took) Δx²/T
         gained = (0.5 * scale**2 * stiffness + cancelled - lost) * motion.moved[i] ** 2
         known = not hold.limited[i] and _is_known(settings, tank, spring, i)
         tank.level -= max(0.0, gained + _damper_gained(settings, spring, i, scale * motion.moved[i], time, known))
@@ -143,6 +146,7 @@ def _count_dissipated(settings, tank, spring, hold, motion, latched, damper_fill
         tank.midpoint[i] = motion.device_position[i] - 0.5 * motion.moved[i]
         way, step = tank.midpoint[i] - tank.window_from[i], abs(settings.hardware.position_per_count[i])
         counted = set_position.dissipated(tank.counted[i], way, step, elapsed)
+        # (1): (b − c) ∫ v² dt, of which only the growth since the last tick
         worth = _worth(settings, spring, i, damper_fills and not hold.limited[i])
         tank.level += worth * (counted - tank.counted[i])
         tank.counted[i] = counted
@@ -167,6 +171,7 @@ def pay(settings, tank, spring, hold, motion, fade):
     What a long hold left owing the spring pays, at once: it lets go of as much.
     """
     held, kept = stored(settings, spring, hold, motion), reserve(settings, spring)
+    # the spring may keep what it has, less what a long hold owes, and have what the tank can spare
     available = max(0.0, held + max(0.0, tank.level - kept) - tank.owed)
     left = tank.level + held - _reach_out(settings, tank, spring, motion, fade, 1.0, available)
     if left < kept:
@@ -269,6 +274,7 @@ def tick_ended(settings, tank, spring, motion, output, paid):
             tank.level -= spring_store(stiffness, limit, stretch)
             own = abs(stretch - spring.stretch_before[i]) - settings.hardware.scale[i] * abs(motion.moved[i])
             full = spring_force(gains.stiffness[i], gains.limit[i], stretch)
+            # only what is not the handle's own way, and every change of damper and factor
             change = stiffness * max(0.0, own) + abs(push - spring.push[i])
             change += abs((factor - spring.factor_held) * full)
             tank.level -= hidden_energy(settings, i, change)

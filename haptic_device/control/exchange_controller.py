@@ -25,6 +25,7 @@ def move_set_point(settings, state, sensors, tool, output):
     """Fills in what the coupling pulls to, its fade, and what the next handle sample carries."""
     method, booked = settings.exchange.method, settings.exchange.method != exchange_samples.DIRECT
     number = _is_number(tool)
+    # old counts: any move of the set point could be one that the hand never paid
     if state.motion.stale_ticks > 0.0 and booked and number:
         _stay(settings, state, tool, output)
     else:
@@ -44,6 +45,7 @@ def move_set_point(settings, state, sensors, tool, output):
 def tick_ended(settings, state, output):
     """What the spring really holds at the end of the tick, by the method that is set."""
     tank, spring, motion, method = state.tank, state.spring, state.motion, settings.exchange.method
+    # no force rises on old counts, so nothing is to be paid
     if motion.stale_ticks > 0.0 and method != exchange_samples.DIRECT:
         energy_tank.tick_ended_unseen(settings, tank, spring, output)
         if method != exchange_samples.WAVE:
@@ -60,6 +62,7 @@ def tick_ended(settings, state, output):
 @njit
 def _fade(settings, fade, enable, tool, output):
     """The coupling's factor for a tool sample of this age; a tool that (re)joins must be near."""
+    # a tool that comes while the force is on must come with a small force
     joining = enable.ramp > 0.0 and fade.factor == 0.0
     joining = joining and not exchange_samples.is_modulated(settings.exchange.method)
     age = -1.0 if joining and not _tool_is_near(settings, tool, output.position) else tool.age
@@ -73,6 +76,7 @@ def _fade(settings, fade, enable, tool, output):
 def _begin_tick(settings, state, sensors, output):
     """The factor that the spring is paid for, and the books of the hold that ends here."""
     tank, spring, hold, motion, enable = state.tank, state.spring, state.hold, state.motion, state.enable
+    # paid for in advance; what does not rise is paid back at the end of the tick
     spring.factor = _most_ramp(settings, enable) * output.exchange_fade
     if settings.exchange.method == exchange_samples.WAVE:
         exchange_wave.hold_ended(settings, tank, spring, hold, motion, enable, sensors)
@@ -119,6 +123,7 @@ def _tool_is_near(settings, tool, handle):
     With pspm nobody asks: there the tank pays for a stretch that comes back, or shortens it.
     """
     stiffness = settings.coupling.stiffness
+    # as engaging: in the plane and about theta apart
     pull_y = stiffness[1] * (tool.position[1] - handle[1]) if settings.axes > 1.0 else 0.0
     pull = math.hypot(stiffness[0] * (tool.position[0] - handle[0]), pull_y)
     twist = stiffness[2] * (tool.position[2] - handle[2]) if settings.axes > 2.0 else 0.0
@@ -128,6 +133,7 @@ def _tool_is_near(settings, tool, handle):
 @njit
 def _is_number(tool):
     """Whether the tool sample is made of numbers; one that is not goes on as it is, to become a fault."""
+    # a sum is finite only if all its parts are
     total = tool.energy + tool.age
     for i in range(tool.position.size):
         total += abs(tool.position[i]) + abs(tool.velocity[i]) + abs(tool.effort[i])

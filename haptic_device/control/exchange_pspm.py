@@ -23,6 +23,7 @@ def move_set_point(settings, tank, spring, hold, motion, tool, output):
         # never faster than the tool is said to be, nor than the set position really moves
         most, least = max(0.0, tool.velocity[i]), min(0.0, tool.velocity[i])
         wanted, damping = min(most, max(least, spring.own_velocity[i])), spring.factor * settings.coupling.damping[i]
+        # the damper pulls after it within its own share of the slew
         slew = settings.exchange.slew[i]
         velocity = set_position.slewed_velocity(spring.set_velocity[i], wanted, damping, slew, settings.period)
         spring.set_velocity[i] = velocity
@@ -34,6 +35,7 @@ def move_set_point(settings, tank, spring, hold, motion, tool, output):
     for i in range(int(settings.axes)):
         spring.set_velocity[i] *= share
         output.coupling_position[i], output.coupling_velocity[i] = spring.set_position[i], spring.set_velocity[i]
+    # what is over is the simulation's to use: it comes back at most once
     if tank.level > settings.exchange.tank:
         tank.shipped += tank.level - settings.exchange.tank
         tank.level = settings.exchange.tank
@@ -63,5 +65,6 @@ def _predicted(settings, motion, tool, i):
 @njit
 def _trust(settings, i):
     """Age [s] at which half of a free tool's force is believed: (2 b + B)/K, of what of b is not cancelled."""
+    # in the world: b counts scale² there
     left = (1.0 - settings.cancellation.ratio) * settings.hardware.damping[i] / settings.hardware.scale[i] ** 2
     return max(0.0, 2.0 * left + settings.coupling.damping[i]) / settings.coupling.stiffness[i]

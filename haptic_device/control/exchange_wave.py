@@ -159,6 +159,7 @@ def _play(settings, waves, tank, spring):
         energy += power(waves.wave[i], impedance(settings.coupling.stiffness[i])) * settings.period
     # the tank pays for the ripple of irregular samples
     spare = max(0.0, tank.level - energy_tank.reserve(settings, spring))
+    # waves are energy that has come; what is missing the tank adds, or they are played smaller
     share = covered(energy, waves.store + spare)
     spent = min(waves.store, share * share * energy)
     waves.store -= spent
@@ -181,6 +182,7 @@ def _move_port(settings, waves, tank, spring, motion, output, i, incoming):
     reach = slew * period / stiffness if stiffness > 0.0 else math.inf
     low = before + min(0.0, moved) - reach - spring.set_position[i]
     high = before + max(0.0, moved) + reach - spring.set_position[i]
+    # towards the wanted one, never past it: u v ≥ 0 then, or nearer 0 than it was
     velocity = min(max(0.0, high) / period, max(min(0.0, low) / period, wanted))
     force = min(limit, max(-limit, pull - stiffness * period * velocity)) + damping * (rate - velocity)
     outgoing = returned(incoming, force, velocity, z)

@@ -96,10 +96,12 @@ def watch(settings, fault, enable, motion, sensors):
     """Latches the first fault that command, device and motors show; a new count of resets clears the last one."""
     command, limits = int(sensors.command), settings.fault
     resets = command // enable_state.RESET
+    # a count, not a flag: a reset that is given twice clears once each
     if resets != fault.resets:
         fault.resets, fault.code, fault.saturated = resets, NONE, 0.0
     if command & enable_state.ESTOP:
         latch(fault, ESTOP)
+    # by its time, or by counts that stay the same
     if max((sensors.deadline - sensors.latched) * 1e-9, motion.stale_ticks * settings.period) > limits.silence:
         latch(fault, DEVICE_SILENT)
     if int(sensors.device_status) & WATCHDOG and enable.ramp > 0.0:
@@ -117,6 +119,7 @@ def motion_fault(position, velocity, low, high, velocity_limit, displacement, el
     """Fault code of one axis' motion, NONE if it is fine; device units, positions measured from the zero."""
     if not (abs(position) < 1e6 and abs(velocity) < 1e9):
         return NOT_A_NUMBER
+    # twice the limit, so that a fast hand is a VELOCITY and only a broken encoder a jump
     if abs(displacement) > 2.0 * velocity_limit * elapsed and elapsed > 0.0:
         return ENCODER_JUMP
     if position < low or position > high:

@@ -22,4 +22,5 @@ def to_device_force(force, scale):
 @kernel
 def clutched_offset(world_position, device_position, scale):
     """Offset that keeps the handle where it is in the world while the device moves under an open clutch."""
+    # of x_world = scale · x_device + offset
     return world_position - scale * device_position

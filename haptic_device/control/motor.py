@@ -19,6 +19,7 @@ def command(settings, enable, fault, hold, output):
         total += output.force_passivity[i]
         if not abs(total) < math.inf:  # before any limit, which would make a force of it
             faults.latch(fault, faults.NOT_A_NUMBER)
+        # the operator's limit, in the world
         limit = settings.force.limit[i]
         force = kinematics.to_device_force(output.engage * min(limit, max(-limit, total)), device.scale[i])
         output.force_gravity[i] = device.gravity[i] if output.engage > 0.0 else 0.0
@@ -26,6 +27,7 @@ def command(settings, enable, fault, hold, output):
         saturated |= i < settings.axes and abs(force) > device.motor_limit[i]
         hold.limited[i] = abs(total) > limit or abs(force) > device.motor_limit[i]
         hold.mixed[i] = hold.limited[i] and total != output.force_coupling[i]
+        # the motor's limit, at the device
         output.force_on_handle[i] = min(device.motor_limit[i], max(-device.motor_limit[i], force))
     if fault.code != faults.NONE:
         output.engage = enable.ramp = 0.0
@@ -34,6 +36,7 @@ def command(settings, enable, fault, hold, output):
         if fault.code != faults.NONE or i >= settings.axes:
             output.force_on_handle[i] = 0.0
         output.motor[i] = output.force_on_handle[i] * device.motor_per_force[i]
+    # a motor that wants more than it has for long is no display any more
     fault.saturated = fault.saturated + settings.period if saturated else 0.0
     output.state, output.fault = enable.state, fault.code
     _heat(settings, fault, output)

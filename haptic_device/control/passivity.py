@@ -15,6 +15,7 @@ def least_damping(stiffness, damping, period, delay):
     while that is below T/2; the damper, acting over holds of up to T + delay, is charged |B| √(1 + delay/T).
     """
     late = delay / period
+    # late = N + s periods
     fraction = late - math.floor(late)
     straight = 0.5 + late
     spring = stiffness * period * 0.5 * (straight + math.sqrt(straight * straight + fraction * (1.0 - fraction)))
@@ -49,6 +50,7 @@ def energy_changed(change, square, displacement, physical_damping, elapsed):
     """
     if square == 0.0:
         return 0.0
+    # Σ (f_j − F̄)² τ_j; rounding may leave it below 0
     spread = max(0.0, square - change * change / elapsed)
     return change * displacement / elapsed + spread / (4.0 * physical_damping)
 
@@ -77,6 +79,7 @@ def injected_damping(generated, budget, velocity, elapsed, most):
 
     A time-domain passivity controller (Hannaford & Ryu 2002); `most` is what the sampled loop can take.
     """
+    # ΔE = b_c v² T is what damping takes in a tick
     excess = generated - budget
     power = velocity * velocity * elapsed
     if excess <= 0.0 or power <= 0.0:

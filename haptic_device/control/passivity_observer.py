@@ -35,7 +35,9 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
         credited = observer.damping_credit * damping
         made = passivity.energy_generated(hold.force[i] - observer.cancelled[i], moved, grown, credited, elapsed)
         made += _changed(hold, i, moved, credited, elapsed)
+        # never below zero: what the past has lost pays for nothing later (Hannaford & Ryu 2002)
         observer.observed_energy[i] = max(0.0, observer.observed_energy[i] + made + observer.store[i] - store)
+        # good ticks pay back what missed ones gave
         observer.missed_tick_energy = max(0.0, observer.missed_tick_energy + min(0.0, made))
     if elapsed > LONG * settings.period and not int(sensors.device_status) & faults.WATCHDOG:
         _book_long_hold(settings, observer, motion, walls, enable.ramp)
@@ -75,6 +77,7 @@ def _spring_growth(settings, observer, motion, spring, walls, ramp):
     for j in range(int(wall.count)):
         nx, ny, offset = wall.x[j], wall.y[j], wall.offset[j]
         stiffness = ramp * (1.0 - walls.release) * wall.stiffness[j]
+        # by way of a corner: x first, then y
         start = virtual_wall.wall_store(stiffness, virtual_wall.wall_depth(nx, ny, offset, before[0], before[1]))
         corner = virtual_wall.wall_store(stiffness, virtual_wall.wall_depth(nx, ny, offset, now[0], before[1]))
         end = virtual_wall.wall_store(stiffness, walls.depth[j])
@@ -134,6 +137,7 @@ def release_wall_energy(settings, observer, motion, walls, enable):
     if enable.ramp == 0.0:
         observer.missed_tick_energy = 0.0
     owed = max(0.0, observer.missed_tick_energy - settings.passivity.budget)
+    # off them all a wall can be whole again without giving anything
     if touched == 0.0 or enable.ramp == 0.0:
         walls.release = 0.0 if owed == 0.0 else 1.0
     elif owed > 0.0 and _beyond_limit(settings, enable.ramp * (1.0 - walls.release), motion.handle):
@@ -164,6 +168,7 @@ def inject(settings, observer, motion, walls, output):
     acted = 1.0 if walls.release > 0.0 and walls.touched > 0.0 else 0.0
     limits, device = settings.passivity, settings.hardware
     for i in range(AXES):
+        # the sampled loop takes no more than b of added damping
         most = device.damping[i] if limits.control else 0.0
         generated, velocity = observer.observed_energy[i], motion.device_velocity[i]
         injected = passivity.injected_damping(generated, limits.budget, velocity, settings.period, most)
@@ -194,6 +199,7 @@ def hold_begins(settings, observer, hold, motion, walls, output):
         observer.damper[i] = coupled + output.engage * output.injected[i] + cancelled
     for j in range(int(wall.count)):
         nx, ny = wall.x[j], wall.y[j]
+        # a damper acts inside its wall only
         damping = output.engage * (1.0 - walls.release) * wall.damping[j] if walls.depth[j] > 0.0 else 0.0
         observer.damper[0] += device.scale[0] ** 2 * damping * (nx * nx + abs(nx * ny) * settings.passivity.cross)
         observer.damper[1] += device.scale[1] ** 2 * damping * (ny * ny + abs(nx * ny) / settings.passivity.cross)

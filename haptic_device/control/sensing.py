@@ -11,9 +11,11 @@ def sense(settings, motion, samples, compensation, fault, sensors, output):
 
     Counts that change without a newer time move nothing: their way counts when such a time has come.
     """
+    # between two samples, not two deadlines: backward difference by the device's own time
     motion.elapsed = (sensors.latched - motion.sample_time) * 1e-9 if motion.started else 0.0
     _keep_time(motion, samples, sensors)
     opened = (int(sensors.command) & enable_state.CLUTCH) != 0
+    # under an open clutch the device moves and the handle does not
     device = settings.hardware
     for i in range(int(settings.axes)):
         seen = velocity_estimator.position_of(sensors.counts[i], device.position_per_count[i], device.zero[i])

@@ -30,19 +30,23 @@ def tick(settings, state, tick):
     sensors, tool, output = tick.sensors, tick.tool, tick.output
     motion, hold, enable = state.motion, state.hold, state.enable
     observer, spring, walls, fault = state.observer, state.spring, state.walls, state.fault
+    # what has been
     sensing.sense(settings, motion, state.samples, state.compensation, fault, sensors, output)
     virtual_wall.measure_depths(settings.wall, walls, motion.handle)
     passivity_observer.hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
     _tell_energy(settings.passivity, observer, output)
+    # what is wanted
     exchange_controller.move_set_point(settings, state, sensors, tool, output)
     passivity_observer.release_wall_energy(settings, observer, motion, walls, enable)
     virtual_wall.push(settings.wall, walls, output)
     virtual_coupling.pull(settings, output)
     damping_compensation.compensate(settings, state.compensation, motion, walls, output)
     passivity_observer.inject(settings, observer, motion, walls, output)
+    # whether it may be
     faults.watch(settings, fault, enable, motion, sensors)
     enable_state.advance(settings, enable, fault, motion, sensors, output)
     motor.command(settings, enable, fault, hold, output)
+    # what will be held until the next tick
     passivity_observer.hold_begins(settings, observer, hold, motion, walls, output)
     exchange_controller.tick_ended(settings, state, output)
 

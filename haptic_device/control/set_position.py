@@ -84,6 +84,7 @@ def scale_to_available_energy(available, wanted, square):
         return 1.0
     if available <= 0.0:
         return 0.0
+    # U(σ s) ≤ σ U(s), and ≤ σ² ½ κ s²
     return max(available / wanted, math.sqrt(available / square))
 
 
@@ -93,6 +94,7 @@ def damper_share(tank, force_square, period):
 
     force_square: Σ g²/(b − c) over the axes [W].
     """
+    # max over Δx of g Δx − (b − c) Δx²/T
     worst = 0.25 * force_square * period
     if worst <= tank:
         return 1.0
@@ -105,5 +107,6 @@ def dissipated(counted, way, step, elapsed):
 
     way: of the midpoints; step: of the encoder, by which both ends of the way together may be wrong.
     """
+    # an encoder step of way is nobody's dissipation for certain
     sure = abs(way) - step
     return max(counted, sure * sure / elapsed) if sure > 0.0 and elapsed > 0.0 else counted

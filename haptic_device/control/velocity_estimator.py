@@ -22,6 +22,7 @@ def velocity_of(previous, displacement, elapsed, lag):
     """
     if elapsed <= 0.0:
         return previous
+    # lag · (v⁺ − v) + T v⁺ = Δx
     return (lag * previous + displacement) / (lag + elapsed)
 
 
@@ -39,6 +40,7 @@ def adaptive_velocity(times, positions, newest, count, longest, step):
         span = times[newest] - times[oldest]
         if span <= 0.0:
             break
+        # through both ends of the window
         slope = (positions[newest] - positions[oldest]) / span
         if not _on_line(times, positions, newest, window, slope, step):
             break

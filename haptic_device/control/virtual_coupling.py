@@ -25,6 +25,7 @@ def spring_store(stiffness, limit, stretch):
     force = stiffness * abs(stretch)
     if force <= limit:
         return 0.5 * force * abs(stretch)
+    # ∫ limit ds beyond the corner at limit/K
     return limit * (abs(stretch) - 0.5 * limit / stiffness)
 
 
@@ -36,5 +37,6 @@ def pull(settings, output):
         stretch = output.coupling_position[i] - output.position[i]
         rate = output.coupling_velocity[i] - output.velocity[i]
         force = spring_force(gains.stiffness[i], gains.limit[i], stretch)
+        # backward Euler of both: the velocities are those of this tick
         force += gains.damping[i] * rate
         output.force_coupling[i] = output.exchange_fade * force if output.exchange_fade > 0.0 else 0.0

@@ -82,6 +82,7 @@ def move_set_point(settings, own, tank, spring, hold, motion, tool, output):
     _effective_mass(settings, own, motion, output)
     tool_contacts.see(settings, own, age)
     found = _solve(settings, own, motion)
+    # (3), or it stays where it is, which costs nothing
     if not found or not _pay_for_move(settings, own, tank, spring, hold, motion):
         own.stays += 1.0 if found else 0.0
         own.unsolved += 0.0 if found else 1.0
@@ -113,6 +114,7 @@ def _effective_mass(settings, own, motion, output):
     period, gains, contacts = settings.period, settings.coupling, own.contacts
     for i in range(AXES):
         mass = contacts.inertia if i == 2 else contacts.mass
+        # an axis that is not there cannot be moved
         own.mass[i] = mass if i < settings.axes else LOCKED
         own.right[i] = own.mass[i] * own.velocity[i]
         if i < settings.axes:
@@ -137,6 +139,7 @@ def _solve(settings, own, motion):
     for i in range(int(settings.axes)):
         stretch = own.pose[i] + settings.period * own.trial[i] - motion.handle[i]
         pull = gains.stiffness[i] * stretch
+        # a clamped spring is a constant force: without K in A, with ± limit in r
         if abs(pull) > gains.limit[i]:
             clamped = True
             own.mass[i] -= settings.period**2 * gains.stiffness[i]
@@ -169,6 +172,7 @@ def _pay_for_move(settings, own, tank, spring, hold, motion):
         change = gains.stiffness[i] * beyond + abs(push - spring.push[i])
         hidden += energy_tank.hidden_energy(settings, i, change)
         stored += virtual_coupling.spring_store(gains.stiffness[i], gains.limit[i], stretch)
+        # as the damper of pspm: the handle's worst motion
         worst += _worst_draw(settings, i, scale[i] * abs(push))
     left = tank.level + energy_tank.stored(settings, spring, hold, motion) - stored
     if left - kinetic(own.contacts, settings.axes, own.trial) < hidden + worst:

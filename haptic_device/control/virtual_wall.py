@@ -18,6 +18,7 @@ def wall_force(stiffness, damping, depth, depth_rate):
     """
     if depth <= 0.0:
         return 0.0
+    # the damper alone would hold the leaving handle
     return max(0.0, stiffness * depth + damping * depth_rate)
 
 
@@ -41,6 +42,7 @@ def push(wall, walls, output):
         nx, ny = wall.x[i], wall.y[i]
         rate = -(nx * output.velocity[0] + ny * output.velocity[1])
         force = wall_force(wall.stiffness[i], wall.damping[i], walls.depth[i], rate)
+        # what has been let go of pushes no more
         force *= 1.0 - walls.release
         output.force_walls[0] += nx * force
         output.force_walls[1] += ny * force

@@ -58,6 +58,7 @@ def _preemption():
 
 def _fifo(priority):
     said = []
+    # in a thread of its own: what it gets, this one keeps not
     thread = threading.Thread(target=lambda: said.append(scheduling.try_fifo(priority)))
     thread.start()
     thread.join()
@@ -73,6 +74,7 @@ def _fifo(priority):
 
 def _memory():
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    # root may lock all; a page fault in a tick makes it late
     free = limit == resource.RLIM_INFINITY or os.geteuid() == 0
     found = "no limit" if free else f"{limit // 1024} KiB may be locked"
     return Check("locked memory", found, free, f"`@yourgroup - memlock unlimited` in {_LIMITS}/haptic.conf")
@@ -115,6 +117,7 @@ def _virtual():
 
 
 def _throttle():
+    # a loop that never sleeps would be stopped for the rest of each second
     share = _read("/proc/sys/kernel/sched_rt_runtime_us") or "unknown"
     found = f"{share} us a second for real-time threads" if share != "-1" else "real-time threads are never stopped"
     return Check("real-time throttle", found, True, "")

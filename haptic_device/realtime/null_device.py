@@ -7,6 +7,7 @@ from haptic_device.jit import kernel
 from haptic_device.realtime import hardware_interface
 
 
+# it answers at once, so that a tick is all that is measured
 class NullDevice:
     """Always there, at count 0; what the motor is told goes nowhere."""
 

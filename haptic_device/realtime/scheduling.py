@@ -55,6 +55,7 @@ def lift_threads(wish, priority):
     """
     if wish == "off":
         return
+    # the caller keeps what it has
     for thread in os.listdir("/proc/self/task"):
         if int(thread) != threading.get_native_id():
             try:
@@ -75,6 +76,7 @@ def stay_on_one_core(has):
     """
     if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK != os.SCHED_FIFO:
         return has
+    # the first core: the servo is woken on another
     first, priority = {min(os.sched_getaffinity(0))}, os.sched_getparam(0)
     os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, priority)
     for thread in os.listdir("/proc/self/task"):

@@ -77,10 +77,12 @@ def run_realtime(
     atomic.store(control, RUNNING, 1)
     while atomic.load(control, STOP) == 0:
         clock.sleep_until(deadline, scratch)
+        # what has been slept through is missed, and the deadline goes on in whole periods
         woke = clock.now_ns(scratch)
         late = (woke - deadline) // period
         missed, deadline = missed + late, deadline + late * period
         patience = period // 2 if fresh else period // 16  # a device that is gone must not keep the processor busy
+        # the device may be late itself; the servo waits for it a little
         fresh = read(memory_of_link, deadline, deadline + patience, sample)
         began = clock.now_ns(scratch)
         settings_turn = _take(control, settings_mail, settings_staged, settings_words, settings_turn)
@@ -98,10 +100,12 @@ def run_realtime(
         servo.tick(settings[0], state[0], tick)
         for i in range(AXES):
             motor[i] = tick.output.motor[i]
+        # the motor comes before all that is only told
         written = clock.now_ns(scratch)
         engaged = np.int64(tick.output.state == enable_state.ENGAGED)
         write(memory_of_link, written, deadline + period, period, engaged, motor)
         atomic.publish(row_mail, 0, seqlock.FIRST, words)
+        # a full ring drops the row; the servo never waits for its reader
         slot = seqlock.ring_slot(ring, rows.size)
         if slot >= 0:
             copy_tick(ticks, rows, slot)
@@ -110,6 +114,7 @@ def run_realtime(
         delay = (written - deadline) * 1e-9
         compute = (clock.now_ns(scratch) - began) * 1e-9
         number, deadline = number + 1, deadline + period
+    # however the loop ends
     write(memory_of_link, clock.now_ns(scratch), deadline, period, 0, zero)
     atomic.store(control, RUNNING, 0)
     return missed

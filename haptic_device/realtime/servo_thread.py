@@ -44,6 +44,7 @@ class ServoThread:
         self._resets, self._zero = 0, settings["hardware"]["zero"].copy()
         self.set(settings)
         self.snapshot()  # what it calls is compiled now: that holds the interpreter, and would disturb an exchange
+        # compiling takes seconds and a core
         self._run_ticks = servo_loop.realtime()  # and not by the thread, which is urgent
         self._thread = threading.Thread(target=self._run, name="servo")
 
@@ -105,6 +106,7 @@ class ServoThread:
         """
         for _ in range(SNAPSHOT_ATTEMPTS):
             settings, row, state = self.settings.get()[0], self.row.get()[0], self._state[0].copy()
+            # else the servo may have begun the next tick while it was copied
             whole = time.monotonic_ns() < int(row.deadline) + round(settings.period * SECOND)
             if whole and row.parameter_version == settings.version:
                 return tick_replay.snapshot_of(row.tick, settings, state)
@@ -118,6 +120,7 @@ class ServoThread:
             return
         finally:
             self._ready.set()
+        # without a device there is nothing to hold, and no deadline
         while not (self.link.present() and self._take_home()):
             if self.control[servo_loop.STOP]:
                 return

@@ -85,10 +85,12 @@ def recompute(settings, state, rows, sets):
         if rows[k].contact_set != contacts.number:
             while at < sets.size - 1 and sets[at].number < rows[k].contact_set:
                 at += 1
+            # modes and pushes of contacts go on from set to set, so each is taken once
             if sets.size and sets[at].number == rows[k].contact_set:
                 tool_contacts.take(contacts, sets[at])
         for i in range(AXES):
             settings[0].passivity.margin[i], settings[0].passivity.surplus[i] = rows[k].margin[i], rows[k].surplus[i]
+        # inputs as recorded; servo.tick clears the outputs
         ticks.view(np.int64)[:] = rows[k : k + 1].view(np.int64)
         servo.tick(settings[0], state[0], ticks[0])
         copy_tick(ticks, rows, k)
@@ -101,6 +103,7 @@ def run_on_counts(settings, state, rows, tool, counts, start, first, write_delay
     tick, period = ticks[0], np.int64(round(settings[0].period * 1e9))
     for k in range(rows.size):
         deadline = start + k * period
+        # a device without delay
         sample[hardware_interface.LATCHED] = deadline
         sample[hardware_interface.COUNTS : hardware_interface.COUNTS + AXES] = counts[k]
         begin_tick(tick.sensors, first + k, deadline, 0, 0.0)
