@@ -57,7 +57,7 @@ def energy_given(settings, memory, row, path, scale, loss, watched):
             position[i] += moved
         if 2 * k >= len(path):
             most = max(most, given)
-    watched[2] += one.stays + one.unsolved
+    watched[2] += one.virtual_tool.stays + one.virtual_tool.unsolved
     return most
 
 
@@ -83,22 +83,13 @@ def _tool(record, genes, scale, position, k):
 
 @njit
 def _set(memory, genes, scale, k):
-    memory.virtual_tool.contacts.number, memory.virtual_tool.contacts.fresh, memory.virtual_tool.contacts.extent = (
-        k + 1.0,
-        1.0,
-        0.0,
-    )
-    memory.virtual_tool.contacts.mass, memory.virtual_tool.contacts.inertia = (
-        0.1 * 10.0 ** (0.3 * genes[WHOLE]),
-        1e-4 * 10.0 ** (0.3 * genes[WHOLE]),
-    )
-    memory.virtual_tool.contacts.gravity[0], memory.virtual_tool.contacts.gravity[1] = (
-        10.0 * genes[WHOLE + 1],
-        10.0 * genes[WHOLE + 2],
-    )
-    memory.virtual_tool.contacts.trust = 0.0 if genes[WHOLE + 3] > 2.5 else 10.0
+    contacts = memory.virtual_tool.contacts
+    contacts.number, contacts.fresh, contacts.extent = k + 1.0, 1.0, 0.0
+    contacts.mass, contacts.inertia = 0.1 * 10.0 ** (0.3 * genes[WHOLE]), 1e-4 * 10.0 ** (0.3 * genes[WHOLE])
+    contacts.gravity[0], contacts.gravity[1] = 10.0 * genes[WHOLE + 1], 10.0 * genes[WHOLE + 2]
+    contacts.trust = 0.0 if genes[WHOLE + 3] > 2.5 else 10.0
     for i in range(3):
-        memory.virtual_tool.contacts.pose[i] = memory.virtual_tool.pose[i]
+        contacts.pose[i] = memory.virtual_tool.pose[i]
     for f in range(FEATURES):
         _feature(memory, genes[FIRST + f * OWN :], scale, f)
 

@@ -216,12 +216,12 @@ def test_the_books_never_credit_what_contacts_said_beyond_the_truth():
 def test_a_set_of_contacts_keeps_the_modes_of_those_that_were_there():
     memory, new = np.zeros(1, records.STATE), np.zeros(1, contact_model.SET)
     new["table"][0, 0, contact_model.IDENTITY], new["table"][0, 3, contact_model.IDENTITY] = 5.0, 6.0
-    tool_contacts.take(memory[0], new[0])
+    tool_contacts.take(memory[0].virtual_tool.contacts, new[0])
     memory["virtual_tool"]["contacts"]["constraints"][0, 0, 11] = memory["virtual_tool"]["contacts"]["constraints"][
         0, 3, 11
     ] = 1.0
     new["table"][0, 3, contact_model.IDENTITY] = 7.0
-    tool_contacts.take(memory[0], new[0])
+    tool_contacts.take(memory[0].virtual_tool.contacts, new[0])
     assert (
         memory["virtual_tool"]["contacts"]["constraints"][0, 0, 11] == 1.0
         and memory["virtual_tool"]["contacts"]["constraints"][0, 3, 11] == 0.0
