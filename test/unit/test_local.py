@@ -10,7 +10,7 @@ from exchange_systems import demo_system, one_axis
 from adversary import exchange_search as adversary
 from bench.exchange import felt as local_felt
 from bench.exchange.felt import FINE, NETWORKS, compare
-from haptic_device.control import contact_model, records, tool_contacts
+from haptic_device.control import contact_model, contact_solver, records, tool_contacts
 from haptic_device.message_fields import COMMON, EACH, LOCAL_CONTACT, MOST
 from haptic_device.realtime import tick_replay
 from haptic_device.recording.layouts import CloudLayout
@@ -214,18 +214,14 @@ def test_the_books_never_credit_what_contacts_said_beyond_the_truth():
 
 
 def test_a_set_of_contacts_keeps_the_modes_of_those_that_were_there():
-    memory, new = np.zeros(1, records.STATE), np.zeros(1, contact_model.SET)
+    contacts, new = np.zeros(1, records.CONTACTS), np.zeros(1, contact_model.SET)
     new["table"][0, 0, contact_model.IDENTITY], new["table"][0, 3, contact_model.IDENTITY] = 5.0, 6.0
-    tool_contacts.take(memory[0].virtual_tool.contacts, new[0])
-    memory["virtual_tool"]["contacts"]["constraints"][0, 0, 11] = memory["virtual_tool"]["contacts"]["constraints"][
-        0, 3, 11
-    ] = 1.0
+    tool_contacts.take(contacts[0], new[0])
+    modes = contacts["constraints"][0, :, contact_solver.MODE]
+    modes[0] = modes[3] = contact_solver.STICK
     new["table"][0, 3, contact_model.IDENTITY] = 7.0
-    tool_contacts.take(memory[0].virtual_tool.contacts, new[0])
-    assert (
-        memory["virtual_tool"]["contacts"]["constraints"][0, 0, 11] == 1.0
-        and memory["virtual_tool"]["contacts"]["constraints"][0, 3, 11] == 0.0
-    )
+    tool_contacts.take(contacts[0], new[0])
+    assert (modes[0], modes[3]) == (contact_solver.STICK, contact_solver.OPEN)
 
 
 def points_of(sets):
