@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from haptic_device import ros_yaml
-from haptic_device.parameter import ROS_OWN, SECTION, Parameter, check_value, shown, unknown
+from haptic_device.parameter_types import ROS_OWN, SECTION, Parameter, check_value, shown, unknown
 
 
 def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
-from haptic_device.parameter import Group, Parameter, Watched, fixed, limits_of, live, parameters_of
+from haptic_device.parameter_types import Group, Parameter, Watched, fixed, limits_of, live, parameters_of
 
 MOST_WALLS = 64  # walls; settings are a record of fixed size
 KEPT = 33  # samples: windows of up to 32 ticks

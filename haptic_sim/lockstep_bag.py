@@ -9,7 +9,7 @@ from haptic_device import provenance
 from haptic_device.control import exchange_samples
 from haptic_device.message_fields import TAIL
 from haptic_device.nodes.bag_attachments import YAML
-from haptic_device.parameter import SECTION
+from haptic_device.parameter_types import SECTION
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import tick_replay
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, CloudLayout, JointLayout, types

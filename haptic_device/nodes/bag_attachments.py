@@ -4,7 +4,7 @@
 from pathlib import Path
 
 from haptic_device.config_files import find
-from haptic_device.parameter import SECTION
+from haptic_device.parameter_types import SECTION
 from haptic_device.recording.metadata import dump
 
 YAML = "application/yaml"

@@ -17,7 +17,7 @@ from rclpy.utilities import remove_ros_args
 from haptic_device.nodes import messages
 from haptic_device.nodes.participant_id import own_participant_id
 from haptic_device.nodes.ros_parameters import declare
-from haptic_device.parameter import Parameter
+from haptic_device.parameter_types import Parameter
 
 LOOK_UP = 0.05  # [s] longest time a signal waits
 DIAGNOSTICS_PERIOD = 0.5  # [s]

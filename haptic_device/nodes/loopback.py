@@ -62,9 +62,9 @@ class LoopbackNode(ManagedNode):
 
     def deactivate(self):
         """Stops them."""
+        self._control[simulated_device.STOP] = 1  # first: whatever else fails, the plant ends
         if self.failure:
             self.diagnose()
-        self._control[simulated_device.STOP] = 1
         for thread in (self._thread, self._publisher):
             if thread is not None:
                 thread.join()

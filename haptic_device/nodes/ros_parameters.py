@@ -9,7 +9,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from haptic_device.parameter import ROS_OWN, Parameter, check_value, unknown
+from haptic_device.parameter_types import ROS_OWN, Parameter, check_value, unknown
 
 INT64 = (-(2**63), 2**63 - 1)
 MOST_AT_ONCE = 200  # entries of a request, more than any node has; each takes milliseconds, and others wait for all

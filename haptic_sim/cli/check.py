@@ -9,8 +9,8 @@ import typer
 from haptic_device import controller_config, gain_check, ros_yaml
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config
-from haptic_device.parameter import SECTION, check_value, unknown
 from haptic_device.parameter_files import operating_point_problems, read_operating_point
+from haptic_device.parameter_types import SECTION, check_value, unknown
 from haptic_device.parameters import OPERATOR
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.scene import load as load_scene

@@ -134,7 +134,7 @@ _MODULES = {
 
 def _program(name: str, values: dict, declared: tuple, operating_point: Path) -> Program:
     """Checks the values against the node's declarations before any node starts. Raises ValueError, one sentence."""
-    from haptic_device.parameter import check_value, unknown
+    from haptic_device.parameter_types import check_value, unknown
 
     known = {parameter.name: parameter for parameter in declared}
     for key, value in values.items():

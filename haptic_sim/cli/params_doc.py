@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from haptic_device.control.faults import TABLE
-from haptic_device.parameter import Parameter
+from haptic_device.parameter_types import Parameter
 from haptic_sim.cli.nodes import NODES
 
 HEAD = """# Parameters

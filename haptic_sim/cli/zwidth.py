@@ -76,7 +76,7 @@ def _live(name, period, damping, stiffness_max, domain, namespace, as_json):
     from haptic_device.analysis.quantity import finite, positive
     from haptic_device.config_files import find
     from haptic_device.description import load_device
-    from haptic_device.parameter import check_value
+    from haptic_device.parameter_types import check_value
     from haptic_device.parameters import OPERATING_POINT
     from haptic_sim.cli.processes import NodeDiedError
 

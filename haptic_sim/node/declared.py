@@ -3,7 +3,7 @@
 
 from typing import Literal
 
-from haptic_device.parameter import Group, Watched, fixed, limits_of, live, parameters_of
+from haptic_device.parameter_types import Group, Watched, fixed, limits_of, live, parameters_of
 from haptic_device.parameters import Exchange, ExchangeMethod, Realtime
 from haptic_sim.port_limits import BUDGET, LIMITS
 from haptic_sim.scene import AUTO, METHODS

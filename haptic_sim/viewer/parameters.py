@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of haptic_viewer."""
 
-from haptic_device.parameter import Group, fixed, parameters_of
+from haptic_device.parameter_types import Group, fixed, parameters_of
 
 
 class Viewer(Group):

@@ -5,7 +5,7 @@ import math
 
 import yaml
 
-from haptic_device.parameter import SECTION, Parameter
+from haptic_device.parameter_types import SECTION, Parameter
 from haptic_device.parameters import NODES as DEVICE_NODES
 from haptic_sim.node.declared import PARAMETERS as SIMULATION
 

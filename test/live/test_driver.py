@@ -421,11 +421,11 @@ def by_itself(heard, begin):
     return next((values for values in told[new:] if values["state"] != "idle"), None)
 
 
-def test_on_rclpy_a_driver_that_waits_for_a_tool_enables_by_itself_when_it_answers(nodes, ear):
+def test_a_driver_that_waits_for_a_tool_enables_by_itself_when_it_answers(nodes, ear):
     heard = ear.said["haptic_driver"]
     begin = len(heard)
     ear.go_to(0.0)
-    nodes.start("haptic_driver", exchange__path="rclpy", auto_enable=True, auto_enable_wait=600.0, **DRIVER)
+    nodes.start("haptic_driver", auto_enable=True, auto_enable_wait=600.0, **DRIVER)
     values = ear.until(lambda: by_itself(heard, begin), "enabled by itself")
     assert int(values["exchange_answered"]) > 0
     assert values["fault"] == ""

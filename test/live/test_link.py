@@ -363,7 +363,7 @@ def test_signals_neither_repeat_a_tick_nor_take_missed_ones_back(servo_thread):
 
 def test_only_who_attends_keeps_an_enabled_servo_from_being_unattended(servo_thread):
     alone = settings()
-    alone["unattended"] = 0.2
+    alone["fault"]["unattended"] = 0.2
     thread = servo_thread(NullDevice(), alone)
     thread.order(set_flags=enable_state.ENABLE)
     thread.start()
@@ -390,9 +390,7 @@ def test_a_record_whose_writer_does_not_end_is_not_taken_and_counted(served, ser
 
 def test_a_servo_is_compiled_by_whoever_makes_it_and_not_by_its_urgent_thread(servo_thread, monkeypatch):
     by, realtime = [], servo_loop.realtime
-    monkeypatch.setattr(
-        servo_loop, "realtime", lambda memory: by.append(threading.current_thread().name) or realtime(memory)
-    )
+    monkeypatch.setattr(servo_loop, "realtime", lambda: by.append(threading.current_thread().name) or realtime())
     thread = servo_thread()
     thread.start()
     thread.stop()

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from in_process import haptic
 
-from haptic_device.parameter import Parameter, check_value
+from haptic_device.parameter_types import Parameter, check_value
 from haptic_sim.cli.check import problems
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.cli.params_doc import markdown

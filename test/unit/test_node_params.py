@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from haptic_device import ros_yaml
 from haptic_device.nodes.ros_parameters import declare, on_change
-from haptic_device.parameter import Parameter
+from haptic_device.parameter_types import Parameter
 
 STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", low=0.0, high=5000.0, live=True)
 RATE = Parameter("rate", 4000, "Hz", "servo rate", low=1000, high=10000)
