@@ -25,6 +25,7 @@ def settings_of(device):
     settings = np.zeros(1, records.SETTINGS)
     settings["axes"], described = len(device.axes), settings["hardware"][0]
     described["scale"] = device.scale[0], device.scale[0], device.scale[1]
+    described["delay"] = device.sensing_delay + device.actuation_delay
     for i, axis in enumerate(device.axes):
         described["position_per_count"][i] = axis.encoder_sign / axis.counts_per_unit
         described["zero"][i] = -axis.zero
@@ -53,9 +54,8 @@ def settings_from(device, values, version=0):
     settings["force"]["limit"][0] = (values["force.limit"], values["force.limit"], values["force.limit_rotational"])
     _set_walls(settings, values)
     _set_exchange(settings, values)
-    settings["passivity"]["margin"][0] = gain_check.margins(settings[0], 0.0)[0]
     settings["passivity"]["cross"] = gain_check.cross(settings[0])
-    return settings
+    return gain_check.counted(settings, float(settings["hardware"]["delay"][0]))
 
 
 def _set_exchange(settings, values):
@@ -67,7 +67,6 @@ def _set_exchange(settings, values):
     ratio = values["force.limit_rotational"] / values["force.limit"] if values["force.limit"] > 0.0 else 1.0
     settings["exchange"]["slew"][0] = values["exchange.slew"] * np.array([1.0, 1.0, ratio])
     settings["exchange"]["agility"][0] = values["exchange.agility"] * np.array([1.0, 1.0, 1.0 / ARM])
-    settings["passivity"]["surplus"][0] = gain_check.surplus(settings[0], 0.0)
 
 
 def _set_walls(settings, values):

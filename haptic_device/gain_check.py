@@ -12,10 +12,19 @@ SWITCHED = 2.0
 the last steps, and the l² norm of that maximum is at most twice that of the steps (Hardy and Littlewood 1930)."""
 
 
+def counted(settings, lateness):
+    """The same SETTINGS array of one, with what is left of the damping where forces act this late [s]; see margins."""
+    known = settings["passivity"]
+    known["lateness"], known["margin"][0] = lateness, margins(settings[0], lateness)[0]
+    known["surplus"][0] = surplus(settings[0], lateness)
+    return settings
+
+
 def surplus(settings, lateness):
-    """Damping [N s/m | N m s/rad] of each axis that no gain needs, whatever the direction: by Gershgorin's bound."""
+    """Damping [N s/m | N m s/rad] of each axis that no standing spring or damper needs, by Gershgorin's bound."""
     worst = np.array(settings["hardware"]["damping"], float)
-    for need in _needs(settings, lateness):
+    # what a coupling needs beyond a wall is for what late forces give: the tank sets that aside (control/energy_tank)
+    for need in _needs(settings, lateness, passivity.least_damping):
         left = np.diag(settings["hardware"]["damping"]) - need
         crossed = np.sum(np.abs(left), axis=1) - np.abs(np.diag(left))
         worst = np.minimum(worst, np.diag(left) - crossed)
@@ -42,8 +51,11 @@ def softer(wished, known, lateness):
     return all(np.linalg.eigvalsh(old - new)[0] >= -1e-9 for new, old in pairs)
 
 
-def _needs(settings, lateness):
-    """Damping that all gains together need, as matrices over x, y, theta: outside of walls, and inside."""
+def _needs(settings, lateness, coupling=passivity.coupling_damping):
+    """Damping that all gains together need, as matrices over x, y, theta: outside of walls, and inside.
+
+    coupling: what a coupling needs; passivity.least_damping for one whose set position stands still.
+    """
     outside, inside = np.zeros((2, 3, 3))
     period, scale, switched = float(settings["period"]), settings["hardware"]["scale"], _switched(settings)
     for i in range(int(settings["axes"])):
@@ -52,7 +64,7 @@ def _needs(settings, lateness):
             (inside, abs(settings["coupling"]["damping"][i])),
         ):
             stiffness = settings["coupling"]["stiffness"][i]
-            need[i, i] = scale[i] ** 2 * passivity.least_damping(stiffness, damping * switched, period, lateness)
+            need[i, i] = scale[i] ** 2 * coupling(stiffness, damping * switched, period, lateness)
         alone = passivity.least_damping(0.0, _cancelled(settings, i) * switched, period, lateness)  # with no tool
         outside[i, i] = max(outside[i, i], scale[i] ** 2 * alone)
     for j in range(int(settings["wall"]["count"])):
@@ -120,7 +132,7 @@ def _blames(settings, lateness):
         there = 1.0 / np.sum(normal[has] ** 2 / settings["hardware"]["damping"][has])
         gains = settings["wall"]["stiffness"][j], settings["wall"]["damping"][j]
         price = _switch_price(settings, normal, lateness)
-        yield _blame("wall.stiffness", *gains, there, settings, lateness, price)
+        yield _blame("wall.stiffness", passivity.least_damping, *gains, there, settings, lateness, price)
     for i in range(int(settings["axes"])):
         there = settings["hardware"]["damping"][i] / settings["hardware"]["scale"][i] ** 2
         yield _blame_cancellation(settings, i, lateness)
@@ -130,27 +142,26 @@ def _blames(settings, lateness):
         told = f"{name}damping {settings['coupling']['damping'][i]:.4g} {'N m s/rad' if i == 2 else 'N s/m'}"
         if counted > abs(settings["coupling"]["damping"][i]):
             told += f" and cancellation.ratio {settings['cancellation']['ratio']:g}"
-        yield _blame(
-            f"{name}stiffness", settings["coupling"]["stiffness"][i], counted, there, settings, lateness, told=told
-        )
+        need, stiffness = passivity.coupling_damping, settings["coupling"]["stiffness"][i]
+        yield _blame(f"{name}stiffness", need, stiffness, counted, there, settings, lateness, told=told)
 
 
-def _blame(name, stiffness, damping, there, settings, lateness, price=1.0, told=""):
-    """told: which gains make the damping that counts, where it is not the wall's own."""
+def _blame(name, needed, stiffness, damping, there, settings, lateness, price=1.0, told=""):
+    """needed: of a wall or a coupling; told: which gains make the damping that counts, if it is not the wall's own."""
     period, counted = float(settings["period"]), damping * _switched(settings)
-    need = price * passivity.least_damping(stiffness, counted, period, lateness)
+    need = price * needed(stiffness, counted, period, lateness)
     if need < there:
         return ""
     unit, damping_unit = ("N m/rad", "N m s/rad") if "rotational" in name else ("N/m", "N s/m")
-    per_stiffness = passivity.least_damping(1.0, 0.0, period, lateness)
-    most = max(0.0, there / price - passivity.least_damping(0.0, counted, period, lateness)) / per_stiffness
+    per_stiffness = needed(1.0, 0.0, period, lateness)
+    most = max(0.0, there / price - needed(0.0, counted, period, lateness)) / per_stiffness
     twice = " (twice, for adaptive_window)" if counted > damping else ""
     late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
     late += ", cancellation.band being narrower than a tick's travel" if price > 1.0 else ""
     return (
         f"{name} {stiffness:.6g} {unit} with {told or f'damping {damping:.4g} {damping_unit}'}{twice} "
         f"needs b > {need:.4g} {damping_unit} at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: "
-        f"at most {math.floor(most):g} {unit}"
+        f"at most {math.floor(most):g} {unit}{', or more with a shorter delay' if lateness > 0.0 else ''}"
     )
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device import controller_config
+from haptic_device import controller_config, gain_check
 from haptic_device.control import contact_model, enable_state, exchange_samples, records, tool_contacts
 from haptic_device.device import loopback_config, simulated_device
 from haptic_device.parameters import EXCHANGE_METHODS
@@ -47,6 +47,7 @@ class Lockstep:
     ):
         self.device, self.simulation, self.network, self._hand = device, simulation, network, hand
         self.settings = controller_config.settings_from(device, driver)
+        gain_check.counted(self.settings, float(self.settings["hardware"]["delay"][0]) + write_delay)
         self.gains = controller_config.gains_from(driver)[0]
         self.memory, self.tool = np.zeros(1, records.STATE), np.zeros(1, servo_loop.TOOL)
         self.plant, self.plant_memory, self.motion = loopback_config.hand_from(device, loopback)

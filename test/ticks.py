@@ -7,4 +7,5 @@ from haptic_device.realtime import tick_replay
 def tick(settings, memory, row):
     """One tick, in place; SETTINGS, MEMORY and TICK arrays of one."""
     row["margin"], row["surplus"] = settings["passivity"]["margin"], settings["passivity"]["surplus"]
+    row["lateness_counted"] = settings["passivity"]["lateness"]
     tick_replay.recompute(settings, memory, row, tick_replay.NO_SETS)

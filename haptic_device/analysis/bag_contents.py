@@ -44,6 +44,7 @@ TRACE_UNITS = {
     "energy_given": "J",
     "margin": "N s/m | N m s/rad",
     "surplus": "N s/m | N m s/rad",
+    "lateness_counted": "s",
     "exchange_tank": "J",
     "exchange_effort": "N | N·m, of waves N s | N·m·s",
     "motor": "N | N·m",

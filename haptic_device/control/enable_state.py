@@ -42,6 +42,7 @@ def advance(settings, enable, fault, motion, sensors, output):
     # nobody is pushed by what stood there before: engaging waits for a small force
     small = math.hypot(wanted_x, wanted_y) < limits.force and abs(output.force_coupling[2]) < limits.torque
     enable.state = engage_state(int(enable.state), enabled, fault.code != 0.0, small, enable.ramp)
+    enable.ramp_before = enable.ramp
     ramp = force_ramp(int(enable.state), enable.ramp, settings.period, limits.time)
     enable.ramp = min(ramp, enable.ramp) if motion.stale_ticks > 0.0 else ramp  # nothing rises on old counts
     output.engage = enable.ramp

@@ -2,7 +2,8 @@
 """The energy tank of the device's side, for whatever set position an exchange method wants (control/set_position).
 
 It is filled by what the hand dissipates beyond what the gains need, and by what the spring lets go; it pays for what
-the spring gains when the set position, or a factor on the spring, moves. One tank for all axes.
+the spring gains when the set position, or a factor on the spring, moves, and for what that change of force may give
+while the old force still acts (change_cost). One tank for all axes.
 """
 
 import math
@@ -15,6 +16,7 @@ from haptic_device.control.virtual_coupling import spring_force, spring_store
 from haptic_device.jit import kernel, njit
 
 NOTHING_PAID = np.zeros(3)
+ROUNDING = 1e-9  # [s] of a write's delay that is no delay
 
 
 @kernel
@@ -26,13 +28,18 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fil
     if not tank.filled:
         tank.filled, tank.level, tank.sample_before = 1.0, settings.exchange.budget, sensors.latched
         _open_window(settings, tank, motion, sensors.latched)
+    _set_aside(settings, tank)
     # the hold lasts from sample to sample, not from deadline to deadline
     time = (sensors.latched - tank.sample_before) * 1e-9
-    regained = settings.version != tank.version  # damper and surplus of the hold that ends are not these
+    # a write later than what is counted with is no hold to earn anything by
+    late = sensors.write_delay - (settings.passivity.lateness - settings.hardware.delay)
+    # damper and surplus of the hold that ends are not these
+    regained = settings.version != tank.version or hold.regained > 0.0
     if int(sensors.device_status) & faults.WATCHDOG and spring.factor_held > 0.0:
         _forget_spring(settings, tank, spring)
         _open_window(settings, tank, motion, sensors.latched)
-    elif regained or max(time, tank.hold_before) > LONG * settings.period:
+    elif regained or late > ROUNDING or max(time, tank.hold_before) > LONG * settings.period:
+        _charge_late_write(settings, tank, spring, max(0.0, late))
         _count_drawn(settings, tank, spring, hold, motion, enable)
         _charge_changes(settings, tank, hold, motion, enable, time)
         _charge_long_hold(settings, tank, spring, hold, motion, time)
@@ -44,6 +51,29 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fil
         _count_dissipated(settings, tank, spring, hold, motion, sensors.latched, damper_fills)
         tank.owed = min(tank.owed, max(0.0, -tank.level))
     tank.sample_before, tank.hold_before, tank.version = sensors.latched, time, settings.version
+    hold.regained = 0.0
+
+
+@njit
+def _set_aside(settings, tank):
+    """Of the damping that no standing gain needs, what pays for late changes of force, their price, and the rest."""
+    for i in range(int(settings.axes)):
+        square, left = settings.hardware.scale[i] ** 2, settings.passivity.surplus[i]
+        stiffness, lateness = square * settings.coupling.stiffness[i], settings.passivity.lateness
+        reserve = passivity.late_reserve(stiffness, settings.period, lateness, left)
+        tank.price[i] = square * passivity.late_price(reserve, settings.period, lateness)
+        tank.surplus[i] = left - reserve
+
+
+@njit
+def _charge_late_write(settings, tank, spring, late):
+    """What the last tick's change of force may give over the time [s] by which it was written later than counted."""
+    for i in range(int(settings.axes)):
+        # max over the way of q Δx − b Δx²/t, and no more than the handle may move at all
+        force = settings.hardware.scale[i] * spring.changed[i]
+        most = force * settings.hardware.velocity_limit[i] * late
+        damping = max(1e-12, tank.surplus[i])
+        tank.level -= min(most, 0.25 * force * force * late / damping)
 
 
 @njit
@@ -98,14 +128,15 @@ def _charge_long_hold(settings, tank, spring, hold, motion, time):
     if time <= 0.0:
         return
     spare = 0.0 if settings.wall.count > 0.0 else 1.0
+    late = settings.passivity.lateness / settings.period
     for i in range(int(settings.axes)):
         scale, damping = settings.hardware.scale[i], settings.hardware.damping[i]
         # one let go unseen held too
         stiffness = max(spring.stiffness[i], spring.factor_held * settings.coupling.stiffness[i])
         cancelled = settings.cancellation.ratio * damping / settings.period
         lost = spare * damping / time
-        # (κT/2 of the spring + what is cancelled − what the damper took) Δx²/T
-        gained = (0.5 * scale**2 * stiffness + cancelled - lost) * motion.moved[i] ** 2
+        # (κT/2 of the spring, κT a period of delay + what is cancelled − what the damper took) Δx²/T
+        gained = ((0.5 + late) * scale**2 * stiffness + cancelled - lost) * motion.moved[i] ** 2
         known = not hold.limited[i] and _is_known(settings, tank, spring, i)
         tank.level -= max(0.0, gained + _damper_gained(settings, spring, i, scale * motion.moved[i], time, known))
 
@@ -147,18 +178,20 @@ def _count_dissipated(settings, tank, spring, hold, motion, latched, damper_fill
         way, step = tank.midpoint[i] - tank.window_from[i], abs(settings.hardware.position_per_count[i])
         counted = set_position.dissipated(tank.counted[i], way, step, elapsed)
         # (1): (b − c) ∫ v² dt, of which only the growth since the last tick
-        worth = _worth(settings, spring, i, damper_fills and not hold.limited[i])
+        worth = _worth(settings, tank, spring, i, damper_fills and not hold.limited[i])
         tank.level += worth * (counted - tank.counted[i])
         tank.counted[i] = counted
 
 
 @njit
-def _worth(settings, spring, i, damper_fills):
+def _worth(settings, tank, spring, i, damper_fills):
     """What ∫ v² dt fills in [N s/m]: b − c, and what the coupling's damper takes beside its bound."""
-    surplus = max(0.0, settings.passivity.surplus[i])
+    surplus = max(0.0, tank.surplus[i])
     if not damper_fills or settings.velocity.estimator != velocity_estimator.BACKWARD_DIFFERENCE:
         return surplus
-    damper = 2.0 * spring.factor_held * settings.coupling.damping[i] * settings.hardware.scale[i] ** 2
+    # only what it takes on time is a square of midpoints
+    on_time = max(0.0, 1.0 - settings.passivity.lateness / settings.period)
+    damper = 2.0 * on_time * spring.factor_held * settings.coupling.damping[i] * settings.hardware.scale[i] ** 2
     cancelled = settings.cancellation.ratio * settings.hardware.damping[i]
     return surplus + max(0.0, damper - cancelled)
 
@@ -170,7 +203,7 @@ def pay(settings, tank, spring, hold, motion, fade):
     A tank without the reserve moves nothing of its own: then the set position stays, or goes along with the handle.
     What a long hold left owing the spring pays, at once: it lets go of as much.
     """
-    held, kept = stored(settings, spring, hold, motion), reserve(settings, spring)
+    held, kept = stored(settings, spring, hold, motion), reserve(settings, tank, spring)
     # the spring may keep what it has, less what a long hold owes, and have what the tank can spare
     available = max(0.0, held + max(0.0, tank.level - kept) - tank.owed)
     left = tank.level + held - _reach_out(settings, tank, spring, motion, fade, 1.0, available)
@@ -184,13 +217,20 @@ def pay(settings, tank, spring, hold, motion, fade):
 
 
 @kernel
-def reserve(settings, spring):
-    """Energy [J] that half an encoder step may hide of a tick's fastest changes of force, and of dropping the push."""
-    hidden, risen = 0.0, abs(spring.factor - spring.factor_held)
+def reserve(settings, tank, spring):
+    """Energy [J] that a tick's fastest changes of force, and dropping the push, may cost (change_cost)."""
+    cost, risen = 0.0, abs(spring.factor - spring.factor_held)
     for i in range(int(settings.axes)):
         slew = (1.0 + set_position.DAMPER_SLEW) * settings.exchange.slew[i] * settings.period
-        hidden += hidden_energy(settings, i, slew + abs(spring.push[i]) + risen * settings.coupling.limit[i])
-    return hidden
+        change = slew + abs(spring.push[i]) + risen * settings.coupling.limit[i]
+        cost += hidden_energy(settings, i, change) + late_energy(tank, i, change)
+    return cost
+
+
+@kernel
+def late_energy(tank, i, change):
+    """Energy [J] that a change of force [N] which is not the handle's own may give while it is on its way."""
+    return tank.price[i] * change * change
 
 
 @kernel
@@ -275,11 +315,16 @@ def tick_ended(settings, tank, spring, motion, output, paid):
             own = abs(stretch - spring.stretch_before[i]) - settings.hardware.scale[i] * abs(motion.moved[i])
             full = spring_force(gains.stiffness[i], gains.limit[i], stretch)
             # only what is not the handle's own way, and every change of damper and factor
-            change = stiffness * max(0.0, own) + abs(push - spring.push[i])
-            change += abs((factor - spring.factor_held) * full)
-            tank.level -= hidden_energy(settings, i, change)
-            spring.push[i], spring.stretch_before[i] = push, stretch
-            spring.damped[i] = factor * gains.damping[i] * output.velocity[i]
+            change = abs(push - spring.push[i]) + abs((factor - spring.factor_held) * full)
+            tank.level -= hidden_energy(settings, i, stiffness * max(0.0, own) + change)
+            # what somebody else pays for, he pays for as a port does: half of its own square too
+            port = stiffness * settings.period * abs(paid[i])
+            both = port + change if port > 0.0 else stiffness * max(0.0, own) + change
+            tank.level -= late_energy(tank, i, both) - late_energy(tank, i, port)
+            damped = factor * gains.damping[i] * output.velocity[i]
+            spring.changed[i] = abs(stretch - spring.stretch_before[i]) * stiffness + change
+            spring.changed[i] += abs(damped - spring.damped[i]) if abs(spring.damped[i]) < math.inf else abs(damped)
+            spring.push[i], spring.stretch_before[i], spring.damped[i] = push, stretch, damped
         spring.stiffness[i], spring.limit[i] = stiffness, limit
     spring.factor = spring.factor_held = factor
 

@@ -29,8 +29,8 @@ def move_set_point(settings, tank, spring, hold, motion, tool, output):
         spring.set_velocity[i] = velocity
         force = settings.hardware.scale[i] * spring.factor * settings.coupling.damping[i] * velocity
         if force != 0.0:
-            force_square += force * force / max(0.0, settings.passivity.surplus[i])
-    spare = tank.level - energy_tank.reserve(settings, spring)
+            force_square += force * force / max(0.0, tank.surplus[i])
+    spare = tank.level - energy_tank.reserve(settings, tank, spring)
     share = set_position.damper_share(spare, force_square, settings.period)
     for i in range(int(settings.axes)):
         spring.set_velocity[i] *= share

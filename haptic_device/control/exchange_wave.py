@@ -158,7 +158,7 @@ def _play(settings, waves, tank, spring):
         waves.wave[i] = played(waves.pending[i], rate, settings.period)
         energy += power(waves.wave[i], impedance(settings.coupling.stiffness[i])) * settings.period
     # the tank pays for the ripple of irregular samples
-    spare = max(0.0, tank.level - energy_tank.reserve(settings, spring))
+    spare = max(0.0, tank.level - energy_tank.reserve(settings, tank, spring))
     # waves are energy that has come; what is missing the tank adds, or they are played smaller
     share = covered(energy, waves.store + spare)
     spent = min(waves.store, share * share * energy)
@@ -201,6 +201,6 @@ def _felt_share(settings, tank, spring):
         beyond = spring.set_velocity[i] - spring.own_velocity[i]
         force = settings.hardware.scale[i] * spring.factor * settings.coupling.damping[i] * beyond
         if force != 0.0:
-            force_square += force * force / max(0.0, settings.passivity.surplus[i])
-    spare = tank.level - energy_tank.reserve(settings, spring)
+            force_square += force * force / max(0.0, tank.surplus[i])
+    spare = tank.level - energy_tank.reserve(settings, tank, spring)
     return set_position.damper_share(spare, force_square, settings.period)

@@ -23,6 +23,50 @@ def least_damping(stiffness, damping, period, delay):
 
 
 @kernel
+def coupling_damping(stiffness, damping, period, delay):
+    """Physical damping b [N s/m] above which a coupling to any passive simulation in step is passive.
+
+    With a delay of N + s periods in the display's own loop, L = (1−s)(N+1)² + s(N+2)²: L KT/2 for the spring, exact
+    (docs/passivity.md), and |B| √(1 + delay/T) as for a wall. B < 0: L (KT/2)²/(KT/2 + B), and no b from −KT/2 on.
+    It is also what set-position modulation needs where each change of force that is not the handle's own is paid by
+    what it can give while it is late (late_price).
+    """
+    late = delay / period
+    whole = math.floor(late)
+    leak = (whole + 1.0) ** 2 + (late - whole) * (2.0 * whole + 3.0)
+    spring = 0.5 * stiffness * period
+    if damping < 0.0:
+        return leak * spring * spring / (spring + damping) if spring + damping > 0.0 else math.inf
+    return leak * spring + damping * math.sqrt(1.0 + min(late, 1.0))
+
+
+@kernel
+def late_price(reserve, period, delay):
+    """Energy per square of a change of force [J/N²] that it can give while it acts `delay` [s] late.
+
+    A change q is on its way for W = delay/T periods, at most ⌈W⌉ changes at a time. With `reserve` [N s/m] of damping
+    set aside, the part of it that falls to one change is reserve/⌈W⌉, and over W T
+
+        q ẋ ≤ ⌈W⌉ q²/(4 reserve) + (reserve/⌈W⌉) ẋ²,     hence     W ⌈W⌉ T q²/(4 reserve).
+    """
+    late = delay / period
+    return 0.25 * late * math.ceil(late) * period / max(reserve, 1e-12) if late > 0.0 else 0.0
+
+
+@kernel
+def late_reserve(stiffness, period, delay, left):
+    """Damping [N s/m] of what is left that is set aside for late changes of force of a spring of this stiffness.
+
+    KT/2 · w or its root, w = W ⌈W⌉: then a change q costs at most q²/2K, what a spring of that force holds; and for
+    W < 1 the reserve and the price of moving at a steady speed are together least.
+    """
+    late = delay / period
+    weight = late * math.ceil(late)
+    wanted = 0.5 * stiffness * period * max(weight, math.sqrt(weight))
+    return min(left, max(wanted, 0.125 * left)) if late > 0.0 else 0.0
+
+
+@kernel
 def energy_booked(held_force, displacement, physical_damping, elapsed):
     """Energy given to the operator [J] over one hold: motor work less what the physical damper surely took.
 

@@ -11,6 +11,7 @@ from haptic_device.control import contact_model, contact_solver
 from haptic_device.parameters import KEPT, MOST_WALLS
 
 AXES = 3  # x, y, theta; a device with fewer leaves the rest at zero
+HELD = 64  # motor values that may be on their way at a time
 PUSHES = 64  # ticks for which the virtual tool's pushes against movable bodies are remembered
 _WIDTHS = {"*": (AXES,), "#": (MOST_WALLS,), "^": (KEPT,)}
 
@@ -35,7 +36,7 @@ OUTPUT = record(
     " exchange_effort* exchange_tank exchange_shortened exchange_let_go"  # next handle sample's; [J]; ticks
     " local local_fallbacks local_stays local_pivots tools_apart"  # acting; counts; of this tick; [m]
     " generated* injected* injections"  # observer [J], controller [N s/m], ticks it acted
-    " margin* surplus*"  # of the physical damping [N s/m]
+    " margin* surplus* lateness_counted"  # of the physical damping [N s/m]; how late forces are taken to act [s]
     " state fault warmth*"
 )
 TICK = np.dtype((np.record, [("sensors", SENSORS), ("tool", TOOL_SAMPLE), ("output", OUTPUT)]))
@@ -56,7 +57,7 @@ SETTINGS = np.dtype(
             "hardware",
             record(
                 "position_per_count* zero* scale* motor_per_force* motor_limit* gravity* damping*"
-                " position_low* position_high* velocity_limit*"
+                " position_low* position_high* velocity_limit* delay"
             ),
         ),
         ("force", record("limit*")),
@@ -64,7 +65,7 @@ SETTINGS = np.dtype(
         ("wall", record("count x# y# offset# stiffness# damping#")),
         ("cancellation", record("ratio band stretch twist source filter")),
         ("velocity", record("estimator lag window")),
-        ("passivity", record("control budget margin* surplus* cross")),
+        ("passivity", record("control budget lateness margin* surplus* cross")),
         ("exchange", record("method budget tank horizon play slew* agility* hold fade")),
         ("local", record("compliance apart hold rejoin")),
         ("engage", record("time force torque")),
@@ -91,22 +92,33 @@ STATE = np.dtype(
             "motion",
             record(
                 "started sample_time stale_ticks elapsed device_position* device_velocity* moved* handle*"
-                " handle_before* clutch_offset*"
+                " handle_before* clutch_offset* clutched"
             ),
         ),
         ("samples", record("count times^ x^ y^ theta^")),
         ("compensation", record("drag*")),  # damping_compensation
-        # motor: what was held since the last sample, and by how much and how long it was not the first of it
-        ("hold", record("deadline force* force_now* change* square* limited* mixed*")),
+        # motor: what was held since the last sample, and by how much and how long it was not the first of it;
+        # written, acts: motor values on their way, and from when [ns, as samples are stamped] each acts
+        (
+            "hold",
+            record(
+                "deadline regained force* force_now* change* square* limited* mixed* newest newest_way",
+                acts=(HELD,),
+                written=(HELD, AXES),
+                ways=(HELD, AXES),
+            ),
+        ),
         ("walls", record("depth# release touched force*")),  # virtual_wall; release: share of them that is gone
         (
             "observer",  # passivity_observer
             record(
                 "energy_given* pulled_to* coupled cancelled* damping_credit growth* damper* store* observed_energy*"
-                " injections missed_tick_energy"
+                " injections missed_tick_energy springs* by_settings*"
             ),
         ),
-        ("enable", record("state ramp")),  # enable_state
+        ("enable", record("state ramp ramp_before")),  # enable_state
+        ("in_force", SETTINGS),  # settings_in_force; going: they are not yet those that are wished for
+        ("change", record("going")),
         ("fault", record("code resets saturated thermal_load*")),  # faults, motor
         ("fade", record("factor let_go")),  # exchange_controller
         # the coupling's spring as the energy tank has paid for it; factor: on its force; *_before: of the last tick
@@ -114,13 +126,13 @@ STATE = np.dtype(
             "spring",
             record(
                 "factor factor_held stiffness* limit* push* damped* set_position* set_velocity* own_velocity* goal*"
-                " stretch* stretch_before*"
+                " stretch* stretch_before* changed*"
             ),
         ),
         (
             "tank",  # energy_tank
             record(
-                "filled version level owed shipped returned tool_session tool_energy shortened"
+                "filled version level owed shipped returned tool_session tool_energy shortened price* surplus*"
                 " midpoint* window_from* window_start window_holds counted* sample_before hold_before"
             ),
         ),

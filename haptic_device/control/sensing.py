@@ -14,8 +14,9 @@ def sense(settings, motion, samples, compensation, fault, sensors, output):
     # between two samples, not two deadlines: backward difference by the device's own time
     motion.elapsed = (sensors.latched - motion.sample_time) * 1e-9 if motion.started else 0.0
     _keep_time(motion, samples, sensors)
-    opened = (int(sensors.command) & enable_state.CLUTCH) != 0
-    # under an open clutch the device moves and the handle does not
+    opening = (int(sensors.command) & enable_state.CLUTCH) != 0
+    # under an open clutch the device moves and the handle does not; its way until the clutch opened is the handle's
+    opened, motion.clutched = opening and motion.clutched > 0.0, 1.0 if opening else 0.0
     device = settings.hardware
     for i in range(int(settings.axes)):
         seen = velocity_estimator.position_of(sensors.counts[i], device.position_per_count[i], device.zero[i])

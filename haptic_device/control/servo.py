@@ -11,6 +11,7 @@ from haptic_device.control import (
     motor,
     passivity_observer,
     sensing,
+    settings_in_force,
     virtual_coupling,
     virtual_wall,
 )
@@ -21,21 +22,23 @@ CLEARED = np.zeros(1, OUTPUT)
 
 
 @kernel
-def tick(settings, state, tick):
+def tick(wished, state, tick):
     """One tick: records of SETTINGS, STATE and TICK (control/records); reads its sensors and tool, fills in its output.
 
     Nothing of the output's last content counts.
     """
     tick.output = CLEARED[0]
-    sensors, tool, output = tick.sensors, tick.tool, tick.output
+    sensors, tool, output, settings = tick.sensors, tick.tool, tick.output, state.in_force
     motion, hold, enable = state.motion, state.hold, state.enable
     observer, spring, walls, fault = state.observer, state.spring, state.walls, state.fault
+    settings_in_force.begin(wished, state)
     # what has been
     sensing.sense(settings, motion, state.samples, state.compensation, fault, sensors, output)
     virtual_wall.measure_depths(settings.wall, walls, motion.handle)
     passivity_observer.hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
     _tell_energy(settings.passivity, observer, output)
     # what is wanted
+    settings_in_force.follow(wished, state)
     exchange_controller.move_set_point(settings, state, sensors, tool, output)
     passivity_observer.release_wall_energy(settings, observer, motion, walls, enable)
     virtual_wall.push(settings.wall, walls, output)
@@ -45,6 +48,7 @@ def tick(settings, state, tick):
     # whether it may be
     faults.watch(settings, fault, enable, motion, sensors)
     enable_state.advance(settings, enable, fault, motion, sensors, output)
+    settings_in_force.pay_for_rise(settings, state, output)
     motor.command(settings, enable, fault, hold, output)
     # what will be held until the next tick
     passivity_observer.hold_begins(settings, observer, hold, motion, walls, output)
@@ -57,3 +61,4 @@ def _tell_energy(passivity, observer, output):
     for i in range(AXES):
         output.energy_given[i], output.generated[i] = observer.energy_given[i], observer.observed_energy[i]
         output.margin[i], output.surplus[i] = passivity.margin[i], passivity.surplus[i]
+    output.lateness_counted = passivity.lateness

@@ -170,10 +170,10 @@ def _pay_for_move(settings, own, tank, spring, hold, motion):
         push = spring.factor * gains.damping[i] * own.trial[i]
         beyond = max(0.0, abs(stretch - spring.stretch_before[i]) - scale[i] * abs(motion.moved[i]))
         change = gains.stiffness[i] * beyond + abs(push - spring.push[i])
-        hidden += energy_tank.hidden_energy(settings, i, change)
+        hidden += energy_tank.hidden_energy(settings, i, change) + energy_tank.late_energy(tank, i, change)
         stored += virtual_coupling.spring_store(gains.stiffness[i], gains.limit[i], stretch)
         # as the damper of pspm: the handle's worst motion
-        worst += _worst_draw(settings, i, scale[i] * abs(push))
+        worst += _worst_draw(settings, tank, i, scale[i] * abs(push))
     left = tank.level + energy_tank.stored(settings, spring, hold, motion) - stored
     if left - kinetic(own.contacts, settings.axes, own.trial) < hidden + worst:
         return False
@@ -182,12 +182,12 @@ def _pay_for_move(settings, own, tank, spring, hold, motion):
 
 
 @njit
-def _worst_draw(settings, i, force):
+def _worst_draw(settings, tank, i, force):
     """What the damper's force may draw in a hold: g² T/4 (b − c), and no more than the handle may move at all."""
     most = force * settings.hardware.velocity_limit[i] * settings.period
-    if settings.passivity.surplus[i] <= 0.0:
+    if tank.surplus[i] <= 0.0:
         return most
-    return min(most, 0.25 * force * force * settings.period / settings.passivity.surplus[i])
+    return min(most, 0.25 * force * force * settings.period / tank.surplus[i])
 
 
 @njit

@@ -118,9 +118,7 @@ class DriverNode(ManagedNode):
         self._warn(settings, values)
         if self.servo is not None:
             self._version += 1
-            settings["passivity"]["margin"] = gain_check.margins(settings[0], self.lateness())[0]
-            settings["passivity"]["surplus"] = gain_check.surplus(settings[0], self.lateness())
-            self.servo.set(settings)
+            self.servo.set(gain_check.counted(settings, self.lateness()))
             self.servo.gains.put(controller_config.gains_from(values))
             self._set_flag(enable_state.CLUTCH, values["clutch.open"])
 
@@ -154,12 +152,9 @@ class DriverNode(ManagedNode):
     def _follow_margin(self):
         """The margin of the gains in force, with the lateness as measured now."""
         settings = self.servo.settings.get().view(np.ndarray).view(records.SETTINGS)
-        by_axis, *self.margins = gain_check.margins(settings[0], self.lateness())
-        settings["passivity"]["margin"], settings["passivity"]["surplus"] = (
-            by_axis,
-            gain_check.surplus(settings[0], self.lateness()),
-        )
-        self.servo.set(settings)
+        lateness = self.lateness()
+        _, *self.margins = gain_check.margins(settings[0], lateness)
+        self.servo.set(gain_check.counted(settings, lateness))
 
     def _set_flag(self, flag, wanted):
         self.servo.order(**({"set_flags": flag} if wanted else {"clear_flags": flag}))

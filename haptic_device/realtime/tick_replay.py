@@ -18,13 +18,14 @@ IN_BAGS = {
         **{f"hardware.{name}": name for name in SETTINGS["hardware"].names},
         **{"hardware.motor_limit": "device_limit", "hardware.damping": "physical_damping"},
         **{"coupling.stiffness": "stiffness", "coupling.damping": "damping", "wall.count": "walls"},
-        **{f"passivity.{name}": name for name in ("margin", "surplus", "cross")},
+        **{f"passivity.{name}": name for name in ("margin", "surplus", "cross", "lateness")},
         **{f"fault.{name}": name for name in SETTINGS["fault"].names},
     },
     "memory": {
         **{
             f"{group}.{name}": name
             for group in STATE.names
+            if group != "in_force"
             for name in STATE[group].names
             if STATE[group][name].names is None
         },
@@ -44,9 +45,12 @@ IN_BAGS = {
         **{"tank.level": "tank", "tank.sample_before": "latched_before"},
         **{"waves.answered": "tool_answered", "waves.store": "wave_store", "waves.received": "come"},
         **{"virtual_tool.pose": "copy", "virtual_tool.velocity": "copy_velocity"},
-        **{f"contacts.{name}": f"near_{name}" for name in CONTACTS.names[: CONTACTS.names.index("table")]},
-        **{f"contacts.{name}": name for name in ("places", "shown", "pushed", "shifted", "pushes", "shifts")},
-        **{"contacts.table": "near", "contacts.constraints": "rows"},
+        **{f"virtual_tool.contacts.{name}": f"near_{name}" for name in CONTACTS.names[: CONTACTS.names.index("table")]},
+        **{
+            f"virtual_tool.contacts.{name}": name
+            for name in ("places", "shown", "pushed", "shifted", "pushes", "shifts")
+        },
+        **{"virtual_tool.contacts.table": "near", "virtual_tool.contacts.constraints": "rows"},
     },
 }
 """group.field of a record → its name in the snapshots of bags, where that is not group_field."""
@@ -59,7 +63,7 @@ def _columns(prefix, dtype, within=""):
     for name in dtype.names:
         place, part = f"{within}{name}", dtype[name]
         if part.names is not None:
-            for path, *rest in _columns(prefix, part, f"{name}."):
+            for path, *rest in _columns(prefix, part, f"{place}."):
                 yield (name, *path), *rest
         elif place not in MADE_ANEW:
             yield (name,), f"{prefix}.{IN_BAGS[prefix].get(place, place.replace('.', '_'))}", part.shape
@@ -77,8 +81,8 @@ NO_SETS = np.zeros(0, contact_model.SET).view(np.recarray)
 def recompute(settings, state, rows, sets):
     """Computes the outputs of consecutive rows again, in place, from their inputs; sets: of local contacts, by number.
 
-    Margin and surplus are no outputs of the tick: with them the driver follows the measured lateness, so they are taken
-    as recorded.
+    Margin, surplus and the lateness counted are no outputs of the tick: with them the driver follows the measured
+    lateness, so they are taken as recorded.
     """
     at, ticks, contacts = 0, np.zeros(1, TICK), state[0].virtual_tool.contacts
     for k in range(rows.size):
@@ -90,6 +94,7 @@ def recompute(settings, state, rows, sets):
                 tool_contacts.take(contacts, sets[at])
         for i in range(AXES):
             settings[0].passivity.margin[i], settings[0].passivity.surplus[i] = rows[k].margin[i], rows[k].surplus[i]
+        settings[0].passivity.lateness = rows[k].lateness_counted
         # inputs as recorded; servo.tick clears the outputs
         ticks.view(np.int64)[:] = rows[k : k + 1].view(np.int64)
         servo.tick(settings[0], state[0], ticks[0])

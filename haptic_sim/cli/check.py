@@ -52,7 +52,11 @@ def _together(path):
     loopback_config.hand_from(load_device(everything["haptic_loopback"]["device"]), everything["haptic_loopback"])
     load_scene(everything["haptic_simulation"]["scene"])
     settings = controller_config.settings_from(device, driver)
-    refusal = gain_check.refusal(settings[0]) if driver["passivity.policy"] == "enforce" else ""
+    refusal = (
+        gain_check.refusal(settings[0], float(settings[0]["hardware"]["delay"]))
+        if driver["passivity.policy"] == "enforce"
+        else ""
+    )
     return [refusal] if refusal else []
 
 

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from haptic_device import controller_config
+from haptic_device import controller_config, gain_check
 from haptic_device.analysis import probe
 from haptic_device.control import enable_state, records
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
@@ -51,7 +51,9 @@ class Twin:
 
     def _play(self, values, seconds, aim, start=0.0):
         """Truth and whether a fault latched, the handle beginning at rest at x = start [m]."""
-        settings = controller_config.settings_from(self.device, self.values | values).view(np.recarray)
+        settings = controller_config.settings_from(self.device, self.values | values)
+        lateness = float(settings["hardware"]["delay"][0]) + self.delay * 1e-9
+        settings = gain_check.counted(settings, lateness).view(np.recarray)
         memory = np.zeros(1, records.STATE).view(np.recarray)
         memory.enable.state, memory.enable.ramp = enable_state.ENGAGED, 1.0
         body, state = self._body(start)
