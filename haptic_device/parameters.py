@@ -123,7 +123,7 @@ class Passivity(Group):
     """What keeps the display passive."""
 
     policy: Policy = live(
-        "enforce", "", "gains beyond the device's damping are refused (enforce), said (warn) or taken (off)"
+        "enforce", "", "gains beyond the device's damping are refused (enforce), said (warn) or taken, at once (off)"
     )
     control: bool = live(True, "", "inject damping when the observer finds energy generated")
     budget: float = live(0.001, "J", "energy generated, per axis, before damping is injected", 0.0, 10.0)

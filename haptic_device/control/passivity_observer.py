@@ -63,20 +63,22 @@ def _count_changes(hold, deadline):
 
 @njit
 def _acted(hold, i, now, elapsed):
-    """Mean of the motor's force on axis i over the hold that ends now [ns], and Σ (f − mean)² τ of its changes [N² s]."""
-    end, begin, total, square = now, now - elapsed * 1e9, 0.0, 0.0
-    at = int(hold.newest)
+    """Of the motor's force on axis i over the hold that ends now [ns]: its mean, and Σ (f − mean)² τ of its changes.
+
+    Summed as differences from the newest force, so that a force which stays is itself and has not changed.
+    """
+    end, begin, at = now, now - elapsed * 1e9, int(hold.newest)
+    newest, change, square = hold.written[at, i], 0.0, 0.0
     for _ in range(HELD):
         start = max(begin, hold.acts[at])
         if start < end:
-            force, time = hold.written[at, i], (end - start) * 1e-9
-            total, square, end = total + force * time, square + force * force * time, start
+            less, time = hold.written[at, i] - newest, (end - start) * 1e-9
+            change, square, end = change + less * time, square + less * less * time, start
         if end <= begin:
             break
         at = (at - 1) % HELD
-    mean = total / elapsed
     # rounding may leave it below 0
-    return mean, max(0.0, square - mean * total)
+    return newest + change / elapsed, max(0.0, square - change * change / elapsed)
 
 
 @njit

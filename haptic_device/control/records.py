@@ -65,7 +65,7 @@ SETTINGS = np.dtype(
         ("wall", record("count x# y# offset# stiffness# damping#")),
         ("cancellation", record("ratio band stretch twist source filter")),
         ("velocity", record("estimator lag window")),
-        ("passivity", record("control budget lateness margin* surplus* cross")),
+        ("passivity", record("policy control budget lateness margin* surplus* cross")),
         ("exchange", record("method budget tank horizon play slew* agility* hold fade")),
         ("local", record("compliance apart hold rejoin")),
         ("engage", record("time force torque")),

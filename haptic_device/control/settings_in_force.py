@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The settings that a tick goes by, on their way to those that are wished for.
 
-While no force is on, new settings are in force at once. While one is, gains, limits, walls and cancellation follow
-them: each change moves the force by no more than `exchange.slew`, and what a spring, or a limit, gains by it is paid
+While no force is on, and under the policy `off`, new settings are in force at once. Else gains, limits, walls and
+cancellation follow them: each change moves the force by no more than `exchange.slew`, and what a spring, or a limit, gains by it is paid
 first, or it waits. The energy tank pays; with `direct`, which has none, what is left of the observer's budget. For the
 coupling's spring energy_tank.pay sees to it.
 
@@ -14,6 +14,9 @@ from typing import NamedTuple
 
 from haptic_device.control import energy_tank, exchange_samples, virtual_wall
 from haptic_device.jit import kernel, njit
+from haptic_device.parameters import POLICIES
+
+OFF = POLICIES.index("off")
 
 
 class Step(NamedTuple):
@@ -28,8 +31,8 @@ class Step(NamedTuple):
 @kernel
 def begin(wished, state):
     """What counts at once: everything while no force is on, else all that moves none by itself."""
-    now = state.in_force
-    if state.enable.ramp == 0.0 or now.period == 0.0:
+    now, taken = state.in_force, wished.passivity.policy == OFF
+    if state.enable.ramp == 0.0 or now.period == 0.0 or taken and now.version != wished.version:
         state.in_force = wished
         state.change.going = 0.0
         return
@@ -84,7 +87,8 @@ def _take_rest(wished, now):
 def _count_with(wished, now, going):
     """Damping left over and lateness; between old gains and new ones the lesser of what either leaves."""
     known, told = now.passivity, wished.passivity
-    known.control, known.budget, known.lateness, known.cross = told.control, told.budget, told.lateness, told.cross
+    known.policy, known.control, known.budget = told.policy, told.control, told.budget
+    known.lateness, known.cross = told.lateness, told.cross
     for i in range(known.surplus.size):
         known.margin[i] = told.margin[i]
         known.surplus[i] = min(known.surplus[i], told.surplus[i]) if going > 0.0 else told.surplus[i]
@@ -155,6 +159,9 @@ def _way_out(now, state, i):
 def _follow_coupling(wished, now, state):
     """Spring, then damper, of the coupling: either moves the force by the slew at most."""
     there = True
+    if state.fade.factor == 0.0:  # nothing is pulled, so nothing moves
+        now.coupling.stiffness[:] = wished.coupling.stiffness
+        now.coupling.damping[:] = wished.coupling.damping
     for i in range(int(now.axes)):
         gains, aim, reach = now.coupling, wished.coupling, now.exchange.slew[i] * now.period
         change = energy_tank.late_energy(state.tank, i, reach)

@@ -12,7 +12,7 @@ from haptic_device.parameters import OPERATING_POINT
 from haptic_sim.cli.tuning import Tuning, refuse_other_device
 
 WALLS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping")
-QUIET = ("coupling.stiffness", "coupling.damping", "cancellation.ratio")
+QUIET = ("coupling.stiffness", "coupling.damping", "cancellation.ratio", "passivity.policy")
 TURNING = ("coupling.rotational_stiffness", "coupling.rotational_damping", "engage.torque")
 SETTLING = 1.0  # [s] of the trace that is left out: the handle comes to the first centre
 PATIENCE = 60.0  # [s] that the shaking goes on for while every run of the trace is broken too early
@@ -29,6 +29,7 @@ def record(domain, namespace, check, device, seconds, force, torque):
             if found["wall.offsets"]:
                 raise ValueError(f"the driver shows {len(found['wall.offsets'])} walls; identify it in free space")
             tuning.set(coupling__stiffness=0.0, coupling__damping=0.0, cancellation__ratio=0.0)
+            tuning.set(passivity__policy="off")  # walls that jump give energy, and are to
             period = 1.0 / float(tuning.get(["servo.rate"])["servo.rate"])
             plan = _plan(device, _centres(tuning, device), force, torque, period)
             if turned:

@@ -13,6 +13,7 @@ from adversary import exchange_search as adversary
 from adversary import port_search
 from bench.exchange import stalling
 from haptic_device.control import enable_state, faults, tool_side_tank, virtual_coupling
+from haptic_device.parameters import POLICIES
 from haptic_sim.lockstep import Network
 from haptic_sim.port_limits import BUDGET, Limits
 from haptic_sim.scene import Scene, load
@@ -323,6 +324,7 @@ def test_counts_that_are_old_pay_nothing_back_and_let_nothing_rise(enabled):
 def test_gains_that_change_on_old_counts_are_paid_for_whatever_the_handle_did_meanwhile(way):
     for change in (0.5, 2.0):
         given = one_axis("pspm", 1000.0, 1.0, 0.25e-3)
+        given["passivity"]["policy"] = POLICIES.index("off")  # else gains do not change on old counts
         (memory, row, tank), period = pressed(given), given["period"][0]
         before, forces = tank + energy(memory, row), [row["force_on_handle"][0, 0]]
         given["coupling"]["stiffness"], given["version"] = change * given["coupling"]["stiffness"], 1.0

@@ -71,9 +71,9 @@ def shaken(mass=0.1, damping=3.0, coulomb=0.02, step=5e-6, rate=2000.0, sensing=
     )
     told = Device(name="told", axes=(axis(0.05, 1.0, 0.0, step, sign),))
     values = {p.name: p.default for p in OPERATING_POINT}
-    values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
+    values |= {"passivity.policy": "off", "servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
     memory = np.zeros(1, records.STATE).view(np.recarray)
-    memory.state, memory.engage = enable_state.ENGAGED, 1.0
+    memory.enable.state, memory.enable.ramp = enable_state.ENGAGED, 1.0
     body, state = loopback_config.plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
     motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
     tool, blocks, first = np.zeros(1, servo_loop.TOOL).view(np.recarray), [], 0
@@ -81,7 +81,10 @@ def shaken(mass=0.1, damping=3.0, coulomb=0.02, step=5e-6, rate=2000.0, sensing=
     while first < 3.0 * rate:
         shake = next(plan)
         values |= {f"wall.{name}": getattr(shake, name) for name in ("normals", "offsets", "stiffness", "damping")}
-        settings, rows = controller_config.settings_from(told, values).view(np.recarray), round(shake.seconds * rate)
+        settings, rows = (
+            controller_config.settings_from(told, values, first + 1).view(np.recarray),
+            round(shake.seconds * rate),
+        )
         rows = np.zeros(rows, records.TRACE_ROW).view(np.recarray)
         at = (first * period, first, 30_000, enable_state.ENABLE)
         simulated_device.run_lockstep(settings, memory, rows, tool, body, state, motion, *at)
@@ -125,10 +128,16 @@ def twisted(inertia=2e-4, damping=0.006, coulomb=3e-4, rate=2000.0, torque=0.05)
     theta = told.axes[2].model_copy(update={"mass": inertia, "damping": damping, "coulomb": coulomb})
     true = told.model_copy(update={"axes": (*told.axes[:2], theta), "actuation_delay": 2e-4})
     values = {p.name: p.default for p in OPERATING_POINT}
-    values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0, "exchange.hold": 2.0}
+    values |= {
+        "passivity.policy": "off",
+        "servo.rate": rate,
+        "coupling.stiffness": 0.0,
+        "coupling.damping": 0.0,
+        "exchange.hold": 2.0,
+    }
     values |= {"coupling.rotational_damping": 0.0}
     memory = np.zeros(1, records.STATE).view(np.recarray)
-    memory.state, memory.engage = enable_state.ENGAGED, 1.0
+    memory.enable.state, memory.enable.ramp = enable_state.ENGAGED, 1.0
     body, state = loopback_config.plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
     motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
     tool, blocks, first, period = np.zeros(1, servo_loop.TOOL).view(np.recarray), [], 0, round(1e9 / rate)
@@ -136,7 +145,7 @@ def twisted(inertia=2e-4, damping=0.006, coulomb=3e-4, rate=2000.0, torque=0.05)
     for dwell in np.random.default_rng(3).uniform(0.03, 0.15, 40):
         twist = next(plan)
         values["coupling.rotational_stiffness"] = twist.stiffness
-        settings, rows = controller_config.settings_from(told, values).view(np.recarray), round(dwell * rate)
+        settings, rows = controller_config.settings_from(told, values, first + 1).view(np.recarray), round(dwell * rate)
         rows = np.zeros(rows, records.TRACE_ROW).view(np.recarray)
         tool.sent, angle = first * period, state.position[0, 2]
         tool.position[0, 2] = min(angle + twist.leash, max(angle - twist.leash, twist.angle))

@@ -18,6 +18,9 @@ def point(**given):
     return controller_config.settings_from(DESKTOP, values("haptic_driver", **given), version=7)[0]
 
 
+CHOICES = ("exchange.method", "cancellation.source", "velocity.estimator", "passivity.policy")
+
+
 def test_every_parameter_arrives_in_its_field():
     coupling = {"stiffness": 500.0, "damping": 1.5, "rotational_stiffness": 2.5, "rotational_damping": 0.004}
     coupling = {f"coupling__{name}": value for name, value in coupling.items()}
@@ -27,7 +30,7 @@ def test_every_parameter_arrives_in_its_field():
     assert settings["coupling"]["stiffness"].tolist() == [500.0, 500.0, 2.5]
     assert settings["coupling"]["damping"].tolist() == [1.5, 1.5, 0.004]
     numbers = [one.name for one in OPERATING_POINT if tuple(one.name.split(".")) in controller_config.SAME]
-    numbers = [name for name in numbers if name not in ("exchange.method", "cancellation.source", "velocity.estimator")]
+    numbers = [name for name in numbers if name not in CHOICES]
     assert len(numbers) == 25
     for i, name in enumerate(numbers):
         given, (group, field) = 0.03125 + i / 64, name.split(".")

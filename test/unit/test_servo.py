@@ -39,7 +39,7 @@ class Servo:
         self.inputs = {"tool_age": -1.0, "device_status": faults.FRESH}
         self.left = {}  # in the outputs of each row, of a tick before
         self.position = np.zeros(3)
-        self.rows = []
+        self.rows, self.known = [], self.settings.tobytes()
         if settled:
             self._settle()
 
@@ -62,6 +62,9 @@ class Servo:
             given["latched"] = self.memory["motion"]["sample_time"][0]
         for name, value in given.items():
             row[name] = value
+        if self.settings.tobytes() != self.known:  # as a driver counts what it hands on
+            self.settings["version"] += 1
+            self.known = self.settings.tobytes()
         tick(self.settings, self.memory, row)
         self.rows.append(row)
         return row.view(np.recarray)[0]
@@ -226,6 +229,7 @@ def test_under_an_open_clutch_the_handle_stays_in_the_world_without_force_and_go
     runner = Servo(scale=(2.0, 1.0), **FREE)
     runner.move((0.01, 0.0, 0.0))
     runner.command = enable_state.ENABLE | enable_state.CLUTCH
+    runner.tick()
     row = runner.move((-0.03, 0.0, 0.0))
     assert row.position[0] == pytest.approx(0.02, abs=1e-6) and row.velocity[0] == 0.0
     assert row.state == enable_state.IDLE and row.motor[0] == 0.0
