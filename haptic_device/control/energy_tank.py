@@ -12,6 +12,7 @@ import numpy as np
 
 from haptic_device.control import exchange_samples, faults, passivity, set_position, velocity_estimator
 from haptic_device.control.passivity_observer import LONG
+from haptic_device.control.records import AXES
 from haptic_device.control.virtual_coupling import spring_force, spring_store
 from haptic_device.jit import kernel, njit
 
@@ -28,7 +29,7 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fil
     if not tank.filled:
         tank.filled, tank.level, tank.sample_before = 1.0, settings.exchange.budget, sensors.latched
         _open_window(settings, tank, motion, sensors.latched)
-    _set_aside(settings, tank)
+    _set_aside(settings, tank, hold)
     # the hold lasts from sample to sample, not from deadline to deadline
     time = (sensors.latched - tank.sample_before) * 1e-9
     # a write later than what is counted with is no hold to earn anything by
@@ -55,9 +56,16 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fil
 
 
 @njit
-def _set_aside(settings, tank):
+def _set_aside(settings, tank, hold):
     """Of the damping that no standing gain needs, what pays for late changes of force, their price, and the rest."""
-    for i in range(int(settings.axes)):
+    same = hold.regained == 0.0 and tank.version == settings.version and tank.late == settings.passivity.lateness
+    for i in range(AXES):
+        same &= tank.left[i] == settings.passivity.surplus[i]
+    if same:
+        return
+    tank.late = settings.passivity.lateness
+    for i in range(AXES):
+        tank.left[i] = settings.passivity.surplus[i]
         square, left = settings.hardware.scale[i] ** 2, settings.passivity.surplus[i]
         stiffness, lateness = square * settings.coupling.stiffness[i], settings.passivity.lateness
         reserve = passivity.late_reserve(stiffness, settings.period, lateness, left)
@@ -313,7 +321,8 @@ def tick_ended(settings, tank, spring, motion, output, paid):
             tank.level += spring_store(spring.stiffness[i], spring.limit[i], stretch)
             tank.level -= spring_store(stiffness, limit, stretch)
             own = abs(stretch - spring.stretch_before[i]) - settings.hardware.scale[i] * abs(motion.moved[i])
-            full = spring_force(gains.stiffness[i], gains.limit[i], stretch)
+            # f₁ s₁ − f₀ s₀ = f₁ (s₁ − s₀) + (f₁ − f₀) s₀
+            full = spring_force(gains.stiffness[i], gains.limit[i], spring.stretch_before[i])
             # only what is not the handle's own way, and every change of damper and factor
             change = abs(push - spring.push[i]) + abs((factor - spring.factor_held) * full)
             tank.level -= hidden_energy(settings, i, stiffness * max(0.0, own) + change)

@@ -33,17 +33,19 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
         moved, damping, store = motion.moved[i], settings.hardware.damping[i], observer.store[i]
         lifted = enable.ramp * settings.hardware.gravity[i]  # compensation only carries the handle's weight
         given = passivity.energy_booked(mean - lifted, moved, damping, elapsed)
-        observer.energy_given[i] += given + spread / (4.0 * damping)
+        observer.energy_given[i] += given + (spread / (4.0 * damping) if spread > 0.0 else 0.0)
         observer.store[i] = passivity.damping_store(observer.damper[i], moved, elapsed)
         observer.store[i] += _late_store(settings, observer, hold, i)
         last = hold.force_now[i] - observer.cancelled[i]
         grown = -last * moved if hold.limited[i] else observer.growth[i]  # a force at its limit stores force · way
         credited = observer.damping_credit * damping
         made = passivity.energy_generated(mean - observer.cancelled[i], moved, grown, credited, elapsed)
-        made += spread / (4.0 * credited) + observer.by_settings[i]
-        observer.by_settings[i] = 0.0
+        made += (spread / (4.0 * credited) if spread > 0.0 else 0.0) + observer.by_settings[i]
         # never below zero: what the past has lost pays for nothing later (Hannaford & Ryu 2002)
         observer.observed_energy[i] = max(0.0, observer.observed_energy[i] + made + observer.store[i] - store)
+        # what settings gave was paid for
+        observer.paid[i] = min(observer.observed_energy[i], observer.paid[i] + observer.by_settings[i])
+        observer.by_settings[i] = 0.0
         # good ticks pay back what missed ones gave
         observer.missed_tick_energy = max(0.0, observer.missed_tick_energy + min(0.0, made))
     if elapsed > LONG * settings.period and not int(sensors.device_status) & faults.WATCHDOG:
@@ -77,6 +79,8 @@ def _acted(hold, i, now, elapsed):
         if end <= begin:
             break
         at = (at - 1) % HELD
+    if square == 0.0:
+        return newest, 0.0
     # rounding may leave it below 0
     return newest + change / elapsed, max(0.0, square - change * change / elapsed)
 
@@ -84,9 +88,10 @@ def _acted(hold, i, now, elapsed):
 @njit
 def _keep_ways(hold, motion):
     """The way of the hold that ends here, behind those before."""
-    hold.newest_way = (hold.newest_way + 1.0) % HELD
+    at = (int(hold.newest_way) + 1) % HELD
+    hold.newest_way = at
     for i in range(AXES):
-        hold.ways[int(hold.newest_way), i] = motion.moved[i]
+        hold.ways[at, i] = motion.moved[i]
 
 
 @njit
@@ -110,7 +115,7 @@ def _late_store(settings, observer, hold, i):
             weight += damper if at > 0 else 0.0
         else:
             weight += share * damper
-        way = hold.ways[int(hold.newest_way - at) % HELD, i]
+        way = hold.ways[(int(hold.newest_way) - at) % HELD, i]
         owed += weight * way * way
     return owed
 
@@ -225,7 +230,7 @@ def inject(settings, observer, motion, walls, output):
     for i in range(AXES):
         # the sampled loop takes no more than b of added damping
         most = device.damping[i] if limits.control else 0.0
-        generated, velocity = observer.observed_energy[i], motion.device_velocity[i]
+        generated, velocity = observer.observed_energy[i] - observer.paid[i], motion.device_velocity[i]
         injected = passivity.injected_damping(generated, limits.budget, velocity, settings.period, most)
         output.injected[i] = injected
         output.force_passivity[i] = -injected * velocity / device.scale[i]
@@ -269,9 +274,8 @@ def hold_begins(settings, observer, hold, motion, walls, output):
 @njit
 def _send(hold, output):
     """The motor value of this tick; from when it acts the next tick knows."""
-    hold.newest = (hold.newest + 1.0) % HELD
-    at = int(hold.newest)
-    hold.acts[at] = hold.deadline
+    at = (int(hold.newest) + 1) % HELD
+    hold.newest, hold.acts[at] = at, hold.deadline
     for i in range(AXES):
         hold.written[at, i] = output.force_on_handle[i]
 

@@ -113,7 +113,7 @@ STATE = np.dtype(
             "observer",  # passivity_observer
             record(
                 "energy_given* pulled_to* coupled cancelled* damping_credit growth* damper* store* observed_energy*"
-                " injections missed_tick_energy springs* by_settings*"
+                " injections missed_tick_energy springs* by_settings* paid*"
             ),
         ),
         ("enable", record("state ramp ramp_before")),  # enable_state
@@ -132,7 +132,8 @@ STATE = np.dtype(
         (
             "tank",  # energy_tank
             record(
-                "filled version level owed shipped returned tool_session tool_energy shortened price* surplus*"
+                "filled version level owed shipped returned tool_session tool_energy shortened"
+                " late left* price* surplus*"
                 " midpoint* window_from* window_start window_holds counted* sample_before hold_before"
             ),
         ),

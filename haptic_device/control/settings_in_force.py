@@ -2,9 +2,9 @@
 """The settings that a tick goes by, on their way to those that are wished for.
 
 While no force is on, and under the policy `off`, new settings are in force at once. Else gains, limits, walls and
-cancellation follow them: each change moves the force by no more than `exchange.slew`, and what a spring, or a limit, gains by it is paid
-first, or it waits. The energy tank pays; with `direct`, which has none, what is left of the observer's budget. For the
-coupling's spring energy_tank.pay sees to it.
+cancellation follow them: together they move the force by no more than `exchange.slew`, and what a spring, or a limit,
+gains by it is paid first, or it waits. The energy tank pays; with `direct`, which has none, what is left of the
+observer's budget. For the coupling's spring energy_tank.pay sees to it.
 
 A wall changes for nothing while the handle is off it: one that is new, or comes nearer, stands at the handle at first
 and follows it outwards. One that turns or vanishes lets the handle in, by the slew, until it is free of it.
@@ -17,6 +17,7 @@ from haptic_device.jit import kernel, njit
 from haptic_device.parameters import POLICIES
 
 OFF = POLICIES.index("off")
+OTHERS = 3.0  # groups beside walls that may be on their way: limits, coupling, cancellation
 
 
 class Step(NamedTuple):
@@ -32,28 +33,33 @@ class Step(NamedTuple):
 def begin(wished, state):
     """What counts at once: everything while no force is on, else all that moves none by itself."""
     now, taken = state.in_force, wished.passivity.policy == OFF
-    if state.enable.ramp == 0.0 or now.period == 0.0 or taken and now.version != wished.version:
+    if state.enable.ramp == 0.0 or now.period == 0.0 or (taken and now.version != wished.version):
         state.in_force = wished
         state.change.going = 0.0
         return
     if now.version != wished.version:
         _take_rest(wished, now)
-        state.change.going = 1.0
+        state.change.going = OTHERS + max(now.wall.count, wished.wall.count)
     _count_with(wished, now, state.change.going)
 
 
 @kernel
 def follow(wished, state):
-    """Brings gains, limits, walls and cancellation in force nearer to those that are wished for."""
-    now = state.in_force
+    """Brings gains, limits, walls and cancellation in force nearer to those that are wished for.
+
+    All that are on their way share the slew.
+    """
+    now, motion = state.in_force, state.motion
     # where the handle is nobody knows on old counts
-    if state.change.going > 0.0 and state.motion.stale_ticks == 0.0:
-        there = _follow_limits(wished, now, state)
-        there &= _follow_coupling(wished, now, state)
-        there &= _follow_cancellation(wished, now, state)
-        there &= _follow_walls(wished, now, state)
-        virtual_wall.measure_depths(now.wall, state.walls, state.motion.handle)
-        state.change.going = 0.0 if there else 1.0
+    if state.change.going == 0.0 or motion.stale_ticks > 0.0:
+        return
+    share = 1.0 / state.change.going
+    going = _follow_limits(wished, now, state, share)
+    going += _follow_coupling(wished, now, state, share)
+    going += _follow_cancellation(wished, now, state)
+    going += _follow_walls(wished, now, state, share)
+    virtual_wall.measure_depths(now.wall, state.walls, motion.handle)
+    state.change.going = going
 
 
 @kernel
@@ -126,28 +132,29 @@ def _pay(now, state, energy, along_x, along_y):
 
 
 @njit
-def _follow_limits(wished, now, state):
-    """Limits of force, by the slew; a limit that holds a wall back rises as far as its rise is paid."""
-    there = True
+def _follow_limits(wished, now, state, share):
+    """Limits of force, by the slew; one that holds a wall back rises as far as that is paid. 1 while on their way."""
+    going = 0.0
     for i in range(int(now.axes)):
-        reach = now.exchange.slew[i] * now.period
+        reach = share * now.exchange.slew[i] * now.period
         limit = _toward(now.force.limit[i], wished.force.limit[i], reach)
         rise = limit - now.force.limit[i]
         if rise > 0.0 and state.hold.limited[i] > 0.0 and state.walls.touched > 0.0:
             cost = rise * _way_out(now, state, i)
-            share = _share(_available(now, state), cost)
-            _pay(now, state, share * cost, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0)
-            limit = now.force.limit[i] + share * rise
+            paid = _share(_available(now, state), cost)
+            _pay(now, state, paid * cost, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0)
+            limit = now.force.limit[i] + paid * rise
         now.force.limit[i] = limit
         now.coupling.limit[i] = _toward(now.coupling.limit[i], wished.coupling.limit[i], reach)
-        there &= limit == wished.force.limit[i] and now.coupling.limit[i] == wished.coupling.limit[i]
-    return there
+        there = limit == wished.force.limit[i] and now.coupling.limit[i] == wished.coupling.limit[i]
+        going = going if there else 1.0
+    return going
 
 
 @njit
 def _way_out(now, state, i):
     """Way [m | rad] along axis i after which no spring pushes along it any more."""
-    way = abs(state.spring.set_position[i] - state.motion.handle[i])
+    way = abs(state.observer.pulled_to[i] - state.motion.handle[i])
     for j in range(int(now.wall.count)):
         lean = abs(now.wall.x[j]) if i == 0 else abs(now.wall.y[j])
         if state.walls.depth[j] > 0.0 and i < 2 and lean > 1e-3:
@@ -156,84 +163,101 @@ def _way_out(now, state, i):
 
 
 @njit
-def _follow_coupling(wished, now, state):
-    """Spring, then damper, of the coupling: either moves the force by the slew at most."""
-    there = True
+def _follow_coupling(wished, now, state, share):
+    """Spring, then damper, of the coupling, by the slew; 1 while it is on its way."""
+    gains, aim, going = now.coupling, wished.coupling, 0.0
     if state.fade.factor == 0.0:  # nothing is pulled, so nothing moves
-        now.coupling.stiffness[:] = wished.coupling.stiffness
-        now.coupling.damping[:] = wished.coupling.damping
+        gains.stiffness[:] = aim.stiffness
+        gains.damping[:] = aim.damping
     for i in range(int(now.axes)):
-        gains, aim, reach = now.coupling, wished.coupling, now.exchange.slew[i] * now.period
-        change = energy_tank.late_energy(state.tank, i, reach)
         if gains.stiffness[i] == aim.stiffness[i] and gains.damping[i] == aim.damping[i]:
             continue
-        there = False
-        if change > _available(now, state) and change > 0.0:
+        going, reach = 1.0, share * now.exchange.slew[i] * now.period
+        late = energy_tank.late_energy(state.tank, i, reach)
+        if late > 0.0 and late > _available(now, state):
             continue
-        state.tank.level -= change
+        _pay(now, state, late, 0.0, 0.0)
         state.hold.regained = 1.0
-        stretch = abs(state.spring.set_position[i] - state.motion.handle[i])
         if gains.stiffness[i] != aim.stiffness[i]:
-            gains.stiffness[i] = _toward(gains.stiffness[i], aim.stiffness[i], reach / max(stretch, 1e-9))
+            _follow_spring(aim, now, state, i, reach)
         else:
             speed = max(abs(state.motion.device_velocity[i]) * now.hardware.scale[i], abs(state.spring.set_velocity[i]))
             gains.damping[i] = _toward(gains.damping[i], aim.damping[i], reach / max(speed, 1e-9))
-    return there
+    return going
+
+
+@njit
+def _follow_spring(aim, now, state, i, reach):
+    """Stiffness of the coupling; what its spring gains the tank pays (energy_tank.pay), the budget with `direct`."""
+    before, stretch = now.coupling.stiffness[i], abs(state.observer.pulled_to[i] - state.motion.handle[i])
+    stiffness = _toward(before, aim.stiffness[i], reach / max(stretch, 1e-9))
+    gained = max(0.0, 0.5 * state.observer.coupled * (stiffness - before) * stretch * stretch)
+    if now.exchange.method == exchange_samples.DIRECT:
+        paid = _share(_available(now, state), gained)
+        stiffness, gained = before + paid * (stiffness - before), paid * gained
+    state.observer.by_settings[i] += gained
+    now.coupling.stiffness[i] = stiffness
 
 
 @njit
 def _follow_cancellation(wished, now, state):
-    """The share cancelled, over engage.time; it ends before anything else about it changes, and begins anew."""
+    """The share cancelled, over engage.time; 1 while it is on its way.
+
+    It ends before anything else about it, or a wall before which it fades, changes, and begins anew.
+    """
     chosen, aim = now.cancellation, wished.cancellation
     same = chosen.band == aim.band and chosen.stretch == aim.stretch and chosen.twist == aim.twist
     same = same and chosen.source == aim.source and chosen.filter == aim.filter
-    if same and chosen.ratio == aim.ratio:
-        return True
+    goal = aim.ratio if same and _all_same(wished.wall, now.wall) else 0.0
+    if same and chosen.ratio == aim.ratio == goal:
+        return 0.0
     before = chosen.ratio
-    ratio = _toward(before, aim.ratio if same else 0.0, now.period / now.engage.time)
+    ratio = _toward(before, goal, now.period / now.engage.time)
     if ratio > before:
         cost = 0.0
         for i in range(int(now.axes)):
             speed = state.motion.device_velocity[i]
             cost += 0.5 * (ratio - before) * now.hardware.damping[i] * speed * speed * now.period
-        share = _share(_available(now, state), cost)
-        _pay(now, state, share * cost, 0.5, 0.5)
-        ratio = before + share * (ratio - before)
-    state.hold.regained = 1.0
+        paid = _share(_available(now, state), cost)
+        _pay(now, state, paid * cost, 0.5, 0.5)
+        ratio = before + paid * (ratio - before)
+    state.hold.regained = 1.0 if ratio != before else state.hold.regained
     if not same and ratio == 0.0:
         now.cancellation = wished.cancellation
     now.cancellation.ratio = ratio
-    return False
+    return 1.0
 
 
 @njit
-def _follow_walls(wished, now, state):
-    """Every wall by its own rule; a wall that is wished for no more goes when nothing touches it."""
-    there, most = True, int(max(wished.wall.count, now.wall.count))
+def _follow_walls(wished, now, state, share):
+    """Every wall by its own rule; how many are on their way. One that is wished for no more goes when it is free."""
+    going, most, reach = 0.0, int(max(wished.wall.count, now.wall.count)), share * now.exchange.slew[0] * now.period
+    if now.cancellation.ratio > 0.0 and not _all_same(wished.wall, now.wall):
+        return float(most)
     for j in range(most):
         if j >= now.wall.count:
-            _take_wall(wished.wall, now.wall, state, j)
             now.wall.count = j + 1.0
+            _take_wall(wished.wall, now.wall, state, j)
         elif j < wished.wall.count and _same(wished.wall, now.wall, j):
             continue
         elif _depth(now.wall, state, j) <= 0.0:
             _take_wall(wished.wall, now.wall, state, j)
         elif j < wished.wall.count and _same_way(wished.wall, now.wall, j):
-            _step_inside(wished.wall, now, state, j)
+            _step_inside(wished.wall, now, state, j, reach)
         else:
-            _let_in(now, state, j)
-        there &= j < wished.wall.count and _same(wished.wall, now.wall, j)
+            _let_in(now, state, j, reach)
+        going += 0.0 if j < wished.wall.count and _same(wished.wall, now.wall, j) else 1.0
     # those at the end that are wished for no more, and gone
     while now.wall.count > wished.wall.count and now.wall.stiffness[int(now.wall.count) - 1] == 0.0:
         now.wall.count -= 1.0
-    return there or now.wall.count == wished.wall.count and _all_same(wished.wall, now.wall)
+    return going if now.wall.count != wished.wall.count or not _all_same(wished.wall, now.wall) else 0.0
 
 
 @njit
 def _all_same(wished, walls):
-    same = True
-    for j in range(int(walls.count)):
-        same &= _same(wished, walls, j)
+    same = walls.count == wished.count
+    for j in range(int(min(walls.count, wished.count))):
+        same = same and _same(wished, walls, j)
     return same
 
 
@@ -270,25 +294,19 @@ def _take_wall(wished, walls, state, j):
 
 
 @njit
-def _reach(now):
-    """What a wall's force may change by in a tick [N]."""
-    return now.exchange.slew[0] * now.period
-
-
-@njit
-def _let_in(now, state, j):
+def _let_in(now, state, j, reach):
     """A wall goes back from the handle until that is off it; its force falls by the slew."""
     stiffness, depth = now.wall.stiffness[j], _depth(now.wall, state, j)
-    now.wall.offset[j] -= min(depth, _reach(now) / stiffness) if stiffness > 0.0 else depth
+    now.wall.offset[j] -= min(depth, reach / stiffness) if stiffness > 0.0 else depth
 
 
 @njit
-def _step_inside(wished, now, state, j):
+def _step_inside(wished, now, state, j, reach):
     """A step of a wall that the handle is in: its stiffness first, then its place, then its damping, as it is paid."""
     walls, nx, ny = now.wall, now.wall.x[j], now.wall.y[j]
-    step = _wanted(wished, now, state, j, _depth(walls, state, j))
+    step = _wanted(wished, now, state, j, reach)
     price = max(state.tank.price[0], state.tank.price[1]) if step.gained > 0.0 else 0.0
-    cost = step.gained + price * _reach(now) ** 2
+    cost = step.gained + price * reach * reach
     share = _share(_available(now, state), cost)
     if share == 1.0:
         walls.stiffness[j], walls.offset[j], walls.damping[j] = step.stiffness, step.offset, step.damping
@@ -300,9 +318,9 @@ def _step_inside(wished, now, state, j):
 
 
 @njit
-def _wanted(wished, now, state, j, depth):
+def _wanted(wished, now, state, j, reach):
     """The Step by which the force may change in this tick; all but one of its parts stay."""
-    walls, reach = now.wall, _reach(now)
+    walls, depth = now.wall, _depth(now.wall, state, j)
     stiffness, offset, damping = walls.stiffness[j], walls.offset[j], walls.damping[j]
     if stiffness != wished.stiffness[j]:
         new = _toward(stiffness, wished.stiffness[j], reach / depth)
