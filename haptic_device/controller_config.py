@@ -10,6 +10,7 @@ from haptic_device.control import exchange_samples, records
 from haptic_device.control.exchange_samples import COUPLING_GAINS
 from haptic_device.parameters import MOST_WALLS, OPERATING_POINT
 
+MOST_LATE = records.HELD - 4  # periods: motor values on their way are remembered, and a write may be late too
 ARM = 0.05  # [m] between grip and tip, which turns accelerations into angular ones
 SAME = {
     (group, name)
@@ -42,6 +43,10 @@ def settings_from(device, values, version=0):
     """SETTINGS record of this operating point. Raises ValueError, one sentence, where values do not fit together."""
     settings = settings_of(device)
     settings["version"], settings["period"] = version, 1.0 / values["servo.rate"]
+    if (late := float(settings["hardware"]["delay"][0]) * values["servo.rate"]) > MOST_LATE:
+        raise ValueError(
+            f"the device's delays are {late:g} periods at servo.rate {values['servo.rate']:g} Hz; the limit is {MOST_LATE}"
+        )
     for parameter in OPERATING_POINT:
         group, _, name = parameter.name.partition(".")
         if (group, name) in SAME:

@@ -6,10 +6,10 @@ Where more energy was generated than the budget it injects damping; what missed 
 
 import math
 
-from haptic_device.control import damping_compensation, faults, passivity, virtual_coupling, virtual_wall
+from haptic_device.control import damping_compensation, faults, held_force, passivity, virtual_coupling, virtual_wall
 from haptic_device.jit import kernel, njit
 
-AXES, HELD = 3, 64
+AXES = 3
 LONG = 1.5  # periods: a hold beyond is one of a missed tick, which the device's damping was not chosen for
 
 
@@ -21,26 +21,26 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
     done meanwhile (passivity.energy_changed).
     """
     _count_changes(hold, sensors.deadline)
-    # now it is known when the last motor value was written
-    hold.acts[int(hold.newest)] += (sensors.write_delay + settings.hardware.delay) * 1e9
+    held_force.was_written(settings, hold, sensors)
     elapsed = motion.elapsed
     if elapsed <= 0.0:
         return
     _spring_growth(settings, observer, motion, spring, walls, enable.ramp)
-    _keep_ways(hold, motion)
+    held_force.keep_ways(hold, motion)
     for i in range(int(settings.axes)):
-        mean, spread = _acted(hold, i, motion.sample_time, elapsed)
+        mean, spread = held_force.acted(hold, i, motion.sample_time, elapsed)
         moved, damping, store = motion.moved[i], settings.hardware.damping[i], observer.store[i]
         lifted = enable.ramp * settings.hardware.gravity[i]  # compensation only carries the handle's weight
         given = passivity.energy_booked(mean - lifted, moved, damping, elapsed)
         observer.energy_given[i] += given + (spread / (4.0 * damping) if spread > 0.0 else 0.0)
         observer.store[i] = passivity.damping_store(observer.damper[i], moved, elapsed)
-        observer.store[i] += _late_store(settings, observer, hold, i)
+        observer.store[i] += held_force.late_store(settings, observer, hold, i)
         last = hold.force_now[i] - observer.cancelled[i]
         grown = -last * moved if hold.limited[i] else observer.growth[i]  # a force at its limit stores force · way
         credited = observer.damping_credit * damping
         made = passivity.energy_generated(mean - observer.cancelled[i], moved, grown, credited, elapsed)
         made += (spread / (4.0 * credited) if spread > 0.0 else 0.0) + observer.by_settings[i]
+        made -= _prepaid(spring, i, made, settings.passivity.lateness / settings.period)
         # never below zero: what the past has lost pays for nothing later (Hannaford & Ryu 2002)
         observer.observed_energy[i] = max(0.0, observer.observed_energy[i] + made + observer.store[i] - store)
         # what settings gave was paid for
@@ -64,60 +64,14 @@ def _count_changes(hold, deadline):
 
 
 @njit
-def _acted(hold, i, now, elapsed):
-    """Of the motor's force on axis i over the hold that ends now [ns]: its mean, and Σ (f − mean)² τ of its changes.
+def _prepaid(spring, i, made, late):
+    """Of what a hold made [J], what the tank has paid for when the force changed (energy_tank.late_energy).
 
-    Summed as differences from the newest force, so that a force which stays is itself and has not changed.
+    What is left of it stands for the holds in which that force still acts.
     """
-    end, begin, at = now, now - elapsed * 1e9, int(hold.newest)
-    newest, change, square = hold.written[at, i], 0.0, 0.0
-    for _ in range(HELD):
-        start = max(begin, hold.acts[at])
-        if start < end:
-            less, time = hold.written[at, i] - newest, (end - start) * 1e-9
-            change, square, end = change + less * time, square + less * less * time, start
-        if end <= begin:
-            break
-        at = (at - 1) % HELD
-    if square == 0.0:
-        return newest, 0.0
-    # rounding may leave it below 0
-    return newest + change / elapsed, max(0.0, square - change * change / elapsed)
-
-
-@njit
-def _keep_ways(hold, motion):
-    """The way of the hold that ends here, behind those before."""
-    at = (int(hold.newest_way) + 1) % HELD
-    hold.newest_way = at
-    for i in range(AXES):
-        hold.ways[at, i] = motion.moved[i]
-
-
-@njit
-def _late_store(settings, observer, hold, i):
-    """What springs and dampers that act late may still owe for the ways of the last holds [J], beyond damping_store.
-
-    With W = n + φ periods of delay a spring's force lags by K Σ Δx_{k−j}, j = 1 … n, and by φ of j = n + 1: each
-    product K Δx_k Δx_{k−j} is at most half of either square, so Δx² still owes ½ K (W − i) after i more holds; and
-    ½ D/T for a damper until its lag, with what the change within a hold may add (passivity.energy_changed).
-    """
-    late = settings.passivity.lateness / settings.period
-    whole = int(late)
-    share, owed, spring, damping = late - whole, 0.0, observer.springs[i], settings.hardware.damping[i]
-    if late <= 0.0:
-        return 0.0
-    for at in range(min(HELD, whole + 2)):
-        weight = 0.5 * spring * max(0.0, late - at)
-        damper = 0.5 * observer.damper[i] / settings.period
-        if at <= whole:
-            weight += 0.25 * share * (1.0 - share) * spring * spring * settings.period / damping
-            weight += damper if at > 0 else 0.0
-        else:
-            weight += share * damper
-        way = hold.ways[(int(hold.newest_way) - at) % HELD, i]
-        owed += weight * way * way
-    return owed
+    used = min(spring.prepaid[i], max(0.0, made))
+    spring.prepaid[i] = (spring.prepaid[i] - used) * late / (1.0 + late)
+    return used
 
 
 @njit
@@ -228,8 +182,7 @@ def inject(settings, observer, motion, walls, output):
     acted = 1.0 if walls.release > 0.0 and walls.touched > 0.0 else 0.0
     limits, device = settings.passivity, settings.hardware
     for i in range(AXES):
-        # the sampled loop takes no more than b of added damping
-        most = device.damping[i] if limits.control else 0.0
+        most = _most_injected(limits, device.damping[i], i, settings.period) if limits.control else 0.0
         generated, velocity = observer.observed_energy[i] - observer.paid[i], motion.device_velocity[i]
         injected = passivity.injected_damping(generated, limits.budget, velocity, settings.period, most)
         output.injected[i] = injected
@@ -237,6 +190,14 @@ def inject(settings, observer, motion, walls, output):
         acted = 1.0 if injected > 0.0 else acted
     observer.injections += acted
     output.injections = observer.injections
+
+
+@njit
+def _most_injected(limits, damping, i, period):
+    """Damping that the sampled loop can take [N s/m]: b where it acts on time, late only what no gain needs."""
+    late = min(1.0, limits.lateness / period)
+    most = limits.surplus[i] + (1.0 - late) * (damping - limits.surplus[i])
+    return most / math.sqrt(1.0 + late)
 
 
 @kernel
@@ -248,7 +209,7 @@ def hold_begins(settings, observer, hold, motion, walls, output):
     measured = chosen.source == damping_compensation.MEASURED
     if motion.stale_ticks == 0.0:
         _begin_hold(settings, observer, hold, output, ratio if measured else 0.0)
-    _send(hold, output)
+    held_force.send(hold, output)
     for i in range(int(settings.axes)):
         hold.force_now[i] = output.force_on_handle[i]
         observer.springs[i] = device.scale[i] ** 2 * observer.coupled * settings.coupling.stiffness[i]
@@ -269,15 +230,6 @@ def hold_begins(settings, observer, hold, motion, walls, output):
         observer.springs[1] += device.scale[1] ** 2 * stiffness * (ny * ny + crossed / settings.passivity.cross)
         observer.damper[0] += device.scale[0] ** 2 * damping * (nx * nx + abs(nx * ny) * settings.passivity.cross)
         observer.damper[1] += device.scale[1] ** 2 * damping * (ny * ny + abs(nx * ny) / settings.passivity.cross)
-
-
-@njit
-def _send(hold, output):
-    """The motor value of this tick; from when it acts the next tick knows."""
-    at = (int(hold.newest) + 1) % HELD
-    hold.newest, hold.acts[at] = at, hold.deadline
-    for i in range(AXES):
-        hold.written[at, i] = output.force_on_handle[i]
 
 
 @njit

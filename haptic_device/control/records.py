@@ -126,14 +126,14 @@ STATE = np.dtype(
             "spring",
             record(
                 "factor factor_held stiffness* limit* push* damped* set_position* set_velocity* own_velocity* goal*"
-                " stretch* stretch_before* changed*"
+                " stretch* force* changed* prepaid*"
             ),
         ),
         (
             "tank",  # energy_tank
             record(
                 "filled version level owed shipped returned tool_session tool_energy shortened"
-                " late left* price* surplus*"
+                " lateness left* price* surplus*"
                 " midpoint* window_from* window_start window_holds counted* sample_before hold_before"
             ),
         ),

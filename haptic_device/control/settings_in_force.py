@@ -10,23 +10,12 @@ A wall changes for nothing while the handle is off it: one that is new, or comes
 and follows it outwards. One that turns or vanishes lets the handle in, by the slew, until it is free of it.
 """
 
-from typing import NamedTuple
-
-from haptic_device.control import energy_tank, exchange_samples, virtual_wall
+from haptic_device.control import change_ledger, energy_tank, exchange_samples, virtual_wall, walls_in_force
 from haptic_device.jit import kernel, njit
 from haptic_device.parameters import POLICIES
 
 OFF = POLICIES.index("off")
 OTHERS = 3.0  # groups beside walls that may be on their way: limits, coupling, cancellation
-
-
-class Step(NamedTuple):
-    """The next stiffness [N/m], offset [m] and damping [N s/m] of a wall, and what its spring gains by it [J]."""
-
-    stiffness: float
-    offset: float
-    damping: float
-    gained: float
 
 
 @kernel
@@ -47,17 +36,18 @@ def begin(wished, state):
 def follow(wished, state):
     """Brings gains, limits, walls and cancellation in force nearer to those that are wished for.
 
-    All that are on their way share the slew.
+    All that are on their way share the slew. What falls goes first: so no gains are in force together that need more
+    damping than the last ones that were all in force, or those that will be.
     """
     now, motion = state.in_force, state.motion
     # where the handle is nobody knows on old counts
     if state.change.going == 0.0 or motion.stale_ticks > 0.0:
         return
-    share = 1.0 / state.change.going
+    share, falling = 1.0 / state.change.going, not _fallen(wished, now)
     going = _follow_limits(wished, now, state, share)
-    going += _follow_coupling(wished, now, state, share)
-    going += _follow_cancellation(wished, now, state)
-    going += _follow_walls(wished, now, state, share)
+    going += _follow_coupling(wished, now, state, share, falling)
+    going += _follow_cancellation(wished, now, state, falling)
+    going += walls_in_force.follow(wished, now, state, share, falling)
     virtual_wall.measure_depths(now.wall, state.walls, motion.handle)
     state.change.going = going
 
@@ -72,8 +62,8 @@ def pay_for_rise(now, state, output):
     for j in range(int(now.wall.count)):
         stored += virtual_wall.wall_store(now.wall.stiffness[j], state.walls.depth[j])
     if stored > 0.0:
-        share = _share(_available(now, state), rise * stored)
-        _pay(now, state, share * rise * stored, 0.5, 0.5)
+        share = change_ledger.share(change_ledger.available(now, state), rise * stored)
+        change_ledger.pay(now, state, share * rise * stored, 0.5, 0.5)
         enable.ramp = output.engage = enable.ramp_before + share * rise
 
 
@@ -101,34 +91,17 @@ def _count_with(wished, now, going):
 
 
 @njit
-def _toward(value, wished, reach):
-    return min(value + reach, max(value - reach, wished))
-
-
-@njit
-def _available(now, state):
-    """Energy [J] that may be spent on what changes the force."""
-    if now.exchange.method == exchange_samples.DIRECT:
-        spent = 0.0
-        for i in range(state.observer.observed_energy.size):
-            spent = max(spent, state.observer.observed_energy[i] + state.observer.by_settings[i])
-        return max(0.0, now.passivity.budget - spent)
-    return max(0.0, state.tank.level - energy_tank.reserve(now, state.tank, state.spring))
-
-
-@njit
-def _share(available, cost):
-    """Share 0…1 of a cost [J] that is there."""
-    return 1.0 if cost <= available else available / cost
-
-
-@njit
-def _pay(now, state, energy, along_x, along_y):
-    """Takes this energy [J] from the ledger; the observer counts it as generated, by axis."""
-    state.observer.by_settings[0] += along_x * energy
-    state.observer.by_settings[1] += along_y * energy
-    if now.exchange.method != exchange_samples.DIRECT:
-        state.tank.level -= energy
+def _fallen(wished, now):
+    """Whether no gain in force is above the one wished for; a wall that turns or vanishes falls to nothing first."""
+    fallen = now.cancellation.ratio <= _goal(wished, now)
+    for i in range(int(now.axes)):
+        fallen &= now.coupling.stiffness[i] <= wished.coupling.stiffness[i]
+        fallen &= now.coupling.damping[i] <= wished.coupling.damping[i]
+    for j in range(int(now.wall.count)):
+        stays = walls_in_force.stays(wished.wall, now.wall, j)
+        fallen &= now.wall.stiffness[j] <= (wished.wall.stiffness[j] if stays else 0.0)
+        fallen &= now.wall.damping[j] <= (wished.wall.damping[j] if stays else 0.0)
+    return fallen
 
 
 @njit
@@ -137,15 +110,15 @@ def _follow_limits(wished, now, state, share):
     going = 0.0
     for i in range(int(now.axes)):
         reach = share * now.exchange.slew[i] * now.period
-        limit = _toward(now.force.limit[i], wished.force.limit[i], reach)
+        limit = change_ledger.toward(now.force.limit[i], wished.force.limit[i], reach)
         rise = limit - now.force.limit[i]
         if rise > 0.0 and state.hold.limited[i] > 0.0 and state.walls.touched > 0.0:
             cost = rise * _way_out(now, state, i)
-            paid = _share(_available(now, state), cost)
-            _pay(now, state, paid * cost, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0)
+            paid = change_ledger.share(change_ledger.available(now, state), cost)
+            change_ledger.pay(now, state, paid * cost, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0)
             limit = now.force.limit[i] + paid * rise
         now.force.limit[i] = limit
-        now.coupling.limit[i] = _toward(now.coupling.limit[i], wished.coupling.limit[i], reach)
+        now.coupling.limit[i] = change_ledger.toward(now.coupling.limit[i], wished.coupling.limit[i], reach)
         there = limit == wished.force.limit[i] and now.coupling.limit[i] == wished.coupling.limit[i]
         going = going if there else 1.0
     return going
@@ -163,26 +136,25 @@ def _way_out(now, state, i):
 
 
 @njit
-def _follow_coupling(wished, now, state, share):
+def _follow_coupling(wished, now, state, share, falling):
     """Spring, then damper, of the coupling, by the slew; 1 while it is on its way."""
     gains, aim, going = now.coupling, wished.coupling, 0.0
-    if state.fade.factor == 0.0:  # nothing is pulled, so nothing moves
-        gains.stiffness[:] = aim.stiffness
-        gains.damping[:] = aim.damping
     for i in range(int(now.axes)):
-        if gains.stiffness[i] == aim.stiffness[i] and gains.damping[i] == aim.damping[i]:
-            continue
-        going, reach = 1.0, share * now.exchange.slew[i] * now.period
-        late = energy_tank.late_energy(state.tank, i, reach)
-        if late > 0.0 and late > _available(now, state):
-            continue
-        _pay(now, state, late, 0.0, 0.0)
-        state.hold.regained = 1.0
-        if gains.stiffness[i] != aim.stiffness[i]:
-            _follow_spring(aim, now, state, i, reach)
-        else:
+        stiffness = change_ledger.aim(gains.stiffness[i], aim.stiffness[i], falling)
+        damping = change_ledger.aim(gains.damping[i], aim.damping[i], falling)
+        known = gains.stiffness[i] + gains.damping[i]
+        if state.fade.factor == 0.0:  # nothing is pulled, so nothing moves
+            gains.stiffness[i], gains.damping[i] = stiffness, damping
+        elif gains.stiffness[i] != stiffness:
+            _follow_spring(stiffness, now, state, i, share * now.exchange.slew[i] * now.period)
+        elif gains.damping[i] != damping:
             speed = max(abs(state.motion.device_velocity[i]) * now.hardware.scale[i], abs(state.spring.set_velocity[i]))
-            gains.damping[i] = _toward(gains.damping[i], aim.damping[i], reach / max(speed, 1e-9))
+            reach = share * now.exchange.slew[i] * now.period
+            _follow_damper(damping, now, state, i, reach / max(speed, 1e-9))
+        if gains.stiffness[i] + gains.damping[i] != known:
+            state.hold.regained = 1.0
+        if gains.stiffness[i] != aim.stiffness[i] or gains.damping[i] != aim.damping[i]:
+            going = 1.0
     return going
 
 
@@ -190,148 +162,59 @@ def _follow_coupling(wished, now, state, share):
 def _follow_spring(aim, now, state, i, reach):
     """Stiffness of the coupling; what its spring gains the tank pays (energy_tank.pay), the budget with `direct`."""
     before, stretch = now.coupling.stiffness[i], abs(state.observer.pulled_to[i] - state.motion.handle[i])
-    stiffness = _toward(before, aim.stiffness[i], reach / max(stretch, 1e-9))
+    stiffness = change_ledger.toward(before, aim, reach / max(stretch, 1e-9))
     gained = max(0.0, 0.5 * state.observer.coupled * (stiffness - before) * stretch * stretch)
     if now.exchange.method == exchange_samples.DIRECT:
-        paid = _share(_available(now, state), gained)
+        paid = change_ledger.share(change_ledger.available(now, state), gained)
         stiffness, gained = before + paid * (stiffness - before), paid * gained
+    elif stiffness > before and energy_tank.late_energy(state.tank, i, reach) > change_ledger.available(now, state):
+        stiffness, gained = before, 0.0
     state.observer.by_settings[i] += gained
     now.coupling.stiffness[i] = stiffness
 
 
 @njit
-def _follow_cancellation(wished, now, state):
-    """The share cancelled, over engage.time; 1 while it is on its way.
+def _follow_damper(aim, now, state, i, reach):
+    """Damping of the coupling; what it may owe for the handle's last way (passivity.damping_store) is paid."""
+    before, way = now.coupling.damping[i], now.hardware.scale[i] * state.motion.moved[i]
+    damping = change_ledger.toward(before, aim, reach)
+    cost = max(0.0, 0.5 * (damping - before) * way * way / now.period)
+    paid = change_ledger.share(change_ledger.available(now, state), cost)
+    change_ledger.pay(now, state, paid * cost, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0)
+    now.coupling.damping[i] = before + paid * (damping - before) if paid < 1.0 else damping
 
-    It ends before anything else about it, or a wall before which it fades, changes, and begins anew.
-    """
+
+@njit
+def _about(wished, now):
+    """Whether all about cancellation but its share is as it is wished for."""
     chosen, aim = now.cancellation, wished.cancellation
     same = chosen.band == aim.band and chosen.stretch == aim.stretch and chosen.twist == aim.twist
-    same = same and chosen.source == aim.source and chosen.filter == aim.filter
-    goal = aim.ratio if same and _all_same(wished.wall, now.wall) else 0.0
-    if same and chosen.ratio == aim.ratio == goal:
-        return 0.0
-    before = chosen.ratio
-    ratio = _toward(before, goal, now.period / now.engage.time)
+    return same and chosen.source == aim.source and chosen.filter == aim.filter
+
+
+@njit
+def _goal(wished, now):
+    """Share cancelled that is aimed at: none until all else about it, and the walls where it fades, are there."""
+    return wished.cancellation.ratio if _about(wished, now) and walls_in_force.all_same(wished.wall, now.wall) else 0.0
+
+
+@njit
+def _follow_cancellation(wished, now, state, falling):
+    """The share cancelled, over engage.time; 1 while it is on its way."""
+    before = now.cancellation.ratio
+    ratio = change_ledger.toward(
+        before, change_ledger.aim(before, _goal(wished, now), falling), now.period / now.engage.time
+    )
     if ratio > before:
         cost = 0.0
         for i in range(int(now.axes)):
             speed = state.motion.device_velocity[i]
             cost += 0.5 * (ratio - before) * now.hardware.damping[i] * speed * speed * now.period
-        paid = _share(_available(now, state), cost)
-        _pay(now, state, paid * cost, 0.5, 0.5)
+        paid = change_ledger.share(change_ledger.available(now, state), cost)
+        change_ledger.pay(now, state, paid * cost, 0.5, 0.5)
         ratio = before + paid * (ratio - before)
     state.hold.regained = 1.0 if ratio != before else state.hold.regained
-    if not same and ratio == 0.0:
+    if ratio == 0.0 and not _about(wished, now):
         now.cancellation = wished.cancellation
     now.cancellation.ratio = ratio
-    return 1.0
-
-
-@njit
-def _follow_walls(wished, now, state, share):
-    """Every wall by its own rule; how many are on their way. One that is wished for no more goes when it is free."""
-    going, most, reach = 0.0, int(max(wished.wall.count, now.wall.count)), share * now.exchange.slew[0] * now.period
-    if now.cancellation.ratio > 0.0 and not _all_same(wished.wall, now.wall):
-        return float(most)
-    for j in range(most):
-        if j >= now.wall.count:
-            now.wall.count = j + 1.0
-            _take_wall(wished.wall, now.wall, state, j)
-        elif j < wished.wall.count and _same(wished.wall, now.wall, j):
-            continue
-        elif _depth(now.wall, state, j) <= 0.0:
-            _take_wall(wished.wall, now.wall, state, j)
-        elif j < wished.wall.count and _same_way(wished.wall, now.wall, j):
-            _step_inside(wished.wall, now, state, j, reach)
-        else:
-            _let_in(now, state, j, reach)
-        going += 0.0 if j < wished.wall.count and _same(wished.wall, now.wall, j) else 1.0
-    # those at the end that are wished for no more, and gone
-    while now.wall.count > wished.wall.count and now.wall.stiffness[int(now.wall.count) - 1] == 0.0:
-        now.wall.count -= 1.0
-    return going if now.wall.count != wished.wall.count or not _all_same(wished.wall, now.wall) else 0.0
-
-
-@njit
-def _all_same(wished, walls):
-    same = walls.count == wished.count
-    for j in range(int(min(walls.count, wished.count))):
-        same = same and _same(wished, walls, j)
-    return same
-
-
-@njit
-def _same_way(wished, walls, j):
-    return walls.x[j] == wished.x[j] and walls.y[j] == wished.y[j]
-
-
-@njit
-def _same(wished, walls, j):
-    gains = walls.stiffness[j] == wished.stiffness[j] and walls.damping[j] == wished.damping[j]
-    return gains and walls.offset[j] == wished.offset[j] and _same_way(wished, walls, j)
-
-
-@njit
-def _depth(walls, state, j):
-    handle = state.motion.handle
-    return virtual_wall.wall_depth(walls.x[j], walls.y[j], walls.offset[j], handle[0], handle[1])
-
-
-@njit
-def _take_wall(wished, walls, state, j):
-    """A wall that the handle is off, as it is wished for but no nearer than the handle; one no more wished for is none.
-
-    It has no force, and its spring holds nothing.
-    """
-    if j >= wished.count:
-        walls.stiffness[j] = walls.damping[j] = 0.0
-        return
-    walls.x[j], walls.y[j] = wished.x[j], wished.y[j]
-    walls.stiffness[j], walls.damping[j] = wished.stiffness[j], wished.damping[j]
-    handle = state.motion.handle
-    walls.offset[j] = min(wished.offset[j], walls.x[j] * handle[0] + walls.y[j] * handle[1])
-
-
-@njit
-def _let_in(now, state, j, reach):
-    """A wall goes back from the handle until that is off it; its force falls by the slew."""
-    stiffness, depth = now.wall.stiffness[j], _depth(now.wall, state, j)
-    now.wall.offset[j] -= min(depth, reach / stiffness) if stiffness > 0.0 else depth
-
-
-@njit
-def _step_inside(wished, now, state, j, reach):
-    """A step of a wall that the handle is in: its stiffness first, then its place, then its damping, as it is paid."""
-    walls, nx, ny = now.wall, now.wall.x[j], now.wall.y[j]
-    step = _wanted(wished, now, state, j, reach)
-    price = max(state.tank.price[0], state.tank.price[1]) if step.gained > 0.0 else 0.0
-    cost = step.gained + price * reach * reach
-    share = _share(_available(now, state), cost)
-    if share == 1.0:
-        walls.stiffness[j], walls.offset[j], walls.damping[j] = step.stiffness, step.offset, step.damping
-    else:
-        walls.stiffness[j] += share * (step.stiffness - walls.stiffness[j])
-        walls.offset[j] += share * (step.offset - walls.offset[j])
-        walls.damping[j] += share * (step.damping - walls.damping[j])
-    _pay(now, state, share * cost, nx * nx, ny * ny)
-
-
-@njit
-def _wanted(wished, now, state, j, reach):
-    """The Step by which the force may change in this tick; all but one of its parts stay."""
-    walls, depth = now.wall, _depth(now.wall, state, j)
-    stiffness, offset, damping = walls.stiffness[j], walls.offset[j], walls.damping[j]
-    if stiffness != wished.stiffness[j]:
-        new = _toward(stiffness, wished.stiffness[j], reach / depth)
-        return Step(new, offset, damping, max(0.0, 0.5 * (new - stiffness) * depth * depth))
-    if offset != wished.offset[j]:
-        new = _toward(offset, wished.offset[j], reach / stiffness) if stiffness > 0.0 else wished.offset[j]
-        way = new - offset
-        return Step(stiffness, new, damping, max(0.0, stiffness * way * (depth + 0.5 * way)))
-    motion = state.motion
-    way = walls.x[j] * (motion.handle[0] - motion.handle_before[0])
-    way += walls.y[j] * (motion.handle[1] - motion.handle_before[1])
-    new = _toward(damping, wished.damping[j], reach * now.period / max(abs(way), 1e-9))
-    # what a sampled damper may owe for the last way (passivity.damping_store)
-    return Step(stiffness, offset, new, max(0.0, 0.5 * (new - damping) * way * way / now.period))
+    return 0.0 if ratio == wished.cancellation.ratio and _about(wished, now) else 1.0

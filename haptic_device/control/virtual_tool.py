@@ -168,8 +168,8 @@ def _pay_for_move(settings, own, tank, spring, hold, motion):
     for i in range(int(settings.axes)):
         stretch = own.pose[i] + settings.period * own.trial[i] - motion.handle[i]
         push = spring.factor * gains.damping[i] * own.trial[i]
-        beyond = max(0.0, abs(stretch - spring.stretch_before[i]) - scale[i] * abs(motion.moved[i]))
-        change = gains.stiffness[i] * beyond + abs(push - spring.push[i])
+        force = virtual_coupling.spring_force(gains.stiffness[i], gains.limit[i], stretch)
+        change = energy_tank.not_own(settings, spring, motion, i, force, spring.factor) + abs(push - spring.push[i])
         hidden += energy_tank.hidden_energy(settings, i, change) + energy_tank.late_energy(tank, i, change)
         stored += virtual_coupling.spring_store(gains.stiffness[i], gains.limit[i], stretch)
         # as the damper of pspm: the handle's worst motion

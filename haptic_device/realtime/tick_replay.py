@@ -41,7 +41,6 @@ IN_BAGS = {
         **{"enable.ramp": "engage", "fault.code": "fault", "fault.thermal_load": "warmth"},
         **{"fade.factor": "exchange_fade"},
         **{"spring.stiffness": "spring", "spring.limit": "clamp", "spring.set_position": "set"},
-        **{"spring.stretch_before": "stretched"},
         **{"tank.level": "tank", "tank.sample_before": "latched_before"},
         **{"waves.answered": "tool_answered", "waves.store": "wave_store", "waves.received": "come"},
         **{"virtual_tool.pose": "copy", "virtual_tool.velocity": "copy_velocity"},

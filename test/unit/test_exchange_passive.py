@@ -110,7 +110,7 @@ def held_still(given, ages):
         if k == 0:
             memory["spring"]["set_position"][0, 0] = 0.0  # as after a press that the tank has paid
             memory["tank"]["level"] = 0.5 * given["exchange"]["tank"][0]
-            memory["spring"]["stretch_before"][0, 0] = 0.004
+            memory["spring"]["force"][0, 0] = 0.004 * float(memory["spring"]["stiffness"][0, 0])
         if k == 1:
             before, force = memory["tank"]["level"][0], row["force_on_handle"][0, 0]
     return before, memory["tank"]["level"][0], force

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The motor values on their way to the handle, and what acted over a hold: a force acts later than its tick.
+
+Later by the delays of the device and by the write's own, which the tick after knows.
+"""
+
+from haptic_device.control.records import AXES, HELD
+from haptic_device.jit import kernel
+
+
+@kernel
+def was_written(settings, hold, sensors):
+    """From when the last motor value acts [ns, as samples are stamped]."""
+    hold.acts[int(hold.newest)] += (sensors.write_delay + settings.hardware.delay) * 1e9
+
+
+@kernel
+def acted(hold, i, now, elapsed):
+    """Of the motor's force on axis i over the hold that ends now [ns]: its mean, and Σ (f − mean)² τ of its changes.
+
+    Summed as differences from the newest force, so that a force which stays is itself and has not changed.
+    """
+    end, begin, at = now, now - elapsed * 1e9, int(hold.newest)
+    newest, change, square = hold.written[at, i], 0.0, 0.0
+    for _ in range(HELD):
+        start = max(begin, hold.acts[at])
+        if start < end:
+            less, time = hold.written[at, i] - newest, (end - start) * 1e-9
+            change, square, end = change + less * time, square + less * less * time, start
+        if end <= begin:
+            break
+        at = (at - 1) % HELD
+    if square == 0.0:
+        return newest, 0.0
+    # rounding may leave it below 0
+    return newest + change / elapsed, max(0.0, square - change * change / elapsed)
+
+
+@kernel
+def keep_ways(hold, motion):
+    """The way of the hold that ends here, behind those before."""
+    at = (int(hold.newest_way) + 1) % HELD
+    hold.newest_way = at
+    for i in range(AXES):
+        hold.ways[at, i] = motion.moved[i]
+
+
+@kernel
+def late_store(settings, observer, hold, i):
+    """What springs and dampers that act late may still owe for the ways of the last holds [J], beyond damping_store.
+
+    With W = n + φ periods of delay a spring's force lags by K Σ Δx_{k−j}, j = 1 … n, and by φ of j = n + 1: each
+    product K Δx_k Δx_{k−j} is at most half of either square, so Δx² still owes ½ K (W − i) after i more holds; and
+    ½ D/T for a damper until its lag, with what the change within a hold may add (passivity.energy_changed).
+    """
+    late = settings.passivity.lateness / settings.period
+    whole = int(late)
+    share, owed, spring, damping = late - whole, 0.0, observer.springs[i], settings.hardware.damping[i]
+    if late <= 0.0:
+        return 0.0
+    for at in range(min(HELD, whole + 2)):
+        weight = 0.5 * spring * max(0.0, late - at)
+        damper = 0.5 * observer.damper[i] / settings.period
+        if at <= whole:
+            weight += 0.25 * share * (1.0 - share) * spring * spring * settings.period / damping
+            weight += damper if at > 0 else 0.0
+        else:
+            weight += share * damper
+        way = hold.ways[(int(hold.newest_way) - at) % HELD, i]
+        owed += weight * way * way
+    return owed
+
+
+@kernel
+def send(hold, output):
+    """The motor value of this tick; from when it acts the next tick knows."""
+    at = (int(hold.newest) + 1) % HELD
+    hold.newest, hold.acts[at] = at, hold.deadline
+    for i in range(AXES):
+        hold.written[at, i] = output.force_on_handle[i]
