@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adversary.horizon import least_damping_over_horizon
-from haptic_device.analysis.coupling_damping import largest_stiffness_for_any_simulation
 from haptic_device.analysis.delay import (
     delayed_demand,
     largest_passive_stiffness,
@@ -150,7 +149,6 @@ def test_over_a_grid_of_gains_each_answer_is_that_of_its_own_gains():
     stiffest = {
         "passive": largest_passive_stiffness(2.0, damping, 1e-3, delay_samples=np.array([0.0, 0.5])),
         "stable": largest_stable_stiffness(0.1, 2.0, damping, 1e-3, np.array([0.0, 0.5])),
-        "any simulation": largest_stiffness_for_any_simulation(2.0, damping, 1e-3, 0.0, np.array([0.0, 0.5])),
     }
     for i, j in np.ndindex(3, 2):
         one = wall_damping_needed(stiffness[j], damping[i, 0], 1e-3, 2e-4, 1.5)
@@ -158,5 +156,3 @@ def test_over_a_grid_of_gains_each_answer_is_that_of_its_own_gains():
         late = 0.5 * j
         assert stiffest["passive"][i, j] == largest_passive_stiffness(2.0, damping[i, 0], 1e-3, delay_samples=late)
         assert stiffest["stable"][i, j] == largest_stable_stiffness(0.1, 2.0, damping[i, 0], 1e-3, late)
-        alone = largest_stiffness_for_any_simulation(2.0, damping[i, 0], 1e-3, 0.0, late)
-        assert stiffest["any simulation"][i, j] == alone
