@@ -127,3 +127,20 @@ def test_delays_that_alternate_need_more_of_a_late_damper_than_a_constant_one():
     constant, alternating = ticks + 0.999, ticks + 0.999 * (ticks % 2)
     assert energy_generated_over_horizon(0.0, 1.0, 1.05, 1.0, constant) < ROUNDING
     assert energy_generated_over_horizon(0.0, 1.0, 1.25, 1.0, alternating) > 1e3 * ROUNDING
+
+
+@pytest.mark.parametrize("late", np.linspace(0.05, 0.95, 19))
+def test_a_store_of_the_last_two_ways_proves_what_a_late_damper_is_charged_for_delays_that_vary(late):
+    """(1−φ)(a₁−a₀)² + φ(a₁−a₋)² ≤ 4√(1+j) a₁² + V(a₀, a₋) − V(a₁, a₀), a the ways of the stretch, any φ in 0 … j.
+
+    V(a, a₋) = (2 + 1.4 j) a² + .5 j a a₋ + 1.9 j a₋². Linear in φ, so that both ends are enough.
+    """
+    now, both, before = 2.0 + 1.4 * late, 0.25 * late, 1.9 * late
+    for share in (0.0, late):
+        prompt = 1.0 - share
+        form = [
+            [4.0 * np.sqrt(1.0 + late) - now - 1.0, prompt - both, share],
+            [prompt - both, now - before - prompt, both],
+            [share, both, before - share],
+        ]
+        assert np.linalg.eigvalsh(form)[0] > 0.0
