@@ -8,11 +8,14 @@ import numpy as np
 import typer
 from matplotlib.figure import Figure
 
+from adversary.horizon import energy_generated_over_horizon
 from adversary.switching import switched_cancellation_damping
+from bench.theory.theory import mu_threshold
 from haptic_device.analysis.assessment import Display
 from haptic_device.analysis.delay import delayed_demand, wall_damping_needed
 from haptic_device.analysis.passivity_figure import draw_map
 from haptic_device.analysis.transfer import wall_transfer
+from haptic_device.control.passivity import coupling_damping, least_damping
 from reference.closed_forms import (
     delayed_wall_damping,
     fractionally_delayed_spring_damping,
@@ -27,17 +30,24 @@ def main(folder: Annotated[Path, typer.Argument(show_default="docs/figures")] = 
     """The figures of docs/passivity.md."""
     folder.mkdir(parents=True, exist_ok=True)
     figure = Figure(figsize=(11.0, 8.0), layout="constrained")
-    for draw, panel in zip((demand, delay, simulation, switch), figure.subplots(2, 2).flat, strict=True):
-        draw(panel)
-        panel.grid(alpha=0.3)
-        panel.legend(fontsize=8)
+    _draw(figure.subplots(2, 2).flat, demand, delay, late_coupling, switch)
     figure.savefig(folder / "passivity_conditions.png", dpi=110)
+    figure = Figure(figsize=(11.0, 4.8), layout="constrained")
+    _draw(figure.subplots(1, 2), negative, drawn)
+    figure.savefig(folder / "passivity_negative.png", dpi=110)
     figure = Figure(figsize=(11.0, 4.8), layout="constrained")
     for panel, samples in zip(figure.subplots(1, 2), (0.0, 1.0), strict=True):
         draw_map(panel, Display(0.0, 1.0, 0.5, 1e-3, mass=0.1, delay_samples=samples))
         panel.grid(alpha=0.3)
         panel.legend(loc="upper left", fontsize=8)
     figure.savefig(folder / "passivity_map.png", dpi=110)
+
+
+def _draw(panels, *drawings):
+    for panel, draw in zip(panels, drawings, strict=True):
+        draw(panel)
+        panel.grid(alpha=0.3)
+        panel.legend(fontsize=8)
 
 
 def demand(axes):
@@ -65,14 +75,42 @@ def delay(axes):
     axes.set(xlabel="delay t_d/T", ylabel="damping needed b/(KT)", title="A force that acts late")
 
 
-def simulation(axes):
-    """Wall against coupling over B of either sign: the correction for B < 0."""
-    damping = np.linspace(-0.49, 1.0, 300)
-    axes.plot(damping, wall_damping(1.0, damping, 1.0), label="wall: KT/2 + |B|")
-    axes.plot(damping, wall_damping_for_any_simulation(1.0, damping, 1.0), label="coupling to any simulation (μ)")
-    axes.axvline(-0.5, color="k", linewidth=0.8, linestyle=":", label="no b is enough left of this (μ)")
-    axes.set(xlabel="virtual damping B/(KT)", ylabel="damping needed b/(KT)", ylim=(0.0, 3.0))
-    axes.set_title("Wall and coupling agree for B ≥ 0 only")
+def late_coupling(axes):
+    """What wall and coupling are asked for over delay."""
+    late = np.linspace(0.0, 2.0, 201)
+    for damping, colour in ((0.0, "tab:blue"), (0.25, "tab:orange")):
+        for needed, what, line in ((coupling_damping, "coupling", "-"), (least_damping, "wall", "--")):
+            asked = [needed(1.0, damping, 1.0, float(value)) for value in late]
+            axes.plot(late, asked, line, color=colour, label=f"{what}, B = {damping:g} KT")
+    axes.set(xlabel="delay t_d/T", ylabel="damping needed b/(KT)", title="Wall and coupling part where forces act late")
+
+
+def negative(axes):
+    """What a wall and a coupling with damping of either sign need: the correction for B < 0."""
+    damping = np.linspace(-0.49, 0.4, 300)
+    wall, coupling = wall_damping(1.0, damping, 1.0), wall_damping_for_any_simulation(1.0, damping, 1.0)
+    axes.fill_between(damping, wall, coupling, color="tab:red", alpha=0.15, label="enough for a wall only")
+    axes.plot(damping, wall, "--", label="wall, and in the paper the coupling too: KT/2 + |B|")
+    axes.plot(damping, coupling, color="tab:red", label="coupling: (KT/2)²/(KT/2 + B) for B < 0")
+    points = np.array([-0.4, -0.3, -0.2, -0.1, 0.0, 0.2])
+    axes.plot(points, [mu_threshold(value) for value in points], "ko", markersize=4, label="threshold of the μ test")
+    for needed, below in ((wall_damping, 14), (wall_damping_for_any_simulation, -4)):
+        need = needed(1.0, -0.3, 1.0)
+        axes.annotate(f"{need:.3g}", (-0.3, need), xytext=(6, -below), textcoords="offset points")
+    axes.axvline(-0.5, color="k", linewidth=0.8, linestyle=":", label="no b is enough from here on")
+    axes.set(xlabel="virtual damping B/(KT)", ylabel="damping needed b/(KT)", ylim=(0.0, 3.0), xlim=(-0.55, 0.4))
+    axes.set_title("Negative damping on a coupling")
+
+
+def drawn(axes):
+    """Energy that the worst path of 60 ticks draws over b, at B = −.3 KT."""
+    b, ticks = np.linspace(0.6, 1.4, 161), np.arange(60.0)
+    energy = [energy_generated_over_horizon(1.0, -0.3, value, 1.0, ticks) for value in b]
+    axes.semilogy(b, np.where(np.array(energy) > 0.0, energy, np.nan), label="with a passive simulation in step")
+    axes.axvline(0.8, color="tab:blue", linestyle="--", label="the paper's form, KT/2 + |B|")
+    axes.axvline(1.25, color="tab:red", label="(KT/2)²/(KT/2 + B)")
+    axes.set(xlabel="physical damping b/(KT)", ylabel="energy given per square of the path, in K", xlim=(b[0], b[-1]))
+    axes.set_title("B = −.3 KT: what the worst 60 ticks draw")
 
 
 def switch(axes):

@@ -89,10 +89,16 @@ def positive_damping():
 
 def negative_damping():
     """Threshold of the μ test by bisection, K = T = 1."""
-    for damping in (-0.05, -0.2, -0.4):
-        low, high, wall = 0.1, 10.0, wall_transfer(1.0, damping, 1.0)
-        while high - low > 1e-6:
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if mu_margin(wall, 1.0, middle) > 0.0 else (middle, high)
+    for damping in (-0.05, -0.2, -0.3, -0.4):
         exact = 0.25 / (0.5 + damping)
-        print(f"B = {damping:g} KT: mu asks for {low:.5f} KT, closed form {exact:.5f}, wall {0.5 - damping:.5f}")
+        found = mu_threshold(damping)
+        print(f"B = {damping:g} KT: mu asks for {found:.5f} KT, closed form {exact:.5f}, wall {0.5 - damping:.5f}")
+
+
+def mu_threshold(damping):
+    """Least b/(KT) by the μ test, for B/(KT)."""
+    low, high, wall = 0.1, 10.0, wall_transfer(1.0, damping, 1.0)
+    while high - low > 1e-6:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if mu_margin(wall, 1.0, middle) > 0.0 else (middle, high)
+    return low

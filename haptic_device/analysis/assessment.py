@@ -2,20 +2,17 @@
 """Assessment of a display: passive, stable, with any simulation behind the coupling; by how much, what to change."""
 
 from collections.abc import Iterator
-from math import isfinite, tau
+from math import isfinite, sqrt, tau
 from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.analysis.coupling_damping import (
-    largest_stiffness_for_any_simulation,
-    least_damping_for_any_simulation,
-)
 from haptic_device.analysis.delay import largest_passive_stiffness, wall_damping_needed
 from haptic_device.analysis.mu import mu_margin
 from haptic_device.analysis.quantity import Quantity, not_negative, positive, within
 from haptic_device.analysis.stability import largest_stable_stiffness, spectral_radius
 from haptic_device.analysis.transfer import wall_transfer
+from haptic_device.control.passivity import coupling_damping
 
 LIMITS = {
     "stiffness": (0.0, 1e12, "N/m"),
@@ -59,7 +56,8 @@ class Assessment(NamedTuple):
     mu_passive: bool
     mu_margin: float
     b_required_mu: float
-    """Physical damping for any passive simulation in step behind a coupling with these gains [N s/m]."""
+    """Physical damping for any passive simulation in step behind a coupling with these gains [N s/m], as the driver
+    asks for it: a velocity lag is not credited."""
     stiffness_max_passive: float
     stiffness_max_stable: float
     stiffness_max_mu: float
@@ -85,8 +83,7 @@ def assess(display: Display) -> Assessment:
     wall = wall_damping_needed(stiffness, damping, period, lag, delay)
     friction = float(coulomb_friction_needed(stiffness, damping, period, resolution, lag))
     coupling = wall_transfer(stiffness, damping, period, lag)
-    any_simulation = float(least_damping_for_any_simulation(coupling, period, delay_samples=delay).damping)
-    mu = float(mu_margin(coupling, period, physical_damping, delay_samples=delay))
+    any_simulation = float(coupling_damping(float(stiffness), float(damping), float(period), float(delay * period)))
     return Assessment(
         passive=bool(wall.damping < physical_damping and friction <= coulomb),
         stable=bool(spectral_radius(stiffness, damping, mass, physical_damping, period, delay, lag) < 1.0),
@@ -94,12 +91,12 @@ def assess(display: Display) -> Assessment:
         b_required=float(wall.damping) + 0.0,
         binding_hz=float(wall.frequency) / tau,
         coulomb_required=friction,
-        mu_passive=any_simulation < physical_damping and isfinite(mu),
-        mu_margin=mu,
+        mu_passive=any_simulation < physical_damping,
+        mu_margin=float(mu_margin(coupling, period, physical_damping, delay_samples=delay)),
         b_required_mu=any_simulation,
         stiffness_max_passive=_largest_passive(display),
         stiffness_max_stable=largest_stable_stiffness(mass, physical_damping, damping, period, delay, lag),
-        stiffness_max_mu=largest_stiffness_for_any_simulation(physical_damping, damping, period, lag, delay),
+        stiffness_max_mu=_largest_coupling(display),
     )
 
 
@@ -160,3 +157,19 @@ def _largest_passive(display: Display) -> float:
     viscous = display.damping / (display.period + display.velocity_lag)
     covered = 2.0 * display.coulomb / display.resolution - abs(viscous) - viscous
     return float(min(damped, max(covered, 0.0)))
+
+
+def _largest_coupling(display: Display) -> float:
+    """Largest K whose control/passivity.coupling_damping is b, with h = KT/2 and its factor L of h; 0: there is none.
+
+    L h + need(B) = b for B ≥ 0, else the larger root of L h² = b (h + B).
+    """
+    b, damping, period = (float(value) for value in (display.physical_damping, display.damping, display.period))
+    late = float(display.delay_samples * period)
+    leak = float(coupling_damping(2.0 / period, 0.0, period, late))
+    if damping >= 0.0:
+        half = (b - float(coupling_damping(0.0, damping, period, late))) / leak
+    else:
+        square = b * b + 4.0 * leak * b * damping
+        half = 0.5 * (b + sqrt(square)) / leak if square > 0.0 else 0.0
+    return max(0.0, 2.0 * half / period)

@@ -12,18 +12,18 @@ b₀ is irrelevant and b stands alone. For the synchronous simulation, N samples
 It is the least dissipation of display and coupling together, minimal over the handle's paths, so a fractional delay
 only interpolates the cosine: (1 − s) cos (N+1)θ + s cos (N+2)θ. For the wall of eq. 2 and N = 0 it reads
 (T/2) |H|²/(K + 2B/T), whose supremum is KT/2 + B for B ≥ 0 and (KT/2)²/(KT/2 + B) for −KT/2 < B < 0. With delay a
-spring needs (N + 1)² KT/2 here, where a wall needs (N + ½) KT (control/passivity.least_damping).
+spring needs (N + 1)² KT/2 here, where a wall needs (N + ½) KT (control/passivity.least_damping). Verdicts go by
+control/passivity.coupling_damping, which is this for B ≤ 0 and without delay, and enough for any delays up to the one
+that is counted.
 """
-
-from typing import Any
 
 import numpy as np
 
 from haptic_device.analysis.delay import split_delay
 from haptic_device.analysis.passivity import LeastDamping, as_transfer, larger_of_rest, sharp_angles
-from haptic_device.analysis.quantity import Array, Complexes, Quantity, over_grids, positive
+from haptic_device.analysis.quantity import Array, Complexes, Quantity, positive
 from haptic_device.analysis.supremum import supremum
-from haptic_device.analysis.transfer import AnyTransfer, Response, value_at_rest, wall_transfer
+from haptic_device.analysis.transfer import AnyTransfer, Response, value_at_rest
 
 POLE = 1e12
 """A demand this many times T|H| is a pole of the closed form that rounding has made finite."""
@@ -39,32 +39,6 @@ def least_damping_for_any_simulation(transfer: AnyTransfer, period: float, delay
     transfer = as_transfer(transfer)
     moving, angle = supremum(lambda angle: _demand(angle, transfer, period, delay_samples), sharp_angles(transfer))
     return larger_of_rest(_demand_at_rest(transfer, period, delay_samples), moving, angle, period)
-
-
-@over_grids
-def largest_stiffness_for_any_simulation(
-    physical_damping: float, damping: float, period: float, velocity_lag: float = 0.0, delay_samples: float = 0.0
-) -> float:
-    """Largest K of a coupling, in step, that a device with b shows with any passive simulation [N/m]; 0: there is none.
-
-    Arguments broadcast. With H = K + V(z) the condition at each θ is quadratic in K, so between two roots. What keeps
-    all of them lies between the largest lower root and the smallest upper one.
-    """
-    positive("physical_damping", physical_damping, "N s/m")
-    damper = wall_transfer(0.0, damping, period, velocity_lag)
-    near = sharp_angles(damper)
-
-    def roots(angle: Array) -> tuple[Array, Array]:
-        response = damper(np.exp(1j * angle))
-        given = 0.5 * period * leak(angle, delay_samples)
-        return _between(given, response, physical_damping, supply(response, angle))
-
-    value, slope = value_at_rest(damper)
-    given = 0.5 * period * _leak_at_rest(delay_samples)
-    resting = _between(given, value, physical_damping, value + 2.0 * slope)
-    low = max(float(resting[0][0]), float(supremum(lambda angle: roots(angle)[0], near)[0]))
-    high = min(float(resting[1][0]), -float(supremum(lambda angle: -roots(angle)[1], near)[0]))
-    return high if high > max(low, 0.0) else 0.0
 
 
 def supply(response: Complexes, angle: Array) -> Array:
@@ -101,21 +75,6 @@ def _demand_at_rest(transfer: Response, period: float, delay_samples: float) -> 
     value, slope = value_at_rest(transfer)
     given = 0.5 * period * _leak_at_rest(delay_samples) * value**2
     return _ratio(given, value + 2.0 * slope)
-
-
-def _between(
-    given: Quantity, response: Quantity | Complexes, physical_damping: float, kept: Quantity
-) -> tuple[Array, Array]:
-    """The two K between which given |K + V|² < b (K + kept); where there are none, infinite the wrong way round."""
-    real: Any = np.real(response)
-    linear = 2.0 * given * real - physical_damping
-    constant = given * np.abs(response) ** 2 - physical_damping * kept
-    square = linear**2 - 4.0 * given * constant
-    larger = -0.5 * (linear + np.copysign(np.sqrt(np.maximum(square, 0.0)), linear))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = larger / given, constant / larger
-    none = square < 0.0
-    return np.where(none, np.inf, np.fmin(first, second)), np.where(none, -np.inf, np.fmax(first, second))
 
 
 def _ratio(given: Quantity, kept: Quantity) -> Array:

@@ -5,6 +5,8 @@ Between two instants the physical damper takes at least b Δx²/Δt, and a held 
 sampling and of writing, the energy given is at most path · (W − b D) · path, a quadratic form in the positions at those
 instants; the display gives nothing over this horizon iff b is at least the largest generalized eigenvalue of (W, D),
 and the eigenvector is the path that finds the leak. Longer horizons need more, up to the frequency conditions.
+
+With a simulation behind a coupling its positions are moved at will too, and what it takes counts as given.
 """
 
 from typing import NamedTuple
@@ -37,6 +39,32 @@ def least_damping_over_horizon(stiffness, damping, period, sample_times, write_t
     given = _energy_given(stiffness, damping / period, times, sample_times, write_times)
     values, paths = eigh(given, _dissipation(times), subset_by_index=[times.size - 2] * 2)
     return WorstPath(values[-1], times, np.concatenate([[0.0], paths[:, -1]]))
+
+
+def energy_generated_over_horizon(stiffness, damping, physical_damping, period, write_times):
+    """Most energy that display and coupling give to handle and simulation together, per square of their path [J/m²].
+
+    The coupling u_k = K e_k + B (e_k − e_{k−1})/T, e the handle less the simulation, is sampled at k T, from rest; −u_k
+    acts on the handle from write_times[k] to the next. The simulation is in step: it takes u_k (y_k − y_{k−1}).
+    Arguments and errors as for least_damping_over_horizon, B of either sign.
+    """
+    positive("period", period, "s")
+    write_times = np.asarray(write_times, float)
+    sample_times = period * np.arange(write_times.size)
+    _refuse_disorder(sample_times, write_times)
+    times = np.unique(np.concatenate([sample_times, write_times]))
+    handle = np.eye(times.size + sample_times.size)
+    simulation, handle = handle[times.size :], handle[: times.size]
+    stretch = handle[np.searchsorted(times, sample_times)] - simulation
+    force = stiffness * stretch
+    force[1:] += damping / period * np.diff(stretch, axis=0)
+    work = force[1:].T @ np.diff(simulation, axis=0)
+    work -= force[:-1].T @ np.diff(handle[np.searchsorted(times, write_times)], axis=0)
+    free = np.delete(np.arange(len(work)), [0, times.size])  # both begin at 0
+    work = 0.5 * (work + work.T)[np.ix_(free, free)]
+    moved = times.size - 1
+    work[:moved, :moved] -= physical_damping * _dissipation(times)
+    return eigh(work, eigvals_only=True, subset_by_index=[len(work) - 1] * 2)[0]
 
 
 def _dissipation(times):
