@@ -124,7 +124,7 @@ def stretching(hand=500.0, stretch=0.006, **given):
 def _beyond(before, old, row, new):
     """Change of the force on the handle, less what its own motion makes of it by gains in force before or after [N].
 
-    The controller's own damping, and a display that lets go, count for nothing.
+    The controller's own damping, the force ramp, and a display that lets go, count for nothing.
     """
     axes = int(new["axes"])
     if row.engage < before.engage:
@@ -132,6 +132,7 @@ def _beyond(before, old, row, new):
     changed = np.abs(row.force_on_handle - before.force_on_handle)
     changed -= np.abs(row.force_passivity - before.force_passivity)
     own = np.max([_own(one, before, row) for one in (old, new)], axis=0)
+    own += (row.engage - before.engage) * np.abs(row.force_on_handle) / max(row.engage, 1e-12)
     return np.maximum(0.0, changed - own)[:axes]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""200 live changes of walls, gains, cancellation, limit and clutch by services, a hand pressing, forces that act late."""
+"""200 live changes of walls, gains, cancellation, limit and clutch by services: a hand presses, forces act late."""
 
 import contextlib
 import time
