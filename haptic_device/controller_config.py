@@ -43,10 +43,9 @@ def settings_from(device, values, version=0):
     """SETTINGS record of this operating point. Raises ValueError, one sentence, where values do not fit together."""
     settings = settings_of(device)
     settings["version"], settings["period"] = version, 1.0 / values["servo.rate"]
-    if (late := float(settings["hardware"]["delay"][0]) * values["servo.rate"]) > MOST_LATE:
-        raise ValueError(
-            f"the device's delays are {late:g} periods at servo.rate {values['servo.rate']:g} Hz; the limit is {MOST_LATE}"
-        )
+    late, rate = float(settings["hardware"]["delay"][0]) * values["servo.rate"], values["servo.rate"]
+    if late > MOST_LATE:
+        raise ValueError(f"the device's delays are {late:g} periods at servo.rate {rate:g} Hz; the limit is {MOST_LATE}")
     for parameter in OPERATING_POINT:
         group, _, name = parameter.name.partition(".")
         if (group, name) in SAME:

@@ -34,10 +34,11 @@ class ExchangeServer:
         self.state["method"] = EXCHANGE_METHODS.index(values["exchange.method"])
         self._node = node
         self._publisher = node.create_publisher(messages.JointState, "handle", messages.LATEST)
-        self._subscription = PolledSubscription(node, "tool", JOINTS, messages.LATEST, raw=True)
+        # room for more than one: in a queue of one, a message that is refused replaces the answer before it
+        self._subscription = PolledSubscription(node, "tool", JOINTS, messages.STREAM, raw=True)
         self.near_frame = exchange_step.make_near_frame(*CloudLayout(LOCAL_CONTACT).fixed(MOST))
         local = values["exchange.method"] == EXCHANGE_METHODS[law.LOCAL]
-        self._near = PolledSubscription(node, "local_contacts", CLOUD, messages.LATEST, raw=True) if local else None
+        self._near = PolledSubscription(node, "local_contacts", CLOUD, messages.STREAM, raw=True) if local else None
         self._compiled, self._error = threading.Event(), None
         self._thread = threading.Thread(target=self._run, name="exchange")
 

@@ -16,6 +16,7 @@ from haptic_device.realtime import atomic, clock, exchange_step
 LOOK, POLL = 10_000, 100_000  # [ns] between looks for an answer: while it is due, and else
 DUE = 300_000  # [ns] from a handle sample on, until its answer has come
 ROOM = 65536  # bytes for a message that comes in; librcl makes it larger for a larger one
+MOST = 64  # messages taken at a look: a flood that never ends must not hold up the handle samples
 
 _address = types.uintp
 _publish = types.ExternalFunction("rcl_publish_serialized_message", types.int32(_address, _address, _address))
@@ -93,13 +94,18 @@ def run_exchange(
                 _publish(publisher, outbox.ctypes.data, 0)
                 watch[exchange_step.SENT] += 1
                 due = now + DUE
-        while _take(subscription, inbox.ctypes.data, 0, 0) == 0:
+        # all that wait, oldest first: one that is refused hides no answer behind or before it
+        for _ in range(MOST):
+            if _take(subscription, inbox.ctypes.data, 0, 0) != 0:
+                break
             size = inbox[1]  # of what came; what is longer than ours is refused by its size, and cut here
             _memcpy(frame.incoming.ctypes.data, inbox[0], min(size, frame.incoming.size))
             exchange_step.take_in(frame, size, state[0], watch, gains[0], tool, tool_mail, clock.now_ns(scratch))
             due = np.int64(0) if state[0].peer_answered == state[0].sequence else due
         if near_subscription is not None:
-            while _take(near_subscription, inbox.ctypes.data, 0, 0) == 0:
+            for _ in range(MOST):
+                if _take(near_subscription, inbox.ctypes.data, 0, 0) != 0:
+                    break
                 size = inbox[1]
                 _memcpy(near_frame.incoming.ctypes.data, inbox[0], min(size, near_frame.incoming.size))
                 exchange_step.take_in_contacts(near_frame, size, state[0], watch, near, near_mail)

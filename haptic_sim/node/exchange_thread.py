@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The thread that answers handle samples: off the executor, on bytes, the latest only.
+"""The thread that answers handle samples: off the executor, on bytes, the latest that is accepted only.
 
 An executor would take half a core at 1 kHz to hand over what a wait set of one subscription hands over at once.
 """
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from haptic_device.nodes.messages import LATEST, JointState
+from haptic_device.nodes.messages import STREAM, JointState
 from haptic_device.nodes.polled_subscription import Untouched
 from haptic_sim.node.port import Port
 from haptic_sim.node.showing import Showing
@@ -21,6 +21,7 @@ LOOK_UP_NS = 50_000_000  # longest time it does not look at what others ask of i
 SILENCE_NS = 250_000_000  # hides a change of the world: by default the driver's coupling has let go after 0.2 s
 RETURN_NS = 140_000_000  # time over which the coupling's gains then return, as the driver's own fade does
 TIMES_KEPT = 4096
+MOST = 64  # messages taken at a turn: a flood that never ends must not hold up the answers
 
 
 class Report(NamedTuple):
@@ -46,7 +47,7 @@ class ExchangeThread:
         self._publisher, self._near_publisher = publishers  # of tool, of local_contacts or None
         self._node = node
         self._subscription = node.create_subscription(
-            JointState, "handle", lambda data: None, LATEST, raw=True, callback_group=Untouched()
+            JointState, "handle", lambda data: None, STREAM, raw=True, callback_group=Untouched()
         )
         self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
         self._stop, self._wish, self._granted = threading.Event(), None, threading.Event()
@@ -127,31 +128,34 @@ class ExchangeThread:
             self._granted.set()
 
     def _turn(self):
-        data = self._latest()
-        if data is not None:
-            self._answer(data)
+        messages = self._waiting()
+        if messages:
+            self._answer(*messages)
             self._showing.show(self.simulation, self._handle, time.monotonic_ns())
         if self._wish is not None:
             self._grant()
         if time.monotonic_ns() >= self._next_report_ns:
             self._say()
 
-    def _latest(self):
-        latest, handle = None, self._subscription.handle
+    def _waiting(self):
+        """What has come since, oldest first."""
+        messages, handle = [], self._subscription.handle
         with handle, self._node.context.handle:  # they live on while it waits
             self._wait_set.clear_entities()
             self._wait_set.add_subscription(handle)
             self._wait_set.wait(LOOK_UP_NS)
-            while (taken := handle.take_message(JointState, True)) is not None:
-                latest = taken[0]
-        return latest
+            while len(messages) < MOST and (taken := handle.take_message(JointState, True)) is not None:
+                messages.append(taken[0])
+        return messages
 
-    def _answer(self, data):
+    def _answer(self, *messages):
+        """Answers the newest of these that is accepted: one that is refused takes no other's turn."""
         began, now_ns = time.perf_counter_ns(), time.monotonic_ns()
-        question = self.port.take(data, now_ns)
-        if question is None:
+        questions = [question for data in messages if (question := self.port.take(data, now_ns)) is not None]
+        if not questions:
             return
-        if question.new_session or self._silent(now_ns):
+        question = questions[-1]
+        if any(one.new_session for one in questions) or self._silent(now_ns):
             self.simulation.rejoin()
         if self._silent(now_ns):
             return

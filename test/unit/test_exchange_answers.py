@@ -130,6 +130,14 @@ def answering(monkeypatch):
     return types.SimpleNamespace(answer=answer, load=another, grant=grant, thread=thread)
 
 
+def test_samples_that_are_refused_take_no_turn_of_one_that_came_before_or_between_them(answering):
+    wild = handle(position=(math.inf, 0.0, 0.0))
+    answering.thread._answer(wild, handle(1.0), wild, handle(2.0), wild)
+    assert answering.thread.answered == 1 and answering.thread.port.refused["NaN or out of range"] == 3
+    assert not answering.answer(2)  # which was the one that is answered
+    assert answering.answer(3)
+
+
 def test_another_world_is_hidden_by_a_silence_and_its_gains_return_from_nothing(answering):
     loaded, back = 10, 10 + exchange_thread.SILENCE_NS // MS
     assert all(answering.answer(time) for time in range(1, loaded + 1))

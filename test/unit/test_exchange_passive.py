@@ -437,8 +437,8 @@ def pressed(given):
             (
                 memory["spring"]["set_position"][0, 0],
                 memory["tank"]["level"],
-                memory["spring"]["stretch_before"][0, 0],
-            ) = 0.0, 0.02, 0.004
+                memory["spring"]["force"][0, 0],
+            ) = 0.0, 0.02, 0.004 * given["coupling"]["stiffness"][0, 0]
         tick(given, memory, row)
     assert row["force_on_handle"][0, 0] > 1.0
     return memory, row, float(memory["tank"]["level"][0])
