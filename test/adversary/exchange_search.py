@@ -9,8 +9,8 @@ of that way takes (late_forces) less f_c |Δx|. Adversaries (tool_samples):
 * late: the tool is where the handle was N ticks ago, held by a wall at 0 where a gene says so, or lost.
 
 A path is an array (ticks, GENES) of numbers of order one. With `rough` one tick in some is missed by the servo, and in
-some others it finds counts that are one period old. With LATE_GENES it also says when each motor value is written, opens
-the clutch or disables, and wishes for one of several operating points.
+some others it finds counts that are one period old. With LATE_GENES it also says when each motor value is written,
+opens the clutch or disables, and wishes for one of several operating points.
 """
 
 from typing import NamedTuple
