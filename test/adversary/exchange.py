@@ -69,14 +69,14 @@ def main():
         for seed, adversary in enumerate(CASES):
             show(method, "", adversary, settings(method), evaluations, seed)
         limited = settings(method, limit=2.0)
-        show(method, "limit 2 N", Adversary(reach=3.0, books=1), limited, evaluations, 20)
+        show(method, "limit 2 N", Adversary(reach=3.0, books=1, full=1), limited, evaluations, 20)
         show(method, "limit 2 N", Adversary(loss=0.3), limited, evaluations, 21)
         coarse = settings(method, 1.0 / STEP)
         show(method, "step 5 µm", Adversary(coulomb=0.5 * STIFFNESS * STEP, reach=0.1), coarse, evaluations, 22)
         guarded = settings(method, control=True)
         show(method, "controller on", Adversary(loss=0.3), guarded, evaluations, 24)
         show(method, "controller on", Adversary(20, 0.3), guarded, evaluations, 25)
-        show(method, "missed ticks", Adversary(rough=1, books=1), settings(method), evaluations, 23)
+        show(method, "missed ticks", Adversary(rough=1, books=1, full=1), settings(method), evaluations, 23)
     print(f"\ntool port: supplied beyond what was shipped, {evaluations // 10} evaluations; budget {BUDGET * 1e3:g} mJ")
     for method in methods:
         found = port_search.search(lambda method=method: port_of(method), sample, evaluations=evaluations // 10)

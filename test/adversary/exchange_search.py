@@ -1,43 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
 """Search for tool samples and a handle path by which an exchange method gives the operator energy.
 
-One axis, no device mass: the handle is wherever the adversary has it, which is worse than any hand. In each tick the
-real servo holds its force while the handle moves straight by Δx; given to the operator is Σ f Δx − b Δx²/T − f_c |Δx|,
-and damper and friction take no less by any other way. Two kinds of adversary:
+One axis, no device mass: the handle is wherever the adversary has it, which is worse than any hand. In each period the
+handle moves by Δx while the real servo's forces act, late as they are; given to the operator is the most that any path
+of that way takes (late_forces) less f_c |Δx|. Adversaries (tool_samples):
 
 * free: every sample says what it likes: position, velocity, age, contact, energy, waves;
 * late: the tool is where the handle was N ticks ago, held by a wall at 0 where a gene says so, or lost.
 
 A path is an array (ticks, GENES) of numbers of order one. With `rough` one tick in some is missed by the servo, and in
-some others it finds counts that are one period old.
+some others it finds counts that are one period old. With LATE_GENES it also says when each motor value is written,
+opens the clutch or disables, and wishes for one of several operating points.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.control import (
-    contact_model,
-    contact_solver,
-    enable_state,
-    exchange_samples,
-    faults,
-    records,
-    servo,
-    virtual_coupling,
-)
+from adversary.late_forces import most_given
+from adversary.tool_samples import DEVICE, FREE, GENES, LOST, MOVED, contacts, sample
+from haptic_device.control import enable_state, exchange_samples, faults, records, servo, virtual_coupling
 from haptic_device.jit import kernel, njit
 
-MOVED, POSITION, VELOCITY, AGE, CONTACT, ENERGY, EFFORT, LOST, DEVICE = range(9)
-GENES = 9
-FREE = -1  # instead of a number of ticks
+SURE = 1e-7  # [J] no rounding of the books
+WRITE, ORDERS, POINT = range(GENES, GENES + 3)
+LATE_GENES = GENES + 3
 MISSED, STALE = 1.8, 1.4  # the gene DEVICE above which a rough device does so
+BEYOND, OPENED = 2.2, 1.5  # genes WRITE and ORDERS above which a value is written later than counted; below −, disabled
 
 
 class Found(NamedTuple):
-    """Largest energy given [J] that was found, and of all paths tried: the largest force [N], the fastest change of
-    force that the set position made beyond the handle's own motion [N per tick], the most that the tank's books
-    credited beyond the truth [J], evaluations, and the path."""
+    """Of all paths tried: the largest energy given [J], beyond what was in the tank; the largest force [N]; the fastest
+    change of force that the set position made beyond the handle's own motion [N per tick]; the most that the books
+    credited beyond the truth [J]; evaluations; and the path that was best by what was looked for."""
 
     energy: float
     force: float
@@ -49,7 +44,10 @@ class Found(NamedTuple):
 
 class Adversary(NamedTuple):
     """late: ticks, or FREE; loss: share of samples lost; coulomb: friction f_c [N]; reach: times the usual stretches
-    and steps; rough: 1 for a device that misses ticks; books: 1 to look for credit beyond the truth instead."""
+    and steps; rough: 1 for a device that misses ticks; books: 1 to look for credit beyond the truth instead; full: 1 to
+    begin with a full tank; mixed: ticks by which samples of `late` overtake one another; delay: from a motor's write
+    until it acts [s]; write: latest write after its deadline that is counted with [s]; beyond: 1 to write later still
+    now and then; orders: 1 to open the clutch and to disable."""
 
     late: int = FREE
     loss: float = 0.0
@@ -57,159 +55,183 @@ class Adversary(NamedTuple):
     reach: float = 1.0
     rough: int = 0
     books: int = 0
+    full: int = 0
+    mixed: int = 0
+    delay: float = 0.0
+    write: float = 0.0
+    beyond: int = 0
+    orders: int = 0
 
 
 def energy_given(settings, memory, row, path, scale, adversary, watched):
-    """Largest energy given [J] at any tick of a path's second half; settings, memory and row are arrays of one.
+    """Largest energy given [J] at any tick of a path's second half, less what was in the tank beyond the budget.
 
-    scale: of each gene; adversary.loss: genes below it are lost here; watched: largest force and change, kept.
+    settings: of each operating point; memory and row: arrays of one; scale: of each gene; adversary.loss: genes below
+    it are lost here; watched: largest force, change and credit, kept, and how far up the search for credit is.
     """
     return _energy_given(settings, memory, row.view(records.TICK), path, scale, adversary, watched)
 
 
 @kernel
 def _energy_given(settings, memory, row, path, scale, adversary, watched):
-    period, damping = settings[0].period, settings[0].hardware.damping[0]
-    step = abs(settings[0].hardware.position_per_count[0])
-    past, position, moved, given, most = np.zeros(len(path)), 0.0, 0.0, 0.0, -np.inf
-    record, force = row[0], 0.0
+    record, one, device, period = row[0], memory[0], settings[0].hardware, settings[0].period
+    there = max(0.0, one.tank.level - settings[0].exchange.budget)
+    past, acts, forces, sent, write = np.zeros(len(path)), np.zeros(len(path)), np.zeros(len(path)), 0, 0.0
+    position, given, paid, most, owed = 0.0, -there, 0.0, -np.inf, -np.inf
     for k in range(len(path)):
-        position += moved
         past[k] = position
         troubled = path[k, DEVICE] if adversary.rough and k > 0 else 0.0
         if troubled < MISSED:
-            stale = troubled > STALE
-            record.sensors.deadline, record.sensors.device_status = (
-                (k + 1) * period * 1e9,
-                0.0 if stale else faults.FRESH,
-            )
+            stale, now = troubled > STALE, settings[_point(path[k], len(settings)) if k > 0 else 0]
+            record.sensors.write_delay = write
+            _sense(record, k + 1, position / abs(device.position_per_count[0]), period, stale)
+            sample(record, path, k, scale, past, adversary, period)
+            record.sensors.command = _orders(path[k], adversary)
+            if now.exchange.method == exchange_samples.LOCAL and not path[k, LOST] < adversary.loss:
+                contacts(one, record, path[k], scale, position, k)
+            _tick(now, one, record, watched, k > 0)
+            write = _write_delay(path[k], adversary, period)
+            acts[sent], forces[sent] = k + (write + adversary.delay) / period, record.output.force_on_handle[0]
+            sent += 1
             if not stale:
-                record.sensors.latched, record.sensors.counts[0] = record.sensors.deadline, np.round(position / step)
-            _sample(record, path, k, scale, past, adversary, period)
-            if settings[0].exchange.method == exchange_samples.LOCAL and not path[k, LOST] < adversary.loss:
-                _contacts(memory[0], record, path[k], scale, position, k)
-            before, faded, handle = (
-                record.output.coupling_position[0],
-                record.output.exchange_fade,
-                record.output.position[0],
-            )
-            servo.tick(settings[0], memory[0], record)
-            there, gone = _spring(settings, before, record.output.position[0]), _spring(settings, before, handle)
-            now = _spring(settings, record.output.coupling_position[0], record.output.position[0])
-            if k > 0 and faded == record.output.exchange_fade:
-                watched[1] = max(watched[1], faded * max(now - max(there, gone), min(there, gone) - now))
-            force = record.output.force_on_handle[0]
-            watched[0] = max(watched[0], abs(force))
-            if not stale:
-                watched[2] = max(watched[2], given + _booked(settings[0], memory[0], record))
+                credit = given + _booked(one, record)
+                watched[2] = max(watched[2], credit)
+                owed = max(owed, _slope(credit, paid)) if 2 * k >= len(path) else owed
         moved = path[k, MOVED] * scale[MOVED]
-        given += force * moved - damping * moved * moved / period - adversary.coulomb * abs(moved)
+        paid += device.damping[0] * moved * moved / period
+        given += most_given(acts, forces, sent, k, period, moved, device.damping[0]) - adversary.coulomb * abs(moved)
+        position += moved
         if 2 * k >= len(path):
             most = max(most, given)
-    return watched[2] if adversary.books else most
+    watched[3] = owed
+    return most
 
 
 @njit
-def _booked(settings, memory, record):
-    """Energy [J] that the books say may still be given, or was shipped, less the budget."""
+def _slope(credit, paid):
+    """What the search for credit climbs: the credit [J], and where there is none its share of what damping took [J].
+
+    The laws are nearly homogeneous, so that a share of almost nothing leads there. A handle at rest has no credit
+    either, and would be the best of all that have none: hence the little that is never there (SURE).
+    """
+    return credit if credit > SURE else (credit - SURE) / (paid + 1e-12)
+
+
+@njit
+def _point(genes, points):
+    """Number of the operating point that is wished for."""
+    return min(points - 1, int(abs(genes[POINT]) * points / 2.0)) if genes.size > GENES else 0
+
+
+@njit
+def _sense(record, number, counts, period, stale):
+    """What the servo's tick of this number finds; counts that are old are those of the tick before."""
+    record.sensors.deadline, record.sensors.device_status = number * period * 1e9, 0.0 if stale else faults.FRESH
+    if not stale:
+        record.sensors.latched, record.sensors.counts[0] = record.sensors.deadline, np.round(counts)
+
+
+@njit
+def _orders(genes, adversary):
+    """The command word: enabled, with the clutch open, or disabled."""
+    if adversary.orders == 0 or abs(genes[ORDERS]) < OPENED:
+        return enable_state.ENABLE
+    return enable_state.ENABLE | enable_state.CLUTCH if genes[ORDERS] > 0.0 else 0
+
+
+@njit
+def _write_delay(genes, adversary, period):
+    """How long after its deadline this tick's motor value is written [s]."""
+    if genes.size == GENES:
+        return 0.0
+    gene = abs(genes[WRITE])
+    if adversary.beyond == 0 or gene < BEYOND:
+        return adversary.write * min(1.0, gene)
+    return adversary.write + (gene - BEYOND) * (0.9 * period - adversary.write)
+
+
+@njit
+def _tick(settings, memory, record, watched, watching):
+    """The servo's tick; watches its force, and the change of force that is not the handle's own."""
+    before, faded, handle = (
+        record.output.coupling_position[0],
+        record.output.exchange_fade,
+        record.output.position[0],
+    )
+    servo.tick(settings, memory, record)
+    gains, here = memory.in_force.coupling, record.output.position[0]
+    there, gone = _spring(gains, before - here), _spring(gains, before - handle)
+    now = _spring(gains, record.output.coupling_position[0] - here)
+    if watching and faded == record.output.exchange_fade and memory.change.going == 0.0:
+        watched[1] = max(watched[1], faded * max(now - max(there, gone), min(there, gone) - now))
+    watched[0] = max(watched[0], abs(record.output.force_on_handle[0]))
+
+
+@njit
+def _spring(gains, stretch):
+    return virtual_coupling.spring_force(gains.stiffness[0], gains.limit[0], stretch)
+
+
+@njit
+def _booked(memory, record):
+    """Energy [J] that tank, springs and waves may still give, or that was shipped, less the budget."""
+    walls, limit, stored = memory.in_force.wall, memory.in_force.coupling.limit[0], memory.tank.level
     stretch = record.output.coupling_position[0] - record.output.position[0]
-    stored = virtual_coupling.spring_store(memory.spring.stiffness[0], memory.spring.limit[0], stretch)
-    away = memory.tank.shipped - memory.tank.returned + memory.waves.store
-    return memory.tank.level + stored + away - settings.exchange.budget
+    stored += virtual_coupling.spring_store(memory.spring.stiffness[0], memory.spring.limit[0], stretch)
+    there = memory.enable.ramp * (1.0 - memory.walls.release)
+    for j in range(int(walls.count)):
+        depth = max(0.0, memory.walls.depth[j])
+        stored += virtual_coupling.spring_store(there * walls.stiffness[j], there * limit, depth)
+    return stored + memory.tank.shipped - memory.tank.returned + memory.waves.store - memory.in_force.exchange.budget
 
 
-@njit
-def _spring(settings, set_position, handle):
-    return virtual_coupling.spring_force(
-        settings[0].coupling.stiffness[0], settings[0].coupling.limit[0], set_position - handle
-    )
-
-
-@njit
-def _sample(record, path, k, scale, past, adversary, period):
-    """The tool sample that the servo finds at tick k."""
-    genes, late = path[k], adversary.late
-    record.sensors.command, record.tool.session = enable_state.ENABLE, 1.0
-    record.tool.age += period
-    if k > 0 and genes[LOST] < adversary.loss:
-        return
-    record.tool.answered = record.tool.sequence = k + 1.0
-    record.tool.contact = 1.0 if genes[CONTACT] > 0.0 else 0.0
-    record.tool.energy += abs(genes[ENERGY]) * scale[ENERGY]
-    record.tool.effort[0] += genes[EFFORT] * scale[EFFORT]
-    if late < 0:
-        record.tool.position[0] = genes[POSITION] * scale[POSITION]
-        record.tool.velocity[0] = genes[VELOCITY] * scale[VELOCITY]
-        record.tool.age = abs(genes[AGE]) * scale[AGE]
-        return
-    then = max(0, k - late)
-    held = genes[CONTACT] > 0.0 and past[then] < 0.0
-    record.tool.position[0] = 0.0 if held else past[then]
-    record.tool.velocity[0] = 0.0 if held else (past[then] - past[max(0, then - 1)]) / period
-    record.tool.age = late * period
-
-
-@njit
-def _contacts(memory, record, genes, scale, position, k):
-    """Local contacts that say what they like: two planes anywhere, moving, giving way, rebounding, in turn renamed."""
-    memory.virtual_tool.contacts.number, memory.virtual_tool.contacts.trust = k + 1.0, 1.0 if genes[AGE] < 2.5 else 0.0
-    record.tool.contact_age = 0.01 * abs(genes[AGE])
-    memory.virtual_tool.contacts.mass, memory.virtual_tool.contacts.inertia, memory.virtual_tool.contacts.fresh = (
-        0.1,
-        1e-4,
-        1.0,
-    )
-    for i in range(2):
-        one, side = memory.virtual_tool.contacts.table[i], 1.0 if (genes[CONTACT] > 0.0) == (i == 0) else -1.0
-        identity = 1.0 + i + (2.0 if genes[ENERGY] > 1.0 else 0.0)
-        if one[contact_model.IDENTITY] != identity:
-            memory.virtual_tool.contacts.constraints[i, contact_solver.MODE] = contact_solver.OPEN
-        one[contact_model.IDENTITY], one[contact_model.KIND], one[contact_model.NORMAL_X] = (
-            identity,
-            contact_model.FLAT_THERE,
-            side,
-        )
-        at = genes[POSITION] if i == 0 else genes[EFFORT]
-        one[contact_model.POINT_X] = position + at * scale[POSITION]
-        one[contact_model.VELOCITY_X] = genes[VELOCITY] * scale[VELOCITY]
-        one[contact_model.RESTITUTION] = min(1.0, abs(genes[AGE]))
-        one[contact_model.MOBILITY], one[contact_model.FORCE] = max(0.0, genes[ENERGY]) * 10.0, 3.0 * genes[EFFORT]
-
-
-def engaged():
-    """Memory and row of a servo that is engaged and at rest at the origin."""
+def engaged(tank=0.0):
+    """Memory and row of a servo that is engaged and at rest at the origin; with this in its tank [J], if any."""
     memory, row = np.zeros(1, records.STATE), np.zeros(1, records.TRACE_ROW)
     memory["enable"]["ramp"] = memory["fade"]["factor"] = memory["observer"]["coupled"] = 1.0
     memory["enable"]["state"] = enable_state.ENGAGED
+    memory["tank"]["filled"], memory["tank"]["level"] = float(tank > 0.0), tank
     return memory, row
 
 
 def search(settings, adversary=Adversary(), ticks=150, evaluations=2000, seed=0):  # noqa: B008
     """Evolution strategy with one parent, one child and a step that adapts to success. Returns Found.
 
-    settings: SETTINGS of one axis.
+    settings: SETTINGS of one axis, of each operating point.
     """
     random = np.random.default_rng(seed)
-    scale = scale_of(settings, adversary.reach)
-    lost = -np.inf if adversary.loss <= 0.0 else float(np.quantile(random.normal(size=4000), adversary.loss))
-    against = adversary._replace(loss=lost, coulomb=float(adversary.coulomb), reach=float(adversary.reach))
-    best, score, size, most = np.zeros((ticks, GENES)), -np.inf, 0.5, np.full(3, -np.inf)
+    late = len(settings) > 1 or adversary.write > 0.0 or adversary.beyond or adversary.orders
+    scale, against = scale_of(settings, adversary.reach), _with_loss(adversary, random)
+    best, score, size = np.zeros((ticks, LATE_GENES if late else GENES)), -np.inf, 0.5
+    most, energy = np.full(3, -np.inf), -np.inf
     for _ in range(evaluations):
-        child, watched = np.clip(best + size * _change(random, ticks), -3.0, 3.0), np.full(3, -np.inf)
-        value = energy_given(settings, *engaged(), child, scale, against, watched)
-        most = np.maximum(most, watched)
+        child, watched = np.clip(best + size * _change(random, best.shape), -3.0, 3.0), np.full(4, -np.inf)
+        tank = float(settings["exchange"]["tank"][0]) if adversary.full else 0.0
+        given = energy_given(settings, *engaged(tank), child, scale, against, watched)
+        most, energy, value = (
+            np.maximum(most, watched[:3]),
+            max(energy, given),
+            watched[3] if adversary.books else given,
+        )
         better = value > score
         size = min(2.0, max(0.02, size * (1.5 if better else 0.97)))
         best, score = (child, value) if better else (best, score)
-    return Found(score, *(float(one) for one in most), evaluations, best)
+    return Found(energy, *(float(one) for one in most), evaluations, best)
 
 
-def _change(random, ticks):
+def _with_loss(adversary, random):
+    """The adversary in the types that the kernel takes, with the gene below which a sample is lost."""
+    lost = -np.inf if adversary.loss <= 0.0 else float(np.quantile(random.normal(size=4000), adversary.loss))
+    plain = (type(default)(one) for one, default in zip(adversary, Adversary(), strict=True))
+    return Adversary(*plain)._replace(loss=lost)
+
+
+def _change(random, shape):
     """A change of some genes over a stretch of ticks, smooth or tick by tick."""
-    change, wide = random.normal(size=(ticks, GENES)), int(2.0 ** random.uniform(0.0, 5.0))
+    (ticks, genes), change, wide = shape, random.normal(size=shape), int(2.0 ** random.uniform(0.0, 5.0))
     start, length = random.integers(0, ticks), int(2.0 ** random.uniform(0.0, np.log2(ticks)))
     held = np.repeat(change, wide, axis=0)[:ticks]
-    held *= random.random(GENES) < 0.5
+    held *= random.random(genes) < 0.5
     held[:start], held[start + length :] = 0.0, 0.0
     return held
 

@@ -70,7 +70,7 @@ def test_no_path_is_found_that_the_tank_is_credited_too_much_for(method, limit, 
     """Far stronger than the budget: it must hold for full tanks too, at the force limit and with missed ticks."""
     given = one_axis(method, 2000.0, 2.0, 0.25e-3, force__limit=limit)
     for rough in (0, 1):
-        against = adversary.Adversary(loss=0.2, reach=reach, rough=rough, books=1)
+        against = adversary.Adversary(loss=0.2, reach=reach, rough=rough, books=1, full=1)
         assert adversary.search(given, against, evaluations=400, seed=3).overcredit <= 1e-9
 
 
@@ -94,7 +94,7 @@ def test_nor_in_three_axes_with_a_scaled_device_beside_a_wall_or_with_missed_tic
 def test_what_an_encoder_step_hides_is_paid_for(method):
     given, step = one_axis(method, 2000.0, 2.0, 0.25e-3), 5e-6
     given["hardware"]["position_per_count"][:, 0] = step
-    against = adversary.Adversary(coulomb=2000.0 * step / 2.0, reach=0.1, books=1)
+    against = adversary.Adversary(coulomb=2000.0 * step / 2.0, reach=0.1, books=1, full=1)
     at_its_ends = given["coupling"]["limit"][0, 0] * step / 2.0
     assert adversary.search(given, against, evaluations=800, seed=4).overcredit <= at_its_ends
 
@@ -151,7 +151,7 @@ def test_no_samples_and_no_path_give_more_than_the_budget(method, genes, repeats
     path = np.repeat(np.array(genes), repeats, axis=0)
     given = one_axis(method)
     memory, row = adversary.engaged()
-    scale, watched, against = adversary.scale_of(given), np.zeros(3), adversary.Adversary(late, loss)
+    scale, watched, against = adversary.scale_of(given), np.zeros(4), adversary.Adversary(late, loss)
     assert adversary.energy_given(given, memory, row, path, scale, against, watched) <= BOUND
 
 
@@ -493,7 +493,7 @@ def test_a_wall_behind_a_bad_network_is_steady_and_passive_and_direct_exchange_i
 def test_a_sample_that_is_not_a_number_stops_the_motor_and_leaves_the_tank_as_it_was(method, field, value):
     given, (memory, row) = one_axis(method), adversary.engaged()
     path, scale = np.zeros((20, adversary.GENES)), adversary.scale_of(given)
-    adversary.energy_given(given, memory, row, path, scale, adversary.Adversary(loss=-9.0), np.zeros(3))
+    adversary.energy_given(given, memory, row, path, scale, adversary.Adversary(loss=-9.0), np.zeros(4))
     tank = float(memory["tank"]["level"][0])
     row[field] = value
     row["latched"] += 1e6

@@ -209,7 +209,7 @@ def test_no_message_draws_more_than_the_budget(seed, loss, limit):
 
 
 def test_the_books_never_credit_what_contacts_said_beyond_the_truth():
-    found = adversary.search(one_axis("local"), adversary.Adversary(books=1), 150, 400, 5)
+    found = adversary.search(one_axis("local"), adversary.Adversary(books=1, full=1), 150, 400, 5)
     assert found.overcredit <= 1e-9
 
 

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whoever knows that forces act late, or changes settings while stretched, draws no more than the budget."""
+
+import math
+
+import numpy as np
+import pytest
+from examples import few, tries
+from hypothesis import given
+from hypothesis import strategies as st
+from lockstep_systems import device, values
+from ticks import tick
+
+from adversary import exchange_search as adversary
+from adversary import late_cases
+from adversary.late_cases import BUDGET, CASES, drawn, settings_of
+from adversary.late_forces import held, most_given
+from adversary.tool_samples import AGE, DEVICE, MOVED, VELOCITY
+from haptic_device import gain_check
+from haptic_device.control import enable_state, faults
+from haptic_device.device import operator_hand
+from haptic_sim.lockstep import Lockstep
+from haptic_sim.scene import load
+from haptic_sim.simulation import Simulation
+from haptic_sim.tool_port import port_of
+
+METHODS = "pspm", "local", "wave"
+CASE = {case.name: case for case in CASES}
+
+
+def untold(settings):
+    """The same for a driver that knows of no delay."""
+    settings["hardware"]["delay"] = 0.0
+    return gain_check.counted(settings, 0.0)
+
+
+@few(40)
+@given(
+    forces=st.lists(st.floats(-20.0, 20.0), min_size=1, max_size=5),
+    cuts=st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4),
+    ways=st.lists(st.floats(-1e-3, 1e-3), min_size=5, max_size=5),
+)
+def test_no_path_of_the_same_way_is_given_more_by_forces_that_change_within_a_hold(forces, cuts, ways):
+    """In SI units, T = 1 ms, b = 2; the best path goes τ_j (Δx/T + (f_j − F̄)/2b) under each force."""
+    acts = np.array([0.0, *sorted(cuts[: len(forces) - 1])])
+    times, force, way = 1e-3 * np.diff([*acts, 1.0]), np.array(forces), np.array(ways[: len(forces)])
+    way[times < 1e-9] = 0.0
+    times = np.maximum(times, 1e-30)
+    best = times * (way.sum() / 1e-3 + (force - force @ times / 1e-3) / 4.0)
+    bound = most_given(acts + 7.0, force, len(force), 7, 1e-3, way.sum(), 2.0)
+    assert force @ best - 2.0 * (best**2 / times).sum() == pytest.approx(bound, abs=1e-9)
+    assert force @ way - 2.0 * (way**2 / times).sum() <= bound + 1e-9
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
+@pytest.mark.parametrize("method", METHODS)
+def test_no_late_forces_messages_orders_or_changes_of_settings_are_found_that_draw_energy(method, case):
+    assert drawn(method, case, tries(900), seed=CASES.index(case)) <= adversary.SURE
+
+
+@pytest.mark.parametrize(
+    ("method", "name"),
+    [*((method, "1 T late") for method in METHODS), ("pspm", "125 µs late"), ("pspm", "500 µs late")],
+)
+def test_the_same_search_draws_many_budgets_from_a_driver_that_is_not_told_of_the_delay(method, name):
+    settings = untold(settings_of(method, CASE[name]))
+    found = adversary.search(settings, CASE[name].against._replace(books=1, full=1), 30, 1500, 1)
+    assert found.overcredit > 20.0 * BUDGET
+
+
+def led_by_the_force(settings, delay, swap, stretch, seconds=1.0):
+    """Most energy [J] given to a handle without mass that goes where the force that acts pushes it, Δx = F T/2b, while
+    the tool goes from one side of it to the other every `swap` ticks, at this distance [m]."""
+    (memory, row), period, damping = adversary.engaged(), settings["period"][0], settings["hardware"]["damping"][0, 0]
+    ticks, step = round(seconds / period), settings["hardware"]["position_per_count"][0, 0]
+    acts, forces, position, energy, most = np.arange(ticks) + delay / period, np.zeros(ticks), 0.0, 0.0, 0.0
+    for k in range(ticks):
+        side = 1.0 if k // swap % 2 else -1.0
+        row["latched"] = row["deadline"] = (k + 1) * period * 1e9
+        row["command"], row["device_status"], row["counts"][0, 0] = enable_state.ENABLE, faults.FRESH, position / step
+        row["tool_session"], row["tool_answered"], row["tool_sequence"] = 1.0, k + 1.0, k + 1.0
+        row["tool_contact"], row["tool_age"] = 1.0, 0.0
+        row["tool_position"][0, 0], row["tool_velocity"][0, 0] = position + side * stretch, 10.0 * side
+        tick(settings, memory, row)
+        forces[k] = row["force_on_handle"][0, 0]
+        moved = 0.5 * held(acts, forces, k + 1, k, 0.0, 1) * period / damping
+        energy += most_given(acts, forces, k + 1, k, period, moved, damping)
+        position, most = position + moved, max(most, energy)
+    return most
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("name", "damping"), [("1 T late", late_cases.TEXT), ("125 µs late", None)])
+def test_a_handle_led_by_an_old_force_while_the_set_position_moves_is_given_no_more_than_the_budget(
+    method, name, damping
+):
+    settings, delay = settings_of(method, CASE[name], damping), CASE[name].against.delay
+    assert max(led_by_the_force(settings, delay, swap, 1e-4) for swap in (1, 2, 4)) <= BUDGET
+
+
+def test_where_nobody_tells_the_driver_of_the_delay_it_is_given_more_and_more():
+    settings = untold(settings_of("pspm", CASE["1 T late"], late_cases.TEXT))
+    half, whole = (led_by_the_force(settings, 1e-3, 2, 1e-4, seconds) for seconds in (0.5, 1.0))
+    assert whole > 1.5 * half > 50.0 * BUDGET
+
+
+def passive_hand(damping, frequency=40.0, told=True):
+    """A hand of 0.3 kg on 8 kN/m shakes by ±15 N with a free tool of 0.1 kg, K = 1000, B = 0, 1 kHz, 1 ms late; no
+    loss, no delay of the network. The system, and the most energy [J] that the plant gave it in 2 s.
+    """
+    scene = load("free_space")
+    scene = scene.model_copy(update={"tool": scene.tool.model_copy(update={"mass": 0.1})})
+    gains = {"coupling__stiffness": 1000.0, "coupling__damping": 0.0, "engage__time": 0.05, "servo__rate": 1000.0}
+    hand = {"hand__mass": 0.3, "hand__stiffness": 8000.0, "hand__damping": 0.0}
+    system = Lockstep(
+        device(damping, axes=1, actuation_delay=1e-3, sensing_delay=0.0),
+        values("haptic_driver", exchange__method="pspm", exchange__rate=1000.0, **gains),
+        values("haptic_loopback", **hand),
+        Simulation(scene, max_catch_up=0.2, port=port_of("pspm")),
+    )
+    system.settings = system.settings if told else untold(system.settings)
+    system.motion["kind"], system.motion["lag"], most = operator_hand.FOLLOW, 1e-6, 0.0
+    for k in range(2000):
+        system.motion["points"][0, 0, 0] = 15.0 / 8000.0 * math.sin(2.0 * math.pi * frequency * k * 1e-3)
+        system.run(1e-3)
+        most = max(most, float(system.plant_memory["energy_given"][0]))
+    return system, most
+
+
+@pytest.mark.parametrize("frequency", [10.0, 40.0, 125.0])
+def test_a_passive_hand_that_shakes_a_late_device_is_given_no_more_than_the_budget(frequency):
+    system, given = passive_hand(2.1, frequency)
+    assert gain_check.refusal(system.settings[0], 1e-3) == ""
+    assert given <= system.settings["exchange"]["budget"][0]
+
+
+def test_with_less_damping_the_gains_are_refused_and_untold_of_the_delay_it_is_given_many_budgets():
+    system, given = passive_hand(1.58, told=False)
+    assert given > 20.0 * system.settings["exchange"]["budget"][0]
+    assert "needs b > 2 " in gain_check.refusal(system.settings[0], 1e-3)
+
+
+def credited(method, case, path, **more):
+    """Most [J] that the books of a full tank are above the truth on this path {gene: values from tick 0 on}, in which
+    MOVED is in metres and samples come at tick 0 only, if not said otherwise."""
+    settings = settings_of(method, case)
+    against = case.against._replace(full=1, **{"loss": 5.0} | more)
+    genes, scale = np.zeros((max(map(len, path.values())), adversary.LATE_GENES)), adversary.scale_of(settings)
+    for gene, numbers in path.items():
+        genes[: len(numbers), gene] = numbers
+    genes[:, MOVED] /= scale[MOVED]
+    watched = np.full(4, -np.inf)
+    tank = float(settings["exchange"]["tank"][0])
+    adversary.energy_given(settings, *adversary.engaged(tank), genes, scale, against, watched)
+    return watched[2]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_coupling_cut_in_one_tick_pays_for_the_force_that_still_acts(method):
+    """Stretched by 10 mm, then a sample too old to hold any more; the handle goes with the old force."""
+    way = [*[-2e-4] * 50, 0.0, *[2e-3] * 2]
+    path = {MOVED: way, AGE: [*[0.0] * 50, *[3.0] * 3]}
+    assert credited(method, CASE["1 T late"], path, loss=-5.0) <= adversary.SURE
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_clutch_opened_while_stretched_pays_for_the_force_that_still_acts(method):
+    way = [*[-2e-4] * 50, 0.0, *[2e-3] * 2]
+    path = {MOVED: way, adversary.ORDERS: [*[0.0] * 50, *[3.0] * 3]}
+    assert credited(method, CASE["clutch, enable"], path, loss=-5.0) <= adversary.SURE
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_missed_tick_pays_for_the_force_that_changes_within_its_hold(method):
+    """Moved fast, then back and forth within the long hold, ending where it began."""
+    way = [*[-5e-4] * 8, 2e-3, -1e-3, 1e-3, -1e-3, 0.0, 0.0]
+    path = {MOVED: way, DEVICE: [*[0.0] * 10, *[2.0] * 3]}
+    assert credited(method, CASE["missed ticks"], path) <= adversary.SURE
+
+
+@pytest.mark.parametrize(("depth", "way"), [(6e-3, 1e-3), (10e-3, 1e-3), (10e-3, 3e-3)])
+@pytest.mark.parametrize("control", [False, True])
+def test_a_wall_on_its_way_is_never_stiff_and_damped_beyond_what_either_of_its_settings_needs(control, depth, way):
+    """Deep in it, where it stiffens slowly, by a handle that alternates from tick to tick."""
+    case = CASE["live walls, on time"]
+    case = case._replace(points=tuple(one | {"passivity.control": control} for one in case.points))
+    there = [0.0, 0.0, *[-depth / 100.0] * 100, *(way * (-1.0) ** np.arange(158))]
+    assert credited("pspm", case, {MOVED: there, adversary.POINT: [0.0, *[1.0] * 109]}) <= adversary.SURE
+
+
+def test_the_wave_port_pays_for_being_led_back_to_the_tool_while_that_is_late():
+    """A tool said to be far off, that the port is led to, and a handle that goes against the pull."""
+    path = {MOVED: [0.0, -3e-5, -5e-5, -4e-5, 0.0], VELOCITY: [3.0] * 5, AGE: [0.5] * 5}
+    assert credited("wave", CASE["1 T late"], path, loss=-5.0) <= adversary.SURE
+
+
+def test_the_passivity_controller_s_own_damping_late_as_it_is_draws_nothing():
+    case = CASE["controller on"]
+    against = case.against._replace(books=1, full=1)
+    found = adversary.search(settings_of("pspm", case), against, 200, tries(1500), 0)
+    assert found.overcredit <= adversary.SURE
