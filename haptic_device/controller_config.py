@@ -45,7 +45,9 @@ def settings_from(device, values, version=0):
     settings["version"], settings["period"] = version, 1.0 / values["servo.rate"]
     late, rate = float(settings["hardware"]["delay"][0]) * values["servo.rate"], values["servo.rate"]
     if late > MOST_LATE:
-        raise ValueError(f"the device's delays are {late:g} periods at servo.rate {rate:g} Hz; the limit is {MOST_LATE}")
+        raise ValueError(
+            f"the device's delays are {late:g} periods at servo.rate {rate:g} Hz; the limit is {MOST_LATE}"
+        )
     for parameter in OPERATING_POINT:
         group, _, name = parameter.name.partition(".")
         if (group, name) in SAME:

@@ -182,7 +182,10 @@ def inject(settings, observer, motion, walls, output):
     acted = 1.0 if walls.release > 0.0 and walls.touched > 0.0 else 0.0
     limits, device = settings.passivity, settings.hardware
     for i in range(AXES):
-        most = _most_injected(limits, device.damping[i], i, settings.period) if limits.control else 0.0
+        # b where it acts on time, and late no more than what no gain needs
+        late = min(1.0, limits.lateness / settings.period)
+        most = limits.surplus[i] + (1.0 - late) * (device.damping[i] - limits.surplus[i])
+        most = most / math.sqrt(1.0 + late) if limits.control else 0.0
         generated, velocity = observer.observed_energy[i] - observer.paid[i], motion.device_velocity[i]
         injected = passivity.injected_damping(generated, limits.budget, velocity, settings.period, most)
         output.injected[i] = injected
@@ -190,14 +193,6 @@ def inject(settings, observer, motion, walls, output):
         acted = 1.0 if injected > 0.0 else acted
     observer.injections += acted
     output.injections = observer.injections
-
-
-@njit
-def _most_injected(limits, damping, i, period):
-    """Damping that the sampled loop can take [N s/m]: b where it acts on time, late only what no gain needs."""
-    late = min(1.0, limits.lateness / period)
-    most = limits.surplus[i] + (1.0 - late) * (damping - limits.surplus[i])
-    return most / math.sqrt(1.0 + late)
 
 
 @kernel
