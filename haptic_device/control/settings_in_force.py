@@ -10,7 +10,14 @@ A wall changes for nothing while the handle is off it: one that is new, or comes
 and follows it outwards. One that turns or vanishes lets the handle in, by the slew, until it is free of it.
 """
 
-from haptic_device.control import change_ledger, energy_tank, exchange_samples, virtual_wall, walls_in_force
+from haptic_device.control import (
+    change_ledger,
+    energy_tank,
+    exchange_samples,
+    virtual_coupling,
+    virtual_wall,
+    walls_in_force,
+)
 from haptic_device.jit import kernel, njit
 from haptic_device.parameters import POLICIES
 
@@ -54,13 +61,17 @@ def follow(wished, state):
 
 @kernel
 def pay_for_rise(now, state, output):
-    """The force ramp rises only as far as what the walls' springs gain by it is paid."""
+    """The force ramp rises as far as what the walls' springs gain by it is paid; with `direct` the coupling's too."""
     enable, stored = state.enable, 0.0
     rise = enable.ramp - enable.ramp_before
     if rise <= 0.0:
         return
     for j in range(int(now.wall.count)):
         stored += virtual_wall.wall_store(now.wall.stiffness[j], state.walls.depth[j])
+    for i in range(int(now.axes) if now.exchange.method == exchange_samples.DIRECT else 0):
+        stiffness, stretch = output.exchange_fade * now.coupling.stiffness[i], output.coupling_position[i]
+        limit = output.exchange_fade * now.coupling.limit[i]
+        stored += virtual_coupling.spring_store(stiffness, limit, stretch - output.position[i])
     if stored > 0.0:
         share = change_ledger.share(change_ledger.available(now, state), rise * stored)
         change_ledger.pay(now, state, share * rise * stored, 0.5, 0.5)
@@ -118,10 +129,25 @@ def _follow_limits(wished, now, state, share):
             change_ledger.pay(now, state, paid * cost, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0)
             limit = now.force.limit[i] + paid * rise
         now.force.limit[i] = limit
-        now.coupling.limit[i] = change_ledger.toward(now.coupling.limit[i], wished.coupling.limit[i], reach)
+        _follow_spring_limit(wished.coupling.limit[i], now, state, i, reach)
         there = limit == wished.force.limit[i] and now.coupling.limit[i] == wished.coupling.limit[i]
         going = going if there else 1.0
     return going
+
+
+@njit
+def _follow_spring_limit(aim, now, state, i, reach):
+    """Limit of the coupling's spring; what that gains the tank pays (energy_tank.pay), the budget with `direct`."""
+    before, stretch = now.coupling.limit[i], state.observer.pulled_to[i] - state.motion.handle[i]
+    limit = change_ledger.toward(before, aim, reach)
+    if now.exchange.method == exchange_samples.DIRECT and limit > before:
+        stiffness = state.observer.coupled * now.coupling.stiffness[i]
+        gained = virtual_coupling.spring_store(stiffness, limit, stretch)
+        gained -= virtual_coupling.spring_store(stiffness, before, stretch)
+        paid = change_ledger.share(change_ledger.available(now, state), gained)
+        change_ledger.pay(now, state, paid * gained, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0)
+        limit = before + paid * (limit - before) if paid < 1.0 else limit
+    now.coupling.limit[i] = limit
 
 
 @njit

@@ -33,7 +33,7 @@ def follow(wished, now, state, share, falling):
         else:
             _let_in(now, state, j, reach)
     while not falling and walls.count < wished.wall.count:
-        walls.count += 1.0
+        walls.count, going = walls.count + 1.0, going + 1.0
         _take_wall(wished.wall, walls, state, int(walls.count) - 1, falling)
     # those at the end that are wished for no more, and gone
     while walls.count > wished.wall.count and walls.stiffness[int(walls.count) - 1] == 0.0:
