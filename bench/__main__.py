@@ -32,6 +32,7 @@ COMMANDS = {  # name: (module with a `main`, what it measures)
     "growth": ("bench.methods.growth", "an exchange with 10 to 300 bodies, ours and the peers'"),
     "hard_cases": ("bench.methods.hard_cases", "which method and which peer survives which hard scene"),
     "impulse_bounds": ("bench.methods.impulse_bounds", "what `impulse` carries: towers of blocks, light tools"),
+    "late_forces": ("bench.exchange.late_forces", "what a late force costs: stiffness, drag and age at each delay"),
     "late_ticks": ("bench.exchange.late_ticks", "energy given where ticks are missed"),
     "live_against_lockstep": ("bench.exchange.live_against_lockstep", "a recorded demo played again in lock-step"),
     "live_cancellation": ("bench.servo.live_cancellation", "what cancelled damping leaves to feel, live"),

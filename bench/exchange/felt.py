@@ -204,14 +204,17 @@ def run(
     live=False,
     after=0.0,
     params="demo",
+    delay=0.0,
 ) -> Ran:
     """A motion in a scene, or in one by name, and some time after it [s], at an operating point.
 
     axis: what the device's axes have otherwise. live: on running nodes, whose network is what it is; else in lock-step.
+    delay: of the device's actuation [s], in lock-step.
     """
     values = operating_point(params)
     device = load_device(values["haptic_driver"]["device"])
-    device = device.model_copy(update={"axes": tuple(one.model_copy(update=axis or {}) for one in device.axes)})
+    axes = tuple(one.model_copy(update=axis or {}) for one in device.axes)
+    device = device.model_copy(update={"axes": axes, "actuation_delay": delay})
     scene = load(scene) if isinstance(scene, str) else scene
     motion = motion | {"motion.duration": seconds}
     asked = PATIENT | {"exchange.rate": exchange_rate} | given

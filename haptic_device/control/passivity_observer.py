@@ -175,7 +175,7 @@ def _pay_owed(observer, walls, owed, stored):
 
 @kernel
 def inject(settings, observer, motion, walls, output):
-    """Damping injected where the observer finds more energy generated than the budget; at most the physical damping.
+    """Damping injected where the observer finds more energy generated than the budget, at most the physical damping.
 
     A tick in which walls have let go counts too.
     """
