@@ -44,11 +44,14 @@ def main(methods: Annotated[list[str] | None, typer.Argument(help="Exchange meth
                 for scene, motion in (("wall", PRESS), ("free_space", CIRCLE))
             )
             held = pressed.rows[int(0.55 * len(pressed.rows)) : int(0.68 * len(pressed.rows))]
-            rigid = float(held.force_coupling[:, 0].mean() / (0.01 - held.position[:, 0].mean()))
+            force = held.force_coupling[:, 0]
+            rigid = f"{force.mean() / (0.01 - held.position[:, 0].mean()):8.0f}"
+            if force.std() > felt.STEADY * abs(force.mean()):  # the handle shakes in the wall
+                rigid = f"{'shakes':>8}"
             drag, mass = felt.drag(led.rows)
             age, given = float(np.median(led.rows.tool_age)) * 1e3, max(pressed.given, led.given) * 1e3
             print(
-                f"{delay * 1e6:8.0f}  {method:6}  {stiffness:12.0f}  {rigid:8.0f}  {drag:10.3f}  {mass:7.3f}  "
+                f"{delay * 1e6:8.0f}  {method:6}  {stiffness:12.0f}  {rigid}  {drag:10.3f}  {mass:7.3f}  "
                 f"{age:6.2f}  {given:8.3f}",
                 flush=True,
             )

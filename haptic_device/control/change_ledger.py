@@ -21,8 +21,8 @@ def available(now, state):
     if now.exchange.method == exchange_samples.DIRECT:
         spent = 0.0
         for i in range(state.observer.observed_energy.size):
-            spent = max(spent, state.observer.observed_energy[i] + state.observer.by_settings[i])
-        return max(0.0, now.passivity.budget - spent)
+            spent += state.observer.observed_energy[i] + state.observer.by_settings[i]
+        return max(0.0, now.exchange.budget + now.passivity.budget - spent)
     return max(0.0, state.tank.level - energy_tank.reserve(now, state.tank, state.spring))
 
 

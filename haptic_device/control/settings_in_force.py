@@ -3,8 +3,8 @@
 
 While no force is on, and under the policy `off`, new settings are in force at once. Else gains, limits, walls and
 cancellation follow them: together they move the force by no more than `exchange.slew`, and what a spring, or a limit,
-gains by it is paid first, or it waits. The energy tank pays; with `direct`, which has none, what is left of the
-observer's budget. For the coupling's spring energy_tank.pay sees to it.
+gains by it is paid first, or it waits. The energy tank pays; with `direct`, which has none, what the observer leaves of
+both budgets. For the coupling's spring energy_tank.pay sees to it.
 
 A wall changes for nothing while the handle is off it: one that is new, or comes nearer, stands at the handle at first
 and follows it outwards. One that turns or vanishes lets the handle in, by the slew, until it is free of it.
