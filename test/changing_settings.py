@@ -61,7 +61,7 @@ class Changing(Lockstep):
     def _held(self, row):
         """What springs, tank and the device's masses hold [J]."""
         wall, spring = self.memory[0]["in_force"]["wall"], self.memory[0]["spring"]
-        energy = max(0.0, float(row.exchange_tank))
+        energy = max(0.0, float(self.memory["tank"]["level"][0]))  # a row has it as it was before the tick's end
         for j in range(int(wall["count"])):
             depth = max(0.0, wall["offset"][j] - wall["x"][j] * row.position[0] - wall["y"][j] * row.position[1])
             energy += 0.5 * row.engage * wall["stiffness"][j] * depth**2

@@ -2,7 +2,7 @@
 """What a change of settings may cost: the ledger that pays for it, and steps towards what is wished for."""
 
 from haptic_device.control import energy_tank, exchange_samples
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 
 
 @kernel
@@ -23,7 +23,20 @@ def available(now, state):
         for i in range(state.observer.observed_energy.size):
             spent += state.observer.observed_energy[i] + state.observer.by_settings[i]
         return max(0.0, now.exchange.budget + now.passivity.budget - spent)
-    return max(0.0, state.tank.level - energy_tank.reserve(now, state.tank, state.spring))
+    kept = energy_tank.reserve(now, state.tank, state.spring) + _promised(now, state)
+    return max(0.0, state.tank.level - kept)
+
+
+@njit
+def _promised(now, state):
+    """Energy [J] that the damper's push may draw in the hold that is being booked or begun."""
+    energy = 0.0
+    for i in range(int(now.axes)):
+        push = now.hardware.scale[i] * state.spring.factor * now.coupling.damping[i] * state.spring.set_velocity[i]
+        if push != 0.0:
+            worst = 0.25 * push * push * now.period / max(state.tank.surplus[i], 1e-12)
+            energy += min(worst, abs(push) * now.hardware.velocity_limit[i] * now.period)
+    return energy
 
 
 @kernel
@@ -33,9 +46,15 @@ def share(available, cost):
 
 
 @kernel
-def pay(now, state, energy, along_x, along_y):
-    """Takes this energy [J] from the ledger; the observer counts it as generated, by axis."""
-    state.observer.by_settings[0] += along_x * energy
-    state.observer.by_settings[1] += along_y * energy
+def pay(now, state, energy, i):
+    """Takes this energy [J] of axis i from the ledger; the observer counts it as generated."""
+    state.observer.by_settings[i] += energy
     if now.exchange.method != exchange_samples.DIRECT:
         state.tank.level -= energy
+
+
+@kernel
+def pay_along(now, state, energy, nx, ny):
+    """The same for what acts along a normal in the plane."""
+    pay(now, state, nx * nx * energy, 0)
+    pay(now, state, ny * ny * energy, 1)

@@ -3,7 +3,7 @@
 
 It is filled by what the hand dissipates beyond what the gains need, and by what the spring lets go; it pays for what
 the spring gains when the set position, or a factor on the spring, moves, and for what that change of force may give
-while the old force still acts (change_cost). One tank for all axes.
+while the old force still acts (late_energy, hidden_energy). One tank for all axes.
 """
 
 import math
@@ -39,7 +39,7 @@ def pay(settings, tank, spring, hold, motion, fade):
 
 @kernel
 def reserve(settings, tank, spring):
-    """Energy [J] that a tick's fastest changes of force, and dropping the push, may cost (change_cost)."""
+    """Energy [J] that a tick's fastest changes of force, and dropping the push, may cost (hidden and late)."""
     cost, risen = 0.0, abs(spring.factor - spring.factor_held)
     for i in range(int(settings.axes)):
         slew = (1.0 + set_position.DAMPER_SLEW) * settings.exchange.slew[i] * settings.period
@@ -167,9 +167,10 @@ def tick_ended_unseen(settings, tank, spring, output):
     """
     factor = output.engage * output.exchange_fade
     if factor < spring.factor:
+        left = factor / spring.factor
         tank.level, spring.factor = min(0.0, tank.level), factor
         for i in range(int(settings.axes)):
             spring.stiffness[i] = factor * settings.coupling.stiffness[i]
             spring.limit[i] = factor * settings.coupling.limit[i]
-            spring.force[i] = min(spring.limit[i], max(-spring.limit[i], spring.force[i]))
+            spring.force[i] *= left
             spring.damped[i] = math.nan  # more than one force in one hold

@@ -57,8 +57,8 @@ def late_price(reserve, period, delay):
 def late_reserve(stiffness, period, delay, left):
     """Damping [N s/m] of what is left that is set aside for late changes of force of a spring of this stiffness.
 
-    KT/2 · w or its root, w = W ⌈W⌉: then a change q costs at most q²/2K, what a spring of that force holds; and for
-    W < 1 the reserve and the price of moving at a steady speed are together least.
+    KT/2 · w or its root, w = W ⌈W⌉, and an eighth of what is left at least, all of it at most. With KT/2 · w a change q
+    costs q²/2K, what a spring of that force holds; for W < 1 the root makes reserve and price of a steady speed least.
     """
     late = delay / period
     weight = late * math.ceil(late)

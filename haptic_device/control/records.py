@@ -117,11 +117,12 @@ STATE = np.dtype(
             ),
         ),
         ("enable", record("state ramp ramp_before")),  # enable_state
-        ("in_force", SETTINGS),  # settings_in_force; going: they are not yet those that are wished for
-        ("change", record("going")),
+        ("in_force", SETTINGS),  # settings_in_force
+        ("change", record("going")),  # how many settings in force are not yet those that are wished for
         ("fault", record("code resets saturated thermal_load*")),  # faults, motor
         ("fade", record("factor let_go")),  # exchange_controller
-        # the coupling's spring as the energy tank has paid for it; factor: on its force; *_before: of the last tick
+        # the coupling's spring as the energy tank has paid for it; factor: on its force; force, push, damped: of the last
+        # tick; changed: by it
         (
             "spring",
             record(

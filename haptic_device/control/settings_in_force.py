@@ -27,7 +27,10 @@ OTHERS = 3.0  # groups beside walls that may be on their way: limits, coupling, 
 
 @kernel
 def begin(wished, state):
-    """What counts at once: everything while no force is on, else all that moves none by itself."""
+    """What counts at once: everything while no force is on, else all but gains, limits, walls and cancellation.
+
+    A velocity estimator that changes does so at once: the dampers take the next estimate.
+    """
     now, taken = state.in_force, wished.passivity.policy == OFF
     if state.enable.ramp == 0.0 or now.period == 0.0 or (taken and now.version != wished.version):
         state.in_force = wished
@@ -68,26 +71,37 @@ def pay_for_rise(now, state, output):
         return
     for j in range(int(now.wall.count)):
         stored += virtual_wall.wall_store(now.wall.stiffness[j], state.walls.depth[j])
-    for i in range(int(now.axes) if now.exchange.method == exchange_samples.DIRECT else 0):
-        stiffness, stretch = output.exchange_fade * now.coupling.stiffness[i], output.coupling_position[i]
-        limit = output.exchange_fade * now.coupling.limit[i]
-        stored += virtual_coupling.spring_store(stiffness, limit, stretch - output.position[i])
-    if stored > 0.0:
-        share = change_ledger.share(change_ledger.available(now, state), rise * stored)
-        change_ledger.pay(now, state, share * rise * stored, 0.5, 0.5)
-        enable.ramp = output.engage = enable.ramp_before + share * rise
+    coupled = int(now.axes) if now.exchange.method == exchange_samples.DIRECT else 0
+    for i in range(coupled):
+        stored += _held(now, output, i)
+    if stored == 0.0:
+        return
+    rise *= change_ledger.share(change_ledger.available(now, state), rise * stored)
+    for j in range(int(now.wall.count)):
+        gained = rise * virtual_wall.wall_store(now.wall.stiffness[j], state.walls.depth[j])
+        change_ledger.pay_along(now, state, gained, now.wall.x[j], now.wall.y[j])
+    for i in range(coupled):
+        change_ledger.pay(now, state, rise * _held(now, output, i), i)
+    enable.ramp = output.engage = enable.ramp_before + rise
+
+
+@njit
+def _held(now, output, i):
+    """Energy [J] in the coupling's spring where forces are whole."""
+    stiffness, stretch = output.exchange_fade * now.coupling.stiffness[i], output.coupling_position[i]
+    limit = output.exchange_fade * now.coupling.limit[i]
+    return virtual_coupling.spring_store(stiffness, limit, stretch - output.position[i])
 
 
 @njit
 def _take_rest(wished, now):
+    x, y, theta = now.exchange.slew[0], now.exchange.slew[1], now.exchange.slew[2]
     now.version, now.axes, now.period = wished.version, wished.axes, wished.period
-    now.hardware, now.velocity, now.exchange, now.local = (
-        wished.hardware,
-        wished.velocity,
-        wished.exchange,
-        wished.local,
-    )
-    now.engage, now.fault = wished.engage, wished.fault
+    now.hardware, now.velocity, now.local = wished.hardware, wished.velocity, wished.local
+    now.exchange, now.engage, now.fault = wished.exchange, wished.engage, wished.fault
+    # what is on its way goes by the faster slew: that of a limit of 0 is 0
+    now.exchange.slew[0], now.exchange.slew[1] = max(x, now.exchange.slew[0]), max(y, now.exchange.slew[1])
+    now.exchange.slew[2] = max(theta, now.exchange.slew[2])
 
 
 @njit
@@ -98,6 +112,7 @@ def _count_with(wished, now, going):
     known.lateness, known.cross = told.lateness, told.cross
     for i in range(known.surplus.size):
         known.margin[i] = told.margin[i]
+        now.exchange.slew[i] = now.exchange.slew[i] if going > 0.0 else wished.exchange.slew[i]
         known.surplus[i] = min(known.surplus[i], told.surplus[i]) if going > 0.0 else told.surplus[i]
 
 
@@ -126,10 +141,10 @@ def _follow_limits(wished, now, state, share):
         if rise > 0.0 and state.hold.limited[i] > 0.0 and state.walls.touched > 0.0:
             cost = rise * _way_out(now, state, i)
             paid = change_ledger.share(change_ledger.available(now, state), cost)
-            change_ledger.pay(now, state, paid * cost, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0)
+            change_ledger.pay(now, state, paid * cost, i)
             limit = now.force.limit[i] + paid * rise
         now.force.limit[i] = limit
-        _follow_spring_limit(wished.coupling.limit[i], now, state, i, reach)
+        _follow_spring_limit(min(wished.coupling.limit[i], limit), now, state, i, reach)
         there = limit == wished.force.limit[i] and now.coupling.limit[i] == wished.coupling.limit[i]
         going = going if there else 1.0
     return going
@@ -141,11 +156,12 @@ def _follow_spring_limit(aim, now, state, i, reach):
     before, stretch = now.coupling.limit[i], state.observer.pulled_to[i] - state.motion.handle[i]
     limit = change_ledger.toward(before, aim, reach)
     if now.exchange.method == exchange_samples.DIRECT and limit > before:
-        stiffness = state.observer.coupled * now.coupling.stiffness[i]
+        stiffness = now.coupling.stiffness[i]
         gained = virtual_coupling.spring_store(stiffness, limit, stretch)
         gained -= virtual_coupling.spring_store(stiffness, before, stretch)
+        gained *= state.observer.coupled
         paid = change_ledger.share(change_ledger.available(now, state), gained)
-        change_ledger.pay(now, state, paid * gained, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0)
+        change_ledger.pay(now, state, paid * gained, i)
         limit = before + paid * (limit - before) if paid < 1.0 else limit
     now.coupling.limit[i] = limit
 
@@ -206,7 +222,7 @@ def _follow_damper(aim, now, state, i, reach):
     damping = change_ledger.toward(before, aim, reach)
     cost = max(0.0, 0.5 * (damping - before) * way * way / now.period)
     paid = change_ledger.share(change_ledger.available(now, state), cost)
-    change_ledger.pay(now, state, paid * cost, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0)
+    change_ledger.pay(now, state, paid * cost, i)
     now.coupling.damping[i] = before + paid * (damping - before) if paid < 1.0 else damping
 
 
@@ -225,6 +241,13 @@ def _goal(wished, now):
 
 
 @njit
+def _owed_for(now, state, ratio, i):
+    """What a sampled damper of this share of b may owe for the last way [J] (passivity.damping_store)."""
+    speed = state.motion.device_velocity[i]
+    return 0.5 * ratio * now.hardware.damping[i] * speed * speed * now.period
+
+
+@njit
 def _follow_cancellation(wished, now, state, falling):
     """The share cancelled, over engage.time; 1 while it is on its way."""
     before = now.cancellation.ratio
@@ -234,11 +257,11 @@ def _follow_cancellation(wished, now, state, falling):
     if ratio > before:
         cost = 0.0
         for i in range(int(now.axes)):
-            speed = state.motion.device_velocity[i]
-            cost += 0.5 * (ratio - before) * now.hardware.damping[i] * speed * speed * now.period
+            cost += _owed_for(now, state, ratio - before, i)
         paid = change_ledger.share(change_ledger.available(now, state), cost)
-        change_ledger.pay(now, state, paid * cost, 0.5, 0.5)
-        ratio = before + paid * (ratio - before)
+        ratio = before + paid * (ratio - before) if paid < 1.0 else ratio
+        for i in range(int(now.axes)):
+            change_ledger.pay(now, state, _owed_for(now, state, ratio - before, i), i)
     state.hold.regained = 1.0 if ratio != before else state.hold.regained
     if ratio == 0.0 and not _about(wished, now):
         now.cancellation = wished.cancellation

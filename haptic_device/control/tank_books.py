@@ -38,7 +38,8 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fil
         _count_drawn(settings, tank, spring, hold, motion, enable)
         _charge_changes(settings, tank, hold, motion, enable, time)
         _charge_long_hold(settings, tank, spring, hold, motion, sensors.latched, time)
-        tank.owed = max(0.0, -tank.level) if time > LONG * settings.period else tank.owed
+        owes = max(0.0, -tank.level)
+        tank.owed = owes if time > LONG * settings.period else min(tank.owed, owes)
         _open_window(settings, tank, motion, sensors.latched)
     else:
         _count_drawn(settings, tank, spring, hold, motion, enable)

@@ -80,9 +80,23 @@ def _take_wall(wished, walls, state, j, falling):
 
 @njit
 def _let_in(now, state, j, reach):
-    """A wall goes back from the handle until that is off it; its force falls by the slew."""
-    stiffness, depth = now.wall.stiffness[j], _depth(now.wall, state, j)
-    now.wall.offset[j] -= min(depth, reach / stiffness) if stiffness > 0.0 else depth
+    """A wall lets the handle in: stiffness, then damping, fall by the slew; then it goes back behind the handle."""
+    walls = now.wall
+    depth, way = _depth(walls, state, j), _way(walls, state, j)
+    if walls.stiffness[j] > 0.0:
+        walls.stiffness[j] = change_ledger.toward(walls.stiffness[j], 0.0, reach / depth)
+    elif walls.damping[j] > 0.0:
+        walls.damping[j] = change_ledger.toward(walls.damping[j], 0.0, reach * now.period / max(abs(way), 1e-9))
+    else:
+        walls.offset[j] -= depth
+
+
+@njit
+def _way(walls, state, j):
+    """Way of the handle along a wall's normal in the last hold [m]."""
+    motion = state.motion
+    way = walls.x[j] * (motion.handle[0] - motion.handle_before[0])
+    return way + walls.y[j] * (motion.handle[1] - motion.handle_before[1])
 
 
 @njit
@@ -99,7 +113,7 @@ def _step_inside(wished, now, state, j, reach, falling):
         walls.stiffness[j] += share * (step.stiffness - walls.stiffness[j])
         walls.offset[j] += share * (step.offset - walls.offset[j])
         walls.damping[j] += share * (step.damping - walls.damping[j])
-    change_ledger.pay(now, state, share * cost, nx * nx, ny * ny)
+    change_ledger.pay_along(now, state, share * cost, nx, ny)
 
 
 @njit
@@ -115,9 +129,7 @@ def _wanted(wished, now, state, j, reach, falling):
         new = change_ledger.toward(offset, wished.offset[j], reach / stiffness) if stiffness > 0.0 else wished.offset[j]
         way = new - offset
         return Step(stiffness, new, damping, max(0.0, stiffness * way * (depth + 0.5 * way)))
-    motion = state.motion
-    way = walls.x[j] * (motion.handle[0] - motion.handle_before[0])
-    way += walls.y[j] * (motion.handle[1] - motion.handle_before[1])
+    way = _way(walls, state, j)
     new = change_ledger.toward(
         damping, change_ledger.aim(damping, wished.damping[j], falling), reach * now.period / max(abs(way), 1e-9)
     )
