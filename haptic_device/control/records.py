@@ -121,8 +121,8 @@ STATE = np.dtype(
         ("change", record("going")),  # how many settings in force are not yet those that are wished for
         ("fault", record("code resets saturated thermal_load*")),  # faults, motor
         ("fade", record("factor let_go")),  # exchange_controller
-        # the coupling's spring as the energy tank has paid for it; factor: on its force; force, push, damped: of the last
-        # tick; changed: by it
+        # the coupling's spring as the energy tank has paid for it; factor: on its force; force, push, damped: as they
+        # were in the last tick; changed: by it
         (
             "spring",
             record(
