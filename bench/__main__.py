@@ -31,6 +31,7 @@ COMMANDS = {  # name: (module with a `main`, what it measures)
     "gravel": ("bench.methods.gravel", "writes config/scenes/gravel.yaml again"),
     "growth": ("bench.methods.growth", "an exchange with 10 to 300 bodies, ours and the peers'"),
     "hard_cases": ("bench.methods.hard_cases", "which method and which peer survives which hard scene"),
+    "hashes": ("bench.methods.hashes", "hashes of every scene by each method, to compare two commits by"),
     "impulse_bounds": ("bench.methods.impulse_bounds", "what `impulse` carries: towers of blocks, light tools"),
     "late_forces": ("bench.exchange.late_forces", "what a late force costs: stiffness, drag and age at each delay"),
     "late_ticks": ("bench.exchange.late_ticks", "energy given where ticks are missed"),
