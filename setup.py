@@ -63,7 +63,7 @@ setup(
     package_data={
         "haptic_device": ["py.typed"],
         "haptic_sim": ["py.typed"],
-        "haptic_sim.compile": ["*.csv"],
+        "haptic_sim.reduction": ["*.csv"],
         "haptic_sim.viewer": ["web/*"],
     },
     data_files=installed_files(),

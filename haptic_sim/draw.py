@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 
 from haptic_device.device import operator_hand
 from haptic_device.parameters import OPERATOR
+from haptic_sim.geometry import turned
 from haptic_sim.joint import WORLD
 from haptic_sim.scene import Scene
-from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
 
 FIXED, MOVING, HELD = "0.72", "tab:blue", "tab:orange"

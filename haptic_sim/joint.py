@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from haptic_sim.shape import Number, Part, Point, above_zero, turned
+from haptic_sim.geometry import turned
+from haptic_sim.shape import Number, Part, Point, above_zero
 from haptic_sim.solid import Solid
 
 WORLD = "world"

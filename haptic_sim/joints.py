@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pymunk
 
-from haptic_sim.compile.model import PIN, SLIDER, SPRING
-from haptic_sim.shape import turned
+from haptic_sim.geometry import turned
+from haptic_sim.reduction.model import PIN, SLIDER, SPRING
 
 REACH = 100.0
 """m; half the length of a groove without limits."""

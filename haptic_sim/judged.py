@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.compile import compile_scene
 from haptic_sim.method import Coupling
 from haptic_sim.method.registry import make
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import EXCHANGE_NS, Led, hand, overlap_watch, rollout, way
 from haptic_sim.scene import Scene
 from haptic_sim.solid import TOOL
@@ -56,7 +56,7 @@ class Case(NamedTuple):
         All that can move, but not a tool that hangs idle beside them.
         """
         solids = {body.name: body for body in self.scene.bodies} | {TOOL: self.scene.tool}
-        moving = compile_scene(self.scene).needs.moving
+        moving = reduce_scene(self.scene).needs.moving
         idle = not self.moving and not any(TOOL in joint.bodies for joint in self.scene.joints)
         return {
             name: math.sqrt(solids[name].mass_properties[1] / solids[name].mass_properties[0])

@@ -24,7 +24,7 @@ from haptic_device.realtime.seqlock import SeqLock
 from haptic_device.realtime.servo_thread import ServoThread
 from haptic_device.recording.layouts import CloudLayout, JointLayout
 from haptic_sim.method.registry import make
-from haptic_sim.node.declared import PARAMETERS
+from haptic_sim.node.parameters import PARAMETERS
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from haptic_device.control import contact_model
 from haptic_device.message_fields import EACH, MOST
-from haptic_sim.compile import compile_scene
-from haptic_sim.compile.model import PIN, SLIDER, SPRING
-from haptic_sim.method import Method, nearby
+from haptic_sim.method import Method, proximity
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.reduction.model import PIN, SLIDER, SPRING
 from haptic_sim.scene import Scene
 
 THROUGH = 1e-4  # [m] into another body by which the tool's motion is foretold
@@ -25,7 +25,7 @@ class LocalContacts:
     """Contacts of a scene's tool as a simulation method moves it; `table` is what the last `look` found."""
 
     def __init__(self, scene: Scene, method: Method):
-        compiled = compile_scene(scene)
+        compiled = reduce_scene(scene)
         model = compiled.model
         self._method, self._model, self._scene = method, model, scene
         self._names = compiled.shape_names
@@ -39,7 +39,7 @@ class LocalContacts:
             model.pair_restitution,
         )
         self._pose, self._velocity = model.pose.copy(), model.velocity.copy()
-        self._candidates = np.zeros((nearby.MOST, nearby.COLUMNS))
+        self._candidates = np.zeros((proximity.MOST, proximity.COLUMNS))
         self._free = [_mobility(model, body) for body in range(len(model.mass))]
         self._moving = [body for body in range(1, len(model.mass)) if not model.fixed[body]]
         kept = (model.joint_friction > 0.0) | (model.joint_motor[:, 1] > 0.0)
@@ -83,18 +83,18 @@ class LocalContacts:
             count = self._find(lead) if lead < lag else count
         self._expected = self._pose[0] + lead * self._velocity[0]
         self.offered = count
-        self.trust = nearby.choose(self._candidates, count, self.table[:, contact_model.IDENTITY].copy(), self.table)
-        if not self._stands_in or count >= nearby.MOST:
+        self.trust = proximity.choose(self._candidates, count, self.table[:, contact_model.IDENTITY].copy(), self.table)
+        if not self._stands_in or count >= proximity.MOST:
             self.trust = 0.0  # the servo knows no joints and no belts, or too little
         if self._moving:
             self._give_way()
 
     def _find(self, lead):
-        return nearby.find(self._features, self._pose, self._velocity, lead, self._candidates)
+        return proximity.find(self._features, self._pose, self._velocity, lead, self._candidates)
 
     def _until_touch(self, lag, count):
         """How far ahead the tool goes as it does [s]: not through what it meets."""
-        ways = self._candidates[:count, nearby.URGENCY]
+        ways = self._candidates[:count, proximity.URGENCY]
         first = ways.argmin()
         gap, then = float(self._candidates[first, contact_model.GAP]), float(ways[first])
         if then >= -THROUGH or then >= gap:
@@ -129,7 +129,7 @@ class LocalContacts:
 
     def _other(self, one):
         """Shape of the other body of a contact: identities count pairs."""
-        pair = int((one[contact_model.IDENTITY] - 1.0) // (2.0 * nearby.CORNERS * nearby.CORNERS))
+        pair = int((one[contact_model.IDENTITY] - 1.0) // (2.0 * proximity.CORNERS * proximity.CORNERS))
         return self._model.pairs[pair, 1]
 
     def _world_normal(self, one):

@@ -14,11 +14,11 @@ import numpy as np
 
 from haptic_device.device import operator_hand
 from haptic_device.parameters import OPERATOR
-from haptic_sim import clearance
-from haptic_sim.compile import compile_scene
+from haptic_sim import geometry
+from haptic_sim.geometry import turned
 from haptic_sim.method import Coupling, Planar
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene
-from haptic_sim.shape import turned
 from haptic_sim.simulation import HandleSample, Simulation
 from haptic_sim.solid import TOOL
 
@@ -195,7 +195,7 @@ def overlap_watch(scene: Scene, pose):
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     outlines = {name: solid.outlines for name, solid in solids.items()}
     rank = {name: k for k, name in enumerate(solids)}
-    touching = compile_scene(scene).needs.touching
+    touching = reduce_scene(scene).needs.touching
     first, second = np.array([(rank[a], rank[b]) for a, b in touching], dtype=int).reshape(-1, 2).T
     sizes = np.array(
         [
@@ -210,7 +210,7 @@ def overlap_watch(scene: Scene, pose):
         places = np.array([place[:2] for place in poses.values()])
         near = np.flatnonzero(np.hypot(*(places[first] - places[second]).T) < reach)
         return max(
-            (clearance.overlap(outlines[a], poses[a], outlines[b], poses[b]) for a, b in (touching[k] for k in near)),
+            (geometry.overlap(outlines[a], poses[a], outlines[b], poses[b]) for a, b in (touching[k] for k in near)),
             default=0.0,
         )
 

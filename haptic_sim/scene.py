@@ -13,9 +13,9 @@ import yaml
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from haptic_device.config_files import find
-from haptic_sim import assembly
+from haptic_sim import scene_validation
+from haptic_sim.geometry import finest_feature
 from haptic_sim.joint import Joint
-from haptic_sim.outline import finest_feature
 from haptic_sim.shape import Number, Part, Point, above_zero
 from haptic_sim.solid import TOOL, Body, Material, Solid, Tool
 
@@ -81,7 +81,7 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _holds_together(self):
-        assembly.check(self)
+        scene_validation.check(self)
         return self
 
     def material(self, solid: Solid) -> Material:

@@ -2,12 +2,11 @@
 """Words of the scene language for numbers, points and shapes. Immutable, SI."""
 
 import difflib
-import math
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
-from haptic_sim.outline import Outline, convex, half_plane, rectangle
+from haptic_sim.geometry import Outline, convex, half_plane, rectangle
 
 
 def _number(value):
@@ -31,13 +30,6 @@ Number = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False)]
 Length = Annotated[Number, above_zero("m")]
 Point = tuple[Number, Number]
 Pose = tuple[Number, Number, Number]
-
-
-def turned(point: tuple[float, float], pose: tuple[float, float, float]) -> tuple[float, float]:
-    """A point of a frame at `pose` (x, y, theta) as a point of the plane [m]."""
-    (px, py), (x, y, theta) = point, pose
-    c, s = math.cos(theta), math.sin(theta)
-    return x + c * px - s * py, y + s * px + c * py
 
 
 class Part(BaseModel):

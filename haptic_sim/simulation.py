@@ -9,13 +9,13 @@ the newest sample.
 from functools import cached_property, partial
 from typing import NamedTuple
 
-from haptic_sim.compile import compile_scene
 from haptic_sim.energy import Ledger
 from haptic_sim.local_contacts import LocalContacts
 from haptic_sim.method import Coupling
 from haptic_sim.method.registry import make
 from haptic_sim.method.stepwise import through_port
 from haptic_sim.port_limits import Limits
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import AUTO, Scene
 from haptic_sim.tool_port import Direct, Modulated, Port, port_of
 
@@ -76,7 +76,7 @@ class Counters(NamedTuple):
 
 def kernels_of(scene: Scene, method: str, exchange_method: str) -> tuple[str, ...]:
     """Entries of kernels (haptic_sim/kernels.py) that a simulation by this method, or `auto`, needs at its port."""
-    method = compile_scene(scene).method if method == AUTO else method
+    method = reduce_scene(scene).method if method == AUTO else method
     own = {"closed_form": (), "impulse": ()}.get(method, ("methods",))
     penalty = ("methods of penalty",) if method.startswith("penalty") else ()
     local = ("local contacts",) if exchange_method == "local" else ()
@@ -99,7 +99,7 @@ class Simulation:
         method: str | None = None,
         port: Port | None = None,
     ):
-        compiled = compile_scene(scene, method)
+        compiled = reduce_scene(scene, method)
         sub_step = compiled.sub_step if sub_step is None else sub_step
         self.scene, self.port = scene, port or Direct()
         self.method_name, self.why = compiled.method, compiled.reasons[0]

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field, model_validator
 
-from haptic_sim.outline import Outline, combined
+from haptic_sim.geometry import Outline, combined
 from haptic_sim.shape import Number, Part, Point, Pose, Shape, above_zero
 
 TOOL = "tool"

@@ -13,7 +13,7 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
-from haptic_sim.shape import turned
+from haptic_sim.geometry import turned
 
 SHARE, FAST = 0.25, 1.8
 """Of the least width, that a step may take; m/s."""

@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from haptic_sim.compile import compile_scene
-from haptic_sim.compile.measured import Measured
 from haptic_sim.judged import LOST, STABLE, UNSTABLE, Case, Reference, error_of, judge, longest_way, solution
 from haptic_sim.method.registry import make
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.reduction.measured import Measured
 from haptic_sim.rollout import GAINS, Exchanged, Led, rollout
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
@@ -33,7 +33,7 @@ def case_of(name: str) -> Case:
 
 def verify(case: Case, known: Reference | None = None) -> list[Measured]:
     """What the candidates do in a case, each at the step it would get, against what is known of it."""
-    known, compiled = known or _converged(case), compile_scene(case.scene)
+    known, compiled = known or _converged(case), reduce_scene(case.scene)
     methods = CANDIDATES if compiled.needs.axes is not None else CANDIDATES[1:]
     return [_measured(case, known, method) for method in dict.fromkeys((*methods, compiled.method))]
 
@@ -58,7 +58,7 @@ def _converged(case):
 
 
 def _measured(case, known, method):
-    step = compile_scene(case.scene, method).sub_step
+    step = reduce_scene(case.scene, method).sub_step
     doubt = known.doubt / longest_way(known, case.bodies())
     try:
         world = Led(make(method, case.scene, step))

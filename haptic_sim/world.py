@@ -36,13 +36,13 @@ import numpy as np
 import pymunk
 from pymunk import batch
 
-from haptic_sim.assembly import kept_apart
-from haptic_sim.compile import compile_scene
+from haptic_sim.geometry import turned
 from haptic_sim.joints import add_joints, stored
-from haptic_sim.method import Contact, Coupling, Planar, Travel
+from haptic_sim.method import Contact, Coupling, Planar, StepResult
 from haptic_sim.method.layout import lay_out
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene
-from haptic_sim.shape import turned
+from haptic_sim.scene_validation import kept_apart
 from haptic_sim.solid import TOOL
 from haptic_sim.sweep import Sweep
 
@@ -80,7 +80,7 @@ class World:
 
     def __init__(self, scene: Scene, sub_step: float):
         self.scene, self.sub_step = scene, sub_step
-        self._compiled = compile_scene(scene)
+        self._compiled = reduce_scene(scene)
         count = len(self._compiled.model.mass) - 1
         self.inner = math.ceil(sub_step / max(STEP, count * STEP_PER_BODY) - 1e-9)
         self._h = sub_step / self.inner
@@ -138,10 +138,12 @@ class World:
         """Advance one sub-step; the arguments are the handle's at its end."""
         self.travel(handle_position, handle_velocity, handle_position, handle_velocity, 1)
 
-    def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
+    def travel(
+        self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int
+    ) -> StepResult:
         """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
         if count == 0:
-            return Travel(0.0, False, 0.0, 0.0, numerical=0.0)
+            return StepResult(0.0, False, 0.0, 0.0, numerical=0.0)
         self._tool.activate()
         if self._tool.constraints and not self._jointed:
             self._jointed = True  # its change of velocity does not tell of contacts any more
@@ -158,7 +160,7 @@ class World:
             supplied, numerical, correction = supplied + work, numerical + lost, correction + put_in
             touched, force = touched or self.touching, max(force, pushed)
         pressed, depth = self._worst() if touched or len(self._bodies) > 1 else (0.0, 0.0)
-        return Travel(supplied, touched, max(force, pressed), depth, 0, 0.0, correction, numerical)
+        return StepResult(supplied, touched, max(force, pressed), depth, 0, 0.0, correction, numerical)
 
     def _pull(self, handle, velocity):
         """K x_h + B v_h of each axis."""

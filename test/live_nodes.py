@@ -28,7 +28,7 @@ MODULES = {
     "haptic_loopback": "haptic_device.nodes.loopback",
     "haptic_simulation": "haptic_sim.node.simulation",
 }
-BESIDE = {"haptic_recorder": "haptic_device.nodes.recorder", "haptic_relay": "haptic_sim.node.relay"}
+BESIDE = {"haptic_recorder": "haptic_device.nodes.recorder", "haptic_relay": "haptic_sim.node.network_emulator"}
 """Nodes that take no part in the exchange."""
 SLOW = {
     "servo__rate": 1000.0,

@@ -11,7 +11,7 @@ import typer
 
 from bench.methods.hard import JUMP, OWN_GAINS
 from haptic_device.config_files import names
-from haptic_sim.compile import compile_scene
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 from haptic_sim.verify import LEAST
 from reference.trial import attempt, jump
@@ -43,7 +43,7 @@ def main(
             for i in range(turns)
             for j in range(phases)
         ]
-        compiled = compile_scene(load(name))
+        compiled = reduce_scene(load(name))
         worst = max(outcomes, key=lambda outcome: outcome.created / max(outcome.scale, LEAST))
         print(
             f"{name:20} {compiled.method:12} {compiled.sub_step * 1e3:8g} {all(o.finite for o in outcomes)!s:>7} "

@@ -19,7 +19,7 @@ def main(
 ) -> None:
     """Error against closed forms and stored references; hard scenes as `hard_cases` leads them.
 
-    `--out haptic_sim/compile/measured.csv` makes the table anew that `haptic scenes --explain` shows.
+    `--out haptic_sim/reduction/measured.csv` makes the table anew that `haptic scenes --explain` shows.
     """
     run(scene, out, _measured)
 

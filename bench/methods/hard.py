@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.methods.world import Impossible, make
-from haptic_sim.compile import compile_scene
-from haptic_sim.compile.model import framed
+from haptic_sim.geometry import framed
 from haptic_sim.judged import Case
 from haptic_sim.method import Coupling
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, hand, overlap_watch, rollout, way
 from haptic_sim.scene import load
 from haptic_sim.solid import TOOL
@@ -102,7 +102,7 @@ def verdict(name: str, world: str, count: int) -> Verdict:
 def _attempt(name, kind, angle, phase):
     """Letters, deepest overlap, energy created over the largest about."""
     scene = load(name)
-    step = _STEP if name == "stiff_coupling" else compile_scene(scene).sub_step
+    step = _STEP if name == "stiff_coupling" else reduce_scene(scene).sub_step
     times = np.arange(round(SECONDS[name] * 1e3) + 1) * 1e-3 + phase * step
     path = way(jump(scene, angle, JUMP) if name == "handle_jump" else hand(scene, angle), times)
     if name == "handle_jump":

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_sim.geometry import turned
 from haptic_sim.rollout import GAINS, hand, way
 from haptic_sim.scene import Scene
-from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
 
 MATERIAL = {"material": "stone"}
@@ -218,7 +218,7 @@ def _pin(a, b, place):
 
 def pins_open(scene: Scene, pose) -> float:
     """The way [m] by which the two sides of the worst pin are apart, where `pose` (body → pose) says they are."""
-    from haptic_sim.compile.model import framed
+    from haptic_sim.geometry import framed
 
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     gaps = []

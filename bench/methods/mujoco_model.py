@@ -7,10 +7,9 @@ import mujoco
 import numpy as np
 
 from bench.methods.world import Impossible
-from haptic_sim.compile import compile_scene
-from haptic_sim.compile.model import framed
+from haptic_sim.geometry import framed, turned
 from haptic_sim.joint import WORLD
-from haptic_sim.shape import turned
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.solid import TOOL
 
 DEEP = 0.01  # m, half the depth of boxes and prisms
@@ -27,7 +26,7 @@ class Builder:
     """
 
     def __init__(self, scene, solids, sub_step):
-        needs = compile_scene(scene).needs
+        needs = reduce_scene(scene).needs
         self.scene, self.solids, self.moving = scene, solids, needs.moving
         self.spec, self.soft = mujoco.MjSpec(), (2.0 * sub_step, 1.0)
         self.turns, self.rates, self._made = {WORLD: []}, {}, {WORLD: self.spec.worldbody}

@@ -12,8 +12,8 @@ from mujoco import rollout
 
 from bench.methods.mujoco_model import Builder
 from bench.methods.world import Impossible, between
-from haptic_sim.compile import compile_scene
 from haptic_sim.method import Coupling, Planar
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene
 from haptic_sim.solid import TOOL
 
@@ -29,7 +29,7 @@ class World:
     """Weight of the force at a step's end in what is booked; the rest is that of its start."""
 
     def __init__(self, scene: Scene, sub_step: float):
-        if compile_scene(scene).needs.restitution:
+        if reduce_scene(scene).needs.restitution:
             raise Impossible("no restitution")
         self._scene, self.supplied, self.book = scene, 0.0, False
         self._solids = {solid.name: solid for solid in (*scene.bodies, scene.tool)}

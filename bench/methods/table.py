@@ -6,7 +6,7 @@ import math
 from bench.methods.compare import WANTED, pareto, ratios
 from bench.methods.measure import Run
 from bench.methods.world import OURS, PEERS
-from haptic_sim.compile import compile_scene
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 from reference.case import case
 
@@ -20,13 +20,13 @@ def scenes_of(runs: list[Run]) -> list[str]:
 
 def default_of(scene: str) -> tuple[str, int]:
     """Method and step [µs] that a scene gets by default."""
-    compiled = compile_scene(case(scene).scene)
+    compiled = reduce_scene(case(scene).scene)
     return compiled.method, round(compiled.sub_step * 1e6)
 
 
 def default_method(name: str) -> str:
     """Method that a scene of config/scenes gets by default."""
-    return compile_scene(load(name)).method
+    return reduce_scene(load(name)).method
 
 
 def markdown(runs: list[Run]) -> str:
@@ -49,7 +49,7 @@ def _shown(scene, runs):
     """Runs of the default method, of `impulse` and of `partitioned` at their own steps."""
     chosen = case(scene).scene
     for method in dict.fromkeys(("impulse", default_of(scene)[0], "partitioned")):
-        step = round(compile_scene(chosen, method).sub_step * 1e6)
+        step = round(reduce_scene(chosen, method).sub_step * 1e6)
         if item := nearest(runs, method, step):
             yield item
 

@@ -128,7 +128,7 @@ _MODULES = {
     "haptic_loopback": "haptic_device.nodes.loopback",
     "haptic_simulation": "haptic_sim.node.simulation",
     "haptic_driver": "haptic_device.nodes.driver",
-    "haptic_relay": "haptic_sim.node.relay",
+    "haptic_relay": "haptic_sim.node.network_emulator",
 }
 
 

@@ -2,9 +2,9 @@
 """The page of all scenes: a picture of each, and what its simulation takes."""
 
 from haptic_device.config_files import names
-from haptic_sim.compile import compile_scene
-from haptic_sim.compile.explain import explain
 from haptic_sim.draw import save
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.reduction.explain import explain
 from haptic_sim.scene import load
 
 HEAD = """# Scenes
@@ -26,6 +26,6 @@ def write(folder) -> None:
 
 
 def _section(scene):
-    rows = "\n".join(f"| {question} | {answer} |" for question, answer in explain(scene, compile_scene(scene)))
+    rows = "\n".join(f"| {question} | {answer} |" for question, answer in explain(scene, reduce_scene(scene)))
     picture = f"![{scene.name}]({scene.name}.png)"
     return f"## {scene.name}\n\n{scene.description}.\n\n{picture}\n\n| | |\n|---|---|\n{rows}\n"

@@ -2,7 +2,7 @@
 """The parameter declarations of every node of the package, gathered without importing ROS."""
 
 from haptic_device import parameters as device
-from haptic_sim.node import declared as simulation
+from haptic_sim.node import parameters as simulation
 from haptic_sim.viewer import parameters as viewer
 
 NODES = {

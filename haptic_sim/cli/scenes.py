@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_device.config_files import names
-from haptic_sim.compile import compile_scene
-from haptic_sim.compile.explain import explain
-from haptic_sim.compile.measured import of_scene, said
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.reduction.explain import explain
+from haptic_sim.reduction.measured import of_scene, said
 from haptic_sim.scene import load
 
 _OUT = "The picture's file [NAME.png], or a file with a table in which --verify puts its rows."
@@ -54,7 +54,7 @@ def _list():
         table.add_column(column, justify="right" if column in ("freedoms", "sub-step") else "left")
     for name in names("scenes"):
         scene = load(name)
-        compiled = compile_scene(scene)
+        compiled = reduce_scene(scene)
         table.add_row(
             name, scene.description, str(compiled.needs.freedoms), compiled.method, f"{compiled.sub_step * 1e3:g} ms"
         )
@@ -73,7 +73,7 @@ def _draw(name, out):
 def _explain(name):
     scene = load(name)
     typer.echo(f"{scene.name}: {scene.description}")
-    for question, answer in (*explain(scene, compile_scene(scene)), *_candidates(scene, name)):
+    for question, answer in (*explain(scene, reduce_scene(scene)), *_candidates(scene, name)):
         typer.echo(f"  {question:<12} {answer}")
 
 

@@ -9,8 +9,8 @@ import typer
 from haptic_device.config_files import names
 from haptic_sim.cli.processes import interruptible
 from haptic_sim.cli.progress import INTERRUPTED, progress
-from haptic_sim.compile import compile_scene
-from haptic_sim.compile.measured import Measured, read, write
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.reduction.measured import Measured, read, write
 from haptic_sim.scene import load
 from haptic_sim.verify import case_of, verify, within
 
@@ -59,7 +59,7 @@ def _measure(scenes, found, measure):
 
 def _verdict(scene, row):
     """Of the method that is chosen, whether it keeps the scene's bounds."""
-    if row.method != compile_scene(scene).method:
+    if row.method != reduce_scene(scene).method:
         return OTHER
     return KEPT if within(row, scene.error) else BEYOND
 

@@ -10,7 +10,7 @@ import time
 from haptic_device.nodes.messages import LATEST, JointState
 from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.recording.layouts import JOINTS
-from haptic_sim.node.port import Port
+from haptic_sim.node.endpoint import Port
 from haptic_sim.simulation import ToolSample
 
 STILL = (0.0, 0.0, 0.0)

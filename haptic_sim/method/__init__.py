@@ -30,7 +30,7 @@ class Contact(NamedTuple):
     depth: float
 
 
-class Travel(NamedTuple):
+class StepResult(NamedTuple):
     """What happened over several sub-steps.
 
     Energy supplied to the tool by the coupling [J], whether a contact pushed the tool, the largest mean force of one
@@ -53,7 +53,7 @@ class Travel(NamedTuple):
 class Method(Protocol):
     """A world with a tool in it that is advanced sub-step by sub-step, the coupling solved within.
 
-    One that is compiled as a whole also offers `follow(path, count) -> Travel`: `travel` from each row of a path (n, 6:
+    One compiled as a whole also offers `follow(path, count) -> StepResult`: `travel` from each row of a path (n, 6:
     position, velocity) to the next.
     """
 
@@ -81,7 +81,9 @@ class Method(Protocol):
     def step(self, handle_position: Planar, handle_velocity: Planar) -> None:
         """Advance one sub-step; the arguments are the handle's at its end."""
 
-    def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
+    def travel(
+        self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int
+    ) -> StepResult:
         """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
 
     def contacts(self) -> list[Contact]:

@@ -18,10 +18,10 @@ import numpy as np
 
 from haptic_device.control import tool_side_tank
 from haptic_device.jit import kernel, njit
-from haptic_sim.compile import compile_scene
-from haptic_sim.method import Contact, Coupling, Planar, Travel
+from haptic_sim.geometry import turned
+from haptic_sim.method import Contact, Coupling, Planar, StepResult
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene
-from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
 
 _STILL = (0.0, 0.0, 0.0)
@@ -33,7 +33,7 @@ class ClosedForm:
     passive, inner = True, 1
 
     def __init__(self, scene: Scene, sub_step: float):
-        axes = compile_scene(scene).needs.axes
+        axes = reduce_scene(scene).needs.axes
         if axes is None:
             raise ValueError(f"scene {scene.name!r} has no closed form; take another method")
         self.scene, self.sub_step = scene, sub_step
@@ -70,7 +70,9 @@ class ClosedForm:
         """Advance one sub-step; the arguments are the handle's at its end."""
         self.travel(handle_position, handle_velocity, handle_position, handle_velocity, 1)
 
-    def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
+    def travel(
+        self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int
+    ) -> StepResult:
         """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
         ways = [self._turned(vector) for vector in (start, start_velocity, end, end_velocity)]
         place, rate, force, push = self._state
@@ -85,12 +87,12 @@ class ClosedForm:
         end: Planar,
         end_velocity: Planar,
         count: int,
-    ) -> Travel:
+    ) -> StepResult:
         """As `travel`, the handle drawn nearer as a tank of energy asks for (control/tool_side_tank)."""
         ways = [self._turned(vector) for vector in (start, start_velocity, end, end_velocity)]
         return self._take(advance_drawn(rules, memory, *self._state[:2], *ways, *self._gains, *self._settings, count))
 
-    def follow(self, path: np.ndarray, count: int) -> Travel:
+    def follow(self, path: np.ndarray, count: int) -> StepResult:
         """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
         axes = self._x, self._y
         return self._take(_advance_along(*self._state[:2], axes, path, self._gains, self._settings, count))
@@ -100,7 +102,7 @@ class ClosedForm:
         self._state = place, rate, force, push
         self.position, self.velocity, self.force_on_tool = self._plane(place), self._plane(rate), self._plane(force)
         self.touching = push[0] != 0.0 or push[1] != 0.0
-        return Travel(supplied, most > 0.0, most, 0.0, contacts=taken)
+        return StepResult(supplied, most > 0.0, most, 0.0, contacts=taken)
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last sub-step, sorted by bodies and place."""

@@ -8,14 +8,14 @@ by the Illinois rule (regula falsi that halves the weight of a bound kept twice)
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.compile.model import SPRING
-from haptic_sim.method.effect import copy
+from haptic_sim.method.constrained_dynamics import accelerate, advance
+from haptic_sim.method.constraints import LIMIT, moves, rate_of, wished
+from haptic_sim.method.delassus_operator import copy
 from haptic_sim.method.impact import TOUCHING
 from haptic_sim.method.joints import coordinate_row
 from haptic_sim.method.lcp import FREE, LOW, NORMAL, SLIDING, limit_of
-from haptic_sim.method.rows import LIMIT, moves, rate_of, wished
-from haptic_sim.method.smooth import accelerate, advance
-from haptic_sim.method.touch import GAP, evaluate, far_apart, gap_of, place_shapes, touch
+from haptic_sim.method.narrow_phase import GAP, evaluate, far_apart, gap_of, place_shapes, touch
+from haptic_sim.reduction.model import SPRING
 
 PASSES = 60
 SPARE, SHARE = 1e-9, 1e-7

@@ -10,7 +10,7 @@ from the sampled port, not discrete-time passive.
 """
 
 from haptic_sim.method.planar import PlanarWorld
-from haptic_sim.method.step import sub_steps
+from haptic_sim.method.sub_step import sub_steps
 from haptic_sim.scene import Scene
 
 

@@ -20,12 +20,21 @@ that is struck within one step is struck at once.
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows
+from haptic_sim.method.constraints import (
+    add_contact,
+    add_joints,
+    drives_work,
+    keep_rows,
+    moves,
+    rate_of,
+    refresh,
+    wished,
+)
+from haptic_sim.method.delassus_operator import apply_rows, copy, note_impulses, respond_rows
 from haptic_sim.method.lcp import NORMAL, solve_modes
 from haptic_sim.method.lemke import lemke
 from haptic_sim.method.linkage import reduce_linkage
-from haptic_sim.method.rows import add_contact, add_joints, drives_work, keep_rows, moves, rate_of, refresh, wished
-from haptic_sim.method.touch import far_apart, gap_of, place_shapes, touch
+from haptic_sim.method.narrow_phase import far_apart, gap_of, place_shapes, touch
 
 TOUCHING = 1e-12
 """Gap [m] below which two shapes touch."""

@@ -12,7 +12,7 @@ arms from the mass centres to the anchors, × the planar cross product and n fix
 import math
 
 from haptic_device.jit import kernel, njit
-from haptic_sim.compile.model import PIN, SLIDER, SPRING
+from haptic_sim.reduction.model import PIN, SLIDER, SPRING
 
 ALONG, ACROSS = 0, 1
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.compile.model import Model
+from haptic_sim.reduction.model import Model
 
 
 class Layout(NamedTuple):

@@ -20,8 +20,8 @@ other coordinates, and a row that vanishes there is dropped.
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.compile.model import SPRING
 from haptic_sim.method.joints import forbidden_row, spring_row, spring_rows
+from haptic_sim.reduction.model import SPRING
 
 REDUNDANT = 1e-10
 """Pivot, in the largest entry of J, below which a row says nothing new."""

@@ -8,7 +8,7 @@ solver of the contact problem (`lcp`). Planar bodies, any linkage, open or close
 """
 
 from haptic_sim.method.planar import PlanarWorld
-from haptic_sim.method.step import sub_steps
+from haptic_sim.method.sub_step import sub_steps
 from haptic_sim.scene import Scene
 
 

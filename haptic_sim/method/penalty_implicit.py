@@ -8,7 +8,7 @@ keep their features; an overlap so deep that another edge is nearer changes its 
 """
 
 from haptic_sim.method.planar import PlanarWorld
-from haptic_sim.method.step import sub_steps
+from haptic_sim.method.sub_step import sub_steps
 from haptic_sim.scene import Scene
 
 

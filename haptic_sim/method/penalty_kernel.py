@@ -13,15 +13,15 @@ than it took: at h² k/m = .5 restitution already exceeds 1.06 at some phases. T
 import math
 
 from haptic_device.jit import kernel, njit
-from haptic_sim.method.effect import note_impulses
+from haptic_sim.method.constrained_dynamics import power
+from haptic_sim.method.constraints import add_contact, add_joints, rate_of, refresh, wished
+from haptic_sim.method.delassus_operator import note_impulses
+from haptic_sim.method.implicit_step import settle
 from haptic_sim.method.joints import applied_forces
 from haptic_sim.method.lcp import NORMAL
 from haptic_sim.method.linkage import reduce_linkage, respond
-from haptic_sim.method.press import settle
-from haptic_sim.method.rows import add_contact, add_joints, rate_of, refresh, wished
-from haptic_sim.method.smooth import power
-from haptic_sim.method.step import lead_handle, watch_contacts
-from haptic_sim.method.touch import GAP, evaluate, far_apart, gap_of, place_shapes, touch
+from haptic_sim.method.narrow_phase import GAP, evaluate, far_apart, gap_of, place_shapes, touch
+from haptic_sim.method.sub_step import lead_handle, watch_contacts
 
 
 @kernel

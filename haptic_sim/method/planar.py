@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 
-from haptic_sim.compile import compile_scene
-from haptic_sim.method import Contact, Coupling, Planar, Travel
+from haptic_sim.method import Contact, Coupling, Planar, StepResult
 from haptic_sim.method.joints import spring_energies
-from haptic_sim.method.memory import records
 from haptic_sim.method.penalty_kernel import contact_energy
+from haptic_sim.method.records import records
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene
 
 
@@ -25,7 +25,7 @@ class PlanarWorld:
 
     def __init__(self, scene: Scene, sub_step: float, advance, stiffness: float = 0.0, damping: float = 0.0):
         self.scene, self.sub_step = scene, sub_step
-        self._compiled = compile_scene(scene)
+        self._compiled = reduce_scene(scene)
         self._advance, self._contact = advance, (stiffness, damping, float(self.by_events))
         self._gains = Coupling()
         self.reset()
@@ -57,19 +57,21 @@ class PlanarWorld:
         """Advance one sub-step; the arguments are the handle's at its end."""
         self.travel(handle_position, handle_velocity, handle_position, handle_velocity, 1)
 
-    def travel(self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int) -> Travel:
+    def travel(
+        self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int
+    ) -> StepResult:
         """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
         self._way[0], self._way[1] = (*start, *start_velocity), (*end, *end_velocity)
         return self.follow(self._way, count)
 
-    def follow(self, path: np.ndarray, count: int) -> Travel:
+    def follow(self, path: np.ndarray, count: int) -> StepResult:
         """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
         self._port[13:17], self._port[20:], left_out = 0.0, 0.0, self._counts[4]
         self._advance(*self._records, self.sub_step, count, path)
         self._read()
         supplied, touched, force, depth, *_, taken, correction = self._port[13:].tolist()
         before, self._elastic = self._elastic, self._stored_in_contacts()
-        return Travel(
+        return StepResult(
             supplied,
             touched > 0.0,
             force,

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several sub-steps one by one, for a port that sees each of them."""
 
-from haptic_sim.method import Method, Planar, Travel
+from haptic_sim.method import Method, Planar, StepResult
 
 
 def through_port(
     method: Method, port, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int
-) -> Travel:
+) -> StepResult:
     """`count` sub-steps behind an exchange method's port (tool_port), which says for each where the handle is.
 
     As wanted it would go on a straight line from start (exclusive) to end; it is held for a sub-step, where it is in
@@ -25,7 +25,7 @@ def through_port(
         force, depth = max(force, made.force), max(depth, made.depth)
         taken, correction = taken + made.contacts, correction + made.correction
         lost = None if made.numerical is None else (lost or 0.0) + made.numerical
-    return Travel(supplied, touched, force, depth, left_out, taken, correction, lost)
+    return StepResult(supplied, touched, force, depth, left_out, taken, correction, lost)
 
 
 def _between(start, end, share):

@@ -13,8 +13,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from haptic_device.nodes.messages import STREAM, JointState
 from haptic_device.nodes.polled_subscription import Untouched
-from haptic_sim.node.port import Port
-from haptic_sim.node.showing import Showing
+from haptic_sim.node.endpoint import Port
+from haptic_sim.node.scene_publisher import ScenePublisher
 from haptic_sim.simulation import Counters, Simulation
 
 LOOK_UP_NS = 50_000_000  # longest time it does not look at what others ask of it
@@ -59,7 +59,7 @@ class ExchangeThread:
         self.report = Report({}, Counters(), 0.0)
         self.answered = 0
         self.compute_ns = deque(maxlen=TIMES_KEPT)
-        self._showing, self._handle = Showing(node), None
+        self._showing, self._handle = ScenePublisher(node), None
         self._thread = threading.Thread(target=self._run, name="exchange")
 
     def start(self) -> None:

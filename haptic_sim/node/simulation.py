@@ -15,9 +15,9 @@ from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.realtime.scheduling import go_realtime, lift_threads, spare_collections
-from haptic_sim.node.declared import FIGURES, PARAMETERS
+from haptic_sim.node.endpoint import Port
 from haptic_sim.node.exchange_thread import ExchangeThread
-from haptic_sim.node.port import Port
+from haptic_sim.node.parameters import FIGURES, PARAMETERS
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation, kernels_of
 

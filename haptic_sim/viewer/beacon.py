@@ -5,7 +5,7 @@ import time
 
 from haptic_device.nodes.marker_messages import MarkerArray, TFMessage, frames, markers
 from haptic_device.nodes.messages import STREAM
-from haptic_sim.node.showing import FRAME
+from haptic_sim.node.scene_publisher import FRAME
 from haptic_sim.viewer import markers as made
 
 LOOK_PERIOD = 0.5  # s between two looks whether somebody listens

@@ -16,7 +16,7 @@ from haptic_device.message_fields import truth_names
 from haptic_device.nodes.messages import LATEST, STATE, STREAM, statuses_of
 from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STRING, WRENCH, JointLayout
-from haptic_sim.node.showing import CONTACT, ENERGY, HANDLE, state_names
+from haptic_sim.node.scene_publisher import CONTACT, ENERGY, HANDLE, state_names
 from haptic_sim.scene import Scene, SceneError, parse
 from haptic_sim.solid import TOOL
 

@@ -4,9 +4,8 @@
 import math
 from typing import NamedTuple
 
-from haptic_sim.outline import Outline, rectangle
+from haptic_sim.geometry import Outline, rectangle, turned
 from haptic_sim.scene import Scene
-from haptic_sim.shape import turned
 from haptic_sim.viewer import shapes
 
 THICKNESS = 0.01  # m, of bodies along z

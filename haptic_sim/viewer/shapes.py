@@ -3,10 +3,9 @@
 
 from typing import NamedTuple
 
+from haptic_sim.geometry import Outline, turned
 from haptic_sim.joint import WORLD
-from haptic_sim.outline import Outline
 from haptic_sim.scene import Scene
-from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
 
 HANDLE_RADIUS = 0.004  # m

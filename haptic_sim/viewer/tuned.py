@@ -7,7 +7,7 @@ import yaml
 
 from haptic_device.parameter_types import SECTION, Parameter
 from haptic_device.parameters import NODES as DEVICE_NODES
-from haptic_sim.node.declared import PARAMETERS as SIMULATION
+from haptic_sim.node.parameters import PARAMETERS as SIMULATION
 
 NODES: dict[str, tuple[Parameter, ...]] = {
     "haptic_driver": DEVICE_NODES["haptic_driver"],

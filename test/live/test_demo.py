@@ -18,8 +18,8 @@ from waiting import LIMIT
 from haptic_device.analysis.bag_topics import load
 from haptic_sim import scene
 from haptic_sim.cli import main
-from haptic_sim.compile import compile_scene
 from haptic_sim.recompute import verdict_on
+from haptic_sim.reduction import reduce_scene
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -59,7 +59,7 @@ def test_the_peg_goes_into_the_hole_every_figure_is_reported_and_no_node_compile
     found = json.loads(run.said.splitlines()[-1])
     assert found["done"] and found["faults"] == [] and found["result"]["insertion_fraction"] >= 0.95
     assert flat(found) == documented()
-    assert found["simulation"] == {"method": "impulse", "why": compile_scene(scene.load("peg_in_hole")).reasons[0]}
+    assert found["simulation"] == {"method": "impulse", "why": reduce_scene(scene.load("peg_in_hole")).reasons[0]}
     assert found["exchange"]["sent"] >= found["exchange"]["answered"] > 0
     assert found["energy_j"]["given_to_operator_end"] < 0.0  # by the truth: who pushed the peg has worked
     assert found["contact"]["max_force_n"] > 0.0

@@ -16,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from waiting import LIMIT, until
 
 from haptic_device.process import ending_with_us
-from haptic_sim.node.relay import RelayNode
+from haptic_sim.node.network_emulator import RelayNode
 
 pytestmark = pytest.mark.timeout(600)
 

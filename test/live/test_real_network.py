@@ -52,7 +52,7 @@ class Relayed:
 
     def __init__(self, start):
         values = {"delay": 8e-3, "jitter": 4e-3, "loss": 0.05, "duplicates": 0.05}  # of both ways together
-        self._relay = start(Program("haptic_relay", "haptic_sim.node.relay", values).command())
+        self._relay = start(Program("haptic_relay", "haptic_sim.node.network_emulator", values).command())
 
     def inside(self, where, words):
         """Command line of a node on its side of the relay."""

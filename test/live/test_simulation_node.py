@@ -19,7 +19,7 @@ from haptic_device.control import exchange_samples
 from haptic_device.message_fields import exchange_names
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import JointLayout
-from haptic_sim.compile import compile_scene
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 
 pytestmark = pytest.mark.timeout(600)
@@ -177,7 +177,7 @@ def test_told_to_end_the_node_says_how_things_then_stand_and_ends_well(nodes, pe
     _, values = peer.said[-1]
     assert float(values["result.insertion_fraction"]) == pytest.approx(-0.5, abs=0.01)
     assert {"max_contact_force", "max_penetration", "refused", "rejoined", "sub_steps"} <= values.keys()
-    compiled = compile_scene(load("peg_in_hole"))
+    compiled = reduce_scene(load("peg_in_hole"))
     assert (values["method"], values["why"]) == (compiled.method, compiled.reasons[0])
     assert "Traceback" not in process.log.read_text()
 

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.compile import compile_scene
+from haptic_sim.geometry import turned
 from haptic_sim.joint import WORLD
 from haptic_sim.method import Coupling
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, Exchanged, hand, overlap_watch, rollout
 from haptic_sim.scene import Scene
-from haptic_sim.shape import turned
 from haptic_sim.simulation import Simulation
 
 
@@ -77,7 +77,7 @@ def attempt(
     `way` leads the handle instead of the scene's motion, at rest wherever it is: time [s] → (x, y, theta) in the turned
     plane.
     """
-    lead, step = way or hand(scene, angle), sub_step or compile_scene(scene, method).sub_step
+    lead, step = way or hand(scene, angle), sub_step or reduce_scene(scene, method).sub_step
     simulation = Simulation(turned_scene(scene, angle, phase * step), step, method=method)
     places = np.array([lead(k * 1e-3 + phase * step) for k in range(-1, round(seconds * 1e3) + 1)])
     rates = np.zeros_like(places[1:]) if way else np.diff(places, axis=0) * 1e3

@@ -18,7 +18,7 @@ from fault_injection.witness import ROW, TRUTH
 from haptic_device.nodes import diagnostics, messages
 from haptic_device.parameters import DRIVER_FIGURES, LOOPBACK_FIGURES
 from haptic_sim.cli.keys import ESTOP, keys
-from haptic_sim.node.declared import FIGURES
+from haptic_sim.node.parameters import FIGURES
 
 ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 250_000  # ns

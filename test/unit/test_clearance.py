@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from haptic_sim.clearance import distance, overlap
-from haptic_sim.outline import Outline, rectangle
+from haptic_sim.geometry import Outline, distance, overlap, rectangle
 
 EXACT = 1e-12
 HERE = (0.0, 0.0, 0.0)

@@ -7,7 +7,7 @@ is right is known: the face that the tool reached first holds it, and it never c
 
 import pytest
 
-from haptic_sim.compile.model import framed
+from haptic_sim.geometry import framed
 from haptic_sim.rollout import EXCHANGE_NS
 from haptic_sim.scene import Scene
 from haptic_sim.simulation import HandleSample, Simulation

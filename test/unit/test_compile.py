@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from haptic_device.config_files import names
-from haptic_sim.compile import compile_scene
-from haptic_sim.compile.beyond import HIGH, HOLDS, LOAD, SHORT, TOUCHING
-from haptic_sim.compile.choice import ACTS, SOLVED, STEPS
-from haptic_sim.compile.measured import of_scene
-from haptic_sim.compile.model import PIN, SLIDER, SPRING
-from haptic_sim.compile.modes import STIFFNESS
 from haptic_sim.method import Coupling
 from haptic_sim.method.closed_form import ClosedForm
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.reduction.beyond import HIGH, HOLDS, LOAD, SHORT, TOUCHING
+from haptic_sim.reduction.choice import ACTS, SOLVED, STEPS
+from haptic_sim.reduction.measured import of_scene
+from haptic_sim.reduction.model import PIN, SLIDER, SPRING
+from haptic_sim.reduction.modes import STIFFNESS
 from haptic_sim.scene import SceneError, load, parse
 from haptic_sim.verify import CREATED, OVERLAP, within
 from haptic_sim.world import World
@@ -29,12 +29,12 @@ PINNED = {"type": "pin", "bodies": ["world", "bar"], "at": [0.0, 0.0]}
 
 
 def compiled(**parts):
-    return compile_scene(parse({"name": "test", "tool": DISC, **parts}, "here"))
+    return reduce_scene(parse({"name": "test", "tool": DISC, **parts}, "here"))
 
 
 @pytest.mark.parametrize("name", names("scenes"))
 def test_every_scene_compiles_to_finite_numbers_and_a_sub_step_that_divides_a_millisecond(name):
-    model, _, shape_names, _, _, sub_step, reasons = compile_scene(load(name))
+    model, _, shape_names, _, _, sub_step, reasons = reduce_scene(load(name))
     finite = [array for key, array in model._asdict().items() if key not in ("mass", "inertia", "joint_limit")]
     assert all(np.isfinite(array).all() for array in finite)
     assert np.isfinite(model.mass).tolist() == [not fixed for fixed in model.fixed]
@@ -47,7 +47,7 @@ def test_every_scene_compiles_to_finite_numbers_and_a_sub_step_that_divides_a_mi
 
 @pytest.mark.parametrize("name", names("scenes"))
 def test_pins_and_sliders_meet_in_the_model_and_pairs_go_from_a_body_to_a_later_one(name):
-    model = compile_scene(load(name)).model
+    model = reduce_scene(load(name)).model
     for kind, bodies, anchors in zip(model.joint_kind, model.joint_bodies, model.joint_anchor, strict=True):
         if kind != SPRING:
             on_a, on_b = (place(model.pose[body], anchor) for body, anchor in zip(bodies, anchors, strict=True))
@@ -74,7 +74,7 @@ def place(pose, point):
 )
 def test_degrees_of_freedom_are_what_a_textbook_counts(name, count):
     """A four-bar has one, and its knob another; twelve of body coordinates less eight of four pins less two."""
-    assert compile_scene(load(name)).needs.freedoms == count
+    assert reduce_scene(load(name)).needs.freedoms == count
 
 
 @pytest.mark.parametrize(("where", "apart"), [(0.2003, True), (0.2002, False)])
@@ -318,20 +318,20 @@ def test_impulse_is_asked_no_more_often_than_it_can_keep_up_with_while_its_own_s
 
 def test_the_parameter_method_wins_over_what_the_scene_needs_or_asks_for_and_says_so():
     scene = parse({"name": "test", "tool": DISC, "bodies": [BAR], "method": "impulse"}, "here")
-    found = compile_scene(scene, "partitioned")
+    found = reduce_scene(scene, "partitioned")
     assert (found.method, found.sub_step) == ("partitioned", SHORT)
     assert found.reasons[0] == "the parameter method asks for it"
-    assert compile_scene(scene).reasons[0] == "the scene asks for it"
+    assert reduce_scene(scene).reasons[0] == "the scene asks for it"
 
 
 @pytest.mark.parametrize("name", names("scenes"))
 def test_the_kept_table_has_each_shipped_scene_at_the_step_it_gets_and_the_chosen_method_keeps_its_bounds(name):
-    """`python -m bench chosen --out haptic_sim/compile/measured.csv` measures it anew."""
+    """`python -m bench chosen --out haptic_sim/reduction/measured.csv` measures it anew."""
     scene, rows = load(name), {row.method: row for row in of_scene(name)}
-    chosen = compile_scene(scene)
+    chosen = reduce_scene(scene)
     assert {"impulse", "partitioned", chosen.method} <= set(rows)
     for method, row in rows.items():
-        assert row.step_us == pytest.approx(1e6 * compile_scene(scene, method).sub_step)
+        assert row.step_us == pytest.approx(1e6 * reduce_scene(scene, method).sub_step)
     assert within(rows[chosen.method], scene.error)
 
 

@@ -14,9 +14,9 @@ from haptic_device.control import tool_side_tank as law_port
 from haptic_device.message_fields import TAIL, exchange_names
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim.node import exchange_thread
-from haptic_sim.node.declared import PARAMETERS
+from haptic_sim.node.endpoint import SILENCE_NS, Port
 from haptic_sim.node.exchange_thread import RETURN_NS, ExchangeThread
-from haptic_sim.node.port import SILENCE_NS, Port
+from haptic_sim.node.parameters import PARAMETERS
 from haptic_sim.node.simulation import SimulationNode
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation, ToolSample

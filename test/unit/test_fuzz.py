@@ -17,7 +17,7 @@ from haptic_device.message_fields import AXES, TAIL, exchange_names
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim.cli.check import problems
-from haptic_sim.node.port import Port
+from haptic_sim.node.endpoint import Port
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "config").rglob("*.yaml"))
 MUTATED_FILES, MUTATED_MESSAGES = 60, tries(6_000)

@@ -13,8 +13,8 @@ from in_process import bench
 
 from bench.methods import growing, growth, loads
 from bench.methods.world import make
-from haptic_sim.compile import compile_scene
 from haptic_sim.method import Coupling
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, overlap_watch
 from haptic_sim.scene import load
 from haptic_sim.solid import TOOL
@@ -43,7 +43,7 @@ def test_a_world_has_as_many_bodies_as_it_says_and_none_overlaps_at_the_start(wo
     of = getattr(loads, world)(count, 0.2)
     movable = [body.name for body in of.scene.bodies if not body.fixed]
     assert len(movable) == pieces(count)
-    assert set(compile_scene(of.scene).needs.moving) == {TOOL, *movable}
+    assert set(reduce_scene(of.scene).needs.moving) == {TOOL, *movable}
     poses = {body.name: body.pose for body in of.scene.bodies} | {TOOL: of.scene.tool.pose}
     assert overlap_watch(of.scene, poses.get)() <= 1e-9
     assert of.path().shape == (201, 6)

@@ -10,8 +10,8 @@ import math
 import pytest
 
 from bench.methods.hard import verdict
-from haptic_sim.compile import compile_scene
-from haptic_sim.compile.model import framed
+from haptic_sim.geometry import framed
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS
 from haptic_sim.scene import Scene, load
 from reference.trial import attempt, jump
@@ -96,7 +96,7 @@ def tried(name, angle, phase, method="partitioned"):
 
 @pytest.mark.parametrize("name", sorted({*HARD} - {*DIRECT, *SLOW}))
 def test_a_hard_case_is_survived_by_the_method_that_it_gets_by_default(name):
-    assert compile_scene(load(name)).method == "impulse"
+    assert reduce_scene(load(name)).method == "impulse"
     found = verdict(name, "impulse", 1 if name in LONG else 2)
     assert found.survives, found
 
@@ -123,7 +123,7 @@ def test_the_direct_solver_keeps_a_hard_case_finite_apart_and_creates_no_energy(
 
 @pytest.mark.parametrize("name", DIRECT)
 def test_heavy_on_light_and_many_on_each_other_get_the_direct_solver(name):
-    assert compile_scene(load(name)).method == "partitioned"
+    assert reduce_scene(load(name)).method == "partitioned"
 
 
 def place(outcome, body, angle):

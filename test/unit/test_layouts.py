@@ -10,7 +10,7 @@ import yaml
 
 from haptic_device.message_fields import AXES, exchange_names, truth_names
 from haptic_device.nodes.recorded_topics import KNOWN
-from haptic_sim.node.showing import FRAME
+from haptic_sim.node.scene_publisher import FRAME
 
 LAYOUTS = Path(__file__).parents[2] / "config" / "layouts"
 NAMES = {

@@ -12,7 +12,7 @@ from haptic_device.control import exchange_samples as law
 from haptic_device.message_fields import EACH, LOCAL_CONTACT, MOST, TAIL
 from haptic_device.realtime import exchange_step, seqlock
 from haptic_device.recording.layouts import CloudLayout
-from haptic_sim.node.port import Port, Question
+from haptic_sim.node.endpoint import Port, Question
 from haptic_sim.simulation import HandleSample
 
 SESSION, OTHER = 7.0, 9.0

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_sim.outline import Outline, combined, convex, rectangle
+from haptic_sim.geometry import Outline, combined, convex, rectangle
 from haptic_sim.solid import Tool
 
 

@@ -8,10 +8,10 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from haptic_device.config_files import find, names
-from haptic_sim.compile import compile_scene
-from haptic_sim.compile.explain import explain
-from haptic_sim.compile.measured import Measured, of_scene, read
 from haptic_sim.draw import draw, handle_way
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.reduction.explain import explain
+from haptic_sim.reduction.measured import Measured, of_scene, read
 from haptic_sim.scene import load
 from haptic_sim.verify import within
 
@@ -91,7 +91,7 @@ def test_the_wall_is_explained_as_one_axis_in_closed_form():
 )
 def test_an_explanation_says_freedoms_contacts_and_method(name, words):
     scene = load(name)
-    said = " ".join(answer for _, answer in explain(scene, compile_scene(scene)))
+    said = " ".join(answer for _, answer in explain(scene, reduce_scene(scene)))
     assert all(word in said for word in words), said
 
 

@@ -10,7 +10,7 @@ from live_nodes import STRANGE
 
 from haptic_device.nodes.polled_subscription import Sample
 from haptic_device.recording.layouts import CLOUD, JointLayout, layout_of
-from haptic_sim.node.showing import CONTACT, PERIOD_NS, Showing, state_names
+from haptic_sim.node.scene_publisher import CONTACT, PERIOD_NS, ScenePublisher, state_names
 from haptic_sim.scene import Scene, load, parse
 from haptic_sim.simulation import HandleSample, Simulation
 from haptic_sim.viewer import shapes
@@ -70,7 +70,7 @@ def pressed():
 def test_the_state_names_each_coordinate_and_carries_the_poses(pressed):
     simulation, handle = pressed
     node = FakeNode()
-    Showing(node).show(simulation, handle, 0)
+    ScenePublisher(node).show(simulation, handle, 0)
     layout = JointLayout(state_names(simulation.scene), "haptic_world")
     [data] = node.said["scene/state"]
     assert layout.matches(data)
@@ -86,7 +86,7 @@ def test_the_state_names_each_coordinate_and_carries_the_poses(pressed):
 def test_contacts_carry_the_force_that_holds_the_tool_up(pressed):
     simulation, handle = pressed
     node = FakeNode()
-    Showing(node).show(simulation, handle, 0)
+    ScenePublisher(node).show(simulation, handle, 0)
     message = bytes(node.said["scene/contacts"][0])
     rows = np.frombuffer(layout_of(CLOUD, message).records(message), CONTACT)
     [contact] = simulation.method.contacts()[-1:]
@@ -96,7 +96,7 @@ def test_contacts_carry_the_force_that_holds_the_tool_up(pressed):
 
 def test_the_scene_is_said_once_and_anew_when_it_is_another():
     node = FakeNode()
-    showing = Showing(node)
+    showing = ScenePublisher(node)
     first, other = Simulation(load("peg_in_hole")), Simulation(load("free_space"))
     for number, simulation in enumerate((first, first, other)):
         showing.show(simulation, None, number * PERIOD_NS)
@@ -106,7 +106,7 @@ def test_the_scene_is_said_once_and_anew_when_it_is_another():
 
 def test_the_world_is_shown_no_faster_than_it_is_looked_at():
     node, simulation = FakeNode(), Simulation(load("free_space"))
-    showing = Showing(node)
+    showing = ScenePublisher(node)
     for millisecond in range(1000):
         showing.show(simulation, None, 1_000_000 * millisecond)
     assert 55 <= len(node.said["scene/state"]) <= 61
@@ -115,7 +115,7 @@ def test_the_world_is_shown_no_faster_than_it_is_looked_at():
 def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
     simulation, handle = pressed
     node = FakeNode()
-    Showing(node).show(simulation, handle, 0)
+    ScenePublisher(node).show(simulation, handle, 0)
     monkeypatch.setattr("haptic_sim.viewer.feed.PolledSubscription", FakeTap)
     feed = Feed(None)
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
@@ -134,7 +134,7 @@ def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns(m
     for k in range(1000):
         simulation.exchange(HandleSample(1_000_000 * k, handle, (0.0, 0.0, 0.0), *GAINS))
     node = FakeNode()
-    Showing(node).show(simulation, handle, 0)
+    ScenePublisher(node).show(simulation, handle, 0)
     monkeypatch.setattr("haptic_sim.viewer.feed.PolledSubscription", FakeTap)
     feed = Feed(None)
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
@@ -150,7 +150,7 @@ def test_what_is_no_number_is_not_known(pressed, monkeypatch):
     monkeypatch.setattr("haptic_sim.viewer.feed.PolledSubscription", FakeTap)
     node = FakeNode()
     simulation.measure = lambda: {"insertion_fraction": float("nan")}
-    Showing(node).show(simulation, (float("inf"), 0.0, 0.0), 0)
+    ScenePublisher(node).show(simulation, (float("inf"), 0.0, 0.0), 0)
     feed = Feed(None)
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
     feed.look()
@@ -162,7 +162,7 @@ def test_what_is_no_number_is_not_known(pressed, monkeypatch):
 
 def test_rubbish_on_the_topics_of_the_page_is_not_shown_and_harms_nothing(pressed, monkeypatch):
     node = FakeNode()
-    Showing(node).show(*pressed, 0)
+    ScenePublisher(node).show(*pressed, 0)
     monkeypatch.setattr("haptic_sim.viewer.feed.PolledSubscription", FakeTap)
     feed = Feed(None)
     cut = types.SimpleNamespace(point_step=CONTACT.itemsize, data=bytes(CONTACT.itemsize + 1))

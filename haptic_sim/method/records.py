@@ -9,7 +9,8 @@ follows from it: edge normals, linkages) and the work (state of the bodies, and 
 import numba
 import numpy as np
 
-from haptic_sim.compile.limits import (
+from haptic_sim.method.layout import lay_out
+from haptic_sim.reduction.limits import (
     MOST_BODIES,
     MOST_CORNERS,
     MOST_JOINTS,
@@ -18,8 +19,7 @@ from haptic_sim.compile.limits import (
     MOST_SHAPES,
     too_much,
 )
-from haptic_sim.compile.model import Model
-from haptic_sim.method.layout import lay_out
+from haptic_sim.reduction.model import Model
 
 MOST_ROWS = 200
 STAGES = 12

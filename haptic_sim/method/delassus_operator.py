@@ -2,10 +2,10 @@
 """What impulses along rows do: W Gᵀ of each, A = G W Gᵀ, their sum on all bodies, and their report."""
 
 from haptic_device.jit import njit
+from haptic_sim.method.constraints import moves
 from haptic_sim.method.lcp import NORMAL
 from haptic_sim.method.linkage import respond
-from haptic_sim.method.memory import MOST_ROWS
-from haptic_sim.method.rows import moves
+from haptic_sim.method.records import MOST_ROWS
 
 
 @njit

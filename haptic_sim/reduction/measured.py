@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What each method that a shipped scene could have costs and errs: a table kept with the package.
 
-`python -m bench chosen --out haptic_sim/compile/measured.csv`, in a clone of the sources, measures it anew.
+`python -m bench chosen --out haptic_sim/reduction/measured.csv`, in a clone of the sources, measures it anew.
 """
 
 import csv

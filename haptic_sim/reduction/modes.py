@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from haptic_sim.compile.model import PIN, Model
+from haptic_sim.reduction.model import PIN, Model
 
 STIFFNESS = 2000.0
 """N/m; coupling that the choice reckons with. A stiffer one is as stable, but less exact."""

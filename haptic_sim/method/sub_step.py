@@ -4,10 +4,10 @@
 import math
 
 from haptic_device.jit import kernel, njit
-from haptic_sim.method.flight import fly
-from haptic_sim.method.press import press
-from haptic_sim.method.smooth import pull_tool
-from haptic_sim.method.touch import far_apart, gap_of, place_shapes
+from haptic_sim.method.constrained_dynamics import pull_tool
+from haptic_sim.method.event_integration import fly
+from haptic_sim.method.implicit_step import press
+from haptic_sim.method.narrow_phase import far_apart, gap_of, place_shapes
 
 FALL = 100.0
 """Acceleration [m/s²] beyond the present speeds that is allowed for when looking who can come near the tool."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much the compiled methods can take: their records have a fixed size, since all scenes share one compiled code."""
 
-from haptic_sim.compile.model import Model
+from haptic_sim.reduction.model import Model
 
 MOST_BODIES, MOST_SHAPES, MOST_CORNERS, MOST_PAIRS, MOST_JOINTS = 40, 80, 400, 1000, 32
 MOST_LINKED = 10

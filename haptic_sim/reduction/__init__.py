@@ -8,12 +8,12 @@ move it, and a pair of shapes is left out only if their reaches (discs, see reac
 import math
 from typing import NamedTuple
 
-from haptic_sim.compile.choice import choose_method, choose_sub_step
-from haptic_sim.compile.freedom import freedoms
-from haptic_sim.compile.mobility import groups_of, moving_bodies, touching_pairs
-from haptic_sim.compile.model import Model, Place, build
+from haptic_sim.geometry import turned
+from haptic_sim.reduction.choice import choose_method, choose_sub_step
+from haptic_sim.reduction.degrees_of_freedom import freedoms
+from haptic_sim.reduction.mobility import groups_of, moving_bodies, touching_pairs
+from haptic_sim.reduction.model import Model, Place, build
 from haptic_sim.scene import Scene
-from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
 
 SQUARE = 1e-12
@@ -43,9 +43,10 @@ class Needs(NamedTuple):
     """Directions in which contact acts, if each can be solved by itself in closed form; else None."""
 
 
-class Compiled(NamedTuple):
+class ReducedScene(NamedTuple):
     """A scene ready to be simulated."""
 
+    scene: Scene
     model: Model
     places: dict[str, Place]
     shape_names: tuple[str, ...]
@@ -58,7 +59,7 @@ class Compiled(NamedTuple):
     """Why this method and this sub-step, a sentence each."""
 
 
-def compile_scene(scene: Scene, method: str | None = None) -> Compiled:
+def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
     """The least model of a scene, and the method and sub-step it is given. ValueError if the wish cannot be granted.
 
     `method`: the one that the parameter of this name asks for, whatever the scene does.
@@ -86,7 +87,7 @@ def compile_scene(scene: Scene, method: str | None = None) -> Compiled:
     if method is None:
         method, why_method = choose_method(scene, needs, arrays, [group[0] for group in groups])
     sub_step, why_step = choose_sub_step(scene, arrays, method)
-    return Compiled(arrays, places, shape_names, needs, method, sub_step, (why_method, why_step))
+    return ReducedScene(scene, arrays, places, shape_names, needs, method, sub_step, (why_method, why_step))
 
 
 def _turning_matters(scene, touching, friction):

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from haptic_sim.compile.model import SLIDER, SPRING, Model
+from haptic_sim.reduction.model import SLIDER, SPRING, Model
 
 
 def freedoms(model: Model, pose) -> int:

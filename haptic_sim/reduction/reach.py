@@ -9,10 +9,8 @@ import heapq
 import math
 from typing import NamedTuple
 
-from haptic_sim import assembly
-from haptic_sim.clearance import distance
-from haptic_sim.outline import Outline
-from haptic_sim.shape import turned
+from haptic_sim import scene_validation
+from haptic_sim.geometry import Outline, distance, turned
 
 _STILL = (0.0, 0.0, 0.0)
 
@@ -29,7 +27,7 @@ ANYWHERE = Disc((0.0, 0.0), math.inf)
 
 def reaches(scene, immovable: set[str]) -> dict[str, Disc]:
     """Disc that holds all shapes of each movable body and of the tool for all time."""
-    movable = {solid.name: solid for _, solid in assembly.solids(scene) if solid.name not in immovable}
+    movable = {solid.name: solid for _, solid in scene_validation.solids(scene) if solid.name not in immovable}
     found = dict.fromkeys(movable, ANYWHERE)
     for name, place, disc in _held_points(scene, movable):
         size = max(
@@ -43,7 +41,7 @@ def reaches(scene, immovable: set[str]) -> dict[str, Disc]:
 
 
 def can_touch(apart: set[frozenset[str]], a, b, discs: dict[str, Disc]) -> bool:
-    """Whether two bodies can ever touch: not `apart` (`assembly.kept_apart`), a layer in common, and within reach."""
+    """Whether two bodies can ever touch: not `apart` (scene_validation), a layer in common, and within reach."""
     if not a.layers & b.layers or frozenset((a.name, b.name)) in apart:
         return False
     disc_a, disc_b = discs.get(a.name), discs.get(b.name)
@@ -62,7 +60,7 @@ def _touches(disc, fixed):
 
 def _held_points(scene, movable):
     """(body, point on it at the start, disc it stays in), nearest first along the joints (Dijkstra)."""
-    solids = {solid.name: solid for _, solid in assembly.solids(scene)}
+    solids = {solid.name: solid for _, solid in scene_validation.solids(scene)}
     holding = [joint for joint in scene.joints if joint.type != "spring"]
     queue = [
         (0.0, 0.0, i, joint.bodies[end], None)

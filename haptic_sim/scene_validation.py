@@ -5,9 +5,8 @@ import math
 
 import numpy as np
 
-from haptic_sim.clearance import overlap
+from haptic_sim.geometry import overlap, turned
 from haptic_sim.joint import TOGETHER, WORLD
-from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
 
 TOUCHING = 1e-9  # overlap [m] up to which two bodies count as touching: rounding of poses, far below any feature

@@ -5,10 +5,10 @@ Inside a sub-step `impulse` takes steps of at most `SHORT`, so its sub-step is b
 acts; `partitioned` takes its sub-step whole, and so one as short.
 """
 
-from haptic_sim.compile.beyond import SHORT, beyond
-from haptic_sim.compile.limits import too_much
-from haptic_sim.compile.model import Model
-from haptic_sim.compile.modes import longest_step
+from haptic_sim.reduction.beyond import SHORT, beyond
+from haptic_sim.reduction.limits import too_much
+from haptic_sim.reduction.model import Model
+from haptic_sim.reduction.modes import longest_step
 
 STEPS = (1e-3, 0.5e-3, 0.25e-3, 0.2e-3, 0.125e-3, 0.1e-3, 0.05e-3, 0.025e-3)
 """s; whole shares of a millisecond, so that an exchange at 1 kHz is a whole number of sub-steps."""

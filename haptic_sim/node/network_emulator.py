@@ -18,7 +18,7 @@ from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.messages import LATEST, STREAM, JointState, PointCloud2
 from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.realtime.scheduling import go_realtime
-from haptic_sim.node.declared import RELAY
+from haptic_sim.node.parameters import RELAY
 
 LONGEST_WAIT_NS = 20_000_000
 PRIORITY = 62

@@ -4,10 +4,10 @@
 import math
 
 from haptic_device.jit import njit
+from haptic_sim.method.constraints import add_contact, moves
 from haptic_sim.method.event import is_held
 from haptic_sim.method.impact import TOUCHING
-from haptic_sim.method.rows import add_contact, moves
-from haptic_sim.method.touch import gap_of, place_shape, place_shapes, touch
+from haptic_sim.method.narrow_phase import gap_of, place_shape, place_shapes, touch
 
 BISECTIONS = 40
 MOST_PIECES = 4000

@@ -8,11 +8,11 @@ and `joints`).
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.compile.model import SPRING
 from haptic_sim.method.joints import coordinate_row
 from haptic_sim.method.lcp import FREE, FRICTION, NORMAL
-from haptic_sim.method.memory import MOST_ROWS
-from haptic_sim.method.touch import AX, AY, BX, BY, GAP, NX, NY, OWNER, PX, PY, ROUND, evaluate
+from haptic_sim.method.narrow_phase import AX, AY, BX, BY, GAP, NX, NY, OWNER, PX, PY, ROUND, evaluate
+from haptic_sim.method.records import MOST_ROWS
+from haptic_sim.reduction.model import SPRING
 
 LIMIT, DRY = 1, 2
 """Sources of a row beside a contact (0): a joint's limit (which side: sign), its dry friction or motor."""

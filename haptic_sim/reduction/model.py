@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_sim.geometry import framed, turned
 from haptic_sim.joint import WORLD
 from haptic_sim.scene import Scene
-from haptic_sim.shape import turned
 from haptic_sim.solid import TOOL
 
 PIN, SLIDER, SPRING = range(3)
@@ -78,13 +78,6 @@ class Place(NamedTuple):
 
     body: int
     pose: Planar
-
-
-def framed(point, pose) -> tuple[float, float]:
-    """A point of the plane [m] in a frame at `pose` (x, y, theta)."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    x, y = point[0] - pose[0], point[1] - pose[1]
-    return c * x + s * y, c * y - s * x
 
 
 def build(scene: Scene, groups: list[list[str]], pairs) -> tuple[Model, dict[str, Place], tuple[str, ...]]:

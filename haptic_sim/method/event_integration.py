@@ -14,7 +14,9 @@ the rest of the step is a backward difference (see `press`), which always has on
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.method.effect import (
+from haptic_sim.method.constrained_dynamics import advance, free_acceleration
+from haptic_sim.method.constraints import add_joints, keep_rows, moves, rate_of, recall, refresh, remember, wished
+from haptic_sim.method.delassus_operator import (
     apply_rows,
     copy,
     hold_resting,
@@ -26,9 +28,7 @@ from haptic_sim.method.effect import (
 from haptic_sim.method.event import first_event, locate
 from haptic_sim.method.impact import RESTING, TOUCHING, impact, touching_contacts
 from haptic_sim.method.lcp import FRICTION, HIGH, LOW, NORMAL, SLIDING, solve_modes
-from haptic_sim.method.rows import add_joints, keep_rows, moves, rate_of, recall, refresh, remember, wished
-from haptic_sim.method.smooth import advance, free_acceleration
-from haptic_sim.method.touch import far_apart, gap_of
+from haptic_sim.method.narrow_phase import far_apart, gap_of
 
 MOST_EVENTS = 400
 UNSOLVED, STRUCK = -1, -2

@@ -9,9 +9,8 @@ the tool, m + h² K: it makes a light tool heavier, by 5 mg at 2000 N/m, and ask
 
 import math
 
-from haptic_sim.clearance import distance
-from haptic_sim.compile.modes import longest_step
-from haptic_sim.outline import Outline
+from haptic_sim.geometry import Outline, distance
+from haptic_sim.reduction.modes import longest_step
 
 SHORT = 0.05e-3
 """s; what `impulse` steps by inside its sub-steps. It cannot keep up with shorter ones behind a port that sees each."""

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the least model of a scene is, and why, in plain lines."""
 
-from haptic_sim.compile import Compiled
+from haptic_sim.reduction import ReducedScene
 from haptic_sim.scene import Scene
 
 
-def explain(scene: Scene, compiled: Compiled) -> list[tuple[str, str]]:
+def explain(scene: Scene, compiled: ReducedScene) -> list[tuple[str, str]]:
     """(question, answer) of everything that was worked out."""
     needs, model = compiled.needs, compiled.model
     bodies = 1 + len(scene.bodies)

@@ -3,10 +3,10 @@
 
 import math
 
-from haptic_sim.assembly import kept_apart
-from haptic_sim.compile.reach import can_touch, reaches
+from haptic_sim.geometry import turned
 from haptic_sim.joint import WORLD
-from haptic_sim.shape import turned
+from haptic_sim.reduction.reach import can_touch, reaches
+from haptic_sim.scene_validation import kept_apart
 from haptic_sim.solid import TOOL
 
 

@@ -9,13 +9,13 @@ coordinates are then found again from the independent ones by Newton's method, s
 """
 
 from haptic_device.jit import njit
-from haptic_sim.method.effect import apply_rows, copy, respond_rows, zero
+from haptic_sim.method.constraints import rate_of, refresh, wished
+from haptic_sim.method.delassus_operator import apply_rows, copy, respond_rows, zero
 from haptic_sim.method.formulas import SLOPES_4, SLOPES_8, WEIGHTS_4, WEIGHTS_8
 from haptic_sim.method.joints import applied_forces
 from haptic_sim.method.lcp import FREE, NORMAL, solve_linear
 from haptic_sim.method.linkage import eliminate, fill_rows, reduce_linkage, respond
-from haptic_sim.method.rows import rate_of, refresh, wished
-from haptic_sim.method.touch import place_shapes
+from haptic_sim.method.narrow_phase import place_shapes
 
 MET = 1e-14
 """Residual of a constraint [m | rad] that Newton's method leaves alone."""

@@ -29,7 +29,7 @@ def state_names(scene) -> tuple[str, ...]:
     return tuple(f"{solid}.{axis}" for solid in solids for axis in AXES) + (ENERGY, *results)
 
 
-class Showing:
+class ScenePublisher:
     """Publishes `scene` when it is new, `scene/state` and `scene/contacts` up to 60 times a second."""
 
     def __init__(self, node):

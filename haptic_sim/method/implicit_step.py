@@ -30,16 +30,16 @@ So does a step that gains energy by it all the same, as with a coupling that is 
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.method.effect import apply_rows, copy, note_impulses, respond_rows
+from haptic_sim.method.constrained_dynamics import close_joints, power
+from haptic_sim.method.constraints import add_joints, drives_work, rate_of, recall, refresh, remember, wished
+from haptic_sim.method.continuous_collision import add_met, look_around
+from haptic_sim.method.delassus_operator import apply_rows, copy, note_impulses, respond_rows
 from haptic_sim.method.impact import RESTING, TOUCHING, kinetic
 from haptic_sim.method.joints import applied_forces, spring_energy
 from haptic_sim.method.lcp import FREE, FRICTION, NORMAL, solve_modes
 from haptic_sim.method.lemke import lemke
 from haptic_sim.method.linkage import reduce_linkage, respond
-from haptic_sim.method.meet import add_met, look_around
-from haptic_sim.method.rows import add_joints, drives_work, rate_of, recall, refresh, remember, wished
-from haptic_sim.method.smooth import close_joints, power
-from haptic_sim.method.touch import place_shapes
+from haptic_sim.method.narrow_phase import place_shapes
 
 FAR = 1e6
 """Speed [m/s] that stands for one that closes an endless way, of a limit that is not there, within the step."""
