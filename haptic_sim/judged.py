@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.method import Coupling
-from haptic_sim.method.registry import make
+from haptic_sim.method_registry import make
+from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import EXCHANGE_NS, Led, hand, overlap_watch, rollout, way
+from haptic_sim.rollout import EXCHANGE_NS, hand, overlap_watch, rollout, way
 from haptic_sim.scene import Scene
 from haptic_sim.solid import TOOL
 
@@ -101,7 +101,7 @@ def judge(case: Case, reference: Reference, world, count: int) -> Judged:
 
 def solution(of: Case, method: str, step: int) -> dict[str, np.ndarray]:
     """Body → poses (n, 3) at the looks, by a method at this step [ns]. ValueError if the method cannot model it."""
-    world = Led(make(method, of.scene, step * 1e-9))
+    world = make(method, reduce_scene(of.scene), step * 1e-9)
     world.couple(of.gains)
     return rollout(world, of.path(), of.period // step, of.look // of.period, bodies=of.bodies()).poses
 

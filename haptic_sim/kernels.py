@@ -23,8 +23,9 @@ from haptic_device.realtime import (
 from haptic_device.realtime.seqlock import SeqLock
 from haptic_device.realtime.servo_thread import ServoThread
 from haptic_device.recording.layouts import CloudLayout, JointLayout
-from haptic_sim.method.registry import make
+from haptic_sim.method_registry import make
 from haptic_sim.node.parameters import PARAMETERS
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
 
@@ -118,26 +119,26 @@ def identification():
 
 def methods():
     """Generalized coordinates; from event to event it is the same kernel."""
-    make("partitioned", load(JOINTED), SUB_STEP).energy()
+    make("partitioned", reduce_scene(load(JOINTED)), SUB_STEP).energy()
 
 
 def penalty():
     """Contacts as springs."""
     for method in ("penalty_explicit", "penalty_implicit"):
-        make(method, load(JOINTED), SUB_STEP).energy()
+        make(method, reduce_scene(load(JOINTED)), SUB_STEP).energy()
 
 
 def closed_form():
     """A tool among flat walls, and the ports behind which any method stands."""
     for method in ("pspm", "wave"):
         values = _values("haptic_simulation") | {"exchange.method": method}
-        Simulation.by_parameters(load(IN_CLOSED_FORM), values)
+        Simulation.by_parameters(reduce_scene(load(IN_CLOSED_FORM)), values)
 
 
 def local_contacts():
     """What the servo's own tool may touch."""
     for scene in (FREE, JOINTED):
-        Simulation(load(scene), method="impulse").local_contacts.look(0.0)
+        Simulation(reduce_scene(load(scene), "impulse")).local_contacts.look(0.0)
 
 
 def _compile(kernel, *arguments):

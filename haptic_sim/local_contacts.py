@@ -12,23 +12,22 @@ import numpy as np
 
 from haptic_device.control import contact_model
 from haptic_device.message_fields import EACH, MOST
-from haptic_sim.method import Method, proximity
-from haptic_sim.reduction import reduce_scene
+from haptic_sim.method import proximity
+from haptic_sim.protocol import World
+from haptic_sim.reduction import ReducedScene
 from haptic_sim.reduction.model import PIN, SLIDER, SPRING
-from haptic_sim.scene import Scene
 
 THROUGH = 1e-4  # [m] into another body by which the tool's motion is foretold
 NEAR = 2e-3  # [m] between a contact that pressed and the pair of features that it is taken for
 
 
 class LocalContacts:
-    """Contacts of a scene's tool as a simulation method moves it; `table` is what the last `look` found."""
+    """Contacts of a scene's tool as a world moves it; `table` is what the last `look` found."""
 
-    def __init__(self, scene: Scene, method: Method):
-        compiled = reduce_scene(scene)
-        model = compiled.model
-        self._method, self._model, self._scene = method, model, scene
-        self._names = compiled.shape_names
+    def __init__(self, reduced: ReducedScene, world: World):
+        model = reduced.model
+        self._world, self._model, self._scene = world, model, reduced.scene
+        self._names = reduced.shape_names
         self._features = (
             model.shape_body,
             model.shape_start,
@@ -75,7 +74,7 @@ class LocalContacts:
 
     def look(self, lag: float) -> None:
         """Finds the contacts as the bodies are now; lag [s]: how old the set will be when it is used."""
-        for body, (pose, velocity) in enumerate(self._method.bodies()):
+        for body, (pose, velocity) in enumerate(self._world.bodies()):
             self._pose[body], self._velocity[body] = pose, velocity
         lead, count = lag, self._find(lag)
         if count:
@@ -104,7 +103,7 @@ class LocalContacts:
     def _give_way(self):
         """Mobility of the bodies behind the contacts, and the force that the simulation's tool has on them."""
         body_of = self._model.shape_body
-        contacts = self._method.contacts() if self._method.touching else []
+        contacts = self._world.contacts() if self._world.touching else []
         pressed = [one for one in contacts if one.body_a == "tool"]
         rubbed = {name for one in contacts if one.body_a != "tool" for name in (one.body_a, one.body_b)}
         for one in self.table:

@@ -16,6 +16,7 @@ from haptic_device.recording.columns import Entries
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.lockstep_bag import LockstepBag
 from haptic_sim.played import PlayedDevice, PlayedTarget
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene, parse
 from haptic_sim.scene import load as load_scene
 from haptic_sim.simulation import Simulation
@@ -103,7 +104,7 @@ def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
 
     The first step does not count for that: in it functions are compiled.
     """
-    simulation = Simulation.by_parameters(point.scene, point.simulation) if point.scene else None
+    simulation = _simulation(point) if point.scene else None
     system = Lockstep(point.device, point.driver, point.loopback, simulation, network, hand=hand.played)
     hand.played.begin(system)
     written, costs = LockstepBag(bag, system, point), []
@@ -116,6 +117,10 @@ def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
     share = sum(costs[1:]) / max(STEP, (ticks - step) * system.period / SECOND)
     written.close({"cpu_share": f"{share:.4f}"})
     return share
+
+
+def _simulation(point):
+    return Simulation.by_parameters(reduce_scene(point.scene, point.simulation["method"]), point.simulation)
 
 
 def _values(recording, node, parameters) -> dict:

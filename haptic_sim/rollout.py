@@ -16,7 +16,7 @@ from haptic_device.device import operator_hand
 from haptic_device.parameters import OPERATOR
 from haptic_sim import geometry
 from haptic_sim.geometry import turned
-from haptic_sim.method import Coupling, Planar
+from haptic_sim.protocol import Coupling, Planar, StepResult
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene
 from haptic_sim.simulation import HandleSample, Simulation
@@ -27,64 +27,37 @@ GAINS = Coupling(2000.0, 2.0, 2.0, 0.002)
 FAR = 1e3  # m, rad or J; nothing goes there but what has blown up
 
 
-class World(Protocol):
-    """A scene with a tool in it, led by a hand."""
+class LedWorld(Protocol):
+    """What of a `World` a hand needs that leads it."""
 
-    supplied: float
-    """Energy [J] that the coupling has given to the tool since the start."""
-
-    def follow(self, path: np.ndarray, count: int) -> None:
-        """`count` steps from each row of the hand's path (n, 6: position, velocity) evenly to the next."""
+    def step(self, target: np.ndarray, n: int) -> StepResult:
+        """`n` steps from each row of the hand's path (m, 6: position, velocity) evenly to the next."""
 
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame."""
 
     def energy(self) -> tuple[float, float]:
-        """Kinetic and potential energy [J]. Whoever asks wants them after each `follow`: it may book from now on."""
-
-
-class Led:
-    """A method as such a world, its supply summed."""
-
-    def __init__(self, method):
-        self._method, self.supplied = method, 0.0
-        self.couple, self.pose, self.energy = method.couple, method.pose, method.energy
-
-    def follow(self, path, count):
-        """`count` steps from each row of the path to the next, in one call where the method can."""
-        follow = getattr(self._method, "follow", None)
-        if follow:
-            self.supplied += follow(path, count).supplied
-            return
-        rows = [(tuple(row[:3]), tuple(row[3:])) for row in path.tolist()]
-        for start, end in zip(rows, rows[1:], strict=False):
-            self.supplied += self._method.travel(*start, *end, count).supplied
+        """Kinetic and potential energy [J]. Whoever asks wants them after each `step`: it may book from now on."""
 
 
 class Exchanged:
-    """A simulation as such a world: a handle sample for each row of the path, EXCHANGE_NS apart; `start` is the first.
-
-    `count` is the simulation's own.
-    """
+    """A simulation as such a world: a handle sample for each row of a path, EXCHANGE_NS apart, `start` the first."""
 
     def __init__(self, simulation: Simulation, start, gains: Coupling = GAINS):
         self.simulation, self._gains, self._time = simulation, gains, -EXCHANGE_NS
         self.pose = simulation.method.pose
         self._exchange(np.asarray(start, float).tolist())
 
-    def follow(self, path, count=1):
-        """An exchange for each row of the path but its first."""
-        for row in path[1:].tolist():
+    def step(self, target, n=1):
+        """An exchange for each row of the path but its first; `n` is the simulation's own."""
+        before = self.simulation.ledger.supplied
+        for row in target[1:].tolist():
             self._exchange(row)
+        return StepResult(self.simulation.ledger.supplied - before)
 
     def energy(self):
         """Kinetic and potential energy [J] after the last exchange."""
         return self.simulation.ledger.balance[:2]
-
-    @property
-    def supplied(self):
-        """Energy [J] that the coupling has given to the tool since the start."""
-        return self.simulation.ledger.supplied
 
     def _exchange(self, row):
         self._time += EXCHANGE_NS
@@ -108,7 +81,7 @@ class Rollout(NamedTuple):
 
 
 def rollout(
-    world: World,
+    world: LedWorld,
     path: np.ndarray,
     count: int = 1,
     stride: int = 1,
@@ -128,11 +101,11 @@ def rollout(
     books = Books(world, gains) if gains else None
     for row in range(0, len(path) - 1, stride):
         began = time.thread_time()
-        world.follow(path[row : row + stride + 1], count)
+        made = world.step(path[row : row + stride + 1], count)
         spent.append(time.thread_time() - began)
         total += spent[-1]
         reached = min(row + stride, len(path) - 1)
-        if books and not books.book(path[reached]):
+        if books and not books.book(path[reached], made.supplied):
             break
         if reached % (look or stride) == 0:
             for name, poses in seen.items():
@@ -148,17 +121,19 @@ def rollout(
 class Books:
     """Energy created and the largest about [J], booked again and again."""
 
-    def __init__(self, world: World, gains: Coupling):
+    def __init__(self, world: LedWorld, gains: Coupling):
         stored = world.energy()
-        self._world, self._gains, self._start, self._lost = world, gains, sum(stored), 0.0
+        self._world, self._gains, self._start = world, gains, sum(stored)
+        self._supplied = self._lost = 0.0
         self.finite, self.created, self.scale = True, 0.0, max(map(abs, stored))
 
-    def book(self, handle) -> bool:
-        """Books what is there now, the handle at (x, y, theta, …); whether it is finite."""
+    def book(self, handle, supplied: float) -> bool:
+        """Books what is there now, the handle at (x, y, theta, …), and `supplied` [J] since; whether it is finite."""
+        self._supplied += supplied
         stored, tool = self._world.energy(), self._world.pose(TOOL)
         self.finite = all(abs(number) < FAR for number in (*stored, *tool))
         if self.finite:
-            dissipated = self._world.supplied - (sum(stored) - self._start)
+            dissipated = self._supplied - (sum(stored) - self._start)
             self.created, self._lost = max(self.created, self._lost - dissipated), max(self._lost, dissipated)
             self.scale = max(self.scale, *map(abs, stored), stretch(self._gains, handle, tool))
         return self.finite

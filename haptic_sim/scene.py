@@ -16,12 +16,10 @@ from haptic_device.config_files import find
 from haptic_sim import scene_validation
 from haptic_sim.geometry import finest_feature
 from haptic_sim.joint import Joint
+from haptic_sim.method_registry import offered
 from haptic_sim.shape import Number, Part, Point, above_zero
 from haptic_sim.solid import TOOL, Body, Material, Solid, Tool
 
-AUTO = "auto"  # of the parameter method: as the scene asks, or as fits it
-METHODS = ("impulse", "penalty_explicit", "penalty_implicit", "partitioned", "closed_form")
-"""Simulation methods, by their file in haptic_sim/method."""
 Time = Annotated[Number, above_zero("s")]
 Share = Annotated[Number, above_zero("")]
 
@@ -75,8 +73,8 @@ class Scene(Part):
     @field_validator("method")
     @classmethod
     def _known_method(cls, value):
-        if value not in (None, *METHODS):
-            raise ValueError(f"there is no such method; take one of {', '.join(METHODS)}")
+        if value not in (None, *offered()):
+            raise ValueError(f"there is no such method; take one of {', '.join(offered())}")
         return value
 
     @model_validator(mode="after")

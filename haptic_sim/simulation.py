@@ -6,20 +6,17 @@ sub-steps, and carries the remainder in integer nanoseconds. Within it the handl
 the newest sample.
 """
 
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 
 from haptic_sim.energy import Ledger
 from haptic_sim.local_contacts import LocalContacts
-from haptic_sim.method import Coupling
-from haptic_sim.method.registry import make
-from haptic_sim.method.stepwise import through_port
+from haptic_sim.method_registry import METHODS, make
 from haptic_sim.port_limits import Limits
-from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import AUTO, Scene
-from haptic_sim.tool_port import Direct, Modulated, Port, port_of
+from haptic_sim.protocol import Coupling, Planar, way
+from haptic_sim.reduction import ReducedScene
+from haptic_sim.tool_port import Direct, Port, port_of
 
-Planar = tuple[float, float, float]
 SECOND = 1_000_000_000
 
 
@@ -42,7 +39,7 @@ class HandleSample(NamedTuple):
     @property
     def gains(self) -> Coupling:
         """The gains alone."""
-        return Coupling(*self[3:7])
+        return Coupling(self.stiffness, self.damping, self.rotational_stiffness, self.rotational_damping)
 
 
 class ToolSample(NamedTuple):
@@ -74,50 +71,44 @@ class Counters(NamedTuple):
     left_out: int = 0
 
 
-def kernels_of(scene: Scene, method: str, exchange_method: str) -> tuple[str, ...]:
-    """Entries of kernels (haptic_sim/kernels.py) that a simulation by this method, or `auto`, needs at its port."""
-    method = reduce_scene(scene).method if method == AUTO else method
-    own = {"closed_form": (), "impulse": ()}.get(method, ("methods",))
-    penalty = ("methods of penalty",) if method.startswith("penalty") else ()
+def kernels_of(reduced: ReducedScene, exchange_method: str) -> tuple[str, ...]:
+    """Entries of kernels (haptic_sim/kernels.py) that a simulation of this scene needs at its port."""
     local = ("local contacts",) if exchange_method == "local" else ()
-    return "closed form", *own, *penalty, *local  # with the closed form come the ports
+    return "closed form", *METHODS[reduced.method].kernels, *local  # with the closed form come the ports
 
 
 class Simulation:
     """A scene with a tool port. Same samples in, same bits out.
 
-    `sub_step` [s] and `method` are as compiled from the scene unless given. A handle sample that comes more than
+    `sub_step` [s] is as reduced from the scene unless given. A handle sample that comes more than
     `max_catch_up` [s] after the one before, or before it, starts a new time base: the world waits where it is, and
     nothing is made up for the time in between.
     """
 
     def __init__(
         self,
-        scene: Scene,
+        reduced: ReducedScene,
         sub_step: float | None = None,
         max_catch_up: float = 0.02,
-        method: str | None = None,
         port: Port | None = None,
     ):
-        compiled = reduce_scene(scene, method)
-        sub_step = compiled.sub_step if sub_step is None else sub_step
-        self.scene, self.port = scene, port or Direct()
-        self.method_name, self.why = compiled.method, compiled.reasons[0]
+        sub_step = reduced.sub_step if sub_step is None else sub_step
+        self.scene, self.port, self._reduced = reduced.scene, port or Direct(), reduced
+        self.method_name, self.why = reduced.method, reduced.reasons[0]
         self.sub_step_ns = round(sub_step * SECOND)
         self.max_catch_up_ns = round(max_catch_up * SECOND)
         if not 0 < self.sub_step_ns <= self.max_catch_up_ns:
             raise ValueError(f"sub_step is {sub_step} s; it must be above 0 and at most max_catch_up, {max_catch_up} s")
-        self.method = make(self.method_name, scene, self.sub_step_ns / SECOND)
-        self._travel, self._coupled = self._way(), None
+        self.method = make(reduced.method, reduced, self.sub_step_ns / SECOND)
+        self._coupled = None
         self.reset()
 
     @classmethod
-    def by_parameters(cls, scene: Scene, values: dict) -> "Simulation":
+    def by_parameters(cls, reduced: ReducedScene, values: dict) -> "Simulation":
         """As the parameters of haptic_simulation say, at a port of its own."""
-        method = None if values["method"] == AUTO else values["method"]
         limits = Limits(*(values[f"port_{name}"] for name in Limits._fields))
         port = port_of(values["exchange.method"], values["port_budget"], limits)
-        return cls(scene, values["sub_step"] or None, values["max_catch_up"], method, port)
+        return cls(reduced, values["sub_step"] or None, values["max_catch_up"], port)
 
     def reset(self) -> None:
         """The scene's start again: bodies, energy and counters; the next handle sample starts a new time base."""
@@ -130,7 +121,6 @@ class Simulation:
     def attach(self, port: Port) -> None:
         """Begin at this port, which another world has left: the sums of that go on, its energy does not."""
         self.port, self._coupled = port, None
-        self._travel = self._way()
         port.restart()
 
     def rejoin(self) -> None:
@@ -156,19 +146,11 @@ class Simulation:
     @cached_property
     def local_contacts(self) -> LocalContacts:
         """What the tool can touch, for the exchange method `local`."""
-        return LocalContacts(self.scene, self.method)
+        return LocalContacts(self._reduced, self.method)
 
     def measure(self) -> dict[str, float]:
         """What the scene reports: name → fraction."""
         return {name: measure.fraction(self.method.pose(measure.body)) for name, measure in self.scene.measure.items()}
-
-    def _way(self):
-        """How the method takes several sub-steps: in one call, unless the port has to see each of them."""
-        if isinstance(self.port, Modulated) and hasattr(self.method, "travel_drawn"):
-            return partial(self.method.travel_drawn, self.port.rules, self.port.memory)
-        if not isinstance(self.port, Direct):
-            return partial(through_port, self.method, self.port)
-        return self.method.travel
 
     def _sub_steps_until(self, time_ns):
         if self._last is None:
@@ -184,8 +166,8 @@ class Simulation:
     def _advance(self, handle, count):
         if count == 0:
             return self.method.touching
-        start = self._last.position, self._last.velocity
-        travelled = self._travel(*start, handle.position, handle.velocity, count)
+        target = way((self._last.position, self._last.velocity), (handle.position, handle.velocity))
+        travelled = self.port.step(self.method, target, count)
         self.ledger.book(travelled.supplied, travelled.contacts, travelled.correction, travelled.numerical)
         counters = self.counters
         if (

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tool's end of the exchange methods: which handle the coupling pulls to, and what the port's energy may be.
 
-Each sub-step `drive` gives the handle that the method couples the tool with, and `book` takes what came of it.
+A port moves the world: it says for each sub-step where the handle is that the coupling pulls to.
 """
 
 from typing import Protocol
@@ -10,8 +10,8 @@ import numpy as np
 
 from haptic_device.control import exchange_wave, tool_side_tank
 from haptic_device.parameters import EXCHANGE_METHODS
-from haptic_sim.method import Coupling, Planar
 from haptic_sim.port_limits import BUDGET, LIMITS, Limits
+from haptic_sim.protocol import Coupling, Planar, StepResult, World, held
 
 
 class Port(Protocol):
@@ -26,11 +26,8 @@ class Port(Protocol):
     def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
         """Take what a handle sample ships; the gains to couple with over the next sub-steps [s] of `inner` steps."""
 
-    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
-        """Handle position and velocity for the sub-step that starts with the tool there."""
-
-    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
-        """Take the sub-step's energy supplied [J], mean force on the tool [N, N, N m] and the tool's way."""
+    def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
+        """Advance a world by `n` sub-steps, the handle wished where `target` says (as in `World.step`)."""
 
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The effort and energy of the tool sample."""
@@ -49,12 +46,9 @@ class Direct:
         """The device's gains."""
         return handle.gains
 
-    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
+    def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
         """The handle as it is."""
-        return position, velocity
-
-    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
-        """Nothing is booked."""
+        return world.step(target, n)
 
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The force on the tool, and the energy supplied."""
@@ -74,6 +68,20 @@ class Drawn:
         )  # compiled here, not in the first exchange
         self.memory[:] = 0.0
         tool_side_tank.worst(0.0, 0.0, 1.0)
+
+    def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
+        """Sub-step by sub-step: each time `drive` says where the handle is, and `book` takes what came of it.
+
+        The handle is held for a sub-step where it is in the mean of the steps that this is taken in.
+        """
+        made, early = StepResult(), 0.5 - 0.5 / world.inner
+        start, end = target.tolist()
+        for k in range(1, n + 1):
+            before, wished = world.position, _between(start, end, (k - early) / n)
+            one = world.step(held(*self.drive(wished[:3], wished[3:], before)), 1)
+            self.book(one.supplied, world.force_on_tool, before, world.position)
+            made = made.then(one)
+        return made
 
     def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
         """The handle, as near to the tool as limits and tank ask for."""
@@ -218,3 +226,9 @@ def port_of(method: str, budget: float = BUDGET, limits: Limits = LIMITS) -> Por
         raise ValueError(f"exchange.method is {method}; there are {', '.join(EXCHANGE_METHODS)}")
     made = {"direct": Direct, "wave": lambda: Waves(limits)}
     return made.get(method, lambda: Modulated(budget, limits))()
+
+
+def _between(start, end, share):
+    """Numbers at `share` of the way; exactly `end` at 1."""
+    rest = 1.0 - share
+    return tuple(rest * a + share * b for a, b in zip(start, end, strict=True))

@@ -10,10 +10,10 @@ import math
 import numpy as np
 
 from haptic_sim.judged import LOST, STABLE, UNSTABLE, Case, Reference, error_of, judge, longest_way, solution
-from haptic_sim.method.registry import make
+from haptic_sim.method_registry import make
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.measured import Measured
-from haptic_sim.rollout import GAINS, Exchanged, Led, rollout
+from haptic_sim.rollout import GAINS, Exchanged, rollout
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
 
@@ -58,10 +58,11 @@ def _converged(case):
 
 
 def _measured(case, known, method):
-    step = reduce_scene(case.scene, method).sub_step
+    reduced = reduce_scene(case.scene, method)
+    step = reduced.sub_step
     doubt = known.doubt / longest_way(known, case.bodies())
     try:
-        world = Led(make(method, case.scene, step))
+        world = make(method, reduced, step)
     except ValueError as reason:
         return Measured(
             case.scene.name, method, 1e6 * step, math.nan, doubt, math.nan, math.nan, math.nan, f"cannot: {reason}"
@@ -77,13 +78,13 @@ def _measured(case, known, method):
         doubt,
         created,
         found.penetration,
-        _exchange(case, method, step),
+        _exchange(case, reduced),
         STABLE if found.error < LOST else UNSTABLE,
     )
 
 
-def _exchange(case, method, step):
+def _exchange(case, reduced):
     """Median processor time of an exchange of 1 ms [us], sub-steps and answer."""
     path = case._replace(moving=True).path()
-    world = Exchanged(Simulation(case.scene, step, method=method), path[0], case.gains)
+    world = Exchanged(Simulation(reduced), path[0], case.gains)
     return 1e6 * float(np.median(rollout(world, path).spent))

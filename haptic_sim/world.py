@@ -37,82 +37,52 @@ import pymunk
 from pymunk import batch
 
 from haptic_sim.geometry import turned
-from haptic_sim.joints import add_joints, stored
-from haptic_sim.method import Contact, Coupling, Planar, StepResult
+from haptic_sim.joints import stored
 from haptic_sim.method.layout import lay_out
-from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene
-from haptic_sim.scene_validation import kept_apart
-from haptic_sim.solid import TOOL
+from haptic_sim.protocol import Contact, Coupling, Planar, StepResult
+from haptic_sim.reduction import ReducedScene
+from haptic_sim.space import OWN_KINDS, Touching, fill, slop_of
 from haptic_sim.sweep import Sweep
 
 STEP, STEP_PER_BODY = 51e-6, 10e-6
 """s; longest step, and the longest for each movable body where that is more: the time for them is the same."""
-SWEEPS = 30
-"""Of Chipmunk's solver, for any number of bodies."""
-SLOP, SLOP_SHARE = 3e-6, 0.01
-"""Overlap that is left alone [m], at most this share of the finest feature: keeps a resting contact alive."""
-BIAS = 1e-300
-"""Chipmunk asks for the share of an overlap left after a second; less underflows to 0, which takes all back at once."""
-ASLEEP, SLOW, HEAVY = 0.2, 1e-4, 0.05
-"""s below m/s after which bodies at rest are left out until something touches them; gravity above which, m/s²."""
 WATCH = 8
 """Sub-steps after which is looked anew who is fast."""
-LAYERS, OWN_KINDS = 32, 1 << 20
-"""Bits of a filter; collision types from here on are ours."""
 TOUCH = 1e-12
 """N s; impulse on the tool that is more than rounding."""
 
 _BODY = batch.BodyFields
 _PLACES = _BODY.BODY_ID | _BODY.POSITION | _BODY.ANGLE | _BODY.VELOCITY | _BODY.ANGULAR_VELOCITY
-_PAIR = batch.ArbiterFields
-_TOUCH = _PAIR.POINT_A_1 | _PAIR.POINT_B_1 | _PAIR.DISTANCE_1 | _PAIR.POINT_A_2 | _PAIR.POINT_B_2 | _PAIR.DISTANCE_2
-_FIELDS = _PAIR.BODY_A_ID | _PAIR.BODY_B_ID | _PAIR.CONTACT_COUNT | _PAIR.TOTAL_IMPULSE | _PAIR.NORMAL | _TOUCH
 
 
-class World:
-    """The scene as `space`, a pymunk.Space, stepped by `sub_step` [s]. It belongs to one thread. Implements `Method`.
+class PymunkWorld:
+    """The scene as `space`, a pymunk.Space, stepped by `sub_step` [s]. Implements `World`.
 
     What is added to the space moves with it: bodies, constraints, collision callbacks. `body` gives the scene's own.
     """
 
     passive = False
 
-    def __init__(self, scene: Scene, sub_step: float):
-        self.scene, self.sub_step = scene, sub_step
-        self._compiled = reduce_scene(scene)
-        count = len(self._compiled.model.mass) - 1
+    def __init__(self, reduced: ReducedScene, sub_step: float):
+        self.scene, self.sub_step, self._reduced = reduced.scene, sub_step, reduced
+        count = len(reduced.model.mass) - 1
         self.inner = math.ceil(sub_step / max(STEP, count * STEP_PER_BODY) - 1e-9)
         self._h = sub_step / self.inner
-        self._gravity, (self._mass, self._inertia, _) = scene.gravity, scene.tool.mass_properties
-        self._slop = min(SLOP, SLOP_SHARE * scene.feature)
-        self._layout = lay_out(self._compiled.model)
-        used = sorted({layer for solid in (scene.tool, *scene.bodies) for layer in solid.layers})
-        if len(used) > LAYERS:
-            raise ValueError(f"scene has {len(used)} layers; impulse takes at most {LAYERS}")
-        self._layer = {layer: bit for bit, layer in enumerate(used)}
+        self._gravity, (self._mass, self._inertia, _) = self.scene.gravity, self.scene.tool.mass_properties
+        self._layout = lay_out(reduced.model)
         self._gains = Coupling()
-        self._pairs, self._places = batch.Buffer(), batch.Buffer()
+        self._places = batch.Buffer()
         self.reset()
 
     def reset(self) -> None:
         """Everything back to the scene's start, with the same gains; what was added to the space is gone with it."""
-        self.space = space = pymunk.Space()
-        space.gravity, space.iterations = self._gravity, SWEEPS
-        space.collision_slop, space.collision_bias = self._slop, BIAS
-        # A contact that returns within the persistence would keep an impulse it no longer applies, and could pull.
-        space.collision_persistence = 1
-        model = self._compiled.model
-        # What a joint, a belt or a weak gravity is about to move would fall asleep before it is SLOW.
-        if math.hypot(*self._gravity) > HEAVY and not len(model.joint_kind) and not np.any(model.pair_surface):
-            space.sleep_time_threshold, space.idle_speed_threshold = ASLEEP, SLOW
-        self._bodies = [self._movable(b) for b in range(len(model.mass) - 1)]
-        shapes = self._fill()
-        add_joints(space, self._compiled, self._bodies)
-        self._tool, self._jointed, self._met = self._bodies[0], False, 0.0
+        filled, model = fill(self._reduced, self._h), self._reduced.model
+        self.space, self._bodies, self._tool = filled.space, filled.bodies, filled.bodies[0]
+        self._touching, self._jointed, self._met = Touching(filled, self._h), False, 0.0
         if np.any(model.pair_restitution):
-            space.on_collision(pre_solve=self._limit_rebound)
-        self._sweep = Sweep(space, self._bodies, shapes, model, self._layout, self._h, 0.5 * self._slop)
+            self.space.on_collision(pre_solve=self._limit_rebound)
+        near = 0.5 * slop_of(self.scene)
+        self._sweep = Sweep(self.space, self._bodies, filled.shapes, model, self._layout, self._h, near)
         self._spare = 0.0  # J, lost at the tool and not yet given back by push-out
         self.position: Planar = self.scene.tool.pose
         self.velocity: Planar = self.scene.tool.velocity
@@ -124,31 +94,29 @@ class World:
 
     def body(self, name: str) -> pymunk.Body:
         """The body of the space that a movable body of the scene belongs to; its position is its mass centre's."""
-        return self._bodies[self._compiled.places[name].body]
+        return self._bodies[self._reduced.places[name].body]
 
     def couple(self, coupling: Coupling) -> None:
         """Take these gains from the next sub-step on; ValueError if one is negative or not finite."""
-        for name, gain in zip(Coupling._fields, coupling, strict=True):
-            if not 0.0 <= gain < math.inf:
-                raise ValueError(f"coupling {name} is {gain}; it must be finite and at least 0")
-        self._gains = coupling
+        self._gains = coupling.checked()
         self._set_effective_mass()
 
-    def step(self, handle_position: Planar, handle_velocity: Planar) -> None:
-        """Advance one sub-step; the arguments are the handle's at its end."""
-        self.travel(handle_position, handle_velocity, handle_position, handle_velocity, 1)
+    def step(self, target: np.ndarray, n: int) -> StepResult:
+        """Advance `n` sub-steps from each row of the handle's way (m, 6: position, velocity) evenly to the next."""
+        rows, made = target.tolist(), StepResult(numerical=0.0)
+        for start, end in zip(rows, rows[1:], strict=False):
+            made = made.then(self._travel(start, end, n))
+        return made
 
-    def travel(
-        self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int
-    ) -> StepResult:
-        """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
+    def _travel(self, start, end, count):
+        """`count` sub-steps, the handle on a straight line between two rows."""
         if count == 0:
-            return StepResult(0.0, False, 0.0, 0.0, numerical=0.0)
+            return StepResult(numerical=0.0)
         self._tool.activate()
         if self._tool.constraints and not self._jointed:
             self._jointed = True  # its change of velocity does not tell of contacts any more
             self.space.on_collision(OWN_KINDS, None, post_solve=self._note_contact)
-        pull, last = self._pull(start, start_velocity), self._pull(end, end_velocity)
+        pull, last = self._pull(*start), self._pull(*end)
         supplied = numerical = correction = force = 0.0
         touched, whole = False, count * self.inner
         rise = [(b - a) / whole for a, b in zip(pull, last, strict=True)]
@@ -159,12 +127,11 @@ class World:
             pull = [a + self.inner * b for a, b in zip(pull, rise, strict=True)]
             supplied, numerical, correction = supplied + work, numerical + lost, correction + put_in
             touched, force = touched or self.touching, max(force, pushed)
-        pressed, depth = self._worst() if touched or len(self._bodies) > 1 else (0.0, 0.0)
+        pressed, depth = self._touching.worst() if touched or len(self._bodies) > 1 else (0.0, 0.0)
         return StepResult(supplied, touched, max(force, pressed), depth, 0, 0.0, correction, numerical)
 
-    def _pull(self, handle, velocity):
+    def _pull(self, hx, hy, angle, vx, vy, turn):
         """K x_h + B v_h of each axis."""
-        (hx, hy, angle), (vx, vy, turn) = handle, velocity
         stiff, damping, turning, turning_damping = self._gains
         return stiff * hx + damping * vx, stiff * hy + damping * vy, turning * angle + turning_damping * turn
 
@@ -238,26 +205,7 @@ class World:
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last step, sorted by bodies and place; bodies asleep have none."""
-        return sorted(self._contact(*one) for one in zip(*(rows.tolist() for rows in self._touching()), strict=True))
-
-    def _touching(self):
-        """Numbers of the last step's contacts that press, of the scene's own bodies: (n, 3) whole, (n, 14) real."""
-        self._pairs.clear()
-        batch.get_space_arbiters(self.space, _FIELDS, self._pairs)
-        whole = np.frombuffer(self._pairs.int_buf(), dtype=np.uintp).reshape(-1, 3)
-        real = np.frombuffer(self._pairs.float_buf()).reshape(-1, 14)
-        own = (whole[:, 2] > 0) & real[:, :2].any(axis=1)
-        if len(self.space.bodies) > len(self._order):  # somebody has added some
-            own &= np.isin(whole[:, :2], list(self._order)).all(axis=1)
-        return whole[own], real[own]
-
-    def _worst(self):
-        """Largest force [N] of the last step's contacts, and the depth [m] of the deepest."""
-        whole, real = self._touching()
-        if not len(whole):
-            return 0.0, 0.0
-        distances = np.where(whole[:, 2] > 1, np.minimum(real[:, 8], real[:, 13]), real[:, 8])
-        return math.sqrt(np.square(real[:, :2]).sum(axis=1).max()) / self._h, -float(distances.min())
+        return self._touching.contacts()
 
     def bodies(self) -> list[tuple[Planar, Planar]]:
         """Pose and velocity of every moving body's mass centre, as in the compiled model."""
@@ -265,7 +213,7 @@ class World:
 
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame at the end of the sub-step."""
-        index, pose = self._compiled.places[body]
+        index, pose = self._reduced.places[body]
         if index == len(self._bodies):
             return pose
         x, y, angle = self._now()[index, :3].tolist()
@@ -278,7 +226,7 @@ class World:
         return self._energy
 
     def _energy_of(self, state):
-        model = self._compiled.model
+        model = self._reduced.model
         mass, inertia = model.mass[:-1], model.inertia[:-1]
         kinetic = 0.5 * float(mass @ (state[:, 3] ** 2 + state[:, 4] ** 2) + inertia @ state[:, 5] ** 2)
         potential = -float(mass @ (state[:, :2] @ model.gravity))
@@ -299,50 +247,6 @@ class World:
             state = self._state
             state[:, :3] += self._sweep.times() * state[:, 3:]
         return self._state
-
-    def _movable(self, b):
-        """Body b of the model, where Chipmunk's first move takes it to its start."""
-        model = self._compiled.model
-        body = pymunk.Body(float(model.mass[b]), float(model.inertia[b]))
-        (x, y, angle), (vx, vy, turn) = model.pose[b].tolist(), model.velocity[b].tolist()
-        body.position, body.angle = (x - self._h * vx, y - self._h * vy), angle - self._h * turn
-        body.velocity, body.angular_velocity = (vx, vy), turn
-        self.space.add(body)
-        return body
-
-    def _fill(self):
-        """All shapes of the scene; returns them in the order of the model."""
-        rank, self._order = {body.name: k for k, body in enumerate(self.scene.bodies)}, {}
-        made, kinds = {}, {TOOL: OWN_KINDS}
-        for pair in kept_apart(self.scene):
-            pair_kinds = [kinds.setdefault(name, OWN_KINDS + len(kinds)) for name in sorted(pair)]
-            self.space.on_collision(*pair_kinds, begin=_let_pass)
-        for solid in (self.scene.tool, *self.scene.bodies):
-            place = self._compiled.places[solid.name]
-            if place.body < len(self._bodies):
-                body = self._bodies[place.body]
-            else:
-                body = pymunk.Body(body_type=pymunk.Body.STATIC)
-                self.space.add(body)
-            self._order.setdefault(body.id, (solid.name != TOOL, rank.get(solid.name, 0), solid.name))
-            made[solid.name] = iter(self._add_shapes(solid, body, place.pose, kinds.get(solid.name, 0)))
-        return [next(made[name]) for name in self._compiled.shape_names]
-
-    def _add_shapes(self, solid, body, pose, kind):
-        material, layers, made = self.scene.material(solid), sum(1 << self._layer[layer] for layer in solid.layers), []
-        turn = pymunk.Transform.translation(pose[0], pose[1]) @ pymunk.Transform.rotation(pose[2])
-        for vertices, radius in solid.outlines:
-            placed = [turn @ vertex for vertex in vertices]
-            shape = pymunk.Circle(body, radius, placed[0]) if radius > 0.0 else pymunk.Poly(body, placed)
-            # Chipmunk multiplies the two coefficients of a pair: the roots make it their geometric mean.
-            shape.friction, shape.elasticity = math.sqrt(material.friction), math.sqrt(material.restitution)
-            shape.filter = pymunk.ShapeFilter(categories=layers, mask=layers)
-            if solid.name != TOOL:
-                shape.surface_velocity = turned(solid.surface_velocity, (0.0, 0.0, solid.pose[2]))
-            shape.collision_type = kind
-            self.space.add(shape)
-            made.append(shape)
-        return made
 
     def _set_effective_mass(self):
         stiffness, damping, rotational_stiffness, rotational_damping = self._gains
@@ -375,21 +279,3 @@ class World:
             return pymunk.Vec2d(0.0, 0.0)
         arm, turn = point - body.position, body.torque / body.moment
         return self._h * (self.space.gravity + body.force / body.mass + turn * arm.perpendicular())
-
-    def _contact(self, whole, real):
-        body_a, body_b, count = whole
-        points = [real[4:8], real[9:13]][:count]
-        x = sum(ax + bx for ax, _, bx, _ in points) / (2 * count)
-        y = sum(ay + by for _, ay, _, by in points) / (2 * count)
-        depth = -min((real[8], real[13])[:count])
-        a, b = self._order[body_a], self._order[body_b]
-        sign = 1.0 if a < b else -1.0
-        push = sign / self._h
-        normal = sign * real[2], sign * real[3]
-        force_on_a = push * real[0], push * real[1]
-        return Contact(min(a, b)[2], max(a, b)[2], (x, y), normal, force_on_a, depth)
-
-
-def _let_pass(arbiter, _space, _data):
-    """Two that a joint holds together do not touch."""
-    arbiter.process_collision = False

@@ -9,7 +9,7 @@ import tempfile
 METHODS = ("partitioned", "penalty_explicit", "penalty_implicit", "closed_form")
 FIRST_STEP = """
 import sys, time
-from haptic_sim.method.registry import make
+from haptic_sim.method_registry import make
 from haptic_sim.scene import load
 began = time.perf_counter()
 still = 0.0, 0.0, 0.0

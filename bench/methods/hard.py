@@ -13,7 +13,7 @@ import numpy as np
 from bench.methods.world import Impossible, make
 from haptic_sim.geometry import framed
 from haptic_sim.judged import Case
-from haptic_sim.method import Coupling
+from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, hand, overlap_watch, rollout, way
 from haptic_sim.scene import load

@@ -16,7 +16,8 @@ import typer
 
 from bench.jobs import WORKERS, Kept, listed, read_csv, sweep
 from haptic_device.config_files import names
-from haptic_sim.method.registry import METHODS
+from haptic_sim.method_registry import METHODS
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import EXCHANGE_NS, GAINS, hand
 from haptic_sim.scene import load
 from haptic_sim.simulation import HandleSample, Simulation
@@ -39,7 +40,7 @@ class Hash(NamedTuple):
 def hashed(scene: str, method: str, port: str, seconds: float) -> Hash:
     """The hash of a scene led by its motion for so long."""
     try:
-        simulation = Simulation(load(scene), method=method or None, port=port_of(port))
+        simulation = Simulation(reduce_scene(load(scene), method or None), port=port_of(port))
     except ValueError as reason:
         return Hash(scene, method, port, f"cannot: {' '.join(str(reason).split())}")
     lead, found, before = hand(simulation.scene), hashlib.sha256(), None

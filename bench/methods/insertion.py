@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.method import Coupling
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
+from haptic_sim.protocol import Coupling
 from haptic_sim.rollout import Led, rollout
 from haptic_sim.scene import Scene
 from haptic_sim.world import World

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from bench.methods.world import make
-from haptic_sim.method import Coupling
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
+from haptic_sim.protocol import Coupling
 from haptic_sim.rollout import rollout
 from haptic_sim.scene import Scene, load
 from reference.case import Case, case

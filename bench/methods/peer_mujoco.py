@@ -12,7 +12,7 @@ from mujoco import rollout
 
 from bench.methods.mujoco_model import Builder
 from bench.methods.world import Impossible, between
-from haptic_sim.method import Coupling, Planar
+from haptic_sim.protocol import Coupling, Planar
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene
 from haptic_sim.solid import TOOL

@@ -12,7 +12,7 @@ import pymunk
 from bench.methods.world import Impossible, between
 from haptic_sim.geometry import turned
 from haptic_sim.joint import WORLD
-from haptic_sim.method import Coupling, Planar
+from haptic_sim.protocol import Coupling, Planar
 from haptic_sim.scene import Scene
 from haptic_sim.solid import TOOL
 

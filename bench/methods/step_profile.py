@@ -13,8 +13,8 @@ from haptic_device.jit import kernel
 from haptic_sim.method.constraints import add_joints
 from haptic_sim.method.continuous_collision import add_met, look_around
 from haptic_sim.method.implicit_step import free_velocity, put_right, solve
-from haptic_sim.method.registry import make
 from haptic_sim.method.sub_step import event_step, hold_to_tool, sub_step
+from haptic_sim.method_registry import make
 from reference.case import NAMES, case
 
 H, TIMES, REPEATS = 1e-3, 1000, 5

@@ -5,8 +5,8 @@ import importlib
 
 import numpy as np
 
-from haptic_sim.method.registry import METHODS
-from haptic_sim.method.registry import make as make_method
+from haptic_sim.method_registry import METHODS
+from haptic_sim.method_registry import make as make_method
 from haptic_sim.rollout import Led, World
 from haptic_sim.scene import Scene
 

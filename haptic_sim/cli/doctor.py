@@ -72,13 +72,14 @@ def _exchange_us(scene: str = "peg_in_hole", count: int = 1000) -> float:
     """p99 of an exchange's processor time [us] while a peg goes into a hole."""
     import numpy as np
 
+    from haptic_sim.reduction import reduce_scene
     from haptic_sim.rollout import Exchanged, hand, rollout
     from haptic_sim.scene import load
     from haptic_sim.simulation import Simulation
 
     lead, path = hand(load(scene)), np.zeros((2 * count, 6))
     path[:, :3] = [lead(k * 1e-3) for k in range(2 * count)]
-    spent = rollout(Exchanged(Simulation(load(scene)), path[0]), path).spent
+    spent = rollout(Exchanged(Simulation(reduce_scene(load(scene))), path[0]), path).spent
     return 1e6 * float(np.percentile(spent[count:], 99))
 
 

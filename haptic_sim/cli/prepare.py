@@ -25,11 +25,12 @@ def prepare(programs: list[Program]) -> None:
 def _entries(program):
     if program.name != "haptic_simulation":
         return {"haptic_driver": ("servo", "exchange"), "haptic_loopback": ("loopback",)}.get(program.name, ())
+    from haptic_sim.reduction import reduce_scene
     from haptic_sim.scene import load
     from haptic_sim.simulation import kernels_of
 
-    scene = load(Path(_value(program, "scene")))
-    return kernels_of(scene, _value(program, "method"), _value(program, "exchange.method"))
+    reduced = reduce_scene(load(Path(_value(program, "scene"))), _value(program, "method"))
+    return kernels_of(reduced, _value(program, "exchange.method"))
 
 
 def _value(program, name):

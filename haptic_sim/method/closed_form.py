@@ -16,24 +16,20 @@ import math
 
 import numpy as np
 
-from haptic_device.control import tool_side_tank
 from haptic_device.jit import kernel, njit
 from haptic_sim.geometry import turned
-from haptic_sim.method import Contact, Coupling, Planar, StepResult
-from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene
+from haptic_sim.protocol import STILL, Contact, Coupling, Planar, StepResult, held
+from haptic_sim.reduction import ReducedScene
 from haptic_sim.solid import TOOL
-
-_STILL = (0.0, 0.0, 0.0)
 
 
 class ClosedForm:
-    """A round tool among half-planes, stepped by `sub_step` [s]. Implements `Method`; ValueError for other scenes."""
+    """A round tool among half-planes, stepped by `sub_step` [s]. Implements `World`; ValueError for other scenes."""
 
     passive, inner = True, 1
 
-    def __init__(self, scene: Scene, sub_step: float):
-        axes = reduce_scene(scene).needs.axes
+    def __init__(self, reduced: ReducedScene, sub_step: float):
+        axes, scene = reduced.needs.axes, reduced.scene
         if axes is None:
             raise ValueError(f"scene {scene.name!r} has no closed form; take another method")
         self.scene, self.sub_step = scene, sub_step
@@ -45,57 +41,26 @@ class ClosedForm:
         self._settings = (mass, mass, inertia), self._turned((*scene.gravity, 0.0)), low, high, sub_step
         self.couple(Coupling())
         self.reset()
-        self.travel(self.position, _STILL, self.position, _STILL, 0)  # compiled here, not in the first exchange
-        drawn = np.zeros(tool_side_tank.RULES), np.zeros(tool_side_tank.MEMORY)
-        self.travel_drawn(*drawn, self.position, _STILL, self.position, _STILL, 0)
+        self.step(held(self.position), 0)  # compiled here, not in the first exchange
 
     def reset(self) -> None:
         """Everything back to the scene's start, with the same gains."""
         tool = self.scene.tool
         self.position: Planar = tool.pose
         self.velocity: Planar = tool.velocity
-        self.force_on_tool: Planar = _STILL
+        self.force_on_tool: Planar = STILL
         self.touching = False
-        self._state = self._turned(tool.pose), self._turned(tool.velocity), _STILL, _STILL
+        self._state = self._turned(tool.pose), self._turned(tool.velocity), STILL, STILL
 
     def couple(self, coupling: Coupling) -> None:
         """Take these gains from the next sub-step on; ValueError if one is negative or not finite."""
-        for name, gain in zip(Coupling._fields, coupling, strict=True):
-            if not 0.0 <= gain < math.inf:
-                raise ValueError(f"coupling {name} is {gain}; it must be finite and at least 0")
-        stiffness, damping, turning_stiffness, turning_damping = map(float, coupling)
-        self._gains = (stiffness, stiffness, turning_stiffness), (damping, damping, turning_damping)
+        stiffness, damping, turning_stiffness, turning_damping = map(float, coupling.checked())
+        self._stiffness, self._damping = (stiffness, stiffness, turning_stiffness), (damping, damping, turning_damping)
 
-    def step(self, handle_position: Planar, handle_velocity: Planar) -> None:
-        """Advance one sub-step; the arguments are the handle's at its end."""
-        self.travel(handle_position, handle_velocity, handle_position, handle_velocity, 1)
-
-    def travel(
-        self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int
-    ) -> StepResult:
-        """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
-        ways = [self._turned(vector) for vector in (start, start_velocity, end, end_velocity)]
-        place, rate, force, push = self._state
-        return self._take(_advance(place, rate, *ways, *self._gains, *self._settings, count))
-
-    def travel_drawn(
-        self,
-        rules: np.ndarray,
-        memory: np.ndarray,
-        start: Planar,
-        start_velocity: Planar,
-        end: Planar,
-        end_velocity: Planar,
-        count: int,
-    ) -> StepResult:
-        """As `travel`, the handle drawn nearer as a tank of energy asks for (control/tool_side_tank)."""
-        ways = [self._turned(vector) for vector in (start, start_velocity, end, end_velocity)]
-        return self._take(advance_drawn(rules, memory, *self._state[:2], *ways, *self._gains, *self._settings, count))
-
-    def follow(self, path: np.ndarray, count: int) -> StepResult:
-        """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
+    def step(self, target: np.ndarray, n: int) -> StepResult:
+        """Advance `n` sub-steps from each row of the handle's way (m, 6: position, velocity) evenly to the next."""
         axes = self._x, self._y
-        return self._take(_advance_along(*self._state[:2], axes, path, self._gains, self._settings, count))
+        return self._take(advance(*self._state[:2], axes, target, self._stiffness, self._damping, self._settings, n))
 
     def _take(self, found):
         place, rate, force, push, supplied, most, taken = found
@@ -164,34 +129,15 @@ def _advance(place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low
 
 
 @kernel
-def advance_drawn(rules, memory, place, rate, p0, v0, p1, v1, stiffness, damping, mass, gravity, low, high, h, count):
-    """`_advance` with the handle of each sub-step as the tank drives it; what is supplied leaves the tank."""
-    force = push = (0.0, 0.0, 0.0)
-    supplied = most = taken = 0.0
-    for k in range(1, count + 1):
-        s = k / count
-        r = 1.0 - s
-        handle = r * p0[0] + s * p1[0], r * p0[1] + s * p1[1], r * p0[2] + s * p1[2]
-        velocity = r * v0[0] + s * v1[0], r * v0[1] + s * v1[1], r * v0[2] + s * v1[2]
-        tool_side_tank.drive(rules, memory, handle, velocity, place)
-        aim = memory[tool_side_tank.AIM], memory[tool_side_tank.AIM + 1], memory[tool_side_tank.AIM + 2]
-        speed = memory[tool_side_tank.SPEED], memory[tool_side_tank.SPEED + 1], memory[tool_side_tank.SPEED + 2]
-        ways = aim, speed, aim, speed
-        made = _advance(place, rate, *ways, stiffness, damping, mass, gravity, low, high, h, 1)
-        place, rate, force, push, given, pressed, lost = made
-        memory[tool_side_tank.TANK] -= given
-        supplied, most, taken = supplied + given, max(most, pressed), taken + lost
-    return place, rate, force, push, supplied, most, taken
-
-
-@njit
-def _advance_along(place, rate, axes, path, gains, settings, count):
+def advance(place, rate, axes, path, stiffness, damping, settings, count):
     """`_advance` from each row of a path in the plane to the next."""
     force = push = (0.0, 0.0, 0.0)
     supplied = most = taken = 0.0
     for k in range(len(path) - 1):
         ends = (_on(axes, path[k], 0), _on(axes, path[k], 3), _on(axes, path[k + 1], 0), _on(axes, path[k + 1], 3))
-        place, rate, force, push, given, pressed, lost = _advance(place, rate, *ends, *gains, *settings, count)
+        place, rate, force, push, given, pressed, lost = _advance(
+            place, rate, *ends, stiffness, damping, *settings, count
+        )
         supplied, most, taken = supplied + given, max(most, pressed), taken + lost
     return place, rate, force, push, supplied, most, taken
 

@@ -11,7 +11,7 @@ from the sampled port, not discrete-time passive.
 
 from haptic_sim.method.planar import PlanarWorld
 from haptic_sim.method.sub_step import sub_steps
-from haptic_sim.scene import Scene
+from haptic_sim.reduction import ReducedScene
 
 
 class EventDriven(PlanarWorld):
@@ -20,5 +20,5 @@ class EventDriven(PlanarWorld):
     passive = False
     by_events = True
 
-    def __init__(self, scene: Scene, sub_step: float):
-        super().__init__(scene, sub_step, sub_steps)
+    def __init__(self, reduced: ReducedScene, sub_step: float):
+        super().__init__(reduced, sub_step, sub_steps)

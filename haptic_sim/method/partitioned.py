@@ -9,7 +9,7 @@ solver of the contact problem (`lcp`). Planar bodies, any linkage, open or close
 
 from haptic_sim.method.planar import PlanarWorld
 from haptic_sim.method.sub_step import sub_steps
-from haptic_sim.scene import Scene
+from haptic_sim.reduction import ReducedScene
 
 
 class Partitioned(PlanarWorld):
@@ -17,5 +17,5 @@ class Partitioned(PlanarWorld):
 
     passive = True
 
-    def __init__(self, scene: Scene, sub_step: float):
-        super().__init__(scene, sub_step, sub_steps)
+    def __init__(self, reduced: ReducedScene, sub_step: float):
+        super().__init__(reduced, sub_step, sub_steps)

@@ -8,7 +8,7 @@ where it is stable. Not discrete-time passive.
 
 from haptic_sim.method.penalty_kernel import penalty_steps
 from haptic_sim.method.planar import PlanarWorld
-from haptic_sim.scene import Scene
+from haptic_sim.reduction import ReducedScene
 
 
 class PenaltyExplicit(PlanarWorld):
@@ -16,5 +16,5 @@ class PenaltyExplicit(PlanarWorld):
 
     passive = False
 
-    def __init__(self, scene: Scene, sub_step: float, stiffness: float = 1e4, damping: float = 5.0):
-        super().__init__(scene, sub_step, penalty_steps, stiffness, damping)
+    def __init__(self, reduced: ReducedScene, sub_step: float, stiffness: float = 1e4, damping: float = 5.0):
+        super().__init__(reduced, sub_step, penalty_steps, stiffness, damping)

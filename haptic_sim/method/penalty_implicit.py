@@ -9,7 +9,7 @@ keep their features; an overlap so deep that another edge is nearer changes its 
 
 from haptic_sim.method.planar import PlanarWorld
 from haptic_sim.method.sub_step import sub_steps
-from haptic_sim.scene import Scene
+from haptic_sim.reduction import ReducedScene
 
 
 class PenaltyImplicit(PlanarWorld):
@@ -17,5 +17,5 @@ class PenaltyImplicit(PlanarWorld):
 
     passive = False
 
-    def __init__(self, scene: Scene, sub_step: float, stiffness: float = 1e5, damping: float = 10.0):
-        super().__init__(scene, sub_step, sub_steps, stiffness, damping)
+    def __init__(self, reduced: ReducedScene, sub_step: float, stiffness: float = 1e5, damping: float = 10.0):
+        super().__init__(reduced, sub_step, sub_steps, stiffness, damping)

@@ -5,16 +5,15 @@ import math
 
 import numpy as np
 
-from haptic_sim.method import Contact, Coupling, Planar, StepResult
 from haptic_sim.method.joints import spring_energies
 from haptic_sim.method.penalty_kernel import contact_energy
 from haptic_sim.method.records import records
-from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene
+from haptic_sim.protocol import Contact, Coupling, Planar, StepResult, held
+from haptic_sim.reduction import ReducedScene
 
 
 class PlanarWorld:
-    """A scene stepped by `sub_step` [s] with the kernel `advance`. Implements `Method`.
+    """A scene stepped by `sub_step` [s] with the kernel `advance`. Implements `World`.
 
     `stiffness` [N/m] and `damping` [N s/m] of a contact; stiffness 0 is rigid.
     """
@@ -23,23 +22,21 @@ class PlanarWorld:
     by_events = False
     """Whether the tool too goes from event to event, with the coupling as a force along its way."""
 
-    def __init__(self, scene: Scene, sub_step: float, advance, stiffness: float = 0.0, damping: float = 0.0):
-        self.scene, self.sub_step = scene, sub_step
-        self._compiled = reduce_scene(scene)
+    def __init__(self, reduced: ReducedScene, sub_step: float, advance, stiffness: float = 0.0, damping: float = 0.0):
+        self.scene, self.sub_step, self._reduced = reduced.scene, sub_step, reduced
         self._advance, self._contact = advance, (stiffness, damping, float(self.by_events))
         self._gains = Coupling()
         self.reset()
-        self.follow(self._way, 0)  # compiled here, not in the second exchange, which then took 20 s
+        self.step(held(self.position), 0)  # compiled here, not in the second exchange, which then took 20 s
 
     def reset(self) -> None:
         """Everything back to the scene's start, with the same gains."""
-        self._records = records(self._compiled.model)
+        self._records = records(self._reduced.model)
         model, layout, work = self._records
         self._count = int(model["bodies"][0]) - 1
         self._pairs = model["pairs"][0]
         self._tool_pairs = {p for p, pair in enumerate(layout["pair_bodies"][0].tolist()) if 0 in pair}
         self._q, self._v, self._port, self._counts = (work[name][0] for name in ("q", "v", "port", "counts"))
-        self._way = np.zeros((2, 6))
         self._note, self._note_pair = work["note"][0], work["note_pair"][0]
         self._port[6:10], self._port[17:20] = self._gains, self._contact
         self._elastic = self._stored_in_contacts()
@@ -47,27 +44,13 @@ class PlanarWorld:
 
     def couple(self, coupling: Coupling) -> None:
         """Take these gains from the next sub-step on; ValueError if one is negative or not finite."""
-        for name, gain in zip(Coupling._fields, coupling, strict=True):
-            if not 0.0 <= gain < math.inf:
-                raise ValueError(f"coupling {name} is {gain}; it must be finite and at least 0")
-        self._gains = coupling
+        self._gains = coupling.checked()
         self._port[6:10] = coupling
 
-    def step(self, handle_position: Planar, handle_velocity: Planar) -> None:
-        """Advance one sub-step; the arguments are the handle's at its end."""
-        self.travel(handle_position, handle_velocity, handle_position, handle_velocity, 1)
-
-    def travel(
-        self, start: Planar, start_velocity: Planar, end: Planar, end_velocity: Planar, count: int
-    ) -> StepResult:
-        """Advance `count` sub-steps, the handle going on a straight line from start (exclusive) to end."""
-        self._way[0], self._way[1] = (*start, *start_velocity), (*end, *end_velocity)
-        return self.follow(self._way, count)
-
-    def follow(self, path: np.ndarray, count: int) -> StepResult:
-        """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
+    def step(self, target: np.ndarray, n: int) -> StepResult:
+        """Advance `n` sub-steps from each row of the handle's way (m, 6: position, velocity) evenly to the next."""
         self._port[13:17], self._port[20:], left_out = 0.0, 0.0, self._counts[4]
-        self._advance(*self._records, self.sub_step, count, path)
+        self._advance(*self._records, self.sub_step, n, target)
         self._read()
         supplied, touched, force, depth, *_, taken, correction = self._port[13:].tolist()
         before, self._elastic = self._elastic, self._stored_in_contacts()
@@ -91,14 +74,14 @@ class PlanarWorld:
 
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame at the end of the sub-step."""
-        index, (x, y, turn) = self._compiled.places[body]
+        index, (x, y, turn) = self._reduced.places[body]
         px, py, angle = self._q[index].tolist()
         c, s = math.cos(angle), math.sin(angle)
         return px + c * x - s * y, py + s * x + c * y, angle + turn
 
     def energy(self) -> tuple[float, float]:
         """Kinetic and potential energy [J] of bodies, springs and elastic contacts; gravity's is 0 at the origin."""
-        model, n = self._compiled.model, self._count
+        model, n = self._reduced.model, self._count
         q, v, mass, inertia = self._q[:n], self._v[:n], model.mass[:n], model.inertia[:n]
         kinetic = 0.5 * float(mass @ (v[:, 0] ** 2 + v[:, 1] ** 2) + inertia @ v[:, 2] ** 2)
         springs = spring_energies(*self._records[::2]) if len(model.joint_kind) else 0.0
@@ -120,5 +103,5 @@ class PlanarWorld:
 
     def _contact_at(self, k):
         x, y, nx, ny, px, py, depth = self._note[k, :7].tolist()
-        a, b = (self._compiled.shape_names[shape] for shape in self._pairs[self._note_pair[k]])
+        a, b = (self._reduced.shape_names[shape] for shape in self._pairs[self._note_pair[k]])
         return Contact(a, b, (x, y), (nx, ny), (-px / self.sub_step, -py / self.sub_step), max(depth, 0.0))

@@ -5,8 +5,8 @@ from typing import Literal
 
 from haptic_device.parameter_types import Group, Watched, fixed, limits_of, live, parameters_of
 from haptic_device.parameters import Exchange, ExchangeMethod, Realtime
+from haptic_sim.method_registry import AUTO, offered
 from haptic_sim.port_limits import BUDGET, LIMITS
-from haptic_sim.scene import AUTO, METHODS
 
 
 class Method(Group):
@@ -20,7 +20,7 @@ class Simulation(Group):
 
     autostart: bool = fixed(True, "", "configure and activate by itself at start")
     scene: str = live("peg_in_hole", "", "a scene in config/scenes, or path of a scene file; ~/load_scene loads it")
-    method: Literal[(AUTO, *METHODS)] = live(
+    method: Literal[(AUTO, *offered())] = live(
         AUTO, "", "simulation method; auto: as the scene asks, or as fits it; ~/load_scene takes it"
     )
     sub_step: float = fixed(0.0, "s", "step of the simulated world; 0: as the scene asks, or as fits it", 0.0, 2e-3)

@@ -18,6 +18,7 @@ from haptic_device.realtime.scheduling import go_realtime, lift_threads, spare_c
 from haptic_sim.node.endpoint import Port
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.parameters import FIGURES, PARAMETERS
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation, kernels_of
 
@@ -105,9 +106,9 @@ class SimulationNode(ManagedNode):
 
     def _world(self, values):
         """A simulation as these parameters say."""
-        scene = load(values["scene"])
-        ensure_compiled(*kernels_of(scene, values["method"], values["exchange.method"]), told=self.told)
-        world = Simulation.by_parameters(scene, values)
+        reduced = reduce_scene(load(values["scene"]), values["method"])
+        ensure_compiled(*kernels_of(reduced, values["exchange.method"]), told=self.told)
+        world = Simulation.by_parameters(reduced, values)
         if values["exchange.method"] == "local":
             world.local_contacts.look(0.0)  # compiled here, not in the first exchange
         return world

@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 from haptic_sim.geometry import turned
+from haptic_sim.method_registry import AUTO
 from haptic_sim.reduction.choice import choose_method, choose_sub_step
 from haptic_sim.reduction.degrees_of_freedom import freedoms
 from haptic_sim.reduction.mobility import groups_of, moving_bodies, touching_pairs
@@ -62,7 +63,7 @@ class ReducedScene(NamedTuple):
 def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
     """The least model of a scene, and the method and sub-step it is given. ValueError if the wish cannot be granted.
 
-    `method`: the one that the parameter of this name asks for, whatever the scene does.
+    `method`: the one that the parameter of this name asks for, whatever the scene does; `auto` asks for none.
     """
     fixed = {body.name for body in scene.bodies if body.fixed}
     groups = groups_of(scene, fixed)
@@ -84,7 +85,7 @@ def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
         axes=_axes(scene, groups, pairs, touching),
     )
     why_method = ASKED
-    if method is None:
+    if method in (None, AUTO):
         method, why_method = choose_method(scene, needs, arrays, [group[0] for group in groups])
     sub_step, why_step = choose_sub_step(scene, arrays, method)
     return ReducedScene(scene, arrays, places, shape_names, needs, method, sub_step, (why_method, why_step))

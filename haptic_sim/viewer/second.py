@@ -116,11 +116,12 @@ class Ghost:
     def __init__(self, system: dict):
         from haptic_device.description import load_device
         from haptic_sim.lockstep import Lockstep, Network
+        from haptic_sim.reduction import reduce_scene
         from haptic_sim.scene import parse
         from haptic_sim.simulation import Simulation
 
         values = system["simulation"] | {"method": system["method"]}
-        simulation = Simulation.by_parameters(parse(system["scene"], "scene"), values)
+        simulation = Simulation.by_parameters(reduce_scene(parse(system["scene"], "scene"), values["method"]), values)
         loopback = system["loopback"] | {"motion.name": "follow", "motion.start": system["start"]}
         driver, network = system["driver"], Network(delay=system["delay"])
         self._lockstep = Lockstep(load_device(system["device"]), driver, loopback, simulation, network)

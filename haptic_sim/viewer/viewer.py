@@ -13,7 +13,7 @@ from haptic_device.config_files import names
 from haptic_device.nodes.lifecycle import begin_ros, hear_the_end
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.realtime.scheduling import spare_collections
-from haptic_sim.scene import METHODS
+from haptic_sim.method_registry import AUTO, offered
 from haptic_sim.viewer import shapes, tuned
 from haptic_sim.viewer.beacon import Beacon
 from haptic_sim.viewer.desk import Desk
@@ -101,7 +101,7 @@ class Viewer:
                 "control": seat.control,
                 "declarations": tuned.declarations(),
                 "scenes": names("scenes"),
-                "methods": ["auto", *METHODS],
+                "methods": [AUTO, *offered()],
                 "looking": self.server.address(False),
             },
         )

@@ -4,7 +4,7 @@
 import math
 
 from haptic_sim.judged import Case
-from haptic_sim.method import Coupling
+from haptic_sim.protocol import Coupling
 from haptic_sim.rollout import GAINS
 from haptic_sim.scene import load
 from reference.trial import turned_scene

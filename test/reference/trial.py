@@ -8,7 +8,7 @@ import numpy as np
 
 from haptic_sim.geometry import turned
 from haptic_sim.joint import WORLD
-from haptic_sim.method import Coupling
+from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, Exchanged, hand, overlap_watch, rollout
 from haptic_sim.scene import Scene

@@ -8,9 +8,9 @@ import math
 
 import pytest
 
-from haptic_sim.method import Coupling
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
+from haptic_sim.protocol import Coupling
 from haptic_sim.scene import Scene, load
 
 H = 1e-4

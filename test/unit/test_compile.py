@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from haptic_device.config_files import names
-from haptic_sim.method import Coupling
 from haptic_sim.method.closed_form import ClosedForm
+from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.beyond import HIGH, HOLDS, LOAD, SHORT, TOUCHING
 from haptic_sim.reduction.choice import ACTS, SOLVED, STEPS

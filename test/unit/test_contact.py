@@ -9,7 +9,7 @@ from apart import apart
 
 from haptic_device.control import contact_model
 from haptic_sim.local_contacts import LocalContacts
-from haptic_sim.method.registry import make
+from haptic_sim.method_registry import make
 from haptic_sim.scene import load, parse
 
 

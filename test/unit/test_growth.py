@@ -13,7 +13,7 @@ from in_process import bench
 
 from bench.methods import growing, growth, loads
 from bench.methods.world import make
-from haptic_sim.method import Coupling
+from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, overlap_watch
 from haptic_sim.scene import load

@@ -6,10 +6,10 @@ import pytest
 from scipy.optimize import minimize
 
 from haptic_sim.joint import Motor
-from haptic_sim.method import Coupling
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
-from haptic_sim.method.registry import METHODS, make
+from haptic_sim.method_registry import METHODS, make
+from haptic_sim.protocol import Coupling
 from haptic_sim.scene import Scene, load
 
 H, STEPS = 1e-3, 3

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from haptic_sim.method import Coupling
 from haptic_sim.method.event_driven import EventDriven
 from haptic_sim.method.partitioned import Partitioned
+from haptic_sim.protocol import Coupling
 from haptic_sim.scene import Scene
 
 G = 9.81

@@ -5,9 +5,9 @@ import math
 
 import pytest
 
-from haptic_sim.method import Coupling
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
+from haptic_sim.protocol import Coupling
 from haptic_sim.scene import Scene
 
 M, K, CONTACT = 0.1, 2000.0, 1e4

@@ -8,8 +8,8 @@ import pymunk
 import pytest
 from scipy.integrate import solve_ivp
 
-from haptic_sim.method import Coupling
-from haptic_sim.method.registry import make
+from haptic_sim.method_registry import make
+from haptic_sim.protocol import Coupling
 from haptic_sim.rollout import hand
 from haptic_sim.scene import Scene, load
 from haptic_sim.world import SLOP, SLOP_SHARE, World

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from scipy.special import ellipk
 
-from haptic_sim.method import Coupling
-from haptic_sim.method.registry import make
+from haptic_sim.method_registry import make
+from haptic_sim.protocol import Coupling
 from haptic_sim.scene import Scene
 from haptic_sim.world import World
 

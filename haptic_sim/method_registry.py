@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulation methods by name: a line here is all that a new one needs. Only the one that is used is imported.
+
+A method is a class behind `haptic_sim.protocol.World`, made of a reduced scene and a sub-step [s]; it raises ValueError
+for a scene that it cannot model. The parameter `method`, the scene language, the measurements and the page read this.
+"""
+
+import importlib
+from typing import NamedTuple
+
+
+class Entry(NamedTuple):
+    """Where a method's class is, module:name; what of haptic_sim/kernels.py it needs; whether scenes may ask for it."""
+
+    where: str
+    kernels: tuple[str, ...] = ()
+    offered: bool = True
+
+
+METHODS = {
+    "impulse": Entry("haptic_sim.world:PymunkWorld"),
+    "penalty_explicit": Entry("haptic_sim.method.penalty_explicit:PenaltyExplicit", ("methods", "methods of penalty")),
+    "penalty_implicit": Entry("haptic_sim.method.penalty_implicit:PenaltyImplicit", ("methods", "methods of penalty")),
+    "partitioned": Entry("haptic_sim.method.partitioned:Partitioned", ("methods",)),
+    "event_driven": Entry("haptic_sim.method.event_driven:EventDriven", ("methods",), offered=False),
+    "closed_form": Entry("haptic_sim.method.closed_form:ClosedForm"),
+}
+AUTO = "auto"
+"""In place of a method's name: as the scene asks, or as fits it."""
+
+
+def offered() -> tuple[str, ...]:
+    """Names that a scene or a parameter may ask for."""
+    return tuple(name for name, entry in METHODS.items() if entry.offered)
+
+
+def make(name: str, scene, sub_step: float):
+    """The `World` called `name` on a reduced scene, stepped by `sub_step` [s].
+
+    ValueError if there is none of that name, or it cannot model the scene.
+    """
+    if name not in METHODS:
+        raise ValueError(f"method is {name!r}; it must be one of {', '.join(METHODS)}")
+    module, kind = METHODS[name].where.split(":")
+    return getattr(importlib.import_module(module), kind)(scene, sub_step)

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene as a pymunk Space: bodies, shapes, layers, joints, and what its contacts say after a step."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pymunk
+from pymunk import batch
+
+from haptic_sim.geometry import turned
+from haptic_sim.joints import add_joints
+from haptic_sim.protocol import Contact
+from haptic_sim.reduction import ReducedScene
+from haptic_sim.scene_validation import kept_apart
+from haptic_sim.solid import TOOL
+
+SWEEPS = 30
+"""Of Chipmunk's solver, for any number of bodies."""
+SLOP, SLOP_SHARE = 3e-6, 0.01
+"""Overlap that is left alone [m], at most this share of the finest feature: keeps a resting contact alive."""
+BIAS = 1e-300
+"""Chipmunk asks for the share of an overlap left after a second; less underflows to 0, which takes all back at once."""
+ASLEEP, SLOW, HEAVY = 0.2, 1e-4, 0.05
+"""s below m/s after which bodies at rest are left out until something touches them; gravity above which, m/s²."""
+LAYERS, OWN_KINDS = 32, 1 << 20
+"""Bits of a filter; collision types from here on are ours."""
+
+_PAIR = batch.ArbiterFields
+_TOUCH = _PAIR.POINT_A_1 | _PAIR.POINT_B_1 | _PAIR.DISTANCE_1 | _PAIR.POINT_A_2 | _PAIR.POINT_B_2 | _PAIR.DISTANCE_2
+_FIELDS = _PAIR.BODY_A_ID | _PAIR.BODY_B_ID | _PAIR.CONTACT_COUNT | _PAIR.TOTAL_IMPULSE | _PAIR.NORMAL | _TOUCH
+
+
+class Filled(NamedTuple):
+    """A space with a scene in it."""
+
+    space: pymunk.Space
+    bodies: list[pymunk.Body]
+    """Those that can move, in the order of the model."""
+    shapes: list[pymunk.Shape]
+    """In the order of the model."""
+    names: dict[int, tuple[bool, int, str]]
+    """Body id → its rank in the scene, and its name; of the scene's own bodies alone."""
+
+
+def slop_of(scene) -> float:
+    """Overlap that is left alone [m]."""
+    return min(SLOP, SLOP_SHARE * scene.feature)
+
+
+def fill(reduced: ReducedScene, h: float) -> Filled:
+    """A new space with the scene at its start, to be stepped by h [s]. ValueError if it has too many layers."""
+    scene, model = reduced.scene, reduced.model
+    bits = _layer_bits(scene)
+    space = pymunk.Space()
+    space.gravity, space.iterations = scene.gravity, SWEEPS
+    space.collision_slop, space.collision_bias = slop_of(scene), BIAS
+    # A contact that returns within the persistence would keep an impulse it no longer applies, and could pull.
+    space.collision_persistence = 1
+    # What a joint, a belt or a weak gravity is about to move would fall asleep before it is SLOW.
+    if math.hypot(*scene.gravity) > HEAVY and not len(model.joint_kind) and not np.any(model.pair_surface):
+        space.sleep_time_threshold, space.idle_speed_threshold = ASLEEP, SLOW
+    bodies = [_movable(space, model, b, h) for b in range(len(model.mass) - 1)]
+    shapes, names = _add_solids(space, reduced, bodies, bits)
+    add_joints(space, reduced, bodies)
+    return Filled(space, bodies, shapes, names)
+
+
+def _layer_bits(scene):
+    """Layer → bit of a filter."""
+    used = sorted({layer for solid in (scene.tool, *scene.bodies) for layer in solid.layers})
+    if len(used) > LAYERS:
+        raise ValueError(f"scene has {len(used)} layers; impulse takes at most {LAYERS}")
+    return {layer: 1 << bit for bit, layer in enumerate(used)}
+
+
+def _movable(space, model, b, h):
+    """Body b of the model, where Chipmunk's first move over h takes it to its start."""
+    body = pymunk.Body(float(model.mass[b]), float(model.inertia[b]))
+    (x, y, angle), (vx, vy, turn) = model.pose[b].tolist(), model.velocity[b].tolist()
+    body.position, body.angle = (x - h * vx, y - h * vy), angle - h * turn
+    body.velocity, body.angular_velocity = (vx, vy), turn
+    space.add(body)
+    return body
+
+
+def _add_solids(space, reduced, bodies, bits):
+    """All shapes of the scene in the order of the model, and the names of their bodies."""
+    scene = reduced.scene
+    rank, names = {body.name: k for k, body in enumerate(scene.bodies)}, {}
+    made, kinds = {}, {TOOL: OWN_KINDS}
+    for pair in kept_apart(scene):
+        pair_kinds = [kinds.setdefault(name, OWN_KINDS + len(kinds)) for name in sorted(pair)]
+        space.on_collision(*pair_kinds, begin=_let_pass)
+    for solid in (scene.tool, *scene.bodies):
+        place = reduced.places[solid.name]
+        if place.body < len(bodies):
+            body = bodies[place.body]
+        else:
+            body = pymunk.Body(body_type=pymunk.Body.STATIC)
+            space.add(body)
+        names.setdefault(body.id, (solid.name != TOOL, rank.get(solid.name, 0), solid.name))
+        layers = sum(bits[layer] for layer in solid.layers)
+        shapes = _add_shapes(space, scene, solid, body, place.pose, layers, kinds.get(solid.name, 0))
+        made[solid.name] = iter(shapes)
+    return [next(made[name]) for name in reduced.shape_names], names
+
+
+def _add_shapes(space, scene, solid, body, pose, layers, kind):
+    material, made = scene.material(solid), []
+    turn = pymunk.Transform.translation(pose[0], pose[1]) @ pymunk.Transform.rotation(pose[2])
+    for vertices, radius in solid.outlines:
+        placed = [turn @ vertex for vertex in vertices]
+        shape = pymunk.Circle(body, radius, placed[0]) if radius > 0.0 else pymunk.Poly(body, placed)
+        # Chipmunk multiplies the two coefficients of a pair: the roots make it their geometric mean.
+        shape.friction, shape.elasticity = math.sqrt(material.friction), math.sqrt(material.restitution)
+        shape.filter = pymunk.ShapeFilter(categories=layers, mask=layers)
+        if solid.name != TOOL:
+            shape.surface_velocity = turned(solid.surface_velocity, (0.0, 0.0, solid.pose[2]))
+        shape.collision_type = kind
+        space.add(shape)
+        made.append(shape)
+    return made
+
+
+def _let_pass(arbiter, _space, _data):
+    """Two that a joint holds together do not touch."""
+    arbiter.process_collision = False
+
+
+class Touching:
+    """Contacts of a filled space's last step that press, of the scene's own bodies; h [s] is the step."""
+
+    def __init__(self, filled: Filled, h: float):
+        self._space, self._names, self._h, self._buffer = filled.space, filled.names, h, batch.Buffer()
+
+    def contacts(self) -> list[Contact]:
+        """Sorted by bodies and place; bodies asleep have none."""
+        return sorted(self._contact(*one) for one in zip(*(rows.tolist() for rows in self._rows()), strict=True))
+
+    def worst(self) -> tuple[float, float]:
+        """Largest force [N], and the depth [m] of the deepest."""
+        whole, real = self._rows()
+        if not len(whole):
+            return 0.0, 0.0
+        distances = np.where(whole[:, 2] > 1, np.minimum(real[:, 8], real[:, 13]), real[:, 8])
+        return math.sqrt(np.square(real[:, :2]).sum(axis=1).max()) / self._h, -float(distances.min())
+
+    def _rows(self):
+        """Numbers of the contacts: (n, 3) whole, (n, 14) real."""
+        self._buffer.clear()
+        batch.get_space_arbiters(self._space, _FIELDS, self._buffer)
+        whole = np.frombuffer(self._buffer.int_buf(), dtype=np.uintp).reshape(-1, 3)
+        real = np.frombuffer(self._buffer.float_buf()).reshape(-1, 14)
+        own = (whole[:, 2] > 0) & real[:, :2].any(axis=1)
+        if len(self._space.bodies) > len(self._names):  # somebody has added some
+            own &= np.isin(whole[:, :2], list(self._names)).all(axis=1)
+        return whole[own], real[own]
+
+    def _contact(self, whole, real):
+        body_a, body_b, count = whole
+        points = [real[4:8], real[9:13]][:count]
+        x = sum(ax + bx for ax, _, bx, _ in points) / (2 * count)
+        y = sum(ay + by for _, ay, _, by in points) / (2 * count)
+        depth = -min((real[8], real[13])[:count])
+        a, b = self._names[body_a], self._names[body_b]
+        sign = 1.0 if a < b else -1.0
+        push = sign / self._h
+        normal = sign * real[2], sign * real[3]
+        force_on_a = push * real[0], push * real[1]
+        return Contact(min(a, b)[2], max(a, b)[2], (x, y), normal, force_on_a, depth)
