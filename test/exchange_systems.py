@@ -13,6 +13,7 @@ from haptic_device import controller_config
 from haptic_device.control import enable_state, faults, records, virtual_coupling
 from haptic_device.description import load_device
 from haptic_sim.lockstep import PERFECT, Lockstep
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 from haptic_sim.simulation import HandleSample, Simulation
 from haptic_sim.tool_port import port_of
@@ -33,7 +34,7 @@ def demo_system(method, scene="wall", network=PERFECT, motion=None, **driver):
         load_device("desktop"),
         values("haptic_driver", exchange__method=method, **GAINS | driver),
         values("haptic_loopback", **moved),
-        Simulation(described, max_catch_up=0.2, port=port_of(method)),
+        Simulation(reduce_scene(described), max_catch_up=0.2, port=port_of(method)),
         network,
     )
 
@@ -59,7 +60,7 @@ def reference(method, late, seconds=6.0):
     memory, row = np.zeros(1, records.STATE), np.zeros(1, records.TRACE_ROW)
     memory["enable"]["ramp"], memory["fade"]["factor"], memory["enable"]["state"] = 1.0, 1.0, enable_state.ENGAGED
     settings["exchange"]["hold"] = 10.0
-    simulation, record = Simulation(scene, 1e-3, 0.2, port=port_of(method)), row[0]
+    simulation, record = Simulation(reduce_scene(scene), 1e-3, 0.2, port=port_of(method)), row[0]
     going, coming, errors, taken, before, force = deque(), deque(), [], 0.0, 0.0, 0.0
     for k in range(int(seconds * 1000)):
         position = 0.02 * math.sin(math.pi * k * 1e-3)

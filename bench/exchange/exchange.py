@@ -21,6 +21,7 @@ from haptic_device.parameters import EXCHANGE_METHODS, OPERATING_POINT
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.cli.progress import SCHEDULER
 from haptic_sim.lockstep import Lockstep, Network
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
 
@@ -159,7 +160,7 @@ def _run(case, params, scene, motion):
     driver = values["haptic_driver"] | PATIENT | {"exchange.method": case.method, "exchange.rate": case.rate}
     loopback = values["haptic_loopback"] | motion | {"motion.duration": SECONDS}
     simulated = values["haptic_simulation"] | {"max_catch_up": 0.5, "exchange.method": case.method}
-    simulation = Simulation.by_parameters(load(scene), simulated)
+    simulation = Simulation.by_parameters(reduce_scene(load(scene), simulated["method"]), simulated)
     network = Network(case.delay, case.jitter, case.loss, 1)
     system = Lockstep(load_device(driver["device"]), driver, loopback, simulation, network)
     rows, errors, given, supplied = [], [], 0.0, 0.0

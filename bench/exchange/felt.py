@@ -16,7 +16,8 @@ from haptic_device.parameter_files import read_operating_point
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.method_registry import make
-from haptic_sim.protocol import Coupling
+from haptic_sim.protocol import Coupling, held
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene, load
 from haptic_sim.simulation import Simulation
 from haptic_sim.tool_port import port_of
@@ -182,12 +183,12 @@ def synchronous(scene, rows, period: float, driver: dict):
 
     It begins when the simulation's own does, with the first tool sample.
     """
-    world = make("partitioned", scene, period)
+    world = make("partitioned", reduce_scene(scene), period)
     world.couple(Coupling(*(float(driver[f"coupling.{name}"]) for name in GAINS)))
     place, force = np.zeros((2, len(rows), 3))
     for k, (position, velocity) in enumerate(zip(rows.position.tolist(), rows.velocity.tolist(), strict=True)):
         if rows.tool_age[k] >= 0.0:
-            world.step(position, velocity)
+            world.step(held(position, velocity), 1)
         place[k], force[k] = world.position, world.force_on_tool
     return place, -force
 
@@ -221,7 +222,7 @@ def run(
     if live:
         return Ran(*local_live.run(scene, method, device, asked, motion, seconds + after, params))
     driver = values["haptic_driver"] | asked | {"exchange.method": method}
-    simulation = Simulation(scene, None, 0.5, port=port_of(method))
+    simulation = Simulation(reduce_scene(scene), None, 0.5, port=port_of(method))
     system = Lockstep(device, driver, values["haptic_loopback"] | motion, simulation, network)
     rows = system.run(seconds + after)
     return Ran(

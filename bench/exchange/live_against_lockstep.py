@@ -14,6 +14,7 @@ from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
 from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import Lockstep, Network
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
 
@@ -28,7 +29,8 @@ def system(scene_name, params, delay, write_delay):
     scene, given = load(scene_name), read_operating_point(find("", params), NODES)
     motion = {f"motion.{key}": value for key, value in scene.motion.items()}
     driver, loopback = values_of("haptic_driver", given), values_of("haptic_loopback", given, **motion)
-    simulation = Simulation.by_parameters(scene, values_of("haptic_simulation", given))
+    simulated = values_of("haptic_simulation", given)
+    simulation = Simulation.by_parameters(reduce_scene(scene, simulated["method"]), simulated)
     return Lockstep(load_device(driver["device"]), driver, loopback, simulation, Network(delay), write_delay)
 
 

@@ -7,6 +7,7 @@ from haptic_device.description import load_device
 from haptic_device.device import simulated_device
 from haptic_device.parameters import NODES
 from haptic_sim.lockstep import Lockstep, Network
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
 from haptic_sim.tool_port import port_of
@@ -77,7 +78,7 @@ def pressed(what, of_bound, share, longest, stalls=0, rate=4000.0, control=True,
     else:
         driver |= {"coupling.stiffness": stiffness, "coupling.damping": damping, "exchange.method": what}
         hand = HAND | {"motion.start": (0.03, 0.0, 0.0), "motion.target": (0.005, 0.0, 0.0)}
-        simulation = Simulation(load("wall"), None, 0.5, port=port_of(what))
+        simulation = Simulation(reduce_scene(load("wall")), None, 0.5, port=port_of(what))
     system = Stalling(
         device,
         defaults["haptic_driver"] | driver,

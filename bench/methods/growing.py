@@ -76,10 +76,8 @@ def run(world: str, count: int, engine: str, step: int, seconds: float, limit: f
 
 
 def _ready(load, engine, step):
-    world = make(engine, load.scene, step * 1e-6)
+    world = make(engine, load.scene, step * 1e-6, many=True)
     world.couple(GAINS)
-    if hasattr(world, "suit_many"):
-        world.suit_many()
     return world
 
 

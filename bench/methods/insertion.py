@@ -18,9 +18,10 @@ from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
 from haptic_sim.protocol import Coupling
-from haptic_sim.rollout import Led, rollout
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.rollout import rollout
 from haptic_sim.scene import Scene
-from haptic_sim.world import World
+from haptic_sim.world import PymunkWorld
 
 HEIGHT, WIDTH, DEPTH = 0.1, 0.02, 0.25
 """Handle above the mouth, width of the peg, depth of the hole [m]."""
@@ -33,7 +34,7 @@ INSERTIONS = (0.005, 0.01, 0.02, 0.035, 0.05, 0.075, 0.1, 0.15, 0.2)
 STEP, SETTLING = 1e-4, 0.6
 """s."""
 PENALTY = {"penalty_explicit": PenaltyExplicit, "penalty_implicit": PenaltyImplicit}
-RIGID = {"impulse": World, "partitioned": Partitioned}
+RIGID = {"impulse": PymunkWorld, "partitioned": Partitioned}
 
 
 class Felt(NamedTuple):
@@ -126,7 +127,7 @@ def force_at(method: str, places, insertion: float, clearance: float, rotation_g
 
 
 def _world(method, insertion, clearance):
-    scene = peg(insertion, clearance)
+    scene = reduce_scene(peg(insertion, clearance))
     if method in PENALTY:
         return PENALTY[method](scene, STEP, STIFFNESS)
     return RIGID[method](scene, STEP)
@@ -134,5 +135,5 @@ def _world(method, insertion, clearance):
 
 def _settled(world, pull):
     """Handle's place, grip's place, force of the coupling, all along x."""
-    rollout(Led(world), np.array([[pull, HEIGHT, 0.0, 0.0, 0.0, 0.0]] * 2), round(SETTLING / STEP))
+    rollout(world, np.array([[pull, HEIGHT, 0.0, 0.0, 0.0, 0.0]] * 2), round(SETTLING / STEP))
     return pull, world.position[0], world.force_on_tool[0]

@@ -118,7 +118,7 @@ def gravel_content(count: int, seconds: float) -> dict:
     scene = Scene.model_validate(_gravel(_stones(count, half, GROWN), half, above, {}))
     world = World(scene, 0.25e-3)
     world.couple(GAINS)
-    world.follow(np.tile([*above, 0.0, 0.0, 0.0], (round(SETTLING * 1e3), 1)), 4)
+    world.step(np.tile([*above, 0.0, 0.0, 0.0], (round(SETTLING * 1e3), 1)), 4)
     stones = [
         stone | {"pose": [round(value, 6) for value in world.pose(stone["name"])]}
         for stone in _stones(count, half, 1.0)

@@ -15,7 +15,8 @@ from scipy.integrate import solve_ivp
 from bench.methods.world import make
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
-from haptic_sim.protocol import Coupling
+from haptic_sim.protocol import STILL, Coupling, held
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import rollout
 from haptic_sim.scene import Scene, load
 from reference.case import Case, case
@@ -90,10 +91,11 @@ def _elastic(method, step):
     scene, gains, time, press = load("wall"), Coupling(2000.0, 2.0, 0.0, 0.0), 0.02, 1e-3
     radius = scene.tool.shapes[0].circle.radius
     scene = scene.model_copy(update={"tool": scene.tool.model_copy(update={"pose": (radius, 0.0, 0.0)})})
-    world = {"penalty_explicit": PenaltyExplicit, "penalty_implicit": PenaltyImplicit}[method](scene, step, *CONTACT)
+    world = {"penalty_explicit": PenaltyExplicit, "penalty_implicit": PenaltyImplicit}[method](
+        reduce_scene(scene), step, *CONTACT
+    )
     world.couple(gains)
-    handle = np.array([radius - press, 0.0, 0.0, 0.0, 0.0, 0.0])
-    world.follow(np.array([handle, handle]), round(time / step))
+    world.step(held((radius - press, 0.0, 0.0)), round(time / step))
     whole = gains.stiffness + CONTACT[0]
     axis = Axis(scene.tool.mass, whole, gains.damping + CONTACT[1])
     rest = np.full(2, -press * gains.stiffness / whole)
@@ -106,7 +108,7 @@ def _drawn(method, step):
     scene = scene.model_copy(update={"tool": scene.tool.model_copy(update={"pose": (beside, 0.0, 0.0)})})
     world = make(method, scene, step)
     world.couple(gains)
-    world.follow(np.zeros((2, 6)), round(time / step))
+    world.step(held(STILL), round(time / step))
     exact = axis_motion(Axis(scene.tool.mass, *gains[:2]), np.zeros(2), np.zeros(2), time, beside)[1]
     return abs(world.pose("tool")[0] - exact)
 
@@ -126,7 +128,7 @@ def _sliding(method, step):
     world = make(
         method, Scene.model_validate({"name": "rod", "gravity": [0.0, -g], "bodies": [floor, rod], "tool": tool}), step
     )
-    world.follow(np.zeros((2, 6)), round(time / step))
+    world.step(held(STILL), round(time / step))
 
     def rate(_, state):
         turn, speed = state

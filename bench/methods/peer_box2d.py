@@ -14,7 +14,7 @@ import numpy as np
 from bench.methods.world import Impossible, between
 from haptic_sim.geometry import turned
 from haptic_sim.joint import WORLD
-from haptic_sim.protocol import Coupling, Planar
+from haptic_sim.protocol import Coupling, Planar, StepResult
 from haptic_sim.scene import Scene
 from haptic_sim.solid import TOOL
 
@@ -29,22 +29,20 @@ ENDLESS = 1e12
 class World:
     """Implements `bench.methods.world.World`."""
 
-    def __init__(self, scene: Scene, sub_step: float):
+    def __init__(self, scene: Scene, sub_step: float, many: bool = False):
         fastest = max(math.hypot(*solid.velocity[:2]) for solid in (*scene.bodies, scene.tool))
         self._unit = max(UNIT, fastest * sub_step)
-        self._scene, self._step, self.supplied = scene, sub_step, 0.0
+        self._scene, self._step = scene, sub_step
         self._world = Box2D.b2World(gravity=self._scaled(scene.gravity), doSleep=False)
         self._ground = self._world.CreateStaticBody()
         self._bodies = {solid.name: self._add(solid) for solid in (*scene.bodies, scene.tool)}
         self._tool, self._springs, self._grip = self._bodies[TOOL], [], None
         for joint in scene.joints:
             self._join(joint)
-
-    def suit_many(self) -> None:
-        """Lets what rests fall asleep, and sweeps the tool alone: in a pile sweeps cost ten steps, and bodies stand."""
-        self._world.allowSleeping = True
-        for body in self._bodies.values():
-            body.bullet = body is self._tool
+        if many:  # what rests may sleep; the tool alone is swept: in a pile sweeps cost ten steps, and bodies stand
+            self._world.allowSleeping = True
+            for body in self._bodies.values():
+                body.bullet = body is self._tool
 
     def couple(self, gains: Coupling) -> None:
         """Takes these gains."""
@@ -64,12 +62,12 @@ class World:
                 dampingRatio=gains.damping / (2.0 * mass * rate),
             )
 
-    def follow(self, path: np.ndarray, count: int) -> None:
-        """`count` steps from each row of the hand's path to the next."""
+    def step(self, target: np.ndarray, n: int) -> StepResult:
+        """`n` steps from each row of the hand's path to the next."""
         unit, h, tool, world, grip = self._unit, self._step, self._tool, self._world, self._grip
         stiffness, damping, turning, turning_damping = self._gains
-        lead = damping / stiffness if stiffness > 0.0 else 0.0
-        for x, y, angle, vx, vy, rate in between(path, count)[1:].tolist():
+        lead, supplied = damping / stiffness if stiffness > 0.0 else 0.0, 0.0
+        for x, y, angle, vx, vy, rate in between(target, n)[1:].tolist():
             at = tool.angle
             px, py = tool.position
             torque = turning * (angle - at) + turning_damping * (rate - tool.angularVelocity)
@@ -83,8 +81,9 @@ class World:
             if grip:
                 qx, qy = tool.position
                 force = grip.GetReactionForce(1.0 / h)
-                self.supplied += unit * unit * (force[0] * (qx - px) + force[1] * (qy - py))
-            self.supplied += torque * (tool.angle - at)
+                supplied += unit * unit * (force[0] * (qx - px) + force[1] * (qy - py))
+            supplied += torque * (tool.angle - at)
+        return StepResult(supplied)
 
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame."""

@@ -12,7 +12,7 @@ from mujoco import rollout
 
 from bench.methods.mujoco_model import Builder
 from bench.methods.world import Impossible, between
-from haptic_sim.protocol import Coupling, Planar
+from haptic_sim.protocol import Coupling, Planar, StepResult
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene
 from haptic_sim.solid import TOOL
@@ -28,14 +28,16 @@ class World:
     end_share = 0.0
     """Weight of the force at a step's end in what is booked; the rest is that of its start."""
 
-    def __init__(self, scene: Scene, sub_step: float):
+    def __init__(self, scene: Scene, sub_step: float, many: bool = False):
         if reduce_scene(scene).needs.restitution:
             raise Impossible("no restitution")
-        self._scene, self.supplied, self.book = scene, 0.0, False
+        self._scene, self.book = scene, False
         self._solids = {solid.name: solid for solid in (*scene.bodies, scene.tool)}
         builder = Builder(scene, self._solids, sub_step)
         builder.spec.option.integrator = self.integrator
         self._model = builder.spec.compile()
+        if many:  # what rests may fall asleep
+            self._model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
         self._data = mujoco.MjData(self._model)
         self._ids = {name: self._model.body(name).id for name in builder.moving}
         self._turns = {
@@ -49,10 +51,6 @@ class World:
         self.couple(Coupling())
         mujoco.mj_forward(self._model, self._data)
 
-    def suit_many(self) -> None:
-        """Lets what rests fall asleep."""
-        self._model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
-
     def couple(self, gains: Coupling) -> None:
         """Takes these gains."""
         self._gains, model = gains, self._model
@@ -63,21 +61,22 @@ class World:
             [damping / stiffness if stiffness else 0.0 for stiffness, damping in (gains[:2], gains[:2], gains[2:])]
         )
 
-    def follow(self, path: np.ndarray, count: int) -> None:
-        """`count` steps from each row of the hand's path to the next, in one call unless energy is booked."""
+    def step(self, target: np.ndarray, n: int) -> StepResult:
+        """`n` steps from each row of the hand's path to the next, in one call unless energy is booked."""
         model, data = self._model, self._data
-        steps = between(path, count)
+        steps = between(target, n)
         # Held over the step: its middle is what a straight way comes to.
         middle = 0.5 * (steps[1:] + steps[:-1])
         wish = middle[:, :3] + self._lead * middle[:, 3:] - self._zero
+        supplied = 0.0
         if self.book:
-            for row in wish:
-                self._booked(row)
+            supplied = sum(self._booked(row) for row in wish)
         else:
             mujoco.mj_getState(model, data, self._state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
             states, _ = rollout.rollout(model, data, self._state, wish, initial_warmstart=data.qacc_warmstart)
             mujoco.mj_setState(model, data, states[0, -1], mujoco.mjtState.mjSTATE_FULLPHYSICS)
         mujoco.mj_kinematics(model, data)
+        return StepResult(supplied)
 
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame."""
@@ -98,7 +97,7 @@ class World:
         return float(kinetic), float(potential)
 
     def _booked(self, wish):
-        """One step, and the work of the coupling in it."""
+        """One step; the work of the coupling in it [J]."""
         model, data = self._model, self._data
         data.ctrl[:] = wish
         mujoco.mj_forward(model, data)
@@ -106,7 +105,7 @@ class World:
         mujoco.mj_step(model, data)
         mujoco.mj_forward(model, data)
         force += self.end_share * (data.actuator_force - force)
-        self.supplied += sum(f * (b - a) for f, a, b in zip(force, before, self.pose(TOOL), strict=True))
+        return sum(f * (b - a) for f, a, b in zip(force, before, self.pose(TOOL), strict=True))
 
 
 class RungeKutta(World):

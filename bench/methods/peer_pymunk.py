@@ -12,7 +12,7 @@ import pymunk
 from bench.methods.world import Impossible, between
 from haptic_sim.geometry import turned
 from haptic_sim.joint import WORLD
-from haptic_sim.protocol import Coupling, Planar
+from haptic_sim.protocol import Coupling, Planar, StepResult
 from haptic_sim.scene import Scene
 from haptic_sim.solid import TOOL
 
@@ -25,28 +25,27 @@ FAR = 10.0  # m, length of a groove without stops
 class World:
     """Implements `bench.methods.world.World`."""
 
-    def __init__(self, scene: Scene, sub_step: float):
-        self._step, self.supplied = sub_step, 0.0
+    def __init__(self, scene: Scene, sub_step: float, many: bool = False):
+        self._step = sub_step
         self._space = space = pymunk.Space()
         space.gravity, space.collision_slop = scene.gravity, SLOP
+        if many:  # what rests may fall asleep
+            space.sleep_time_threshold = ASLEEP
         self._bodies = {solid.name: _add(space, scene, solid) for solid in (*scene.bodies, scene.tool)}
         self._tool = self._bodies[TOOL]
         for joint in scene.joints:
             _join(space, scene, joint, {**self._bodies, WORLD: space.static_body})
 
-    def suit_many(self) -> None:
-        """Lets what rests fall asleep."""
-        self._space.sleep_time_threshold = ASLEEP
-
     def couple(self, gains: Coupling) -> None:
         """Takes these gains."""
         self._gains = gains
 
-    def follow(self, path: np.ndarray, count: int) -> None:
-        """`count` steps from each row of the hand's path to the next."""
+    def step(self, target: np.ndarray, n: int) -> StepResult:
+        """`n` steps from each row of the hand's path to the next."""
         tool, space, h = self._tool, self._space, self._step
         stiffness, damping, turning, turning_damping = self._gains
-        for x, y, angle, vx, vy, rate in between(path, count)[1:].tolist():
+        supplied = 0.0
+        for x, y, angle, vx, vy, rate in between(target, n)[1:].tolist():
             (px, py), (ux, uy), turn = tool.position, tool.velocity, tool.angular_velocity
             # Chipmunk moves first and accelerates then: the force is that of the place it moves to.
             force = (
@@ -57,7 +56,8 @@ class World:
             tool.force, tool.torque = force, torque
             space.step(h)
             ux, uy = tool.velocity
-            self.supplied += h * (force[0] * ux + force[1] * uy + torque * tool.angular_velocity)
+            supplied += h * (force[0] * ux + force[1] * uy + torque * tool.angular_velocity)
+        return StepResult(supplied)
 
     def pose(self, body: str) -> Planar:
         """Pose of a body's frame."""

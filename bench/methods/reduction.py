@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, hand
 from haptic_sim.scene import load
 from haptic_sim.simulation import HandleSample, Simulation
@@ -18,7 +19,7 @@ SECONDS = 2
 def run(method, sub_step):
     """Path of the tool (x, y, theta, force) at 1 kHz and seconds of wall time per simulated second."""
     scene = load("wall")
-    simulation, lead = Simulation(scene, sub_step, method=method), hand(scene)
+    simulation, lead = Simulation(reduce_scene(scene, method), sub_step), hand(scene)
     samples = [HandleSample(k * 1_000_000, lead(k * 1e-3), (0.0, 0.0, 0.0), *GAINS) for k in range(1000 * SECONDS)]
     began = time.perf_counter()
     answers = [simulation.exchange(sample) for sample in samples]

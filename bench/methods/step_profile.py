@@ -15,6 +15,7 @@ from haptic_sim.method.continuous_collision import add_met, look_around
 from haptic_sim.method.implicit_step import free_velocity, put_right, solve
 from haptic_sim.method.sub_step import event_step, hold_to_tool, sub_step
 from haptic_sim.method_registry import make
+from haptic_sim.reduction import reduce_scene
 from reference.case import NAMES, case
 
 H, TIMES, REPEATS = 1e-3, 1000, 5
@@ -86,10 +87,10 @@ PIECES = {
 
 def spent(of, name):
     """Least time of a piece [µs]."""
-    method = make("event_driven" if name == "event_driven" else "partitioned", of.scene, H)
+    method = make("event_driven" if name == "event_driven" else "partitioned", reduce_scene(of.scene), H)
     method.couple(of.gains)
     path = of.path()
-    method.follow(path[: len(path) // 2], max(1, round(of.period * 1e-9 / H)))
+    method.step(path[: len(path) // 2], max(1, round(of.period * 1e-9 / H)))
     best = float("inf")
     for _ in range(REPEATS):
         records = [record.copy() for record in method._records]

@@ -7,7 +7,8 @@ import numpy as np
 
 from haptic_sim.method_registry import METHODS
 from haptic_sim.method_registry import make as make_method
-from haptic_sim.rollout import Led, World
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.rollout import LedWorld
 from haptic_sim.scene import Scene
 
 PEERS = {
@@ -25,14 +26,17 @@ class Impossible(Exception):
     """A scene that this one cannot model; the message says what of it."""
 
 
-def make(name: str, scene: Scene, sub_step: float) -> World:
-    """The world called `name`. Impossible if it cannot model the scene; ValueError if there is none of that name."""
+def make(name: str, scene: Scene, sub_step: float, many: bool = False) -> LedWorld:
+    """The world called `name`; a peer is set up for `many` bodies that rest.
+
+    Impossible if it cannot model the scene; ValueError if there is none of that name.
+    """
     if name in PEERS:
-        return _peer(name)(scene, sub_step)
+        return _peer(name)(scene, sub_step, many)
     if name not in METHODS:
         raise ValueError(f"method is {name!r}; it must be one of {', '.join(NAMES)}")
     try:
-        return Led(make_method(name, scene, sub_step))
+        return make_method(name, reduce_scene(scene), sub_step)
     except ValueError as refusal:
         raise Impossible(str(refusal)) from None
 

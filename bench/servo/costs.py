@@ -22,6 +22,7 @@ from haptic_device.realtime import servo_loop, tick_replay
 from haptic_device.realtime.machine import cores
 from haptic_sim.cli.lateness import COMMON, values
 from haptic_sim.lockstep import Lockstep
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import Exchanged, hand, rollout
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
@@ -160,7 +161,7 @@ def recorded(ticks: int):
     scene = load("peg_in_hole")
     moved = {parameter.name: parameter.default for parameter in NODES["haptic_loopback"]}
     moved |= {f"motion.{key}": value for key, value in scene.motion.items()}
-    system = Lockstep(load_device("desktop"), driver, moved, Simulation(scene))
+    system = Lockstep(load_device("desktop"), driver, moved, Simulation(reduce_scene(scene)))
     system.run(0.5)
     memory = system.memory.copy()
     return system.settings.copy(), memory, system.run(ticks / driver["servo.rate"]).view(np.ndarray)
@@ -175,7 +176,7 @@ def exchange(scene, method: str, sub_step: float) -> float:
     lead = hand(scene)
     path = np.zeros((EXCHANGES, 6))
     path[:, :3] = [lead(k * scene.motion["duration"] / EXCHANGES) for k in range(EXCHANGES)]
-    spent = rollout(Exchanged(Simulation(scene, sub_step, method=method), path[0]), path).spent
+    spent = rollout(Exchanged(Simulation(reduce_scene(scene, method), sub_step), path[0]), path).spent
     return 1e6 * float(np.median(spent[EXCHANGES // 3 :]))
 
 

@@ -78,7 +78,7 @@ def attempt(
     plane.
     """
     lead, step = way or hand(scene, angle), sub_step or reduce_scene(scene, method).sub_step
-    simulation = Simulation(turned_scene(scene, angle, phase * step), step, method=method)
+    simulation = Simulation(reduce_scene(turned_scene(scene, angle, phase * step), method), step)
     places = np.array([lead(k * 1e-3 + phase * step) for k in range(-1, round(seconds * 1e3) + 1)])
     rates = np.zeros_like(places[1:]) if way else np.diff(places, axis=0) * 1e3
     path = np.hstack([places[1:], rates])

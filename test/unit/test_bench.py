@@ -42,7 +42,7 @@ def test_the_whole_path_in_one_call_ends_where_sample_by_sample_does(method):
         made_of.couple(of.gains)
         path = of.path()[:401]
         for k in range(0, 400, chunk):
-            made_of.follow(path[k : k + chunk + 1], 10)
+            made_of.step(path[k : k + chunk + 1], 10)
         places.append(made_of.pose("tool"))
     assert places[0] == pytest.approx(places[1], abs=1e-9)
 

@@ -8,7 +8,7 @@ import pytest
 
 from haptic_device.config_files import names
 from haptic_sim.method.closed_form import ClosedForm
-from haptic_sim.protocol import Coupling
+from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.beyond import HIGH, HOLDS, LOAD, SHORT, TOUCHING
 from haptic_sim.reduction.choice import ACTS, SOLVED, STEPS
@@ -17,7 +17,7 @@ from haptic_sim.reduction.model import PIN, SLIDER, SPRING
 from haptic_sim.reduction.modes import STIFFNESS
 from haptic_sim.scene import SceneError, load, parse
 from haptic_sim.verify import CREATED, OVERLAP, within
-from haptic_sim.world import World
+from haptic_sim.world import PymunkWorld
 from reference.case import NAMES as CASES
 from reference.trial import attempt
 
@@ -195,7 +195,7 @@ def test_a_closed_form_wished_for_a_scene_without_one_is_refused():
     with pytest.raises(ValueError, match="'closed_form', which needs a round tool"):
         compiled(method="closed_form", bodies=[BAR])
     with pytest.raises(ValueError, match="has no closed form"):
-        ClosedForm(load("corner"), 1e-3)
+        ClosedForm(reduce_scene(load("corner")), 1e-3)
     with pytest.raises(SceneError, match="method is 'euler'.*take one of impulse"):
         parse({"name": "test", "tool": DISC, "method": "euler"}, "here")
 
@@ -348,7 +348,7 @@ def pressed(method, steps=1600, h=0.25e-3):
     path = []
     for k in range(1, steps + 1):
         t = k * h
-        method.step((0.03 - 0.04 * math.sin(8.0 * t), 0.01 * t, 0.1), (-0.32 * math.cos(8.0 * t), 0.01, 0.0))
+        method.step(held((0.03 - 0.04 * math.sin(8.0 * t), 0.01 * t, 0.1), (-0.32 * math.cos(8.0 * t), 0.01, 0.0)), 1)
         path.append((*method.position, *method.force_on_tool))
     return np.array(path)
 
@@ -357,7 +357,7 @@ def test_the_closed_form_gives_the_motion_that_the_whole_world_gives_for_small_s
     """They differ by how deep the general method sinks in before it sees a contact: at most one sub-step's way."""
     scene, fastest = load("wall"), 0.4
     for h in (50e-6, 10e-6):
-        both = [pressed(kind(scene, h), round(0.4 / h), h) for kind in (World, ClosedForm)]
+        both = [pressed(kind(reduce_scene(scene), h), round(0.4 / h), h) for kind in (PymunkWorld, ClosedForm)]
         assert np.abs(both[0][:, :3] - both[1][:, :3]).max() < fastest * h
         free = both[1][:, 0] > 0.01 + 1e-9
         untouched = np.cumprod(free).astype(bool)
@@ -365,11 +365,11 @@ def test_the_closed_form_gives_the_motion_that_the_whole_world_gives_for_small_s
 
 
 def test_in_closed_form_no_wall_is_entered_and_none_pulls():
-    method = ClosedForm(load("wall"), 0.25e-3)
+    method = ClosedForm(reduce_scene(load("wall")), 0.25e-3)
     method.couple(Coupling(2000.0, 2.0))
     pushes = []
     for k in range(800):
-        method.step((0.03 - 0.1 * math.sin(0.02 * k), 0.0, 0.0), (0.0, 0.0, 0.0))
+        method.step(held((0.03 - 0.1 * math.sin(0.02 * k), 0.0, 0.0)), 1)
         assert method.position[0] >= 0.01
         pushes += [contact.force_on_a[0] for contact in method.contacts()]
         assert method.touching == bool(method.contacts())
@@ -380,10 +380,10 @@ def test_in_closed_form_no_wall_is_entered_and_none_pulls():
 def test_closed_form_contacts_turn_with_the_wall():
     slanted = {**WALL, "pose": [0.0, 0.0, 0.6]}
     scene = parse({"name": "test", "bodies": [slanted], "tool": {**DISC, "pose": [0.1, 0.1, 0.0]}}, "here")
-    method = ClosedForm(scene, 1e-3)
+    method = ClosedForm(reduce_scene(scene), 1e-3)
     method.couple(Coupling(1000.0, 10.0))
     for _ in range(3000):
-        method.step((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        method.step(held((0.0, 0.0, 0.0)), 1)
     (contact,) = method.contacts()
     normal = np.array([math.cos(0.6), math.sin(0.6)])
     assert method.position[:2] == pytest.approx(0.01 * normal, abs=1e-9)

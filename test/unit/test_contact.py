@@ -10,6 +10,7 @@ from apart import apart
 from haptic_device.control import contact_model
 from haptic_sim.local_contacts import LocalContacts
 from haptic_sim.method_registry import make
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load, parse
 
 
@@ -106,7 +107,7 @@ def test_planes_face_to_face_that_leave_no_room_are_refused(room, verdict):
 @pytest.mark.parametrize("name", ["wall", "corner", "peg_in_hole", "wrench_on_nut", "push_block"])
 def test_the_nearest_contact_is_as_far_as_fcl_says_where_features_face_each_other(name):
     scene = load(name)
-    near = LocalContacts(scene, make("impulse", scene, 1e-3))
+    near = LocalContacts(reduce_scene(scene), make("impulse", reduce_scene(scene), 1e-3))
     shown, gaps = np.zeros(contact_model.MOST), np.zeros((contact_model.MOST, contact_model.PLACE))
     pose = np.array(scene.tool.pose)
     for row, gap in zip(near.table, gaps, strict=True):
@@ -128,7 +129,7 @@ def test_the_nearest_contact_is_as_far_as_fcl_says_where_features_face_each_othe
 def test_a_peg_in_its_hole_sends_both_flanks_and_keeps_them_in_their_places():
     scene = load("peg_in_hole")
     deep = scene.model_copy(update={"tool": scene.tool.model_copy(update={"pose": (0.0, 0.07, 0.0)})})
-    near = LocalContacts(deep, make("impulse", deep, 1e-3))
+    near = LocalContacts(reduce_scene(deep), make("impulse", reduce_scene(deep), 1e-3))
     close = near.table[(near.table[:, contact_model.IDENTITY] > 0) & (near.table[:, contact_model.GAP] < 2e-4)]
     assert len(close) >= 4 and near.trust > 1e-3
     before = near.table[:, contact_model.IDENTITY].copy()
@@ -142,7 +143,7 @@ def test_wherever_the_tool_goes_within_the_trust_a_set_touches_where_the_shapes_
     for _ in range(60):
         pose = np.array((random.uniform(-2e-3, 2e-3), random.uniform(0.06, 0.115), random.uniform(-0.02, 0.02)))
         here = scene.model_copy(update={"tool": scene.tool.model_copy(update={"pose": tuple(pose)})})
-        near = LocalContacts(here, make("impulse", here, 1e-3))
+        near = LocalContacts(reduce_scene(here), make("impulse", reduce_scene(here), 1e-3))
         for row, gap in zip(near.table, gaps, strict=True):
             contact_model.place(row, pose, 0.0, 0.0, gap)
         for nx, ny in gaps[
@@ -161,7 +162,7 @@ def test_a_tool_that_can_touch_a_belt_is_not_trusted_to_the_servo(speed, stands_
     scene = load("push_block")
     belt, block = scene.bodies
     scene = scene.model_copy(update={"bodies": (belt.model_copy(update={"surface_velocity": (speed, 0.0)}), block)})
-    assert (LocalContacts(scene, make("partitioned", scene, 1e-3)).trust > 0.0) == stands_in
+    assert (LocalContacts(reduce_scene(scene), make("partitioned", reduce_scene(scene), 1e-3)).trust > 0.0) == stands_in
 
 
 @pytest.mark.parametrize(
@@ -172,14 +173,14 @@ def test_what_a_slider_carries_gives_way_by_its_mass_unless_a_motor_or_friction_
     guide = {"type": "slider", "bodies": ["world", "load"], "at": [0.021, 0.0], "axis": [1.0, 0.0], **more}
     tool = {"mass": 0.1, "shapes": [{"circle": {"radius": 0.01}}]}
     scene = parse({"name": "t", "bodies": [load_], "joints": [guide], "tool": tool}, "t")
-    near = LocalContacts(scene, make("partitioned", scene, 1e-3))
+    near = LocalContacts(reduce_scene(scene), make("partitioned", reduce_scene(scene), 1e-3))
     assert near.table[:, contact_model.IDENTITY].any()
     assert near.table[:, contact_model.MOBILITY].max() == pytest.approx(mobility)
 
 
 def test_a_nut_on_its_bolt_gives_way_by_turning_alone():
     scene = load("wrench_on_nut")
-    near = LocalContacts(scene, make("partitioned", scene, 1e-3))
+    near = LocalContacts(reduce_scene(scene), make("partitioned", reduce_scene(scene), 1e-3))
     inertia = scene.bodies[0].mass_properties.inertia
     for row in near.table[near.table[:, contact_model.IDENTITY] > 0]:
         assert 0.0 <= row[contact_model.MOBILITY] <= 0.013**2 / inertia

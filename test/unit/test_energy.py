@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import EXCHANGE_NS, GAINS, hand
 from haptic_sim.scene import load
 from haptic_sim.simulation import HandleSample, Simulation
@@ -15,7 +16,7 @@ STILL = (0.0, 0.0, 0.0)
 
 def led(name, method, seconds, sub_step=None):
     scene = load(name)
-    simulation, lead = Simulation(scene, sub_step, method=method), hand(scene)
+    simulation, lead = Simulation(reduce_scene(scene, method), sub_step), hand(scene)
     for k in range(round(seconds * 1e3)):
         simulation.exchange(HandleSample(k * EXCHANGE_NS, lead(k * 1e-3), STILL, *GAINS))
     return simulation
@@ -63,7 +64,7 @@ def test_a_belt_gives_a_block_what_it_has_of_motion_when_it_goes_along(method):
     belt, block, *_ = scene.bodies
     bodies = belt.model_copy(update={"surface_velocity": (0.2, 0.0)}), block
     tool = scene.tool.model_copy(update={"layers": frozenset({7})})
-    simulation = Simulation(scene.model_copy(update={"bodies": bodies, "tool": tool}), 0.25e-3, method=method)
+    simulation = Simulation(reduce_scene(scene.model_copy(update={"bodies": bodies, "tool": tool}), method), 0.25e-3)
     for k in range(400):
         simulation.exchange(HandleSample(k * EXCHANGE_NS, tool.pose, STILL, 0.0, 0.0, 0.0, 0.0))
     balance = simulation.ledger.balance
@@ -98,7 +99,7 @@ def test_a_wall_that_is_met_takes_the_speed_it_is_met_with(method):
     """The tool comes in at a speed v and stays: ½ m v² in the wall, whatever the method."""
     scene = load("wall")
     tool = scene.tool.model_copy(update={"velocity": (-0.5, 0.0, 0.0)})
-    simulation = Simulation(scene.model_copy(update={"tool": tool}), 0.25e-3, method=method)
+    simulation = Simulation(reduce_scene(scene.model_copy(update={"tool": tool}), method), 0.25e-3)
     gains = (0.0, 0.0, 0.0, 0.0)
     for k in range(1000):
         simulation.exchange(HandleSample(k * EXCHANGE_NS, STILL, STILL, *gains))

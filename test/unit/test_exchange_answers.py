@@ -18,6 +18,7 @@ from haptic_sim.node.endpoint import SILENCE_NS, Port
 from haptic_sim.node.exchange_thread import RETURN_NS, ExchangeThread
 from haptic_sim.node.parameters import PARAMETERS
 from haptic_sim.node.simulation import SimulationNode
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation, ToolSample
 from haptic_sim.tool_port import port_of
@@ -107,7 +108,10 @@ def answering(monkeypatch):
     clocks = types.SimpleNamespace(monotonic_ns=lambda: clock.ns, perf_counter_ns=lambda: clock.ns)
     monkeypatch.setattr(exchange_thread, "time", clocks)
     thread = object.__new__(ExchangeThread)
-    thread.simulation, thread.port = Simulation(load("wall"), port=port_of("pspm")), Port((0.03, 0.0, 0.0))
+    thread.simulation, thread.port = (
+        Simulation(reduce_scene(load("wall")), port=port_of("pspm")),
+        Port((0.03, 0.0, 0.0)),
+    )
     thread._publisher, thread._near_publisher = types.SimpleNamespace(publish=tools.append), None
     thread._showing = types.SimpleNamespace(show=lambda *_: None)
     thread._wish, thread._granted, thread._granting = None, threading.Event(), threading.Lock()
@@ -125,7 +129,7 @@ def answering(monkeypatch):
         thread._grant()
 
     def another(scene):
-        grant(lambda: thread._exchange_world(Simulation(load(scene), port=port_of("pspm"))))
+        grant(lambda: thread._exchange_world(Simulation(reduce_scene(load(scene)), port=port_of("pspm"))))
 
     return types.SimpleNamespace(answer=answer, load=another, grant=grant, thread=thread)
 
@@ -168,7 +172,7 @@ def test_each_world_begins_with_its_budget_so_that_the_pull_is_that_of_the_first
 
 def test_a_load_that_was_refused_because_nothing_answered_in_time_does_not_come_about_later(answering):
     thread = answering.thread
-    assert "did not answer" in thread.load(Simulation(load("corner"), port=port_of("pspm")), patience=0.0)
+    assert "did not answer" in thread.load(Simulation(reduce_scene(load("corner")), port=port_of("pspm")), patience=0.0)
     thread._grant()  # as soon as it looks
     assert thread.simulation.scene.name == "wall"
 

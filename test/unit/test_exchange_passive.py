@@ -16,6 +16,7 @@ from haptic_device.control import enable_state, faults, tool_side_tank, virtual_
 from haptic_device.parameters import POLICIES
 from haptic_sim.lockstep import Network
 from haptic_sim.port_limits import BUDGET, Limits
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene, load
 from haptic_sim.simulation import HandleSample, Simulation
 from haptic_sim.tool_port import Modulated, port_of
@@ -164,7 +165,7 @@ def test_no_samples_and_no_path_give_more_than_the_budget(method, genes, repeats
 )
 def test_the_tool_port_supplies_no_more_than_was_shipped_and_its_budget(scene, method, way, waves):
     """In closed form, and in pymunk's world, which takes a sub-step in several steps."""
-    simulation = Simulation(load(scene), method=None if scene == "wall" else "impulse", port=port_of(method))
+    simulation = Simulation(reduce_scene(load(scene), None if scene == "wall" else "impulse"), port=port_of(method))
     at = simulation.scene.tool.pose
     gains, shipped, effort, first = tuple(GAINS.values()), 0.0, 0.0, None
     for number, ((x, v, energy), wave) in enumerate(zip(way, waves, strict=False)):
@@ -180,7 +181,7 @@ def test_the_tool_port_supplies_no_more_than_was_shipped_and_its_budget(scene, m
 def test_a_light_tool_against_a_block_never_takes_more_than_the_tank_of_its_port_holds(stiffness, seed):
     """4 g in a corner beside a block of 200 g, a coupling without damping, a handle that jumps."""
     rng, energy_port, handle, shipped, first = np.random.default_rng(seed), port_of("pspm"), np.zeros(3), 0.0, None
-    simulation = Simulation(BLOCK, 0.25e-3, method="impulse", port=energy_port)
+    simulation = Simulation(reduce_scene(BLOCK, "impulse"), 0.25e-3, port=energy_port)
     for number in range(250):
         if rng.random() < 0.3:
             handle = np.array([rng.uniform(-0.2, 0.2), rng.uniform(-0.1, 0.15), rng.uniform(-2, 2)])
@@ -196,7 +197,7 @@ def test_a_light_tool_against_a_block_never_takes_more_than_the_tank_of_its_port
 @pytest.mark.parametrize("exchange", ["direct", "pspm"])
 def test_a_tool_led_evenly_goes_neither_ahead_nor_behind_whether_a_port_holds_its_handle_or_not(exchange):
     """Nothing brakes it, so that the coupling has no stretch; held at a sub-step's end, the handle would be ahead."""
-    simulation = Simulation(load("push_block"), method="impulse", port=port_of(exchange))
+    simulation = Simulation(reduce_scene(load("push_block"), "impulse"), port=port_of(exchange))
     (x, y, angle), speed = simulation.scene.tool.pose, -0.1
     for number in range(1500):
         sample = HandleSample(
@@ -227,7 +228,7 @@ def test_a_world_of_several_steps_a_sub_step_draws_the_budget_at_most_and_more_w
 
 
 def test_the_direct_tool_port_supplies_more_than_the_budget_in_one_sample():
-    simulation = Simulation(load("free_space"), port=port_of("direct"))
+    simulation = Simulation(reduce_scene(load("free_space")), port=port_of("direct"))
     for number in range(20):
         port = ((0.2 * (number % 2), 0.0, 0.0), (0.0, 0.0, 0.0))
         simulation.exchange(HandleSample(number * 1_000_000, *port, *GAINS.values()))

@@ -86,7 +86,7 @@ def test_a_block_that_is_pushed_aside_is_an_error_of_its_way(monkeypatch):
     row = Pushing(*loads.row(3, 0.6))
     world = make("partitioned", row.scene, growing.STEP * 1e-6)
     world.couple(Coupling(*GAINS))
-    world.follow(row.path(), 1000 // growing.STEP)
+    world.step(row.path(), 1000 // growing.STEP)
     came = [math.dist(world.pose(body.name)[:2], body.pose[:2]) for body in row.scene.bodies if not body.fixed]
     monkeypatch.setattr(loads, "row", lambda count, seconds: row)
     assert growing.run("row", 3, "partitioned", growing.STEP, 0.6).error_um == pytest.approx(1e6 * max(came))

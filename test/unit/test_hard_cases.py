@@ -11,6 +11,7 @@ import pytest
 
 from bench.methods.hard import verdict
 from haptic_sim.geometry import framed
+from haptic_sim.protocol import held
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS
 from haptic_sim.scene import Scene, load
@@ -155,7 +156,7 @@ def test_a_heavy_disc_on_a_light_one_parts_at_the_speeds_of_the_closed_form(name
     before = {body: method.pose(body)[0] for body in ("striker", "struck")}
     hold = outcome.simulation.scene.tool.pose
     for _ in range(40):
-        method.step(hold, (0.0, 0.0, 0.0))
+        method.step(held(hold), 1)
     speed = {body: (method.pose(body)[0] - before[body]) / (40 * method.sub_step) for body in before}
     assert speed["striker"] == pytest.approx((ratio - e) / (ratio + 1), rel=1e-6)
     assert speed["struck"] == pytest.approx(ratio * (1 + e) / (ratio + 1), rel=1e-6)

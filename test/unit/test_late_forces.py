@@ -20,6 +20,7 @@ from haptic_device import gain_check
 from haptic_device.control import enable_state, faults
 from haptic_device.device import operator_hand
 from haptic_sim.lockstep import Lockstep
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation
 from haptic_sim.tool_port import port_of
@@ -116,7 +117,7 @@ def passive_hand(damping, frequency=40.0, told=True):
         device(damping, axes=1, actuation_delay=1e-3, sensing_delay=0.0),
         values("haptic_driver", exchange__method="pspm", exchange__rate=1000.0, **gains),
         values("haptic_loopback", **hand),
-        Simulation(scene, max_catch_up=0.2, port=port_of("pspm")),
+        Simulation(reduce_scene(scene), max_catch_up=0.2, port=port_of("pspm")),
     )
     system.settings = system.settings if told else untold(system.settings)
     system.motion["kind"], system.motion["lag"], most = operator_hand.FOLLOW, 1e-6, 0.0

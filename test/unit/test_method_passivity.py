@@ -9,7 +9,8 @@ from haptic_sim.joint import Motor
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method_registry import METHODS, make
-from haptic_sim.protocol import Coupling
+from haptic_sim.protocol import Coupling, held
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene, load
 
 H, STEPS = 1e-3, 3
@@ -57,7 +58,7 @@ def cornered():
 
 
 def made(name, gains):
-    method = make(name, cornered() if name == "closed_form" else crowded(), H)
+    method = make(name, reduce_scene(cornered() if name == "closed_form" else crowded()), H)
     method.couple(gains)
     return method
 
@@ -68,7 +69,7 @@ def least_loss(method, places):
     stored, least = sum(method.energy()), np.inf
     for x, y, angle in places:
         handle = 0.1 * x, 0.1 * y, 2.0 * angle
-        supplied = method.travel(handle, STILL, handle, STILL, STEPS).supplied
+        supplied = method.step(held(handle), STEPS).supplied
         before, stored = stored, sum(method.energy())
         least = min(least, supplied - (stored - before))
     return least
@@ -102,7 +103,7 @@ def test_implicit_contacts_stiffer_than_the_coupling_are_passive_and_softer_ones
 
 
 def test_the_adversary_finds_energy_in_contacts_that_are_stepped_explicitly():
-    method = PenaltyExplicit(crowded(), H, 0.5 * 0.1 / H**2, 0.0)  # an eighth of the limit of stability
+    method = PenaltyExplicit(reduce_scene(crowded()), H, 0.5 * 0.1 / H**2, 0.0)  # an eighth of the limit of stability
     method.couple(GAINS[0])
     assert min(worst_found(method, seed) for seed in range(3)) < -1e-6
 
@@ -125,14 +126,14 @@ def test_a_crowd_on_a_belt_gains_no_more_than_the_port_supplies_and_the_belt_wor
     scene = crowded()
     belt, *others = scene.bodies
     belt = belt.model_copy(update={"surface_velocity": (speed, 0.0)})
-    method = Partitioned(scene.model_copy(update={"bodies": (belt, *others)}), H)
+    method = Partitioned(reduce_scene(scene.model_copy(update={"bodies": (belt, *others)})), H)
     method.couple(gains)
     rng, largest, worst, works = np.random.default_rng(3), 0.0, np.inf, 0.0
     for _ in range(300):
         handle = rng.uniform(-0.1, 0.1), rng.uniform(-0.05, 0.05), rng.uniform(-1.0, 1.0)
         for _ in range(int(rng.integers(1, 8))):
             stored = sum(method.energy())
-            given = method.travel(handle, STILL, handle, STILL, 1).supplied
+            given = method.step(held(handle), 1).supplied
             work = sum(H * speed * one.force_on_a[0] for one in method.contacts() if one.body_b == "floor")
             gained = sum(method.energy()) - stored
             largest = max(largest, abs(given + work), abs(gained), 1.0)
@@ -146,7 +147,9 @@ def driven_four_bar(torque, speed, h):
     scene = load("four_bar")
     crank, *others = scene.joints
     motor = Motor(speed=speed, max_torque=torque) if torque else None
-    method = Partitioned(scene.model_copy(update={"joints": (crank.model_copy(update={"motor": motor}), *others)}), h)
+    method = Partitioned(
+        reduce_scene(scene.model_copy(update={"joints": (crank.model_copy(update={"motor": motor}), *others)})), h
+    )
     method.couple(Coupling(2000.0, 0.0, 0.0, 0.0))
     return method
 
@@ -159,7 +162,7 @@ def test_a_linkage_gains_no_more_than_the_port_supplies_and_its_motor_works(torq
     for _ in range(300):
         handle = rng.uniform(-0.08, 0.0), rng.uniform(-0.04, 0.04), 0.0
         stored, angle = sum(method.energy()), method.pose("crank")[2]
-        given = method.travel(handle, STILL, handle, STILL, int(rng.integers(1, 8))).supplied
+        given = method.step(held(handle), int(rng.integers(1, 8))).supplied
         given += np.sign(speed) * torque * (method.pose("crank")[2] - angle)
         gained = sum(method.energy()) - stored
         largest, worst = max(largest, abs(given), abs(gained)), min(worst, given - gained)

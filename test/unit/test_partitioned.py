@@ -9,7 +9,8 @@ from scipy.special import ellipk
 
 from haptic_sim.method.event_driven import EventDriven
 from haptic_sim.method.partitioned import Partitioned
-from haptic_sim.protocol import Coupling
+from haptic_sim.protocol import Coupling, held
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene
 
 G = 9.81
@@ -33,12 +34,15 @@ def world(h, bodies, friction=0.0, restitution=0.0, kind=Partitioned, belt=0.0, 
     materials = {"m": {"friction": friction, "restitution": restitution}}
     solids = [{"material": "m", **body} for body in (floor, *bodies)]
     return kind(
-        Scene.model_validate({"name": "t", "materials": materials, "bodies": solids, "tool": FAR_TOOL, **more}), h
+        reduce_scene(
+            Scene.model_validate({"name": "t", "materials": materials, "bodies": solids, "tool": FAR_TOOL, **more})
+        ),
+        h,
     )
 
 
 def run(method, count, handle=STILL):
-    method.travel(handle, STILL, handle, STILL, count)
+    method.step(held(handle), count)
     return method
 
 
@@ -136,7 +140,9 @@ def four_bar(h, turn_rate):
         {"type": "pin", "bodies": ["coupler", "rocker"], "at": list(tip)},
         {"type": "pin", "bodies": ["world", "rocker"], "at": [D, 0.0]},
     ]
-    return Partitioned(Scene.model_validate({"name": "four", "bodies": bars, "joints": joints, "tool": FAR_TOOL}), h)
+    return Partitioned(
+        reduce_scene(Scene.model_validate({"name": "four", "bodies": bars, "joints": joints, "tool": FAR_TOOL})), h
+    )
 
 
 def test_a_four_bar_keeps_its_angles_over_ten_turns():
@@ -210,7 +216,7 @@ def test_a_tool_on_its_coupling_rebounds_by_newtons_law_and_comes_to_rest(restit
     method.couple(Coupling(200.0, 1.0, 0.0, 0.0))
     speeds = []
     for _ in range(8000):
-        method.step((0.0, 0.0, 0.0), STILL)
+        method.step(held((0.0, 0.0, 0.0)), 1)
         speeds.append(method.velocity[1])
     struck = next(k for k in range(8000) if speeds[k] >= 0.0 or speeds[k] > 0.5 * speeds[k - 1] < -0.1)
     assert speeds[struck - 1] < -0.5
@@ -406,7 +412,7 @@ def test_the_tools_port_never_gives_more_than_it_was_given(seed, gains):
     start, supplied, worst = sum(method.energy()), 0.0, 0.0
     for _ in range(150):
         handle = (rng.uniform(-0.1, 0.2), rng.uniform(-0.02, 0.3), rng.uniform(-2, 2))
-        supplied += method.travel(handle, STILL, handle, STILL, int(rng.integers(1, 8))).supplied
+        supplied += method.step(held(handle), int(rng.integers(1, 8))).supplied
         worst = min(worst, supplied - (sum(method.energy()) - start))
     assert worst >= -1e-9 * max(supplied, 1.0)
 

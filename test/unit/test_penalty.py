@@ -7,7 +7,8 @@ import pytest
 
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
-from haptic_sim.protocol import Coupling
+from haptic_sim.protocol import Coupling, held
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene
 
 M, K, CONTACT = 0.1, 2000.0, 1e4
@@ -19,14 +20,16 @@ def pressed(kind, h, stiffness=CONTACT, damping=0.0, gap=0.0, gains=K, **more):
     """A round tool at a wall to the left of x = 0, its centre at 10 mm plus the gap."""
     wall = {"name": "wall", "fixed": True, "shapes": [{"half_plane": {"normal": [1.0, 0.0]}}]}
     tool = {"mass": M, "pose": [0.01 + gap, 0.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}], **more}
-    method = kind(Scene.model_validate({"name": "t", "bodies": [wall], "tool": tool}), h, stiffness, damping)
+    method = kind(
+        reduce_scene(Scene.model_validate({"name": "t", "bodies": [wall], "tool": tool})), h, stiffness, damping
+    )
     method.couple(Coupling(gains))
     return method
 
 
 def overlap(method, stretch, count):
     """Overlap [m] after `count` sub-steps with the handle `stretch` inside the wall."""
-    method.travel((0.01 - stretch, 0.0, 0.0), STILL, (0.01 - stretch, 0.0, 0.0), STILL, count)
+    method.step(held((0.01 - stretch, 0.0, 0.0)), count)
     return 0.01 - method.position[0]
 
 
@@ -87,7 +90,7 @@ def on_the_ground(kind, h, body, joints=()):
         "joints": joints,
         "tool": {"mass": M, "pose": [9.0, 9.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]},
     }
-    return kind(Scene.model_validate(scene), h, 1e5, 500.0)
+    return kind(reduce_scene(Scene.model_validate(scene)), h, 1e5, 500.0)
 
 
 @pytest.mark.parametrize("kind", BOTH)
@@ -95,7 +98,7 @@ def test_a_block_on_a_belt_has_its_speed_after_v_over_mu_g_and_keeps_it(kind):
     method = on_the_ground(kind, 1e-4, {"pose": [0.0, 0.05, 0.0]})
     for time, way in ((0.1, 0.5 * 0.4 * 9.81 * 0.1**2), (0.3, 0.5 * (0.3 - 0.25 / (0.4 * 9.81)))):
         method.reset()
-        method.travel(STILL, STILL, STILL, STILL, round(time / 1e-4))
+        method.step(held(STILL), round(time / 1e-4))
         assert method.pose("load")[0] == pytest.approx(way, rel=0.01)
     assert method.bodies()[1][1][0] == pytest.approx(0.5, rel=1e-3)
 
@@ -113,7 +116,7 @@ def test_a_sliders_motor_lifts_its_load_at_its_speed_if_its_force_is_more_than_t
         "motor": {"speed": 0.05, "max_force": part * 9.81},
     }
     method = on_the_ground(kind, 1e-4, {"pose": [0.0, 5.0, 0.0]}, [guide])
-    method.travel(STILL, STILL, STILL, STILL, 10000)
+    method.step(held(STILL), 10000)
     short = 9.81 / 500.0 if kind is PenaltyExplicit else 0.0
     assert method.bodies()[1][1][1] == pytest.approx(0.05 - short if rises else 0.0, abs=1e-5)
     assert (method.pose("load")[1] > 5.01) == rises
@@ -124,7 +127,7 @@ def worst_gain(kind, stiffness, h=1e-3):
     gains = []
     for phase in range(20):
         method = pressed(kind, h, stiffness, 0.0, (1.0 + phase / 20.0) * 0.1 * h, 0.0, velocity=[-0.1, 0.0, 0.0])
-        method.travel(STILL, STILL, STILL, STILL, 60)
+        method.step(held(STILL), 60)
         gains.append(method.velocity[0] / 0.1)
     return max(gains)
 

@@ -11,6 +11,7 @@ from live_nodes import STRANGE
 from haptic_device.nodes.polled_subscription import Sample
 from haptic_device.recording.layouts import CLOUD, JointLayout, layout_of
 from haptic_sim.node.scene_publisher import CONTACT, PERIOD_NS, ScenePublisher, state_names
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene, load, parse
 from haptic_sim.simulation import HandleSample, Simulation
 from haptic_sim.viewer import shapes
@@ -60,7 +61,7 @@ class FakeTap:
 @pytest.fixture
 def pressed():
     """A peg that has been pressed upon the mouth of the hole, and its scene."""
-    simulation, start = Simulation(load("peg_in_hole")), (0.03, 0.11, 0.0)
+    simulation, start = Simulation(reduce_scene(load("peg_in_hole"))), (0.03, 0.11, 0.0)
     for k in range(400):
         place = (start[0], start[1] - 0.0002 * min(k, 150), 0.0)
         simulation.exchange(HandleSample(1_000_000 * k, place, (0.0, 0.0, 0.0), *GAINS))
@@ -97,7 +98,7 @@ def test_contacts_carry_the_force_that_holds_the_tool_up(pressed):
 def test_the_scene_is_said_once_and_anew_when_it_is_another():
     node = FakeNode()
     showing = ScenePublisher(node)
-    first, other = Simulation(load("peg_in_hole")), Simulation(load("free_space"))
+    first, other = Simulation(reduce_scene(load("peg_in_hole"))), Simulation(reduce_scene(load("free_space")))
     for number, simulation in enumerate((first, first, other)):
         showing.show(simulation, None, number * PERIOD_NS)
     scenes = [Scene.model_validate(json.loads(message.data)) for message in node.said["scene"]]
@@ -105,7 +106,7 @@ def test_the_scene_is_said_once_and_anew_when_it_is_another():
 
 
 def test_the_world_is_shown_no_faster_than_it_is_looked_at():
-    node, simulation = FakeNode(), Simulation(load("free_space"))
+    node, simulation = FakeNode(), Simulation(reduce_scene(load("free_space")))
     showing = ScenePublisher(node)
     for millisecond in range(1000):
         showing.show(simulation, None, 1_000_000 * millisecond)
@@ -130,7 +131,7 @@ def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
 
 
 def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns(monkeypatch):
-    simulation, handle = Simulation(parse(GUIDED, "guided")), (0.01, 0.0, 0.3)
+    simulation, handle = Simulation(reduce_scene(parse(GUIDED, "guided"))), (0.01, 0.0, 0.3)
     for k in range(1000):
         simulation.exchange(HandleSample(1_000_000 * k, handle, (0.0, 0.0, 0.0), *GAINS))
     node = FakeNode()

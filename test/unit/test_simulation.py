@@ -10,6 +10,7 @@ from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
 
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene, load
 from haptic_sim.simulation import HandleSample, Simulation
 
@@ -44,7 +45,7 @@ def insert(simulation, seconds=5.0, gains=GAINS, **motion):
 
 @pytest.fixture(scope="module")
 def inserted():
-    simulation = Simulation(load("peg_in_hole"))
+    simulation = Simulation(reduce_scene(load("peg_in_hole")))
     return simulation, insert(simulation)
 
 
@@ -87,7 +88,7 @@ HARD_WAYS = [
 @pytest.mark.parametrize("way", HARD_WAYS)
 @pytest.mark.parametrize("gains", [GAINS, (5000.0, 5.0, 2.0, 0.02), (1000.0, 1.0, 20.0, 0.05)])
 def test_the_peg_finds_its_way_from_other_starts_with_other_gains(way, gains):
-    simulation = Simulation(load("peg_in_hole"))
+    simulation = Simulation(reduce_scene(load("peg_in_hole")))
     insert(simulation, way["duration"] + 0.5, gains, **way)
     assert simulation.measure()["insertion_fraction"] >= 0.95
     assert simulation.counters.max_penetration <= 1e-4
@@ -95,14 +96,14 @@ def test_the_peg_finds_its_way_from_other_starts_with_other_gains(way, gains):
 
 @pytest.mark.parametrize("period_ns", [900_001, MS, 1_300_007])
 def test_time_advances_by_whole_sub_steps_and_none_is_lost(period_ns):
-    simulation = Simulation(load("free_space"))
+    simulation = Simulation(reduce_scene(load("free_space")))
     for k in range(1000):
         simulation.exchange(sample(17 + k * period_ns, STILL))
     assert simulation.counters.sub_steps == 999 * period_ns // simulation.sub_step_ns
 
 
 def test_a_sample_shorter_than_a_sub_step_after_the_last_advances_nothing():
-    simulation = Simulation(load("free_space"))
+    simulation = Simulation(reduce_scene(load("free_space")))
     simulation.exchange(sample(0, STILL))
     before = simulation.exchange(sample(MS, (0.001, 0.0, 0.0)))
     assert simulation.exchange(sample(MS + 249_999, (0.5, 0.0, 0.0))) == before
@@ -110,7 +111,7 @@ def test_a_sample_shorter_than_a_sub_step_after_the_last_advances_nothing():
 
 
 def test_the_last_sub_step_meets_the_newest_handle_sample():
-    simulation = Simulation(load("free_space"))
+    simulation = Simulation(reduce_scene(load("free_space")))
     simulation.exchange(sample(0, STILL))
     tool = simulation.exchange(sample(MS, (0.003, -0.001, 0.1), (1.0, -0.5, 3.0)))
     (x, y, angle), (vx, vy, w) = tool.position, tool.velocity
@@ -124,7 +125,7 @@ def test_the_last_sub_step_meets_the_newest_handle_sample():
 
 @pytest.mark.parametrize(("gap", "sub_steps", "rejoined"), [(20 * MS, 80, 0), (20 * MS + 1, 0, 1), (-1, 0, 1)])
 def test_the_world_catches_up_to_the_limit_and_beyond_it_waits(gap, sub_steps, rejoined):
-    simulation = Simulation(load("free_space"), max_catch_up=0.02)
+    simulation = Simulation(reduce_scene(load("free_space")), max_catch_up=0.02)
     start = simulation.exchange(sample(MS, STILL)).position
     tool = simulation.exchange(sample(MS + gap, (0.01, 0.0, 0.0)))
     assert (simulation.counters.sub_steps, simulation.counters.rejoined) == (sub_steps, rejoined)
@@ -132,7 +133,7 @@ def test_the_world_catches_up_to_the_limit_and_beyond_it_waits(gap, sub_steps, r
 
 
 def test_after_a_gap_the_tool_moves_on_from_where_it_was():
-    simulation = Simulation(load("free_space"))
+    simulation = Simulation(reduce_scene(load("free_space")))
     insert(simulation, 0.2, start=[0, 0, 0], target=[0.02, 0, 0], duration=0.3)
     before = simulation.method.position
     after = [simulation.exchange(sample(900 * MS + k * MS, (0.02, 0.0, 0.0))) for k in range(4)]
@@ -141,7 +142,7 @@ def test_after_a_gap_the_tool_moves_on_from_where_it_was():
 
 
 def test_a_new_session_starts_a_new_time_base():
-    simulation = Simulation(load("free_space"))
+    simulation = Simulation(reduce_scene(load("free_space")))
     simulation.exchange(sample(5 * MS, STILL))
     simulation.rejoin()
     simulation.exchange(sample(9 * MS, STILL))
@@ -149,7 +150,7 @@ def test_a_new_session_starts_a_new_time_base():
 
 
 def test_reset_starts_the_same_run_again():
-    simulation = Simulation(load("peg_in_hole"))
+    simulation = Simulation(reduce_scene(load("peg_in_hole")))
     first = insert(simulation, 0.3, start=[0.001, 0.095, 0.02], duration=0.3)
     simulation.reset()
     assert insert(simulation, 0.3, start=[0.001, 0.095, 0.02], duration=0.3) == first
@@ -165,7 +166,7 @@ print(t.digest())
 
 def digest():
     """Fingerprint of every bit of a short insertion."""
-    tools = insert(Simulation(load("peg_in_hole")), 0.6, duration=0.5)
+    tools = insert(Simulation(reduce_scene(load("peg_in_hole"))), 0.6, duration=0.5)
     return hashlib.sha256(repr(tools).encode()).hexdigest()
 
 
@@ -178,11 +179,11 @@ def test_the_same_samples_give_the_same_bits_in_another_process():
 @pytest.mark.parametrize(("sub_step", "max_catch_up"), [(0.0, 0.02), (-1e-4, 0.02), (0.03, 0.02)])
 def test_a_sub_step_of_nothing_or_beyond_the_catch_up_is_refused(sub_step, max_catch_up):
     with pytest.raises(ValueError, match=f"sub_step is {sub_step} s.*max_catch_up"):
-        Simulation(load("free_space"), sub_step, max_catch_up)
+        Simulation(reduce_scene(load("free_space")), sub_step, max_catch_up)
 
 
 def test_energy_supplied_is_the_sum_of_force_times_way():
-    simulation = Simulation(load("free_space"), sub_step=1e-3)
+    simulation = Simulation(reduce_scene(load("free_space")), sub_step=1e-3)
     tools = insert(simulation, 0.5, start=[0, 0, 0], target=[0.05, -0.02, 0.5], duration=0.4)
     work = sum(
         force * (after - before)
@@ -193,7 +194,7 @@ def test_energy_supplied_is_the_sum_of_force_times_way():
 
 
 def test_what_a_free_tool_was_given_is_kinetic_or_lost_to_the_sub_steps_own_damping():
-    simulation = Simulation(load("free_space"), sub_step=1e-3)
+    simulation = Simulation(reduce_scene(load("free_space")), sub_step=1e-3)
     tools = insert(simulation, 0.1, start=[0, 0, 0], target=[0.05, 0, 0], duration=0.2)
     speeds = [tool.velocity[0] for tool in tools]
     lost = sum(0.5 * 0.1 * (after - before) ** 2 for before, after in zip(speeds, speeds[1:], strict=False))
@@ -206,7 +207,7 @@ def test_what_a_free_tool_was_given_is_kinetic_or_lost_to_the_sub_steps_own_damp
 @few(10)
 @given(st.lists(st.tuples(*[st.floats(-reach, reach) for reach in (5e-3, 5e-3, 0.2)]), min_size=5, max_size=40))
 def test_whatever_the_handle_does_a_free_tool_never_returns_more_than_it_was_given(handles):
-    simulation = Simulation(load("free_space"))
+    simulation = Simulation(reduce_scene(load("free_space")))
     for k, handle in enumerate(handles):
         simulation.exchange(sample(k * MS, handle))
         assert simulation.ledger.balance.dissipated >= -1e-12
@@ -226,7 +227,7 @@ def test_a_ball_that_drops_on_the_floor_beside_the_tool_shows_in_the_largest_con
             ],
         }
     )
-    simulation = Simulation(scene, method="impulse")
+    simulation = Simulation(reduce_scene(scene, "impulse"))
     for k in range(120):
         simulation.exchange(sample(k * MS, scene.tool.pose))
     assert simulation.counters.max_contact_force == 0.0

@@ -9,10 +9,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from haptic_sim.method_registry import make
-from haptic_sim.protocol import Coupling
+from haptic_sim.protocol import Coupling, held, way
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import hand
 from haptic_sim.scene import Scene, load
-from haptic_sim.world import SLOP, SLOP_SHARE, World
+from haptic_sim.world import SLOP, SLOP_SHARE, PymunkWorld
 
 H = 0.25e-3
 ONE = 50e-6  # a sub-step that is one step
@@ -38,14 +39,14 @@ def world(gains=STIFF, sub_step=H, mass=M, pose=REST, inertia=1e-4, unit=1.0, fr
     }
     materials = {"steel": {"friction": friction, "restitution": restitution}}
     scene = Scene.model_validate({"name": "test", "materials": materials, "tool": tool, **{"bodies": [wall], **more}})
-    method = World(scene, sub_step)
+    method = PymunkWorld(reduce_scene(scene), sub_step)
     method.couple(gains)
     return method
 
 
 def hold(method, handle, steps, velocity=REST):
     for _ in range(steps):
-        method.step(handle, velocity)
+        method.step(held(handle, velocity), 1)
     return method
 
 
@@ -94,7 +95,7 @@ def test_force_on_the_tool_is_what_moved_it(velocity):
     method = world(STIFF, H, pose=(0.5, 0.0, 0.1))
     for k in range(1, 200):
         before = method.velocity
-        method.step((0.5 + velocity[0] * k * H, 0.01 + velocity[1] * k * H, velocity[2] * k * H), velocity)
+        method.step(held((0.5 + velocity[0] * k * H, 0.01 + velocity[1] * k * H, velocity[2] * k * H), velocity), 1)
         gained = np.multiply((M, M, 1e-4), np.subtract(method.velocity, before)) / H
         assert method.force_on_tool == pytest.approx(gained, rel=1e-9, abs=1e-9)
 
@@ -143,7 +144,7 @@ def test_while_sliding_and_bouncing_contacts_coupling_and_gravity_add_up_to_the_
     touched = 0
     for k in range(4000):
         before = method.velocity
-        method.step((-0.002 + 0.004 * math.sin(0.01 * k), 2e-5 * k, 0.0), REST)
+        method.step(held((-0.002 + 0.004 * math.sin(0.01 * k), 2e-5 * k, 0.0)), 1)
         forces = [contact.force_on_a for contact in method.contacts()]
         total = np.sum([method.force_on_tool[:2], (0.3 * M, -9.81 * M), *forces], axis=0)
         assert total * ONE == pytest.approx(M * np.subtract(method.velocity, before)[:2], abs=1e-12)
@@ -154,7 +155,9 @@ def test_while_sliding_and_bouncing_contacts_coupling_and_gravity_add_up_to_the_
 @pytest.mark.parametrize(("pull", "slides"), [(0.99, False), (1.01, True)])
 def test_a_pressed_block_slides_just_beyond_the_friction_cone_and_stays_just_within(pull, slides):
     block = {"mass": M, "inertia": 1.0, "material": "steel", "shapes": [{"box": {"size": [0.02, 0.02]}}]}
-    method = World(world().scene.model_copy(update={"tool": type(world().scene.tool).model_validate(block)}), H)
+    method = PymunkWorld(
+        reduce_scene(world().scene.model_copy(update={"tool": type(world().scene.tool).model_validate(block)})), H
+    )
     method.couple(Coupling(2000.0, 2.0, 100.0, 10.0))
     hold(method, (-2e-3, 0.0, 0.0), 2000)
     normal = -method.force_on_tool[0]
@@ -231,10 +234,10 @@ def test_a_dynamic_body_slides_to_rest_after_v_squared_over_two_mu_g():
             "tool": tool,
         }
     )
-    method = World(scene, ONE)
+    method = PymunkWorld(reduce_scene(scene), ONE)
     method.couple(Coupling(1e9, 1e6, 1e6, 1e6))
     for k in range(1, 10001):  # pushes to 1 m/s, then stops dead
-        method.step((0.39 + 0.5e-4 * k * k * ONE, 0.05, 0.0), (k / 10000.0, 0.0, 0.0))
+        method.step(held((0.39 + 0.5e-4 * k * k * ONE, 0.05, 0.0), (k / 10000.0, 0.0, 0.0)), 1)
     left_at, speed = method.pose("block")[0], 1.0
     hold(method, method.position, 10000)
     travelled = method.pose("block")[0] - left_at
@@ -245,7 +248,7 @@ def test_a_dynamic_body_slides_to_rest_after_v_squared_over_two_mu_g():
 @pytest.mark.parametrize("name", ["slider", "four_bar"])
 def test_joints_that_push_the_tool_are_no_contact(name):
     scene = load(name)
-    method, lead = World(scene, H), hand(scene)
+    method, lead = PymunkWorld(reduce_scene(scene), H), hand(scene)
     method.couple(STIFF)
     assert sum(hold(method, lead(k * 1e-3), 4).touching for k in range(1000)) == len(method.contacts()) == 0
 
@@ -264,9 +267,9 @@ def test_a_sub_step_of_several_steps_is_as_many_sub_steps_of_one():
     start, end = (0.02, 0.0, 0.1), (-0.03, 0.003, 0.2)
     velocity = tuple((b - a) / (400 * H) for a, b in zip(start, end, strict=True))
     before, work = fine.position, 0.0
-    made = coarse.travel(start, velocity, end, velocity, 400)
+    made = coarse.step(way((start, velocity), (end, velocity)), 400)
     for k in range(1, 2001):
-        fine.step([a + k / 2000 * (b - a) for a, b in zip(start, end, strict=True)], velocity)
+        fine.step(held([a + k / 2000 * (b - a) for a, b in zip(start, end, strict=True)], velocity), 1)
         work += float(np.dot(fine.force_on_tool, np.subtract(fine.position, before)))
         before = fine.position
     assert coarse.inner == 5 and fine.inner == 1
@@ -287,7 +290,7 @@ def test_push_out_gives_no_more_at_the_port_than_was_lost_there(depth):
     """A tool that begins in a wall, held against it: nothing was lost yet, so that nothing may push it out."""
     method = world(Coupling(2000.0), ONE, pose=(0.0, 0.0, 0.0), friction=0.0)
     put_wall(method, depth)
-    supplied = method.travel((-0.005, 0.0, 0.0), REST, (-0.005, 0.0, 0.0), REST, 400).supplied
+    supplied = method.step(held((-0.005, 0.0, 0.0)), 400).supplied
     stored = sum(method.energy())
     assert supplied - stored >= -1e-12
     assert -SLOP <= method.position[0] < 1e-5
@@ -296,21 +299,21 @@ def test_push_out_gives_no_more_at_the_port_than_was_lost_there(depth):
 def test_push_out_that_the_coupling_does_not_oppose_takes_an_overlap_back_down_to_the_slop():
     method = world(Coupling(), ONE, pose=(0.0, 0.0, 0.0), friction=0.0)
     put_wall(method, 1e-4)
-    made = method.travel(REST, REST, REST, REST, 2000)
+    made = method.step(held(REST), 2000)
     assert method.position[0] == pytest.approx(1e-4 - SLOP, abs=1e-8)
     assert made.supplied == made.correction == 0.0  # nothing pulls: it moves without energy
 
 
 def test_what_rests_falls_asleep_and_is_awake_as_soon_as_the_tool_touches_it():
     scene = load("push_block")
-    method = World(scene, H)
+    method = PymunkWorld(reduce_scene(scene), H)
     method.couple(STIFF)
     block = method.body("block")
     hold(method, scene.tool.pose, 1600)
     assert block.is_sleeping and method.bodies()[1][0] == pytest.approx((0.0, 0.02, 0.0), abs=1e-5)
     for k in range(1200):
         x, y, angle = scene.tool.pose
-        method.step((x + 2e-5 * k, y, angle), (0.08, 0.0, 0.0))
+        method.step(held((x + 2e-5 * k, y, angle), (0.08, 0.0, 0.0)), 1)
     assert not block.is_sleeping
     assert method.pose("block")[0] - method.position[0] == pytest.approx(0.04, abs=1e-5)
 
@@ -338,7 +341,7 @@ def test_a_thin_ladder_slides_down_as_its_equation_says(thick, part):
         "bodies": [*planes, rod],
         "tool": {"mass": 0.1, "pose": [9.0, 9.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]},
     }
-    method = hold(World(Scene.model_validate(scene), H), REST, round(time / H))
+    method = hold(PymunkWorld(reduce_scene(Scene.model_validate(scene)), H), REST, round(time / H))
     exact = solve_ivp(lambda _, s: (s[1], -1.5 * g / length * math.cos(s[0])), (0.0, time), (start, 0.0), rtol=1e-10)
     fallen = start - exact.y[0, -1]
     assert math.sin(exact.y[0, -1]) > 2.0 / 3.0 * math.sin(start)  # still at the wall
@@ -358,4 +361,4 @@ def test_a_crowd_of_any_size_is_taken_where_the_direct_methods_have_a_limit():
     method = hold(world(bodies=discs), REST, 4)
     assert len(method.bodies()) == 61 and method.inner == 1
     with pytest.raises(ValueError, match="bod"):
-        make("partitioned", method.scene, H)
+        make("partitioned", reduce_scene(method.scene), H)

@@ -9,9 +9,10 @@ import pytest
 from scipy.special import ellipk
 
 from haptic_sim.method_registry import make
-from haptic_sim.protocol import Coupling
+from haptic_sim.protocol import Coupling, held
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene
-from haptic_sim.world import World
+from haptic_sim.world import PymunkWorld
 
 H, G = 0.25e-3, 9.81
 ONE = 50e-6  # a sub-step that is one step
@@ -23,15 +24,17 @@ PLATE = {"name": "plate", "fixed": True, "material": "m", "shapes": [{"box": {"s
 
 def world(bodies, h=H, friction=0.0, restitution=0.0, tool=FAR, **more):
     materials = {"m": {"friction": friction, "restitution": restitution}}
-    return World(
-        Scene.model_validate(
-            {
-                "name": "t",
-                "materials": materials,
-                "tool": tool,
-                "bodies": [{"material": "m", **body} for body in bodies],
-                **more,
-            }
+    return PymunkWorld(
+        reduce_scene(
+            Scene.model_validate(
+                {
+                    "name": "t",
+                    "materials": materials,
+                    "tool": tool,
+                    "bodies": [{"material": "m", **body} for body in bodies],
+                    **more,
+                }
+            )
         ),
         h,
     )
@@ -39,7 +42,7 @@ def world(bodies, h=H, friction=0.0, restitution=0.0, tool=FAR, **more):
 
 def run(method, count, handle=STILL):
     for _ in range(count):
-        method.step(handle, STILL)
+        method.step(held(handle), 1)
     return method
 
 
@@ -191,7 +194,7 @@ def test_an_impact_rebounds_only_above_the_speed_that_keeps_the_port_passive(par
     }  # a hair into the plate, at this speed
     method = world([PLATE], ONE, restitution=e, tool=tool)
     method.couple(Coupling(stiffness))
-    method.step((-0.0105 + stretch, 0.0, 0.0), STILL)
+    method.step(held((-0.0105 + stretch, 0.0, 0.0)), 1)
     assert (method.velocity[0] < -1e-3) == rebounds
 
 
@@ -255,7 +258,7 @@ def test_a_slider_between_two_that_turn_is_driven_and_braked_along_its_axis_alon
         [carrier, load],
         joints=[{"type": "slider", "bodies": ["carrier", "load"], "at": [0.2, 0.0], "axis": [1.0, 0.0], **drive}],
     )
-    exact = make("partitioned", method.scene, H)
+    exact = make("partitioned", reduce_scene(method.scene), H)
     for name in ("carrier", "load"):
         assert run(method, 400 if name == "carrier" else 0).pose(name) == pytest.approx(
             run(exact, 400 if name == "carrier" else 0).pose(name), abs=2e-5
@@ -422,7 +425,7 @@ def test_a_ball_that_the_tool_strikes_fast_does_not_go_through_a_thin_plate_behi
         ball = {"name": "ball", "mass": 0.0025, "pose": [0.0103, 0.0, 0.0], "shapes": [{"circle": {"radius": 2.5e-4}}]}
         method = world([plate, ball], restitution=1.0, tool=tool)
         method.couple(Coupling(2000.0, 2.0, 2.0, 0.002))
-        way = [method.travel(tool["pose"], STILL, tool["pose"], STILL, 4) and method.pose("ball")[0] for _ in range(3)]
+        way = [method.step(held(tool["pose"]), 4) and method.pose("ball")[0] for _ in range(3)]
         assert max(way) < 0.016, phase
 
 
@@ -438,7 +441,7 @@ def test_what_a_spring_shoots_does_not_pass_a_thin_plate_however_seldom_samples_
         }
         method, farthest = world([plate, ball], joints=[WEAK | {"stiffness": 390.0, "rest": 0.06}]), 0.0
         for _ in range(40 // count):
-            method.travel(STILL, STILL, STILL, STILL, count)
+            method.step(held(STILL), count)
             farthest = max(farthest, method.pose("ball")[0])
         assert 0.045 < farthest < 0.05, phase
 
@@ -484,7 +487,7 @@ def test_a_tool_on_a_guide_that_bounces_within_an_exchange_has_touched_in_it_wit
         tool=tool,
         joints=[{"type": "slider", "bodies": ["world", "tool"], "at": [0.0, 0.0], "axis": [1.0, 0.0]}],
     )
-    went = [method.travel(STILL, STILL, STILL, STILL, 4) for _ in range(20)]
+    went = [method.step(held(STILL), 4) for _ in range(20)]
     assert method.velocity[0] < -0.5
     touched = [travel for travel in went if travel.touched]
     assert 1 <= len(touched) <= 2 and max(travel.force for travel in touched) > 0.0
@@ -493,5 +496,5 @@ def test_a_tool_on_a_guide_that_bounces_within_an_exchange_has_touched_in_it_wit
 def test_travel_over_no_sub_steps_moves_nothing_and_says_that_nothing_happened():
     method = run(world([], gravity=[0.0, -G]), 10)
     before = method.position, method.velocity, method.energy()
-    assert method.travel(STILL, STILL, STILL, STILL, 0)[:-1] == (0.0, False, 0.0, 0.0, 0, 0.0, 0.0)
+    assert method.step(held(STILL), 0)[:-1] == (0.0, False, 0.0, 0.0, 0, 0.0, 0.0)
     assert (method.position, method.velocity, method.energy()) == before
