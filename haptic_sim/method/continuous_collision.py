@@ -19,18 +19,20 @@ APART, MET, TOUCHES = 0, 1, 2
 def look_around(model, layout, work):
     """Discs around all shapes at work.q, and no pair has met yet: what `add_met` starts from."""
     place_shapes(model, layout, work, work.q)
+    collision, middles = work.continuous_collision, work.narrow_phase.middles
     for s in range(model.shapes):
-        work.around[s, 0], work.around[s, 1] = work.middles[s, 0], work.middles[s, 1]
+        collision.around[s, 0], collision.around[s, 1] = middles[s, 0], middles[s, 1]
     for p in range(model.pair_count):
-        work.met[p] = APART
+        collision.met[p] = APART
 
 
 @njit
 def add_met(model, layout, work, n):
-    """Adds rows for pairs that touch now, or meet on the straight way from work.q to work.trial_q; returns how many."""
+    """Adds rows for pairs that touch now, or meet on the straight way from work.q to work.trial.q; returns how many."""
+    met, features = work.continuous_collision.met, work.narrow_phase.features
     for p in range(model.pair_count):
         a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
-        if work.met[p] == TOUCHES or not moves(layout, work, a, b):
+        if met[p] == TOUCHES or not moves(layout, work, a, b):
             continue
         s, u = model.pairs[p, 0], model.pairs[p, 1]
         way = way_between(layout, work, a, b)
@@ -42,16 +44,16 @@ def add_met(model, layout, work, n):
         if time > 0.0:
             place_pair(model, layout, work, s, u, time)
         for k in range(touch(model, work, s, u)):
-            if work.met[p] == APART or not is_held(work, n, p, work.features[k]):
-                n = add_contact(model, layout, work, n, p, work.features[k])
-        work.met[p] = MET if time > 0.0 else TOUCHES
+            if met[p] == APART or not is_held(work, n, p, features[k]):
+                n = add_contact(model, layout, work, n, p, features[k])
+        met[p] = MET if time > 0.0 else TOUCHES
     return n
 
 
 @njit
 def way_between(layout, work, a, b):
     """How far points of two bodies move against each other at most [m]."""
-    q, to = work.q, work.trial_q
+    q, to = work.q, work.trial.q
     way = math.hypot(to[b, 0] - q[b, 0] - to[a, 0] + q[a, 0], to[b, 1] - q[b, 1] - to[a, 1] + q[a, 1])
     return way + abs(to[a, 2] - q[a, 2]) * layout.extent[a] + abs(to[b, 2] - q[b, 2]) * layout.extent[b]
 
@@ -59,18 +61,19 @@ def way_between(layout, work, a, b):
 @njit
 def discs_apart(layout, work, s, u):
     """Distance of the discs around two shapes at the start [m]."""
-    m = work.around
+    m = work.continuous_collision.around
     return math.hypot(m[u, 0] - m[s, 0], m[u, 1] - m[s, 1]) - layout.reach[s] - layout.reach[u]
 
 
 @njit
 def place_pair(model, layout, work, s, u, share):
     """Two shapes at a share of the way."""
+    trial = work.trial
     for shape in (s, u):
         b = model.shape_body[shape]
-        x = work.q[b, 0] + share * (work.trial_q[b, 0] - work.q[b, 0])
-        y = work.q[b, 1] + share * (work.trial_q[b, 1] - work.q[b, 1])
-        angle = work.q[b, 2] + share * (work.trial_q[b, 2] - work.q[b, 2])
+        x = work.q[b, 0] + share * (trial.q[b, 0] - work.q[b, 0])
+        y = work.q[b, 1] + share * (trial.q[b, 1] - work.q[b, 1])
+        angle = work.q[b, 2] + share * (trial.q[b, 2] - work.q[b, 2])
         place_shape(model, layout, work, shape, x, y, math.cos(angle), math.sin(angle))
 
 

@@ -11,9 +11,10 @@ from haptic_sim.method.records import MOST_ROWS
 @njit
 def respond_rows(model, layout, work, n):
     """W Gᵀ of all rows, and A."""
-    f, P = work.force, work.response
+    rows, delassus = work.constraints, work.delassus
+    f, P = delassus.force, delassus.response
     for r in range(n):
-        a, b = work.row_a[r], work.row_b[r]
+        a, b = rows.body_a[r], rows.body_b[r]
         la, lb = layout.linkage[a], layout.linkage[b]
         for body in range(model.bodies):
             for k in range(3):
@@ -24,19 +25,19 @@ def respond_rows(model, layout, work, n):
             if i >= 0:
                 clear_linkage(layout, f, i)
         for k in range(3):
-            f[a, k] += work.G[r, k]
-            f[b, k] += work.G[r, 3 + k]
+            f[a, k] += rows.G[r, k]
+            f[b, k] += rows.G[r, 3 + k]
         if la >= 0 and work.active[la] > 0:
-            respond(layout, work, la, f, work.answer)
+            respond(layout, work, la, f, delassus.answer)
             keep_answer(layout, work, la, r)
         if lb >= 0 and lb != la and work.active[lb] > 0:
-            respond(layout, work, lb, f, work.answer)
+            respond(layout, work, lb, f, delassus.answer)
             keep_answer(layout, work, lb, r)
-        work.row_linkages[r, 0], work.row_linkages[r, 1] = la, lb
+        delassus.linkages[r, 0], delassus.linkages[r, 1] = la, lb
         for s in range(r + 1):
-            lc, ld = work.row_linkages[s, 0], work.row_linkages[s, 1]
+            lc, ld = delassus.linkages[s, 0], delassus.linkages[s, 1]
             meet = lc >= 0 and lc in (la, lb) or ld >= 0 and ld in (la, lb)
-            work.A[r, s] = work.A[s, r] = rate_of_response(work, s, r) if meet else 0.0
+            work.lcp.A[r, s] = work.lcp.A[s, r] = rate_of_response(work, s, r) if meet else 0.0
 
 
 @njit
@@ -45,7 +46,7 @@ def keep_answer(layout, work, i, r):
     for m in range(layout.body_start[i], layout.body_start[i + 1]):
         b = layout.order[m]
         for k in range(3):
-            work.response[r, b, k] = work.answer[b, k]
+            work.delassus.response[r, b, k] = work.delassus.answer[b, k]
 
 
 @njit
@@ -79,7 +80,8 @@ def clear_linkage(layout, f, i):
 @njit
 def rate_of_response(work, s, r):
     """G_s W G_rᵀ."""
-    a, b, G, P = work.row_a[s], work.row_b[s], work.G, work.response
+    rows = work.constraints
+    a, b, G, P = rows.body_a[s], rows.body_b[s], rows.G, work.delassus.response
     return (
         G[s, 0] * P[r, a, 0]
         + G[s, 1] * P[r, a, 1]
@@ -94,71 +96,75 @@ def rate_of_response(work, s, r):
 def apply_rows(model, work, n, out):
     """out += W Gᵀ λ."""
     for r in range(n):
-        x = work.lam[r]
+        x = work.lcp.lam[r]
         if x != 0.0:
             for b in range(model.bodies - 1):
                 for k in range(3):
-                    out[b, k] += x * work.response[r, b, k]
+                    out[b, k] += x * work.delassus.response[r, b, k]
 
 
 @njit
 def note_impulses(work, n, scale):
     """Books contact impulses λ · scale [N s] for the report of the step: record by row key, place, normal, overlap."""
+    report = work.report
     for r in range(n):
         at = note_of(work, r)
         if at >= 0:
-            note = work.note[at]
             x, y = push_on_b(work, n, r)
-            note[4] += scale * x
-            note[5] += scale * y
-            note[6] = max(note[6], -work.gap[r])
+            report.impulse[at, 0] += scale * x
+            report.impulse[at, 1] += scale * y
+            report.overlap[at] = max(report.overlap[at], -work.constraints.gap[r])
 
 
 @njit
 def hold_resting(layout, work, n):
     """Keeps the forces of contacts whose bodies both sleep, for `note_resting`."""
-    for k in range(work.counts[3]):
-        work.note[k, 7] = work.note[k, 8] = 0.0
+    rows, report = work.constraints, work.report
+    for k in range(report.count):
+        report.resting_force[k, 0] = report.resting_force[k, 1] = 0.0
     for r in range(n):
-        if not moves(layout, work, work.row_a[r], work.row_b[r]):
+        if not moves(layout, work, rows.body_a[r], rows.body_b[r]):
             at = note_of(work, r)
             if at >= 0:
-                work.note[at, 7], work.note[at, 8] = push_on_b(work, n, r)
-                work.note[at, 6] = max(work.note[at, 6], -work.gap[r])
+                report.resting_force[at, 0], report.resting_force[at, 1] = push_on_b(work, n, r)
+                report.overlap[at] = max(report.overlap[at], -rows.gap[r])
 
 
 @njit
 def note_resting(work, time):
     """Books what the contacts of sleeping bodies pushed for `time` [s]."""
-    for k in range(work.counts[3]):
-        work.note[k, 4] += time * work.note[k, 7]
-        work.note[k, 5] += time * work.note[k, 8]
-        work.note[k, 7] = work.note[k, 8] = 0.0
+    report = work.report
+    for k in range(report.count):
+        for axis in range(2):
+            report.impulse[k, axis] += time * report.resting_force[k, axis]
+            report.resting_force[k, axis] = 0.0
 
 
 @njit
 def note_of(work, r):
     """Place of row r in the report, made if it is new; −1 if it does not belong there."""
-    if work.source[r] != 0 or work.kind[r] != NORMAL or work.lam[r] <= 0.0:
+    if work.constraints.source[r] != 0 or work.constraints.kind[r] != NORMAL or work.lcp.lam[r] <= 0.0:
         return -1
-    at = 0
-    while at < work.counts[3] and work.note_key[at] != work.key[r]:
+    rows, report, at = work.constraints, work.report, 0
+    while at < report.count and report.key[at] != rows.key[r]:
         at += 1
     if at == MOST_ROWS:
         return -1
-    if at == work.counts[3]:
-        work.counts[3] += 1
-        for k in range(9):
-            work.note[at, k] = 0.0
-    work.note_key[at], work.note_pair[at] = work.key[r], work.index[r]
-    work.note[at, 0], work.note[at, 1] = work.place[r, 0], work.place[r, 1]
-    work.note[at, 2], work.note[at, 3] = work.G[r, 3], work.G[r, 4]
+    if at == report.count:
+        report.count += 1
+        report.overlap[at] = 0.0
+        for axis in range(2):
+            report.impulse[at, axis] = report.resting_force[at, axis] = 0.0
+    report.key[at], report.pair[at] = rows.key[r], rows.index[r]
+    for axis in range(2):
+        report.place[at, axis], report.normal[at, axis] = rows.place[r, axis], rows.G[r, 3 + axis]
     return at
 
 
 @njit
 def push_on_b(work, n, r):
     """λ of a normal row, and of its friction, as a vector on body b."""
-    nx, ny = work.G[r, 3], work.G[r, 4]
-    along = work.lam[r + 1] if r + 1 < n and work.partner[r + 1] == r else 0.0
-    return work.lam[r] * nx - along * ny, work.lam[r] * ny + along * nx
+    rows, lcp = work.constraints, work.lcp
+    nx, ny = rows.G[r, 3], rows.G[r, 4]
+    along = lcp.lam[r + 1] if r + 1 < n and rows.partner[r + 1] == r else 0.0
+    return lcp.lam[r] * nx - along * ny, lcp.lam[r] * ny + along * nx

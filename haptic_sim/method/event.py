@@ -14,7 +14,7 @@ from haptic_sim.method.delassus_operator import copy
 from haptic_sim.method.impact import TOUCHING
 from haptic_sim.method.joints import coordinate_row
 from haptic_sim.method.lcp import FREE, LOW, NORMAL, SLIDING, limit_of
-from haptic_sim.method.narrow_phase import GAP, evaluate, far_apart, gap_of, place_shapes, touch
+from haptic_sim.method.narrow_phase import evaluate, far_apart, gap_of, place_shapes, touch
 from haptic_sim.reduction.model import SPRING
 
 PASSES = 60
@@ -31,8 +31,9 @@ def first_event(model, layout, work, n):
 
     Events 0…p−1 are gaps of pairs, then follow the slips of the n rows, then the limits of joints.
     """
-    place_shapes(model, layout, work, work.trial_q)
-    forces_at(model, layout, work, work.trial_q, work.trial_v, n)
+    trial = work.trial
+    place_shapes(model, layout, work, trial.q)
+    forces_at(model, layout, work, trial.q, trial.v, n)
     worst, event = -TOUCHING, -1
     for e in range(model.pair_count + n + model.joints):
         value = event_value(model, layout, work, n, e)
@@ -50,15 +51,15 @@ def event_value(model, layout, work, n, e):
     if e >= pairs + n:
         return limit_gap(model, layout, work, n, e - pairs - n)
     r = e - pairs
-    if work.kind[r] != SLIDING:
+    if work.constraints.kind[r] != SLIDING:
         return spare_force(work, r)
-    slip = rate_of(work, work.trial_v, r) - wished(model, work, r)
-    return slip if work.mode[r] == LOW else -slip
+    slip = rate_of(work, work.trial.v, r) - wished(model, work, r)
+    return slip if work.lcp.mode[r] == LOW else -slip
 
 
 @njit
 def forces_at(model, layout, work, q, v, n):
-    """Contact forces at q, v at the time of work.clock[1] into work.lam."""
+    """Contact forces at q, v at the time of work.clock.stage into work.lcp.lam."""
     if n > 0:
         accelerate(model, layout, work, q, v, n)
 
@@ -66,16 +67,18 @@ def forces_at(model, layout, work, q, v, n):
 @njit
 def spare_force(work, r):
     """How much more a held row may be pulled [N], before it parts or slips."""
-    if work.mode[r] != FREE:
+    lcp = work.lcp
+    if lcp.mode[r] != FREE:
         return 0.0
-    if work.kind[r] == NORMAL:
-        return work.lam[r] + SPARE
-    return limit_of(work, r, 1.0) * (1.0 + SHARE) + SPARE - abs(work.lam[r])
+    if work.constraints.kind[r] == NORMAL:
+        return lcp.lam[r] + SPARE
+    return limit_of(work, r, 1.0) * (1.0 + SHARE) + SPARE - abs(lcp.lam[r])
 
 
 @njit
 def pair_gap(model, layout, work, n, p):
     """Gap of a pair [m]; if it is in contact, of what else of it could touch."""
+    narrow_phase = work.narrow_phase
     if not moves(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
         return math.inf
     s, u = model.pairs[p, 0], model.pairs[p, 1]
@@ -84,25 +87,26 @@ def pair_gap(model, layout, work, n, p):
         return distance
     held = False
     for r in range(n):
-        held |= work.source[r] == 0 and work.index[r] == p
+        held |= work.constraints.source[r] == 0 and work.constraints.index[r] == p
     if not held:
         return gap_of(model, work, s, u)
     least = math.inf
     for k in range(touch(model, work, s, u)):
-        if not is_held(work, n, p, work.features[k]):
-            evaluate(layout, work, work.features[k])
-            least = min(least, work.contact[GAP])
+        if not is_held(work, n, p, narrow_phase.features[k]):
+            evaluate(layout, work, narrow_phase.features[k])
+            least = min(least, narrow_phase.contact.gap)
     return least
 
 
 @njit
 def is_held(work, n, p, feature):
     """Whether the contact of pair p at this feature is one of the rows."""
+    rows = work.constraints
     for r in range(n):
-        if work.source[r] == 0 and work.index[r] == p and work.kind[r] == NORMAL:
+        if rows.source[r] == 0 and rows.index[r] == p and rows.kind[r] == NORMAL:
             same = True
             for k in range(4):
-                same &= work.feature[r, k] == feature[k]
+                same &= rows.feature[r, k] == feature[k]
             if same:
                 return True
     return False
@@ -111,6 +115,7 @@ def is_held(work, n, p, feature):
 @njit
 def limit_gap(model, layout, work, n, j):
     """Way left to the nearer limit of joint j that is not held."""
+    rows = work.constraints
     low, high = model.joint_limit[j, 0], model.joint_limit[j, 1]
     unlimited = low == -math.inf and high == math.inf
     if (
@@ -120,12 +125,12 @@ def limit_gap(model, layout, work, n, j):
     ):
         return math.inf
     for r in range(n):
-        if work.source[r] == LIMIT and work.index[r] == j:
-            if work.feature[r, 3] > 0:
+        if rows.source[r] == LIMIT and rows.index[r] == j:
+            if rows.feature[r, 3] > 0:
                 low = -math.inf
             else:
                 high = math.inf
-    at = coordinate_row(model, work.trial_q, work.trial_v, j, work.row)[0]
+    at = coordinate_row(model, work.trial.q, work.trial.v, j, work.joint_row)[0]
     return min(at - low, high - at)
 
 
@@ -146,14 +151,15 @@ def locate(model, layout, work, n, tau, event, value):
 @njit
 def value_after(model, layout, work, n, time, event):
     """An event's value after `time` [s], which becomes the trial state."""
+    trial = work.trial
     if time > 0.0:
         advance(model, layout, work, time, n)
     else:
-        copy(work.q, work.trial_q, model.bodies)
-        copy(work.v, work.trial_v, model.bodies)
-        work.clock[1] = work.clock[0]
-    place_shapes(model, layout, work, work.trial_q)
-    forces_at(model, layout, work, work.trial_q, work.trial_v, n)
+        copy(work.q, trial.q, model.bodies)
+        copy(work.v, trial.v, model.bodies)
+        work.clock.stage = work.clock.state
+    place_shapes(model, layout, work, trial.q)
+    forces_at(model, layout, work, trial.q, trial.v, n)
     return event_value(model, layout, work, n, event)
 
 

@@ -38,8 +38,8 @@ UNSOLVED, STRUCK = -1, -2
 def fly(model, layout, work, h):
     """Advances the active linkages by h [s]; returns the time left over when it had to give up, else 0."""
     for i in range(layout.linkages):
-        work.flying[i] = work.active[i]
-    work.clock[0] = work.clock[1] = 0.0
+        work.event_integration.flying[i] = work.active[i]
+    work.clock.state = work.clock.stage = 0.0
     left = h
     for _ in range(MOST_EVENTS):
         n = present_rows(model, layout, work, True)
@@ -62,12 +62,11 @@ def fly(model, layout, work, h):
         note_impulses(work, n, tau)
         if resting:
             note_resting(work, tau)
-        work.clock[0] += tau
-        work.clock[1] = work.clock[0]
-        work.port[13] += work.supply
-        work.port[20] += work.lost
+        work.clock.state += tau
+        work.clock.stage = work.clock.state
+        work.port.supplied += work.trial.supplied
+        work.accounts.contacts += work.trial.taken
         if event >= 0:
-            work.counts[2] += 1
             impact(model, layout, work)
         left -= tau
         if left <= 1e-15 * h:
@@ -85,10 +84,10 @@ def soar(model, layout, work, n, left):
         tau = locate(model, layout, work, n, tau, event, value)
         if tau < 0.0:
             return tau, event
-    copy(work.trial_q, work.q, model.bodies)
-    copy(work.trial_v, work.v, model.bodies)
+    copy(work.trial.q, work.q, model.bodies)
+    copy(work.trial.v, work.v, model.bodies)
     for r in range(n):
-        work.lam[r] = work.forces[r]
+        work.lcp.lam[r] = work.event_integration.force[r]
     return tau, event
 
 
@@ -103,7 +102,7 @@ def present_rows(model, layout, work, all_awake):
     refresh(model, layout, work, q, v, n)
     n = keep_rows(work, v, n, TOUCHING, RESTING)
     for r in range(n):
-        if work.kind[r] == NORMAL and rate_of(work, v, r) < -RESTING:
+        if work.constraints.kind[r] == NORMAL and rate_of(work, v, r) < -RESTING:
             return STRUCK
     recall(work, n)
     for r in range(n):
@@ -111,14 +110,14 @@ def present_rows(model, layout, work, all_awake):
     free_acceleration(model, layout, work, q, v)
     respond_rows(model, layout, work, n)
     for r in range(n):
-        work.b[r] = rate_of(work, work.free_v, r) + work.gamma[r]
+        work.lcp.b[r] = rate_of(work, work.constrained_dynamics.acceleration, r) + work.constraints.gamma[r]
     if solve_modes(work, n, 1.0, 60) < 0:
-        work.counts[1] = 0
+        work.warm_start.count = 0
         return UNSOLVED
     if all_awake:
         remember(work, n)
     for r in range(n):
-        work.forces[r] = work.lam[r]
+        work.event_integration.force[r] = work.lcp.lam[r]
     return n
 
 
@@ -129,21 +128,21 @@ def lay_to_rest(model, layout, work, n, left):
     The contact forces have been solved for and hold them: to integrate them would only move rounding about. Who
     touches one that moves, or that the hand pulls, stays awake. Returns how many sleep.
     """
-    a = work.free_v
+    a, moving = work.constrained_dynamics.acceleration, work.event_integration.moving
     apply_rows(model, work, n, a)
     for i in range(layout.linkages):
-        work.moving[i] = 0
+        moving[i] = 0
         for m in range(layout.body_start[i], layout.body_start[i + 1]):
             b = layout.order[m]
             for k in range(3):
                 if abs(work.v[b, k]) > RESTING or abs(a[b, k]) * left > RESTING:
-                    work.moving[i] = 1
-    if work.port[19] > 0.0:
-        work.moving[layout.linkage[0]] = 1
+                    moving[i] = 1
+    if work.coupling.event_driven:
+        moving[layout.linkage[0]] = 1
     spread_motion(layout, work, n)
     asleep = 0
     for i in range(layout.linkages):
-        if work.active[i] > 0 and work.moving[i] == 0:
+        if work.active[i] > 0 and moving[i] == 0:
             work.active[i] = 0
             asleep += 1
             for m in range(layout.body_start[i], layout.body_start[i + 1]):
@@ -156,13 +155,13 @@ def lay_to_rest(model, layout, work, n, left):
 @njit
 def spread_motion(layout, work, n):
     """Who shares a row with one that moves moves too."""
-    changed = True
+    rows, moving, changed = work.constraints, work.event_integration.moving, True
     while changed:
         changed = False
         for r in range(n):
-            a, b = layout.linkage[work.row_a[r]], layout.linkage[work.row_b[r]]
-            if a >= 0 and b >= 0 and work.moving[a] != work.moving[b]:
-                work.moving[a] = work.moving[b] = 1
+            a, b = layout.linkage[rows.body_a[r]], layout.linkage[rows.body_b[r]]
+            if a >= 0 and b >= 0 and moving[a] != moving[b]:
+                moving[a] = moving[b] = 1
                 changed = True
 
 
@@ -179,18 +178,18 @@ def count_awake(layout, work):
 def wake(layout, work):
     """All linkages of this flight are active again."""
     for i in range(layout.linkages):
-        work.active[i] = work.flying[i]
+        work.active[i] = work.event_integration.flying[i]
 
 
 @njit
 def set_sense(model, work, v, r):
     """A row that slips has its friction against the slip; a resting one may stick. A motor's slip is from its speed."""
-    if work.kind[r] != FRICTION:
+    if work.constraints.kind[r] != FRICTION:
         return
     slip = rate_of(work, v, r) - wished(model, work, r)
     if abs(slip) > RESTING:
-        work.kind[r] = SLIDING
-        work.mode[r] = LOW if slip > 0.0 else HIGH
+        work.constraints.kind[r] = SLIDING
+        work.lcp.mode[r] = LOW if slip > 0.0 else HIGH
 
 
 @njit

@@ -49,14 +49,14 @@ def impact(model, layout, work):
     n = touching_rows(model, layout, work)
     if n == 0:
         return
-    copy(work.v, work.trial_v, model.bodies)
+    copy(work.v, work.trial.v, model.bodies)
     strike(model, layout, work, n, 1.0)
     given = drives_work(model, work, work.v, n)
     if kinetic(model, layout, work, work.v) - given - before > 1e-12 * (before + abs(given)):
-        copy(work.trial_v, work.v, model.bodies)
+        copy(work.trial.v, work.v, model.bodies)
         strike(model, layout, work, n, 0.0)
     note_impulses(work, n, 1.0)
-    work.port[20] += before - kinetic(model, layout, work, work.v)
+    work.accounts.contacts += before - kinetic(model, layout, work, work.v)
 
 
 @njit
@@ -84,17 +84,18 @@ def touching_contacts(model, layout, work):
             continue
         if far_apart(layout, work, s, u) <= TOUCHING and gap_of(model, work, s, u) <= TOUCHING:
             for k in range(touch(model, work, s, u)):
-                n = add_contact(model, layout, work, n, p, work.features[k])
+                n = add_contact(model, layout, work, n, p, work.narrow_phase.features[k])
     return n
 
 
 @njit
 def strike(model, layout, work, n, scale):
     """v⁺ with the pairs' restitution times `scale`."""
+    rows, lcp = work.constraints, work.lcp
     for r in range(n):
-        work.b[r] = rate_of(work, work.v, r) - wished(model, work, r)
-        if work.kind[r] == NORMAL and work.source[r] == 0 and work.b[r] < -RESTING:
-            work.b[r] *= 1.0 + scale * model.pair_restitution[work.index[r]]
+        lcp.b[r] = rate_of(work, work.v, r) - wished(model, work, r)
+        if rows.kind[r] == NORMAL and rows.source[r] == 0 and lcp.b[r] < -RESTING:
+            lcp.b[r] *= 1.0 + scale * model.pair_restitution[rows.index[r]]
     if solve_modes(work, n, 1.0, 60) < 0:
         lemke(work, n)
     apply_rows(model, work, n, work.v)

@@ -30,7 +30,7 @@ So does a step that gains energy by it all the same, as with a coupling that is 
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.method.constrained_dynamics import close_joints, power
+from haptic_sim.method.constrained_dynamics import close_joints, power, work_at_port
 from haptic_sim.method.constraints import add_joints, drives_work, rate_of, recall, refresh, remember, wished
 from haptic_sim.method.continuous_collision import add_met, look_around
 from haptic_sim.method.delassus_operator import apply_rows, copy, note_impulses, respond_rows
@@ -50,12 +50,12 @@ PASSES = 6
 @njit
 def press(model, layout, work, h):
     """Advances the active linkages by one backward difference of h [s]; sets the force on the tool if it is one."""
-    q, v, free = work.q, work.v, work.free_v
+    q, v, free = work.q, work.v, work.implicit_step.velocity
     before = energy_held(model, layout, work, work.q, work.v)
     x, y, angle = work.q[0, 0], work.q[0, 1], work.q[0, 2]
     free_velocity(model, layout, work, h)
     n = add_joints(model, layout, work, 0, q, v, 1e9, h)
-    copy(free, work.trial_v, model.bodies)
+    copy(free, work.trial.v, model.bodies)
     look_around(model, layout, work)
     for _ in range(PASSES):
         move(model, layout, work, h)
@@ -72,20 +72,20 @@ def press(model, layout, work, h):
     given = drives_work(model, work, work.v, n)
     reached = energy_held(model, layout, work, work.q, work.v)
     put_right(model, layout, work, n)
-    if work.port[17] == 0.0:
-        port, q = work.port, work.q
-        supplied = port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
+    if work.contact_model.stiffness == 0.0:
+        supplied = work_at_port(work, x, y, angle)
         if work.active[layout.linkage[0]] == 0:
             supplied = 0.0
         brake(model, layout, work, before + supplied + given)
-    work.port[21] += energy_held(model, layout, work, work.q, work.v) - reached
+    work.accounts.correction += energy_held(model, layout, work, work.q, work.v) - reached
 
 
 @njit
 def free_velocity(model, layout, work, h):
-    """v⁺ without contacts, of the active linkages, into work.free_v."""
-    q, v, f, port, free = work.q, work.v, work.smooth, work.port, work.free_v
-    applied_forces(model, q, v, False, work.row, f)
+    """v⁺ without contacts, of the active linkages, into work.implicit_step.velocity."""
+    q, v, f, free = work.q, work.v, work.implicit_step.momentum, work.implicit_step.velocity
+    handle, coupling = work.handle, work.coupling
+    applied_forces(model, q, v, False, work.joint_row, f)
     for b in range(model.bodies - 1):
         mass, inertia = model.mass[b], model.inertia[b]
         f[b, 0], f[b, 1], f[b, 2] = (
@@ -94,8 +94,8 @@ def free_velocity(model, layout, work, h):
             (inertia * v[b, 2] + h * f[b, 2]),
         )
     for k in range(3):
-        stiffness, damping = (port[6], port[7]) if k < 2 else (port[8], port[9])
-        f[0, k] += h * (stiffness * (port[k] - q[0, k]) + damping * port[3 + k])
+        spring = coupling.stiffness[k] * (handle.position[k] - q[0, k])
+        f[0, k] += h * (spring + coupling.damping[k] * handle.velocity[k])
     copy(v, free, model.bodies)
     for i in range(layout.linkages):
         if work.active[i] > 0:
@@ -106,44 +106,46 @@ def free_velocity(model, layout, work, h):
 @njit
 def move(model, layout, work, h):
     """Trial poses: the way of the step along the trial velocities; who is not held stays."""
-    copy(work.q, work.trial_q, model.bodies)
+    trial = work.trial
+    copy(work.q, trial.q, model.bodies)
     for b in range(model.bodies - 1):
         if work.active[layout.linkage[b]] > 0:
             for k in range(3):
-                work.trial_q[b, k] += h * work.trial_v[b, k]
+                trial.q[b, k] += h * trial.v[b, k]
 
 
 @njit
 def solve(model, layout, work, n, h, scale):
     """Trial velocities with n rows; restitution times `scale`."""
-    free = work.free_v
+    rows, lcp = work.constraints, work.lcp
+    free = work.implicit_step.velocity
     place_shapes(model, layout, work, work.q)
     refresh(model, layout, work, work.q, work.v, n)
     respond_rows(model, layout, work, n)
-    stiffness, damping = work.port[17], work.port[18]
+    stiffness, damping = work.contact_model.stiffness, work.contact_model.damping
     for r in range(n):
-        work.b[r] = rate_of(work, free, r)
-        if work.kind[r] == NORMAL and work.source[r] == 0 and stiffness > 0.0:
-            work.b[r] += work.gap[r] * stiffness / (damping + h * stiffness)
-            work.A[r, r] += 1.0 / (h * (damping + h * stiffness))
-        elif work.kind[r] == NORMAL:
-            work.b[r] += room(model, work, r, h, scale)
+        lcp.b[r] = rate_of(work, free, r)
+        if rows.kind[r] == NORMAL and rows.source[r] == 0 and stiffness > 0.0:
+            lcp.b[r] += rows.gap[r] * stiffness / (damping + h * stiffness)
+            lcp.A[r, r] += 1.0 / (h * (damping + h * stiffness))
+        elif rows.kind[r] == NORMAL:
+            lcp.b[r] += room(model, work, r, h, scale)
         else:
-            work.b[r] -= wished(model, work, r)
-        work.mode[r] = FREE
+            lcp.b[r] -= wished(model, work, r)
+        lcp.mode[r] = FREE
     recall(work, n)
     if solve_modes(work, n, 1.0, 60) < 0:
         lemke(work, n)
     remember(work, n)
-    copy(free, work.trial_v, model.bodies)
-    apply_rows(model, work, n, work.trial_v)
+    copy(free, work.trial.v, model.bodies)
+    apply_rows(model, work, n, work.trial.v)
 
 
 @njit
 def room(model, work, r, h, scale):
     """What a normal row adds to its rate G v⁺: the way it has left, gap/h; in a step that would use it up a rebound."""
-    left = min(max(work.gap[r], 0.0) / h, FAR)
-    if rate_of(work, work.free_v, r) + left > 0.0:
+    left = min(max(work.constraints.gap[r], 0.0) / h, FAR)
+    if rate_of(work, work.implicit_step.velocity, r) + left > 0.0:
         return left
     back = scale * rebound(model, work, r)
     return -back if back > 0.0 else left
@@ -152,10 +154,11 @@ def room(model, work, r, h, scale):
 @njit
 def rebound(model, work, r):
     """Rate −e G v⁻ [m/s] at which row r parts after an impact; 0 where it is none, or one too slow."""
-    if work.kind[r] != NORMAL or work.source[r] != 0:
+    rows = work.constraints
+    if rows.kind[r] != NORMAL or rows.source[r] != 0:
         return 0.0
-    e, approach = model.pair_restitution[work.index[r]], -rate_of(work, work.v, r)
-    change = abs(rate_of(work, work.free_v, r) + approach)
+    e, approach = model.pair_restitution[rows.index[r]], -rate_of(work, work.v, r)
+    change = abs(rate_of(work, work.implicit_step.velocity, r) + approach)
     return e * approach if approach > RESTING and approach * (1.0 - e * e) >= 2.0 * change * e else 0.0
 
 
@@ -171,20 +174,20 @@ def rebounds(model, work, n):
 @njit
 def gained(model, layout, work, n):
     """Energy [J] that the trial state has more than the present one and what port, motors and belts supply."""
-    supplied = drives_work(model, work, work.trial_v, n)
+    trial = work.trial
+    supplied = drives_work(model, work, trial.v, n)
     if work.active[layout.linkage[0]] > 0:
         for k in range(3):
-            supplied += pull(work, k) * (work.trial_q[0, k] - work.q[0, k])
-    held = energy_held(model, layout, work, work.trial_q, work.trial_v)
+            supplied += pull(work, k) * (trial.q[0, k] - work.q[0, k])
+    held = energy_held(model, layout, work, trial.q, trial.v)
     return held - energy_held(model, layout, work, work.q, work.v) - supplied
 
 
 @njit
 def pull(work, k):
     """Coupling's force on axis k of the tool in the trial state [N | N m]."""
-    port = work.port
-    stiffness, damping = (port[6], port[7]) if k < 2 else (port[8], port[9])
-    return stiffness * (port[k] - work.trial_q[0, k]) + damping * (port[3 + k] - work.trial_v[0, k])
+    spring = work.coupling.stiffness[k] * (work.handle.position[k] - work.trial.q[0, k])
+    return spring + work.coupling.damping[k] * (work.handle.velocity[k] - work.trial.v[0, k])
 
 
 @njit
@@ -193,14 +196,15 @@ def take(model, layout, work, n):
 
     An impulse λ on a velocity that goes from v to v⁺ does the work λ · G (v + v⁺)/2.
     """
-    q, v, port = work.q, work.v, work.port
+    trial = work.trial
+    q, v = work.q, work.v
     note_impulses(work, n, 1.0)
-    port[20] -= 0.5 * (power(work, v, n) + power(work, work.trial_v, n))
+    work.accounts.contacts -= 0.5 * (power(work, v, n) + power(work, trial.v, n))
     if work.active[layout.linkage[0]] > 0:
         for k in range(3):
-            port[10 + k] = pull(work, k)
-    copy(work.trial_v, v, model.bodies)
-    copy(work.trial_q, q, model.bodies)
+            work.port.force[k] = pull(work, k)
+    copy(trial.v, v, model.bodies)
+    copy(trial.q, q, model.bodies)
 
 
 @njit
@@ -209,14 +213,14 @@ def put_right(model, layout, work, n):
     for i in range(layout.linkages):
         if work.active[i] > 0 and layout.joint_start[i + 1] > layout.joint_start[i]:
             settle(model, layout, work, i)
-    if n > 0 and work.port[17] == 0.0:
+    if n > 0 and work.contact_model.stiffness == 0.0:
         push_out(model, layout, work, n)
 
 
 @njit
 def energy_held(model, layout, work, q, v):
     """Kinetic energy of the active linkages, their potential energy and that of all springs [J], at q, v."""
-    energy = kinetic(model, layout, work, v) + spring_energy(model, q, v, work.row)
+    energy = kinetic(model, layout, work, v) + spring_energy(model, q, v, work.joint_row)
     for b in range(model.bodies - 1):
         if work.active[layout.linkage[b]] > 0:
             energy -= model.mass[b] * (model.gravity[0] * q[b, 0] + model.gravity[1] * q[b, 1])
@@ -247,7 +251,7 @@ def settle(model, layout, work, i):
 
     Of all ways to do it this one never adds energy.
     """
-    q, v, f = work.q, work.v, work.smooth
+    q, v, f = work.q, work.v, work.stabilization.momentum
     close_joints(model, layout, work, i, q, v)
     reduce_linkage(model, layout, work, i, q, v, 0.0)
     for m in range(layout.body_start[i], layout.body_start[i + 1]):
@@ -259,17 +263,18 @@ def settle(model, layout, work, i):
 @njit
 def push_out(model, layout, work, n):
     """Takes overlaps that the turning of the rows has left out of the positions; velocities stay."""
+    rows = work.constraints
     place_shapes(model, layout, work, work.q)
     refresh(model, layout, work, work.q, work.v, n)
     deepest = 0.0
     for r in range(n):
-        if work.kind[r] == NORMAL:
-            deepest = min(deepest, work.gap[r])
+        if rows.kind[r] == NORMAL:
+            deepest = min(deepest, rows.gap[r])
     if deepest > -TOUCHING:
         return
     respond_rows(model, layout, work, n)
     for r in range(n):
-        work.b[r] = work.gap[r]
-        work.mode[r] = FREE if work.kind[r] == FRICTION or work.gap[r] < 0.0 else 0
+        work.lcp.b[r] = rows.gap[r]
+        work.lcp.mode[r] = FREE if rows.kind[r] == FRICTION or rows.gap[r] < 0.0 else 0
     solve_modes(work, n, 0.0, 60)
     apply_rows(model, work, n, work.q)

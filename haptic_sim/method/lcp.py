@@ -29,7 +29,7 @@ ROUNDING = 1e-9
 
 @njit
 def solve_modes(work, n, share, limit):
-    """Solves the rows 0…n−1 in place (`work.mode` is the first guess and the answer). Returns pivots used, or −1.
+    """Solves the rows 0…n−1 in place (`work.lcp.mode` is the first guess and the answer). Returns pivots used, or −1.
 
     `share` of the friction acts: 1, or 0 where constraints are only put right.
     """
@@ -47,15 +47,16 @@ def solve_modes(work, n, share, limit):
         if patience > 0:
             count_wrong(work, n, share, True)
         else:
-            work.mode[last] = better(work, n, share, last)
+            work.lcp.mode[last] = better(work, n, share, last)
     return -1
 
 
 @njit
 def limit_of(work, r, share):
     """Bound on |λ_r|."""
-    normal = work.partner[r]
-    return share * (work.bound[r] + (work.mu[r] * max(work.lam[normal], 0.0) if normal >= 0 else 0.0))
+    rows = work.constraints
+    normal = rows.partner[r]
+    return share * (rows.bound[r] + (rows.mu[r] * max(work.lcp.lam[normal], 0.0) if normal >= 0 else 0.0))
 
 
 @njit
@@ -64,17 +65,18 @@ def count_wrong(work, n, share, change):
     wrong, last = 0, -1
     for r in range(n):
         wish = better(work, n, share, r)
-        if wish != work.mode[r]:
+        if wish != work.lcp.mode[r]:
             wrong, last = wrong + 1, r
             if change:
-                work.mode[r] = wish
+                work.lcp.mode[r] = wish
     return wrong, last
 
 
 @njit
 def better(work, n, share, r):
     """The mode that the present solution asks for in row r."""
-    A, lam, kind, mode = work.A, work.lam, work.kind, work.mode
+    lcp = work.lcp
+    A, lam, kind, mode = lcp.A, lcp.lam, work.constraints.kind, lcp.mode
     if kind[r] == SLIDING:
         return mode[r]
     if mode[r] == FREE:
@@ -84,7 +86,7 @@ def better(work, n, share, r):
         if abs(lam[r]) <= most * (1.0 + ROUNDING):
             return FREE
         return HIGH if lam[r] > 0.0 else LOW
-    w, size = work.b[r], abs(work.b[r])
+    w, size = lcp.b[r], abs(lcp.b[r])
     for k in range(n):
         w += A[r, k] * lam[k]
         size += abs(A[r, k] * lam[k])
@@ -100,25 +102,26 @@ def better(work, n, share, r):
 @njit
 def solve_linear(work, n, share):
     """λ for the present modes, by elimination with row pivoting; False if the system is singular."""
-    S, free, m, kind, partner = work.system, work.free, 0, work.kind, work.partner
-    A, lam, mode = work.A, work.lam, work.mode
+    rows, lcp = work.constraints, work.lcp
+    S, free, m, kind, partner = lcp.system, lcp.free, 0, rows.kind, rows.partner
+    A, lam, mode = lcp.A, lcp.lam, lcp.mode
     for r in range(n):
         lam[r] = 0.0
         if mode[r] == FREE and (kind[r] == NORMAL or partner[r] < 0 or mode[partner[r]] == FREE):
-            work.column[r] = m
+            lcp.column[r] = m
             free[m] = r
             m += 1
     for i in range(m):
-        work.bottom[i] = i
+        lcp.bottom[i] = i
     for i in range(m):
         r = free[i]
-        work.last[i] = i
+        lcp.last[i] = i
         for k in range(m):
             S[i, k] = A[r, free[k]]
             if S[i, k] != 0.0:
-                work.last[i], work.bottom[k] = max(work.last[i], k), max(work.bottom[k], i)
+                lcp.last[i], lcp.bottom[k] = max(lcp.last[i], k), max(lcp.bottom[k], i)
         S[i, i] += SOFT * A[r, r]
-        S[i, m] = -work.b[r]
+        S[i, m] = -lcp.b[r]
     for r in range(n):
         if kind[r] != NORMAL and mode[r] != FREE:
             carry(work, r, m, share, -1.0 if mode[r] == LOW else 1.0)
@@ -129,34 +132,36 @@ def solve_linear(work, n, share):
     for r in range(n):
         if kind[r] != NORMAL and mode[r] != FREE:
             sense = -1.0 if mode[r] == LOW else 1.0
-            carried = work.mu[r] * lam[partner[r]] if partner[r] >= 0 else 0.0
-            lam[r] = sense * share * (work.bound[r] + carried)
+            carried = rows.mu[r] * lam[partner[r]] if partner[r] >= 0 else 0.0
+            lam[r] = sense * share * (rows.bound[r] + carried)
     return True
 
 
 @njit
 def carry(work, r, m, share, sense):
     """Inserts λ_r = ± (c + μ λ_n) of a row at its bound into the equations of the free rows."""
-    A, S, free, normal = work.A, work.system, work.free, work.partner[r]
-    seen = normal >= 0 and work.mode[normal] == FREE
+    rows, lcp = work.constraints, work.lcp
+    A, S, free, normal = lcp.A, lcp.system, lcp.free, rows.partner[r]
+    seen = normal >= 0 and lcp.mode[normal] == FREE
     for i in range(m):
-        S[i, m] -= A[free[i], r] * sense * share * work.bound[r]
+        S[i, m] -= A[free[i], r] * sense * share * rows.bound[r]
         if seen:
-            S[i, work.column[normal]] += A[free[i], r] * sense * share * work.mu[r]
-            c = work.column[normal]
-            work.last[i], work.bottom[c] = max(work.last[i], c), max(work.bottom[c], i)
+            S[i, lcp.column[normal]] += A[free[i], r] * sense * share * rows.mu[r]
+            c = lcp.column[normal]
+            lcp.last[i], lcp.bottom[c] = max(lcp.last[i], c), max(lcp.bottom[c], i)
 
 
 @njit
 def gauss(work, m):
     """Solves S[:m, :m] x = S[:m, m] in place; x ends in the last column. False if a pivot is zero.
 
-    Row i is zero beyond column work.last[i], column k below row work.bottom[k]: contacts that share no body do not know
+    Row i is zero beyond column last[i], column k below row bottom[k]: contacts that share no body do not know
     each other, so S is a band.
     """
-    S, last, low = work.system, work.last, 0
+    lcp = work.lcp
+    S, last, low = lcp.system, lcp.last, 0
     for k in range(m):
-        at, low = k, max(low, work.bottom[k])
+        at, low = k, max(low, lcp.bottom[k])
         for i in range(k + 1, low + 1):
             if abs(S[i, k]) > abs(S[at, k]):
                 at = i
@@ -183,7 +188,7 @@ def gauss(work, m):
 @njit
 def swap_rows(work, k, at, m):
     """Rows k and `at` change places."""
-    S, last = work.system, work.last
+    S, last = work.lcp.system, work.lcp.last
     for c in range(k, m + 1):
         kept = S[k, c]
         S[k, c] = S[at, c]

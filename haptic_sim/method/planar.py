@@ -26,7 +26,7 @@ class PlanarWorld:
     def __init__(self, scene: Scene, sub_step: float, advance, stiffness: float = 0.0, damping: float = 0.0):
         self.scene, self.sub_step = scene, sub_step
         self._compiled = reduce_scene(scene)
-        self._advance, self._contact = advance, (stiffness, damping, float(self.by_events))
+        self._advance, self._contact = advance, (stiffness, damping)
         self._gains = Coupling()
         self.reset()
         self.follow(self._way, 0)  # compiled here, not in the second exchange, which then took 20 s
@@ -38,10 +38,13 @@ class PlanarWorld:
         self._count = int(model["bodies"][0]) - 1
         self._pairs = model["pairs"][0]
         self._tool_pairs = {p for p, pair in enumerate(layout["pair_bodies"][0].tolist()) if 0 in pair}
-        self._q, self._v, self._port, self._counts = (work[name][0] for name in ("q", "v", "port", "counts"))
+        self._q, self._v, self._report, self._port, self._accounts, self._counters = (
+            work[name][0] for name in ("q", "v", "report", "port", "accounts", "counters")
+        )
         self._way = np.zeros((2, 6))
-        self._note, self._note_pair = work["note"][0], work["note_pair"][0]
-        self._port[6:10], self._port[17:20] = self._gains, self._contact
+        work["coupling"]["event_driven"] = self.by_events
+        work["contact_model"] = self._contact
+        self._couple()
         self._elastic = self._stored_in_contacts()
         self._read()
 
@@ -51,7 +54,7 @@ class PlanarWorld:
             if not 0.0 <= gain < math.inf:
                 raise ValueError(f"coupling {name} is {gain}; it must be finite and at least 0")
         self._gains = coupling
-        self._port[6:10] = coupling
+        self._couple()
 
     def step(self, handle_position: Planar, handle_velocity: Planar) -> None:
         """Advance one sub-step; the arguments are the handle's at its end."""
@@ -66,24 +69,26 @@ class PlanarWorld:
 
     def follow(self, path: np.ndarray, count: int) -> StepResult:
         """Advance `count` sub-steps from each row of the handle's path (n, 6: position, velocity) to the next."""
-        self._port[13:17], self._port[20:], left_out = 0.0, 0.0, self._counts[4]
+        port, accounts, left_out = self._port, self._accounts, self._counters["left_out"]
+        for name in ("supplied", "touched", "largest_force", "deepest_overlap"):
+            port[name] = 0
+        accounts["contacts"] = accounts["correction"] = 0.0
         self._advance(*self._records, self.sub_step, count, path)
         self._read()
-        supplied, touched, force, depth, *_, taken, correction = self._port[13:].tolist()
         before, self._elastic = self._elastic, self._stored_in_contacts()
         return StepResult(
-            supplied,
-            touched > 0.0,
-            force,
-            depth,
-            int(self._counts[4] - left_out),
-            taken - (self._elastic - before),
-            correction,
+            supplied=float(port["supplied"]),
+            touched=bool(port["touched"]),
+            force=float(port["largest_force"]),
+            depth=float(port["deepest_overlap"]),
+            left_out=int(self._counters["left_out"] - left_out),
+            contacts=float(accounts["contacts"]) - (self._elastic - before),
+            correction=float(accounts["correction"]),
         )
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last sub-step, sorted by bodies and place."""
-        return sorted(self._contact_at(k) for k in range(self._counts[3]))
+        return sorted(self._contact_at(k) for k in range(self._report["count"]))
 
     def bodies(self) -> list[tuple[Planar, Planar]]:
         """Pose and velocity of every moving body's mass centre, as in the compiled model."""
@@ -107,7 +112,13 @@ class PlanarWorld:
     @property
     def refusals(self) -> int:
         """Sub-steps since the start in which event-driven flight gave up and a backward difference took over."""
-        return int(self._counts[0])
+        return int(self._counters["refusals"])
+
+    def _couple(self):
+        stiffness, damping, turning_stiffness, turning_damping = self._gains
+        coupling = self._records[2]["coupling"][0]
+        coupling["stiffness"] = stiffness, stiffness, turning_stiffness
+        coupling["damping"] = damping, damping, turning_damping
 
     def _stored_in_contacts(self):
         return contact_energy(*self._records) if self._contact[0] > 0.0 else 0.0
@@ -115,10 +126,14 @@ class PlanarWorld:
     def _read(self):
         self.position: Planar = tuple(self._q[0].tolist())
         self.velocity: Planar = tuple(self._v[0].tolist())
-        self.force_on_tool: Planar = tuple(self._port[10:13].tolist())
-        self.touching = any(pair in self._tool_pairs for pair in self._note_pair[: self._counts[3]].tolist())
+        self.force_on_tool: Planar = tuple(self._port["force"].tolist())
+        pushing = self._report["pair"][: self._report["count"]].tolist()
+        self.touching = any(pair in self._tool_pairs for pair in pushing)
 
     def _contact_at(self, k):
-        x, y, nx, ny, px, py, depth = self._note[k, :7].tolist()
-        a, b = (self._compiled.shape_names[shape] for shape in self._pairs[self._note_pair[k]])
-        return Contact(a, b, (x, y), (nx, ny), (-px / self.sub_step, -py / self.sub_step), max(depth, 0.0))
+        report = self._report
+        a, b = (self._compiled.shape_names[shape] for shape in self._pairs[report["pair"][k]])
+        place, normal = (tuple(report[name][k].tolist()) for name in ("place", "normal"))
+        px, py = report["impulse"][k].tolist()
+        force = -px / self.sub_step, -py / self.sub_step
+        return Contact(a, b, place, normal, force, max(float(report["overlap"][k]), 0.0))

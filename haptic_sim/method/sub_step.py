@@ -4,7 +4,7 @@
 import math
 
 from haptic_device.jit import kernel, njit
-from haptic_sim.method.constrained_dynamics import pull_tool
+from haptic_sim.method.constrained_dynamics import pull_tool, work_at_port
 from haptic_sim.method.event_integration import fly
 from haptic_sim.method.implicit_step import press
 from haptic_sim.method.narrow_phase import far_apart, gap_of, place_shapes
@@ -22,7 +22,7 @@ def sub_steps(models, layouts, works, h, count, path):
     model, layout, work = models[0], layouts[0], works[0]
     for k in range(count * (len(path) - 1)):
         lead_handle(work, path, k // count, (k % count + 1) / count)
-        if work.port[19] > 0.0:
+        if work.coupling.event_driven:
             follow_hand(work, path, k // count, count, h)
             event_step(model, layout, work, h)
         else:
@@ -32,73 +32,77 @@ def sub_steps(models, layouts, works, h, count, path):
 
 @njit
 def lead_handle(work, path, row, share):
-    """Handle's position and velocity at this share of the way from a row of its path to the next into work.port."""
-    for m in range(6):
-        work.port[m] = (1.0 - share) * path[row, m] + share * path[row + 1, m]
+    """Handle's position and velocity at this share of the way from a row of its path to the next into work.handle."""
+    before, after = path[row], path[row + 1]
+    for k in range(3):
+        work.handle.position[k] = (1.0 - share) * before[k] + share * after[k]
+        work.handle.velocity[k] = (1.0 - share) * before[3 + k] + share * after[3 + k]
 
 
 @njit
 def follow_hand(work, path, row, count, h):
     """Handle a sub-step ago, `count` of which go from this row of its path to the next, and how fast it changes."""
-    for m in range(6):
-        rate = (path[row + 1, m] - path[row, m]) / (count * h)
-        work.hand[0, m], work.hand[1, m] = work.port[m] - h * rate, rate
+    handle, before, after = work.handle, path[row], path[row + 1]
+    for k in range(3):
+        handle.position_rate[k] = (after[k] - before[k]) / (count * h)
+        handle.velocity_rate[k] = (after[3 + k] - before[3 + k]) / (count * h)
+        handle.start_position[k] = handle.position[k] - h * handle.position_rate[k]
+        handle.start_velocity[k] = handle.velocity[k] - h * handle.velocity_rate[k]
 
 
 @njit
 def watch_contacts(layout, work, h):
-    """Books in work.port[14:] whether a contact pushed the tool, a pair's largest force [N], the deepest overlap."""
-    port = work.port
-    for k in range(work.counts[3]):
-        note, pair = work.note[k], work.note_pair[k]
+    """Books in work.port whether a contact pushed the tool, a pair's largest force [N], the deepest overlap."""
+    port, report = work.port, work.report
+    for k in range(report.count):
+        pair = report.pair[k]
         x = y = 0.0
-        for other in range(work.counts[3]):
-            if work.note_pair[other] == pair:
-                x, y = x + work.note[other, 4], y + work.note[other, 5]
+        for other in range(report.count):
+            if report.pair[other] == pair:
+                x, y = x + report.impulse[other, 0], y + report.impulse[other, 1]
         if layout.pair_bodies[pair, 0] == 0 or layout.pair_bodies[pair, 1] == 0:
-            port[14] = 1.0
-        port[15] = max(port[15], math.hypot(x, y) / h)
-        port[16] = max(port[16], note[6])
+            port.touched = 1
+        port.largest_force = max(port.largest_force, math.hypot(x, y) / h)
+        port.deepest_overlap = max(port.deepest_overlap, report.overlap[k])
 
 
 @njit
 def sub_step(model, layout, work, h):
     """Advances all bodies by h [s] and books the energy supplied at the tool's port."""
     x, y, angle = work.q[0, 0], work.q[0, 1], work.q[0, 2]
-    work.counts[3] = 0
-    for k in range(10, 13):
-        work.port[k] = 0.0
-    held = hold_to_tool(model, layout, work, h) if work.port[17] == 0.0 else hold_all(layout, work)
+    work.report.count = 0
+    for k in range(3):
+        work.port.force[k] = 0.0
+    held = hold_to_tool(model, layout, work, h) if work.contact_model.stiffness == 0.0 else hold_all(layout, work)
     if held < layout.linkages:
         for i in range(layout.linkages):
             work.active[i] = 1 - work.active[i]
         left = fly(model, layout, work, h)
         if left > 0.0:
-            work.counts[0] += 1
+            work.counters.refusals += 1
             press(model, layout, work, left)
         for i in range(layout.linkages):
             work.active[i] = 1 - work.active[i]
     if held > 0:
         press(model, layout, work, h)
-    q, port = work.q, work.port
-    port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
+    work.port.supplied += work_at_port(work, x, y, angle)
 
 
 @njit
 def event_step(model, layout, work, h):
     """Advances all bodies by h [s] from event to event, the coupling a force along the handle's straight way."""
-    q, port = work.q, work.port
-    work.counts[3] = 0
+    q = work.q
+    work.report.count = 0
     hold_all(layout, work)
     left = fly(model, layout, work, h)
     if left > 0.0:
-        work.counts[0] += 1
+        work.counters.refusals += 1
         x, y, angle = q[0, 0], q[0, 1], q[0, 2]
         press(model, layout, work, left)
-        port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
+        work.port.supplied += work_at_port(work, x, y, angle)
     pull_tool(work, q, work.v, h)
     for k in range(3):
-        port[10 + k] = work.pull[k]
+        work.port.force[k] = work.constrained_dynamics.tool_force[k]
 
 
 @njit
@@ -114,15 +118,18 @@ def hold_to_tool(model, layout, work, h):
     """Marks as active the linkages that the coupling can act on within h, by joints or contacts; returns how many."""
     for i in range(layout.linkages):
         work.active[i] = 0
-    port, q = work.port, work.q
-    if max(max(port[6], port[7]), max(port[8], port[9])) <= 0.0:
+    handle, q = work.handle, work.q
+    stiffness, damping = work.coupling.stiffness, work.coupling.damping
+    if max(max(stiffness[0], damping[0]), max(stiffness[2], damping[2])) <= 0.0:
         return 0
     work.active[layout.linkage[0]] = 1
     if model.pair_count == 0:
         return 1
     place_shapes(model, layout, work, q)
-    pull = math.hypot(port[0] - q[0, 0], port[1] - q[0, 1]) + h * math.hypot(port[3], port[4])
-    pull += layout.extent[0] * (abs(port[2] - q[0, 2]) + h * abs(port[5])) if port[8] + port[9] > 0.0 else 0.0
+    stretch, velocity = math.hypot(handle.position[0] - q[0, 0], handle.position[1] - q[0, 1]), handle.velocity
+    pull = stretch + h * math.hypot(velocity[0], velocity[1])
+    if stiffness[2] + damping[2] > 0.0:
+        pull += layout.extent[0] * (abs(handle.position[2] - q[0, 2]) + h * abs(velocity[2]))
     held, before, last = 1, 0, model.pair_count - 1
     while before < held < layout.linkages:  # to and fro: a stack is followed in one sweep, whichever way it is numbered
         before = held
