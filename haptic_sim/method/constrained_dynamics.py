@@ -4,34 +4,34 @@
 While no contact is made or broken and nothing starts or stops sliding, the bodies obey a smooth equation in the
 generalized coordinates: joints, touching and sticking contacts are bilateral rows, sliding ones a force. It is
 integrated by an explicit formula, of order 8 in free flight, of order 4 in contact, where a stage costs a solution for
-the contact forces and steps are cut short by events anyway. Then the dependent
-coordinates are then found again from the independent ones by Newton's method, so that constraints hold to rounding.
+the contact forces and steps are cut short by events anyway. Then the dependent coordinates are found again from the
+independent ones by Newton's method, so that constraints hold to rounding.
 """
 
 from haptic_device.jit import njit
-from haptic_sim.method.constraints import rate_of, refresh, wished
-from haptic_sim.method.delassus_operator import apply_rows, copy, respond_rows, zero
+from haptic_sim.method.constraints import constraint_rate, evaluate_constraints, reference_rate
+from haptic_sim.method.delassus_operator import apply_impulses, copy_vectors, delassus_operator, zero_vectors
 from haptic_sim.method.formulas import SLOPES_4, SLOPES_8, WEIGHTS_4, WEIGHTS_8
 from haptic_sim.method.joints import applied_forces
-from haptic_sim.method.lcp import FREE, NORMAL, solve_linear
-from haptic_sim.method.linkage import eliminate, fill_rows, reduce_linkage, respond
+from haptic_sim.method.lcp import FREE, NORMAL, solve_in_modes
+from haptic_sim.method.linkage import apply_inverse_mass, joint_jacobian, partition_coordinates, reduce_linkage
 from haptic_sim.method.narrow_phase import place_shapes
 
-MET = 1e-14
+CONVERGED = 1e-14
 """Residual of a constraint [m | rad] that Newton's method leaves alone."""
 
 
 @njit
-def free_acceleration(model, layout, work, q, v):
+def unconstrained_acceleration(model, layout, work, q, v):
     """Accelerations [m/s², rad/s²] without contacts, into acceleration; 0 for bodies of inactive linkages."""
     linkage, dynamics = work.linkage, work.constrained_dynamics
     applied_forces(model, q, v, True, work.joint_row, dynamics.force)
     f, a = dynamics.force, dynamics.acceleration
     if work.coupling.event_driven:
-        pull_tool(work, q, v, work.clock.stage)
+        coupling_force(work, q, v, work.clock.stage)
         for k in range(3):
             f[0, k] += dynamics.tool_force[k]
-    zero(a, model.bodies)
+    zero_vectors(a, model.bodies)
     for i in range(layout.linkages):
         if work.active[i] == 0:
             continue
@@ -41,14 +41,14 @@ def free_acceleration(model, layout, work, q, v):
             f[b, 0] -= model.mass[b] * linkage.bias[b, 0]
             f[b, 1] -= model.mass[b] * linkage.bias[b, 1]
             f[b, 2] -= model.inertia[b] * linkage.bias[b, 2]
-        respond(layout, work, i, f, a)
+        apply_inverse_mass(layout, work, i, f, a)
         for m in range(layout.body_start[i], layout.body_start[i + 1]):
             for k in range(3):
                 a[layout.order[m], k] += linkage.bias[layout.order[m], k]
 
 
 @njit
-def pull_tool(work, q, v, time):
+def coupling_force(work, q, v, time):
     """Force of the coupling on the tool [N, N, N m] with the handle where it is `time` [s] into the sub-step."""
     handle, coupling, force = work.handle, work.coupling, work.constrained_dynamics.tool_force
     for k in range(3):
@@ -65,22 +65,22 @@ def work_at_port(work, x, y, angle):
 
 
 @njit
-def accelerate(model, layout, work, q, v, n):
+def constrained_acceleration(model, layout, work, q, v, n):
     """Accelerations with n rows in their present modes, into work.constrained_dynamics.acceleration."""
-    free_acceleration(model, layout, work, q, v)
+    unconstrained_acceleration(model, layout, work, q, v)
     if n == 0:
         return
     place_shapes(model, layout, work, q)
-    refresh(model, layout, work, q, v, n)
-    respond_rows(model, layout, work, n)
+    evaluate_constraints(model, layout, work, q, v, n)
+    delassus_operator(model, layout, work, n)
     for r in range(n):
-        work.lcp.b[r] = rate_of(work, work.constrained_dynamics.acceleration, r) + work.constraints.gamma[r]
-    solve_linear(work, n, 1.0)
-    apply_rows(model, work, n, work.constrained_dynamics.acceleration)
+        work.lcp.b[r] = constraint_rate(work, work.constrained_dynamics.acceleration, r) + work.constraints.gamma[r]
+    solve_in_modes(work, n, 1.0)
+    apply_impulses(model, work, n, work.constrained_dynamics.acceleration)
 
 
 @njit
-def advance(model, layout, work, tau, n):
+def runge_kutta_step(model, layout, work, tau, n):
     """Trial state after `tau` [s] from work.q, work.v, brought back to the constraints.
 
     The work of the coupling, and that of the rows, are integrated as well.
@@ -90,40 +90,40 @@ def advance(model, layout, work, tau, n):
     q, v, at_q, at_v, pull = work.q, work.v, dynamics.stage_q, dynamics.stage_v, dynamics.tool_force
     stages = len(weights)
     for s in range(stages):
-        copy(q, at_q, model.bodies)
-        copy(v, at_v, model.bodies)
+        copy_vectors(q, at_q, model.bodies)
+        copy_vectors(v, at_v, model.bodies)
         work.clock.stage = work.clock.state
         for k in range(s):
             if slopes[s, k] != 0.0:
-                add(model, layout, work, at_q, at_v, tau * slopes[s, k], k)
+                add_slope(model, layout, work, at_q, at_v, tau * slopes[s, k], k)
                 work.clock.stage += tau * slopes[s, k]
-        accelerate(model, layout, work, at_q, at_v, n)
-        dynamics.slopes_taken[s] = -power(work, at_v, n)
+        constrained_acceleration(model, layout, work, at_q, at_v, n)
+        dynamics.slopes_taken[s] = -constraint_power(work, at_v, n)
         dynamics.slopes_supplied[s] = pull[0] * at_v[0, 0] + pull[1] * at_v[0, 1] + pull[2] * at_v[0, 2]
         for b in range(model.bodies):
             for k in range(3):
                 dynamics.slopes_q[s, b, k], dynamics.slopes_v[s, b, k] = at_v[b, k], dynamics.acceleration[b, k]
-    copy(q, trial.q, model.bodies)
-    copy(v, trial.v, model.bodies)
+    copy_vectors(q, trial.q, model.bodies)
+    copy_vectors(v, trial.v, model.bodies)
     trial.supplied, trial.taken, work.clock.stage = 0.0, 0.0, work.clock.state + tau
     for s in range(stages):
-        add(model, layout, work, trial.q, trial.v, tau * weights[s], s)
+        add_slope(model, layout, work, trial.q, trial.v, tau * weights[s], s)
         trial.supplied += tau * weights[s] * dynamics.slopes_supplied[s]
         trial.taken += tau * weights[s] * dynamics.slopes_taken[s]
-    bring_back(model, layout, work, trial.q, trial.v, n)
+    project_onto_constraints(model, layout, work, trial.q, trial.v, n)
 
 
 @njit
-def power(work, v, n):
+def constraint_power(work, v, n):
     """What n rows give to bodies at velocities v [W]."""
     given = 0.0
     for r in range(n):
-        given += work.lcp.lam[r] * rate_of(work, v, r)
+        given += work.lcp.lam[r] * constraint_rate(work, v, r)
     return given
 
 
 @njit
-def add(model, layout, work, q, v, part, s):
+def add_slope(model, layout, work, q, v, part, s):
     """Adds a part of the slopes of stage s for bodies that are being advanced."""
     for b in range(model.bodies - 1):
         if work.active[layout.linkage[b]] == 0:
@@ -134,17 +134,17 @@ def add(model, layout, work, q, v, part, s):
 
 
 @njit
-def bring_back(model, layout, work, q, v, n):
+def project_onto_constraints(model, layout, work, q, v, n):
     """Newton steps of the dependent coordinates, then their velocities, then contacts that are held."""
     for i in range(layout.linkages):
         if work.active[i] > 0 and layout.joint_start[i + 1] > layout.joint_start[i]:
-            bring_back_linkage(model, layout, work, i, q, v)
+            project_linkage(model, layout, work, i, q, v)
     if n > 0:
-        bring_back_contacts(model, layout, work, q, v, n)
+        project_contacts(model, layout, work, q, v, n)
 
 
 @njit
-def bring_back_linkage(model, layout, work, i, q, v):
+def project_linkage(model, layout, work, i, q, v):
     """Dependent coordinates and velocities of a linkage from the independent ones."""
     linkage = work.linkage
     first, J = layout.body_start[i], linkage.jacobian
@@ -165,11 +165,11 @@ def close_joints(model, layout, work, i, q, v):
     first, J, rank = layout.body_start[i], work.linkage.jacobian, 0
     columns = 3 * (layout.body_start[i + 1] - first)
     for _ in range(8):
-        rank = eliminate(work, fill_rows(model, layout, work, i, q, v), columns)
+        rank = partition_coordinates(work, joint_jacobian(model, layout, work, i, q, v), columns)
         largest = 0.0
         for r in range(rank):
             largest = max(largest, abs(J[r, columns + 1]))
-        if largest < MET:
+        if largest < CONVERGED:
             break
         for r in range(rank):
             c = work.linkage.pivot[r]
@@ -178,36 +178,33 @@ def close_joints(model, layout, work, i, q, v):
 
 
 @njit
-def bring_back_contacts(model, layout, work, q, v, n):
-    """Gaps of held contacts to zero, by the least motion in the sense of the masses; then held rates to zero."""
+def project_contacts(model, layout, work, q, v, n):
+    """Gaps of held contacts to zero, by the least motion in the sense of the masses; then held rates to zero.
+
+    Sliding rows are left without force.
+    """
     for i in range(layout.linkages):
         if work.active[i] > 0:
             reduce_linkage(model, layout, work, i, q, v, 0.0)
     place_shapes(model, layout, work, q)
-    refresh(model, layout, work, q, v, n)
-    respond_rows(model, layout, work, n)
-    if held_gap(work, n) > MET:
+    evaluate_constraints(model, layout, work, q, v, n)
+    delassus_operator(model, layout, work, n)
+    if largest_held_gap(work, n) > CONVERGED:
         for r in range(n):
             work.lcp.b[r] = work.constraints.gap[r] if work.constraints.kind[r] == NORMAL else 0.0
-        hold(work, n)
-        apply_rows(model, work, n, q)
+        solve_in_modes(work, n, 0.0)
+        apply_impulses(model, work, n, q)
     for r in range(n):
-        work.lcp.b[r] = rate_of(work, v, r) - wished(model, work, r)
-    hold(work, n)
-    apply_rows(model, work, n, v)
+        work.lcp.b[r] = constraint_rate(work, v, r) - reference_rate(model, work, r)
+    solve_in_modes(work, n, 0.0)
+    apply_impulses(model, work, n, v)
 
 
 @njit
-def held_gap(work, n):
+def largest_held_gap(work, n):
     """Largest gap, or overlap, of a contact that is held [m]."""
     largest = 0.0
     for r in range(n):
         if work.constraints.kind[r] == NORMAL and work.lcp.mode[r] == FREE:
             largest = max(largest, abs(work.constraints.gap[r]))
     return largest
-
-
-@njit
-def hold(work, n):
-    """λ that takes the rates b of all held rows to zero, sliding ones without force."""
-    solve_linear(work, n, 0.0)

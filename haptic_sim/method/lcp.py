@@ -23,21 +23,21 @@ from haptic_device.jit import njit
 NORMAL, FRICTION, SLIDING = 0, 1, 2
 OPEN, FREE, LOW, HIGH = 0, 1, -1, 2
 """Modes: a normal row is OPEN (λ = 0) or FREE (w = 0); a friction row FREE, or at its LOW or HIGH bound."""
-SOFT = 1e-11
+REGULARIZATION = 1e-11
 ROUNDING = 1e-9
 
 
 @njit
-def solve_modes(work, n, share, limit):
+def principal_pivoting(work, n, share, limit):
     """Solves the rows 0…n−1 in place (`work.lcp.mode` is the first guess and the answer). Returns pivots used, or −1.
 
-    `share` of the friction acts: 1, or 0 where constraints are only put right.
+    `share` of the friction acts: 1, or 0 where constraints are only stabilized.
     """
     fewest, patience = n + 1, 8
     for turn in range(limit):
-        if not solve_linear(work, n, share):
+        if not solve_in_modes(work, n, share):
             return -1
-        wrong, last = count_wrong(work, n, share, False)
+        wrong, last = count_wrong_modes(work, n, share, False)
         if wrong == 0:
             return turn + 1
         if wrong < fewest:
@@ -45,14 +45,14 @@ def solve_modes(work, n, share, limit):
         else:
             patience -= 1
         if patience > 0:
-            count_wrong(work, n, share, True)
+            count_wrong_modes(work, n, share, True)
         else:
-            work.lcp.mode[last] = better(work, n, share, last)
+            work.lcp.mode[last] = consistent_mode(work, n, share, last)
     return -1
 
 
 @njit
-def limit_of(work, r, share):
+def friction_bound(work, r, share):
     """Bound on |λ_r|."""
     rows = work.constraints
     normal = rows.partner[r]
@@ -60,11 +60,11 @@ def limit_of(work, r, share):
 
 
 @njit
-def count_wrong(work, n, share, change):
+def count_wrong_modes(work, n, share, change):
     """(number, last) of rows whose mode the solution contradicts; with `change` they get the better one."""
     wrong, last = 0, -1
     for r in range(n):
-        wish = better(work, n, share, r)
+        wish = consistent_mode(work, n, share, r)
         if wish != work.lcp.mode[r]:
             wrong, last = wrong + 1, r
             if change:
@@ -73,7 +73,7 @@ def count_wrong(work, n, share, change):
 
 
 @njit
-def better(work, n, share, r):
+def consistent_mode(work, n, share, r):
     """The mode that the present solution asks for in row r."""
     lcp = work.lcp
     A, lam, kind, mode = lcp.A, lcp.lam, work.constraints.kind, lcp.mode
@@ -82,7 +82,7 @@ def better(work, n, share, r):
     if mode[r] == FREE:
         if kind[r] == NORMAL:
             return OPEN if lam[r] < 0.0 else FREE
-        most = limit_of(work, r, share)
+        most = friction_bound(work, r, share)
         if abs(lam[r]) <= most * (1.0 + ROUNDING):
             return FREE
         return HIGH if lam[r] > 0.0 else LOW
@@ -92,7 +92,7 @@ def better(work, n, share, r):
         size += abs(A[r, k] * lam[k])
     if kind[r] == NORMAL:
         return FREE if w < -ROUNDING * size else OPEN
-    if limit_of(work, r, share) <= 0.0:
+    if friction_bound(work, r, share) <= 0.0:
         return mode[r]
     if mode[r] == LOW:
         return FREE if w < -ROUNDING * size else LOW
@@ -100,7 +100,7 @@ def better(work, n, share, r):
 
 
 @njit
-def solve_linear(work, n, share):
+def solve_in_modes(work, n, share):
     """λ for the present modes, by elimination with row pivoting; False if the system is singular."""
     rows, lcp = work.constraints, work.lcp
     S, free, m, kind, partner = lcp.system, lcp.free, 0, rows.kind, rows.partner
@@ -120,12 +120,12 @@ def solve_linear(work, n, share):
             S[i, k] = A[r, free[k]]
             if S[i, k] != 0.0:
                 lcp.last[i], lcp.bottom[k] = max(lcp.last[i], k), max(lcp.bottom[k], i)
-        S[i, i] += SOFT * A[r, r]
+        S[i, i] += REGULARIZATION * A[r, r]
         S[i, m] = -lcp.b[r]
     for r in range(n):
         if kind[r] != NORMAL and mode[r] != FREE:
-            carry(work, r, m, share, -1.0 if mode[r] == LOW else 1.0)
-    if not gauss(work, m):
+            insert_bounded_row(work, r, m, share, -1.0 if mode[r] == LOW else 1.0)
+    if not solve_band(work, m):
         return False
     for i in range(m):
         lam[free[i]] = S[i, m]
@@ -138,7 +138,7 @@ def solve_linear(work, n, share):
 
 
 @njit
-def carry(work, r, m, share, sense):
+def insert_bounded_row(work, r, m, share, sense):
     """Inserts λ_r = ± (c + μ λ_n) of a row at its bound into the equations of the free rows."""
     rows, lcp = work.constraints, work.lcp
     A, S, free, normal = lcp.A, lcp.system, lcp.free, rows.partner[r]
@@ -152,7 +152,7 @@ def carry(work, r, m, share, sense):
 
 
 @njit
-def gauss(work, m):
+def solve_band(work, m):
     """Solves S[:m, :m] x = S[:m, m] in place; x ends in the last column. False if a pivot is zero.
 
     Row i is zero beyond column last[i], column k below row bottom[k]: contacts that share no body do not know
@@ -171,11 +171,11 @@ def gauss(work, m):
             swap_rows(work, k, at, m)
         scale = 1.0 / S[k, k]
         for i in range(k + 1, low + 1):
-            part_ = S[i, k] * scale
-            if part_ != 0.0:
+            ratio = S[i, k] * scale
+            if ratio != 0.0:
                 for c in range(k + 1, last[k] + 1):
-                    S[i, c] -= part_ * S[k, c]
-                S[i, m] -= part_ * S[k, m]
+                    S[i, c] -= ratio * S[k, c]
+                S[i, m] -= ratio * S[k, m]
                 last[i] = max(last[i], last[k])
     for k in range(m - 1, -1, -1):
         total = S[k, m]

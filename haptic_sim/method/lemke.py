@@ -12,7 +12,7 @@ on a ray (Anitescu & Potra 1997, theorem 2.7). The number of pivots is bounded h
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.method.lcp import NORMAL, SOFT
+from haptic_sim.method.lcp import NORMAL, REGULARIZATION
 
 
 @njit
@@ -29,9 +29,9 @@ def lemke(work, n):
         T[at] = 0.0
     for r in range(n):
         for k in range(n):
-            put(work, width, r, k, A[r, k] * (1.0 + SOFT if r == k else 1.0))
-        fill_friction(work, width, r)
-    found = pivot_to_end(work, size)
+            insert_entry(work, width, r, k, A[r, k] * (1.0 + REGULARIZATION if r == k else 1.0))
+        insert_row(work, width, r)
+    found = complementary_pivoting(work, size)
     z = work.lemke.z
     for r in range(n):
         lam[r] = z[start[r]] if kind[r] == NORMAL else z[start[r]] - z[start[r] + 1]
@@ -39,7 +39,7 @@ def lemke(work, n):
 
 
 @njit
-def put(work, width, r, k, value):
+def insert_entry(work, width, r, k, value):
     """−A of the tableau w − A z − z0 = b, with the copies of opposite sign that split friction needs."""
     rows = work.constraints
     T, size = work.lemke.tableau, width // 2 - 1
@@ -54,7 +54,7 @@ def put(work, width, r, k, value):
 
 
 @njit
-def fill_friction(work, width, r):
+def insert_row(work, width, r):
     """b of row r, and the rows of its slip speed if it is one of friction."""
     rows = work.constraints
     T, i, size = work.lemke.tableau, work.lemke.start[r], width // 2 - 1
@@ -70,7 +70,7 @@ def fill_friction(work, width, r):
 
 
 @njit
-def pivot_to_end(work, size):
+def complementary_pivoting(work, size):
     """Complementary pivoting into work.lemke.z; False if it ended on a ray or was stopped."""
     T, basis, z = work.lemke.tableau, work.lemke.basis, work.lemke.z
     width, artificial = 2 * size + 2, 2 * size
@@ -84,7 +84,7 @@ def pivot_to_end(work, size):
     if T[row * width + width - 1] >= 0.0:
         return True
     for _ in range(20 * size + 50):
-        exchange(work, size, row, entering)
+        gauss_jordan_step(work, size, row, entering)
         left = basis[row]
         basis[row] = entering
         if left == artificial:
@@ -93,14 +93,14 @@ def pivot_to_end(work, size):
                     z[basis[i] - size] = max(T[i * width + width - 1], 0.0)
             return True
         entering = left + size if left < size else left - size
-        row = least_ratio(work, size, entering)
+        row = ratio_test(work, size, entering)
         if row < 0:
             break
     return False
 
 
 @njit
-def least_ratio(work, size, entering):
+def ratio_test(work, size, entering):
     """Row that leaves; the artificial variable's if it ties. −1 on a ray."""
     T, width, row, best = work.lemke.tableau, 2 * size + 2, -1, math.inf
     for i in range(size):
@@ -113,7 +113,7 @@ def least_ratio(work, size, entering):
 
 
 @njit
-def exchange(work, size, row, column):
+def gauss_jordan_step(work, size, row, column):
     """Gauss–Jordan step."""
     T, width = work.lemke.tableau, 2 * size + 2
     scale = 1.0 / T[row * width + column]

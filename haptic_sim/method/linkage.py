@@ -20,7 +20,7 @@ other coordinates, and a row that vanishes there is dropped.
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.method.joints import forbidden_row, spring_row, spring_rows
+from haptic_sim.method.joints import constraint_row, spring_row, spring_row_count
 from haptic_sim.reduction.model import SPRING
 
 REDUNDANT = 1e-10
@@ -32,23 +32,23 @@ def reduce_linkage(model, layout, work, i, q, v, h):
     """Finds N, Y, a_p of linkage i at q, v; with h > 0 for a backward difference over h with the coupling."""
     if layout.joint_start[i + 1] == layout.joint_start[i]:
         first = layout.body_start[i]
-        free_body(model, work, i, layout.order[first], 3 * first, h)
+        reduce_free_body(model, work, i, layout.order[first], 3 * first, h)
     else:
-        reduce_joined(model, layout, work, i, q, v, h)
+        reduce_jointed(model, layout, work, i, q, v, h)
 
 
 @njit
-def reduce_joined(model, layout, work, i, q, v, h):
+def reduce_jointed(model, layout, work, i, q, v, h):
     """The same of a linkage with joints."""
     first, columns = layout.body_start[i], 3 * (layout.body_start[i + 1] - layout.body_start[i])
-    eliminate(work, fill_rows(model, layout, work, i, q, v), columns)
+    partition_coordinates(work, joint_jacobian(model, layout, work, i, q, v), columns)
     work.linkage.freedoms[i] = null_space(layout, work, first, columns)
-    fill_mass(model, layout, work, i, q, v, h)
-    factor(work, 3 * first, work.linkage.freedoms[i], columns)
+    reduced_mass(model, layout, work, i, q, v, h)
+    factor_mass(work, 3 * first, work.linkage.freedoms[i], columns)
 
 
 @njit
-def free_body(model, work, i, b, row, h):
+def reduce_free_body(model, work, i, b, row, h):
     """A body without joints: W = M⁻¹."""
     linkage = work.linkage
     stiffness, damping, added, added_turn = work.coupling.stiffness, work.coupling.damping, 0.0, 0.0
@@ -66,7 +66,7 @@ def free_body(model, work, i, b, row, h):
 
 
 @njit
-def fill_rows(model, layout, work, i, q, v):
+def joint_jacobian(model, layout, work, i, q, v):
     """[J | γ | φ] of linkage i; returns the number of rows."""
     J, columns = work.linkage.jacobian, 3 * (layout.body_start[i + 1] - layout.body_start[i])
     r = 0
@@ -76,7 +76,7 @@ def fill_rows(model, layout, work, i, q, v):
             continue
         a, b = layout.place_in[model.joint_bodies[j, 0]], layout.place_in[model.joint_bodies[j, 1]]
         for k in range(2):
-            phi, gamma = forbidden_row(model, q, v, j, k, work.joint_row)
+            phi, gamma = constraint_row(model, q, v, j, k, work.joint_row)
             for c in range(columns):
                 J[r, c] = 0.0
             for c in range(3):
@@ -90,7 +90,7 @@ def fill_rows(model, layout, work, i, q, v):
 
 
 @njit
-def eliminate(work, rows, columns):
+def partition_coordinates(work, rows, columns):
     """Gauss–Jordan with full pivoting of [J | γ | φ]; linkage.pivot holds the dependent column of each row kept."""
     linkage = work.linkage
     J, rank, largest = linkage.jacobian, 0, 0.0
@@ -111,10 +111,10 @@ def eliminate(work, rows, columns):
             J[at_row, c] = J[rank, c]
             J[rank, c] = kept
         for r in range(rows):
-            factor_ = J[r, at_column]
-            if r != rank and factor_ != 0.0:
+            ratio = J[r, at_column]
+            if r != rank and ratio != 0.0:
                 for c in range(columns + 2):
-                    J[r, c] -= factor_ * J[rank, c]
+                    J[r, c] -= ratio * J[rank, c]
         linkage.dependent[at_column] = rank
         linkage.pivot[rank] = at_column
         rank += 1
@@ -140,7 +140,7 @@ def null_space(layout, work, first, columns):
 
 
 @njit
-def fill_mass(model, layout, work, i, q, v, h):
+def reduced_mass(model, layout, work, i, q, v, h):
     """Nᵀ M N of linkage i into work.linkage.reduced."""
     linkage = work.linkage
     first, d, N, R = layout.body_start[i], linkage.freedoms[i], linkage.N, linkage.reduced
@@ -160,16 +160,16 @@ def fill_mass(model, layout, work, i, q, v, h):
             R[u, w] = total
     if h > 0.0:
         for m in range(layout.joint_start[i], layout.joint_start[i + 1]):
-            add_spring(model, layout, work, layout.joint_order[m], q, v, h, d)
+            add_spring_to_mass(model, layout, work, layout.joint_order[m], q, v, h, d)
 
 
 @njit
-def add_spring(model, layout, work, j, q, v, h, d):
+def add_spring_to_mass(model, layout, work, j, q, v, h, d):
     """(h c + h² k) of a spring-damper along its rows, seen from the independent coordinates."""
     linkage = work.linkage
     a, b = layout.place_in[model.joint_bodies[j, 0]], layout.place_in[model.joint_bodies[j, 1]]
     weight = h * model.joint_spring[j, 1] + h * h * model.joint_spring[j, 0]
-    for k in range(spring_rows(model, j)):
+    for k in range(spring_row_count(model, j)):
         spring_row(model, q, v, j, k, work.joint_row)
         for u in range(d):
             seen = 0.0
@@ -185,7 +185,7 @@ def add_spring(model, layout, work, j, q, v, h, d):
 
 
 @njit
-def factor(work, row, d, columns):
+def factor_mass(work, row, d, columns):
     """Cholesky of work.linkage.reduced, and Y = L⁻¹ Nᵀ into work.linkage.Y from `row` on."""
     linkage = work.linkage
     R, N, Y = linkage.reduced, linkage.N, linkage.Y
@@ -203,7 +203,7 @@ def factor(work, row, d, columns):
 
 
 @njit
-def respond(layout, work, i, f, out):
+def apply_inverse_mass(layout, work, i, f, out):
     """out = W f for the bodies of linkage i; f and out (n, 3)."""
     linkage = work.linkage
     first, columns = layout.body_start[i], 3 * (layout.body_start[i + 1] - layout.body_start[i])

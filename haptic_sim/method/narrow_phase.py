@@ -52,14 +52,14 @@ def place_shape(model, layout, work, s, x, y, c, sn):
 
 
 @njit
-def far_apart(layout, work, s, u):
+def disc_distance(layout, work, s, u):
     """Distance of the discs around two shapes [m]: a lower bound of their gap."""
     middles = work.narrow_phase.middles
     return math.hypot(middles[u, 0] - middles[s, 0], middles[u, 1] - middles[s, 1]) - layout.reach[s] - layout.reach[u]
 
 
 @njit
-def best_edge(work, a0, a1, b0, b1):
+def separating_edge(work, a0, a1, b0, b1):
     """(separation, edge, deepest vertex): the edge of a with the largest least distance of b's vertices from it."""
     points, normals = work.narrow_phase.points, work.narrow_phase.normals
     best, edge, deep = -math.inf, a0, b0
@@ -76,10 +76,10 @@ def best_edge(work, a0, a1, b0, b1):
 
 
 @njit
-def disc_on(work, c, radius, a0, a1):
+def disc_to_polygon(work, c, radius, a0, a1):
     """(gap, vertex or -1, edge): of a disc about vertex `c` from a polygon, and the corner it is nearest to, if any."""
     points, normals = work.narrow_phase.points, work.narrow_phase.normals
-    best, edge, _ = best_edge(work, a0, a1, c, c + 1)
+    best, edge, _ = separating_edge(work, a0, a1, c, c + 1)
     nx, ny = normals[edge, 0], normals[edge, 1]
     after = edge + 1 if edge + 1 < a1 else a0
     if best > 0.0:
@@ -93,7 +93,7 @@ def disc_on(work, c, radius, a0, a1):
 
 
 @njit
-def gap_of(model, work, s, u):
+def signed_gap(model, work, s, u):
     """Signed gap of two shapes [m]."""
     points = work.narrow_phase.points
     a0, a1, b0, b1 = model.shape_start[s], model.shape_start[s + 1], model.shape_start[u], model.shape_start[u + 1]
@@ -101,34 +101,42 @@ def gap_of(model, work, s, u):
     if ra > 0.0 and rb > 0.0:
         return math.hypot(points[b0, 0] - points[a0, 0], points[b0, 1] - points[a0, 1]) - ra - rb
     if ra > 0.0:
-        return disc_on(work, a0, ra, b0, b1)[0]
+        return disc_to_polygon(work, a0, ra, b0, b1)[0]
     if rb > 0.0:
-        return disc_on(work, b0, rb, a0, a1)[0]
-    return max(best_edge(work, a0, a1, b0, b1)[0], best_edge(work, b0, b1, a0, a1)[0])
+        return disc_to_polygon(work, b0, rb, a0, a1)[0]
+    return max(separating_edge(work, a0, a1, b0, b1)[0], separating_edge(work, b0, b1, a0, a1)[0])
 
 
 @njit
-def touch(model, work, s, u):
+def contact_features(model, work, s, u):
     """Writes the features by which two shapes touch or come nearest into narrow_phase; returns how many, 1 or 2."""
     a0, a1, b0, b1 = model.shape_start[s], model.shape_start[s + 1], model.shape_start[u], model.shape_start[u + 1]
     ra, rb = model.radius[s], model.radius[u]
     if ra > 0.0 and rb > 0.0:
-        return note(work, 0, TWO_POINTS, a0, b0, 0)
+        return write_feature(work, 0, TWO_POINTS, a0, b0, 0)
     if rb > 0.0:
-        _, corner, edge = disc_on(work, b0, rb, a0, a1)
-        return note(work, 0, ON_EDGE, b0, edge, 1) if corner < 0 else note(work, 0, TWO_POINTS, corner, b0, 0)
+        _, corner, edge = disc_to_polygon(work, b0, rb, a0, a1)
+        return (
+            write_feature(work, 0, ON_EDGE, b0, edge, 1)
+            if corner < 0
+            else write_feature(work, 0, TWO_POINTS, corner, b0, 0)
+        )
     if ra > 0.0:
-        _, corner, edge = disc_on(work, a0, ra, b0, b1)
-        return note(work, 0, ON_EDGE, a0, edge, -1) if corner < 0 else note(work, 0, TWO_POINTS, a0, corner, 0)
-    sep_a, edge_a, deep_b = best_edge(work, a0, a1, b0, b1)
-    sep_b, edge_b, deep_a = best_edge(work, b0, b1, a0, a1)
+        _, corner, edge = disc_to_polygon(work, a0, ra, b0, b1)
+        return (
+            write_feature(work, 0, ON_EDGE, a0, edge, -1)
+            if corner < 0
+            else write_feature(work, 0, TWO_POINTS, a0, corner, 0)
+        )
+    sep_a, edge_a, deep_b = separating_edge(work, a0, a1, b0, b1)
+    sep_b, edge_b, deep_a = separating_edge(work, b0, b1, a0, a1)
     if sep_a >= sep_b - 1e-9 * abs(sep_b):
-        return facing(work, edge_a, a0, a1, deep_b, b0, b1, 1)
-    return facing(work, edge_b, b0, b1, deep_a, a0, a1, -1)
+        return edge_features(work, edge_a, a0, a1, deep_b, b0, b1, 1)
+    return edge_features(work, edge_b, b0, b1, deep_a, a0, a1, -1)
 
 
 @njit
-def note(work, k, kind, first, second, sign):
+def write_feature(work, k, kind, first, second, sign):
     """Writes feature k and returns k + 1."""
     features = work.narrow_phase.features
     features[k, 0], features[k, 1], features[k, 2], features[k, 3] = kind, first, second, sign
@@ -136,7 +144,7 @@ def note(work, k, kind, first, second, sign):
 
 
 @njit
-def facing(work, e, a0, a1, deep, b0, b1, sign):
+def edge_features(work, e, a0, a1, deep, b0, b1, sign):
     """Features of edge `e` of one polygon with the other, whose deepest vertex is `deep`; sign -1 if e is body b's."""
     normals = work.narrow_phase.normals
     nx, ny = normals[e, 0], normals[e, 1]
@@ -147,19 +155,19 @@ def facing(work, e, a0, a1, deep, b0, b1, sign):
     f = deep if facing_deep < facing_before else before
     g = f + 1 if f + 1 < b1 else b0
     if min(facing_deep, facing_before) > -FLUSH:
-        return note(work, 0, ON_EDGE, deep, e, sign)
+        return write_feature(work, 0, ON_EDGE, deep, e, sign)
     count = 0
     for v in (f, g):
-        if within(work, v, e, after):
-            count = note(work, count, ON_EDGE, v, e, sign)
+        if projects_into_edge(work, v, e, after):
+            count = write_feature(work, count, ON_EDGE, v, e, sign)
     for v in (e, after):
-        if count < 2 and within(work, v, f, g):
-            count = note(work, count, ON_EDGE, v, f, -sign)
-    return count if count > 0 else note(work, 0, ON_EDGE, deep, e, sign)
+        if count < 2 and projects_into_edge(work, v, f, g):
+            count = write_feature(work, count, ON_EDGE, v, f, -sign)
+    return count if count > 0 else write_feature(work, 0, ON_EDGE, deep, e, sign)
 
 
 @njit
-def within(work, v, e, after):
+def projects_into_edge(work, v, e, after):
     """Whether vertex v projects into the edge from e to after."""
     points = work.narrow_phase.points
     ex, ey = points[after, 0] - points[e, 0], points[after, 1] - points[e, 1]
@@ -169,7 +177,7 @@ def within(work, v, e, after):
 
 
 @njit
-def evaluate(layout, work, feature):
+def evaluate_contact(layout, work, feature):
     """The contact at one feature into work.narrow_phase.contact, for the poses that the shapes were placed at."""
     narrow_phase = work.narrow_phase
     points, normals, out = narrow_phase.points, narrow_phase.normals, narrow_phase.contact

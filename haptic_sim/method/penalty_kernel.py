@@ -13,15 +13,21 @@ than it took: at h² k/m = .5 restitution already exceeds 1.06 at some phases. T
 import math
 
 from haptic_device.jit import kernel, njit
-from haptic_sim.method.constrained_dynamics import power, work_at_port
-from haptic_sim.method.constraints import add_contact, add_joints, rate_of, refresh, wished
-from haptic_sim.method.delassus_operator import note_impulses
-from haptic_sim.method.implicit_step import settle
+from haptic_sim.method.constrained_dynamics import constraint_power, work_at_port
+from haptic_sim.method.constraints import (
+    add_contact_constraints,
+    add_joint_constraints,
+    constraint_rate,
+    evaluate_constraints,
+    reference_rate,
+)
+from haptic_sim.method.delassus_operator import report_impulses
 from haptic_sim.method.joints import applied_forces
 from haptic_sim.method.lcp import NORMAL
-from haptic_sim.method.linkage import reduce_linkage, respond
-from haptic_sim.method.narrow_phase import evaluate, far_apart, gap_of, place_shapes, touch
-from haptic_sim.method.sub_step import lead_handle, watch_contacts
+from haptic_sim.method.linkage import apply_inverse_mass, reduce_linkage
+from haptic_sim.method.narrow_phase import contact_features, disc_distance, evaluate_contact, place_shapes, signed_gap
+from haptic_sim.method.stabilization import stabilize_linkage
+from haptic_sim.method.sub_step import interpolate_handle, summarize_contacts
 
 
 @kernel
@@ -31,40 +37,40 @@ def penalty_steps(models, layouts, works, h, count, path):
     for i in range(layout.linkages):
         work.active[i] = 1
     for k in range(count * (len(path) - 1)):
-        lead_handle(work, path, k // count, (k % count + 1) / count)
+        interpolate_handle(work, path, k // count, (k % count + 1) / count)
         penalty_step(model, layout, work, h)
-        watch_contacts(layout, work, h)
+        summarize_contacts(layout, work, h)
 
 
 @njit
 def penalty_step(model, layout, work, h):
     """Advances all bodies by h [s] and books the energy supplied at the tool's port."""
-    q, v, f = work.q, work.v, work.penalty.force
+    q, v, f = work.q, work.v, work.penalty_kernel.force
     x, y, angle = q[0, 0], q[0, 1], q[0, 2]
     work.report.count = 0
     applied_forces(model, q, v, True, work.joint_row, f)
-    couple_tool(work, f)
-    n = push_contacts(model, layout, work, f, h)
-    work.accounts.contacts -= 0.5 * h * power(work, v, n)
+    explicit_coupling_force(work, f)
+    n = explicit_contact_forces(model, layout, work, f, h)
+    work.accounts.contacts -= 0.5 * h * constraint_power(work, v, n)
     for b in range(model.bodies - 1):
         mass = model.mass[b]
         f[b, 0], f[b, 1] = mass * v[b, 0] + h * f[b, 0], mass * v[b, 1] + h * f[b, 1]
         f[b, 2] = model.inertia[b] * v[b, 2] + h * f[b, 2]
     for i in range(layout.linkages):
         reduce_linkage(model, layout, work, i, q, v, 0.0)
-        respond(layout, work, i, f, v)
-    work.accounts.contacts -= 0.5 * h * power(work, v, n)
+        apply_inverse_mass(layout, work, i, f, v)
+    work.accounts.contacts -= 0.5 * h * constraint_power(work, v, n)
     for b in range(model.bodies - 1):
         for k in range(3):
             q[b, k] += h * v[b, k]
     for i in range(layout.linkages):
         if layout.joint_start[i + 1] > layout.joint_start[i]:
-            settle(model, layout, work, i)
+            stabilize_linkage(model, layout, work, i)
     work.port.supplied += work_at_port(work, x, y, angle)
 
 
 @njit
-def couple_tool(work, f):
+def explicit_coupling_force(work, f):
     """The coupling at the start of the sub-step."""
     handle, coupling, force = work.handle, work.coupling, work.port.force
     for k in range(3):
@@ -74,32 +80,32 @@ def couple_tool(work, f):
 
 
 @njit
-def push_contacts(model, layout, work, f, h):
+def explicit_contact_forces(model, layout, work, f, h):
     """Adds what overlapping shapes, limits and dry friction in joints push to the forces f; returns how many rows."""
     rows, lcp = work.constraints, work.lcp
     place_shapes(model, layout, work, work.q)
     n = 0
     for p in range(model.pair_count):
         s, u = model.pairs[p, 0], model.pairs[p, 1]
-        if far_apart(layout, work, s, u) < 0.0 and gap_of(model, work, s, u) < 0.0:
-            for k in range(touch(model, work, s, u)):
-                n = add_contact(model, layout, work, n, p, work.narrow_phase.features[k])
-    n += add_joints(model, layout, work, n, work.q, work.v, 0.0, 1.0)
-    refresh(model, layout, work, work.q, work.v, n)
+        if disc_distance(layout, work, s, u) < 0.0 and signed_gap(model, work, s, u) < 0.0:
+            for k in range(contact_features(model, work, s, u)):
+                n = add_contact_constraints(model, layout, work, n, p, work.narrow_phase.features[k])
+    n += add_joint_constraints(model, layout, work, n, work.q, work.v, 0.0, 1.0)
+    evaluate_constraints(model, layout, work, work.q, work.v, n)
     stiffness, damping = work.contact_model.stiffness, work.contact_model.damping
     for r in range(n):
-        rate = rate_of(work, work.v, r)
+        rate = constraint_rate(work, work.v, r)
         if rows.kind[r] == NORMAL:
             lcp.lam[r] = max(0.0, -stiffness * rows.gap[r] - damping * rate) if rows.gap[r] < 0.0 else 0.0
         else:
             most = rows.bound[r] + (rows.mu[r] * lcp.lam[rows.partner[r]] if rows.partner[r] >= 0 else 0.0)
-            slip = rate - wished(model, work, r)
+            slip = rate - reference_rate(model, work, r)
             lcp.lam[r] = -math.copysign(min(most, damping * abs(slip)), slip)
         a, b = rows.body_a[r], rows.body_b[r]
         for k in range(3):
             f[a, k] += rows.G[r, k] * lcp.lam[r]
             f[b, k] += rows.G[r, 3 + k] * lcp.lam[r]
-    note_impulses(work, n, h)
+    report_impulses(work, n, h)
     return n
 
 
@@ -111,9 +117,9 @@ def contact_energy(models, layouts, works):
     energy = 0.0
     for p in range(model.pair_count):
         s, u = model.pairs[p, 0], model.pairs[p, 1]
-        if far_apart(layout, work, s, u) >= 0.0:
+        if disc_distance(layout, work, s, u) >= 0.0:
             continue
-        for k in range(touch(model, work, s, u)):
-            evaluate(layout, work, work.narrow_phase.features[k])
+        for k in range(contact_features(model, work, s, u)):
+            evaluate_contact(layout, work, work.narrow_phase.features[k])
             energy += 0.5 * work.contact_model.stiffness * min(work.narrow_phase.contact.gap, 0.0) ** 2
     return energy

@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from haptic_sim.method import Contact, Coupling, Planar, StepResult
-from haptic_sim.method.joints import spring_energies
+from haptic_sim.method.joints import stored_in_springs
 from haptic_sim.method.penalty_kernel import contact_energy
 from haptic_sim.method.records import records
 from haptic_sim.reduction import reduce_scene
@@ -106,7 +106,7 @@ class PlanarWorld:
         model, n = self._compiled.model, self._count
         q, v, mass, inertia = self._q[:n], self._v[:n], model.mass[:n], model.inertia[:n]
         kinetic = 0.5 * float(mass @ (v[:, 0] ** 2 + v[:, 1] ** 2) + inertia @ v[:, 2] ** 2)
-        springs = spring_energies(*self._records[::2]) if len(model.joint_kind) else 0.0
+        springs = stored_in_springs(*self._records[::2]) if len(model.joint_kind) else 0.0
         return kinetic, springs + self._elastic - float(mass @ (q[:, :2] @ model.gravity))
 
     @property

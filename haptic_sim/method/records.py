@@ -3,7 +3,7 @@
 
 A record is passed to a kernel as one pointer, and all scenes share one compiled code. So there is a most of each thing;
 a scene that needs more is refused with that number. The records: the model (constants of the scene), its layout (what
-follows from it: edge normals, linkages) and the work (state of the bodies, and scratch of the kernels).
+follows from it: edge normals, linkages) and the work (state of the bodies, and a record of each stage's own).
 """
 
 import numba
@@ -56,112 +56,86 @@ LAYOUT = np.dtype(
     ]
 )
 
-HANDLE = np.dtype(  # at the end of the sub-step; start_*: at its beginning; *_rate: how fast both change in it
-    _reals(position=3, velocity=3, start_position=3, start_velocity=3, position_rate=3, velocity_rate=3)
-)
-COUPLING = np.dtype(  # event_driven: it is a force along the motion, not part of a backward difference
-    [*_reals(stiffness=3, damping=3), *_whole(event_driven=())]
-)
-CONTACT_MODEL = np.dtype(_reals(stiffness=(), damping=()))  # [N/m, N s/m]; stiffness 0 is rigid
-PORT = np.dtype(  # since the exchange began: [J], whether a contact pushed the tool, [N] of a pair of shapes, [m]
-    [*_reals(force=3, supplied=(), largest_force=(), deepest_overlap=()), *_whole(touched=())]
-)
-ACCOUNTS = np.dtype(  # energy [J] since the exchange began that contacts, joint friction, motors and belts have taken,
-    _reals(contacts=(), correction=())  # and that stabilization has put in
-)
-COUNTERS = np.dtype(  # since the start: flights given up, contacts for which there was no row
-    _whole(refusals=(), left_out=())
-)
-REPORT = np.dtype(  # contacts of the last sub-step; on b: impulse [N s], and resting_force [N] while it rests
-    [
-        *_whole(count=(), key=_r, pair=_r),
-        *_reals(place=(_r, 2), normal=(_r, 2), impulse=(_r, 2), overlap=_r, resting_force=(_r, 2)),
-    ]
-)
-TRIAL = np.dtype(  # energy [J] that coupling supplies and rows take on the way there
-    _reals(q=(_n, 3), v=(_n, 3), supplied=(), taken=())
-)
-CLOCK = np.dtype(_reals(state=(), stage=()))  # time since the sub-step began [s]
-
-CONTACT = np.dtype(  # a, b: the points whose distance is the gap; p: point of contact; curvature: 1/ρ [1/m];
-    _reals(gap=(), nx=(), ny=(), ax=(), ay=(), bx=(), by=(), px=(), py=(), curvature=(), owner=())
-)  # normal from a to b; owner of the edge: +1 if it is a's, −1 if b's, 0 if there is none
-NARROW_PHASE = np.dtype(  # features: kind, first, second, sign
-    [
-        *_reals(points=(_v, 2), normals=(_v, 2), middles=(_s, 2)),
-        *_whole(features=(2, 4)),
-        ("contact", CONTACT),
-    ]
-)
-CONSTRAINTS = np.dtype(  # one row each
-    [
-        *_whole(body_a=_r, body_b=_r, kind=_r, partner=_r, source=_r, index=_r, key=_r, feature=(_r, 4)),
-        *_reals(mu=_r, bound=_r, G=(_r, 6), gamma=_r, gap=_r, place=(_r, 2)),
-    ]
-)
-WARM_START = np.dtype(_whole(count=(), key=_r, mode=_r))  # rows of the solution before
-LINKAGE = np.dtype(
-    [
-        *_reals(Y=(3 * _n, _c), bias=(_n, 3), jacobian=(_k, _c + 2), N=(_c, _c)),
-        *_reals(mass=_c, reduced=(_c, _c), seen=_c),
-        *_whole(freedoms=_n, dependent=_c, pivot=_k),
-    ]
-)
-DELASSUS = np.dtype([*_reals(force=(_n, 3), answer=(_n, 3), response=(_r, _n, 3)), *_whole(linkages=(_r, 2))])
-LCP = np.dtype(  # the problem A, b; its solution lam in these modes; and the linear system of the free rows
-    [
-        *_reals(A=(_r, _r), b=_r, lam=_r, system=(_r, _r + 1)),
-        *_whole(mode=_r, free=_r, column=_r, last=_r, bottom=_r),
-    ]
-)
-LEMKE = np.dtype([*_reals(tableau=2 * _z * (_z + 1), z=_z), *_whole(start=_r, basis=_z)])
-CONSTRAINED_DYNAMICS = (
-    np.dtype(  # tool_force: the coupling's; slopes_supplied, slopes_taken: power of it and of rows [W]
-        [
-            *_reals(force=(_n, 3), acceleration=(_n, 3), tool_force=3, stage_q=(_n, 3), stage_v=(_n, 3)),
-            *_reals(slopes_q=(STAGES, _n, 3), slopes_v=(STAGES, _n, 3), slopes_supplied=STAGES, slopes_taken=STAGES),
-        ]
-    )
-)
-EVENT_INTEGRATION = np.dtype(  # of linkages: being advanced, in motion; force: λ of the rows when the flight begins
-    [*_whole(flying=_n, moving=_n), *_reals(force=_r)]
-)
-CONTINUOUS_COLLISION = np.dtype([*_reals(around=(_s, 2)), *_whole(met=_p)])
-IMPLICIT_STEP = np.dtype(_reals(momentum=(_n, 3), velocity=(_n, 3)))
-STABILIZATION = np.dtype(_reals(momentum=(_n, 3)))
-PENALTY = np.dtype(_reals(force=(_n, 3)))
-
 WORK = np.dtype(
     [
-        *_reals(q=(_n, 3), v=(_n, 3)),
-        *_whole(active=_n),
-        ("handle", HANDLE),
-        ("coupling", COUPLING),
-        ("contact_model", CONTACT_MODEL),
-        ("port", PORT),
-        ("accounts", ACCOUNTS),
-        ("counters", COUNTERS),
-        ("report", REPORT),
-        ("trial", TRIAL),
-        ("clock", CLOCK),
+        *_reals(q=(_n, 3), v=(_n, 3)),  # state of the bodies: poses of the mass centres, velocities
+        *_whole(active=_n),  # linkages that are being advanced
+        # at the end of the sub-step; start: when it began, rate: its change in it
+        (
+            "handle",
+            _reals(position=3, velocity=3, start_position=3, start_velocity=3, position_rate=3, velocity_rate=3),
+        ),
+        # event_driven: a force along the motion, not a part of the backward difference
+        ("coupling", _reals(stiffness=3, damping=3) + _whole(event_driven=())),
+        ("contact_model", _reals(stiffness=(), damping=())),  # [N/m], 0: rigid; [N s/m]
+        # force on the tool over the last sub-step; since the caller last cleared them: energy supplied [J], largest
+        # force of a pair of shapes [N], deepest overlap [m], whether a contact pushed the tool
+        ("port", _reals(force=3, supplied=(), largest_force=(), deepest_overlap=()) + _whole(touched=())),
+        # energy [J] that contacts, joint friction, motors and belts have taken, and that stabilization has put in
+        ("accounts", _reals(contacts=(), correction=())),
+        # sub-steps in which the integration of events gave up; contacts that there was no row for
+        ("counters", _whole(refusals=(), left_out=())),
+        # contacts of the last sub-step; on b: impulse [N s], and force [N] while it rests
+        (
+            "report",
+            _whole(count=(), key=_r, pair=_r)
+            + _reals(place=(_r, 2), normal=(_r, 2), impulse=(_r, 2), overlap=_r, resting_force=(_r, 2)),
+        ),
+        # where a step would lead, and the energy [J] that the coupling supplies and rows take on the way
+        ("trial", _reals(q=(_n, 3), v=(_n, 3), supplied=(), taken=())),
+        ("clock", _reals(state=(), stage=())),  # time since the sub-step began [s]
         *_reals(joint_row=6),
-        ("narrow_phase", NARROW_PHASE),
-        ("constraints", CONSTRAINTS),
-        ("warm_start", WARM_START),
-        ("linkage", LINKAGE),
-        ("delassus", DELASSUS),
-        ("lcp", LCP),
-        ("lemke", LEMKE),
-        ("constrained_dynamics", CONSTRAINED_DYNAMICS),
-        ("event_integration", EVENT_INTEGRATION),
-        ("continuous_collision", CONTINUOUS_COLLISION),
-        ("implicit_step", IMPLICIT_STEP),
-        ("stabilization", STABILIZATION),
-        ("penalty", PENALTY),
+        # From here on a record belongs to the module of its name, which writes it.
+        # contact: gap; normal from a to b; points of a and of b whose distance is the gap; point of contact; 1/ρ [1/m];
+        # owner of the edge: 1 if it is a's, -1 if b's, 0 if there is none
+        (
+            "narrow_phase",
+            _reals(points=(_v, 2), normals=(_v, 2), middles=(_s, 2))
+            + _whole(features=(2, 4))
+            + [
+                (
+                    "contact",
+                    _reals(gap=(), nx=(), ny=(), ax=(), ay=(), bx=(), by=(), px=(), py=(), curvature=(), owner=()),
+                )
+            ],
+        ),
+        (
+            "constraints",
+            _whole(body_a=_r, body_b=_r, kind=_r, partner=_r, source=_r, index=_r, key=_r, feature=(_r, 4))
+            + _reals(mu=_r, bound=_r, G=(_r, 6), gamma=_r, gap=_r, place=(_r, 2)),
+        ),
+        ("warm_start", _whole(count=(), key=_r, mode=_r)),  # of constraints: modes that rows had in the last solution
+        (
+            "linkage",
+            _reals(Y=(3 * _n, _c), bias=(_n, 3), jacobian=(_k, _c + 2), N=(_c, _c))
+            + _reals(mass=_c, reduced=(_c, _c), seen=_c)
+            + _whole(freedoms=_n, dependent=_c, pivot=_k),
+        ),
+        (
+            "delassus_operator",
+            _reals(force=(_n, 3), answer=(_n, 3), response=(_r, _n, 3)) + _whole(linkages=(_r, 2)),
+        ),
+        # w = A λ + b; mode: the first guess, then the answer
+        (
+            "lcp",
+            _reals(A=(_r, _r), b=_r, lam=_r, system=(_r, _r + 1))
+            + _whole(mode=_r, free=_r, column=_r, last=_r, bottom=_r),
+        ),
+        ("lemke", _reals(tableau=2 * _z * (_z + 1), z=_z) + _whole(start=_r, basis=_z)),
+        # tool_force: of the coupling at a stage; slopes of the energies: power [W] of the coupling, and taken by rows
+        (
+            "constrained_dynamics",
+            _reals(force=(_n, 3), acceleration=(_n, 3), tool_force=3, stage_q=(_n, 3), stage_v=(_n, 3))
+            + _reals(slopes_q=(STAGES, _n, 3), slopes_v=(STAGES, _n, 3), slopes_supplied=STAGES, slopes_taken=STAGES),
+        ),
+        # linkages that the call advances, and those in motion; force: λ of the rows at its beginning
+        ("event_integration", _whole(advanced=_n, moving=_n) + _reals(force=_r)),
+        ("continuous_collision", _reals(around=(_s, 2)) + _whole(met=_p)),
+        ("implicit_step", _reals(momentum=(_n, 3), velocity=(_n, 3))),
+        ("stabilization", _reals(momentum=(_n, 3))),
+        ("penalty_kernel", _reals(force=(_n, 3))),
     ]
 )
-"""State of the bodies (q, v), which linkages are being advanced (active), and one record a stage: those from
-`narrow_phase` on belong to the module of that name; it writes them, others read."""
 
 
 def records(model: Model):
@@ -176,13 +150,13 @@ def records(model: Model):
         "pair_count": len(model.pairs),
         "joints": len(model.joint_kind),
     }
-    fixed = _record(MODEL, {**model._asdict(), **counts})
-    laid = _record(LAYOUT, {**layout._asdict(), "linkages": len(layout.body_start) - 1})
-    work = _record(WORK, {"q": model.pose, "v": model.velocity})
+    fixed = _filled(MODEL, {**model._asdict(), **counts})
+    laid = _filled(LAYOUT, {**layout._asdict(), "linkages": len(layout.body_start) - 1})
+    work = _filled(WORK, {"q": model.pose, "v": model.velocity})
     return fixed, laid, work
 
 
-def _record(dtype, values):
+def _filled(dtype, values):
     record = np.zeros(1, dtype=dtype)
     for name, value in values.items():
         if name not in dtype.names:

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One sub-step of the partitioned method: who is held by the coupling, who flies, and what the port supplied."""
+"""One sub-step: which linkages are within the coupling's reach, which go by events, and what the port supplied."""
 
 import math
 
 from haptic_device.jit import kernel, njit
-from haptic_sim.method.constrained_dynamics import pull_tool, work_at_port
-from haptic_sim.method.event_integration import fly
-from haptic_sim.method.implicit_step import press
-from haptic_sim.method.narrow_phase import far_apart, gap_of, place_shapes
+from haptic_sim.method.constrained_dynamics import coupling_force, work_at_port
+from haptic_sim.method.event_integration import integrate_through_events
+from haptic_sim.method.implicit_step import implicit_step
+from haptic_sim.method.narrow_phase import disc_distance, place_shapes, signed_gap
 
-FALL = 100.0
+ALLOWED_ACCELERATION = 100.0
 """Acceleration [m/s²] beyond the present speeds that is allowed for when looking who can come near the tool."""
 
 
@@ -21,17 +21,17 @@ def sub_steps(models, layouts, works, h, count, path):
     """
     model, layout, work = models[0], layouts[0], works[0]
     for k in range(count * (len(path) - 1)):
-        lead_handle(work, path, k // count, (k % count + 1) / count)
+        interpolate_handle(work, path, k // count, (k % count + 1) / count)
         if work.coupling.event_driven:
-            follow_hand(work, path, k // count, count, h)
+            linearize_handle(work, path, k // count, count, h)
             event_step(model, layout, work, h)
         else:
             sub_step(model, layout, work, h)
-        watch_contacts(layout, work, h)
+        summarize_contacts(layout, work, h)
 
 
 @njit
-def lead_handle(work, path, row, share):
+def interpolate_handle(work, path, row, share):
     """Handle's position and velocity at this share of the way from a row of its path to the next into work.handle."""
     before, after = path[row], path[row + 1]
     for k in range(3):
@@ -40,8 +40,8 @@ def lead_handle(work, path, row, share):
 
 
 @njit
-def follow_hand(work, path, row, count, h):
-    """Handle a sub-step ago, `count` of which go from this row of its path to the next, and how fast it changes."""
+def linearize_handle(work, path, row, count, h):
+    """Handle when the sub-step began, and its rate; `count` sub-steps go from this row of its path to the next."""
     handle, before, after = work.handle, path[row], path[row + 1]
     for k in range(3):
         handle.position_rate[k] = (after[k] - before[k]) / (count * h)
@@ -51,7 +51,7 @@ def follow_hand(work, path, row, count, h):
 
 
 @njit
-def watch_contacts(layout, work, h):
+def summarize_contacts(layout, work, h):
     """Books in work.port whether a contact pushed the tool, a pair's largest force [N], the deepest overlap."""
     port, report = work.port, work.report
     for k in range(report.count):
@@ -73,18 +73,22 @@ def sub_step(model, layout, work, h):
     work.report.count = 0
     for k in range(3):
         work.port.force[k] = 0.0
-    held = hold_to_tool(model, layout, work, h) if work.contact_model.stiffness == 0.0 else hold_all(layout, work)
+    held = (
+        activate_within_reach(model, layout, work, h)
+        if work.contact_model.stiffness == 0.0
+        else activate_all(layout, work)
+    )
     if held < layout.linkages:
         for i in range(layout.linkages):
             work.active[i] = 1 - work.active[i]
-        left = fly(model, layout, work, h)
+        left = integrate_through_events(model, layout, work, h)
         if left > 0.0:
             work.counters.refusals += 1
-            press(model, layout, work, left)
+            implicit_step(model, layout, work, left)
         for i in range(layout.linkages):
             work.active[i] = 1 - work.active[i]
     if held > 0:
-        press(model, layout, work, h)
+        implicit_step(model, layout, work, h)
     work.port.supplied += work_at_port(work, x, y, angle)
 
 
@@ -93,20 +97,20 @@ def event_step(model, layout, work, h):
     """Advances all bodies by h [s] from event to event, the coupling a force along the handle's straight way."""
     q = work.q
     work.report.count = 0
-    hold_all(layout, work)
-    left = fly(model, layout, work, h)
+    activate_all(layout, work)
+    left = integrate_through_events(model, layout, work, h)
     if left > 0.0:
         work.counters.refusals += 1
         x, y, angle = q[0, 0], q[0, 1], q[0, 2]
-        press(model, layout, work, left)
+        implicit_step(model, layout, work, left)
         work.port.supplied += work_at_port(work, x, y, angle)
-    pull_tool(work, q, work.v, h)
+    coupling_force(work, q, work.v, h)
     for k in range(3):
         work.port.force[k] = work.constrained_dynamics.tool_force[k]
 
 
 @njit
-def hold_all(layout, work):
+def activate_all(layout, work):
     """Marks every linkage as active; returns how many."""
     for i in range(layout.linkages):
         work.active[i] = 1
@@ -114,7 +118,7 @@ def hold_all(layout, work):
 
 
 @njit
-def hold_to_tool(model, layout, work, h):
+def activate_within_reach(model, layout, work, h):
     """Marks as active the linkages that the coupling can act on within h, by joints or contacts; returns how many."""
     for i in range(layout.linkages):
         work.active[i] = 0
@@ -134,21 +138,21 @@ def hold_to_tool(model, layout, work, h):
     while before < held < layout.linkages:  # to and fro: a stack is followed in one sweep, whichever way it is numbered
         before = held
         for k in range(2 * model.pair_count):
-            held += spread(model, layout, work, k if k <= last else 2 * last + 1 - k, h, pull)
+            held += activate_neighbour(model, layout, work, k if k <= last else 2 * last + 1 - k, h, pull)
     return held
 
 
 @njit
-def spread(model, layout, work, p, h, pull):
+def activate_neighbour(model, layout, work, p, h, pull):
     """Activates the other linkage of a pair if the two can meet within h and one is active; returns 1 if it did."""
     a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
     la, lb = layout.linkage[a], layout.linkage[b]
     if la < 0 or lb < 0 or work.active[la] == work.active[lb]:
         return 0
     v, s, u = work.v, model.pairs[p, 0], model.pairs[p, 1]
-    way = h * math.hypot(v[b, 0] - v[a, 0], v[b, 1] - v[a, 1]) + FALL * h * h + pull
+    way = h * math.hypot(v[b, 0] - v[a, 0], v[b, 1] - v[a, 1]) + ALLOWED_ACCELERATION * h * h + pull
     way += h * (abs(v[a, 2]) * layout.extent[a] + abs(v[b, 2]) * layout.extent[b])
-    if far_apart(layout, work, s, u) > way or gap_of(model, work, s, u) > way:
+    if disc_distance(layout, work, s, u) > way or signed_gap(model, work, s, u) > way:
         return 0
     work.active[la] = work.active[lb] = 1
     return 1
