@@ -23,7 +23,7 @@ CONVERGED = 1e-14
 
 @njit
 def unconstrained_acceleration(model, layout, work, q, v):
-    """Accelerations [m/s², rad/s²] without contacts, into acceleration; 0 for bodies of inactive linkages."""
+    """Accelerations [m/s², rad/s²] without contacts, into work.constrained_dynamics; 0 for inactive linkages."""
     linkage, dynamics = work.linkage, work.constrained_dynamics
     applied_forces(model, q, v, True, work.joint_row, dynamics.force)
     f, a = dynamics.force, dynamics.acceleration

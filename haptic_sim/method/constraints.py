@@ -126,6 +126,20 @@ def is_advanced(layout, work, a, b):
 
 
 @njit
+def has_constraint(work, n, p, feature):
+    """Whether the contact of pair p at this feature is one of the rows."""
+    rows = work.constraints
+    for r in range(n):
+        if rows.source[r] == CONTACT and rows.index[r] == p and rows.kind[r] == NORMAL:
+            same = True
+            for k in range(4):
+                same &= rows.feature[r, k] == feature[k]
+            if same:
+                return True
+    return False
+
+
+@njit
 def restore_modes(work, n):
     """First guess of the modes: those of the same rows in the solution before."""
     warm_start = work.warm_start

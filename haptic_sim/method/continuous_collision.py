@@ -4,8 +4,7 @@
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.method.constraints import add_contact_constraints, is_advanced
-from haptic_sim.method.event import has_constraint
+from haptic_sim.method.constraints import add_contact_constraints, has_constraint, is_advanced
 from haptic_sim.method.impact import TOUCHING
 from haptic_sim.method.narrow_phase import contact_features, place_shape, place_shapes, signed_gap
 
@@ -38,15 +37,15 @@ def add_collisions(model, layout, work, n):
         way = relative_travel(layout, work, a, b)
         if disc_distance_at_start(layout, work, s, u) > way + TOUCHING:
             continue
-        time = share_of_impact(model, layout, work, s, u, way)
-        if time < 0.0:
+        share = share_of_impact(model, layout, work, s, u, way)
+        if share < 0.0:
             continue
-        if time > 0.0:
-            place_pair(model, layout, work, s, u, time)
+        if share > 0.0:
+            place_pair(model, layout, work, s, u, share)
         for k in range(contact_features(model, work, s, u)):
             if met[p] == APART or not has_constraint(work, n, p, features[k]):
                 n = add_contact_constraints(model, layout, work, n, p, features[k])
-        met[p] = MET if time > 0.0 else TOUCHES
+        met[p] = MET if share > 0.0 else TOUCHES
     return n
 
 

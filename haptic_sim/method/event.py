@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When something happens: a gap closes, a joint reaches its limit, a slip comes to rest.
+"""Events: a gap closes, a joint reaches its limit, a slip comes to rest.
 
 Each event is a function of time that falls below zero, read off the trial state of the motion itself. Its zero is found
 by the Illinois rule (regula falsi that halves the weight of a bound kept twice), order 1.44, never outside the bracket.
@@ -9,7 +9,14 @@ import math
 
 from haptic_device.jit import njit
 from haptic_sim.method.constrained_dynamics import constrained_acceleration, runge_kutta_step
-from haptic_sim.method.constraints import CONTACT, JOINT_LIMIT, constraint_rate, is_advanced, reference_rate
+from haptic_sim.method.constraints import (
+    CONTACT,
+    JOINT_LIMIT,
+    constraint_rate,
+    has_constraint,
+    is_advanced,
+    reference_rate,
+)
 from haptic_sim.method.delassus_operator import copy_vectors
 from haptic_sim.method.impact import TOUCHING
 from haptic_sim.method.joints import coordinate_row
@@ -96,20 +103,6 @@ def pair_gap(model, layout, work, n, p):
             evaluate_contact(layout, work, narrow_phase.features[k])
             least = min(least, narrow_phase.contact.gap)
     return least
-
-
-@njit
-def has_constraint(work, n, p, feature):
-    """Whether the contact of pair p at this feature is one of the rows."""
-    rows = work.constraints
-    for r in range(n):
-        if rows.source[r] == CONTACT and rows.index[r] == p and rows.kind[r] == NORMAL:
-            same = True
-            for k in range(4):
-                same &= rows.feature[r, k] == feature[k]
-            if same:
-                return True
-    return False
 
 
 @njit

@@ -56,6 +56,10 @@ LAYOUT = np.dtype(
     ]
 )
 
+CONTACT = _reals(gap=(), nx=(), ny=(), ax=(), ay=(), bx=(), by=(), px=(), py=(), curvature=(), owner=())
+"""Gap [m], unit normal from a to b, the points of a and of b whose distance is the gap (in the plane), the point of
+contact, 1/ρ [1/m], and whose the edge is: 1 if a's, -1 if b's, 0 if there is none."""
+
 WORK = np.dtype(
     [
         *_reals(q=(_n, 3), v=(_n, 3)),  # state of the bodies: poses of the mass centres, velocities
@@ -86,18 +90,11 @@ WORK = np.dtype(
         ("clock", _reals(state=(), stage=())),  # time since the sub-step began [s]
         *_reals(joint_row=6),
         # From here on a record belongs to the module of its name, which writes it.
-        # contact: gap; normal from a to b; points of a and of b whose distance is the gap; point of contact; 1/ρ [1/m];
-        # owner of the edge: 1 if it is a's, -1 if b's, 0 if there is none
         (
             "narrow_phase",
             _reals(points=(_v, 2), normals=(_v, 2), middles=(_s, 2))
-            + _whole(features=(2, 4))
-            + [
-                (
-                    "contact",
-                    _reals(gap=(), nx=(), ny=(), ax=(), ay=(), bx=(), by=(), px=(), py=(), curvature=(), owner=()),
-                )
-            ],
+            + _whole(features=(2, 4))  # kind, first, second, sign
+            + [("contact", CONTACT)],
         ),
         (
             "constraints",

@@ -73,11 +73,8 @@ def sub_step(model, layout, work, h):
     work.report.count = 0
     for k in range(3):
         work.port.force[k] = 0.0
-    held = (
-        activate_within_reach(model, layout, work, h)
-        if work.contact_model.stiffness == 0.0
-        else activate_all(layout, work)
-    )
+    rigid = work.contact_model.stiffness == 0.0
+    held = activate_within_reach(model, layout, work, h) if rigid else activate_all(layout, work)
     if held < layout.linkages:
         for i in range(layout.linkages):
             work.active[i] = 1 - work.active[i]
