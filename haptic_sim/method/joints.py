@@ -172,4 +172,4 @@ def spring_energy(model, q, v, row):
 @kernel
 def stored_in_springs(models, works):
     """The same from arrays of one record each."""
-    return spring_energy(models[0], works[0].q, works[0].v, works[0].row)
+    return spring_energy(models[0], works[0].q, works[0].v, works[0].joint_row)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""After a step: joints and overlaps, which the turning of the rows has left, are put right, and adds no energy.
+"""After a step: joints and overlaps that the turning of the rows has left are put right, which adds no energy.
 
 Positions are moved to the constraints by the least motion in the sense of the masses, velocities onto what the joints
 allow. That works against the forces by an amount of second order; the energy clamp takes it from the motion.
