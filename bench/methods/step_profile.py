@@ -10,10 +10,11 @@ from typing import Annotated
 import typer
 
 from haptic_device.jit import kernel
-from haptic_sim.method.constraints import add_joints
-from haptic_sim.method.continuous_collision import add_met, look_around
-from haptic_sim.method.implicit_step import free_velocity, put_right, solve
-from haptic_sim.method.sub_step import event_step, hold_to_tool, sub_step
+from haptic_sim.method.constraints import add_joint_constraints
+from haptic_sim.method.continuous_collision import add_collisions, start_collision_search
+from haptic_sim.method.implicit_step import solve_constraints, unconstrained_velocity
+from haptic_sim.method.stabilization import stabilize
+from haptic_sim.method.sub_step import activate_within_reach, event_step, sub_step
 from haptic_sim.method_registry import make
 from haptic_sim.reduction import reduce_scene
 from reference.case import NAMES, case
@@ -22,42 +23,42 @@ H, TIMES, REPEATS = 1e-3, 1000, 5
 
 
 @kernel
-def hold(models, layouts, works, times):
-    """Who can be reached by the coupling."""
+def reach(models, layouts, works, times):
+    """Which linkages the coupling can reach."""
     for _ in range(times):
-        hold_to_tool(models[0], layouts[0], works[0], H)
+        activate_within_reach(models[0], layouts[0], works[0], H)
 
 
 @kernel
 def free(models, layouts, works, times):
     """Velocities without contacts: reduced coordinates, coupling, springs."""
     for _ in range(times):
-        free_velocity(models[0], layouts[0], works[0], H)
+        unconstrained_velocity(models[0], layouts[0], works[0], H)
 
 
 @kernel
-def meet(models, layouts, works, times):
-    """Who meets whom on the way."""
+def collide(models, layouts, works, times):
+    """Which shapes meet on the way."""
     for _ in range(times):
-        look_around(models[0], layouts[0], works[0])
-        add_met(models[0], layouts[0], works[0], 0)
+        start_collision_search(models[0], layouts[0], works[0])
+        add_collisions(models[0], layouts[0], works[0], 0)
 
 
 @kernel
 def contacts(models, layouts, works, times):
     """The contact problem, from its rows to the velocities."""
     model, layout, work = models[0], layouts[0], works[0]
-    look_around(model, layout, work)
-    n = add_met(model, layout, work, add_joints(model, layout, work, 0, work.q, work.v, 1e9, H))
+    start_collision_search(model, layout, work)
+    n = add_collisions(model, layout, work, add_joint_constraints(model, layout, work, 0, work.q, work.v, 1e9, H))
     for _ in range(times):
-        solve(model, layout, work, n, H, 1.0)
+        solve_constraints(model, layout, work, n, H, 1.0)
 
 
 @kernel
-def right(models, layouts, works, times):
-    """Joints closed again, overlaps of rounding pushed out."""
+def joints_closed(models, layouts, works, times):
+    """Joints closed again."""
     for _ in range(times):
-        put_right(models[0], layouts[0], works[0], 0)
+        stabilize(models[0], layouts[0], works[0], 0)
 
 
 @kernel
@@ -75,11 +76,11 @@ def flown_step(models, layouts, works, times):
 
 
 PIECES = {
-    "hold": hold,
+    "reach": reach,
     "free": free,
-    "meet": meet,
+    "collide": collide,
     "contacts": contacts,
-    "right": right,
+    "stabilize": joints_closed,
     "partitioned": held_step,
     "event_driven": flown_step,
 }
@@ -94,7 +95,7 @@ def spent(of, name):
     best = float("inf")
     for _ in range(REPEATS):
         records = [record.copy() for record in method._records]
-        hold(*records, 1)
+        reach(*records, 1)
         PIECES[name](*records, 1)
         began = time.thread_time()
         PIECES[name](*records, TIMES)

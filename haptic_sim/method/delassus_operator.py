@@ -1,55 +1,56 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What impulses along rows do: W Gᵀ of each, A = G W Gᵀ, their sum on all bodies, and their report."""
+"""What impulses along rows do: W Gᵀ of each, the Delassus operator A = G W Gᵀ, their sum on bodies, their report."""
 
 from haptic_device.jit import njit
-from haptic_sim.method.constraints import moves
+from haptic_sim.method.constraints import CONTACT, is_advanced
 from haptic_sim.method.lcp import NORMAL
-from haptic_sim.method.linkage import respond
+from haptic_sim.method.linkage import apply_inverse_mass
 from haptic_sim.method.records import MOST_ROWS
 
 
 @njit
-def respond_rows(model, layout, work, n):
-    """W Gᵀ of all rows, and A."""
-    f, P = work.force, work.response
+def delassus_operator(model, layout, work, n):
+    """W Gᵀ of all rows, and A = G W Gᵀ."""
+    rows, delassus = work.constraints, work.delassus_operator
+    f, P = delassus.force, delassus.response
     for r in range(n):
-        a, b = work.row_a[r], work.row_b[r]
+        a, b = rows.body_a[r], rows.body_b[r]
         la, lb = layout.linkage[a], layout.linkage[b]
         for body in range(model.bodies):
             for k in range(3):
                 P[r, body, k] = 0.0
-        zero_body(f, a)
-        zero_body(f, b)
+        zero_vector(f, a)
+        zero_vector(f, b)
         for i in (la, lb):
             if i >= 0:
-                clear_linkage(layout, f, i)
+                zero_linkage(layout, f, i)
         for k in range(3):
-            f[a, k] += work.G[r, k]
-            f[b, k] += work.G[r, 3 + k]
+            f[a, k] += rows.G[r, k]
+            f[b, k] += rows.G[r, 3 + k]
         if la >= 0 and work.active[la] > 0:
-            respond(layout, work, la, f, work.answer)
-            keep_answer(layout, work, la, r)
+            apply_inverse_mass(layout, work, la, f, delassus.answer)
+            keep_response(layout, work, la, r)
         if lb >= 0 and lb != la and work.active[lb] > 0:
-            respond(layout, work, lb, f, work.answer)
-            keep_answer(layout, work, lb, r)
-        work.row_linkages[r, 0], work.row_linkages[r, 1] = la, lb
+            apply_inverse_mass(layout, work, lb, f, delassus.answer)
+            keep_response(layout, work, lb, r)
+        delassus.linkages[r, 0], delassus.linkages[r, 1] = la, lb
         for s in range(r + 1):
-            lc, ld = work.row_linkages[s, 0], work.row_linkages[s, 1]
+            lc, ld = delassus.linkages[s, 0], delassus.linkages[s, 1]
             meet = lc >= 0 and lc in (la, lb) or ld >= 0 and ld in (la, lb)
-            work.A[r, s] = work.A[s, r] = rate_of_response(work, s, r) if meet else 0.0
+            work.lcp.A[r, s] = work.lcp.A[s, r] = delassus_entry(work, s, r) if meet else 0.0
 
 
 @njit
-def keep_answer(layout, work, i, r):
+def keep_response(layout, work, i, r):
     """W Gᵀ of row r for the bodies of linkage i."""
     for m in range(layout.body_start[i], layout.body_start[i + 1]):
         b = layout.order[m]
         for k in range(3):
-            work.response[r, b, k] = work.answer[b, k]
+            work.delassus_operator.response[r, b, k] = work.delassus_operator.answer[b, k]
 
 
 @njit
-def copy(vectors, to, n):
+def copy_vectors(vectors, to, n):
     """n bodies' vectors."""
     for b in range(n):
         for k in range(3):
@@ -57,29 +58,30 @@ def copy(vectors, to, n):
 
 
 @njit
-def zero(vectors, n):
+def zero_vectors(vectors, n):
     """Zero for n bodies."""
     for b in range(n):
-        zero_body(vectors, b)
+        zero_vector(vectors, b)
 
 
 @njit
-def zero_body(vectors, b):
+def zero_vector(vectors, b):
     """Zero for one body."""
     vectors[b, 0] = vectors[b, 1] = vectors[b, 2] = 0.0
 
 
 @njit
-def clear_linkage(layout, f, i):
+def zero_linkage(layout, f, i):
     """Zero for all bodies of linkage i."""
     for m in range(layout.body_start[i], layout.body_start[i + 1]):
-        zero_body(f, layout.order[m])
+        zero_vector(f, layout.order[m])
 
 
 @njit
-def rate_of_response(work, s, r):
+def delassus_entry(work, s, r):
     """G_s W G_rᵀ."""
-    a, b, G, P = work.row_a[s], work.row_b[s], work.G, work.response
+    rows = work.constraints
+    a, b, G, P = rows.body_a[s], rows.body_b[s], rows.G, work.delassus_operator.response
     return (
         G[s, 0] * P[r, a, 0]
         + G[s, 1] * P[r, a, 1]
@@ -91,74 +93,78 @@ def rate_of_response(work, s, r):
 
 
 @njit
-def apply_rows(model, work, n, out):
+def apply_impulses(model, work, n, out):
     """out += W Gᵀ λ."""
     for r in range(n):
-        x = work.lam[r]
+        x = work.lcp.lam[r]
         if x != 0.0:
             for b in range(model.bodies - 1):
                 for k in range(3):
-                    out[b, k] += x * work.response[r, b, k]
+                    out[b, k] += x * work.delassus_operator.response[r, b, k]
 
 
 @njit
-def note_impulses(work, n, scale):
+def report_impulses(work, n, scale):
     """Books contact impulses λ · scale [N s] for the report of the step: record by row key, place, normal, overlap."""
+    report = work.report
     for r in range(n):
-        at = note_of(work, r)
+        at = report_entry(work, r)
         if at >= 0:
-            note = work.note[at]
-            x, y = push_on_b(work, n, r)
-            note[4] += scale * x
-            note[5] += scale * y
-            note[6] = max(note[6], -work.gap[r])
+            x, y = impulse_on_b(work, n, r)
+            report.impulse[at, 0] += scale * x
+            report.impulse[at, 1] += scale * y
+            report.overlap[at] = max(report.overlap[at], -work.constraints.gap[r])
 
 
 @njit
-def hold_resting(layout, work, n):
-    """Keeps the forces of contacts whose bodies both sleep, for `note_resting`."""
-    for k in range(work.counts[3]):
-        work.note[k, 7] = work.note[k, 8] = 0.0
+def keep_resting_forces(layout, work, n):
+    """Keeps the forces of contacts whose bodies both sleep, for `report_resting`."""
+    rows, report = work.constraints, work.report
+    for k in range(report.count):
+        report.resting_force[k, 0] = report.resting_force[k, 1] = 0.0
     for r in range(n):
-        if not moves(layout, work, work.row_a[r], work.row_b[r]):
-            at = note_of(work, r)
+        if not is_advanced(layout, work, rows.body_a[r], rows.body_b[r]):
+            at = report_entry(work, r)
             if at >= 0:
-                work.note[at, 7], work.note[at, 8] = push_on_b(work, n, r)
-                work.note[at, 6] = max(work.note[at, 6], -work.gap[r])
+                report.resting_force[at, 0], report.resting_force[at, 1] = impulse_on_b(work, n, r)
+                report.overlap[at] = max(report.overlap[at], -rows.gap[r])
 
 
 @njit
-def note_resting(work, time):
+def report_resting(work, time):
     """Books what the contacts of sleeping bodies pushed for `time` [s]."""
-    for k in range(work.counts[3]):
-        work.note[k, 4] += time * work.note[k, 7]
-        work.note[k, 5] += time * work.note[k, 8]
-        work.note[k, 7] = work.note[k, 8] = 0.0
+    report = work.report
+    for k in range(report.count):
+        for axis in range(2):
+            report.impulse[k, axis] += time * report.resting_force[k, axis]
+            report.resting_force[k, axis] = 0.0
 
 
 @njit
-def note_of(work, r):
+def report_entry(work, r):
     """Place of row r in the report, made if it is new; −1 if it does not belong there."""
-    if work.source[r] != 0 or work.kind[r] != NORMAL or work.lam[r] <= 0.0:
+    if work.constraints.source[r] != CONTACT or work.constraints.kind[r] != NORMAL or work.lcp.lam[r] <= 0.0:
         return -1
-    at = 0
-    while at < work.counts[3] and work.note_key[at] != work.key[r]:
+    rows, report, at = work.constraints, work.report, 0
+    while at < report.count and report.key[at] != rows.key[r]:
         at += 1
     if at == MOST_ROWS:
         return -1
-    if at == work.counts[3]:
-        work.counts[3] += 1
-        for k in range(9):
-            work.note[at, k] = 0.0
-    work.note_key[at], work.note_pair[at] = work.key[r], work.index[r]
-    work.note[at, 0], work.note[at, 1] = work.place[r, 0], work.place[r, 1]
-    work.note[at, 2], work.note[at, 3] = work.G[r, 3], work.G[r, 4]
+    if at == report.count:
+        report.count += 1
+        report.overlap[at] = 0.0
+        for axis in range(2):
+            report.impulse[at, axis] = report.resting_force[at, axis] = 0.0
+    report.key[at], report.pair[at] = rows.key[r], rows.index[r]
+    for axis in range(2):
+        report.place[at, axis], report.normal[at, axis] = rows.place[r, axis], rows.G[r, 3 + axis]
     return at
 
 
 @njit
-def push_on_b(work, n, r):
+def impulse_on_b(work, n, r):
     """λ of a normal row, and of its friction, as a vector on body b."""
-    nx, ny = work.G[r, 3], work.G[r, 4]
-    along = work.lam[r + 1] if r + 1 < n and work.partner[r + 1] == r else 0.0
-    return work.lam[r] * nx - along * ny, work.lam[r] * ny + along * nx
+    rows, lcp = work.constraints, work.lcp
+    nx, ny = rows.G[r, 3], rows.G[r, 4]
+    along = lcp.lam[r + 1] if r + 1 < n and rows.partner[r + 1] == r else 0.0
+    return lcp.lam[r] * nx - along * ny, lcp.lam[r] * ny + along * nx

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When something happens: a gap closes, a joint reaches its limit, a slip comes to rest.
+"""Events: a gap closes, a joint reaches its limit, a slip comes to rest.
 
 Each event is a function of time that falls below zero, read off the trial state of the motion itself. Its zero is found
 by the Illinois rule (regula falsi that halves the weight of a bound kept twice), order 1.44, never outside the bracket.
@@ -8,20 +8,27 @@ by the Illinois rule (regula falsi that halves the weight of a bound kept twice)
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.method.constrained_dynamics import accelerate, advance
-from haptic_sim.method.constraints import LIMIT, moves, rate_of, wished
-from haptic_sim.method.delassus_operator import copy
+from haptic_sim.method.constrained_dynamics import constrained_acceleration, runge_kutta_step
+from haptic_sim.method.constraints import (
+    CONTACT,
+    JOINT_LIMIT,
+    constraint_rate,
+    has_constraint,
+    is_advanced,
+    reference_rate,
+)
+from haptic_sim.method.delassus_operator import copy_vectors
 from haptic_sim.method.impact import TOUCHING
 from haptic_sim.method.joints import coordinate_row
-from haptic_sim.method.lcp import FREE, LOW, NORMAL, SLIDING, limit_of
-from haptic_sim.method.narrow_phase import GAP, evaluate, far_apart, gap_of, place_shapes, touch
+from haptic_sim.method.lcp import FREE, LOW, NORMAL, SLIDING, friction_bound
+from haptic_sim.method.narrow_phase import contact_features, disc_distance, evaluate_contact, place_shapes, signed_gap
 from haptic_sim.reduction.model import SPRING
 
-PASSES = 60
-SPARE, SHARE = 1e-9, 1e-7
+MOST_ITERATIONS = 60
+FORCE_TOLERANCE, RELATIVE_TOLERANCE = 1e-9, 1e-7
 """Force [N], and share of its bound, by which a contact pulls or a friction exceeds it when its mode ends."""
 HALVINGS = 40
-EXACT = 1e-15
+ZERO = 1e-15
 """Value [m | m/s] that is zero."""
 
 
@@ -31,8 +38,9 @@ def first_event(model, layout, work, n):
 
     Events 0…p−1 are gaps of pairs, then follow the slips of the n rows, then the limits of joints.
     """
-    place_shapes(model, layout, work, work.trial_q)
-    forces_at(model, layout, work, work.trial_q, work.trial_v, n)
+    trial = work.trial
+    place_shapes(model, layout, work, trial.q)
+    contact_forces_at(model, layout, work, trial.q, trial.v, n)
     worst, event = -TOUCHING, -1
     for e in range(model.pair_count + n + model.joints):
         value = event_value(model, layout, work, n, e)
@@ -50,90 +58,80 @@ def event_value(model, layout, work, n, e):
     if e >= pairs + n:
         return limit_gap(model, layout, work, n, e - pairs - n)
     r = e - pairs
-    if work.kind[r] != SLIDING:
-        return spare_force(work, r)
-    slip = rate_of(work, work.trial_v, r) - wished(model, work, r)
-    return slip if work.mode[r] == LOW else -slip
+    if work.constraints.kind[r] != SLIDING:
+        return force_margin(work, r)
+    slip = constraint_rate(work, work.trial.v, r) - reference_rate(model, work, r)
+    return slip if work.lcp.mode[r] == LOW else -slip
 
 
 @njit
-def forces_at(model, layout, work, q, v, n):
-    """Contact forces at q, v at the time of work.clock[1] into work.lam."""
+def contact_forces_at(model, layout, work, q, v, n):
+    """Contact forces at q, v at the time of work.clock.stage into work.lcp.lam."""
     if n > 0:
-        accelerate(model, layout, work, q, v, n)
+        constrained_acceleration(model, layout, work, q, v, n)
 
 
 @njit
-def spare_force(work, r):
+def force_margin(work, r):
     """How much more a held row may be pulled [N], before it parts or slips."""
-    if work.mode[r] != FREE:
+    lcp = work.lcp
+    if lcp.mode[r] != FREE:
         return 0.0
-    if work.kind[r] == NORMAL:
-        return work.lam[r] + SPARE
-    return limit_of(work, r, 1.0) * (1.0 + SHARE) + SPARE - abs(work.lam[r])
+    if work.constraints.kind[r] == NORMAL:
+        return lcp.lam[r] + FORCE_TOLERANCE
+    return friction_bound(work, r, 1.0) * (1.0 + RELATIVE_TOLERANCE) + FORCE_TOLERANCE - abs(lcp.lam[r])
 
 
 @njit
 def pair_gap(model, layout, work, n, p):
     """Gap of a pair [m]; if it is in contact, of what else of it could touch."""
-    if not moves(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
+    narrow_phase = work.narrow_phase
+    if not is_advanced(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
         return math.inf
     s, u = model.pairs[p, 0], model.pairs[p, 1]
-    distance = far_apart(layout, work, s, u)
+    distance = disc_distance(layout, work, s, u)
     if distance > 0.0:
         return distance
     held = False
     for r in range(n):
-        held |= work.source[r] == 0 and work.index[r] == p
+        held |= work.constraints.source[r] == CONTACT and work.constraints.index[r] == p
     if not held:
-        return gap_of(model, work, s, u)
+        return signed_gap(model, work, s, u)
     least = math.inf
-    for k in range(touch(model, work, s, u)):
-        if not is_held(work, n, p, work.features[k]):
-            evaluate(layout, work, work.features[k])
-            least = min(least, work.contact[GAP])
+    for k in range(contact_features(model, work, s, u)):
+        if not has_constraint(work, n, p, narrow_phase.features[k]):
+            evaluate_contact(layout, work, narrow_phase.features[k])
+            least = min(least, narrow_phase.contact.gap)
     return least
-
-
-@njit
-def is_held(work, n, p, feature):
-    """Whether the contact of pair p at this feature is one of the rows."""
-    for r in range(n):
-        if work.source[r] == 0 and work.index[r] == p and work.kind[r] == NORMAL:
-            same = True
-            for k in range(4):
-                same &= work.feature[r, k] == feature[k]
-            if same:
-                return True
-    return False
 
 
 @njit
 def limit_gap(model, layout, work, n, j):
     """Way left to the nearer limit of joint j that is not held."""
+    rows = work.constraints
     low, high = model.joint_limit[j, 0], model.joint_limit[j, 1]
     unlimited = low == -math.inf and high == math.inf
     if (
         unlimited
         or model.joint_kind[j] == SPRING
-        or not moves(layout, work, model.joint_bodies[j, 0], model.joint_bodies[j, 1])
+        or not is_advanced(layout, work, model.joint_bodies[j, 0], model.joint_bodies[j, 1])
     ):
         return math.inf
     for r in range(n):
-        if work.source[r] == LIMIT and work.index[r] == j:
-            if work.feature[r, 3] > 0:
+        if rows.source[r] == JOINT_LIMIT and rows.index[r] == j:
+            if rows.feature[r, 3] > 0:
                 low = -math.inf
             else:
                 high = math.inf
-    at = coordinate_row(model, work.trial_q, work.trial_v, j, work.row)[0]
+    at = coordinate_row(model, work.trial.q, work.trial.v, j, work.joint_row)[0]
     return min(at - low, high - at)
 
 
 @njit
-def locate(model, layout, work, n, tau, event, value):
+def locate_event(model, layout, work, n, tau, event, value):
     """Moves the trial state to the first event within tau and returns its time [s]; −1 if it cannot be told."""
     for _ in range(6):
-        tau = zero_of(model, layout, work, n, tau, event, value)
+        tau = find_zero(model, layout, work, n, tau, event, value)
         if tau < 0.0:
             return tau
         other, value = first_event(model, layout, work, n)
@@ -146,19 +144,20 @@ def locate(model, layout, work, n, tau, event, value):
 @njit
 def value_after(model, layout, work, n, time, event):
     """An event's value after `time` [s], which becomes the trial state."""
+    trial = work.trial
     if time > 0.0:
-        advance(model, layout, work, time, n)
+        runge_kutta_step(model, layout, work, time, n)
     else:
-        copy(work.q, work.trial_q, model.bodies)
-        copy(work.v, work.trial_v, model.bodies)
-        work.clock[1] = work.clock[0]
-    place_shapes(model, layout, work, work.trial_q)
-    forces_at(model, layout, work, work.trial_q, work.trial_v, n)
+        copy_vectors(work.q, trial.q, model.bodies)
+        copy_vectors(work.v, trial.v, model.bodies)
+        work.clock.stage = work.clock.state
+    place_shapes(model, layout, work, trial.q)
+    contact_forces_at(model, layout, work, trial.q, trial.v, n)
     return event_value(model, layout, work, n, event)
 
 
 @njit
-def zero_of(model, layout, work, n, high, event, value_high):
+def find_zero(model, layout, work, n, high, event, value_high):
     """Time at which the event's value passes zero downwards, before `high` where it is below."""
     low, value_low = 0.0, value_after(model, layout, work, n, 0.0, event)
     if value_low <= TOUCHING:
@@ -174,10 +173,10 @@ def zero_of(model, layout, work, n, high, event, value_high):
             return -1.0
     side = 0
     at, value = high, value_high
-    for _ in range(PASSES):
+    for _ in range(MOST_ITERATIONS):
         at = (low * value_high - high * value_low) / (value_high - value_low)
         value = value_after(model, layout, work, n, at, event)
-        if abs(value) <= EXACT or high - low <= 1e-16 * high:
+        if abs(value) <= ZERO or high - low <= 1e-16 * high:
             break
         if value > 0.0:
             low, value_low = at, value

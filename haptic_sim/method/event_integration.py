@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From event to event: impacts and sticking are found in time, not cured after the fact.
+"""Integration from event to event: impacts and sticking are found in time, not cured after the fact.
 
 A step is cut where a gap closes or a slip speed passes zero. The instant is found by bracketing (Illinois) on the
 motion itself, which is integrated anew to each guess; then the impact is solved for all contacts touching at that time:
@@ -7,68 +7,76 @@ motion itself, which is integrated anew to each guess; then the impact is solved
     v⁺ = v⁻ + W Gᵀ λ,   0 ≤ λ_n ⟂ G_n v⁺ + e G_n v⁻ ≥ 0 (Newton),   |λ_t| ≤ μ λ_n against G_t v⁺
 
 Between events the contacts that touch, and do not part, are constraints; which of them push, stick or slide is one
-complementarity problem of the accelerations. If it has no solution (Painlevé), or events crowd, the flight gives up and
-the rest of the step is a backward difference (see `press`), which always has one.
+complementarity problem of the accelerations. If it has no solution (Painlevé), or events crowd, the integration gives
+up and the rest of the step is a backward difference (see `implicit_step`), which always has one.
 """
 
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.method.constrained_dynamics import advance, free_acceleration
-from haptic_sim.method.constraints import add_joints, keep_rows, moves, rate_of, recall, refresh, remember, wished
-from haptic_sim.method.delassus_operator import (
-    apply_rows,
-    copy,
-    hold_resting,
-    note_impulses,
-    note_resting,
-    respond_rows,
-    zero_body,
+from haptic_sim.method.constrained_dynamics import runge_kutta_step, unconstrained_acceleration
+from haptic_sim.method.constraints import (
+    add_joint_constraints,
+    constraint_rate,
+    evaluate_constraints,
+    is_advanced,
+    keep_constraints,
+    reference_rate,
+    restore_modes,
+    store_modes,
 )
-from haptic_sim.method.event import first_event, locate
-from haptic_sim.method.impact import RESTING, TOUCHING, impact, touching_contacts
-from haptic_sim.method.lcp import FRICTION, HIGH, LOW, NORMAL, SLIDING, solve_modes
-from haptic_sim.method.narrow_phase import far_apart, gap_of
+from haptic_sim.method.delassus_operator import (
+    apply_impulses,
+    copy_vectors,
+    delassus_operator,
+    keep_resting_forces,
+    report_impulses,
+    report_resting,
+    zero_vector,
+)
+from haptic_sim.method.event import first_event, locate_event
+from haptic_sim.method.impact import RESTING, TOUCHING, add_touching_contacts, resolve_impact
+from haptic_sim.method.lcp import FRICTION, HIGH, LOW, NORMAL, SLIDING, principal_pivoting
+from haptic_sim.method.narrow_phase import disc_distance, signed_gap
 
 MOST_EVENTS = 400
-UNSOLVED, STRUCK = -1, -2
+UNSOLVED, IMPACT_DUE = -1, -2
 
 
 @njit
-def fly(model, layout, work, h):
+def integrate_through_events(model, layout, work, h):
     """Advances the active linkages by h [s]; returns the time left over when it had to give up, else 0."""
     for i in range(layout.linkages):
-        work.flying[i] = work.active[i]
-    work.clock[0] = work.clock[1] = 0.0
+        work.event_integration.advanced[i] = work.active[i]
+    work.clock.state = work.clock.stage = 0.0
     left = h
     for _ in range(MOST_EVENTS):
-        n = present_rows(model, layout, work, True)
-        if n == STRUCK:
-            impact(model, layout, work)
-            n = present_rows(model, layout, work, True)
+        n = active_constraints(model, layout, work, True)
+        if n == IMPACT_DUE:
+            resolve_impact(model, layout, work)
+            n = active_constraints(model, layout, work, True)
         if n < 0:
             return left
-        resting = n > 0 and lay_to_rest(model, layout, work, n, left) > 0
+        resting = n > 0 and put_to_sleep(model, layout, work, n, left) > 0
         if resting and count_awake(layout, work) == 0:
-            note_resting(work, left)
-            wake(layout, work)
+            report_resting(work, left)
+            wake_up(layout, work)
             return 0.0
         if resting:
-            n = present_rows(model, layout, work, False)
-        tau, event = soar(model, layout, work, n, left) if n >= 0 else (-1.0, -1)
-        wake(layout, work)
+            n = active_constraints(model, layout, work, False)
+        tau, event = integrate_to_event(model, layout, work, n, left) if n >= 0 else (-1.0, -1)
+        wake_up(layout, work)
         if tau < 0.0:
             return left
-        note_impulses(work, n, tau)
+        report_impulses(work, n, tau)
         if resting:
-            note_resting(work, tau)
-        work.clock[0] += tau
-        work.clock[1] = work.clock[0]
-        work.port[13] += work.supply
-        work.port[20] += work.lost
+            report_resting(work, tau)
+        work.clock.state += tau
+        work.clock.stage = work.clock.state
+        work.port.supplied += work.trial.supplied
+        work.accounts.contacts += work.trial.taken
         if event >= 0:
-            work.counts[2] += 1
-            impact(model, layout, work)
+            resolve_impact(model, layout, work)
         left -= tau
         if left <= 1e-15 * h:
             return 0.0
@@ -76,93 +84,93 @@ def fly(model, layout, work, h):
 
 
 @njit
-def soar(model, layout, work, n, left):
+def integrate_to_event(model, layout, work, n, left):
     """Moves on until something happens, or the time is up; (time taken, event), time −1 if it cannot be told."""
-    tau = min(left, longest_flight(model, layout, work))
-    advance(model, layout, work, tau, n)
+    tau = min(left, longest_safe_step(model, layout, work))
+    runge_kutta_step(model, layout, work, tau, n)
     event, value = first_event(model, layout, work, n)
     if event >= 0:
-        tau = locate(model, layout, work, n, tau, event, value)
+        tau = locate_event(model, layout, work, n, tau, event, value)
         if tau < 0.0:
             return tau, event
-    copy(work.trial_q, work.q, model.bodies)
-    copy(work.trial_v, work.v, model.bodies)
+    copy_vectors(work.trial.q, work.q, model.bodies)
+    copy_vectors(work.trial.v, work.v, model.bodies)
     for r in range(n):
-        work.lam[r] = work.forces[r]
+        work.lcp.lam[r] = work.event_integration.force[r]
     return tau, event
 
 
 @njit
-def present_rows(model, layout, work, all_awake):
-    """Rows of contacts that touch and do not part, with modes; returns how many, or UNSOLVED, or STRUCK."""
+def active_constraints(model, layout, work, all_awake):
+    """Rows of contacts that touch and do not part, with modes; returns how many, or UNSOLVED, or IMPACT_DUE."""
     q, v = work.q, work.v
-    n = touching_contacts(model, layout, work)
-    n += add_joints(model, layout, work, n, q, v, TOUCHING, 1.0)
+    n = add_touching_contacts(model, layout, work)
+    n += add_joint_constraints(model, layout, work, n, q, v, TOUCHING, 1.0)
     if n == 0:
         return 0
-    refresh(model, layout, work, q, v, n)
-    n = keep_rows(work, v, n, TOUCHING, RESTING)
+    evaluate_constraints(model, layout, work, q, v, n)
+    n = keep_constraints(work, v, n, TOUCHING, RESTING)
     for r in range(n):
-        if work.kind[r] == NORMAL and rate_of(work, v, r) < -RESTING:
-            return STRUCK
-    recall(work, n)
+        if work.constraints.kind[r] == NORMAL and constraint_rate(work, v, r) < -RESTING:
+            return IMPACT_DUE
+    restore_modes(work, n)
     for r in range(n):
-        set_sense(model, work, v, r)
-    free_acceleration(model, layout, work, q, v)
-    respond_rows(model, layout, work, n)
+        set_sliding_direction(model, work, v, r)
+    unconstrained_acceleration(model, layout, work, q, v)
+    delassus_operator(model, layout, work, n)
     for r in range(n):
-        work.b[r] = rate_of(work, work.free_v, r) + work.gamma[r]
-    if solve_modes(work, n, 1.0, 60) < 0:
-        work.counts[1] = 0
+        work.lcp.b[r] = constraint_rate(work, work.constrained_dynamics.acceleration, r) + work.constraints.gamma[r]
+    if principal_pivoting(work, n, 1.0, 60) < 0:
+        work.warm_start.count = 0
         return UNSOLVED
     if all_awake:
-        remember(work, n)
+        store_modes(work, n)
     for r in range(n):
-        work.forces[r] = work.lam[r]
+        work.event_integration.force[r] = work.lcp.lam[r]
     return n
 
 
 @njit
-def lay_to_rest(model, layout, work, n, left):
+def put_to_sleep(model, layout, work, n, left):
     """Linkages that do not move, nor would within the time left, by more than RESTING get velocity zero and sleep.
 
     The contact forces have been solved for and hold them: to integrate them would only move rounding about. Who
     touches one that moves, or that the hand pulls, stays awake. Returns how many sleep.
     """
-    a = work.free_v
-    apply_rows(model, work, n, a)
+    a, moving = work.constrained_dynamics.acceleration, work.event_integration.moving
+    apply_impulses(model, work, n, a)
     for i in range(layout.linkages):
-        work.moving[i] = 0
+        moving[i] = 0
         for m in range(layout.body_start[i], layout.body_start[i + 1]):
             b = layout.order[m]
             for k in range(3):
                 if abs(work.v[b, k]) > RESTING or abs(a[b, k]) * left > RESTING:
-                    work.moving[i] = 1
-    if work.port[19] > 0.0:
-        work.moving[layout.linkage[0]] = 1
-    spread_motion(layout, work, n)
+                    moving[i] = 1
+    if work.coupling.event_driven:
+        moving[layout.linkage[0]] = 1
+    propagate_motion(layout, work, n)
     asleep = 0
     for i in range(layout.linkages):
-        if work.active[i] > 0 and work.moving[i] == 0:
+        if work.active[i] > 0 and moving[i] == 0:
             work.active[i] = 0
             asleep += 1
             for m in range(layout.body_start[i], layout.body_start[i + 1]):
-                zero_body(work.v, layout.order[m])
+                zero_vector(work.v, layout.order[m])
     if asleep > 0:
-        hold_resting(layout, work, n)
+        keep_resting_forces(layout, work, n)
     return asleep
 
 
 @njit
-def spread_motion(layout, work, n):
+def propagate_motion(layout, work, n):
     """Who shares a row with one that moves moves too."""
-    changed = True
+    rows, moving, changed = work.constraints, work.event_integration.moving, True
     while changed:
         changed = False
         for r in range(n):
-            a, b = layout.linkage[work.row_a[r]], layout.linkage[work.row_b[r]]
-            if a >= 0 and b >= 0 and work.moving[a] != work.moving[b]:
-                work.moving[a] = work.moving[b] = 1
+            a, b = layout.linkage[rows.body_a[r]], layout.linkage[rows.body_b[r]]
+            if a >= 0 and b >= 0 and moving[a] != moving[b]:
+                moving[a] = moving[b] = 1
                 changed = True
 
 
@@ -176,30 +184,30 @@ def count_awake(layout, work):
 
 
 @njit
-def wake(layout, work):
-    """All linkages of this flight are active again."""
+def wake_up(layout, work):
+    """All linkages that are being advanced are active again."""
     for i in range(layout.linkages):
-        work.active[i] = work.flying[i]
+        work.active[i] = work.event_integration.advanced[i]
 
 
 @njit
-def set_sense(model, work, v, r):
+def set_sliding_direction(model, work, v, r):
     """A row that slips has its friction against the slip; a resting one may stick. A motor's slip is from its speed."""
-    if work.kind[r] != FRICTION:
+    if work.constraints.kind[r] != FRICTION:
         return
-    slip = rate_of(work, v, r) - wished(model, work, r)
+    slip = constraint_rate(work, v, r) - reference_rate(model, work, r)
     if abs(slip) > RESTING:
-        work.kind[r] = SLIDING
-        work.mode[r] = LOW if slip > 0.0 else HIGH
+        work.constraints.kind[r] = SLIDING
+        work.lcp.mode[r] = LOW if slip > 0.0 else HIGH
 
 
 @njit
-def longest_flight(model, layout, work):
+def longest_safe_step(model, layout, work):
     """Time [s] within which no two shapes can meet and be through each other again: a quarter of their widths."""
     longest = math.inf
     for p in range(model.pair_count):
         a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
-        if not moves(layout, work, a, b):
+        if not is_advanced(layout, work, a, b):
             continue
         s, u = model.pairs[p, 0], model.pairs[p, 1]
         v = work.v
@@ -207,8 +215,8 @@ def longest_flight(model, layout, work):
         closing += abs(v[a, 2]) * layout.extent[a] + abs(v[b, 2]) * layout.extent[b]
         if closing <= 0.0:
             continue
-        apart = far_apart(layout, work, s, u)
+        apart = disc_distance(layout, work, s, u)
         if apart <= 0.0:
-            apart = gap_of(model, work, s, u)
+            apart = signed_gap(model, work, s, u)
         longest = min(longest, max(0.25 * (layout.thickness[s] + layout.thickness[u]), apart) / closing)
     return longest

@@ -7,34 +7,35 @@ The law (Moreau 1988; Glocker & Pfeiffer 1995): every contact that touches, be i
 
 Three equal discs in a row with e = 1, two of them touching, struck by the third at speed 1, leave with −1/3, 2/3, 2/3.
 It keeps momentum, since λ is mutual. It never creates energy: without friction T⁺ − T⁻ = Σ ½ (1 − e) λ_n G_n v⁻ ≤ 0
-unless some contact parts already; in that case, and with friction, `impact` gives restitution up where it would gain.
-And it invents no order of impacts, of which rigid bodies know nothing.
+unless some contact parts already; in that case, and with friction, `resolve_impact` gives restitution up where it would
+gain. And it invents no order of impacts, of which rigid bodies know nothing.
 
 Its limit: it is not continuous. The same discs with any gap strike one after the other and leave with 0, 0, 1. No law
 could be: as gaps vanish the outcome tends to different limits for different orders of impact (Ivanov 1995), and only
 the bodies' elasticity, which is not modelled, could tell which one is right. A Newton's cradle is a scene with gaps of
-1 nm or more (TOUCHING is 1 pm) among bodies that the coupling does not hold: for a backward difference (`press`) all
-that is struck within one step is struck at once.
+1 nm or more (TOUCHING is 1 pm) among bodies that the coupling does not hold: for a backward difference
+(`implicit_step`) all that is struck within one step is struck at once.
 """
 
 import math
 
 from haptic_device.jit import njit
 from haptic_sim.method.constraints import (
-    add_contact,
-    add_joints,
-    drives_work,
-    keep_rows,
-    moves,
-    rate_of,
-    refresh,
-    wished,
+    CONTACT,
+    add_contact_constraints,
+    add_joint_constraints,
+    constraint_rate,
+    evaluate_constraints,
+    is_advanced,
+    keep_constraints,
+    reference_rate,
+    work_of_drives,
 )
-from haptic_sim.method.delassus_operator import apply_rows, copy, note_impulses, respond_rows
-from haptic_sim.method.lcp import NORMAL, solve_modes
+from haptic_sim.method.delassus_operator import apply_impulses, copy_vectors, delassus_operator, report_impulses
+from haptic_sim.method.lcp import NORMAL, principal_pivoting
 from haptic_sim.method.lemke import lemke
 from haptic_sim.method.linkage import reduce_linkage
-from haptic_sim.method.narrow_phase import far_apart, gap_of, place_shapes, touch
+from haptic_sim.method.narrow_phase import contact_features, disc_distance, place_shapes, signed_gap
 
 TOUCHING = 1e-12
 """Gap [m] below which two shapes touch."""
@@ -43,65 +44,66 @@ RESTING = 1e-9
 
 
 @njit
-def impact(model, layout, work):
+def resolve_impact(model, layout, work):
     """Velocities after the impact at work.q; restitution is given up where, with friction, it would add energy."""
-    before = kinetic(model, layout, work, work.v)
-    n = touching_rows(model, layout, work)
+    before = kinetic_energy(model, layout, work, work.v)
+    n = impact_constraints(model, layout, work)
     if n == 0:
         return
-    copy(work.v, work.trial_v, model.bodies)
-    strike(model, layout, work, n, 1.0)
-    given = drives_work(model, work, work.v, n)
-    if kinetic(model, layout, work, work.v) - given - before > 1e-12 * (before + abs(given)):
-        copy(work.trial_v, work.v, model.bodies)
-        strike(model, layout, work, n, 0.0)
-    note_impulses(work, n, 1.0)
-    work.port[20] += before - kinetic(model, layout, work, work.v)
+    copy_vectors(work.v, work.trial.v, model.bodies)
+    solve_impact(model, layout, work, n, 1.0)
+    given = work_of_drives(model, work, work.v, n)
+    if kinetic_energy(model, layout, work, work.v) - given - before > 1e-12 * (before + abs(given)):
+        copy_vectors(work.trial.v, work.v, model.bodies)
+        solve_impact(model, layout, work, n, 0.0)
+    report_impulses(work, n, 1.0)
+    work.accounts.contacts += before - kinetic_energy(model, layout, work, work.v)
 
 
 @njit
-def touching_rows(model, layout, work):
+def impact_constraints(model, layout, work):
     """Rows of all contacts that touch, and of joints at a limit; returns how many."""
-    n = touching_contacts(model, layout, work)
-    n += add_joints(model, layout, work, n, work.q, work.v, TOUCHING, 0.0)
-    refresh(model, layout, work, work.q, work.v, n)
-    n = keep_rows(work, work.v, n, TOUCHING, math.inf)
+    n = add_touching_contacts(model, layout, work)
+    n += add_joint_constraints(model, layout, work, n, work.q, work.v, TOUCHING, 0.0)
+    evaluate_constraints(model, layout, work, work.q, work.v, n)
+    n = keep_constraints(work, work.v, n, TOUCHING, math.inf)
     for i in range(layout.linkages):
         if work.active[i] > 0:
             reduce_linkage(model, layout, work, i, work.q, work.v, 0.0)
-    respond_rows(model, layout, work, n)
+    delassus_operator(model, layout, work, n)
     return n
 
 
 @njit
-def touching_contacts(model, layout, work):
+def add_touching_contacts(model, layout, work):
     """Rows of all contacts that touch; returns how many."""
     n = 0
     place_shapes(model, layout, work, work.q)
     for p in range(model.pair_count):
         s, u = model.pairs[p, 0], model.pairs[p, 1]
-        if not moves(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
+        if not is_advanced(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
             continue
-        if far_apart(layout, work, s, u) <= TOUCHING and gap_of(model, work, s, u) <= TOUCHING:
-            for k in range(touch(model, work, s, u)):
-                n = add_contact(model, layout, work, n, p, work.features[k])
+        if disc_distance(layout, work, s, u) <= TOUCHING and signed_gap(model, work, s, u) <= TOUCHING:
+            for k in range(contact_features(model, work, s, u)):
+                n = add_contact_constraints(model, layout, work, n, p, work.narrow_phase.features[k])
     return n
 
 
 @njit
-def strike(model, layout, work, n, scale):
+def solve_impact(model, layout, work, n, scale):
     """v⁺ with the pairs' restitution times `scale`."""
+    rows, lcp = work.constraints, work.lcp
     for r in range(n):
-        work.b[r] = rate_of(work, work.v, r) - wished(model, work, r)
-        if work.kind[r] == NORMAL and work.source[r] == 0 and work.b[r] < -RESTING:
-            work.b[r] *= 1.0 + scale * model.pair_restitution[work.index[r]]
-    if solve_modes(work, n, 1.0, 60) < 0:
+        lcp.b[r] = constraint_rate(work, work.v, r) - reference_rate(model, work, r)
+        if rows.kind[r] == NORMAL and rows.source[r] == CONTACT and lcp.b[r] < -RESTING:
+            lcp.b[r] *= 1.0 + scale * model.pair_restitution[rows.index[r]]
+    if principal_pivoting(work, n, 1.0, 60) < 0:
         lemke(work, n)
-    apply_rows(model, work, n, work.v)
+    apply_impulses(model, work, n, work.v)
 
 
 @njit
-def kinetic(model, layout, work, v):
+def kinetic_energy(model, layout, work, v):
     """Kinetic energy of the bodies that are being advanced [J]."""
     energy = 0.0
     for b in range(model.bodies - 1):

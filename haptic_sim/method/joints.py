@@ -18,7 +18,7 @@ ALONG, ACROSS = 0, 1
 
 
 @njit
-def arms(model, q, j):
+def lever_arms(model, q, j):
     """(arm of a, arm of b, distance p_b − p_a) in the plane [m]."""
     a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
     ca, sa, cb, sb = math.cos(q[a, 2]), math.sin(q[a, 2]), math.cos(q[b, 2]), math.sin(q[b, 2])
@@ -29,7 +29,7 @@ def arms(model, q, j):
 
 
 @njit
-def direction(model, q, j, across):
+def slider_direction(model, q, j, across):
     """Unit vector of a slider's axis, or square to it, in the plane."""
     a = model.joint_bodies[j, 0]
     c, s, x, y = math.cos(q[a, 2]), math.sin(q[a, 2]), model.joint_axis[j, 0], model.joint_axis[j, 1]
@@ -40,11 +40,11 @@ def direction(model, q, j, across):
 
 
 @njit
-def guide_row(model, q, v, j, across, row):
+def slider_row(model, q, v, j, across, row):
     """(φ, γ) of a slider along or across its axis, and its row."""
     a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
-    rax, ray, rbx, rby, dx, dy = arms(model, q, j)
-    nx, ny = direction(model, q, j, across)
+    rax, ray, rbx, rby, dx, dy = lever_arms(model, q, j)
+    nx, ny = slider_direction(model, q, j, across)
     rx, ry = rax + dx, ray + dy
     row[0], row[1], row[2] = -nx, -ny, -(rx * ny - ry * nx)
     row[3], row[4], row[5] = nx, ny, rbx * ny - rby * nx
@@ -67,7 +67,7 @@ def angle_row(model, q, j, row):
 def pin_row(model, q, v, j, axis, row):
     """(φ, γ) of a pin along x (axis 0) or y (axis 1), and its row."""
     a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
-    rax, ray, rbx, rby, dx, dy = arms(model, q, j)
+    rax, ray, rbx, rby, dx, dy = lever_arms(model, q, j)
     wa2, wb2 = v[a, 2] * v[a, 2], v[b, 2] * v[b, 2]
     row[:] = 0.0
     row[axis], row[3 + axis] = -1.0, 1.0
@@ -79,13 +79,13 @@ def pin_row(model, q, v, j, axis, row):
 
 
 @njit
-def forbidden_row(model, q, v, j, k, row):
+def constraint_row(model, q, v, j, k, row):
     """(φ, γ) of what joint j forbids, k = 0 or 1, and its row; pins and sliders only."""
     if model.joint_kind[j] == PIN:
         return pin_row(model, q, v, j, k, row)
     if k == 0:
         return angle_row(model, q, j, row)
-    return guide_row(model, q, v, j, ACROSS, row)
+    return slider_row(model, q, v, j, ACROSS, row)
 
 
 @njit
@@ -94,8 +94,8 @@ def coordinate_row(model, q, v, j, row):
     if model.joint_kind[j] == PIN:
         return angle_row(model, q, j, row)
     if model.joint_kind[j] == SLIDER:
-        return guide_row(model, q, v, j, ALONG, row)
-    rax, ray, rbx, rby, dx, dy = arms(model, q, j)
+        return slider_row(model, q, v, j, ALONG, row)
+    rax, ray, rbx, rby, dx, dy = lever_arms(model, q, j)
     length = math.hypot(dx, dy)
     ux, uy = dx / length, dy / length
     row[0], row[1], row[2] = -ux, -uy, -(rax * uy - ray * ux)
@@ -104,7 +104,7 @@ def coordinate_row(model, q, v, j, row):
 
 
 @njit
-def spring_rows(model, j):
+def spring_row_count(model, j):
     """How many rows joint j's spring-damper acts along: none, one, or two for a spring without length."""
     if model.joint_spring[j, 0] == 0.0 and model.joint_spring[j, 1] == 0.0:
         return 0
@@ -122,7 +122,7 @@ def spring_row(model, q, v, j, k, row):
 
 
 @njit
-def rate(model, v, j, row):
+def row_rate(model, v, j, row):
     """J v of a joint's row."""
     a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
     return (
@@ -131,7 +131,7 @@ def rate(model, v, j, row):
 
 
 @njit
-def push(model, f, j, row, force):
+def add_row_force(model, f, j, row, force):
     """Adds `force` along a joint's row to the generalized forces f (n, 3)."""
     a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
     for k in range(3):
@@ -144,18 +144,18 @@ def applied_forces(model, q, v, damped, row, f):
     """Gravity and springs [N, N, N m]; with `damped` their dampers too (else these are left to an implicit solve)."""
     for b in range(model.bodies - 1):
         f[b, 0], f[b, 1], f[b, 2] = model.mass[b] * model.gravity[0], model.mass[b] * model.gravity[1], 0.0
-    push_springs(model, q, v, damped, row, f)
+    add_spring_forces(model, q, v, damped, row, f)
 
 
 @njit
-def push_springs(model, q, v, damped, row, f):
+def add_spring_forces(model, q, v, damped, row, f):
     """Adds the forces of the joints' springs, with `damped` their dampers too."""
     for j in range(model.joints):
-        for k in range(spring_rows(model, j)):
+        for k in range(spring_row_count(model, j)):
             force = -model.joint_spring[j, 0] * spring_row(model, q, v, j, k, row)
             if damped:
-                force -= model.joint_spring[j, 1] * rate(model, v, j, row)
-            push(model, f, j, row, force)
+                force -= model.joint_spring[j, 1] * row_rate(model, v, j, row)
+            add_row_force(model, f, j, row, force)
 
 
 @njit
@@ -163,13 +163,13 @@ def spring_energy(model, q, v, row):
     """Energy stored in the joints' springs [J]."""
     energy = 0.0
     for j in range(model.joints):
-        for k in range(spring_rows(model, j)):
+        for k in range(spring_row_count(model, j)):
             stretch = spring_row(model, q, v, j, k, row)
             energy += 0.5 * model.joint_spring[j, 0] * stretch * stretch
     return energy
 
 
 @kernel
-def spring_energies(models, works):
+def stored_in_springs(models, works):
     """The same from arrays of one record each."""
-    return spring_energy(models[0], works[0].q, works[0].v, works[0].row)
+    return spring_energy(models[0], works[0].q, works[0].v, works[0].joint_row)

@@ -23,21 +23,21 @@ from haptic_device.jit import njit
 NORMAL, FRICTION, SLIDING = 0, 1, 2
 OPEN, FREE, LOW, HIGH = 0, 1, -1, 2
 """Modes: a normal row is OPEN (λ = 0) or FREE (w = 0); a friction row FREE, or at its LOW or HIGH bound."""
-SOFT = 1e-11
+REGULARIZATION = 1e-11
 ROUNDING = 1e-9
 
 
 @njit
-def solve_modes(work, n, share, limit):
-    """Solves the rows 0…n−1 in place (`work.mode` is the first guess and the answer). Returns pivots used, or −1.
+def principal_pivoting(work, n, share, limit):
+    """Solves the rows 0…n−1 in place (`work.lcp.mode` is the first guess and the answer). Returns pivots used, or −1.
 
-    `share` of the friction acts: 1, or 0 where constraints are only put right.
+    `share` of the friction acts: 1, or 0 where constraints are only stabilized.
     """
     fewest, patience = n + 1, 8
     for turn in range(limit):
-        if not solve_linear(work, n, share):
+        if not solve_in_modes(work, n, share):
             return -1
-        wrong, last = count_wrong(work, n, share, False)
+        wrong, last = count_wrong_modes(work, n, share, False)
         if wrong == 0:
             return turn + 1
         if wrong < fewest:
@@ -45,52 +45,54 @@ def solve_modes(work, n, share, limit):
         else:
             patience -= 1
         if patience > 0:
-            count_wrong(work, n, share, True)
+            count_wrong_modes(work, n, share, True)
         else:
-            work.mode[last] = better(work, n, share, last)
+            work.lcp.mode[last] = consistent_mode(work, n, share, last)
     return -1
 
 
 @njit
-def limit_of(work, r, share):
+def friction_bound(work, r, share):
     """Bound on |λ_r|."""
-    normal = work.partner[r]
-    return share * (work.bound[r] + (work.mu[r] * max(work.lam[normal], 0.0) if normal >= 0 else 0.0))
+    rows = work.constraints
+    normal = rows.partner[r]
+    return share * (rows.bound[r] + (rows.mu[r] * max(work.lcp.lam[normal], 0.0) if normal >= 0 else 0.0))
 
 
 @njit
-def count_wrong(work, n, share, change):
+def count_wrong_modes(work, n, share, change):
     """(number, last) of rows whose mode the solution contradicts; with `change` they get the better one."""
     wrong, last = 0, -1
     for r in range(n):
-        wish = better(work, n, share, r)
-        if wish != work.mode[r]:
+        wish = consistent_mode(work, n, share, r)
+        if wish != work.lcp.mode[r]:
             wrong, last = wrong + 1, r
             if change:
-                work.mode[r] = wish
+                work.lcp.mode[r] = wish
     return wrong, last
 
 
 @njit
-def better(work, n, share, r):
+def consistent_mode(work, n, share, r):
     """The mode that the present solution asks for in row r."""
-    A, lam, kind, mode = work.A, work.lam, work.kind, work.mode
+    lcp = work.lcp
+    A, lam, kind, mode = lcp.A, lcp.lam, work.constraints.kind, lcp.mode
     if kind[r] == SLIDING:
         return mode[r]
     if mode[r] == FREE:
         if kind[r] == NORMAL:
             return OPEN if lam[r] < 0.0 else FREE
-        most = limit_of(work, r, share)
+        most = friction_bound(work, r, share)
         if abs(lam[r]) <= most * (1.0 + ROUNDING):
             return FREE
         return HIGH if lam[r] > 0.0 else LOW
-    w, size = work.b[r], abs(work.b[r])
+    w, size = lcp.b[r], abs(lcp.b[r])
     for k in range(n):
         w += A[r, k] * lam[k]
         size += abs(A[r, k] * lam[k])
     if kind[r] == NORMAL:
         return FREE if w < -ROUNDING * size else OPEN
-    if limit_of(work, r, share) <= 0.0:
+    if friction_bound(work, r, share) <= 0.0:
         return mode[r]
     if mode[r] == LOW:
         return FREE if w < -ROUNDING * size else LOW
@@ -98,65 +100,68 @@ def better(work, n, share, r):
 
 
 @njit
-def solve_linear(work, n, share):
+def solve_in_modes(work, n, share):
     """λ for the present modes, by elimination with row pivoting; False if the system is singular."""
-    S, free, m, kind, partner = work.system, work.free, 0, work.kind, work.partner
-    A, lam, mode = work.A, work.lam, work.mode
+    rows, lcp = work.constraints, work.lcp
+    S, free, m, kind, partner = lcp.system, lcp.free, 0, rows.kind, rows.partner
+    A, lam, mode = lcp.A, lcp.lam, lcp.mode
     for r in range(n):
         lam[r] = 0.0
         if mode[r] == FREE and (kind[r] == NORMAL or partner[r] < 0 or mode[partner[r]] == FREE):
-            work.column[r] = m
+            lcp.column[r] = m
             free[m] = r
             m += 1
     for i in range(m):
-        work.bottom[i] = i
+        lcp.bottom[i] = i
     for i in range(m):
         r = free[i]
-        work.last[i] = i
+        lcp.last[i] = i
         for k in range(m):
             S[i, k] = A[r, free[k]]
             if S[i, k] != 0.0:
-                work.last[i], work.bottom[k] = max(work.last[i], k), max(work.bottom[k], i)
-        S[i, i] += SOFT * A[r, r]
-        S[i, m] = -work.b[r]
+                lcp.last[i], lcp.bottom[k] = max(lcp.last[i], k), max(lcp.bottom[k], i)
+        S[i, i] += REGULARIZATION * A[r, r]
+        S[i, m] = -lcp.b[r]
     for r in range(n):
         if kind[r] != NORMAL and mode[r] != FREE:
-            carry(work, r, m, share, -1.0 if mode[r] == LOW else 1.0)
-    if not gauss(work, m):
+            insert_bounded_row(work, r, m, share, -1.0 if mode[r] == LOW else 1.0)
+    if not solve_band(work, m):
         return False
     for i in range(m):
         lam[free[i]] = S[i, m]
     for r in range(n):
         if kind[r] != NORMAL and mode[r] != FREE:
             sense = -1.0 if mode[r] == LOW else 1.0
-            carried = work.mu[r] * lam[partner[r]] if partner[r] >= 0 else 0.0
-            lam[r] = sense * share * (work.bound[r] + carried)
+            carried = rows.mu[r] * lam[partner[r]] if partner[r] >= 0 else 0.0
+            lam[r] = sense * share * (rows.bound[r] + carried)
     return True
 
 
 @njit
-def carry(work, r, m, share, sense):
+def insert_bounded_row(work, r, m, share, sense):
     """Inserts λ_r = ± (c + μ λ_n) of a row at its bound into the equations of the free rows."""
-    A, S, free, normal = work.A, work.system, work.free, work.partner[r]
-    seen = normal >= 0 and work.mode[normal] == FREE
+    rows, lcp = work.constraints, work.lcp
+    A, S, free, normal = lcp.A, lcp.system, lcp.free, rows.partner[r]
+    seen = normal >= 0 and lcp.mode[normal] == FREE
     for i in range(m):
-        S[i, m] -= A[free[i], r] * sense * share * work.bound[r]
+        S[i, m] -= A[free[i], r] * sense * share * rows.bound[r]
         if seen:
-            S[i, work.column[normal]] += A[free[i], r] * sense * share * work.mu[r]
-            c = work.column[normal]
-            work.last[i], work.bottom[c] = max(work.last[i], c), max(work.bottom[c], i)
+            S[i, lcp.column[normal]] += A[free[i], r] * sense * share * rows.mu[r]
+            c = lcp.column[normal]
+            lcp.last[i], lcp.bottom[c] = max(lcp.last[i], c), max(lcp.bottom[c], i)
 
 
 @njit
-def gauss(work, m):
+def solve_band(work, m):
     """Solves S[:m, :m] x = S[:m, m] in place; x ends in the last column. False if a pivot is zero.
 
-    Row i is zero beyond column work.last[i], column k below row work.bottom[k]: contacts that share no body do not know
+    Row i is zero beyond column last[i], column k below row bottom[k]: contacts that share no body do not know
     each other, so S is a band.
     """
-    S, last, low = work.system, work.last, 0
+    lcp = work.lcp
+    S, last, low = lcp.system, lcp.last, 0
     for k in range(m):
-        at, low = k, max(low, work.bottom[k])
+        at, low = k, max(low, lcp.bottom[k])
         for i in range(k + 1, low + 1):
             if abs(S[i, k]) > abs(S[at, k]):
                 at = i
@@ -166,11 +171,11 @@ def gauss(work, m):
             swap_rows(work, k, at, m)
         scale = 1.0 / S[k, k]
         for i in range(k + 1, low + 1):
-            part_ = S[i, k] * scale
-            if part_ != 0.0:
+            ratio = S[i, k] * scale
+            if ratio != 0.0:
                 for c in range(k + 1, last[k] + 1):
-                    S[i, c] -= part_ * S[k, c]
-                S[i, m] -= part_ * S[k, m]
+                    S[i, c] -= ratio * S[k, c]
+                S[i, m] -= ratio * S[k, m]
                 last[i] = max(last[i], last[k])
     for k in range(m - 1, -1, -1):
         total = S[k, m]
@@ -183,7 +188,7 @@ def gauss(work, m):
 @njit
 def swap_rows(work, k, at, m):
     """Rows k and `at` change places."""
-    S, last = work.system, work.last
+    S, last = work.lcp.system, work.lcp.last
     for c in range(k, m + 1):
         kept = S[k, c]
         S[k, c] = S[at, c]

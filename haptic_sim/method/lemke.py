@@ -12,65 +12,67 @@ on a ray (Anitescu & Potra 1997, theorem 2.7). The number of pivots is bounded h
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.method.lcp import NORMAL, SOFT
+from haptic_sim.method.lcp import NORMAL, REGULARIZATION
 
 
 @njit
 def lemke(work, n):
     """λ of rows NORMAL and FRICTION (see `lcp`); True if found."""
-    A, start, kind, lam = work.A, work.column, work.kind, work.lam
+    A, start, kind, lam = work.lcp.A, work.lemke.start, work.constraints.kind, work.lcp.lam
     size = 0
     for r in range(n):
         start[r] = size
         size += 1 if kind[r] == NORMAL else 3
     width = 2 * size + 2
-    T = work.tableau
+    T = work.lemke.tableau
     for at in range(size * width):
         T[at] = 0.0
     for r in range(n):
         for k in range(n):
-            put(work, width, r, k, A[r, k] * (1.0 + SOFT if r == k else 1.0))
-        fill_friction(work, width, r)
-    found = pivot_to_end(work, size)
-    z = work.z
+            insert_entry(work, width, r, k, A[r, k] * (1.0 + REGULARIZATION if r == k else 1.0))
+        insert_row(work, width, r)
+    found = complementary_pivoting(work, size)
+    z = work.lemke.z
     for r in range(n):
         lam[r] = z[start[r]] if kind[r] == NORMAL else z[start[r]] - z[start[r] + 1]
     return found
 
 
 @njit
-def put(work, width, r, k, value):
+def insert_entry(work, width, r, k, value):
     """−A of the tableau w − A z − z0 = b, with the copies of opposite sign that split friction needs."""
-    T, size = work.tableau, width // 2 - 1
-    at = work.column[r] * width + size + work.column[k]
+    rows = work.constraints
+    T, size = work.lemke.tableau, width // 2 - 1
+    at = work.lemke.start[r] * width + size + work.lemke.start[k]
     T[at] = -value
-    if work.kind[k] != NORMAL:
+    if rows.kind[k] != NORMAL:
         T[at + 1] = value
-    if work.kind[r] != NORMAL:
+    if rows.kind[r] != NORMAL:
         T[at + width] = value
-        if work.kind[k] != NORMAL:
+        if rows.kind[k] != NORMAL:
             T[at + width + 1] = -value
 
 
 @njit
-def fill_friction(work, width, r):
+def insert_row(work, width, r):
     """b of row r, and the rows of its slip speed if it is one of friction."""
-    T, i, size = work.tableau, work.column[r], width // 2 - 1
+    rows = work.constraints
+    T, i, size = work.lemke.tableau, work.lemke.start[r], width // 2 - 1
     row = i * width
-    T[row + width - 1] = work.b[r]
-    if work.kind[r] == NORMAL:
+    T[row + width - 1] = work.lcp.b[r]
+    if rows.kind[r] == NORMAL:
         return
-    T[row + 2 * width - 1], T[row + 3 * width - 1] = -work.b[r], work.bound[r]
+    T[row + 2 * width - 1], T[row + 3 * width - 1] = -work.lcp.b[r], rows.bound[r]
     T[row + size + i + 2] = T[row + width + size + i + 2] = -1.0
     T[row + 2 * width + size + i] = T[row + 2 * width + size + i + 1] = 1.0
-    if work.partner[r] >= 0:
-        T[row + 2 * width + size + work.column[work.partner[r]]] = -work.mu[r]
+    if rows.partner[r] >= 0:
+        T[row + 2 * width + size + work.lemke.start[rows.partner[r]]] = -rows.mu[r]
 
 
 @njit
-def pivot_to_end(work, size):
-    """Complementary pivoting into work.z; False if it ended on a ray or was stopped."""
-    T, basis, z = work.tableau, work.basis, work.z
+def complementary_pivoting(work, size):
+    """Complementary pivoting into work.lemke.z; False if it ended on a ray or was stopped."""
+    T, basis, z = work.lemke.tableau, work.lemke.basis, work.lemke.z
     width, artificial = 2 * size + 2, 2 * size
     row = 0
     for i in range(size):
@@ -82,7 +84,7 @@ def pivot_to_end(work, size):
     if T[row * width + width - 1] >= 0.0:
         return True
     for _ in range(20 * size + 50):
-        exchange(work, size, row, entering)
+        gauss_jordan_step(work, size, row, entering)
         left = basis[row]
         basis[row] = entering
         if left == artificial:
@@ -91,29 +93,29 @@ def pivot_to_end(work, size):
                     z[basis[i] - size] = max(T[i * width + width - 1], 0.0)
             return True
         entering = left + size if left < size else left - size
-        row = least_ratio(work, size, entering)
+        row = ratio_test(work, size, entering)
         if row < 0:
             break
     return False
 
 
 @njit
-def least_ratio(work, size, entering):
+def ratio_test(work, size, entering):
     """Row that leaves; the artificial variable's if it ties. −1 on a ray."""
-    T, width, row, best = work.tableau, 2 * size + 2, -1, math.inf
+    T, width, row, best = work.lemke.tableau, 2 * size + 2, -1, math.inf
     for i in range(size):
         if T[i * width + entering] > 1e-12:
             ratio = T[i * width + width - 1] / T[i * width + entering]
             tie = 1e-12 * (abs(ratio) + 1e-300)
-            if ratio < best - tie or (ratio <= best + tie and work.basis[i] == 2 * size):
+            if ratio < best - tie or (ratio <= best + tie and work.lemke.basis[i] == 2 * size):
                 row, best = i, min(best, ratio)
     return row
 
 
 @njit
-def exchange(work, size, row, column):
+def gauss_jordan_step(work, size, row, column):
     """Gauss–Jordan step."""
-    T, width = work.tableau, 2 * size + 2
+    T, width = work.lemke.tableau, 2 * size + 2
     scale = 1.0 / T[row * width + column]
     for c in range(width):
         T[row * width + c] *= scale

@@ -20,7 +20,7 @@ other coordinates, and a row that vanishes there is dropped.
 import math
 
 from haptic_device.jit import njit
-from haptic_sim.method.joints import forbidden_row, spring_row, spring_rows
+from haptic_sim.method.joints import constraint_row, spring_row, spring_row_count
 from haptic_sim.reduction.model import SPRING
 
 REDUNDANT = 1e-10
@@ -32,41 +32,43 @@ def reduce_linkage(model, layout, work, i, q, v, h):
     """Finds N, Y, a_p of linkage i at q, v; with h > 0 for a backward difference over h with the coupling."""
     if layout.joint_start[i + 1] == layout.joint_start[i]:
         first = layout.body_start[i]
-        free_body(model, work, i, layout.order[first], 3 * first, h)
+        reduce_free_body(model, work, i, layout.order[first], 3 * first, h)
     else:
-        reduce_joined(model, layout, work, i, q, v, h)
+        reduce_jointed(model, layout, work, i, q, v, h)
 
 
 @njit
-def reduce_joined(model, layout, work, i, q, v, h):
+def reduce_jointed(model, layout, work, i, q, v, h):
     """The same of a linkage with joints."""
     first, columns = layout.body_start[i], 3 * (layout.body_start[i + 1] - layout.body_start[i])
-    eliminate(work, fill_rows(model, layout, work, i, q, v), columns)
-    work.freedoms[i] = null_space(layout, work, first, columns)
-    fill_mass(model, layout, work, i, q, v, h)
-    factor(work, 3 * first, work.freedoms[i], columns)
+    partition_coordinates(work, joint_jacobian(model, layout, work, i, q, v), columns)
+    work.linkage.freedoms[i] = null_space(layout, work, first, columns)
+    reduced_mass(model, layout, work, i, q, v, h)
+    factor_mass(work, 3 * first, work.linkage.freedoms[i], columns)
 
 
 @njit
-def free_body(model, work, i, b, row, h):
+def reduce_free_body(model, work, i, b, row, h):
     """A body without joints: W = M⁻¹."""
-    port, added, added_turn = work.port, 0.0, 0.0
+    linkage = work.linkage
+    stiffness, damping, added, added_turn = work.coupling.stiffness, work.coupling.damping, 0.0, 0.0
     if b == 0 and h > 0.0:
-        added, added_turn = port[7] * h + port[6] * h * h, port[9] * h + port[8] * h * h
+        added = damping[0] * h + stiffness[0] * h * h
+        added_turn = damping[2] * h + stiffness[2] * h * h
     y = 1.0 / math.sqrt(model.mass[b] + added)
     for k in range(3):
         for m in range(3):
-            work.Y[row + k, m] = 0.0
-        work.bias[b, k] = 0.0
-    work.Y[row, 0], work.Y[row + 1, 1] = y, y
-    work.Y[row + 2, 2] = 1.0 / math.sqrt(model.inertia[b] + added_turn)
-    work.freedoms[i] = 3
+            linkage.Y[row + k, m] = 0.0
+        linkage.bias[b, k] = 0.0
+    linkage.Y[row, 0], linkage.Y[row + 1, 1] = y, y
+    linkage.Y[row + 2, 2] = 1.0 / math.sqrt(model.inertia[b] + added_turn)
+    linkage.freedoms[i] = 3
 
 
 @njit
-def fill_rows(model, layout, work, i, q, v):
+def joint_jacobian(model, layout, work, i, q, v):
     """[J | γ | φ] of linkage i; returns the number of rows."""
-    J, columns = work.jacobian, 3 * (layout.body_start[i + 1] - layout.body_start[i])
+    J, columns = work.linkage.jacobian, 3 * (layout.body_start[i + 1] - layout.body_start[i])
     r = 0
     for m in range(layout.joint_start[i], layout.joint_start[i + 1]):
         j = layout.joint_order[m]
@@ -74,30 +76,31 @@ def fill_rows(model, layout, work, i, q, v):
             continue
         a, b = layout.place_in[model.joint_bodies[j, 0]], layout.place_in[model.joint_bodies[j, 1]]
         for k in range(2):
-            phi, gamma = forbidden_row(model, q, v, j, k, work.row)
+            phi, gamma = constraint_row(model, q, v, j, k, work.joint_row)
             for c in range(columns):
                 J[r, c] = 0.0
             for c in range(3):
                 if a >= 0:
-                    J[r, 3 * a + c] = work.row[c]
+                    J[r, 3 * a + c] = work.joint_row[c]
                 if b >= 0:
-                    J[r, 3 * b + c] = work.row[3 + c]
+                    J[r, 3 * b + c] = work.joint_row[3 + c]
             J[r, columns], J[r, columns + 1] = gamma, phi
             r += 1
     return r
 
 
 @njit
-def eliminate(work, rows, columns):
-    """Gauss–Jordan with full pivoting of [J | γ | φ]; work.pivot holds the dependent column of each row kept."""
-    J, rank, largest = work.jacobian, 0, 0.0
+def partition_coordinates(work, rows, columns):
+    """Gauss–Jordan with full pivoting of [J | γ | φ]; linkage.pivot holds the dependent column of each row kept."""
+    linkage = work.linkage
+    J, rank, largest = linkage.jacobian, 0, 0.0
     for c in range(columns):
-        work.dependent[c] = -1
+        linkage.dependent[c] = -1
     while rank < rows:
         best, at_row, at_column = 0.0, -1, -1
         for r in range(rank, rows):
             for c in range(columns):
-                if work.dependent[c] < 0 and abs(J[r, c]) > best:
+                if linkage.dependent[c] < 0 and abs(J[r, c]) > best:
                     best, at_row, at_column = abs(J[r, c]), r, c
         largest = max(largest, best)
         if best <= REDUNDANT * largest or at_row < 0:
@@ -108,79 +111,84 @@ def eliminate(work, rows, columns):
             J[at_row, c] = J[rank, c]
             J[rank, c] = kept
         for r in range(rows):
-            factor_ = J[r, at_column]
-            if r != rank and factor_ != 0.0:
+            ratio = J[r, at_column]
+            if r != rank and ratio != 0.0:
                 for c in range(columns + 2):
-                    J[r, c] -= factor_ * J[rank, c]
-        work.dependent[at_column] = rank
-        work.pivot[rank] = at_column
+                    J[r, c] -= ratio * J[rank, c]
+        linkage.dependent[at_column] = rank
+        linkage.pivot[rank] = at_column
         rank += 1
     return rank
 
 
 @njit
 def null_space(layout, work, first, columns):
-    """Rows of Nᵀ into work.N, a_p into work.bias; returns the number of independent coordinates."""
-    J, N, u = work.jacobian, work.N, 0
+    """Rows of Nᵀ into work.linkage.N, a_p into work.linkage.bias; returns the number of independent coordinates."""
+    linkage = work.linkage
+    J, N, u = linkage.jacobian, linkage.N, 0
     for c in range(columns):
-        if work.dependent[c] >= 0:
+        if linkage.dependent[c] >= 0:
             continue
         for m in range(columns):
-            N[u, m] = -J[work.dependent[m], c] if work.dependent[m] >= 0 else 0.0
+            N[u, m] = -J[linkage.dependent[m], c] if linkage.dependent[m] >= 0 else 0.0
         N[u, c] = 1.0
         u += 1
     for c in range(columns):
-        r = work.dependent[c]
-        work.bias[layout.order[first + c // 3], c % 3] = -J[r, columns] if r >= 0 else 0.0
+        r = linkage.dependent[c]
+        linkage.bias[layout.order[first + c // 3], c % 3] = -J[r, columns] if r >= 0 else 0.0
     return u
 
 
 @njit
-def fill_mass(model, layout, work, i, q, v, h):
-    """Nᵀ M N of linkage i into work.reduced."""
-    first, d, N, R, port = layout.body_start[i], work.freedoms[i], work.N, work.reduced, work.port
+def reduced_mass(model, layout, work, i, q, v, h):
+    """Nᵀ M N of linkage i into work.linkage.reduced."""
+    linkage = work.linkage
+    first, d, N, R = layout.body_start[i], linkage.freedoms[i], linkage.N, linkage.reduced
+    coupling = work.coupling
     columns = 3 * (layout.body_start[i + 1] - first)
     for c in range(columns):
         b = layout.order[first + c // 3]
         mass = model.inertia[b] if c % 3 == 2 else model.mass[b]
         if b == 0 and h > 0.0:
-            mass += h * port[9] + h * h * port[8] if c % 3 == 2 else h * port[7] + h * h * port[6]
-        work.diagonal[c] = mass
+            mass += h * coupling.damping[c % 3] + h * h * coupling.stiffness[c % 3]
+        linkage.mass[c] = mass
     for u in range(d):
         for w in range(u + 1):
             total = 0.0
             for c in range(columns):
-                total += N[u, c] * work.diagonal[c] * N[w, c]
+                total += N[u, c] * linkage.mass[c] * N[w, c]
             R[u, w] = total
     if h > 0.0:
         for m in range(layout.joint_start[i], layout.joint_start[i + 1]):
-            add_spring(model, layout, work, layout.joint_order[m], q, v, h, d)
+            add_spring_to_mass(model, layout, work, layout.joint_order[m], q, v, h, d)
 
 
 @njit
-def add_spring(model, layout, work, j, q, v, h, d):
+def add_spring_to_mass(model, layout, work, j, q, v, h, d):
     """(h c + h² k) of a spring-damper along its rows, seen from the independent coordinates."""
+    linkage = work.linkage
     a, b = layout.place_in[model.joint_bodies[j, 0]], layout.place_in[model.joint_bodies[j, 1]]
     weight = h * model.joint_spring[j, 1] + h * h * model.joint_spring[j, 0]
-    for k in range(spring_rows(model, j)):
-        spring_row(model, q, v, j, k, work.row)
+    for k in range(spring_row_count(model, j)):
+        spring_row(model, q, v, j, k, work.joint_row)
         for u in range(d):
             seen = 0.0
             for c in range(3):
                 if a >= 0:
-                    seen += work.row[c] * work.N[u, 3 * a + c]
+                    seen += work.joint_row[c] * linkage.N[u, 3 * a + c]
                 if b >= 0:
-                    seen += work.row[3 + c] * work.N[u, 3 * b + c]
-            work.seen[u] = seen
+                    seen += work.joint_row[3 + c] * linkage.N[u, 3 * b + c]
+            linkage.seen[u] = seen
         for u in range(d):
             for w in range(u + 1):
-                work.reduced[u, w] += weight * work.seen[u] * work.seen[w]
+                linkage.reduced[u, w] += weight * linkage.seen[u] * linkage.seen[w]
 
 
 @njit
-def factor(work, row, d, columns):
-    """Cholesky of work.reduced, and Y = L⁻¹ Nᵀ into work.Y from `row` on."""
-    R, N, Y = work.reduced, work.N, work.Y
+def factor_mass(work, row, d, columns):
+    """Cholesky of work.linkage.reduced, and Y = L⁻¹ Nᵀ into work.linkage.Y from `row` on."""
+    linkage = work.linkage
+    R, N, Y = linkage.reduced, linkage.N, linkage.Y
     for u in range(d):
         for w in range(u + 1):
             total = R[u, w]
@@ -195,14 +203,15 @@ def factor(work, row, d, columns):
 
 
 @njit
-def respond(layout, work, i, f, out):
+def apply_inverse_mass(layout, work, i, f, out):
     """out = W f for the bodies of linkage i; f and out (n, 3)."""
+    linkage = work.linkage
     first, columns = layout.body_start[i], 3 * (layout.body_start[i + 1] - layout.body_start[i])
     for c in range(columns):
         out[layout.order[first + c // 3], c % 3] = 0.0
-    for u in range(work.freedoms[i]):
+    for u in range(linkage.freedoms[i]):
         total = 0.0
         for c in range(columns):
-            total += work.Y[3 * first + u, c] * f[layout.order[first + c // 3], c % 3]
+            total += linkage.Y[3 * first + u, c] * f[layout.order[first + c // 3], c % 3]
         for c in range(columns):
-            out[layout.order[first + c // 3], c % 3] += work.Y[3 * first + u, c] * total
+            out[layout.order[first + c // 3], c % 3] += linkage.Y[3 * first + u, c] * total

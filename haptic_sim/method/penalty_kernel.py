@@ -13,15 +13,21 @@ than it took: at h² k/m = .5 restitution already exceeds 1.06 at some phases. T
 import math
 
 from haptic_device.jit import kernel, njit
-from haptic_sim.method.constrained_dynamics import power
-from haptic_sim.method.constraints import add_contact, add_joints, rate_of, refresh, wished
-from haptic_sim.method.delassus_operator import note_impulses
-from haptic_sim.method.implicit_step import settle
+from haptic_sim.method.constrained_dynamics import constraint_power, work_at_port
+from haptic_sim.method.constraints import (
+    add_contact_constraints,
+    add_joint_constraints,
+    constraint_rate,
+    evaluate_constraints,
+    reference_rate,
+)
+from haptic_sim.method.delassus_operator import report_impulses
 from haptic_sim.method.joints import applied_forces
 from haptic_sim.method.lcp import NORMAL
-from haptic_sim.method.linkage import reduce_linkage, respond
-from haptic_sim.method.narrow_phase import GAP, evaluate, far_apart, gap_of, place_shapes, touch
-from haptic_sim.method.sub_step import lead_handle, watch_contacts
+from haptic_sim.method.linkage import apply_inverse_mass, reduce_linkage
+from haptic_sim.method.narrow_phase import contact_features, disc_distance, evaluate_contact, place_shapes, signed_gap
+from haptic_sim.method.stabilization import stabilize_linkage
+from haptic_sim.method.sub_step import interpolate_handle, summarize_contacts
 
 
 @kernel
@@ -31,74 +37,75 @@ def penalty_steps(models, layouts, works, h, count, path):
     for i in range(layout.linkages):
         work.active[i] = 1
     for k in range(count * (len(path) - 1)):
-        lead_handle(work, path, k // count, (k % count + 1) / count)
+        interpolate_handle(work, path, k // count, (k % count + 1) / count)
         penalty_step(model, layout, work, h)
-        watch_contacts(layout, work, h)
+        summarize_contacts(layout, work, h)
 
 
 @njit
 def penalty_step(model, layout, work, h):
     """Advances all bodies by h [s] and books the energy supplied at the tool's port."""
-    q, v, f, port = work.q, work.v, work.smooth, work.port
+    q, v, f = work.q, work.v, work.penalty_kernel.force
     x, y, angle = q[0, 0], q[0, 1], q[0, 2]
-    work.counts[3] = 0
-    applied_forces(model, q, v, True, work.row, f)
-    couple_tool(work, f)
-    n = push_contacts(model, layout, work, f, h)
-    port[20] -= 0.5 * h * power(work, v, n)
+    work.report.count = 0
+    applied_forces(model, q, v, True, work.joint_row, f)
+    explicit_coupling_force(work, f)
+    n = explicit_contact_forces(model, layout, work, f, h)
+    work.accounts.contacts -= 0.5 * h * constraint_power(work, v, n)
     for b in range(model.bodies - 1):
         mass = model.mass[b]
         f[b, 0], f[b, 1] = mass * v[b, 0] + h * f[b, 0], mass * v[b, 1] + h * f[b, 1]
         f[b, 2] = model.inertia[b] * v[b, 2] + h * f[b, 2]
     for i in range(layout.linkages):
         reduce_linkage(model, layout, work, i, q, v, 0.0)
-        respond(layout, work, i, f, v)
-    port[20] -= 0.5 * h * power(work, v, n)
+        apply_inverse_mass(layout, work, i, f, v)
+    work.accounts.contacts -= 0.5 * h * constraint_power(work, v, n)
     for b in range(model.bodies - 1):
         for k in range(3):
             q[b, k] += h * v[b, k]
     for i in range(layout.linkages):
         if layout.joint_start[i + 1] > layout.joint_start[i]:
-            settle(model, layout, work, i)
-    port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
+            stabilize_linkage(model, layout, work, i)
+    work.port.supplied += work_at_port(work, x, y, angle)
 
 
 @njit
-def couple_tool(work, f):
+def explicit_coupling_force(work, f):
     """The coupling at the start of the sub-step."""
-    port = work.port
+    handle, coupling, force = work.handle, work.coupling, work.port.force
     for k in range(3):
-        stiffness, damping = (port[6], port[7]) if k < 2 else (port[8], port[9])
-        port[10 + k] = stiffness * (port[k] - work.q[0, k]) + damping * (port[3 + k] - work.v[0, k])
-        f[0, k] += port[10 + k]
+        spring = coupling.stiffness[k] * (handle.position[k] - work.q[0, k])
+        force[k] = spring + coupling.damping[k] * (handle.velocity[k] - work.v[0, k])
+        f[0, k] += force[k]
 
 
 @njit
-def push_contacts(model, layout, work, f, h):
+def explicit_contact_forces(model, layout, work, f, h):
     """Adds what overlapping shapes, limits and dry friction in joints push to the forces f; returns how many rows."""
+    rows, lcp = work.constraints, work.lcp
     place_shapes(model, layout, work, work.q)
     n = 0
     for p in range(model.pair_count):
         s, u = model.pairs[p, 0], model.pairs[p, 1]
-        if far_apart(layout, work, s, u) < 0.0 and gap_of(model, work, s, u) < 0.0:
-            for k in range(touch(model, work, s, u)):
-                n = add_contact(model, layout, work, n, p, work.features[k])
-    n += add_joints(model, layout, work, n, work.q, work.v, 0.0, 1.0)
-    refresh(model, layout, work, work.q, work.v, n)
-    stiffness, damping = work.port[17], work.port[18]
+        if disc_distance(layout, work, s, u) < 0.0 and signed_gap(model, work, s, u) < 0.0:
+            for k in range(contact_features(model, work, s, u)):
+                n = add_contact_constraints(model, layout, work, n, p, work.narrow_phase.features[k])
+    n += add_joint_constraints(model, layout, work, n, work.q, work.v, 0.0, 1.0)
+    evaluate_constraints(model, layout, work, work.q, work.v, n)
+    stiffness, damping = work.contact_model.stiffness, work.contact_model.damping
     for r in range(n):
-        rate = rate_of(work, work.v, r)
-        if work.kind[r] == NORMAL:
-            work.lam[r] = max(0.0, -stiffness * work.gap[r] - damping * rate) if work.gap[r] < 0.0 else 0.0
+        rate = constraint_rate(work, work.v, r)
+        if rows.kind[r] == NORMAL:
+            lcp.lam[r] = max(0.0, -stiffness * rows.gap[r] - damping * rate) if rows.gap[r] < 0.0 else 0.0
         else:
-            most = work.bound[r] + (work.mu[r] * work.lam[work.partner[r]] if work.partner[r] >= 0 else 0.0)
-            slip = rate - wished(model, work, r)
-            work.lam[r] = -math.copysign(min(most, damping * abs(slip)), slip)
-        a, b = work.row_a[r], work.row_b[r]
+            most = rows.bound[r] + (rows.mu[r] * lcp.lam[rows.partner[r]] if rows.partner[r] >= 0 else 0.0)
+            slip = rate - reference_rate(model, work, r)
+            lcp.lam[r] = -math.copysign(min(most, damping * abs(slip)), slip)
+        a, b = rows.body_a[r], rows.body_b[r]
         for k in range(3):
-            f[a, k] += work.G[r, k] * work.lam[r]
-            f[b, k] += work.G[r, 3 + k] * work.lam[r]
-    note_impulses(work, n, h)
+            f[a, k] += rows.G[r, k] * lcp.lam[r]
+            f[b, k] += rows.G[r, 3 + k] * lcp.lam[r]
+    report_impulses(work, n, h)
     return n
 
 
@@ -110,9 +117,9 @@ def contact_energy(models, layouts, works):
     energy = 0.0
     for p in range(model.pair_count):
         s, u = model.pairs[p, 0], model.pairs[p, 1]
-        if far_apart(layout, work, s, u) >= 0.0:
+        if disc_distance(layout, work, s, u) >= 0.0:
             continue
-        for k in range(touch(model, work, s, u)):
-            evaluate(layout, work, work.features[k])
-            energy += 0.5 * work.port[17] * min(work.contact[GAP], 0.0) ** 2
+        for k in range(contact_features(model, work, s, u)):
+            evaluate_contact(layout, work, work.narrow_phase.features[k])
+            energy += 0.5 * work.contact_model.stiffness * min(work.narrow_phase.contact.gap, 0.0) ** 2
     return energy

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from haptic_sim.method.joints import spring_energies
+from haptic_sim.method.joints import stored_in_springs
 from haptic_sim.method.penalty_kernel import contact_energy
 from haptic_sim.method.records import records
 from haptic_sim.protocol import Contact, Coupling, Planar, StepResult, held
@@ -24,7 +24,7 @@ class PlanarWorld:
 
     def __init__(self, reduced: ReducedScene, sub_step: float, advance, stiffness: float = 0.0, damping: float = 0.0):
         self.scene, self.sub_step, self._reduced = reduced.scene, sub_step, reduced
-        self._advance, self._contact = advance, (stiffness, damping, float(self.by_events))
+        self._advance, self._contact = advance, (stiffness, damping)
         self._gains = Coupling()
         self.reset()
         self.step(held(self.position), 0)  # compiled here, not in the second exchange, which then took 20 s
@@ -36,37 +36,42 @@ class PlanarWorld:
         self._count = int(model["bodies"][0]) - 1
         self._pairs = model["pairs"][0]
         self._tool_pairs = {p for p, pair in enumerate(layout["pair_bodies"][0].tolist()) if 0 in pair}
-        self._q, self._v, self._port, self._counts = (work[name][0] for name in ("q", "v", "port", "counts"))
-        self._note, self._note_pair = work["note"][0], work["note_pair"][0]
-        self._port[6:10], self._port[17:20] = self._gains, self._contact
+        self._q, self._v, self._report, self._port, self._accounts, self._counters = (
+            work[name][0] for name in ("q", "v", "report", "port", "accounts", "counters")
+        )
+        work["coupling"]["event_driven"] = self.by_events
+        work["contact_model"] = self._contact
+        self._couple()
         self._elastic = self._stored_in_contacts()
         self._read()
 
     def couple(self, coupling: Coupling) -> None:
         """Take these gains from the next sub-step on; ValueError if one is negative or not finite."""
         self._gains = coupling.checked()
-        self._port[6:10] = coupling
+        self._couple()
 
     def step(self, target: np.ndarray, n: int) -> StepResult:
         """Advance `n` sub-steps from each row of the handle's way (m, 6: position, velocity) evenly to the next."""
-        self._port[13:17], self._port[20:], left_out = 0.0, 0.0, self._counts[4]
+        port, accounts, left_out = self._port, self._accounts, self._counters["left_out"]
+        for name in ("supplied", "touched", "largest_force", "deepest_overlap"):
+            port[name] = 0
+        accounts["contacts"] = accounts["correction"] = 0.0
         self._advance(*self._records, self.sub_step, n, target)
         self._read()
-        supplied, touched, force, depth, *_, taken, correction = self._port[13:].tolist()
         before, self._elastic = self._elastic, self._stored_in_contacts()
         return StepResult(
-            supplied,
-            touched > 0.0,
-            force,
-            depth,
-            int(self._counts[4] - left_out),
-            taken - (self._elastic - before),
-            correction,
+            supplied=float(port["supplied"]),
+            touched=bool(port["touched"]),
+            force=float(port["largest_force"]),
+            depth=float(port["deepest_overlap"]),
+            left_out=int(self._counters["left_out"] - left_out),
+            contacts=float(accounts["contacts"]) - (self._elastic - before),
+            correction=float(accounts["correction"]),
         )
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last sub-step, sorted by bodies and place."""
-        return sorted(self._contact_at(k) for k in range(self._counts[3]))
+        return sorted(self._contact_at(k) for k in range(self._report["count"]))
 
     def bodies(self) -> list[tuple[Planar, Planar]]:
         """Pose and velocity of every moving body's mass centre, as in the compiled model."""
@@ -84,13 +89,19 @@ class PlanarWorld:
         model, n = self._reduced.model, self._count
         q, v, mass, inertia = self._q[:n], self._v[:n], model.mass[:n], model.inertia[:n]
         kinetic = 0.5 * float(mass @ (v[:, 0] ** 2 + v[:, 1] ** 2) + inertia @ v[:, 2] ** 2)
-        springs = spring_energies(*self._records[::2]) if len(model.joint_kind) else 0.0
+        springs = stored_in_springs(*self._records[::2]) if len(model.joint_kind) else 0.0
         return kinetic, springs + self._elastic - float(mass @ (q[:, :2] @ model.gravity))
 
     @property
     def refusals(self) -> int:
         """Sub-steps since the start in which event-driven flight gave up and a backward difference took over."""
-        return int(self._counts[0])
+        return int(self._counters["refusals"])
+
+    def _couple(self):
+        stiffness, damping, turning_stiffness, turning_damping = self._gains
+        coupling = self._records[2]["coupling"][0]
+        coupling["stiffness"] = stiffness, stiffness, turning_stiffness
+        coupling["damping"] = damping, damping, turning_damping
 
     def _stored_in_contacts(self):
         return contact_energy(*self._records) if self._contact[0] > 0.0 else 0.0
@@ -98,10 +109,14 @@ class PlanarWorld:
     def _read(self):
         self.position: Planar = tuple(self._q[0].tolist())
         self.velocity: Planar = tuple(self._v[0].tolist())
-        self.force_on_tool: Planar = tuple(self._port[10:13].tolist())
-        self.touching = any(pair in self._tool_pairs for pair in self._note_pair[: self._counts[3]].tolist())
+        self.force_on_tool: Planar = tuple(self._port["force"].tolist())
+        pushing = self._report["pair"][: self._report["count"]].tolist()
+        self.touching = any(pair in self._tool_pairs for pair in pushing)
 
     def _contact_at(self, k):
-        x, y, nx, ny, px, py, depth = self._note[k, :7].tolist()
-        a, b = (self._reduced.shape_names[shape] for shape in self._pairs[self._note_pair[k]])
-        return Contact(a, b, (x, y), (nx, ny), (-px / self.sub_step, -py / self.sub_step), max(depth, 0.0))
+        report = self._report
+        a, b = (self._reduced.shape_names[shape] for shape in self._pairs[report["pair"][k]])
+        place, normal = (tuple(report[name][k].tolist()) for name in ("place", "normal"))
+        px, py = report["impulse"][k].tolist()
+        force = -px / self.sub_step, -py / self.sub_step
+        return Contact(a, b, place, normal, force, max(float(report["overlap"][k]), 0.0))

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One sub-step of the partitioned method: who is held by the coupling, who flies, and what the port supplied."""
+"""One sub-step: which linkages are within the coupling's reach, which go by events, and what the port supplied."""
 
 import math
 
 from haptic_device.jit import kernel, njit
-from haptic_sim.method.constrained_dynamics import pull_tool
-from haptic_sim.method.event_integration import fly
-from haptic_sim.method.implicit_step import press
-from haptic_sim.method.narrow_phase import far_apart, gap_of, place_shapes
+from haptic_sim.method.constrained_dynamics import coupling_force, work_at_port
+from haptic_sim.method.event_integration import integrate_through_events
+from haptic_sim.method.implicit_step import implicit_step
+from haptic_sim.method.narrow_phase import disc_distance, place_shapes, signed_gap
 
-FALL = 100.0
+ALLOWED_ACCELERATION = 100.0
 """Acceleration [m/s²] beyond the present speeds that is allowed for when looking who can come near the tool."""
 
 
@@ -21,88 +21,93 @@ def sub_steps(models, layouts, works, h, count, path):
     """
     model, layout, work = models[0], layouts[0], works[0]
     for k in range(count * (len(path) - 1)):
-        lead_handle(work, path, k // count, (k % count + 1) / count)
-        if work.port[19] > 0.0:
-            follow_hand(work, path, k // count, count, h)
+        interpolate_handle(work, path, k // count, (k % count + 1) / count)
+        if work.coupling.event_driven:
+            linearize_handle(work, path, k // count, count, h)
             event_step(model, layout, work, h)
         else:
             sub_step(model, layout, work, h)
-        watch_contacts(layout, work, h)
+        summarize_contacts(layout, work, h)
 
 
 @njit
-def lead_handle(work, path, row, share):
-    """Handle's position and velocity at this share of the way from a row of its path to the next into work.port."""
-    for m in range(6):
-        work.port[m] = (1.0 - share) * path[row, m] + share * path[row + 1, m]
+def interpolate_handle(work, path, row, share):
+    """Handle's position and velocity at this share of the way from a row of its path to the next into work.handle."""
+    before, after = path[row], path[row + 1]
+    for k in range(3):
+        work.handle.position[k] = (1.0 - share) * before[k] + share * after[k]
+        work.handle.velocity[k] = (1.0 - share) * before[3 + k] + share * after[3 + k]
 
 
 @njit
-def follow_hand(work, path, row, count, h):
-    """Handle a sub-step ago, `count` of which go from this row of its path to the next, and how fast it changes."""
-    for m in range(6):
-        rate = (path[row + 1, m] - path[row, m]) / (count * h)
-        work.hand[0, m], work.hand[1, m] = work.port[m] - h * rate, rate
+def linearize_handle(work, path, row, count, h):
+    """Handle when the sub-step began, and its rate; `count` sub-steps go from this row of its path to the next."""
+    handle, before, after = work.handle, path[row], path[row + 1]
+    for k in range(3):
+        handle.position_rate[k] = (after[k] - before[k]) / (count * h)
+        handle.velocity_rate[k] = (after[3 + k] - before[3 + k]) / (count * h)
+        handle.start_position[k] = handle.position[k] - h * handle.position_rate[k]
+        handle.start_velocity[k] = handle.velocity[k] - h * handle.velocity_rate[k]
 
 
 @njit
-def watch_contacts(layout, work, h):
-    """Books in work.port[14:] whether a contact pushed the tool, a pair's largest force [N], the deepest overlap."""
-    port = work.port
-    for k in range(work.counts[3]):
-        note, pair = work.note[k], work.note_pair[k]
+def summarize_contacts(layout, work, h):
+    """Books in work.port whether a contact pushed the tool, a pair's largest force [N], the deepest overlap."""
+    port, report = work.port, work.report
+    for k in range(report.count):
+        pair = report.pair[k]
         x = y = 0.0
-        for other in range(work.counts[3]):
-            if work.note_pair[other] == pair:
-                x, y = x + work.note[other, 4], y + work.note[other, 5]
+        for other in range(report.count):
+            if report.pair[other] == pair:
+                x, y = x + report.impulse[other, 0], y + report.impulse[other, 1]
         if layout.pair_bodies[pair, 0] == 0 or layout.pair_bodies[pair, 1] == 0:
-            port[14] = 1.0
-        port[15] = max(port[15], math.hypot(x, y) / h)
-        port[16] = max(port[16], note[6])
+            port.touched = 1
+        port.largest_force = max(port.largest_force, math.hypot(x, y) / h)
+        port.deepest_overlap = max(port.deepest_overlap, report.overlap[k])
 
 
 @njit
 def sub_step(model, layout, work, h):
     """Advances all bodies by h [s] and books the energy supplied at the tool's port."""
     x, y, angle = work.q[0, 0], work.q[0, 1], work.q[0, 2]
-    work.counts[3] = 0
-    for k in range(10, 13):
-        work.port[k] = 0.0
-    held = hold_to_tool(model, layout, work, h) if work.port[17] == 0.0 else hold_all(layout, work)
+    work.report.count = 0
+    for k in range(3):
+        work.port.force[k] = 0.0
+    rigid = work.contact_model.stiffness == 0.0
+    held = activate_within_reach(model, layout, work, h) if rigid else activate_all(layout, work)
     if held < layout.linkages:
         for i in range(layout.linkages):
             work.active[i] = 1 - work.active[i]
-        left = fly(model, layout, work, h)
+        left = integrate_through_events(model, layout, work, h)
         if left > 0.0:
-            work.counts[0] += 1
-            press(model, layout, work, left)
+            work.counters.refusals += 1
+            implicit_step(model, layout, work, left)
         for i in range(layout.linkages):
             work.active[i] = 1 - work.active[i]
     if held > 0:
-        press(model, layout, work, h)
-    q, port = work.q, work.port
-    port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
+        implicit_step(model, layout, work, h)
+    work.port.supplied += work_at_port(work, x, y, angle)
 
 
 @njit
 def event_step(model, layout, work, h):
     """Advances all bodies by h [s] from event to event, the coupling a force along the handle's straight way."""
-    q, port = work.q, work.port
-    work.counts[3] = 0
-    hold_all(layout, work)
-    left = fly(model, layout, work, h)
+    q = work.q
+    work.report.count = 0
+    activate_all(layout, work)
+    left = integrate_through_events(model, layout, work, h)
     if left > 0.0:
-        work.counts[0] += 1
+        work.counters.refusals += 1
         x, y, angle = q[0, 0], q[0, 1], q[0, 2]
-        press(model, layout, work, left)
-        port[13] += port[10] * (q[0, 0] - x) + port[11] * (q[0, 1] - y) + port[12] * (q[0, 2] - angle)
-    pull_tool(work, q, work.v, h)
+        implicit_step(model, layout, work, left)
+        work.port.supplied += work_at_port(work, x, y, angle)
+    coupling_force(work, q, work.v, h)
     for k in range(3):
-        port[10 + k] = work.pull[k]
+        work.port.force[k] = work.constrained_dynamics.tool_force[k]
 
 
 @njit
-def hold_all(layout, work):
+def activate_all(layout, work):
     """Marks every linkage as active; returns how many."""
     for i in range(layout.linkages):
         work.active[i] = 1
@@ -110,38 +115,41 @@ def hold_all(layout, work):
 
 
 @njit
-def hold_to_tool(model, layout, work, h):
+def activate_within_reach(model, layout, work, h):
     """Marks as active the linkages that the coupling can act on within h, by joints or contacts; returns how many."""
     for i in range(layout.linkages):
         work.active[i] = 0
-    port, q = work.port, work.q
-    if max(max(port[6], port[7]), max(port[8], port[9])) <= 0.0:
+    handle, q = work.handle, work.q
+    stiffness, damping = work.coupling.stiffness, work.coupling.damping
+    if max(max(stiffness[0], damping[0]), max(stiffness[2], damping[2])) <= 0.0:
         return 0
     work.active[layout.linkage[0]] = 1
     if model.pair_count == 0:
         return 1
     place_shapes(model, layout, work, q)
-    pull = math.hypot(port[0] - q[0, 0], port[1] - q[0, 1]) + h * math.hypot(port[3], port[4])
-    pull += layout.extent[0] * (abs(port[2] - q[0, 2]) + h * abs(port[5])) if port[8] + port[9] > 0.0 else 0.0
+    stretch, velocity = math.hypot(handle.position[0] - q[0, 0], handle.position[1] - q[0, 1]), handle.velocity
+    pull = stretch + h * math.hypot(velocity[0], velocity[1])
+    if stiffness[2] + damping[2] > 0.0:
+        pull += layout.extent[0] * (abs(handle.position[2] - q[0, 2]) + h * abs(velocity[2]))
     held, before, last = 1, 0, model.pair_count - 1
     while before < held < layout.linkages:  # to and fro: a stack is followed in one sweep, whichever way it is numbered
         before = held
         for k in range(2 * model.pair_count):
-            held += spread(model, layout, work, k if k <= last else 2 * last + 1 - k, h, pull)
+            held += activate_neighbour(model, layout, work, k if k <= last else 2 * last + 1 - k, h, pull)
     return held
 
 
 @njit
-def spread(model, layout, work, p, h, pull):
+def activate_neighbour(model, layout, work, p, h, pull):
     """Activates the other linkage of a pair if the two can meet within h and one is active; returns 1 if it did."""
     a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
     la, lb = layout.linkage[a], layout.linkage[b]
     if la < 0 or lb < 0 or work.active[la] == work.active[lb]:
         return 0
     v, s, u = work.v, model.pairs[p, 0], model.pairs[p, 1]
-    way = h * math.hypot(v[b, 0] - v[a, 0], v[b, 1] - v[a, 1]) + FALL * h * h + pull
+    way = h * math.hypot(v[b, 0] - v[a, 0], v[b, 1] - v[a, 1]) + ALLOWED_ACCELERATION * h * h + pull
     way += h * (abs(v[a, 2]) * layout.extent[a] + abs(v[b, 2]) * layout.extent[b])
-    if far_apart(layout, work, s, u) > way or gap_of(model, work, s, u) > way:
+    if disc_distance(layout, work, s, u) > way or signed_gap(model, work, s, u) > way:
         return 0
     work.active[la] = work.active[lb] = 1
     return 1
