@@ -42,7 +42,6 @@ from haptic_sim.method import Contact, Coupling, Planar, StepResult
 from haptic_sim.method.layout import lay_out
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene
-from haptic_sim.scene_validation import kept_apart
 from haptic_sim.solid import TOOL
 from haptic_sim.sweep import Sweep
 
@@ -314,7 +313,7 @@ class World:
         """All shapes of the scene; returns them in the order of the model."""
         rank, self._order = {body.name: k for k, body in enumerate(self.scene.bodies)}, {}
         made, kinds = {}, {TOOL: OWN_KINDS}
-        for pair in kept_apart(self.scene):
+        for pair in self.scene.kept_apart:
             pair_kinds = [kinds.setdefault(name, OWN_KINDS + len(kinds)) for name in sorted(pair)]
             self.space.on_collision(*pair_kinds, begin=_let_pass)
         for solid in (self.scene.tool, *self.scene.bodies):
