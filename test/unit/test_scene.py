@@ -2,6 +2,7 @@
 """The scene language: what it takes, what it makes of it, and the sentences by which it refuses."""
 
 import copy
+import json
 import math
 
 import pytest
@@ -47,6 +48,14 @@ def changed(path, value):
 @pytest.mark.parametrize("name", names("scenes"))
 def test_every_scene_that_comes_along_loads_and_has_its_file_s_name(name):
     assert load(name).name == name
+
+
+@pytest.mark.parametrize("name", names("scenes"))
+def test_a_scene_is_the_same_again_from_what_is_published_and_from_what_a_bag_keeps(name):
+    scene = load(name)
+    published = json.loads(scene.model_dump_json(by_alias=True, exclude_unset=True))
+    kept = scene.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    assert parse(published, "topic") == parse(kept, "bag") == scene
 
 
 def test_integers_and_exponents_are_as_good_as_decimals():
@@ -138,6 +147,11 @@ SENTENCES = [
         ["joints[0].axis is missing; add it"],
     ),
     (("joints", 0), {"type": "spring", "bodies": ["world", "block"], "at": [0, 0]}, ["a spring needs a stiffness"]),
+    (
+        ("joints", 0),
+        {"type": "spring", "stiffness": 1, "rest": -1, "bodies": ["world", "block"], "at": [0, 0]},
+        ["joints[0].rest is -1", "greater than or equal to 0 m"],
+    ),
     (("joints", 0), {"type": "weld", "bodies": ["tool", "block"], "at": [0, 0]}, ["joints[0] welds 'tool'", "shapes"]),
     (
         ("joints", 0),
