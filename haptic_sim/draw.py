@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from haptic_device.device import operator_hand
 from haptic_device.parameters import OPERATOR
 from haptic_sim.geometry import turned
-from haptic_sim.joint import WORLD
+from haptic_sim.joint import WORLD, Slider
 from haptic_sim.scene import Scene
 from haptic_sim.solid import TOOL
 
@@ -82,8 +82,8 @@ def _draw_joints(axes, scene):
             markerfacecolor="white",
             zorder=7,
         )
-        if joint.type == "slider" and joint.limits:
-            way = np.outer(joint.limits, joint.axis) / math.hypot(*joint.axis)
+        if isinstance(joint, Slider) and joint.limits:
+            way = np.outer(joint.limits, joint.unit_axis)
             axes.plot(*(ends[0] + 1e3 * way).T, "|-", color="black", linewidth=0.8, zorder=6)
 
 
@@ -93,7 +93,7 @@ def _frame(axes, scene, way):
         turned(vertex, solid.pose)
         for solid in (*scene.bodies, scene.tool)
         for shape, outline in zip(solid.shapes, solid.outlines, strict=True)
-        if shape.half_plane is None
+        if shape.bounded
         for vertex in _around(outline)
     ]
     seen = 1e3 * np.array([*corners, *_feet(scene), *way[:, :2]])
@@ -112,7 +112,7 @@ def _frame(axes, scene, way):
 def _feet(scene):
     """Points of half-planes nearest to the tool."""
     for body in scene.bodies:
-        for plane in (shape.half_plane for shape in body.shapes if shape.half_plane):
+        for plane in (shape for shape in body.shapes if not shape.bounded):
             nx, ny = turned(plane.normal, (0.0, 0.0, body.pose[2]))
             (px, py), (x, y, _) = turned(plane.point, body.pose), scene.tool.pose
             away = ((x - px) * nx + (y - py) * ny) / (nx * nx + ny * ny)

@@ -18,6 +18,7 @@ of the size. Overlaps, and whether there is one, are of the separating axes and 
 """
 
 import math
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ import numpy as np
 
 Point = tuple[float, float]
 Pose = tuple[float, float, float]
+Vertices = tuple[Point, ...]
 HALF_PLANE = 20.0  # m, length of the piece of a half-plane that is modelled; half as deep
 STRAIGHT = 1e-9  # turn [rad] below which three vertices lie on one line
 TOUCHING = 1e-12
@@ -38,7 +40,7 @@ PRISM_ENDS = ((-1.0, 1.1), (-0.61, 0.83))
 class Outline(NamedTuple):
     """A convex polygon (vertices counter-clockwise [m]), or a disc: one vertex, its centre, and a `radius` [m]."""
 
-    vertices: tuple[Point, ...]
+    vertices: Vertices
     radius: float = 0.0
 
 
@@ -50,7 +52,7 @@ class Lamina(NamedTuple):
     second_moment: float
 
 
-def convex(vertices) -> tuple[Point, ...]:
+def convex(vertices: Sequence[Point]) -> Vertices:
     """The same polygon, counter-clockwise; ValueError names what is wrong: too few, repeated, crossing or concave."""
     count = len(vertices)
     if count < 3:
@@ -68,7 +70,7 @@ def convex(vertices) -> tuple[Point, ...]:
     return tuple(vertices) if around > 0.0 else tuple(reversed(vertices))
 
 
-def rectangle(size: Point, center: Point, angle: float) -> tuple[Point, ...]:
+def rectangle(size: Point, center: Point, angle: float) -> Vertices:
     """Vertices of a rectangle of `size` (width, height) [m] about `center`, turned by `angle` [rad]."""
     c, s = math.cos(angle), math.sin(angle)
     corners = [(sx * size[0] / 2.0, sy * size[1] / 2.0) for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
@@ -93,7 +95,7 @@ def finest_feature(outline: Outline) -> float:
     return min(math.dist(a, b) for a, b in _edges(outline.vertices))
 
 
-def combined(outlines) -> Lamina:
+def combined(outlines: Iterable[Outline]) -> Lamina:
     """Lamina of a compound of outlines; where they overlap, the overlap counts twice."""
     parts = [_lamina(outline) for outline in outlines]
     area = sum(part.area for part in parts)
@@ -103,16 +105,16 @@ def combined(outlines) -> Lamina:
     return Lamina(area, (cx, cy), moment)
 
 
-def _turn(before, at, after):
+def _turn(before: Point, at: Point, after: Point) -> float:
     ax, ay, bx, by = at[0] - before[0], at[1] - before[1], after[0] - at[0], after[1] - at[1]
     return math.atan2(ax * by - ay * bx, ax * bx + ay * by)
 
 
-def _edges(vertices):
+def _edges(vertices: Vertices) -> Iterator[tuple[Point, Point]]:
     return zip(vertices, vertices[1:] + vertices[:1], strict=True)
 
 
-def _lamina(outline):
+def _lamina(outline: Outline) -> Lamina:
     if outline.radius > 0.0:
         area = math.pi * outline.radius**2
         return Lamina(area, outline.vertices[0], area * outline.radius**2 / 2.0)
@@ -128,14 +130,14 @@ def _lamina(outline):
     return Lamina(area, (ox + cx, oy + cy), moment - area * (cx * cx + cy * cy))
 
 
-def turned(point: tuple[float, float], pose: tuple[float, float, float]) -> tuple[float, float]:
+def turned(point: Point, pose: Pose) -> Point:
     """A point of a frame at `pose` (x, y, theta) as a point of the plane [m]."""
     (px, py), (x, y, theta) = point, pose
     c, s = math.cos(theta), math.sin(theta)
     return x + c * px - s * py, y + s * px + c * py
 
 
-def framed(point, pose) -> tuple[float, float]:
+def framed(point: Point, pose: Pose) -> Point:
     """A point of the plane [m] in a frame at `pose` (x, y, theta)."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     x, y = point[0] - pose[0], point[1] - pose[1]
@@ -148,7 +150,7 @@ def distance(a: Outline, pose_a: Pose, b: Outline, pose_b: Pose) -> float:
     return _core_distance(placed_a, placed_b) - a.radius - b.radius
 
 
-def overlap(outlines_a, pose_a: Pose, outlines_b, pose_b: Pose) -> float:
+def overlap(outlines_a: Iterable[Outline], pose_a: Pose, outlines_b: Iterable[Outline], pose_b: Pose) -> float:
     """Depth of the deepest overlap of two compounds [m], 0 if there is none: the width of a gap is not worked out."""
     here, there = (
         [(_place(outline.vertices, pose), outline.radius) for outline in outlines]
@@ -157,14 +159,14 @@ def overlap(outlines_a, pose_a: Pose, outlines_b, pose_b: Pose) -> float:
     return max(_depth(a, b, radius_a + radius_b) for a, radius_a in here for b, radius_b in there)
 
 
-def _depth(a, b, grown):
+def _depth(a: Vertices, b: Vertices, grown: float) -> float:
     """Overlap of two vertex lists grown by `grown` in all; along an edge's normal a gap is never wider than it is."""
     if max(_separation(a, b), _separation(b, a)) >= grown:
         return 0.0
     return max(0.0, grown - _core_distance(a, b))
 
 
-def _core_distance(a, b):
+def _core_distance(a: Vertices, b: Vertices) -> float:
     if len(a) == len(b) == 1:
         return math.dist(a[0], b[0])
     sizes = [size for size in (_size(a), _size(b)) if size > 0.0]
@@ -174,7 +176,7 @@ def _core_distance(a, b):
     return _gap(a, b, WORKING_SIZE / min(sizes), max(sizes))
 
 
-def _separation(a, b):
+def _separation(a: Vertices, b: Vertices) -> float:
     """Largest distance of polygon b from an edge of a along that edge's outward normal; -inf if a is a point."""
     largest = -math.inf
     for (px, py), (qx, qy) in zip(a, a[1:] + a[:1], strict=True):
@@ -185,25 +187,27 @@ def _separation(a, b):
     return largest
 
 
-def _gap(a, b, scale, size):
+def _gap(a: Vertices, b: Vertices, scale: float, size: float) -> float:
     origin = a[0]  # near the shapes, so that a place far out costs no digits
     solids = [_prism(vertices, origin, scale, size, ends) for vertices, ends in zip((a, b), PRISM_ENDS, strict=True)]
     request = fcl.DistanceRequest(enable_signed_distance=True)
     return fcl.distance(*solids, request, fcl.DistanceResult()) / scale
 
 
-def _size(vertices):
+def _size(vertices: Vertices) -> float:
     xs, ys = zip(*vertices, strict=True)
     return max(max(xs) - min(xs), max(ys) - min(ys))
 
 
-def _place(vertices, pose):
+def _place(vertices: Vertices, pose: Pose) -> Vertices:
     px, py, theta = pose
     c, s = math.cos(theta), math.sin(theta)
     return tuple((px + c * x - s * y, py + s * x + c * y) for x, y in vertices)
 
 
-def _prism(vertices, origin, scale, size, ends):
+def _prism(
+    vertices: Vertices, origin: Point, scale: float, size: float, ends: tuple[float, float]
+) -> fcl.CollisionObject:
     if len(vertices) == 1:
         vertices = vertices * 3  # a needle: FCL wants faces
     count = len(vertices)
@@ -212,7 +216,7 @@ def _prism(vertices, origin, scale, size, ends):
 
 
 @lru_cache
-def _faces(count):
+def _faces(count: int) -> np.ndarray:
     faces = [count, *reversed(range(count)), count, *range(count, 2 * count)]
     for i in range(count):
         j = (i + 1) % count

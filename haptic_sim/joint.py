@@ -5,108 +5,223 @@ A joint's coordinate is 0 at the start. Of a pin it is the angle by which body b
 clockwise; of a slider the way of body b along `axis` (given in the plane at the start, fixed in body a).
 """
 
-from typing import Annotated, Literal
+import math
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from haptic_sim.geometry import turned
-from haptic_sim.shape import Number, Part, Point, above_zero
-from haptic_sim.solid import Solid
+from haptic_sim.solid import Direction, NotNegative, Number, Part, Point, Positive, Solid, Unit
 
 WORLD = "world"
 """Name of what does not move, for joints; its frame is the plane's."""
-TOGETHER = 1e-6  # m; anchors nearer than this count as met: a scene file rounds its poses
-
-Torque = Annotated[Number, above_zero("N m")]
-Force = Annotated[Number, above_zero("N")]
-Positive = Annotated[Number, Field(ge=0.0)]
-_OWN = {
-    "pin": ("limits", "friction_torque", "motor", "stiffness", "damping", "rest"),
-    "slider": ("axis", "limits", "friction_force", "motor", "stiffness", "damping", "rest"),
-    "weld": (),
-    "spring": ("stiffness", "damping", "rest"),
-}
-_STRENGTH = {"pin": "max_torque", "slider": "max_force"}
-_GENERAL = ("type", "name", "bodies", "at", "anchors", "collide")
+FREE = -math.inf, math.inf
+"""Limits of a joint that has none."""
 
 
-class Motor(Part):
-    """Moves body b against body a at `speed` along the joint's coordinate.
+def _about_zero(limits: tuple[float, float]) -> tuple[float, float]:
+    if not limits[0] <= 0.0 <= limits[1]:
+        raise ValueError("must enclose 0, which is where the joint starts")
+    return limits
 
-    Of a pin in rad/s with at most `max_torque` [N m], of a slider in m/s with at most `max_force` [N].
-    """
 
-    speed: Number
-    max_torque: Torque | None = None
-    max_force: Force | None = None
+Limits = Annotated[tuple[Number, Number], AfterValidator(_about_zero)]
 
 
 class Joint(Part):
     """Holds two bodies together at a point of the plane, `at`, or at a point of each body's own frame, `anchors`.
 
-    `stiffness` and `damping` act on the joint's coordinate towards `rest` (pin: N m/rad; slider and spring: N/m), where
-    a spring's rest is its distance at the start unless given. Joined bodies do not touch each other unless `collide`.
+    Joined bodies do not touch each other unless `collide`.
     """
 
-    type: Literal["pin", "slider", "weld", "spring"]
     name: str = ""
     bodies: tuple[str, str]
     at: Point | None = None
     anchors: tuple[Point, Point] | None = None
-    axis: Point | None = None
-    limits: tuple[Number, Number] | None = None
-    friction_torque: Positive = 0.0
-    friction_force: Positive = 0.0
-    motor: Motor | None = None
-    stiffness: Positive = 0.0
-    damping: Positive = 0.0
-    rest: Number | None = None
     collide: bool = False
 
+    holds: ClassVar[bool] = True
+    """Whether it binds its bodies' motion; else it only pulls."""
+    keeps_angle: ClassVar[bool] = False
+
     @model_validator(mode="after")
-    def _says_what_its_type_needs(self):
-        for key in sorted(self.model_fields_set):
-            if key not in _GENERAL + _OWN[self.type]:
-                kinds = " and ".join(kind for kind, own in _OWN.items() if key in own)
-                raise ValueError(f"a {self.type} has no {key}; that belongs to a {kinds}")
+    def _between_two_bodies_at_one_place(self) -> Self:
         if (self.at is None) == (self.anchors is None):
             raise ValueError("needs exactly one of at (a point of the plane) and anchors (a point of each body)")
         if self.bodies[0] == self.bodies[1]:
             raise ValueError(f"joins {self.bodies[0]!r} to itself; name two bodies")
-        given = {key for key in _STRENGTH.values() if getattr(self.motor, key, None) is not None}
-        if self.motor and given != {_STRENGTH[self.type]}:
-            raise ValueError(
-                f"the motor of a {self.type} is given by speed and {_STRENGTH[self.type]}, not by "
-                f"{' and '.join(sorted(given)) or 'speed alone'}"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _can_move_and_hold(self):
-        if self.type == "slider" and self.axis in (None, (0.0, 0.0)):
-            raise ValueError("a slider needs an axis of some length")
-        if self.limits and not self.limits[0] <= 0.0 <= self.limits[1]:
-            raise ValueError(f"limits are {list(self.limits)}; they must enclose 0, which is where the joint starts")
-        if self.type == "spring" and self.stiffness == self.damping == 0.0:
-            raise ValueError("a spring needs a stiffness in N/m or a damping in N s/m")
-        if self.type == "spring" and self.rest is not None and self.rest < 0.0:
-            raise ValueError(f"rest is {self.rest}; the length of a spring must be at least 0 m")
         return self
 
     def places(self, a: Solid | None, b: Solid | None) -> tuple[Point, Point]:
         """Points of the plane [m] where the joint holds on to its bodies at the start; None is the world."""
-        if self.at is not None:
+        if self.anchors is None:
+            assert self.at is not None
             return self.at, self.at
-        return tuple(
-            turned(anchor, solid.pose) if solid else anchor for anchor, solid in zip(self.anchors, (a, b), strict=True)
-        )
+        on_a, on_b = self.anchors
+        return turned(on_a, a.pose) if a else on_a, turned(on_b, b.pose) if b else on_b
+
+    def forbidden(self, vector: Point) -> Point:
+        """The part of a vector from anchor to anchor, or of its rate, at the start, that the joint does not let be."""
+        return vector
+
+    @property
+    def reach(self) -> float:
+        """Farthest that the anchors can ever be apart [m]."""
+        return 0.0
 
     @property
     def drive(self) -> tuple[float, float]:
         """Speed of the motor [rad/s | m/s] and its largest torque or force [N m | N]; without a motor 0, 0."""
-        return (self.motor.speed, self.motor.max_torque or self.motor.max_force) if self.motor else (0.0, 0.0)
+        return 0.0, 0.0
 
     @property
     def friction(self) -> float:
         """Coulomb friction against the joint's coordinate [N m | N]."""
-        return self.friction_torque + self.friction_force
+        return 0.0
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Least and largest coordinate [rad | m]."""
+        return FREE
+
+    def spring(self, length: float) -> tuple[float, float, float]:
+        """Stiffness, damping and rest of its own spring, whose anchors are `length` [m] apart at the start."""
+        return 0.0, 0.0, 0.0
+
+    @property
+    def moves(self) -> bool:
+        """Whether a motor or spring of its own moves the bodies."""
+        return self.drive[1] > 0.0 or self.spring(0.0)[0] > 0.0
+
+
+class Weld(Joint):
+    """Makes one of two bodies."""
+
+    type: Literal["weld"]
+    keeps_angle = True
+
+
+class Spring(Joint):
+    """Pulls its anchors with `stiffness` [N/m] and `damping` [N s/m] towards the distance `rest` [m].
+
+    The rest is the distance at the start unless given.
+    """
+
+    type: Literal["spring"]
+    stiffness: NotNegative = 0.0
+    damping: NotNegative = 0.0
+    rest: Annotated[NotNegative, Unit("m")] | None = None
+    holds = False
+
+    @model_validator(mode="after")
+    def _pulls(self) -> Self:
+        if self.stiffness == self.damping == 0.0:
+            raise ValueError("a spring needs a stiffness in N/m or a damping in N s/m")
+        return self
+
+    @property
+    def reach(self) -> float:
+        """Farthest that the anchors can ever be apart [m]."""
+        return math.inf
+
+    def spring(self, length: float) -> tuple[float, float, float]:
+        """Stiffness [N/m], damping [N s/m] and rest [m]: `length`, that at the start, unless given."""
+        return self.stiffness, self.damping, length if self.rest is None else self.rest
+
+
+class Motor(Part):
+    """Moves body b against body a at `speed` [rad/s | m/s] along the joint's coordinate, as hard as it can."""
+
+    speed: Number
+
+
+class RotaryMotor(Motor):
+    """The motor of a pin, with at most `max_torque` [N m]."""
+
+    max_torque: Annotated[Positive, Unit("N m")]
+
+
+class LinearMotor(Motor):
+    """The motor of a slider, with at most `max_force` [N]."""
+
+    max_force: Annotated[Positive, Unit("N")]
+
+
+class LowerPair(Joint):
+    """A pin or a slider: leaves one coordinate, with `limits` [rad | m].
+
+    `stiffness` [N m/rad | N/m] and `damping` [N m s/rad | N s/m] act on the coordinate towards `rest`.
+    """
+
+    limits: Limits | None = None
+    stiffness: NotNegative = 0.0
+    damping: NotNegative = 0.0
+    rest: Number = 0.0
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Least and largest coordinate [rad | m]."""
+        return self.limits or FREE
+
+    def spring(self, length: float) -> tuple[float, float, float]:
+        """Stiffness [N m/rad | N/m], damping [N m s/rad | N s/m] and rest [rad | m] on the coordinate."""
+        return self.stiffness, self.damping, self.rest
+
+
+class Pin(LowerPair):
+    """Lets body b turn about the anchor, against `friction_torque` [N m]."""
+
+    type: Literal["pin"]
+    friction_torque: NotNegative = 0.0
+    motor: RotaryMotor | None = None
+
+    @property
+    def drive(self) -> tuple[float, float]:
+        """Speed of the motor [rad/s] and its largest torque [N m]; without a motor 0, 0."""
+        return (self.motor.speed, self.motor.max_torque) if self.motor else (0.0, 0.0)
+
+    @property
+    def friction(self) -> float:
+        """Coulomb friction against turning [N m]."""
+        return self.friction_torque
+
+
+class Slider(LowerPair):
+    """Lets body b go along `axis`, of any length, without turning, against `friction_force` [N]."""
+
+    type: Literal["slider"]
+    axis: Direction
+    friction_force: NotNegative = 0.0
+    motor: LinearMotor | None = None
+    keeps_angle = True
+
+    @property
+    def unit_axis(self) -> Point:
+        """Axis of length 1."""
+        length = math.hypot(*self.axis)
+        return self.axis[0] / length, self.axis[1] / length
+
+    def forbidden(self, vector: Point) -> Point:
+        """The part of a vector from anchor to anchor, or of its rate, at the start, that lies across the axis."""
+        x, y = self.unit_axis
+        across = vector[0] * -y + vector[1] * x
+        return across * -y, across * x
+
+    @property
+    def reach(self) -> float:
+        """Farthest that the anchors can ever be apart [m]."""
+        return max(map(abs, self.range))
+
+    @property
+    def drive(self) -> tuple[float, float]:
+        """Speed of the motor [m/s] and its largest force [N]; without a motor 0, 0."""
+        return (self.motor.speed, self.motor.max_force) if self.motor else (0.0, 0.0)
+
+    @property
+    def friction(self) -> float:
+        """Coulomb friction against the way [N]."""
+        return self.friction_force
+
+
+AnyJoint = Annotated[Pin | Slider | Weld | Spring, Field(discriminator="type")]
+JOINTS = {"pin": Pin, "slider": Slider, "weld": Weld, "spring": Spring}

@@ -7,21 +7,18 @@ by the geometric mean of their friction and of their restitution, so that like o
 
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import yaml
-from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from haptic_device.config_files import find
 from haptic_sim import scene_validation
 from haptic_sim.geometry import finest_feature
-from haptic_sim.joint import Joint
+from haptic_sim.joint import AnyJoint
 from haptic_sim.method_registry import offered
-from haptic_sim.shape import Number, Part, Point, above_zero
-from haptic_sim.solid import TOOL, Body, Material, Solid, Tool
-
-Time = Annotated[Number, above_zero("s")]
-Share = Annotated[Number, above_zero("")]
+from haptic_sim.scene_refusal import sentence
+from haptic_sim.solid import TOOL, AnySolid, Body, Direction, Material, Number, Part, Point, Positive, Tool, Unit
 
 
 class SceneError(ValueError):
@@ -33,17 +30,17 @@ class Measure(Part):
 
     body: str = TOOL
     point: Point
-    axis: Point
+    axis: Direction
     start: Annotated[Number, Field(alias="from")]
     end: Annotated[Number, Field(alias="to")]
 
     @model_validator(mode="after")
-    def _some_way_to_go(self):
-        if self.start == self.end or self.axis == (0.0, 0.0):
-            raise ValueError("needs an axis of some length, and from and to that differ")
+    def _some_way_to_go(self) -> Self:
+        if self.start == self.end:
+            raise ValueError("needs from and to that differ")
         return self
 
-    def fraction(self, pose) -> float:
+    def fraction(self, pose: tuple[float, float, float]) -> float:
         """Fraction of the way with the body at `pose` (x, y, theta)."""
         (x, y), (ax, ay), (px, py, theta) = self.point, self.axis, pose
         c, s = math.cos(theta), math.sin(theta)
@@ -61,28 +58,41 @@ class Scene(Part):
     description: str = ""
     gravity: Point = (0.0, 0.0)
     method: str | None = None
-    sub_step: Time | None = None
-    error: Share = 0.02
+    sub_step: Annotated[Positive, Unit("s")] | None = None
+    error: Positive = 0.02
     materials: dict[str, Material] = {}
     bodies: tuple[Body, ...] = ()
-    joints: tuple[Joint, ...] = ()
+    joints: tuple[AnyJoint, ...] = ()
     tool: Tool
     measure: dict[str, Measure] = {}
     motion: dict[str, Any] = {}
 
     @field_validator("method")
     @classmethod
-    def _known_method(cls, value):
+    def _known_method(cls, value: str | None) -> str | None:
         if value not in (None, *offered()):
             raise ValueError(f"there is no such method; take one of {', '.join(offered())}")
         return value
 
     @model_validator(mode="after")
-    def _holds_together(self):
-        scene_validation.check(self)
+    def _holds_together(self) -> Self:
+        solids: tuple[AnySolid, ...] = (self.tool, *self.bodies)
+        scene_validation.check_names(solids, self.materials, {key: part.body for key, part in self.measure.items()})
+        scene_validation.check_joints(solids, self.joints)
+        scene_validation.check_overlaps(solids, self.kept_apart)
         return self
 
-    def material(self, solid: Solid) -> Material:
+    @property
+    def solids(self) -> dict[str, AnySolid]:
+        """The tool, then the bodies, by name."""
+        return {TOOL: self.tool, **{body.name: body for body in self.bodies}}
+
+    @property
+    def kept_apart(self) -> set[frozenset[str]]:
+        """Pairs of bodies that do not touch since a joint that is not a spring holds them together."""
+        return {frozenset(joint.bodies) for joint in self.joints if joint.holds and not joint.collide}
+
+    def material(self, solid: AnySolid) -> Material:
         """Material of a body or of the tool; without one, neither friction nor restitution."""
         return self.materials[solid.material] if solid.material else Material()
 
@@ -106,19 +116,9 @@ def load(name: str | Path) -> Scene:
     return parse(content, str(path))
 
 
-def parse(content, source: str) -> Scene:
+def parse(content: Any, source: str) -> Scene:
     """A scene from a mapping; `source` names it in the sentence of a SceneError."""
     try:
         return Scene.model_validate(content)
     except ValidationError as error:
-        raise SceneError(f"{source}: {_sentence(error.errors()[0])}") from None
-
-
-def _sentence(error):
-    path = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in error["loc"]).lstrip(".")
-    if error["type"] == "missing":
-        return f"{path} is missing; add it"
-    problem = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
-    if isinstance(error["input"], dict | list | BaseModel):
-        return f"{path}: {problem}" if path else problem
-    return f"{path} is {error['input']!r}: {problem}"
+        raise SceneError(f"{source}: {sentence(error, Scene)}") from None

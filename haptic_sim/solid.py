@@ -1,24 +1,161 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words of the scene language for what is solid: materials, bodies, the tool. Immutable, SI."""
+"""Words of the scene language for numbers and what is solid: shapes, materials, bodies, the tool. Immutable, SI."""
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
-from pydantic import Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    SerializerFunctionWrapHandler,
+    Tag,
+    model_serializer,
+    model_validator,
+)
 
-from haptic_sim.geometry import Outline, combined
-from haptic_sim.shape import Number, Part, Point, Pose, Shape, above_zero
+from haptic_sim.geometry import Outline, combined, convex, half_plane, rectangle
 
 TOOL = "tool"
 
-Mass = Annotated[Number, above_zero("kg")]
-Inertia = Annotated[Number, above_zero("kg m²")]
+
+class Unit(str):
+    """Unit of a number, for the sentence that says its limit."""
+
+
+def _number(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise ValueError("must be a number")
+    return value
+
+
+def _somewhere(direction: tuple[float, float]) -> tuple[float, float]:
+    if direction == (0.0, 0.0):
+        raise ValueError("must have some length")
+    return direction
+
+
+Number = Annotated[float, BeforeValidator(_number), Field(allow_inf_nan=False)]
+NotNegative = Annotated[Number, Field(ge=0.0)]
+Positive = Annotated[Number, Field(gt=0.0)]
+Length = Annotated[Positive, Unit("m")]
+Mass = Annotated[Positive, Unit("kg")]
+Inertia = Annotated[Positive, Unit("kg m²")]
+Point = tuple[Number, Number]
+Pose = tuple[Number, Number, Number]
+Direction = Annotated[Point, AfterValidator(_somewhere)]
+
+
+class Part(BaseModel):
+    """A mapping of the language: no key but its own."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Shape(Part):
+    """What all shapes share: the key that tells them, and whether they end somewhere, as those of what moves must."""
+
+    key: ClassVar[str]
+    bounded: ClassVar[bool] = True
+
+    @property
+    def outline(self) -> Outline:
+        """The shape in its body's frame."""
+        raise NotImplementedError
+
+
+class Polygon(Shape):
+    """A convex polygon of these `vertices` [m], in either sense."""
+
+    key = "vertices"
+    vertices: Annotated[tuple[Point, ...], AfterValidator(convex)]
+
+    @property
+    def outline(self) -> Outline:
+        """The shape in its body's frame."""
+        return Outline(self.vertices)
+
+
+class KeyedShape(Shape):
+    """A shape that is written as a mapping under its key."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, value: Any) -> Any:
+        return value.get(cls.key, value) if isinstance(value, dict) else value
+
+    @model_serializer(mode="wrap")
+    def _write(self, fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {self.key: fields(self)}
+
+
+class Circle(KeyedShape):
+    """A disc of `radius` [m] about `center` [m]."""
+
+    key = "circle"
+    radius: Length
+    center: Point = (0.0, 0.0)
+
+    @property
+    def outline(self) -> Outline:
+        """The shape in its body's frame."""
+        return Outline((self.center,), self.radius)
+
+
+class Box(KeyedShape):
+    """A rectangle of `size` width, height [m] about `center` [m], turned by `angle` [rad]."""
+
+    key = "box"
+    size: tuple[Length, Length]
+    center: Point = (0.0, 0.0)
+    angle: Number = 0.0
+
+    @property
+    def outline(self) -> Outline:
+        """The shape in its body's frame."""
+        return Outline(rectangle(self.size, self.center, self.angle))
+
+
+class HalfPlane(KeyedShape):
+    """Everything behind the line through `point` [m]; `normal`, of any length, points out of it. For fixed bodies."""
+
+    key = "half_plane"
+    bounded = False
+    point: Point = (0.0, 0.0)
+    normal: Direction
+
+    @property
+    def outline(self) -> Outline:
+        """The shape in its body's frame."""
+        return half_plane(self.point, self.normal)
+
+
+SHAPES = {kind.key: kind for kind in (Polygon, Circle, Box, HalfPlane)}
+_LISTED = ", ".join(SHAPES)
+
+
+def _key(value: Any) -> Any:
+    if isinstance(value, dict):
+        return next(iter(value)) if len(value) == 1 else None
+    return getattr(value, "key", None)
+
+
+AnyShape = Annotated[
+    Annotated[Polygon, Tag(Polygon.key)]
+    | Annotated[Circle, Tag(Circle.key)]
+    | Annotated[Box, Tag(Box.key)]
+    | Annotated[HalfPlane, Tag(HalfPlane.key)],
+    Discriminator(_key, custom_error_type="shape", custom_error_message=f"must have exactly one of {_LISTED}"),
+]
 
 
 class Material(Part):
     """Surface of a body: Coulomb friction coefficient and coefficient of restitution."""
 
-    friction: Annotated[Number, Field(ge=0.0)] = 0.0
+    friction: NotNegative = 0.0
     restitution: Annotated[Number, Field(ge=0.0, le=1.0)] = 0.0
 
 
@@ -40,12 +177,17 @@ class Solid(Part):
     velocity: Pose = (0.0, 0.0, 0.0)
     layers: frozenset[int] = frozenset({0})
     material: str | None = None
-    shapes: Annotated[tuple[Shape, ...], Field(min_length=1)]
+    shapes: Annotated[tuple[AnyShape, ...], Field(min_length=1)]
 
     @property
     def outlines(self) -> tuple[Outline, ...]:
         """All shapes in the body's frame."""
         return tuple(shape.outline for shape in self.shapes)
+
+    @property
+    def bounded(self) -> bool:
+        """Whether all shapes end somewhere."""
+        return all(shape.bounded for shape in self.shapes)
 
 
 class Body(Solid):
@@ -63,26 +205,27 @@ class Body(Solid):
     surface_velocity: Point = (0.0, 0.0)
 
     @model_validator(mode="after")
-    def _mass_if_dynamic(self):
-        if not self.fixed and self.mass is None:
-            raise ValueError("needs a mass in kg, or fixed: true")
+    def _fixed_or_dynamic(self) -> Self:
         if self.fixed and self.velocity != (0.0, 0.0, 0.0):
             raise ValueError(f"is fixed, so its velocity cannot be {list(self.velocity)}; leave one of the two out")
-        if not self.fixed and self.surface_velocity != (0.0, 0.0):
+        if self.fixed:
+            return self
+        if self.mass is None:
+            raise ValueError("needs a mass in kg, or fixed: true")
+        if self.surface_velocity != (0.0, 0.0):
             raise ValueError(
                 f"has the surface_velocity {list(self.surface_velocity)} m/s, which only a fixed body can "
                 "have; write fixed: true or leave it out"
             )
-        if not self.fixed and any(shape.half_plane for shape in self.shapes):
+        if not self.bounded:
             raise ValueError("has a half_plane, which only a fixed body can have; write fixed: true or take a box")
         return self
 
     @property
     def mass_properties(self) -> MassProperties:
-        """Mass, inertia and mass centre of a dynamic body."""
-        lamina = combined(self.outlines)
-        inertia = self.inertia or self.mass * lamina.second_moment / lamina.area
-        return MassProperties(self.mass, inertia, lamina.centroid)
+        """Mass, inertia and mass centre; a fixed body without a mass has an infinite one."""
+        lamina, mass = combined(self.outlines), math.inf if self.mass is None else self.mass
+        return MassProperties(mass, self.inertia or mass * lamina.second_moment / lamina.area, lamina.centroid)
 
 
 class Tool(Solid):
@@ -91,19 +234,17 @@ class Tool(Solid):
     So the coupling's force and torque act at the mass centre and do not mix; the inertia is about the grip.
     """
 
+    name: ClassVar[str] = TOOL
+    fixed: ClassVar[bool] = False
+    surface_velocity: ClassVar[tuple[float, float]] = (0.0, 0.0)
     mass: Mass
     inertia: Inertia | None = None
 
     @model_validator(mode="after")
-    def _ends_somewhere(self):
-        if any(shape.half_plane for shape in self.shapes):
+    def _ends_somewhere(self) -> Self:
+        if not self.bounded:
             raise ValueError("has a half_plane, which only a fixed body can have; take a box")
         return self
-
-    @property
-    def name(self) -> str:
-        """Name of the tool among the bodies."""
-        return TOOL
 
     @property
     def mass_properties(self) -> MassProperties:
@@ -111,3 +252,6 @@ class Tool(Solid):
         lamina = combined(self.outlines)
         about_grip = lamina.second_moment / lamina.area + math.hypot(*lamina.centroid) ** 2
         return MassProperties(self.mass, self.inertia or self.mass * about_grip, (0.0, 0.0))
+
+
+AnySolid = Tool | Body

@@ -12,7 +12,6 @@ from haptic_sim.geometry import turned
 from haptic_sim.joints import add_joints
 from haptic_sim.protocol import Contact
 from haptic_sim.reduction import ReducedScene
-from haptic_sim.scene_validation import kept_apart
 from haptic_sim.solid import TOOL
 
 SWEEPS = 30
@@ -89,7 +88,7 @@ def _add_solids(space, reduced, bodies, bits):
     scene = reduced.scene
     rank, names = {body.name: k for k, body in enumerate(scene.bodies)}, {}
     made, kinds = {}, {TOOL: OWN_KINDS}
-    for pair in kept_apart(scene):
+    for pair in scene.kept_apart:
         pair_kinds = [kinds.setdefault(name, OWN_KINDS + len(kinds)) for name in sorted(pair)]
         space.on_collision(*pair_kinds, begin=_let_pass)
     for solid in (scene.tool, *scene.bodies):

@@ -2,7 +2,7 @@
 """What `impulse` carries: a block that falls on a tower of lighter ones, and a light tool that presses a plate.
 
 Of each the deepest overlap, measured with the shapes, and the energy created by the largest about, the worst of some
-heights of fall. haptic_sim/reduction/beyond.py has the bound that follows.
+heights of fall. haptic_sim/reduction/method_choice.py has the bound that follows.
 """
 
 from bench.methods.hard import CREATED, LEAST, OVERLAP

@@ -10,7 +10,7 @@ from bench.methods.world import Impossible
 from haptic_sim.geometry import framed, turned
 from haptic_sim.joint import WORLD
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.solid import TOOL
+from haptic_sim.solid import TOOL, Box, Circle, HalfPlane, Polygon
 
 DEEP = 0.01  # m, half the depth of boxes and prisms
 STIFF = (0.99, 0.9999, 1e-5, 0.5, 2.0)
@@ -116,7 +116,7 @@ class Builder:
             raise Impossible("no motor is written for MuJoCo here")
         made.frictionloss, made.solref_friction, made.solimp_friction = joint.friction, self.soft, STIFF
         made.stiffness, made.damping = _linear(joint.stiffness), _linear(joint.damping)
-        made.springref = joint.rest or 0.0
+        made.springref = joint.rest
         if joint.limits:
             made.limited, made.range = mujoco.mjtLimited.mjLIMITED_TRUE, joint.limits
             made.solref_limit, made.solimp_limit = self.soft, STIFF
@@ -165,24 +165,25 @@ class Builder:
 def _add_shapes(spec, body, solid, frame):
     for k, shape in enumerate(solid.shapes):
         geom = body.add_geom(name=f"{solid.name}.{k}", contype=0, conaffinity=0, pos=(*frame[:2], 0.0))
-        outline, turn = shape.outline, frame[2]
-        if shape.circle:
-            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, (outline.radius, 0.0, 0.0)
-            geom.pos[:2] = turned(outline.vertices[0], frame)
-        elif shape.half_plane:
-            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_PLANE, (0.0, 0.0, 1.0)
-            geom.pos[:2] = turned(shape.half_plane.point, frame)
-            (nx, ny), half = turned(shape.half_plane.normal, (0.0, 0.0, turn)), math.sqrt(0.5)
-            length = math.hypot(nx, ny)
-            geom.quat = half, -half * ny / length, half * nx / length, 0.0  # z to the normal
-        elif shape.box:
-            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, (*(0.5 * side for side in shape.box.size), DEEP)
-            geom.pos[:2], turn = turned(shape.box.center, frame), turn + shape.box.angle
-        else:
-            corners = np.array([(x, y, z) for z in (-DEEP, DEEP) for x, y in outline.vertices])
-            spec.add_mesh(name=f"{solid.name}.{k}", uservert=corners.ravel())
-            geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, f"{solid.name}.{k}"
-        if not shape.half_plane:
+        turn = frame[2]
+        match shape:
+            case Circle():
+                geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, (shape.radius, 0.0, 0.0)
+                geom.pos[:2] = turned(shape.center, frame)
+            case HalfPlane():
+                geom.type, geom.size = mujoco.mjtGeom.mjGEOM_PLANE, (0.0, 0.0, 1.0)
+                geom.pos[:2] = turned(shape.point, frame)
+                (nx, ny), half = turned(shape.normal, (0.0, 0.0, turn)), math.sqrt(0.5)
+                length = math.hypot(nx, ny)
+                geom.quat = half, -half * ny / length, half * nx / length, 0.0  # z to the normal
+            case Box():
+                geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, (*(0.5 * side for side in shape.size), DEEP)
+                geom.pos[:2], turn = turned(shape.center, frame), turn + shape.angle
+            case Polygon():
+                corners = np.array([(x, y, z) for z in (-DEEP, DEEP) for x, y in shape.vertices])
+                spec.add_mesh(name=f"{solid.name}.{k}", uservert=corners.ravel())
+                geom.type, geom.meshname = mujoco.mjtGeom.mjGEOM_MESH, f"{solid.name}.{k}"
+        if shape.bounded:
             geom.quat = _about_z(turn)
 
 

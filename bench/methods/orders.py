@@ -89,7 +89,7 @@ def _of_case(of: Case, method, step):
 def _elastic(method, step):
     """Mass on coupling and contact: one oscillator, pressed from the touch on by a handle 1 mm behind."""
     scene, gains, time, press = load("wall"), Coupling(2000.0, 2.0, 0.0, 0.0), 0.02, 1e-3
-    radius = scene.tool.shapes[0].circle.radius
+    radius = scene.tool.shapes[0].radius
     scene = scene.model_copy(update={"tool": scene.tool.model_copy(update={"pose": (radius, 0.0, 0.0)})})
     world = {"penalty_explicit": PenaltyExplicit, "penalty_implicit": PenaltyImplicit}[method](
         reduce_scene(scene), step, *CONTACT

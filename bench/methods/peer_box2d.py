@@ -13,7 +13,7 @@ import numpy as np
 
 from bench.methods.world import Impossible, between
 from haptic_sim.geometry import turned
-from haptic_sim.joint import WORLD
+from haptic_sim.joint import FREE, WORLD
 from haptic_sim.protocol import Coupling, Planar, StepResult
 from haptic_sim.scene import Scene
 from haptic_sim.solid import TOOL
@@ -139,8 +139,8 @@ class World:
         vertices, radius = shape.outline
         if radius > 0.0:
             return Box2D.b2CircleShape(pos=self._scaled(vertices[0]), radius=radius / self._unit)
-        if shape.half_plane:
-            (px, py), (nx, ny) = shape.half_plane.point, shape.half_plane.normal
+        if not shape.bounded:
+            (px, py), (nx, ny) = shape.point, shape.normal
             length = math.hypot(nx, ny) / REACH
             tx, ty = -ny / length, nx / length
             vertices = [
@@ -155,12 +155,13 @@ class World:
         solids = {body.name: body for body in self._scene.bodies} | {TOOL: self._scene.tool}
         place = self._scaled(joint.places(*(solids.get(name) for name in joint.bodies))[0])
         common = {"bodyA": a, "bodyB": b, "anchor": place, "collideConnected": joint.collide}
-        low, high = joint.limits or (0.0, 0.0)
-        speed, most = joint.drive if joint.motor else (0.0, joint.friction)
+        limited = joint.range != FREE
+        low, high = joint.range if limited else (0.0, 0.0)
+        speed, most = joint.drive if joint.drive[1] else (0.0, joint.friction)
         if joint.type == "pin":
             self._world.CreateRevoluteJoint(
                 **common,
-                enableLimit=bool(joint.limits),
+                enableLimit=limited,
                 lowerAngle=low,
                 upperAngle=high,
                 enableMotor=most > 0.0,
@@ -173,7 +174,7 @@ class World:
             self._world.CreatePrismaticJoint(
                 **common,
                 axis=joint.axis,
-                enableLimit=bool(joint.limits),
+                enableLimit=limited,
                 lowerTranslation=low / self._unit,
                 upperTranslation=high / self._unit,
                 enableMotor=most > 0.0,
@@ -189,7 +190,7 @@ class _Spring:
 
     def __init__(self, a, b, joint, unit):
         self._a, self._b, self._unit = a, b, unit
-        self._stiffness, self._damping, self._rest = joint.stiffness, joint.damping, joint.rest or 0.0
+        self._stiffness, self._damping, self._rest = joint.stiffness, joint.damping, joint.rest
         self._start = b.angle - a.angle
 
     def __call__(self):

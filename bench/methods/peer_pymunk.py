@@ -129,7 +129,7 @@ def _about_pin(joint, a, b):
         motor.max_force = torque or joint.friction
         yield motor
     if joint.stiffness or joint.damping:
-        yield pymunk.DampedRotarySpring(a, b, -(start + (joint.rest or 0.0)), joint.stiffness, joint.damping)
+        yield pymunk.DampedRotarySpring(a, b, -(start + joint.rest), joint.stiffness, joint.damping)
 
 
 def _along_slider(joint, a, b, place):

@@ -32,8 +32,15 @@ def problems(path: Path) -> list[str]:
         document = ros_yaml.load(path)
         if _has_section(document):
             return list(operating_point_problems(document, NODES)) or _together(path)
-        loaded = _loader(document)(path)
-        return _motion(loaded.motion) if hasattr(loaded, "motion") else []
+        if "axes" in document:
+            load_device(path)
+            return []
+        if "bodies" in document or "tool" in document:
+            return _motion(load_scene(path).motion)
+        raise ValueError(
+            f"neither an operating point ({SECTION}), a device description (axes) nor a scene (bodies, tool): "
+            f"it has {', '.join(document) or 'no keys'}"
+        )
     except OSError as error:
         return [error.strerror or str(error)]
     except ValueError as error:
@@ -72,14 +79,3 @@ def _motion(motion):
 
 def _has_section(document):
     return any(name == SECTION or isinstance(item, dict) and _has_section(item) for name, item in document.items())
-
-
-def _loader(document):
-    if "axes" in document:
-        return load_device
-    if "bodies" in document or "tool" in document:
-        return load_scene
-    raise ValueError(
-        f"neither an operating point ({SECTION}), a device description (axes) nor a scene (bodies, tool): "
-        f"it has {', '.join(document) or 'no keys'}"
-    )

@@ -26,6 +26,6 @@ def write(folder) -> None:
 
 
 def _section(scene):
-    rows = "\n".join(f"| {question} | {answer} |" for question, answer in explain(scene, reduce_scene(scene)))
+    rows = "\n".join(f"| {question} | {answer} |" for question, answer in explain(reduce_scene(scene)))
     picture = f"![{scene.name}]({scene.name}.png)"
     return f"## {scene.name}\n\n{scene.description}.\n\n{picture}\n\n| | |\n|---|---|\n{rows}\n"

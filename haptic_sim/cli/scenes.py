@@ -73,7 +73,7 @@ def _draw(name, out):
 def _explain(name):
     scene = load(name)
     typer.echo(f"{scene.name}: {scene.description}")
-    for question, answer in (*explain(scene, reduce_scene(scene)), *_candidates(scene, name)):
+    for question, answer in (*explain(reduce_scene(scene)), *_candidates(scene, name)):
         typer.echo(f"  {question:<12} {answer}")
 
 

@@ -171,7 +171,7 @@ def _walls(scene, axis):
     radius = _radius(scene)
     for body in scene.bodies:
         for shape in body.shapes if body.layers & scene.tool.layers else ():
-            (nx, ny), (px, py) = shape.half_plane.normal, turned(shape.half_plane.point, body.pose)
+            (nx, ny), (px, py) = shape.normal, turned(shape.point, body.pose)
             along = sum(a * b for a, b in zip(turned((nx, ny), (0.0, 0.0, body.pose[2])), axis, strict=True))
             face = px * axis[0] + py * axis[1]
             if along > 0.5 * math.hypot(nx, ny):

@@ -10,16 +10,16 @@ import numba
 import numpy as np
 
 from haptic_sim.method.layout import lay_out
-from haptic_sim.reduction.limits import (
+from haptic_sim.reduction.model import (
     MOST_BODIES,
     MOST_CORNERS,
     MOST_JOINTS,
     MOST_LINKED,
     MOST_PAIRS,
     MOST_SHAPES,
+    Model,
     too_much,
 )
-from haptic_sim.reduction.model import Model
 
 MOST_ROWS = 200
 STAGES = 12

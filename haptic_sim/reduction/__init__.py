@@ -2,20 +2,19 @@
 """The least model that serves a scene: who moves, how freely, who can touch whom, what of contact matters.
 
 Nothing is left out that could be felt: a body is taken for fixed only if no joint, force, velocity or touch can ever
-move it, and a pair of shapes is left out only if their reaches (discs, see reach) are apart.
+move it, and a pair of shapes is left out only if their reaches (discs, see mobility) are apart.
 """
 
 import math
 from typing import NamedTuple
 
-from haptic_sim.geometry import turned
+from haptic_sim.geometry import Point, turned
 from haptic_sim.method_registry import AUTO
-from haptic_sim.reduction.choice import choose_method, choose_sub_step
-from haptic_sim.reduction.degrees_of_freedom import freedoms
-from haptic_sim.reduction.mobility import groups_of, moving_bodies, touching_pairs
+from haptic_sim.reduction.method_choice import choose_method, choose_sub_step
+from haptic_sim.reduction.mobility import Touching, degrees_of_freedom, groups_of, moving_bodies, touching_pairs
 from haptic_sim.reduction.model import Model, Place, build
 from haptic_sim.scene import Scene
-from haptic_sim.solid import TOOL
+from haptic_sim.solid import TOOL, HalfPlane
 
 SQUARE = 1e-12
 """Sine of the angle below which two directions count as parallel, and cosine as square."""
@@ -65,50 +64,50 @@ def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
 
     `method`: the one that the parameter of this name asks for, whatever the scene does; `auto` asks for none.
     """
-    fixed = {body.name for body in scene.bodies if body.fixed}
-    groups = groups_of(scene, fixed)
+    groups = groups_of(scene)
     moving = moving_bodies(scene, groups)
     at_rest = [name for group in groups[:-1] if not moving & set(group) for name in group]
     groups = [group for group in groups[:-1] if moving & set(group)] + [at_rest + groups[-1]]
-    pairs, touching, apart = touching_pairs(scene, groups)
-    arrays, places, shape_names = build(scene, groups, pairs)
-    friction, restitution = (any(pair[k] > 0.0 for pair in pairs) for k in (2, 3))
+    touching = touching_pairs(scene, groups)
+    arrays, places, shape_names = build(scene, groups, touching.pairs)
+    friction = any(pair.friction > 0.0 for pair in touching.pairs)
     needs = Needs(
         moving=tuple(name for group in groups[:-1] for name in group),
         at_rest=tuple(at_rest),
-        freedoms=freedoms(arrays, arrays.pose),
-        touching=touching,
-        apart=apart,
+        freedoms=degrees_of_freedom(arrays),
+        touching=touching.names,
+        apart=touching.apart,
         friction=friction,
-        restitution=restitution,
+        restitution=any(pair.restitution > 0.0 for pair in touching.pairs),
         rotation=_turning_matters(scene, touching, friction),
-        axes=_axes(scene, groups, pairs, touching),
+        axes=_axes(scene, len(groups), touching),
     )
     why_method = ASKED
     if method in (None, AUTO):
-        method, why_method = choose_method(scene, needs, arrays, [group[0] for group in groups])
+        method, why_method = choose_method(scene, arrays, [group[0] for group in groups], needs.axes)
     sub_step, why_step = choose_sub_step(scene, arrays, method)
     return ReducedScene(scene, arrays, places, shape_names, needs, method, sub_step, (why_method, why_step))
 
 
-def _turning_matters(scene, touching, friction):
+def _turning_matters(scene: Scene, touching: Touching, friction: bool) -> bool:
     """A disc about the grip, without friction or joint, is pushed through its mass centre only."""
     round_tool = all(outline.radius > 0.0 and outline.vertices[0] == (0.0, 0.0) for outline in scene.tool.outlines)
-    touched = any(TOOL in pair for pair in touching)
+    touched = any(TOOL in pair for pair in touching.names)
     return any(TOOL in joint.bodies for joint in scene.joints) or touched and (friction or not round_tool)
 
 
-def _axes(scene, groups, pairs, touching):
+def _axes(scene: Scene, groups: int, touching: Touching) -> tuple[Point, ...] | None:
     """Directions of the walls, if they are half-planes, frictionless, without rebound, and parallel or square."""
-    solids = {body.name: body for body in scene.bodies}
-    alone = len(groups) == 2 and not any(TOOL in joint.bodies for joint in scene.joints)
-    if not alone or _turning_matters(scene, touching, False) or any(pair[2] > 0.0 or pair[3] > 0.0 for pair in pairs):
+    alone = groups == 2 and not any(TOOL in joint.bodies for joint in scene.joints)
+    rough = any(pair.friction > 0.0 or pair.restitution > 0.0 for pair in touching.pairs)
+    if not alone or rough or _turning_matters(scene, touching, False):
         return None
+    walls = [scene.solids[name] for _, name in touching.names]
     normals = []
-    for shape, body in ((shape, solids[name]) for _, name in touching for shape in solids[name].shapes):
-        if shape.half_plane is None:
+    for shape, turn in ((shape, wall.pose[2]) for wall in walls for shape in wall.shapes):
+        if not isinstance(shape, HalfPlane):
             return None
-        x, y = turned(shape.half_plane.normal, (0.0, 0.0, body.pose[2]))
+        x, y = turned(shape.normal, (0.0, 0.0, turn))
         normals.append((x / math.hypot(x, y), y / math.hypot(x, y)))
     axes = [n for i, n in enumerate(normals) if all(abs(n[0] * m[1] - n[1] * m[0]) > SQUARE for m in normals[:i])]
     square = len(axes) < 2 or len(axes) == 2 and abs(axes[0][0] * axes[1][0] + axes[0][1] * axes[1][1]) < SQUARE

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the least model of a scene is, and why, in plain lines."""
 
-from haptic_sim.reduction import ReducedScene
-from haptic_sim.scene import Scene
+from collections.abc import Sequence
+
+from haptic_sim.reduction import Needs, ReducedScene
+from haptic_sim.reduction.model import Model
 
 
-def explain(scene: Scene, compiled: ReducedScene) -> list[tuple[str, str]]:
+def explain(compiled: ReducedScene) -> list[tuple[str, str]]:
     """(question, answer) of everything that was worked out."""
     needs, model = compiled.needs, compiled.model
-    bodies = 1 + len(scene.bodies)
+    bodies = len(compiled.scene.solids)
     return [
         (
             "bodies",
@@ -26,14 +28,14 @@ def explain(scene: Scene, compiled: ReducedScene) -> list[tuple[str, str]]:
     ]
 
 
-def _freedoms(needs, model):
+def _freedoms(needs: Needs, model: Model) -> str:
     free = 3 * (len(model.mass) - 1)
     if needs.freedoms == free:
         return f"{free}, three each"
     return f"{needs.freedoms} of {free}; joints take the rest"
 
 
-def _contacts(needs, model):
+def _contacts(needs: Needs, model: Model) -> str:
     count, names = len(model.pairs), ", ".join(f"{a}-{b}" for a, b in needs.touching[:6])
     if not count:
         return "none can happen" + (f"; {needs.apart} pairs of shapes never touch" if needs.apart else "")
@@ -41,7 +43,7 @@ def _contacts(needs, model):
     return f"{count} of {count + needs.apart} pairs of shapes can touch: {names}{more}"
 
 
-def _axes(needs):
+def _axes(needs: Needs) -> str:
     if needs.axes is None:
         return "have to be solved together"
     if not needs.axes:
@@ -50,5 +52,5 @@ def _axes(needs):
     return f"contact acts along {listed} alone, in closed form; the others are coupling and inertia"
 
 
-def _few(names):
+def _few(names: Sequence[str]) -> str:
     return ", ".join(names[:8]) + (f", ... ({len(names)})" if len(names) > 8 else "") or "none"

@@ -1,27 +1,49 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which bodies move as one, which can move at all, and which shapes can touch."""
+"""Who can move: which bodies as one, which at all, how freely and how far, and so which shapes can ever touch.
 
+A pin to the world keeps a body within its farthest vertex of the pin; along a chain of pins the distances add up; a
+slider adds its way between its limits. Loops only make it less. A body without such a chain can be anywhere.
+"""
+
+import heapq
 import math
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
+from typing import NamedTuple
 
-from haptic_sim.geometry import turned
+import numpy as np
+
+from haptic_sim.geometry import Outline, Point, distance, turned
 from haptic_sim.joint import WORLD
-from haptic_sim.reduction.reach import can_touch, reaches
-from haptic_sim.scene_validation import kept_apart
-from haptic_sim.solid import TOOL
+from haptic_sim.reduction.model import SLIDER, SPRING, Model, ShapePair, shapes_of
+from haptic_sim.scene import Scene
+from haptic_sim.solid import TOOL, AnySolid
+
+_STILL = (0.0, 0.0, 0.0)
 
 
-def groups_of(scene, fixed):
+class Disc(NamedTuple):
+    """What can be reached: everything within `radius` of `center` [m]."""
+
+    center: tuple[float, float]
+    radius: float
+
+
+ANYWHERE = Disc((0.0, 0.0), math.inf)
+
+
+def groups_of(scene: Scene) -> list[list[str]]:
     """Names that make one body each: the tool, movable bodies in the scene's order, the world."""
-    groups = {name: [name] for name in (TOOL, *(body.name for body in scene.bodies), WORLD)}
+    groups = {name: [name] for name in (*scene.solids, WORLD)}
 
-    def join(first, second):
+    def join(first: str, second: str) -> None:
         if groups[first] is not groups[second]:
             groups[first] += groups[second]
             for name in groups[second]:
                 groups[name] = groups[first]
 
-    for name in fixed:
-        join(WORLD, name)
+    for body in scene.bodies:
+        if body.fixed:
+            join(WORLD, body.name)
     for joint in scene.joints:
         if joint.type == "weld":
             join(*sorted(joint.bodies, key=list(groups).index))
@@ -29,16 +51,17 @@ def groups_of(scene, fixed):
     return [group for group in unique if WORLD not in group] + [group for group in unique if WORLD in group]
 
 
-def moving_bodies(scene, groups):
+def moving_bodies(scene: Scene, groups: Sequence[Sequence[str]]) -> set[str]:
     """Names that something can move: a force, a start velocity, or a touch or joint of one that moves.
 
     A belt moves only what is pressed upon it, and what presses is one of these.
     """
-    group_of = {name: tuple(group) for group in groups for name in group}
-    movable = [body for body in (scene.tool, *scene.bodies) if WORLD not in group_of[body.name]]
-    discs, apart = reaches(scene, set(group_of) - {body.name for body in movable}), kept_apart(scene)
-    driven = {name for joint in scene.joints if joint.motor or joint.stiffness for name in joint.bodies}
-    moving, grown = set(), {TOOL} | {body.name for body in movable if any(body.velocity) or body.name in driven}
+    group_of = {name: group for group in groups for name in group}
+    movable = [solid for name, solid in scene.solids.items() if WORLD not in group_of[name]]
+    discs, apart = reaches(scene, groups[-1]), scene.kept_apart
+    driven = {name for joint in scene.joints if joint.moves for name in joint.bodies}
+    moving: set[str] = set()
+    grown = {TOOL} | {body.name for body in movable if any(body.velocity) or body.name in driven}
     if any(scene.gravity):
         grown = {body.name for body in movable}
     while grown != moving:
@@ -59,29 +82,133 @@ def moving_bodies(scene, groups):
     return moving
 
 
-def touching_pairs(scene, groups):
-    """Pairs of shapes that can touch (indices in the order of the groups) with their surfaces; names; the rest."""
-    solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
-    discs, held = reaches(scene, set(groups[-1])), kept_apart(scene)
-    shapes = [
-        (rank, name)
-        for rank, group in enumerate(groups)
-        for name in group
-        if name != WORLD
-        for _ in solids[name].outlines
-    ]
-    pairs, touching, apart = [], {}, 0
-    for i, (rank_a, a) in enumerate(shapes):
-        for j, (rank_b, b) in enumerate(shapes[i + 1 :], i + 1):
-            if rank_a == rank_b:
+class Touching(NamedTuple):
+    """Shapes that can touch, the names of their bodies, and how many pairs of shapes of different bodies cannot."""
+
+    pairs: list[ShapePair]
+    names: tuple[tuple[str, str], ...]
+    apart: int
+
+
+def touching_pairs(scene: Scene, groups: Sequence[Sequence[str]]) -> Touching:
+    """What can touch, the shapes taken in the order of the groups."""
+    solids, shapes = scene.solids, shapes_of(scene, groups)
+    discs, held = reaches(scene, groups[-1]), scene.kept_apart
+    pairs, apart = [], 0
+    names: dict[tuple[str, str], None] = {}
+    for i, (group_a, name_a, _) in enumerate(shapes):
+        for j, (group_b, name_b, _) in enumerate(shapes[i + 1 :], i + 1):
+            if group_a == group_b:
                 continue
-            if not can_touch(held, solids[a], solids[b], discs):
+            a, b = solids[name_a], solids[name_b]
+            if can_touch(held, a, b, discs):
+                pairs.append(_pair(scene, i, j, a, b))
+                names[name_a, name_b] = None
+            else:
                 apart += 1
-                continue
-            one, two = scene.material(solids[a]), scene.material(solids[b])
-            surface = turned(solids[b].surface_velocity, (0.0, 0.0, solids[b].pose[2]))
-            pairs.append(
-                (i, j, math.sqrt(one.friction * two.friction), math.sqrt(one.restitution * two.restitution), surface)
-            )
-            touching[a, b] = None
-    return pairs, tuple(touching), apart
+    return Touching(pairs, tuple(names), apart)
+
+
+def _pair(scene: Scene, i: int, j: int, a: AnySolid, b: AnySolid) -> ShapePair:
+    one, two = scene.material(a), scene.material(b)
+    return ShapePair(
+        i,
+        j,
+        math.sqrt(one.friction * two.friction),
+        math.sqrt(one.restitution * two.restitution),
+        turned(b.surface_velocity, (0.0, 0.0, b.pose[2])),
+    )
+
+
+def reaches(scene: Scene, immovable: Collection[str]) -> dict[str, Disc]:
+    """Disc that holds all shapes of each movable body and of the tool for all time."""
+    movable = {name: solid for name, solid in scene.solids.items() if name not in immovable}
+    found = dict.fromkeys(movable, ANYWHERE)
+    for name, place, disc in _held_points(scene, movable):
+        size = max(
+            math.dist(place, corner) + outline.radius
+            for outline in movable[name].outlines
+            for corner in (turned(vertex, movable[name].pose) for vertex in outline.vertices)
+        )
+        if disc.radius + size < found[name].radius:
+            found[name] = Disc(disc.center, disc.radius + size)
+    return found
+
+
+def can_touch(apart: Set[frozenset[str]], a: AnySolid, b: AnySolid, discs: Mapping[str, Disc]) -> bool:
+    """Whether two bodies can ever touch: not kept `apart` by a joint, a layer in common, and within reach."""
+    if not a.layers & b.layers or frozenset((a.name, b.name)) in apart:
+        return False
+    disc_a, disc_b = discs.get(a.name), discs.get(b.name)
+    if disc_a is None or disc_b is None:
+        moving, fixed = (disc_b, a) if disc_a is None else (disc_a, b)
+        return moving is not None and _touches(moving, fixed)
+    return math.dist(disc_a.center, disc_b.center) <= disc_a.radius + disc_b.radius
+
+
+def _touches(disc: Disc, fixed: AnySolid) -> bool:
+    if math.isinf(disc.radius):
+        return True
+    around = Outline((disc.center,), disc.radius)
+    return any(distance(around, _STILL, outline, fixed.pose) <= 0.0 for outline in fixed.outlines)
+
+
+def _held_points(scene: Scene, movable: Mapping[str, AnySolid]) -> Iterator[tuple[str, Point, Disc]]:
+    """(body, point on it at the start, disc it stays in), nearest first along the joints (Dijkstra)."""
+    solids, holding = scene.solids, [joint for joint in scene.joints if joint.holds]
+    queue: list[tuple[float, float, int, str, Point | None]] = [
+        (0.0, 0.0, i, joint.bodies[end], None)
+        for i, joint in enumerate(holding)
+        for end in (0, 1)
+        if joint.bodies[end] not in movable
+    ]
+    done = set()
+    while queue:
+        far, _, i, origin, center = heapq.heappop(queue)
+        joint = holding[i]
+        other = joint.bodies[1 - joint.bodies.index(origin)]
+        if (i, origin) in done or other not in movable:
+            continue
+        done.add((i, origin))
+        place = joint.places(*(solids.get(name) for name in joint.bodies))[1]
+        disc = Disc(center or place, far + joint.reach)
+        yield other, place, disc
+        for k, after in enumerate(holding):
+            if k != i and other in after.bodies and math.isfinite(disc.radius):
+                onward = after.places(*(solids.get(name) for name in after.bodies))[1]
+                heapq.heappush(queue, (disc.radius + math.dist(place, onward), len(done), k, other, disc.center))
+
+
+def degrees_of_freedom(model: Model) -> int:
+    """Degrees of freedom of all bodies at the start: three each, less the rank of what pins and sliders forbid."""
+    rows = [row for j in range(len(model.joint_kind)) for row in _forbidden(model, j)]
+    rank = np.linalg.matrix_rank(np.array(rows), tol=1e-9) if rows else 0
+    return 3 * (len(model.mass) - 1) - int(rank)
+
+
+def _forbidden(model: Model, j: int) -> Iterator[np.ndarray]:
+    """Rows of the constraint Jacobian of joint j, over the velocities of all bodies but the world."""
+    a, b = model.joint_bodies[j]
+    if model.joint_kind[j] == SPRING:
+        return
+    directions = [(1.0, 0.0), (0.0, 1.0)]
+    if model.joint_kind[j] == SLIDER:
+        turn = model.pose[a][2]
+        x, y = model.joint_axis[j]
+        directions = [(-math.sin(turn) * x - math.cos(turn) * y, math.cos(turn) * x - math.sin(turn) * y)]
+        yield _row(model, ((a, (0.0, 0.0), -1.0), (b, (0.0, 0.0), 1.0)), (0.0, 0.0), 1.0)
+    for direction in directions:
+        ends = ((a, model.joint_anchor[j][0], -1.0), (b, model.joint_anchor[j][1], 1.0))
+        yield _row(model, ends, direction, 0.0)
+
+
+def _row(
+    model: Model, ends: Iterable[tuple[int, Sequence[float], float]], direction: Point, turning: float
+) -> np.ndarray:
+    row = np.zeros(3 * len(model.mass))
+    for body, anchor, sign in ends:
+        c, s = math.cos(model.pose[body][2]), math.sin(model.pose[body][2])
+        arm = c * anchor[0] - s * anchor[1], s * anchor[0] + c * anchor[1]
+        torque = arm[0] * direction[1] - arm[1] * direction[0] + turning
+        row[3 * body : 3 * body + 3] += np.array([*direction, torque]) * sign
+    return row[:-3]

@@ -6,20 +6,22 @@ A body's frame has its origin in the mass centre, and the axes of the (first) bo
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from haptic_sim.geometry import framed, turned
-from haptic_sim.joint import WORLD
+from haptic_sim.geometry import Outline, Point, Pose, framed, turned
+from haptic_sim.joint import WORLD, AnyJoint, Slider
 from haptic_sim.scene import Scene
-from haptic_sim.solid import TOOL
+from haptic_sim.solid import AnySolid
 
 PIN, SLIDER, SPRING = range(3)
 _KINDS = {"pin": PIN, "slider": SLIDER, "spring": SPRING}
-_UNLIMITED = (-math.inf, math.inf)
 
-Planar = tuple[float, float, float]
+MOST_BODIES, MOST_SHAPES, MOST_CORNERS, MOST_PAIRS, MOST_JOINTS = 40, 80, 400, 1000, 32
+MOST_LINKED = 10
+"""Bodies of one linkage. The compiled methods take no more, since their records have one size for all scenes."""
 
 
 class Model(NamedTuple):
@@ -77,25 +79,47 @@ class Place(NamedTuple):
     """Where a named body of the scene is found: in the frame of which body, at which pose."""
 
     body: int
-    pose: Planar
+    pose: Pose
 
 
-def build(scene: Scene, groups: list[list[str]], pairs) -> tuple[Model, dict[str, Place], tuple[str, ...]]:
+class ShapePair(NamedTuple):
+    """Two shapes that can touch, by their place among the shapes of the groups, and their surface."""
+
+    first: int
+    second: int
+    friction: float
+    restitution: float
+    surface: Point
+    """Velocity in the plane [m/s] at which the second's surface runs over its body."""
+
+
+def shapes_of(scene: Scene, groups: Sequence[Sequence[str]]) -> list[tuple[int, str, Outline]]:
+    """(group, body's name, outline in the body's frame) of all shapes, in the order of the groups."""
+    solids = scene.solids
+    return [
+        (i, name, outline)
+        for i, group in enumerate(groups)
+        for name in group
+        if name != WORLD
+        for outline in solids[name].outlines
+    ]
+
+
+def build(
+    scene: Scene, groups: Sequence[Sequence[str]], pairs: Sequence[ShapePair]
+) -> tuple[Model, dict[str, Place], tuple[str, ...]]:
     """Arrays of a scene, the places of its bodies, and the body name of each shape.
 
-    `groups` are the names that make one body each: the tool's first, the world's last. `pairs` are shapes (indices, in
-    the order of the groups) with the materials' friction and restitution, and the velocity of the second's surface.
+    `groups` are the names that make one body each: the tool's first, the world's last.
     """
-    solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
+    solids = scene.solids
     bodies = [_body([solids[name] for name in group]) for group in groups[:-1]] + [_WORLD_BODY]
     places = {
         name: Place(i, _local(solids[name].pose, bodies[i][2])) if name != WORLD else Place(i, (0.0, 0.0, 0.0))
         for i, group in enumerate(groups)
         for name in group
     }
-    outlines = [
-        (name, outline) for group in groups for name in group if name != WORLD for outline in solids[name].outlines
-    ]
+    outlines = [(name, outline) for _, name, outline in shapes_of(scene, groups)]
     vertices = [[turned(vertex, places[name].pose) for vertex in outline.vertices] for name, outline in outlines]
     columns = [np.array(column, dtype=float) for column in zip(*bodies, strict=True)]
     mass, inertia, pose, velocity = columns
@@ -109,20 +133,20 @@ def build(scene: Scene, groups: list[list[str]], pairs) -> tuple[Model, dict[str
         np.cumsum([0, *map(len, vertices)]).astype(np.int64),
         np.array([vertex for corners in vertices for vertex in corners], dtype=float),
         np.array([outline.radius for _, outline in outlines], dtype=float),
-        np.array([pair[:2] for pair in pairs], dtype=np.int64).reshape(-1, 2),
-        np.array([pair[2] for pair in pairs], dtype=float),
-        np.array([pair[3] for pair in pairs], dtype=float),
-        np.array([pair[4] for pair in pairs], dtype=float).reshape(-1, 2),
-        *_joints(scene, solids, places, pose),
-        np.array(scene.gravity, dtype=float),
+        np.array([(pair.first, pair.second) for pair in pairs], dtype=np.int64).reshape(-1, 2),
+        np.array([pair.friction for pair in pairs], dtype=float),
+        np.array([pair.restitution for pair in pairs], dtype=float),
+        np.array([pair.surface for pair in pairs], dtype=float).reshape(-1, 2),
+        **_joints(scene, places, pose),
+        gravity=np.array(scene.gravity, dtype=float),
     )
     return arrays, places, tuple(name for name, _ in outlines)
 
 
-_WORLD_BODY = (math.inf, math.inf, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+_WORLD_BODY: tuple[float, float, Pose, Pose] = (math.inf, math.inf, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def _body(solids):
+def _body(solids: Sequence[AnySolid]) -> tuple[float, float, Pose, Pose]:
     """Mass, inertia, pose and velocity of solids that move as one."""
     parts = [(solid, *solid.mass_properties) for solid in solids]
     mass = sum(part[1] for part in parts)
@@ -135,17 +159,17 @@ def _body(solids):
     return mass, inertia, (x, y, angle), (vx - turn * (y - py), vy + turn * (x - px), turn)
 
 
-def _local(pose, frame):
+def _local(pose: Pose, frame: Pose) -> Pose:
     return *framed(pose[:2], frame), pose[2] - frame[2]
 
 
-def _joints(scene, solids, places, pose):
+def _joints(scene: Scene, places: Mapping[str, Place], pose: np.ndarray) -> dict[str, np.ndarray]:
     kept = [
         joint
         for joint in scene.joints
-        if joint.type != "weld" and len({places[name].body for name in joint.bodies}) == 2
+        if joint.type in _KINDS and len({places[name].body for name in joint.bodies}) == 2
     ]
-    rows = [_joint(joint, solids, places, pose) for joint in kept]
+    rows = [_joint(joint, scene.solids, places, pose) for joint in kept]
     kinds = np.dtype(
         [
             ("kind", "i8"),
@@ -160,30 +184,51 @@ def _joints(scene, solids, places, pose):
         ]
     )
     table = np.array(rows, dtype=kinds)
-    return [np.ascontiguousarray(table[name]) for name in kinds.names]
+    return {f"joint_{name}": np.ascontiguousarray(table[name]) for name in kinds.fields or ()}
 
 
-def _joint(joint, solids, places, pose):
+def _joint(
+    joint: AnyJoint, solids: Mapping[str, AnySolid], places: Mapping[str, Place], pose: np.ndarray
+) -> tuple[Any, ...]:
     bodies = tuple(places[name].body for name in joint.bodies)
     frames = [tuple(pose[body]) for body in bodies]
     on_a, on_b = joint.places(*(solids.get(name) for name in joint.bodies))
-    spring = (joint.stiffness, joint.damping, joint.rest or 0.0)
-    axis = (0.0, 0.0)
-    if joint.type == "spring":
-        spring = (joint.stiffness, joint.damping, math.dist(on_a, on_b) if joint.rest is None else joint.rest)
-    else:
+    if joint.holds:
         on_a = on_b
-    if joint.type == "slider":
-        length = math.hypot(*joint.axis)
-        axis = framed((joint.axis[0] / length, joint.axis[1] / length), (0.0, 0.0, frames[0][2]))
+    axis = framed(joint.unit_axis, (0.0, 0.0, frames[0][2])) if isinstance(joint, Slider) else (0.0, 0.0)
     return (
         _KINDS[joint.type],
         bodies,
         (framed(on_a, frames[0]), framed(on_b, frames[1])),
         axis,
         frames[1][2] - frames[0][2],
-        joint.limits or _UNLIMITED,
+        joint.range,
         joint.friction,
         joint.drive,
-        spring,
+        joint.spring(math.dist(on_a, on_b)),
     )
+
+
+def too_much(model: Model) -> str:
+    """Sentence on what of a model is more than they take; "" if nothing is."""
+    for what, many, most in (
+        ("bodies", len(model.mass), MOST_BODIES),
+        ("shapes", len(model.radius), MOST_SHAPES),
+        ("corners", len(model.vertices), MOST_CORNERS),
+        ("pairs of shapes that can touch", len(model.pairs), MOST_PAIRS),
+        ("joints", len(model.joint_kind), MOST_JOINTS),
+        ("bodies in one linkage", _linked(model), MOST_LINKED),
+    ):
+        if many > most:
+            return f"the scene has {many} {what}; the compiled methods take at most {most}"
+    return ""
+
+
+def _linked(model: Model) -> int:
+    """Bodies of the largest set that joints connect, the world left out."""
+    sets = {b: {b} for b in range(len(model.mass)) if not model.fixed[b]}
+    for a, b in model.joint_bodies.tolist():
+        if a in sets and b in sets:
+            sets[a] |= sets[b]
+            sets |= dict.fromkeys(sets[a], sets[a])
+    return max(map(len, sets.values()))

@@ -54,7 +54,7 @@ def room(scene: Scene) -> tuple[float, float, float, float]:
         corner
         for solid, body in zip(solids(scene), (scene.tool, *scene.bodies), strict=True)
         for outline, shape in zip(solid.outlines, body.shapes, strict=True)
-        if shape.half_plane is None
+        if shape.bounded
         for corner in _around(outline, solid.pose)
     ]
     low, high = (tuple(pick(corner[i] for corner in corners) for i in (0, 1)) for pick in (min, max))

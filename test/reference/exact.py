@@ -36,7 +36,7 @@ def pendulum(case: Case) -> dict[str, np.ndarray]:
 def zeno_ball(case: Case) -> dict[str, np.ndarray]:
     """Parabolas, each of duration e times the one before; at rest after √(2h/g) (1+e)/(1−e)."""
     ball, floor = case.scene.bodies[1], case.scene.bodies[0]
-    low = floor.shapes[0].half_plane.point[1] + ball.shapes[0].circle.radius
+    low = floor.shapes[0].point[1] + ball.shapes[0].radius
     g, e = -case.scene.gravity[1], case.scene.material(ball).restitution
     fall = math.sqrt(2.0 * (ball.pose[1] - low) / g)
 
@@ -57,7 +57,7 @@ def collinear(case: Case) -> dict[str, np.ndarray]:
     """v₁′ = (R − e)/(R + 1) v, v₂′ = R (1 + e)/(R + 1) v from the instant at which the discs meet."""
     striker, struck = case.scene.bodies
     ratio, e, v = striker.mass / struck.mass, case.scene.material(striker).restitution, striker.velocity[0]
-    gap = struck.pose[0] - striker.pose[0] - striker.shapes[0].circle.radius - struck.shapes[0].circle.radius
+    gap = struck.pose[0] - striker.pose[0] - striker.shapes[0].radius - struck.shapes[0].radius
     times, met = looks(case), gap / v
     after = np.maximum(times - met, 0.0)
     first = striker.pose[0] + v * np.minimum(times, met) + (ratio - e) / (ratio + 1.0) * v * after
@@ -102,7 +102,7 @@ def free_space(case: Case) -> dict[str, np.ndarray]:
 
 def wall(case: Case) -> dict[str, np.ndarray]:
     """The same with a stop on x, where the round tool meets the wall."""
-    return _hanging(case, low=case.scene.tool.shapes[0].circle.radius)
+    return _hanging(case, low=case.scene.tool.shapes[0].radius)
 
 
 def slider(case: Case) -> dict[str, np.ndarray]:

@@ -10,11 +10,9 @@ from haptic_device.config_files import names
 from haptic_sim.method.closed_form import ClosedForm
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.reduction.beyond import HIGH, HOLDS, LOAD, SHORT, TOUCHING
-from haptic_sim.reduction.choice import ACTS, SOLVED, STEPS
 from haptic_sim.reduction.measured import of_scene
+from haptic_sim.reduction.method_choice import ACTS, HIGH, HOLDS, LOAD, SHORT, SOLVED, STEPS, STIFFNESS, TOUCHING
 from haptic_sim.reduction.model import PIN, SLIDER, SPRING
-from haptic_sim.reduction.modes import STIFFNESS
 from haptic_sim.scene import SceneError, load, parse
 from haptic_sim.verify import CREATED, OVERLAP, within
 from haptic_sim.world import PymunkWorld

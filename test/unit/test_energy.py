@@ -34,7 +34,7 @@ def test_each_rebound_takes_its_share_of_the_fall_and_the_flight_takes_nothing(m
 def balance_of_fall():
     scene = load("zeno_ball")
     ball, floor = scene.bodies[1], scene.bodies[0]
-    low = floor.shapes[0].half_plane.point[1] + ball.shapes[0].circle.radius
+    low = floor.shapes[0].point[1] + ball.shapes[0].radius
     return ball.mass * -scene.gravity[1] * (ball.pose[1] - low)
 
 

@@ -61,7 +61,7 @@ def test_the_shovel_s_way_leads_into_the_stones_and_the_stirring_tool_s_stays_be
     top = max(body.pose[1] for body in stones.scene.bodies)
     tip = stones.path()[:, 1] - 0.071
     assert tip[0] > top > 1.5 * tip.min() > 0.0
-    right = next(body.shapes[0].half_plane.point[0] for body in heap.scene.bodies if body.name == "right")
+    right = next(body.shapes[0].point[0] for body in heap.scene.bodies if body.name == "right")
     assert np.abs(heap.path()[:, 0]).max() + 0.006 < right
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from haptic_sim.joint import Motor
+from haptic_sim.joint import RotaryMotor
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method_registry import METHODS, make
@@ -146,7 +146,7 @@ def driven_four_bar(torque, speed, h):
     """The four-bar linkage on a coupling without damping, its crank turned by a motor unless the torque is 0."""
     scene = load("four_bar")
     crank, *others = scene.joints
-    motor = Motor(speed=speed, max_torque=torque) if torque else None
+    motor = RotaryMotor(speed=speed, max_torque=torque) if torque else None
     method = Partitioned(
         reduce_scene(scene.model_copy(update={"joints": (crank.model_copy(update={"motor": motor}), *others)})), h
     )

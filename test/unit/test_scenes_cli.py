@@ -91,7 +91,7 @@ def test_the_wall_is_explained_as_one_axis_in_closed_form():
 )
 def test_an_explanation_says_freedoms_contacts_and_method(name, words):
     scene = load(name)
-    said = " ".join(answer for _, answer in explain(scene, reduce_scene(scene)))
+    said = " ".join(answer for _, answer in explain(reduce_scene(scene)))
     assert all(word in said for word in words), said
 
 

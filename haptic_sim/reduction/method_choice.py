@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which method and which sub-step serve a scene, and why.
+
+Inside a sub-step `impulse` takes steps of at most `SHORT`, so its sub-step is but how often a port that stays passive
+acts; `partitioned` takes its sub-step whole, and so one as short.
+
+Backward difference gives a mode of angular frequency w the damping ratio w h / 2 that it does not have: after one
+radian its amplitude is short by that share. With h = 2 error / w that is the error allowed. The mode is the tool on its
+coupling at `STIFFNESS`, or a spring of the scene that is faster.
+
+Sequential impulses pass a load on from contact to contact: of two bodies with mass ratio R a sweep leaves R/(1 + R),
+and up a tower of n the load has come one body farther. The sweeps are counted, so what is left of the load after the
+last is an overlap, and where one body strikes another, energy. Both grow with R n; `python -m bench impulse_bounds`
+measures the bounds. A coupling is an effective mass in the tool, m + h² K: it makes a light tool heavier, by 5 mg at
+2000 N/m, and asks for nothing more.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from haptic_sim.geometry import Outline, Point, Pose, distance
+from haptic_sim.reduction.model import PIN, Model, too_much
+from haptic_sim.scene import Scene
+
+STEPS = (1e-3, 0.5e-3, 0.25e-3, 0.2e-3, 0.125e-3, 0.1e-3, 0.05e-3, 0.025e-3)
+"""s; whole shares of a millisecond, so that an exchange at 1 kHz is a whole number of sub-steps."""
+ACTS = 0.2e-3
+"""s; `impulse` has no shorter sub-step unless the error asks for less than the steps inside: ports cost as much."""
+SOLVED = 6e-6
+"""s of step for each body: a direct solve costs some 2 us a body, and is to take a third of its step."""
+STIFFNESS = 2000.0
+"""N/m; coupling that the choice reckons with. A stiffer one is as stable, but less exact."""
+SHORT = 0.05e-3
+"""s; what `impulse` steps by inside its sub-steps. It cannot keep up with shorter ones behind a port that sees each."""
+HOLDS = 3e-3
+"""Relative error that `impulse` stays below in every shipped scene with a closed form or stored reference."""
+LOAD = 60.0
+"""Mass ratio times bodies on one another up to which it overlaps below 0.1 mm and creates below 1 % of the energy."""
+HIGH = 15
+"""Bodies on one another up to which a tower stands: of 20 equal ones it sinks in by 1.3 mm in two of six positions
+(`python -m bench hard_cases --scenes stack_20`)."""
+TOUCHING = 1e-5
+"""m; bodies that are no farther apart at the start rest on each other."""
+
+
+def choose_method(scene: Scene, model: Model, names: Sequence[str], axes: tuple[Point, ...] | None) -> tuple[str, str]:
+    """Name of the method and why; `names` of the model's bodies. ValueError if the scene asks for one that cannot.
+
+    `axes` are the directions in which contact acts, if each can be solved by itself.
+    """
+    if scene.method == "closed_form" and axes is None:
+        raise ValueError(
+            "method is 'closed_form', which needs a round tool without joints among half_planes, without "
+            "friction or restitution, that are parallel or square; take another method"
+        )
+    if scene.method:
+        return scene.method, "the scene asks for it"
+    if axes is not None:
+        return (
+            "closed_form",
+            f"contact acts on {len(axes)} {'axis' if len(axes) == 1 else 'axes'}, each solvable by itself",
+        )
+    asked = _beyond_impulse(scene, model, names)
+    if not asked:
+        return "impulse", "nothing in the scene asks for more than impulses by short steps"
+    refusal = too_much(model)
+    return ("impulse", f"{asked}; but {refusal}") if refusal else ("partitioned", asked)
+
+
+def choose_sub_step(scene: Scene, model: Model, method: str) -> tuple[float, str]:
+    """Sub-step [s] and why."""
+    if scene.sub_step:
+        return scene.sub_step, "the scene asks for it"
+    longest, why = longest_step(model, scene.error)
+    bodies = len(model.mass) - 1
+    if method == "impulse" and SHORT <= longest < ACTS:
+        longest = ACTS
+        why += f", which {method} keeps by its steps inside {ACTS * 1e3:g} ms"
+    if method == "partitioned" and longest > (own := max(SHORT, SOLVED * bodies)):
+        longest = own
+        why += f", {method} takes {own * 1e3:g} ms: " + (
+            "steps as short as those inside impulse"
+            if own == SHORT
+            else f"what the direct solve of {bodies} bodies can keep up with"
+        )
+    step = next((step for step in STEPS if step <= longest), STEPS[-1])
+    return step, why + (", which would be too slow" if longest < step else "")
+
+
+def longest_step(model: Model, error: float) -> tuple[float, str]:
+    """Longest step [s] that keeps this error of the fastest mode, and that in words."""
+    frequency, what = max(_modes(model))
+    longest = 2.0 * error / frequency
+    return longest, (
+        f"error {error:g} of the fastest mode, {what} at {frequency:.4g} rad/s, allows {longest * 1e3:.4g} ms"
+    )
+
+
+def _modes(model: Model) -> Iterator[tuple[float, str]]:
+    """(angular frequency, what) of the coupling and of the scene's own springs."""
+    yield math.sqrt(STIFFNESS / model.mass[0]), f"the tool on a coupling of {STIFFNESS:g} N/m"
+    for kind, bodies, anchors, spring in zip(
+        model.joint_kind, model.joint_bodies, model.joint_anchor, model.joint_spring, strict=True
+    ):
+        if spring[0] > 0.0:
+            # of the spring alone, each body taken as free
+            mobility = 1.0 / model.inertia[bodies]
+            if kind != PIN:
+                mobility = 1.0 / model.mass[bodies] + np.sum(anchors**2, axis=1) / model.inertia[bodies]
+            yield math.sqrt(spring[0] * float(np.sum(mobility))), "a spring of the scene"
+
+
+def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
+    """What the scene asks for beyond `impulse`, in words; "" if nothing. `names`: of the bodies of the model."""
+    if scene.error < HOLDS:
+        return f"error {scene.error:g} is wanted; impulse holds {HOLDS:g}"
+    longest, why = longest_step(model, scene.error)
+    if longest < SHORT:
+        return f"{why}, and impulse cannot keep up with steps below {SHORT * 1e3:g} ms"
+    pairs = {(a, b) for a, b in model.shape_body[model.pairs].tolist() + model.joint_bodies.tolist()}
+    ratio, light, heavy = max(_ratios(model, pairs), default=(1.0, 0, 0))
+    height = max(1, _height(model))
+    if height > HIGH:
+        return f"{height} bodies stand on one another, and impulse carries {HIGH}"
+    if ratio * height > LOAD:
+        return (
+            f"{names[heavy]} is {ratio:.4g} times as heavy as {names[light]}"
+            + (f", and {height} bodies stand on one another" if height > 1 else "")
+            + f": a load of {ratio * height:.4g}, of which impulse carries {LOAD:g}"
+        )
+    return ""
+
+
+def _ratios(model: Model, pairs: Iterable[tuple[int, int]]) -> Iterator[tuple[float, int, int]]:
+    """(mass ratio, light body, heavy body) of those two that can both move."""
+    for a, b in pairs:
+        if not (model.fixed[a] or model.fixed[b]):
+            light, heavy = sorted((a, b), key=lambda body: model.mass[body])
+            yield model.mass[heavy] / model.mass[light], light, heavy
+
+
+def _height(model: Model) -> int:
+    """Bodies of the highest tower: how many steps from touch to touch the farthest body is from what is fixed."""
+    near: dict[int, set[int]] = {}
+    for a, b in _touching(model):
+        near.setdefault(a, set()).add(b)
+        near.setdefault(b, set()).add(a)
+    ground = len(model.mass) - 1
+    height, seen, layer = 0, {ground}, {ground}
+    while layer := {body for under in layer for body in near.get(under, ())} - seen:
+        height, seen = height + 1, seen | layer
+    return height
+
+
+def _touching(model: Model) -> Iterator[tuple[int, int]]:
+    """Pairs of bodies that touch at the start."""
+    shapes = [_outline(model, s) for s in range(len(model.radius))]
+    discs = [_disc(*shape) for shape in shapes]
+    for i, j in model.pairs.tolist():
+        (xa, ya, ra), (xb, yb, rb) = discs[i], discs[j]
+        if math.hypot(xa - xb, ya - yb) <= ra + rb + TOUCHING and distance(*shapes[i], *shapes[j]) <= TOUCHING:
+            yield model.shape_body[i], model.shape_body[j]
+
+
+def _outline(model: Model, s: int) -> tuple[Outline, Pose]:
+    corners = model.vertices[model.shape_start[s] : model.shape_start[s + 1]]
+    return Outline(tuple(map(tuple, corners.tolist())), float(model.radius[s])), tuple(model.pose[model.shape_body[s]])
+
+
+def _disc(outline: Outline, pose: Pose) -> tuple[float, float, float]:
+    """Centre and radius of a disc that holds the shape [m]: about its body's mass centre."""
+    return pose[0], pose[1], max(math.hypot(*corner) for corner in outline.vertices) + outline.radius
