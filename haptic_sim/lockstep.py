@@ -14,9 +14,11 @@ from haptic_device.control import contact_model, enable_state, exchange_samples,
 from haptic_device.device import loopback_config, simulated_device
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import servo_loop
+from haptic_sim.endpoint import ExchangeEndpoint
 from haptic_sim.simulation import HandleSample, Simulation
 
 SECOND = 1_000_000_000
+SESSION = 1.0  # of either side
 
 
 class Network(NamedTuple):
@@ -59,7 +61,9 @@ class Lockstep:
             np.zeros(1, contact_model.SET),
             driver["exchange.method"] == EXCHANGE_METHODS[exchange_samples.LOCAL],
         )
-        self._sent, self._asked = 0, 0  # handle samples sent; the newest that the simulation has taken
+        if simulation is not None:
+            self._endpoint = ExchangeEndpoint(simulation, simulation.scene.tool.pose, driver["exchange.method"])
+        self._sent = 0  # handle samples
         self._going, self._coming = [], []  # on their way: (arrival [ns], sequence, sent [ns], sample)
 
     def run(self, seconds) -> np.recarray:
@@ -111,9 +115,8 @@ class Lockstep:
         deadline = (self.ticks + 1) * self.period
         landed, self._going = _split(self._going, deadline)
         for arrival, sequence, sent, handle in landed:
-            if sequence > self._asked:
-                self._asked = sequence
-                answer = self.simulation.exchange(handle), self._look()
+            if self._endpoint.hear(SESSION, sequence, arrival) == exchange_samples.ACCEPTED:
+                answer = self._endpoint.exchange(handle, arrival), self._look()
                 self._fly(self._coming, arrival, sequence, sent, answer)
         landed, self._coming = _split(self._coming, deadline)
         for _, sequence, sent, (sample, near) in landed:
@@ -145,7 +148,7 @@ class Lockstep:
 
     def _take(self, sequence, sent, sample):
         tool = self.tool[0]
-        tool["session"], tool["sequence"], tool["answered"], tool["sent"] = 1.0, sequence, sequence, sent
+        tool["session"], tool["sequence"], tool["answered"], tool["sent"] = SESSION, sequence, sequence, sent
         tool["contact"], tool["energy"], tool["handle_sequence"] = sample.contact, sample.energy, self._sent
         for name, numbers in (
             ("position", sample.position),

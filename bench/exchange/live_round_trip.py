@@ -11,9 +11,7 @@ import atexit
 import contextlib
 import json
 import os
-import signal
 import statistics
-import struct
 import sys
 import tempfile
 import time
@@ -23,102 +21,61 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from haptic_device.control import exchange_samples
-from haptic_device.message_fields import TAIL
+from bench.exchange import ping_pong
+from bench.exchange.round_trip import ANSWERERS
 from haptic_device.process import running_module
 from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.processes import Nodes, Program
 
-AXES = 3
 YOUNG = 3e-3  # [s]
-THIS = "bench.exchange.live_round_trip"
+THIS, TIMES = "bench.exchange.live_round_trip", "times"
 
 
 def answer_barely(folder):
-    """The other process of the ping-pong; until SIGTERM. Its times go into the folder, if there is one."""
-    import rclpy
-    import rclpy.signals
-    from rclpy.impl.implementation_singleton import rclpy_implementation
-
-    from haptic_device.message_fields import exchange_names
-    from haptic_device.nodes.messages import LATEST, JointState
-    from haptic_device.nodes.polled_subscription import Untouched
-    from haptic_device.realtime.scheduling import go_realtime
-    from haptic_device.recording.layouts import JointLayout
-
-    signal.signal(signal.SIGINT, lambda *_: sys.exit())
-    times = Times(folder)
-    rclpy.init(signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
-    node = rclpy.create_node("haptic_simulation", namespace="/haptic")
-    publisher = node.create_publisher(JointState, "tool", LATEST)
-    subscription = node.create_subscription(
-        JointState, "handle", lambda data: None, LATEST, raw=True, callback_group=Untouched()
-    )
-    layout = JointLayout(exchange_names(AXES))
-    place = {entry: layout.offsets[0] + 8 * (AXES + entry) for entry in range(len(TAIL))}
-    go_realtime("prefer", 60)
-    wait_set, number = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle), 0.0
-    while True:
-        wait_set.clear_entities()
-        wait_set.add_subscription(subscription.handle)
-        wait_set.wait(50_000_000)
-        latest = None
-        while (taken := subscription.handle.take_message(JointState, True)) is not None:
-            latest = taken
-        if latest is None:
-            continue
-        times.taken(latest[1])
-        data, number = bytearray(latest[0]), number + 1.0
-        asked = struct.unpack_from("<dd", data, place[exchange_samples.SESSION])
-        struct.pack_into("<dddd", data, place[exchange_samples.SESSION], 4711.0, number, *asked)
-        times.answered()
-        publisher.publish(bytes(data))
-        times.published()
+    """The other process of the ping-pong; its times go into the folder."""
+    return ping_pong.main(Times(folder))
 
 
 def answer_timed(folder):
     """haptic_simulation as it is, with the times of its exchange taken."""
-    from haptic_sim.node import exchange_thread, simulation
+    from haptic_device.nodes.lifecycle import run
+    from haptic_sim.node.simulation import EventsExecutor, SimulationNode
 
     times = Times(folder)
 
-    class Timed(exchange_thread.ExchangeThread):
-        def __init__(self, node, world, port, publishers, prepare):
-            super().__init__(node, world, port, (TimedPublisher(publishers[0]), publishers[1]), prepare)
+    class TimedSimulation(SimulationNode):
+        def create_subscription(self, kind, topic, callback, *given, **named):
+            def timed(data, information):
+                times.taken(information)
+                callback(data)
 
-        def _latest(self):
-            self._wait_set.clear_entities()
-            self._wait_set.add_subscription(self._subscription.handle)
-            self._wait_set.wait(exchange_thread.LOOK_UP_NS)
-            latest = None
-            while (taken := self._subscription.handle.take_message(exchange_thread.JointState, True)) is not None:
-                latest = taken
-            if latest is not None:
-                times.taken(latest[1])
-            return latest and latest[0]
+            return super().create_subscription(kind, topic, timed if topic == "handle" else callback, *given, **named)
 
-    class TimedPublisher:
-        def __init__(self, publisher):
-            self._publisher = publisher
+        def create_publisher(self, kind, topic, *given, **named):
+            publisher = super().create_publisher(kind, topic, *given, **named)
+            return TimedPublisher(publisher, times) if topic == "tool" else publisher
 
-        def publish(self, data):
-            times.answered()
-            self._publisher.publish(data)
-            times.published()
+    return run(TimedSimulation, "haptic_simulation", sys.argv[sys.argv.index("--ros-args") :], EventsExecutor)
 
-    simulation.ExchangeThread = Timed
-    sys.argv = [sys.argv[0], *sys.argv[sys.argv.index("--ros-args") :]]
-    return simulation.main()
+
+class TimedPublisher:
+    """Tells `times` when bytes are handed to the middleware, and when it has taken them."""
+
+    def __init__(self, publisher, times):
+        self._publisher, self._times = publisher, times
+
+    def publish(self, data):
+        self._times.answered()
+        self._publisher.publish(data)
+        self._times.published()
 
 
 class Times:
     """When a handle sample left the driver and arrived (the middleware's stamps), was taken, answered and published."""
 
     def __init__(self, folder):
-        self._rows, self._row = [], []
-        if folder:
-            file = Path(folder) / f"times_{os.getpid()}.json"
-            atexit.register(lambda: file.write_text(json.dumps(self._rows[len(self._rows) // 5 :])))
+        self._rows, self._row, file = [], [], Path(folder) / f"times_{os.getpid()}.json"
+        atexit.register(lambda: file.write_text(json.dumps(self._rows[len(self._rows) // 5 :])))
 
     def taken(self, information):
         self._row = [information["source_timestamp"], information["received_timestamp"], time.time_ns()]
@@ -173,13 +130,11 @@ def main(
     found, stages = {}, {}
     with tempfile.TemporaryDirectory() as folder, isolated_domain(Path(folder)) as domain:
         for turn in range(turns):
-            for name, word in (("simulation", "timed"), ("bare", "bare")):
+            for name, answerer in ANSWERERS.items():
                 times = Path(folder) / f"{turn}_{name}"
                 times.mkdir()
-                free = {"scene": "free_space"} if word == "timed" else {}
-                here = Here("haptic_simulation", word if profiled else f"{word}_only", {"_times": str(times)} | free)
-                plain = Program("haptic_simulation", "haptic_sim.node.simulation", free)
-                one = measure(domain, here if profiled or word == "bare" else plain, seconds)
+                timed = Timed("haptic_simulation", name, answerer.parameters | {TIMES: str(times)})
+                one = measure(domain, timed if profiled else answerer, seconds)
                 found.setdefault(name, []).append(one)
                 print(
                     f"{turn} {name:10} round trip {one[0]:6.1f} us, p99 {one[1]:7.1f} us; "
@@ -197,15 +152,15 @@ def main(
             print(f"    {microseconds:7.1f} us {stage}")
 
 
-class Here(Program):
-    """An answerer of this module as a program."""
+class Timed(Program):
+    """An answerer of this module as a program; its module is its name here, and TIMES the folder for its times."""
 
     def command(self):
-        times, others = self.parameters["_times"], {k: v for k, v in self.parameters.items() if k != "_times"}
+        others = {name: value for name, value in self.parameters.items() if name != TIMES}
         words = Program(self.name, self.module, others).command()
-        return [*running_module(THIS), self.module, times, *words[words.index("--ros-args") :]]
+        return [*running_module(THIS), self.module, self.parameters[TIMES], *words[words.index("--ros-args") :]]
 
 
 if __name__ == "__main__":  # the other process
     which, where = sys.argv[1:3]
-    sys.exit(answer_timed(where) if which == "timed" else answer_barely(where if which == "bare" else ""))
+    sys.exit((answer_timed if which == "simulation" else answer_barely)(where))

@@ -206,7 +206,7 @@ def _be_deaf():
         signal.signal(number, signal.SIG_IGN)
 
 
-def run(make_node, name, args=None):
+def run(make_node, name, args=None, make_executor=SingleThreadedExecutor):
     """Runs a managed node until SIGINT, SIGTERM or SIGHUP, exit code 0; code 1 after a refusal or failure, printed.
 
     A signal only sets a flag, also while the node starts: raised in the middle of anything it would leave threads that
@@ -218,7 +218,7 @@ def run(make_node, name, args=None):
             begin_ros(args)
             node = _made(make_node)
         node.told = told
-        executor = SingleThreadedExecutor()
+        executor = make_executor()
         executor.add_node(node)
         _autostart(node)
         while not told and rclpy.ok():

@@ -8,6 +8,6 @@ from haptic_sim.viewer import parameters as viewer
 NODES = {
     **device.NODES,
     "haptic_simulation": simulation.PARAMETERS,
-    "haptic_relay": simulation.RELAY,
+    "haptic_relay": simulation.NETWORK_EMULATOR,
     "haptic_viewer": viewer.PARAMETERS,
 }

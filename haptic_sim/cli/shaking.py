@@ -66,7 +66,8 @@ def shake_handle(tuning, plan, seconds, check):
         gains = {f"wall__{name}": getattr(shake, name) for name in ("normals", "offsets", "stiffness", "damping")}
         if twist is not None:
             gains |= {"coupling__rotational_stiffness": twist.stiffness, "coupling__rotational_damping": 0.0}
-            tuning.tool.angle, tuning.tool.leash = twist.angle, twist.leash
+            tool = tuning.tool.simulation
+            tool.angle, tool.leash = twist.angle, twist.leash
         tuning.set(**gains)
         tuning.watch(shake.seconds)
         check()

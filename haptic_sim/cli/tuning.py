@@ -25,7 +25,7 @@ from haptic_device.nodes.messages import LATEST, STREAM, TRACE, JointState, stat
 from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, JointLayout
 from haptic_device.status import Status, number
-from haptic_sim.cli.stand_in import StandIn
+from haptic_sim.cli.mock_simulation import MockAnswerer, MockSimulation
 
 PATIENCE = 15.0  # [s] for a service
 ATTEMPTS = 5  # the answer to a client whom the service has not discovered yet is lost; all calls may be repeated
@@ -48,7 +48,7 @@ class Tuning:
         self._state = PolledSubscription(self._node, "operator/state", JOINTS, STREAM, raw=True)
         self._said = PolledSubscription(self._node, "/diagnostics", DIAGNOSTICS, STREAM, raw=True)
         self._trace = PolledSubscription(self._node, "trace", CLOUD, TRACE) if trace else None
-        self.tool = StandIn(self._node) if tool else None
+        self.tool = MockAnswerer(self._node, MockSimulation()) if tool else None
         self._target = self._node.create_publisher(JointState, "operator/target", LATEST)
         self._layouts = [JointLayout(truth_names(axes)) for axes in (1, 2, 3)]
         self._services = {}

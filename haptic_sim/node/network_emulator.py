@@ -18,7 +18,7 @@ from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.messages import LATEST, STREAM, JointState, PointCloud2
 from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.realtime.scheduling import go_realtime
-from haptic_sim.node.parameters import RELAY
+from haptic_sim.node.parameters import NETWORK_EMULATOR
 
 LONGEST_WAIT_NS = 20_000_000
 PRIORITY = 62
@@ -59,11 +59,11 @@ class Way:
         return max(0, round(0.5e9 * (self._values["delay"] + spread)))
 
 
-class RelayNode(ManagedNode):
+class NetworkEmulator(ManagedNode):
     """Active it carries messages, in a thread of its own."""
 
     def __init__(self):
-        super().__init__("haptic_relay", RELAY)
+        super().__init__("haptic_relay", NETWORK_EMULATOR)
         self._stop, self._thread, self._ways = threading.Event(), None, []
 
     def configure(self):
@@ -110,7 +110,7 @@ class RelayNode(ManagedNode):
 
 def main(args: list[str] | None = None) -> int:
     """Runs haptic_relay until SIGINT, SIGTERM or SIGHUP. Exit code 1 on a refusal."""
-    return run(RelayNode, "haptic_relay", args)
+    return run(NetworkEmulator, "haptic_relay", args)
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ class Simulation(Group):
     realtime_priority: int = fixed(60, "", "SCHED_FIFO priority of the exchange thread", 1, 98)
 
 
-class Relay(Group):
+class NetworkEmulator(Group):
     """haptic_relay."""
 
     autostart: bool = fixed(True, "", "configure and activate by itself at start")
@@ -50,4 +50,4 @@ FIGURES = (
     Watched("refused", "1/s", "handle messages refused", 1.0, 100.0),
 )
 PARAMETERS = (*parameters_of(Simulation), *limits_of(FIGURES))
-RELAY = parameters_of(Relay)
+NETWORK_EMULATOR = parameters_of(NetworkEmulator)

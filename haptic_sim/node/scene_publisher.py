@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the simulation shows of its world, for pages, markers and recordings: never part of the exchange.
 
-The exchange thread calls it after an answer has left: what it takes, some 30 us at 60 Hz, only the next question sees.
+The node calls it after an answer has left: what it takes, some 30 us at 60 Hz, only the next question sees.
 """
 
 import numpy as np

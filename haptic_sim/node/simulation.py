@@ -4,44 +4,53 @@
 import statistics
 import sys
 import threading
+import time
+from functools import partial
 
-from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from haptic_device.jit import ensure_compiled
 from haptic_device.nodes import diagnostics, messages
-from haptic_device.nodes.lifecycle import ManagedNode, run
+from haptic_device.nodes.lifecycle import ManagedNode, run, sentence_of
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.realtime.scheduling import go_realtime, lift_threads, spare_collections
-from haptic_sim.node.endpoint import Port
-from haptic_sim.node.exchange_thread import ExchangeThread
+from haptic_sim.endpoint import ExchangeEndpoint
 from haptic_sim.node.parameters import FIGURES, PARAMETERS
+from haptic_sim.node.scene_publisher import ScenePublisher
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation, kernels_of
 
 MIDDLEWARE_PRIORITY = 65  # above the exchange, which must never wait for the middleware's own threads
-GIL_SWITCH = 0.2e-3  # s, longest time the executor keeps the exchange thread from running; python's own is 5 ms
+GIL_SWITCH = 0.2e-3  # s, longest time a scene that is being built holds up the exchange; python's own is 5 ms
+MOST = 64  # messages taken at a turn: a flood that never ends must not hold up the answers
+STILL_SHOWN = 0.1  # s, between looks at whether a world that nobody asks has to be shown
 
 
 class SimulationNode(ManagedNode):
-    """Configured it has a scene, active it answers."""
+    """Configured it has a scene, active it answers: exchange, services and diagnostics in one thread.
+
+    An exception in the exchange ends it until the next activation, and `ended` is then a sentence that says so: nothing
+    answers any more.
+    """
 
     def __init__(self):
         super().__init__("haptic_simulation", PARAMETERS)
-        self.exchange: ExchangeThread | None = None
+        self.exchange: ExchangeEndpoint | None = None
         self.simulation: Simulation | None = None
+        self.scheduling = self.ended = ""
         self._loading = False
         self._rates = diagnostics.Rates()
         self._tool = self.create_publisher(messages.JointState, "tool", messages.LATEST)
         local = self.values["exchange.method"] == "local"
         self._near = self.create_publisher(messages.PointCloud2, "local_contacts", messages.LATEST) if local else None
         self.create_service(Trigger, "~/reset_scene", self._on_reset_scene)
-        beside = ReentrantCallbackGroup()  # while it waits for its world others are served
-        self.create_service(Trigger, "~/load_scene", self._on_load_scene, callback_group=beside)
+        _answers_later(self.create_service(Trigger, "~/load_scene", self._on_load_scene))
         self.create_service(SetBool, "~/pause", self._on_pause)
+        self.create_timer(STILL_SHOWN, self._show)
         on_change(self, PARAMETERS, lambda values: load(values["scene"]), self._apply)
 
     def configure(self) -> None:
@@ -51,20 +60,28 @@ class SimulationNode(ManagedNode):
 
     def activate(self) -> None:
         """Starts answering."""
-        port = Port(self.simulation.scene.tool.pose, self.values["exchange.method"])
+        self.scheduling, self.ended = self._prepare(), ""
         self._refused, self._rejoined = Refusals("handle"), self.simulation.counters.rejoined
-        self.exchange = ExchangeThread(self, self.simulation, port, (self._tool, self._near), self._prepare)
-        self.exchange.start()
-        self.get_logger().info(f"scene {self.simulation.scene.name}; {self.exchange.scheduling}")
+        self._scene = ScenePublisher(self)
+        self.exchange = ExchangeEndpoint(
+            self.simulation, self.simulation.scene.tool.pose, self.values["exchange.method"]
+        )
+        self._handle = self.create_subscription(
+            messages.JointState, "handle", self._on_handle, messages.STREAM, raw=True
+        )
+        self.get_logger().info(f"scene {self.simulation.scene.name}; {self.scheduling}")
 
     def deactivate(self) -> None:
         """Stops answering and says once more how things stand."""
-        if self.exchange is not None:
-            self.exchange.stop()
-            try:
-                self.diagnose()
-            finally:
-                self.exchange = None
+        if self.exchange is None:
+            return
+        self.destroy_subscription(self._handle)
+        self._show()
+        self._scene.close()
+        try:
+            self.diagnose()
+        finally:
+            self.exchange, self.ended = None, ""
 
     def cleanup(self) -> None:
         """Forgets the scene."""
@@ -74,20 +91,45 @@ class SimulationNode(ManagedNode):
         """Publishes counts, times and results of the active node."""
         if self.exchange is None:
             return
-        world = self.exchange.simulation
-        values = {"scene": world.scene.name, "method": world.method_name, "why": world.why, **_values(self.exchange)}
-        values["survived"] = self.survived
+        world = self.simulation
+        values = {"scene": world.scene.name, "method": world.method_name, "why": world.why}
+        values |= {"scheduling": self.scheduling, **_values(self.exchange, world), "survived": self.survived}
         level, message = self._verdict()
         figures = {"compute": values["compute_us_p99"] * 1e-6, **self._rates.of(refused=values["refused"])}
         watched = diagnostics.statuses(self.get_name(), FIGURES, figures, self.values)
         self.say_status(level, message, values, watched)
 
+    def _on_handle(self, data):
+        """Answers; whatever has come since comes with it, so that only the newest is."""
+        if self.ended:
+            return
+        waiting, take = [data], self._handle.handle.take_message
+        while len(waiting) < MOST and (taken := take(messages.JointState, True)) is not None:
+            waiting.append(taken[0])
+        try:
+            self._answer(waiting)
+        except Exception as error:
+            self.ended = f"the exchange has ended by {sentence_of(error)}"
+            self.get_logger().error(self.ended)
+
+    def _answer(self, waiting):
+        tool = self.exchange.answer(waiting, time.monotonic_ns())
+        if tool is not None:
+            self._tool.publish(tool)
+            if self._near is not None:
+                self._near.publish(self.exchange.local_contacts())
+        self._show()
+
+    def _show(self):
+        if self.exchange is not None and not self.ended:
+            self._scene.show(self.simulation, self.exchange.position, time.monotonic_ns())
+
     def _verdict(self):
-        counters = self.exchange.report.counters
+        counters = self.simulation.counters
         known, self._rejoined = self._rejoined, counters.rejoined
         rejoined = self._rejoined - known
-        if self.exchange.failure:
-            return "error", self.exchange.failure
+        if self.ended:
+            return "error", self.ended
         if self.exchange.paused:
             return "warn", "paused"
         if left_out := counters.left_out:
@@ -95,7 +137,7 @@ class SimulationNode(ManagedNode):
                 f"{left_out} contacts were left out: more at once than the method can solve for; "
                 "take fewer bodies, or the method impulse"
             )
-        if refused := self._refused.sentence(self.exchange.port.refused):
+        if refused := self._refused.sentence(self.exchange.refused):
             return "warn", refused
         if not self.exchange.answered:
             return "warn", "no handle sample has come yet"
@@ -116,13 +158,14 @@ class SimulationNode(ManagedNode):
     def _build(self, values, built):
         """In a thread of its own: `built` becomes the world, or a sentence on why there is none."""
         try:
-            built.set_result(self._world(values))
+            world = self._world(values)
         except (ValueError, OSError) as refusal:
-            built.set_result(str(refusal))
+            world = str(refusal)
         except KeyboardInterrupt:
-            built.set_result("the node ends")
+            return  # the node ends, and answers nobody
         except Exception as error:
-            built.set_result(f"{type(error).__name__}: {error}")
+            world = sentence_of(error)
+        built.set_result(world)
 
     def _apply(self, values):
         """The parameter `scene` names what load_scene loads next."""
@@ -135,40 +178,54 @@ class SimulationNode(ManagedNode):
 
     def _on_reset_scene(self, request, response):
         refusal = self._no_exchange()
-        if self.exchange is not None:
-            refusal = self.exchange.reset()
-        elif self.simulation is not None:
+        if self.exchange is None and self.simulation is not None:
             self.simulation.reset()
             refusal = ""
+        elif not refusal:
+            self.exchange.reset(time.monotonic_ns())
         return _answered(response, refusal, "scene is at its start")
 
-    async def _on_load_scene(self, request, response):
+    def _on_load_scene(self, request, response):
         """Builds the world beside: that may have to compile first, and takes the tool's port only when it is there."""
+        answer = Future(executor=self.executor)
         if self._loading:
-            return _answered(response, "another scene is being loaded", "")
-        built, before = Future(), self.simulation
+            answer.set_result(_answered(response, "another scene is being loaded", ""))
+            return answer
+        self._loading, built = True, Future(executor=self.executor)
+        built.add_done_callback(partial(self._take_world, self.simulation, response, answer))
         threading.Thread(target=self._build, args=(self.values, built), name="loader").start()
-        self._loading = True
-        world = await built
-        self._loading = False
+        return answer
+
+    def _take_world(self, before, response, answer, built):
+        """The world that was built in place of the one before, if that is still there."""
+        self._loading, world = False, built.result()
         if isinstance(world, str):
-            return _answered(response, world, "")
-        if self.simulation is not before:
-            return _answered(response, "the node was cleaned up meanwhile: nothing was changed", "")
-        refusal = self.exchange.load(world) if self.exchange is not None else ""
-        if not refusal:
+            refusal, done = world, ""
+        elif self.simulation is not before:
+            refusal, done = "the node was cleaned up meanwhile: nothing was changed", ""
+        else:
+            refusal, done = self.ended, f"scene is {world.scene.name}"
+        if done and not refusal:
+            if self.exchange is not None:
+                self.exchange.load(world, time.monotonic_ns())
             self.simulation = world
-        return _answered(response, refusal, f"scene is {world.scene.name}")
+        answer.set_result(_answered(response, refusal, done))
 
     def _on_pause(self, request, response):
         refusal = self._no_exchange()
         if not refusal:
-            self.exchange.pause(request.data)
+            self.exchange.pause(request.data, time.monotonic_ns())
         return _answered(response, refusal, "paused" if request.data else "goes on")
 
     def _no_exchange(self):
         """Why nothing answers; "" if something does."""
-        return self.exchange.failure if self.exchange is not None else "there is no scene that answers"
+        return self.ended if self.exchange is not None else "there is no scene that answers"
+
+
+def _answers_later(service):
+    """Its callback returns a future of the response: rclpy's events executor takes no coroutine for a service."""
+    send = service.send_response
+    service.send_response = lambda answer, header: answer.add_done_callback(lambda done: send(done.result(), header))
 
 
 def _answered(response, refusal, done):
@@ -176,29 +233,28 @@ def _answered(response, refusal, done):
     return response
 
 
-def _values(exchange):
-    report, refused, times = exchange.report, exchange.port.refused, sorted(exchange.compute_ns) or [0]
+def _values(exchange, world):
+    refused, times = exchange.refused, sorted(exchange.compute_ns) or [0]
     return {
-        "scheduling": exchange.scheduling,
         "answered": exchange.answered,
         "refused": sum(refused.values()),
         **{f"refused.{reason}": count for reason, count in refused.items() if count},
-        "rejoined": report.counters.rejoined,
-        "sub_steps": report.counters.sub_steps,
+        "rejoined": world.counters.rejoined,
+        "sub_steps": world.counters.sub_steps,
         "compute_us_p50": statistics.median(times) / 1e3,
         "compute_us_p99": times[int(0.99 * (len(times) - 1))] / 1e3,
         "compute_us_max": times[-1] / 1e3,
-        "max_contact_force": report.counters.max_contact_force,
-        "max_penetration": report.counters.max_penetration,
-        "contacts_left_out": report.counters.left_out,
-        "tool_port_energy": report.energy,
-        **{f"result.{name}": value for name, value in report.result.items()},
+        "max_contact_force": world.counters.max_contact_force,
+        "max_penetration": world.counters.max_penetration,
+        "contacts_left_out": world.counters.left_out,
+        "tool_port_energy": world.ledger.supplied,
+        **{f"result.{name}": value for name, value in world.measure().items()},
     }
 
 
 def main(args: list[str] | None = None) -> int:
     """Runs haptic_simulation until SIGINT, SIGTERM or SIGHUP. Exit code 1 on a refusal."""
-    return run(SimulationNode, "haptic_simulation", args)
+    return run(SimulationNode, "haptic_simulation", args, EventsExecutor)
 
 
 if __name__ == "__main__":

@@ -2,15 +2,14 @@
 """200 live changes of walls, gains, cancellation, limit and clutch by services: a hand presses, forces act late."""
 
 import contextlib
-import time
 
 import numpy as np
 import pytest
 import yaml
 
 from haptic_device.config_files import find
+from haptic_sim.cli.mock_simulation import STILL, MockSimulation
 from haptic_sim.cli.pair import running
-from haptic_sim.cli.stand_in import STILL, StandIn
 from haptic_sim.cli.tuning import Tuning
 from haptic_sim.simulation import ToolSample
 
@@ -25,14 +24,11 @@ DRIVER |= {"coupling.rotational_stiffness": 0.1, "coupling.rotational_damping": 
 HAND = {"motion.name": "follow", "motor_watchdog": 2.0, "motion.lag": 0.05}
 
 
-class Standing(StandIn):
+class Standing(MockSimulation):
     """A tool that stands where it is, so that the coupling is stretched."""
 
-    def answer(self):
-        sample = self._handle.latest()
-        question = self._port.take(sample.message, time.monotonic_ns()) if sample else None
-        if question is not None:
-            self._publisher.publish(self._port.answer(question, ToolSample(STILL, STILL, STILL, True, 0.0)))
+    def exchange(self, handle):
+        return ToolSample(STILL, STILL, STILL, True, 0.0)
 
 
 @pytest.fixture
@@ -66,7 +62,7 @@ def change(dice):
 
 
 def test_200_changes_by_services_under_a_pressing_hand_give_no_more_than_the_budget(late_device, monkeypatch):
-    monkeypatch.setattr("haptic_sim.cli.tuning.StandIn", Standing)
+    monkeypatch.setattr("haptic_sim.cli.tuning.MockSimulation", Standing)
     dice, taken = np.random.default_rng(38), 0
     driver, hand = DRIVER | {"device": late_device}, HAND | {"device": late_device}
     with running(None, None, driver, hand) as (domain, namespace, check):

@@ -7,6 +7,7 @@ import time
 
 import pytest
 from ear import Ear
+from handle_samples import handle
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from live_nodes import SLOW, Nodes
@@ -14,8 +15,7 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 
 from fault_injection.flood import COMMAND
-from haptic_device.control import exchange_samples
-from haptic_device.message_fields import TAIL, exchange_names
+from haptic_device.message_fields import exchange_names
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import JointLayout
 
@@ -206,20 +206,15 @@ def test_a_second_simulation_is_refused_counted_and_not_felt(exchanging, ear):
 @pytest.mark.parametrize("session", ["another", "wild numbers", "other names"])
 def test_a_second_driver_is_refused_and_counted_by_the_simulation_and_moves_no_tool(exchanging, ear, session):
     publisher = ear.node.create_publisher(messages.JointState, "handle", messages.LATEST)
-    names, gains = exchange_names(3), (1000.0, 1.0, 1.0, 0.001)
-    tail = dict.fromkeys(TAIL, 0.0) | {"layout_version": 1.0, "session": 99.0}
-    tail |= {"exchange_method": float(exchange_samples.PSPM), "gains_hash": exchange_samples.gains_hash(*gains)}
-    tail |= dict(zip(TAIL[exchange_samples.GAIN_0 :], gains, strict=False))
     number, wild = iter(range(1, 1 << 30)), float("nan") if session == "wild numbers" else 0.1
-    layout = JointLayout(("z", *names[1:]) if session == "other names" else names)
-    still = [0.0] * len(names)
+    first = "z" if session == "other names" else "x"
     key = {"another": "second publisher", "wild numbers": "NaN or out of range"}.get(
         session, "other axis names or size"
     )
 
     def forged():
         stamp = 10**18 * (1 + next(number) % 2)  # of the past and the future in turn
-        return layout.pack(stamp, [wild, wild, 0.0, *(tail | {"sequence": float(next(number))}).values()], still, still)
+        return handle(float(next(number)), 99.0, 3, (wild, wild, 0.0), stamp, 0.0, first)
 
     begin = len(ear.truths)
     level, values = send_until_said(ear, publisher, forged, "haptic_simulation", f"handle messages refused: {key}")
@@ -262,20 +257,14 @@ def test_stamps_of_the_past_and_future_from_the_driver_that_is_accepted_make_the
     nodes.lack("haptic_driver", "haptic_simulation")
     nodes.start("haptic_simulation", scene="free_space")
     publisher = ear.node.create_publisher(messages.JointState, "handle", messages.LATEST)
-    names, gains, number = exchange_names(3), (1000.0, 1.0, 1.0, 0.001), iter(range(1, 1 << 30))
-    tail = dict.fromkeys(TAIL, 0.0) | {"layout_version": 1.0, "session": 99.0}
-    tail |= {"exchange_method": float(exchange_samples.PSPM), "gains_hash": exchange_samples.gains_hash(*gains)}
-    tail |= dict(zip(TAIL[exchange_samples.GAIN_0 :], gains, strict=False))
-    layout, still, tools = JointLayout(names), [0.0] * len(names), []
-    tool = JointLayout(names)
+    number, tools, tool = iter(range(1, 1 << 30)), [], JointLayout(exchange_names(3))
     ear.node.create_subscription(
         messages.JointState, "tool", lambda data: tools.append(tool.unpack(data)), messages.LATEST, raw=True
     )
 
     def forged():
         count = next(number)
-        place = [0.1, 0.1, 0.0, *(tail | {"sequence": float(count)}).values()]
-        return layout.pack(10**18 * (1 + count % 2), place, still, still)
+        return handle(float(count), 99.0, 3, (0.1, 0.1, 0.0), 10**18 * (1 + count % 2), 0.0)
 
     said = "handle samples over 20 ms apart, or going back"
     level, values = send_until_said(ear, publisher, forged, "haptic_simulation", said)

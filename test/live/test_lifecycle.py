@@ -16,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from waiting import LIMIT, until
 
 from haptic_device.process import ending_with_us
-from haptic_sim.node.network_emulator import RelayNode
+from haptic_sim.node.network_emulator import NetworkEmulator
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -157,7 +157,7 @@ def caught(process):
 def test_a_relay_that_is_configured_and_cleaned_up_again_and_again_keeps_nothing():
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = RelayNode()
+        node = NetworkEmulator()
 
         def entities():
             return len(list(node.subscriptions)), len(list(node.publishers))

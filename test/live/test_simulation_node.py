@@ -185,8 +185,9 @@ def test_told_to_end_the_node_says_how_things_then_stand_and_ends_well(nodes, pe
 HOOKED = """
 import sys, time
 from pathlib import Path
-from haptic_sim.node import exchange_thread, simulation
-plain, count, answer = simulation.ensure_compiled, [], exchange_thread.Port.answer
+from haptic_sim.node import simulation
+from haptic_sim.endpoint import ExchangeEndpoint
+plain, count, answer = simulation.ensure_compiled, [], ExchangeEndpoint.answer
 
 def have(*names, **options):
     count.append(names)
@@ -196,13 +197,12 @@ def have(*names, **options):
         time.sleep(0.01)
     plain(*names, **options)
 
-def failing(port, *given):
+def failing(end, *given):
     if Path("fail").exists():
         raise KeyError("nobody\\nforesaw this")
-    return answer(port, *given)
+    return answer(end, *given)
 
-simulation.ensure_compiled, exchange_thread.Port.answer = have, failing
-exchange_thread.is_for = lambda world: False
+simulation.ensure_compiled, ExchangeEndpoint.answer = have, failing
 sys.exit(simulation.main())
 """
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from examples import few, tries
+from handle_samples import HOME, Recording, handle
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from in_process import haptic
@@ -13,11 +14,11 @@ from rclpy.serialization import deserialize_message
 
 from fault_injection.flood import mutated
 from haptic_device.control import exchange_samples as law
-from haptic_device.message_fields import AXES, TAIL, exchange_names
+from haptic_device.message_fields import AXES
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim.cli.check import problems
-from haptic_sim.node.endpoint import Port
+from haptic_sim.endpoint import ExchangeEndpoint
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "config").rglob("*.yaml"))
 MUTATED_FILES, MUTATED_MESSAGES = 60, tries(6_000)
@@ -58,30 +59,20 @@ def test_a_file_that_somebody_spoilt_is_right_or_refused_in_sentences(tmp_path, 
         assert sentence and "\n" not in sentence and "Traceback" not in sentence
 
 
-GAINS = (2000.0, 2.0, 2.0, 0.002)
-
-
-def exchanged(**tail):
-    """Bytes of a right message of the exchange."""
-    entries = dict.fromkeys(TAIL, 0.0) | {"layout_version": law.LAYOUT_VERSION, "session": 77.0, "sequence": 1e6}
-    entries |= {"exchange_method": float(law.PSPM), "gains_hash": law.gains_hash(*GAINS)}
-    entries |= dict(zip(TAIL[law.GAIN_0 :], GAINS, strict=False)) | tail
-    zeros = [0.0] * (3 + len(entries))
-    return JointLayout(exchange_names(3)).pack(0, [0.01, 0.1, 0.0, *entries.values()], zeros, zeros)
-
-
 def test_of_many_spoilt_handle_messages_the_simulation_takes_only_what_is_finite_and_whole():
-    port, dice, message = Port((0.0, 0.1, 0.0)), random.Random(1), exchanged()
-    assert port.take(message, 0) is not None
+    dice, message = random.Random(1), handle(1e6)
+    end = ExchangeEndpoint(Recording(), HOME)
+    assert end.answer([message], 0) is not None
     taken = refused = 0
     for number in range(MUTATED_MESSAGES):
-        question = port.take(mutated(message, dice), number)
-        if question is not None:
+        if end.answer([mutated(message, dice)], number) is not None:
             taken += 1
-            numbers = (*question.handle.position, *question.handle.velocity, *question.tail)
-            assert np.isfinite(numbers).all() and np.abs(question.handle.position).max() <= law.LIMIT
-            refused, port = refused + sum(port.refused.values()), Port((0.0, 0.1, 0.0))  # for which all is new
-    assert taken + refused + sum(port.refused.values()) == MUTATED_MESSAGES and taken < MUTATED_MESSAGES / 2
+            sample = end.simulation.asked[-1]
+            numbers = (*sample.position, *sample.velocity, *sample.gains, *sample.effort, sample.energy)
+            assert np.isfinite(numbers).all() and np.abs(sample.position).max() <= law.LIMIT
+            refused += sum(end.refused.values())
+            end = ExchangeEndpoint(Recording(), HOME)  # for which all is new
+    assert taken + refused + sum(end.refused.values()) == MUTATED_MESSAGES and taken < MUTATED_MESSAGES / 2
 
 
 WISHES = st.sampled_from(["nan", "-1", "0", "1e400", "", "../..", "/dev/null", "--", "x" * 300, "\udcff", "inf", "1e9"])
