@@ -20,6 +20,7 @@ import asyncio
 import functools
 import time
 from collections.abc import Iterable
+from typing import Any
 
 import rclpy
 from rclpy.context import Context
@@ -49,7 +50,7 @@ class Client:
         self.node, self._own = node, None
         self._truths = self.subscribe("operator/state", JOINTS, STREAM if every_truth else LATEST, raw=True)
         self._said = self.subscribe("/diagnostics", DIAGNOSTICS, STREAM, raw=True)
-        self._services: dict[str, _Service] = {}
+        self._services: dict[str, Service] = {}
         self.statuses: dict[str, Status] = {}
         self.heard: dict[str, float] = {}
         self.truth: dict[str, tuple[float, float, float]] = {}
@@ -125,53 +126,53 @@ class Client:
         """Looks for these services now, so that they are known when they are needed."""
         for service in services:
             if service not in self._services:
-                self._services[service] = _Service(self.node, service)
+                self._services[service] = Service(self.node, service)
 
-    def call(self, question: Question, patience: float = PATIENCE, again: float | None = AGAIN, wait: bool = True):
-        """What the answer means. patience [s]; again: asked anew after so long without an answer [s], None: never.
+    def ask(
+        self, question: Question, patience: float = PATIENCE, again: float | None = AGAIN, wait: bool = True
+    ) -> "Asking":
+        """The question on its way, to be polled. patience [s]; again: sent anew after so long without an answer [s],
+        None: never. Without `wait`, a service that nobody offers is refused at once."""
+        return Asking(self, question, patience, again, wait)
 
-        Without `wait`, a service that nobody offers is refused at once."""
-        asking = _Asking(self, question, patience, again, wait)
-        try:
+    def call(self, question: Question, **how) -> Any:
+        """What the answer means, as soon as it is there; how: as of `ask`."""
+        with self.ask(question, **how) as asking:
             while not asking.poll():
                 time.sleep(LOOK_PERIOD)
-        finally:
-            asking.end()
         return question.read(asking.answer)
 
-    async def acall(
-        self, question: Question, patience: float = PATIENCE, again: float | None = AGAIN, wait: bool = True
-    ):
+    async def acall(self, question: Question, **how) -> Any:
         """As `call`, beside what else runs in the event loop."""
-        asking = _Asking(self, question, patience, again, wait)
-        try:
+        with self.ask(question, **how) as asking:
             while not asking.poll():
                 await asyncio.sleep(LOOK_PERIOD)
-        finally:
-            asking.end()
         return question.read(asking.answer)
 
-    def service(self, name: str) -> "_Service":
-        """The polled client of a service."""
+    def service(self, name: str) -> "Service":
+        """What is known of a service."""
         self.prepare(name)
         return self._services[name]
 
 
-class _Service:
-    """A service's client whose answers are taken by whoever looks, and given to who asked."""
+class Service:
+    """A service's client whose answers are taken by whoever looks, and given to who asked.
+
+    `asked`: the requests that wait for an answer; `met`: whether it ever answered."""
 
     def __init__(self, node: Node, name: str):
         self._client = node.create_client(kind_of(name), name, callback_group=Untouched())
-        self._asked: dict[int, _Asking] = {}
+        self.asked: dict[int, Asking] = {}
+        self.met = False
 
     @property
     def ready(self) -> bool:
         """Whether somebody offers it."""
         return self._client.service_is_ready()
 
-    def send(self, asking: "_Asking") -> None:
+    def send(self, asking: "Asking") -> None:
         with (handle := self._client.handle):
-            self._asked[handle.send_request(asking.question.request)] = asking
+            self.asked[handle.send_request(asking.question.request)] = asking
 
     def take(self) -> None:
         while True:
@@ -179,21 +180,22 @@ class _Service:
                 header, answer = handle.take_response(self._client.srv_type.Response)
             if header is None:
                 return
-            if (asking := self._asked.pop(header.request_id.sequence_number, None)) is not None:
+            self.met = True
+            if (asking := self.asked.pop(header.request_id.sequence_number, None)) is not None:
                 asking.answer = answer
 
-    def forget(self, asking: "_Asking") -> None:
-        self._asked = {number: one for number, one in self._asked.items() if one is not asking}
+    def forget(self, asking: "Asking") -> None:
+        self.asked = {number: one for number, one in self.asked.items() if one is not asking}
 
 
-class _Asking:
-    """A question on its way."""
+class Asking:
+    """A question on its way, until the context is left; `answer` is None until it is there."""
 
     def __init__(self, client: Client, question: Question, patience: float, again: float | None, wait: bool):
         self.question, self.answer = question, None
         self._service, self._namespace = client.service(question.service), client.node.get_namespace()
         self._patience, self._end = patience, time.monotonic() + patience
-        self._again, self._next, self._wait, self._met = again, 0.0, wait, False
+        self._again, self._next, self._wait, self._sent = again, 0.0, wait, False
 
     def poll(self) -> bool:
         """Sends what is due; whether the answer is there. ValueError if none came in time."""
@@ -203,18 +205,21 @@ class _Asking:
             return True
         if now >= self._next and self._service.ready:
             self._service.send(self)
-            self._met, self._next = True, self._end if self._again is None else now + self._again
-        if now >= self._end or not (self._met or self._wait):
+            self._sent, self._next = True, self._end if self._again is None else now + self._again
+        if now >= self._end or not (self._sent or self._wait):
             raise ValueError(self._silence())
         return False
 
-    def end(self) -> None:
+    def __enter__(self) -> "Asking":
+        return self
+
+    def __exit__(self, *exception) -> None:
         """No answer is waited for any more."""
         self._service.forget(self)
 
     def _silence(self) -> str:
         node, _, service = self.question.service.rpartition("/")
-        if self._met:
+        if self._sent:
             return f"{node} did not answer ~/{service} within {self._patience:g} s"
         return f"{node} offers no ~/{service} in {self._namespace}; does it run in this domain?"
 

@@ -5,11 +5,13 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 KINDS = {  # of services that are no Trigger
+    "pause": SetBool,
+    "set_parameters": SetParameters,
     "get_parameters": GetParameters,
     "set_parameters_atomically": SetParametersAtomically,
     "get_state": GetState,

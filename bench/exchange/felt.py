@@ -13,10 +13,10 @@ from haptic_device.config_files import find
 from haptic_device.control.tool_contacts import LEAVING
 from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
-from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.method import Coupling
 from haptic_sim.method.registry import make
+from haptic_sim.node_parameters import NODES
 from haptic_sim.scene import Scene, load
 from haptic_sim.simulation import Simulation
 from haptic_sim.tool_port import port_of

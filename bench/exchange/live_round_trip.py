@@ -26,8 +26,8 @@ import typer
 from haptic_device.control import exchange_samples
 from haptic_device.message_fields import TAIL
 from haptic_device.process import running_module
-from haptic_sim.cli.domain import isolated_domain
-from haptic_sim.cli.processes import Nodes, Program
+from haptic_sim.live.domain import isolated_domain
+from haptic_sim.live.processes import Nodes, Program
 
 AXES = 3
 YOUNG = 3e-3  # [s]
@@ -141,7 +141,7 @@ STAGES = (
 
 def measure(domain, answerer, seconds):
     """Round trip p50 and p99 [us], and the share of servo ticks with a tool sample younger than 3 ms."""
-    from haptic_sim.cli.tuning import Tuning
+    from haptic_sim.live.tuning import Tuning
 
     with tempfile.TemporaryDirectory() as logs, Nodes(Path(logs)) as nodes:
         circle = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.duration": 60.0}

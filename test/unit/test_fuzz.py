@@ -16,7 +16,7 @@ from haptic_device.control import exchange_samples as law
 from haptic_device.message_fields import AXES, TAIL, exchange_names
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import JointLayout
-from haptic_sim.cli.check import problems
+from haptic_sim.config_problems import problems
 from haptic_sim.node.endpoint import Port
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "config").rglob("*.yaml"))
