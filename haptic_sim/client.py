@@ -12,8 +12,8 @@ answered.
 
 A question is asked again until it is answered, for the answer to a client that the service has not met yet is lost;
 again=None asks once what must not be heard twice. What fails is a ValueError of one sentence; RefusedError is the
-node's own (questions.py). `Client(node)` works on a node that is there already: an executor of that node does not touch
-what is polled here.
+node's own (questions.py). `Client(node)` works on a node that is there already, whose executor, if it is rclpy's
+SingleThreadedExecutor, does not touch what is polled here; the events executor would take it away.
 """
 
 import asyncio
@@ -203,10 +203,12 @@ class Asking:
         self._service.take()
         if self.answer is not None:
             return True
+        if now >= self._end:
+            raise ValueError(self._silence())
         if now >= self._next and self._service.ready:
             self._service.send(self)
             self._sent, self._next = True, self._end if self._again is None else now + self._again
-        if now >= self._end or not (self._sent or self._wait):
+        if not (self._sent or self._wait):
             raise ValueError(self._silence())
         return False
 

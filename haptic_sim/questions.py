@@ -28,7 +28,7 @@ class Question(NamedTuple):
 
     service: str
     request: Any
-    read: Callable[[Any], Any]
+    read: Callable[[Any], Any] = lambda answer: answer
 
 
 def trigger(service: str) -> Question:

@@ -14,7 +14,7 @@ import pytest
 import rclpy
 import yaml
 from bag_of_a_run import joints
-from ear import Client
+from ear import Served
 from lifecycle_msgs.msg import State, Transition
 from live_nodes import Nodes, command
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -33,7 +33,7 @@ PROBE = -1.0  # x of the messages sent until the recorder is there
 STIFFNESS = "coupling.stiffness"
 
 
-class Speaker(Client):
+class Speaker(Served):
     """Publishes numbered samples, and does so until the bag on the disk has them."""
 
     def __init__(self, ros_domain):

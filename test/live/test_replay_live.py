@@ -5,7 +5,7 @@ import contextlib
 
 import numpy as np
 import pytest
-from ear import Client
+from ear import Served
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from waiting import until
@@ -22,7 +22,7 @@ COUNT = 300
 def test_live_a_listener_hears_samples_of_the_recorded_target(ros_domain):
     ways = np.linspace(0.0, [0.03, -0.02, 0.5], COUNT)
     short, heard = PlayedTarget(np.arange(COUNT) * 1_000_000, ways), []
-    with contextlib.closing(Client(ros_domain, "listener", "/played")) as listener:
+    with contextlib.closing(Served(ros_domain, "listener", "/played")) as listener:
         deep = QoSProfile(depth=5000, reliability=ReliabilityPolicy.BEST_EFFORT)
         listener.node.create_subscription(JointState, "operator/target", heard.append, deep)
 
