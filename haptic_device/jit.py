@@ -28,7 +28,7 @@ import llvmlite.binding
 from haptic_device.process import ending_with_us, own_environment, running_module
 
 ROOT = Path(__file__).resolve().parent.parent
-WITHOUT_KERNELS = {"cli", "viewer"}  # folders that no kernel is in or takes anything from
+WITHOUT_KERNELS = {"cli", "client.py", "live", "questions.py", "viewer"}  # that no kernel is in or takes anything from
 KEPT = 4  # folders; older ones are removed
 ROOM = 32 * 2**20  # bytes that must be free: all kernels take less
 MEMORY = Path("/dev/shm")  # where kernels are kept until the next restart if the user's cache cannot be written

@@ -14,7 +14,7 @@ from haptic_sim.method_registry import make
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.measured import Measured
 from haptic_sim.rollout import GAINS, Exchanged, rollout
-from haptic_sim.scene import load
+from haptic_sim.scene import Scene, load
 from haptic_sim.simulation import Simulation
 
 OVERLAP, CREATED, LEAST = 1e-4, 0.01, 1e-3
@@ -23,6 +23,9 @@ CANDIDATES = ("closed_form", "impulse", "partitioned")
 FINE = {"partitioned": (4000, 2000), "impulse": (10000, 5000)}
 """ns; the steps of a solution that is made here, by the first that can."""
 SECONDS, LOOK = 1.0, 2_000_000  # s at most; ns between the looks
+
+KEPT, BEYOND, OTHER = "kept", "**beyond**", ""  # bounds of the method that is chosen; another one has none
+HEADS = "scene", "method", "step", "error", "reference to", "energy created", "overlap", "exchange", "bounds"
 
 
 def case_of(name: str) -> Case:
@@ -88,3 +91,29 @@ def _exchange(case, reduced):
     path = case._replace(moving=True).path()
     world = Exchanged(Simulation(reduced), path[0], case.gains)
     return 1e6 * float(np.median(rollout(world, path).spent))
+
+
+def assessment_of(scene: Scene, row: Measured) -> str:
+    """Of the method that is chosen, whether it keeps the scene's bounds."""
+    if row.method != reduce_scene(scene).method:
+        return OTHER
+    return KEPT if within(row, scene.error) else BEYOND
+
+
+def markdown(rows: list[Measured], assessments: list[str]) -> str:
+    """A row a method; the last column says of the one that is chosen whether it keeps the scene's bounds."""
+    cells = [HEADS, ["---"] * len(HEADS)]
+    for row, said in zip(rows, assessments, strict=True):
+        figures = (
+            [row.status] + [""] * 4
+            if math.isnan(row.error)
+            else [
+                f"{row.error:.1e}",
+                f"{row.doubt:.0e}",
+                f"{row.created:.0e}",
+                f"{row.overlap_m * 1e6:.2g} um",
+                f"{row.exchange_us:.0f} us",
+            ]
+        )
+        cells.append([row.scene, row.method, f"{row.step_us * 1e-3:g} ms", *figures, said])
+    return "\n".join(f"| {' | '.join(cell)} |" for cell in cells)

@@ -9,7 +9,7 @@ import hypothesis
 import pytest
 
 from haptic_device.process import ending_with_us
-from haptic_sim.cli.domain import isolated_domain
+from haptic_sim.live.domain import isolated_domain
 
 # Read when numpy is first imported: its matrices here are small, and on a busy machine threads wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,28 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node of this process that hears what the others say and asks their services; and one that leads the hand too."""
 
-import math
 import time
 
 import rclpy
 import waiting
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter
-from std_srvs.srv import Trigger
+from waiting import LIMIT
 
 from haptic_device.message_fields import AXES, exchange_names, truth_names
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import JointLayout
+from haptic_sim import client
+from haptic_sim.questions import Question, RefusedError, change_state, state_of, trigger
 
-AGAIN, ONCE_MORE = 0.3, 3.0  # [s] after which a service is asked again: one that never answered, and any other
+ONCE_MORE = 3.0  # [s] after which a service is asked again that has answered before
 
 
-class Client:
-    """A node that is served while it waits, and the answers of services."""
+class Served:
+    """A node whose callbacks are served while it waits, and beside it a client that asks services."""
 
     def __init__(self, domain, name, namespace="/haptic"):
         self.context = Context()
@@ -30,10 +29,12 @@ class Client:
         self.node = rclpy.create_node(name, namespace=namespace, context=self.context)
         self._executor = EventsExecutor(context=self.context)
         self._executor.add_node(self.node)
-        self._clients, self._met = {}, set()
+        asks = {"namespace": namespace, "context": self.context, "start_parameter_services": False}
+        self.client = client.Client(rclpy.create_node(f"{name}_asks", **asks))
 
     def close(self):
         self._executor.shutdown()
+        self.client.node.destroy_node()
         self.node.destroy_node()
         rclpy.shutdown(context=self.context)
 
@@ -49,60 +50,55 @@ class Client:
         """Listens until the condition holds, and returns what it gives; what: what is waited for."""
         return waiting.until(condition, what, self.look, self.last)
 
-    def client(self, service, kind):
-        """Client of a service that is there."""
-        found = self._clients[service] = self._clients.get(service) or self.node.create_client(kind, service)
-        self.until(found.service_is_ready, f"the service {service}")
-        return found
+    def send(self, service, request):
+        """Asks a service once, when it is there; the question on its way."""
+        self.until(lambda: self.client.service(service).ready, f"the service {service}")
+        asking = self.client.ask(Question(service, request), patience=2.0 * LIMIT, again=None)
+        asking.poll()
+        return asking
 
-    def send(self, service, kind, request):
-        """Asks a service once; the answer to come."""
-        return self.client(service, kind).call_async(request)
-
-    def ask(self, service, kind, request):
+    def ask(self, service, request):
         """A service's answer. Asked again after a while: an answer is lost if its server has not found us yet."""
-        answers, asked = [], -math.inf
-        again = ONCE_MORE if service in self._met else AGAIN
+        again = ONCE_MORE if self.client.service(service).met else client.AGAIN
+        with self.client.ask(Question(service, request), patience=2.0 * LIMIT, again=again) as asking:
+            self.until(asking.poll, f"an answer of {service}")
+        return asking.answer
 
-        def answered():
-            nonlocal asked
-            if time.monotonic() > asked + again:
-                asked = time.monotonic()
-                answers.append(self.send(service, kind, request))
-            return next((answer for answer in answers if answer.done()), None)
-
-        found = self.until(answered, f"an answer of {service}").result()
-        self._met.add(service)
-        return found
+    def told(self, question):
+        """(accepted, what was said) of a question that a node may refuse."""
+        try:
+            return True, question.read(self.ask(question.service, question.request))
+        except RefusedError as refusal:
+            return False, str(refusal)
 
     def trigger(self, name, node="haptic_driver"):
         """A service without arguments: (success, message)."""
-        answer = self.ask(f"{node}/{name}", Trigger, Trigger.Request())
-        return answer.success, answer.message
+        return self.told(trigger(f"{node}/{name}"))
 
     def set(self, name, value, node="haptic_driver"):
         """Sets a live parameter: (accepted, reason)."""
         wish = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-        [result] = self.ask(f"{node}/set_parameters", SetParameters, wish).results
+        [result] = self.ask(f"{node}/set_parameters", wish).results
         return result.successful, result.reason
 
     def state(self, node):
         """Number of the state that a managed node is in."""
-        return self.ask(f"{node}/get_state", GetState, GetState.Request()).current_state.id
+        question = state_of(node)
+        return question.read(self.ask(question.service, question.request))
 
     def change(self, node, transition, wanted):
         """Asks for a transition once, for the second would be refused; returns with the answer, or once the node is in
         the state wanted if that was lost."""
-        wish = ChangeState.Request(transition=Transition(id=transition))
-        answer, asked = self.send(f"{node}/change_state", ChangeState, wish), time.monotonic()
+        question = change_state(node, transition)
+        asking, asked = self.send(question.service, question.request), time.monotonic()
         self.until(
-            lambda: answer.done() or (time.monotonic() > asked + ONCE_MORE and self.state(node) == wanted),
+            lambda: asking.poll() or (time.monotonic() > asked + ONCE_MORE and self.state(node) == wanted),
             f"{node} is in state {wanted}",
         )
-        assert not answer.done() or (answer.result().success and self.state(node) == wanted)
+        assert asking.answer is None or (asking.answer.success and self.state(node) == wanted)
 
 
-class Ear(Client):
+class Ear(Served):
     """Keeps what the nodes of a namespace say, asks the driver, and leads the hand."""
 
     def __init__(self, domain, namespace="/haptic", axes=3):

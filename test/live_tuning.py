@@ -8,8 +8,8 @@ import time
 
 from waiting import LIMIT, until
 
-from haptic_sim.cli.pair import running
-from haptic_sim.cli.tuning import Tuning
+from haptic_sim.live.pair import running
+from haptic_sim.live.tuning import Tuning
 
 GAINS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "passivity.policy", "coupling.stiffness")
 

@@ -18,9 +18,9 @@ from haptic_device.config_files import find
 from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
 from haptic_device.parameters import EXCHANGE_METHODS, OPERATING_POINT
-from haptic_sim.cli.nodes import NODES
 from haptic_sim.cli.progress import SCHEDULER
 from haptic_sim.lockstep import Lockstep, Network
+from haptic_sim.node_parameters import NODES
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation

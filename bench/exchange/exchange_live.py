@@ -9,8 +9,9 @@ import numpy as np
 
 from haptic_device.analysis.bag_topics import load
 from haptic_device.analysis.report.summary import energy_figures, engaged_rows, period
-from haptic_sim.cli.demo import Order, Relay, play
-from haptic_sim.cli.processes import interruptible
+from haptic_sim.cli.demo import play
+from haptic_sim.live.processes import interruptible
+from haptic_sim.live.system import Order, Relay
 
 
 def run(case, params: Path, scene: str, motion: dict, patient: dict, seconds: float):

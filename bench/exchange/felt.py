@@ -13,9 +13,9 @@ from haptic_device.config_files import find
 from haptic_device.control.tool_contacts import LEAVING
 from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
-from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.method_registry import make
+from haptic_sim.node_parameters import NODES
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene, load

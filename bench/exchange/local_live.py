@@ -11,8 +11,9 @@ import yaml
 from haptic_device.analysis.bag_topics import load
 from haptic_device.analysis.report.summary import energy_figures, engaged_rows, faults
 from haptic_device.config_files import find
-from haptic_sim.cli.demo import Order, play
-from haptic_sim.cli.processes import interruptible
+from haptic_sim.cli.demo import play
+from haptic_sim.live.processes import interruptible
+from haptic_sim.live.system import Order
 
 
 def run(scene, method: str, device, driver: dict, loopback: dict, seconds: float, params: str):

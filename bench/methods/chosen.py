@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from bench.methods import hard
-from haptic_sim.cli.scenes_verify import ALL, run
+from haptic_sim.cli.scenes import ALL, verify_scenes
 from haptic_sim.verify import LOOK, case_of, verify
 from reference.case import NAMES, case
 from reference.reference import reference
@@ -21,7 +21,7 @@ def main(
 
     `--out haptic_sim/reduction/measured.csv` makes the table anew that `haptic scenes --explain` shows.
     """
-    run(scene, out, _measured)
+    verify_scenes(scene, out, _measured)
 
 
 def _measured(name):

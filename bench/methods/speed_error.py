@@ -14,8 +14,8 @@ from bench.methods.compare import ratios
 from bench.methods.figure import pareto_figure
 from bench.methods.measure import Run, run
 from bench.methods.world import PEERS, version
-from haptic_sim.cli.processes import interruptible
 from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER, progress
+from haptic_sim.live.processes import interruptible
 from reference.case import NAMES, case
 from reference.reference import reference
 

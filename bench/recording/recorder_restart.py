@@ -15,9 +15,9 @@ from typing import Annotated
 import typer
 
 from haptic_device.analysis.bag_topics import load
-from haptic_sim.cli.demo import Order, programs_of
-from haptic_sim.cli.domain import isolated_domain
-from haptic_sim.cli.processes import Nodes
+from haptic_sim.live.domain import isolated_domain
+from haptic_sim.live.processes import Nodes
+from haptic_sim.live.system import Order, programs_of
 
 AIMING = 3.0  # [s] at most
 HEAD = 2**20  # bytes

@@ -17,10 +17,10 @@ import typer
 
 from bench.recording.paired import compared
 from haptic_device.analysis.bag_topics import load
-from haptic_sim.cli.demo import Order, programs_of
-from haptic_sim.cli.domain import isolated_domain
-from haptic_sim.cli.live import Live
-from haptic_sim.cli.processes import Nodes
+from haptic_sim.client import Client
+from haptic_sim.live.domain import isolated_domain
+from haptic_sim.live.processes import NAMESPACE, Nodes
+from haptic_sim.live.system import Order, programs_of
 
 RATES = 4000.0, 10000.0  # Hz
 SETTLING = 5.0  # s
@@ -46,29 +46,29 @@ def run(rate, seconds, folder, recorded):
     with isolated_domain(folder / "log") as domain, Nodes(folder / "log") as nodes:
         for program in programs:
             nodes.start(program)
-        with contextlib.closing(Live(domain)) as live:
-            watch(live, nodes, lambda: live.motor_commanded, 120.0)
-            watch(live, nodes, None, SETTLING)
-            begin = said(live, recorded)
-            watch(live, nodes, None, seconds - SETTLING)
-            end = said(live, recorded)
+        with contextlib.closing(Client.join("haptic_demo", domain, NAMESPACE)) as client:
+            watch(client, nodes, lambda: client.motor_commanded, 120.0)
+            watch(client, nodes, None, SETTLING)
+            begin = said(client, recorded)
+            watch(client, nodes, None, seconds - SETTLING)
+            end = said(client, recorded)
     span = end["time"] - begin["time"]
     publishing = (end["publishing"] - begin["publishing"]) / span
     recorder = (end["recorder"] - begin["recorder"]) / span
     return Seen(end["p50"], end["p99"], publishing, recorder, *(lost(folder / "bag") if recorded else (0, 0, 0, 0)))
 
 
-def watch(live, nodes, condition, limit):
+def watch(client, nodes, condition, limit):
     end = time.monotonic() + limit
     while time.monotonic() < end and not (condition and condition()):
-        live.look()
+        client.look()
         nodes.check()
         time.sleep(0.05)
 
 
-def said(live, recorded):
-    driver = live.statuses["haptic_driver"].values
-    own = live.statuses["haptic_recorder"].values if recorded else {"cpu_s": "0"}
+def said(client, recorded):
+    driver = client.statuses["haptic_driver"].values
+    own = client.statuses["haptic_recorder"].values if recorded else {"cpu_s": "0"}
     return {
         "time": time.monotonic(),
         "p50": float(driver["lateness_us_p50"]),

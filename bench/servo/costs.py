@@ -20,7 +20,7 @@ from haptic_device.description import load_device
 from haptic_device.parameters import NODES
 from haptic_device.realtime import servo_loop, tick_replay
 from haptic_device.realtime.machine import cores
-from haptic_sim.cli.lateness import COMMON, values
+from haptic_sim.live.lateness import COMMON, values
 from haptic_sim.lockstep import Lockstep
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import Exchanged, hand, rollout
@@ -143,7 +143,7 @@ def _run(settings, counts):
 
 
 def insertion(ticks: int) -> float:
-    """Processor time of all ticks [us] of a recorded insertion, with all on (haptic_sim/cli/lateness.py: COMMON)."""
+    """Processor time of all ticks [us] of a recorded insertion, with all on (haptic_sim/live/lateness.py: COMMON)."""
     settings, memory, rows = (record.view(np.recarray) for record in recorded(ticks))
 
     def once():

@@ -14,9 +14,9 @@ import yaml
 
 from haptic_device.config_files import find
 from haptic_device.description import load_device
-from haptic_sim.cli.pair import running
-from haptic_sim.cli.tuning import Tuning
-from haptic_sim.cli.zwidth_live import TOUCHED, Live, pair
+from haptic_sim.live.pair import running
+from haptic_sim.live.tuning import Tuning
+from haptic_sim.live.zwidth import TOUCHED, LiveDisplay, pair
 
 RATE, ENFORCED_RATE, RATIO = 4000.0, 1000.0, 0.92
 EXTRA = ("cancellation.source", "cancellation.band")
@@ -32,7 +32,7 @@ def live(described, true, rate=RATE, policy="off"):
         with contextlib.closing(tuning):
             tuning.wait_engaged(check)
             with tuning.as_found((*TOUCHED, *EXTRA)):
-                display = Live(tuning, 0.0, 1.0 / load_device(true).axes[0].counts_per_unit)
+                display = LiveDisplay(tuning, 0.0, 1.0 / load_device(true).axes[0].counts_per_unit)
                 display.free(policy)
                 yield display, tuning
 

@@ -19,8 +19,9 @@ from haptic_device.analysis.bag_topics import load
 from haptic_device.analysis.report.summary import engaged_rows, faults
 from haptic_device.config_files import find
 from haptic_sim.cli import demo
-from haptic_sim.cli import lateness as servo_lateness
-from haptic_sim.cli.processes import NodeDiedError, interruptible
+from haptic_sim.live import lateness as servo_lateness
+from haptic_sim.live.processes import NodeDiedError, interruptible
+from haptic_sim.live.system import Order
 
 QUANTITIES = ("ticks", "missed", "p50", "p99", "p999", "max")
 _RATE = "Servo rate [Hz], 500 to 10000; may be repeated [1000 2000 4000 8000 10000]."
@@ -86,7 +87,7 @@ def _under_demo(rate, seconds, realtime):
     with tempfile.TemporaryDirectory(prefix="haptic_") as folder:
         wish = {"realtime": realtime}
         given = {name: wish for name in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
-        order = demo.Order(
+        order = Order(
             "peg_in_hole", seconds, Path(folder) / "run", None, float(rate), find("", "demo").absolute(), None, given
         )
         demo.play(order)

@@ -15,8 +15,8 @@ import typer
 
 from bench.jobs import deaths_told
 from haptic_device.config_files import find
-from haptic_sim.cli.domain import isolated_domain
-from haptic_sim.cli.processes import Nodes, Program, interruptible
+from haptic_sim.live.domain import isolated_domain
+from haptic_sim.live.processes import NAMESPACE, Nodes, Program, interruptible
 
 READY = {  # the diagnostic entry that a node counts up in once it does its work
     "haptic_loopback": "driven",
@@ -61,13 +61,13 @@ def _once(folder, scene):
     with isolated_domain(folder) as domain, Nodes(folder / "log") as nodes:
         for program in programs:
             nodes.start(program)
-        from haptic_sim.cli.live import Live  # ROS is imported while the nodes start
+        from haptic_sim.client import Client  # ROS is imported while the nodes start
 
-        with contextlib.closing(Live(domain)) as live:
+        with contextlib.closing(Client.join("haptic_demo", domain, NAMESPACE)) as client:
             while len(ready) < len(READY):
                 nodes.check()
-                live.look()
-                new = [name for name, entry in READY.items() if live.said(name, entry) not in ("", "0", "False")]
+                client.look()
+                new = [name for name, entry in READY.items() if client.said(name, entry) not in ("", "0", "False")]
                 ready = {name: time.monotonic() - began for name in new} | ready
                 if time.monotonic() - began > PATIENCE:
                     raise ValueError(f"{', '.join(set(READY) - set(ready))} did not start within {PATIENCE:g} s")

@@ -14,8 +14,8 @@ from haptic_device.analysis.zwidth import Setup
 from haptic_device.analysis.zwidth_figure import draw_cells
 from haptic_device.analysis.zwidth_map import Request, draw_map
 from haptic_device.description import load_device
-from haptic_sim.cli.zwidth_live import CANCELLED
-from haptic_sim.cli.zwidth_twin import HAND, Twin
+from haptic_sim.live.zwidth import CANCELLED
+from haptic_sim.live.zwidth_lockstep import HAND, LockstepDisplay
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 RATES = (1000.0, 4000.0, 10000.0)
@@ -67,7 +67,7 @@ def both_ends(panels, live):
 def draw_stiff(axes, device, label, colour):
     passive = 2.0 * device.axes[0].damping * np.array(RATES)
     found = [
-        probe.find_boundary(Twin(device, rate, 0.0, LATE).show, 0.95 * limit, 20.0 * limit).stiffness
+        probe.find_boundary(LockstepDisplay(device, rate, 0.0, LATE).show, 0.95 * limit, 20.0 * limit).stiffness
         for rate, limit in zip(RATES, passive, strict=True)
     ]
     axes.loglog(RATES, found, "o-", color=colour, label=f"{label}: shakes above")
@@ -76,5 +76,5 @@ def draw_stiff(axes, device, label, colour):
 
 def draw_free(axes, device, label, colour):
     for ratio, style in ((0.0, "-"), (CANCELLED, ":")):
-        felt = [Twin(device, rate, 0.0, LATE).turn(ratio) for rate in RATES]
+        felt = [LockstepDisplay(device, rate, 0.0, LATE).turn(ratio) for rate in RATES]
         axes.loglog(RATES, felt, "o" + style, color=colour, label=f"{label}, {100 * ratio:g} % cancelled")

@@ -14,9 +14,9 @@ import typer
 from haptic_device.analysis import probe
 from haptic_device.config_files import find
 from haptic_device.description import load_device
-from haptic_sim.cli.pair import running
-from haptic_sim.cli.tuning import Tuning
-from haptic_sim.cli.zwidth_live import STALLED, TOUCHED, Live, pair
+from haptic_sim.live.pair import running
+from haptic_sim.live.tuning import Tuning
+from haptic_sim.live.zwidth import STALLED, TOUCHED, LiveDisplay, pair
 
 RATES = 1000.0, 10000.0
 
@@ -29,7 +29,7 @@ def stiffest(path, rate):
     with nodes as (number, room, check), contextlib.closing(Tuning(number, room)) as tuning:
         tuning.wait_engaged(check)
         with tuning.as_found(TOUCHED):
-            display = Live(tuning, 0.0, 1.0 / device.axes[0].counts_per_unit)
+            display = LiveDisplay(tuning, 0.0, 1.0 / device.axes[0].counts_per_unit)
             display.free()
             return probe.find_boundary(display.show, 0.95 * bound, 20.0 * bound).quiet
 

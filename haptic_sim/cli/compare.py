@@ -21,7 +21,8 @@ def compare(
     """Play the same motion at each operating point, in lock-step; a table, a bag of each, and a report of all."""
     from haptic_device.analysis.report.page import MOST, write_report
     from haptic_device.analysis.report.reading import read_run
-    from haptic_sim.cli.compared import figures_of, given_at, print_table, replayed
+    from haptic_sim.cli.tables import print_comparison
+    from haptic_sim.comparison import figures_of, given_at, replayed
 
     if len(points) > MOST:
         raise ValueError(f"{len(points)} operating points are given; at most {MOST} stand side by side")
@@ -30,5 +31,5 @@ def compare(
     for name, values in given.items():
         replayed(bag, namespace, as_ is As.device, values, delay, out / name)
     runs = [read_run(out / name) for name in given]
-    print_table({run.name: figures_of(run) for run in runs})
+    print_comparison({run.name: figures_of(run) for run in runs})
     typer.echo(write_report(runs, out / "report"))

@@ -14,7 +14,7 @@ COMMANDS = {
     "compile": "haptic_sim.cli.compile:compile",
     "compare": "haptic_sim.cli.compare:compare",
     "demo": "haptic_sim.cli.demo:demo",
-    "docs": "haptic_sim.cli.params_doc:docs",
+    "docs": "haptic_sim.cli.docs:docs",
     "doctor": "haptic_sim.cli.doctor:doctor",
     "identify": "haptic_sim.cli.identify:identify",
     "mark": "haptic_sim.cli.mark:mark",
@@ -71,7 +71,7 @@ def _prepare(words):
     """Kernels that a command calls itself; those of nodes are for who starts the nodes."""
     if words and words[0] in ("compare", "identify", "replay", "zwidth") and "--help" not in words:
         from haptic_device.jit import ensure_compiled
-        from haptic_sim.cli.prepare import COMMANDS
+        from haptic_sim.live.prepare import COMMANDS
 
         ensure_compiled(*COMMANDS[words[0]])
 

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic mark`: a marker into the bag that is being recorded."""
 
-import os
+import contextlib
 import time
 from typing import Annotated
 
 import typer
 
-from haptic_sim.cli.processes import NAMESPACE
+from haptic_sim.live.domain import current_domain
+from haptic_sim.live.processes import NAMESPACE
 
 PATIENCE = 10.0  # [s] to find the recorder, and again for its acknowledgement
 RECORDER = "haptic_recorder"
@@ -18,15 +19,10 @@ def mark(
     namespace: Annotated[str, typer.Option(help="Namespace of the system.")] = NAMESPACE,
 ) -> None:
     """Set a marker in the bag that is being recorded, at this moment. Exit code 1 if nobody records."""
-    import rclpy
-    from rclpy.context import Context
+    from haptic_sim.client import Client
 
-    context = Context()
-    rclpy.init(context=context, domain_id=int(os.environ.get("ROS_DOMAIN_ID", "0") or "0"))
-    try:
-        _send(rclpy.create_node("haptic_mark", namespace=namespace, context=context), text)
-    finally:
-        rclpy.shutdown(context=context)
+    with contextlib.closing(Client.join("haptic_mark", current_domain(), namespace)) as client:
+        _send(client.node, text)
 
 
 def _send(node, text: str) -> None:

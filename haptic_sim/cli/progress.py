@@ -2,8 +2,10 @@
 """What long commands share: how far they are, the exit code of an interrupted one, the option of a scheduler."""
 
 import contextlib
+import math
 import sys
 import time
+from collections.abc import Callable, Iterator
 
 INTERRUPTED = 130
 SCHEDULER = "Address of a Dask scheduler (tcp://host:8786) whose workers do the runs, instead of this machine's cores."
@@ -33,3 +35,29 @@ def progress(total: int):
             yield lambda done, what: shown.update(task, completed=done, description=what)
 
     return bar() if sys.stderr.isatty() else lines()
+
+
+@contextlib.contextmanager
+def status_line() -> Iterator[Callable[[str], None]]:
+    """On a terminal one line that is kept up to date; elsewhere a line a second."""
+    from rich.console import Console
+    from rich.live import Live
+    from rich.text import Text
+
+    began, last = time.monotonic(), -math.inf
+    console = Console(stderr=True)
+
+    def print_each_second(line: str) -> None:
+        nonlocal last
+        if time.monotonic() - last >= 1.0:
+            last = time.monotonic()
+            print(stamped(line), file=sys.stderr, flush=True)
+
+    def stamped(line: str) -> str:
+        return f"{time.monotonic() - began:6.1f} s   {line}"
+
+    if not console.is_terminal:
+        yield print_each_second
+        return
+    with Live(console=console, auto_refresh=False) as display:
+        yield lambda line: display.update(Text(stamped(line)), refresh=True)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from haptic_sim.cli.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible
+from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible
 
 LOOK_PERIOD = 0.1  # s
 

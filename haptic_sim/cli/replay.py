@@ -42,11 +42,12 @@ def replay(
         _play(bag, namespace)
         return
     from haptic_device.analysis.report.reading import read_run
-    from haptic_sim.cli.compared import figures_of, given_at, print_table, replayed
+    from haptic_sim.cli.tables import print_comparison
+    from haptic_sim.comparison import figures_of, given_at, replayed
 
     out = out or Path("haptic_bags") / time.strftime("replay-%Y%m%d-%H%M%S")
     replayed(bag, namespace, as_ is As.device, given_at(params), delay, out)
-    print_table({"recorded": figures_of(read_run(bag, namespace)), "replayed": figures_of(read_run(out))})
+    print_comparison({"recorded": figures_of(read_run(bag, namespace)), "replayed": figures_of(read_run(out))})
     typer.echo(f"bag {out}")
 
 
@@ -57,8 +58,8 @@ def _refuse(mode: str, given: dict[str, bool]) -> None:
 
 def _play(bag: Path, namespace: str | None) -> None:
     from haptic_sim import replay
-    from haptic_sim.cli.nodes import NODES
-    from haptic_sim.cli.replay_live import play
+    from haptic_sim.live.replayed_hand import play
+    from haptic_sim.node_parameters import NODES
 
     recording = replay.recorded(bag, namespace)
     declared = {node: NODES[node] for node in ("haptic_driver", "haptic_loopback", "haptic_simulation")}

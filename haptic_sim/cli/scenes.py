@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic scenes`: what scenes there are, their pictures, and what their simulation takes."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -9,11 +10,14 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_device.config_files import names
+from haptic_sim.cli.progress import INTERRUPTED, progress
+from haptic_sim.live.processes import interruptible
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
-from haptic_sim.reduction.measured import of_scene, said
+from haptic_sim.reduction.measured import of_scene, read, said, write
 from haptic_sim.scene import load
 
+ALL = "all"
 _OUT = "The picture's file [NAME.png], or a file with a table in which --verify puts its rows."
 
 
@@ -23,28 +27,27 @@ def scenes(
     explained: Annotated[
         str | None, typer.Option("--explain", help="Say what has to be modelled of this scene, by which method.")
     ] = None,
-    verify: Annotated[
-        str | None, typer.Option(help="Measure what each method costs and errs on this scene, or on `all` ones.")
+    measured: Annotated[
+        str | None,
+        typer.Option("--verify", help="Measure what each method costs and errs on this scene, or on `all` ones."),
     ] = None,
     gallery: Annotated[Path | None, typer.Option(help="Write a page with all scenes into this folder.")] = None,
 ):
     """List the scenes; draw one; say what the simulation of one takes; measure what each method makes of it."""
-    if out and bool(draw) == bool(verify):
+    if out and bool(draw) == bool(measured):
         raise ValueError("--out names the picture of --draw or the table of --verify; give one of them with it")
     if draw:
         _draw(draw, out)
     if explained:
         _explain(explained)
     if gallery:
-        from haptic_sim.cli.gallery import write
+        from haptic_sim.gallery import write_gallery
 
-        write(gallery)
+        write_gallery(gallery)
         typer.echo(gallery / "README.md")
-    if verify:
-        from haptic_sim.cli.scenes_verify import run
-
-        run(verify, out)
-    if not (draw or explained or gallery or verify):
+    if measured:
+        verify_scenes(measured, out)
+    if not (draw or explained or gallery or measured):
         _list()
 
 
@@ -82,3 +85,43 @@ def _candidates(scene, name):
     if scene.name in names("scenes") and scene == load(scene.name) and (rows := of_scene(scene.name)):
         return [(row.method, said(row)) for row in rows]
     return [("candidates", f"not measured; haptic scenes --verify {name} measures them")]
+
+
+def verify_scenes(scene: str, out: Path | None, measure: Callable | None = None) -> None:
+    """Prints a table of this scene, or of all that are shipped; the rows take the place of older ones in `out`.
+
+    Exit code 1: a method that is chosen does not keep its scene's bounds. 130: interrupted; what was measured is shown
+    and kept.
+    """
+    from haptic_sim.verify import BEYOND, assessment_of, case_of, markdown, verify
+
+    if out and not out.parent.is_dir():
+        raise ValueError(f"--out is {out}, but there is no folder {out.parent}")
+    scenes = {name: load(name) for name in (names("scenes") if scene == ALL else [scene])}
+    known, found = read(out) if out else [], []
+    whole = _measure(scenes, found, measure or (lambda name: verify(case_of(name))))
+    assessments = [assessment_of(scenes[name], row) for name, row in found]
+    rows = [row for _, row in found]
+    typer.echo(markdown(rows, assessments))
+    if out:
+        new = {row.scene for row in rows}
+        write(sorted([row for row in known if row.scene not in new] + rows, key=lambda row: row.scene), out)
+    if not whole:
+        raise typer.Exit(INTERRUPTED)
+    if BEYOND in assessments:
+        raise typer.Exit(1)
+
+
+def _measure(scenes, found, measure):
+    """Appends (name, row) of each candidate of each scene; whether all were done."""
+    try:
+        with interruptible(), progress(len(scenes)) as show:
+            for done, name in enumerate(scenes):
+                show(done, name)
+                found += [(name, row) for row in measure(name)]
+            show(len(scenes), "done")
+    except KeyboardInterrupt:
+        done = len({name for name, _ in found})
+        typer.echo(f"haptic scenes: interrupted; {done} of {len(scenes)} scenes are measured", err=True)
+        return False
+    return True

@@ -12,6 +12,8 @@ import typer
 
 from haptic_device.status import LEVELS
 from haptic_sim.cli.keys import ESTOP, keys
+from haptic_sim.live.domain import current_domain
+from haptic_sim.live.processes import NAMESPACE
 
 STYLES = ("green", "yellow", "bold red", "magenta")
 STALE = 2.0  # [s] without news after which a status counts no more
@@ -27,26 +29,26 @@ def status(
 ) -> None:
     """Show all nodes and figures with their levels, live; space is the e-stop. Exit code 1 for ERROR or silence."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    from haptic_sim.cli.live import Live
+    from haptic_sim.client import Client
 
-    domain = int(os.environ.get("ROS_DOMAIN_ID", "0") or "0") if domain is None else domain
-    with contextlib.closing(Live(domain, "haptic_status")) as live:
+    domain = current_domain() if domain is None else domain
+    with contextlib.closing(Client.join("haptic_status", domain, NAMESPACE)) as client:
         if json or not (sys.stdin.isatty() and sys.stdout.isatty()):
-            found = _listen(live)
+            found = _listen(client)
             print(json_text.dumps(found)) if json else _print(found, domain)
         else:
-            found = _watch(live, domain)
+            found = _watch(client, domain)
     raise typer.Exit(0 if found and max(entry["level"] for entry in found.values()) < LEVELS.index("ERROR") else 1)
 
 
-def look(live) -> dict:
+def newest(client) -> dict:
     """{name: {level, message, values}} of every status; a node that was heard of and is silent now is STALE."""
     now = time.monotonic()
     found = {}
-    for name, said in sorted(live.statuses.items(), key=_order):
-        stale = now - live.heard[name] > STALE
+    for name, said in sorted(client.statuses.items(), key=_order):
+        stale = now - client.heard[name] > STALE
         level = LEVELS.index("STALE") if stale else said.level
-        message = f"nothing heard for {now - live.heard[name]:.0f} s" if stale else said.message
+        message = f"nothing heard for {now - client.heard[name]:.0f} s" if stale else said.message
         found[name] = {"level": level, "message": message, "values": said.values}
     return found
 
@@ -56,30 +58,40 @@ def _order(item):
     return NODES.index(node) if node in NODES else len(NODES), node, ":" in item[0]
 
 
-def _listen(live) -> dict:
+def _listen(client) -> dict:
     end = time.monotonic() + LISTENING
     while time.monotonic() < end:
-        live.look()
+        client.look()
         time.sleep(0.02)
-    return look(live)
+    return newest(client)
 
 
-def _watch(live, domain) -> dict:
+def _watch(client, domain) -> dict:
     """Until q or Ctrl-C; a key's answer is shown below the table."""
     from rich.console import Group
-    from rich.live import Live as Display
+    from rich.live import Live
     from rich.text import Text
 
-    answer = ""
-    with contextlib.suppress(KeyboardInterrupt), keys() as pressed, Display(auto_refresh=False) as display:
+    from haptic_sim.questions import trigger
+
+    answer, questions = "", {key: trigger(f"haptic_driver/{service}") for key, service in KEYS.items()}
+    client.prepare(*(question.service for question in questions.values()))
+    with contextlib.suppress(KeyboardInterrupt), keys() as pressed, Live(auto_refresh=False) as display:
         while (key := pressed()) != "q":
-            if key in KEYS:
-                success, message = live.commands.call(KEYS[key])
-                answer = f"{KEYS[key]}: {message}" if success else f"{KEYS[key]} refused: {message}"
-            live.look()
-            display.update(Group(table(look(live), domain, live.motor_force), HELP, Text(answer)), refresh=True)
+            if key in questions:
+                answer = _answer(client, questions[key])
+            client.look()
+            display.update(Group(table(newest(client), domain, client.motor_force), HELP, Text(answer)), refresh=True)
             time.sleep(0.05)
-    return look(live)
+    return newest(client)
+
+
+def _answer(client, question) -> str:
+    name = question.service.rpartition("/")[2]
+    try:
+        return f"{name}: {client.call(question)}"
+    except ValueError as refusal:
+        return f"{name} refused: {refusal}"
 
 
 def _print(found, domain) -> None:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from haptic_sim.cli.processes import NAMESPACE, parameter_text
+from haptic_sim.live.processes import NAMESPACE, ros_arguments
 
 
 def view(
@@ -16,12 +16,6 @@ def view(
     """Show a running system on a local web page, where the mouse is the hand. Ctrl-C is the normal end."""
     from haptic_sim.viewer.viewer import main
 
-    code = main(arguments(namespace, {"host": host, "port": port}))
+    code = main(ros_arguments(namespace, {"host": host, "port": port}))
     if code:
         raise typer.Exit(code)
-
-
-def arguments(namespace: str, values: dict) -> list[str]:
-    """ROS arguments of a viewer."""
-    given = [word for name, value in values.items() for word in ("-p", f"{name}:={parameter_text(value)}")]
-    return ["--ros-args", "--disable-external-lib-logs", "-r", f"__ns:={namespace}", *given]

@@ -1,19 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic zwidth`: which walls a device shows without shaking: as a map of its model, or live on the running nodes."""
 
-import contextlib
 import json
-import math
 import os
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER
+from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER, progress
+from haptic_sim.live.processes import NodeDiedError, interruptible
 
 _DEVICE = "Take m, b, friction, encoder step and delays from this device's x axis (a name in config/devices or a file)."
 
@@ -50,55 +47,44 @@ def zwidth(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ):
     """Z-width of a device: the K-B plane of walls it can show (Colgate & Brown 1994), in lock-step simulation."""
-    from haptic_device.analysis.zwidth import Setup
-
     given = {"mass": mass, "physical_damping": physical_damping, "delay_samples": delay_samples, "coulomb": coulomb}
     given = {name: value for name, value in {**given, "resolution": resolution}.items() if value is not None}
     try:
         if live:
-            _live(device or "desktop", period, damping, stiffness_max, domain, namespace, as_json)
-            return
-        base = {"mass": 0.1, "physical_damping": 0.5} if device is None else _of_device(device, period)
-        setup = Setup(**{**base, **given, "period": period, "velocity_lag": velocity_lag, "seconds": seconds})
-        request = _request(setup, operator, stiffness_max, damping_max, points)
-        found = _run(request, lateness, out, workers or len(os.sched_getaffinity(0)), scheduler)
-    except (ValueError, OSError) as error:
+            found = _measure(device or "desktop", period, damping, stiffness_max, domain, namespace)
+        else:
+            given |= {"period": period, "velocity_lag": velocity_lag, "seconds": seconds}
+            cells = operator, stiffness_max, damping_max, points
+            found = _draw(device, given, cells, lateness, out, workers or len(os.sched_getaffinity(0)), scheduler)
+    except (ValueError, OSError, NodeDiedError) as error:
         typer.echo(f"haptic zwidth: {error}", err=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
         kept = "the gains are as they were" if live else f"rows that were done are in {out / 'map.csv'}"
         typer.echo(f"haptic zwidth: interrupted; {kept}", err=True)
         raise typer.Exit(INTERRUPTED) from None
-    typer.echo(json.dumps(found)) if as_json else _show(found)
+    show = _show_live if live else _show
+    typer.echo(json.dumps(found)) if as_json else show(found)
 
 
-def _live(name, period, damping, stiffness_max, domain, namespace, as_json):
-    from haptic_device.analysis.quantity import finite, positive
-    from haptic_device.config_files import find
-    from haptic_device.description import load_device
-    from haptic_device.parameter_types import check_value
-    from haptic_device.parameters import OPERATING_POINT
-    from haptic_sim.cli.processes import NodeDiedError
+def _draw(device, given, cells, lateness, out, workers, scheduler):
+    from haptic_sim.zwidth_plane import Setup, device_figures, request_of, write_map
 
-    positive("period", period, "s")
-    finite("damping", damping, "N s/m")
-    declared = {parameter.name: parameter for parameter in OPERATING_POINT}
-    check_value(declared["servo.rate"], 1.0 / period)
-    check_value(declared["wall.damping"], (damping,))
-    stiffness_max = 1e6 if stiffness_max is None else stiffness_max
-    positive("stiffness_max", stiffness_max, "N/m")
-    device = load_device(name)
+    base = {"mass": 0.1, "physical_damping": 0.5} if device is None else device_figures(device, given["period"])
+    request = request_of(Setup(**base | given), *cells)
+    rows = request.damping.size
+    with interruptible(), progress(rows) as show:
+        return write_map(request, lateness, out, workers, scheduler, lambda done: show(done, "rows of the map"))
+
+
+def _measure(name, period, damping, stiffness_max, domain, namespace):
     from rich.console import Console
 
-    from haptic_sim.cli.zwidth_live import measure
+    from haptic_sim.live.zwidth import measure, plan
 
-    try:
-        with interruptible(), Console(stderr=True).status("starting") as status:
-            path = str(Path(find("devices", name)).absolute())
-            found = measure(device, path, 1.0 / period, damping, stiffness_max, domain, namespace, status.update)
-    except NodeDiedError as error:
-        raise ValueError(str(error)) from None
-    typer.echo(json.dumps(found)) if as_json else _show_live(found)
+    wanted = plan(name, period, damping, stiffness_max)
+    with interruptible(), Console(stderr=True).status("starting") as status:
+        return measure(wanted, domain, namespace, status.update)
 
 
 def _show_live(found):
@@ -124,92 +110,6 @@ def _number(values, keys):
     for key in keys:
         values = values[key]
     return "none" if values is None else f"{values:.5g}"
-
-
-def _of_device(name, period):
-    from haptic_device.analysis.quantity import positive
-    from haptic_device.description import load_device
-
-    positive("period", period, "s")
-    device = load_device(name)
-    axis = device.axes[0]
-    return {
-        "mass": axis.mass,
-        "physical_damping": axis.damping,
-        "coulomb": axis.coulomb,
-        "resolution": 1.0 / axis.counts_per_unit,
-        "delay_samples": (device.sensing_delay + device.actuation_delay) / period,
-    }
-
-
-def _request(setup, operator, stiffness_max, damping_max, points):
-    from haptic_device.analysis.quantity import positive
-    from haptic_device.analysis.zwidth import check_setup, operators_of, theory
-    from haptic_device.analysis.zwidth_map import Request
-
-    check_setup(setup)
-    operators_of(operator)
-    damping_max = 4.0 * setup.physical_damping if damping_max is None else damping_max
-    positive("damping_max", damping_max, "N s/m")
-    damping = np.linspace(-setup.physical_damping, damping_max, points)
-    if stiffness_max is None:
-        stiffness_max = 1.2 * max(line.max() for line in theory(setup, damping[:: max(1, points // 20)]).values())
-    positive("stiffness_max", stiffness_max, "N/m")
-    return Request(setup, operator, np.linspace(0.0, stiffness_max, points + 1)[1:], damping)
-
-
-def _run(request, lateness, out, workers, scheduler):
-    from haptic_device.analysis.zwidth import theory
-    from haptic_device.analysis.zwidth_figure import save_map
-    from haptic_device.analysis.zwidth_map import boundaries, draw_map, empty, write_csv
-
-    theory(request.setup, request.damping[:1], lateness)
-    out.mkdir(parents=True, exist_ok=True)
-    plane = empty(request)
-    try:
-        with interruptible(), _progress(request.damping.size) as progress:
-            draw_map(request, workers, progress, scheduler, plane)
-    finally:
-        if plane.done.any():
-            write_csv(out / "map.csv", request, plane)
-    save_map(request, plane, lateness, out / "map.png")
-    lines = {name.replace(" ", "_"): line.tolist() for name, line in boundaries(request, plane, lateness).items()}
-    return {
-        **request.setup._asdict(),
-        "operator": request.operator,
-        "cells": int(plane.outcome.assessment.size),
-        "shares": {
-            name: float(np.mean(plane.outcome.assessment == i)) for i, name in enumerate(("quiet", "gives", "shakes"))
-        },
-        "energy_given_max": _finite(np.max(plane.outcome.energy_given)),
-        "damping": request.damping.tolist(),
-        "stiffness_max": {name: [_finite(value) for value in line] for name, line in lines.items()},
-        "csv": str(out / "map.csv"),
-        "figure": str(out / "map.png"),
-    }
-
-
-def interruptible():
-    """Every signal that ends a program arrives as KeyboardInterrupt."""
-    from haptic_sim.cli.processes import interruptible
-
-    return interruptible()
-
-
-def _finite(value):
-    return float(value) if math.isfinite(value) else None
-
-
-@contextlib.contextmanager
-def _progress(rows) -> Iterator[Callable[[int], None]]:
-    """A bar with the time left, on standard error."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("rows of the map"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(file=sys.stderr)) as progress:
-        task = progress.add_task("", total=rows)
-        yield lambda done: progress.update(task, completed=done)
 
 
 def _show(found):

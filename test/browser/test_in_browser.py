@@ -15,7 +15,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from conftest import COMPILING, PATIENCE, Cable, Tab
 
-from haptic_sim.cli.check import problems
+from haptic_sim.config_problems import problems
 
 pytestmark = pytest.mark.timeout(600)  # the second operating point may have to be compiled
 SERIOUS = ("serious", "critical")

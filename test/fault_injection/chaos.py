@@ -17,9 +17,9 @@ import typer
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 
-from haptic_sim.cli.domain import isolated_domain
 from haptic_sim.cli.main import ending_in_a_sentence
-from haptic_sim.cli.processes import NodeDiedError, interruptible
+from haptic_sim.live.domain import isolated_domain
+from haptic_sim.live.processes import NodeDiedError, interruptible
 
 STEP, ENERGY, RECOVERED = 0.5, 0.005, 3.0  # [N/ms], [J] of the default exchange.budget, [s]
 SHORT = ("kill -9 driver", "SIGSTOP simulation", "e-stop")
@@ -72,7 +72,7 @@ def _chosen(wanted, short, clock):
 
 def _programs(folder: Path, rate: float = 1000.0):
     from haptic_device.config_files import find
-    from haptic_sim.cli.demo import Order, programs_of
+    from haptic_sim.live.system import Order, programs_of
 
     hand = {"motion.name": "follow", "motion.start": (0.03, 0.0, 0.0), "publish.rate": rate}
     point = find("", "demo").absolute()
@@ -80,28 +80,28 @@ def _programs(folder: Path, rate: float = 1000.0):
 
 
 def _chaos(minutes, events) -> dict:
-    from fault_injection.conductor import Conductor
+    from fault_injection.fault_injector import FaultInjector
 
     with tempfile.TemporaryDirectory(prefix="haptic_chaos_") as name:
         folder = Path(name)
         with isolated_domain(folder / "log") as domain:
-            conductor = Conductor(_programs(folder), folder, domain)
-            with conductor:
-                conductor.begin()
-                results = _play(conductor, events, minutes)
-                tracebacks = conductor.tracebacks()
-            left = conductor.left_over()
+            injector = FaultInjector(_programs(folder), folder, domain)
+            with injector:
+                injector.begin()
+                results = _play(injector, events, minutes)
+                tracebacks = injector.tracebacks()
+            left = injector.left_over()
     return _found([_row(event, results[event.name]) for event in events if results[event.name]], tracebacks, left)
 
 
-def _play(conductor, events, minutes) -> dict:
+def _play(injector, events, minutes) -> dict:
     """Each event once, and then at random until the time is over: {name: figures}."""
     results = {event.name: [] for event in events}
     end, waiting = time.monotonic() + 60.0 * (minutes or 0.0), list(events)
     while waiting or time.monotonic() < end:
         event = waiting.pop(0) if waiting else random.choice(events)
-        conductor.begin()
-        results[event.name].append(event.run(conductor))
+        injector.begin()
+        results[event.name].append(event.run(injector))
         print(f"chaos: {event.name}: {_said(results[event.name][-1])}", file=sys.stderr, flush=True)
     return results
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from fault_injection import chaos_figures as figures
 from fault_injection import chaos_loads as loads
-from fault_injection.conductor import NODES, PATIENCE, Conductor
+from fault_injection.fault_injector import NODES, PATIENCE, FaultInjector
 from haptic_device.control import enable_state
 
 FROZEN = 0.4  # s
@@ -21,156 +21,156 @@ STOPPED = 2  # ticks with the e-stop until the motor must be at zero
 
 
 class Event(NamedTuple):
-    """run: (conductor) → Figures; safe: bound of its time to safety [ms]; faults: that it may latch."""
+    """run: (injector) → Figures; safe: bound of its time to safety [ms]; faults: that it may latch."""
 
     name: str
-    run: Callable[[Conductor], figures.Figures]
+    run: Callable[[FaultInjector], figures.Figures]
     safe: float | None = None
     faults: tuple[str, ...] = ()
 
 
-def kill_driver(conductor: Conductor) -> figures.Figures:
+def kill_driver(injector: FaultInjector) -> figures.Figures:
     """kill -9 of the driver while the wall is pressed."""
-    conductor.press()
-    conductor.kill("haptic_driver")
-    last = conductor.heartbeat()
-    conductor.wait(HEARD)
-    safe = figures.motor_off(conductor.witness.heard().truths, last)
-    conductor.release()
-    return _restarted(conductor, "haptic_driver", safe)
+    injector.press()
+    injector.kill("haptic_driver")
+    last = injector.heartbeat()
+    injector.wait(HEARD)
+    safe = figures.motor_off(injector.listener.heard().truths, last)
+    injector.release()
+    return _restarted(injector, "haptic_driver", safe)
 
 
-def stop_driver(conductor: Conductor) -> figures.Figures:
+def stop_driver(injector: FaultInjector) -> figures.Figures:
     """SIGSTOP of the driver while the wall is pressed, then SIGCONT."""
-    conductor.press()
-    conductor.freeze("haptic_driver")
-    last = conductor.heartbeat()
-    conductor.wait(FROZEN)
-    safe = figures.motor_off(conductor.witness.heard().truths, last)
-    conductor.release()
-    conductor.thaw("haptic_driver")
-    return _enabled(conductor, safe)
+    injector.press()
+    injector.freeze("haptic_driver")
+    last = injector.heartbeat()
+    injector.wait(FROZEN)
+    safe = figures.motor_off(injector.listener.heard().truths, last)
+    injector.release()
+    injector.thaw("haptic_driver")
+    return _enabled(injector, safe)
 
 
-def kill_simulation(conductor: Conductor) -> figures.Figures:
+def kill_simulation(injector: FaultInjector) -> figures.Figures:
     """kill -9 of the simulation; a new one joins while the hand still presses."""
-    conductor.press()
-    conductor.kill("haptic_simulation")
-    conductor.wait(FROZEN)
+    injector.press()
+    injector.kill("haptic_simulation")
+    injector.wait(FROZEN)
     began = time.monotonic()
-    conductor.start("haptic_simulation")
-    recovered = _rejoined(conductor, began)
-    return _coupled(conductor, recovered)
+    injector.start("haptic_simulation")
+    recovered = _rejoined(injector, began)
+    return _coupled(injector, recovered)
 
 
-def stop_simulation(conductor: Conductor) -> figures.Figures:
+def stop_simulation(injector: FaultInjector) -> figures.Figures:
     """SIGSTOP of the simulation, then SIGCONT, while the hand presses."""
-    conductor.press()
-    conductor.freeze("haptic_simulation")
-    conductor.wait(FROZEN)
+    injector.press()
+    injector.freeze("haptic_simulation")
+    injector.wait(FROZEN)
     began = time.monotonic()
-    conductor.thaw("haptic_simulation")
-    return _coupled(conductor, _rejoined(conductor, began))
+    injector.thaw("haptic_simulation")
+    return _coupled(injector, _rejoined(injector, began))
 
 
-def kill_loopback(conductor: Conductor) -> figures.Figures:
+def kill_loopback(injector: FaultInjector) -> figures.Figures:
     """kill -9 of the device."""
-    conductor.press()
-    conductor.kill("haptic_loopback")
-    conductor.wait(HEARD)
-    safe = figures.found_silent(conductor.witness.heard().rows)
-    conductor.release()
-    return _restarted(conductor, "haptic_loopback", safe)
+    injector.press()
+    injector.kill("haptic_loopback")
+    injector.wait(HEARD)
+    safe = figures.found_silent(injector.listener.heard().rows)
+    injector.release()
+    return _restarted(injector, "haptic_loopback", safe)
 
 
-def stop_loopback(conductor: Conductor) -> figures.Figures:
+def stop_loopback(injector: FaultInjector) -> figures.Figures:
     """SIGSTOP of the device, then SIGCONT."""
-    conductor.press()
-    conductor.freeze("haptic_loopback")
-    conductor.wait(FROZEN)
-    safe = figures.found_silent(conductor.witness.heard().rows)
-    conductor.release()
-    conductor.thaw("haptic_loopback")
-    return _enabled(conductor, safe)
+    injector.press()
+    injector.freeze("haptic_loopback")
+    injector.wait(FROZEN)
+    safe = figures.found_silent(injector.listener.heard().rows)
+    injector.release()
+    injector.thaw("haptic_loopback")
+    return _enabled(injector, safe)
 
 
-def kill_recorder(conductor: Conductor) -> figures.Figures:
+def kill_recorder(injector: FaultInjector) -> figures.Figures:
     """kill -9 of the recorder: nothing of it is felt."""
-    conductor.press()
-    conductor.kill("haptic_recorder")
-    conductor.wait(FROZEN)
+    injector.press()
+    injector.kill("haptic_recorder")
+    injector.wait(FROZEN)
     began = time.monotonic()
-    conductor.start("haptic_recorder")
-    conductor.until(lambda: "haptic_recorder" in conductor.witness.statuses, PATIENCE, "the recorder")
-    return figures.figures(conductor.witness.heard(), recovered=time.monotonic() - began)
+    injector.start("haptic_recorder")
+    injector.until(lambda: "haptic_recorder" in injector.listener.statuses, PATIENCE, "the recorder")
+    return figures.figures(injector.listener.heard(), recovered=time.monotonic() - began)
 
 
-def estop(conductor: Conductor) -> figures.Figures:
+def estop(injector: FaultInjector) -> figures.Figures:
     """~/estop while the wall is pressed, several times; safe is the median from the call to the motor at zero."""
     times, heards, ticks = [], [], 0
     for _ in range(ESTOPS):
-        conductor.begin()
-        conductor.press()
+        injector.begin()
+        injector.press()
         called = time.monotonic()
-        conductor.witness.commands.call("estop")
-        conductor.wait(HEARD)
-        heards.append(conductor.witness.heard())
+        injector.listener.call("estop")
+        injector.wait(HEARD)
+        heards.append(injector.listener.heard())
         told = figures.told_to_zero(heards[-1].rows, called, enable_state.ESTOP)
         times.append(max(told or math.inf, figures.motor_off(heards[-1].truths, called)))
         ticks = max(ticks, figures.ticks_to_zero(heards[-1].rows, enable_state.ESTOP))
-        conductor.release()
+        injector.release()
     note = f"{ticks} tick after the driver has it; worst {max(times):.1f} ms"
     found = figures.worst([figures.figures(heard) for heard in heards])
     wrong = ("ticks",) if ticks > STOPPED else ()
-    return found._replace(safe=statistics.median(times), recovered=conductor.enable(), note=note, wrong=wrong)
+    return found._replace(safe=statistics.median(times), recovered=injector.enable(), note=note, wrong=wrong)
 
 
-def in_order(order: tuple[str, ...]) -> Callable[[Conductor], figures.Figures]:
+def in_order(order: tuple[str, ...]) -> Callable[[FaultInjector], figures.Figures]:
     """All three nodes killed, and started again in this order; recovered counts from the last start."""
 
-    def run(conductor):
-        conductor.press()
+    def run(injector):
+        injector.press()
         for name in random.sample(NODES, len(NODES)):
-            conductor.kill(name)
-        conductor.release()
-        conductor.wait(HEARD)  # or the last ticks of the killed driver are taken for those of the new one
+            injector.kill(name)
+        injector.release()
+        injector.wait(HEARD)  # or the last ticks of the killed driver are taken for those of the new one
         for name in order:
-            conductor.start(name)
-        conductor.witness.mark_session()
-        return _enabled(conductor)
+            injector.start(name)
+        injector.listener.mark_session()
+        return _enabled(injector)
 
     return run
 
 
-def _restarted(conductor, name, safe):
+def _restarted(injector, name, safe):
     began = time.monotonic()
-    conductor.start(name)
-    conductor.witness.mark_session()
-    return _enabled(conductor, safe, began)
+    injector.start(name)
+    injector.listener.mark_session()
+    return _enabled(injector, safe, began)
 
 
-def _enabled(conductor, safe=None, began=None):
+def _enabled(injector, safe=None, began=None):
     """Enables it again, and hears how the forces rise; recovered counts from `began` [s of the clock], or from now."""
     began = began or time.monotonic()
-    conductor.enable()
+    injector.enable()
     recovered = time.monotonic() - began
-    conductor.wait(figures.AFTER)
-    return figures.figures(conductor.witness.heard(), safe, recovered)
+    injector.wait(figures.AFTER)
+    return figures.figures(injector.listener.heard(), safe, recovered)
 
 
-def _rejoined(conductor, began):
-    conductor.until(lambda: conductor.engaged or conductor.faulty, PATIENCE, "the simulation")
-    if conductor.faulty:
-        conductor.release()
-        conductor.enable()
+def _rejoined(injector, began):
+    injector.until(lambda: injector.engaged or injector.faulty, PATIENCE, "the simulation")
+    if injector.faulty:
+        injector.release()
+        injector.enable()
     recovered = time.monotonic() - began
-    conductor.wait(FROZEN)
-    conductor.release()
+    injector.wait(FROZEN)
+    injector.release()
     return recovered
 
 
-def _coupled(conductor, recovered):
-    heard = conductor.witness.heard()
+def _coupled(injector, recovered):
+    heard = injector.listener.heard()
     return figures.figures(heard, figures.coupling_off(heard.rows), recovered)
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import psutil
 
-from fault_injection.conductor import FREE, PRESSED, Conductor
+from fault_injection.fault_injector import FREE, PRESSED, FaultInjector
 from haptic_device.control.faults import NAMES
-from haptic_sim.cli.domain import isolated_domain
+from haptic_sim.live.domain import isolated_domain
 
 SETTLED = 60.0  # [s] after which memory must stay flat
 PERIOD = 1.0  # [s] between looks
@@ -24,31 +24,31 @@ def soak(minutes: float, programs) -> dict:
     with tempfile.TemporaryDirectory(prefix="haptic_soak_") as name:
         folder = Path(name)
         with isolated_domain(folder / "log") as domain:
-            conductor = Conductor(programs(folder), folder, domain)
-            with conductor:
-                conductor.begin()
-                samples, faults = _watch(conductor, 60.0 * minutes)
-                tracebacks = conductor.tracebacks()
+            injector = FaultInjector(programs(folder), folder, domain)
+            with injector:
+                injector.begin()
+                samples, faults = _watch(injector, 60.0 * minutes)
+                tracebacks = injector.tracebacks()
     rows = [_row(name, found) for name, found in samples.items()]
     ok = not faults and not tracebacks and all(row["grown"] <= _bound(row["node"]) for row in rows)
     ok = ok and all(row["threads"][0] >= row["threads"][1] and row["files"][0] >= row["files"][1] for row in rows)
     return {"ok": ok, "minutes": minutes, "faults": faults, "tracebacks": tracebacks, "nodes": rows}
 
 
-def _watch(conductor, seconds):
+def _watch(injector, seconds):
     """{node: [(age [s], resident bytes, threads, descriptors)]}, and the faults that were told of."""
-    processes = {name: psutil.Process(conductor.nodes.pid(name)) for name in conductor.programs}
+    processes = {name: psutil.Process(injector.nodes.pid(name)) for name in injector.programs}
     samples, faults, began = {name: [] for name in processes}, set(), time.monotonic()
     while (age := time.monotonic() - began) < seconds:
-        conductor.nodes.check()
-        conductor.witness.aim(PRESSED if age % STROKE < STROKE / 2 else FREE)
+        injector.nodes.check()
+        injector.listener.aim(PRESSED if age % STROKE < STROKE / 2 else FREE)
         for name, process in processes.items():
             with process.oneshot():
                 samples[name].append((age, process.memory_info().rss, process.num_threads(), process.num_fds()))
-        faults |= {conductor.witness.said("haptic_driver", "fault")} & NAMES
-        conductor.witness.begin()
+        faults |= {injector.listener.said("haptic_driver", "fault")} & NAMES
+        injector.listener.begin()
         if int(age) % 60 == 0:
-            print(f"chaos: soak {age:.0f} s; {conductor.driver_says()}", file=sys.stderr, flush=True)
+            print(f"chaos: soak {age:.0f} s; {injector.driver_says()}", file=sys.stderr, flush=True)
         time.sleep(PERIOD)
     return samples, sorted(faults)
 

@@ -178,10 +178,10 @@ def test_of_a_request_at_once_with_one_refused_gain_none_is_in_force_and_the_ser
     wishes = wishes if last else dict(reversed(wishes.items()))
     entries = [Parameter(name, value=value).to_parameter_msg() for name, value in wishes.items()]
     request = SetParametersAtomically.Request(parameters=entries)
-    result = display.ask("haptic_driver/set_parameters_atomically", SetParametersAtomically, request).result
+    result = display.ask("haptic_driver/set_parameters_atomically", request).result
     assert not result.successful and "wall.stiffness 90000 N/m" in result.reason
     asked = GetParameters.Request(names=list(wishes))
-    found = display.ask("haptic_driver/get_parameters", GetParameters, asked).values
+    found = display.ask("haptic_driver/get_parameters", asked).values
     kept = {
         "coupling.stiffness": 400.0,
         "wall.offsets": WALL["wall__offsets"],
@@ -200,13 +200,13 @@ def test_of_a_request_at_once_with_one_refused_gain_none_is_in_force_and_the_ser
 def test_as_many_parameters_as_are_taken_at_once_are_set_and_one_more_are_refused_all(display, count):
     value = 0.25 if count > MOST_AT_ONCE else 0.5
     entry = Parameter("fault.duty", value=value).to_parameter_msg()
-    each = display.ask("haptic_driver/set_parameters", SetParameters, SetParameters.Request(parameters=[entry] * count))
+    each = display.ask("haptic_driver/set_parameters", SetParameters.Request(parameters=[entry] * count))
     wish = SetParametersAtomically.Request(parameters=[entry] * count)
-    once = display.ask("haptic_driver/set_parameters_atomically", SetParametersAtomically, wish)
+    once = display.ask("haptic_driver/set_parameters_atomically", wish)
     reason = "" if value == 0.5 else f"{count} parameters in one request; at most {MOST_AT_ONCE} are taken"
     assert [(result.successful, result.reason) for result in each.results] == [(not reason, reason)] * count
     assert (once.result.successful, once.result.reason) == (not reason, reason)
-    asked = display.ask("haptic_driver/get_parameters", GetParameters, GetParameters.Request(names=["fault.duty"]))
+    asked = display.ask("haptic_driver/get_parameters", GetParameters.Request(names=["fault.duty"]))
     assert asked.values[0].double_value != 0.25
     assert display.set("fault.duty", 1.0) == (True, "")
 

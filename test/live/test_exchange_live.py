@@ -109,17 +109,17 @@ def survived(ear, nonsense):
 def test_a_parameter_of_no_known_type_ends_no_node(exchanging, ear):
     nonsense = Parameter(name="realtime", value=ParameterValue(type=99))
     request = SetParameters.Request(parameters=[nonsense])
-    survived(ear, lambda node: ear.send(f"{node}/set_parameters", SetParameters, request))
+    survived(ear, lambda node: ear.send(f"{node}/set_parameters", request))
 
 
 def test_a_transition_that_does_not_exist_or_does_not_fit_ends_no_node(exchanging, ear):
     def nonsense(node):
         for number in (250, Transition.TRANSITION_CONFIGURE):
-            ear.send(f"{node}/change_state", ChangeState, ChangeState.Request(transition=Transition(id=number)))
+            ear.send(f"{node}/change_state", ChangeState.Request(transition=Transition(id=number)))
 
     survived(ear, nonsense)
     label = ChangeState.Request(transition=Transition(id=0, label="explode"))
-    assert not any(ear.ask(f"{node}/change_state", ChangeState, label).success for node in NODES)
+    assert not any(ear.ask(f"{node}/change_state", label).success for node in NODES)
 
 
 def refusals(values):
@@ -142,7 +142,7 @@ def refusals(values):
 )
 def test_a_wild_parameter_is_refused_with_its_reason(ear, name, value):
     request = SetParametersAtomically.Request(parameters=[Parameter(name=name, value=value)])
-    result = ear.ask("haptic_driver/set_parameters_atomically", SetParametersAtomically, request).result
+    result = ear.ask("haptic_driver/set_parameters_atomically", request).result
     assert not result.successful and result.reason and len(result.reason) < 300_000
 
 

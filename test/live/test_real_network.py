@@ -16,8 +16,8 @@ from waiting import until
 
 from haptic_device.analysis.bag_topics import load
 from haptic_device.realtime import shared_memory
-from haptic_sim.cli.demo import FAR
-from haptic_sim.cli.processes import Program
+from haptic_sim.live.processes import Program
+from haptic_sim.live.system import FAR
 
 pytestmark = pytest.mark.timeout(600)
 

@@ -14,7 +14,7 @@ import pytest
 import rclpy
 import yaml
 from bag_of_a_run import joints
-from ear import Client
+from ear import Served
 from lifecycle_msgs.msg import State, Transition
 from live_nodes import Nodes, command
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -33,7 +33,7 @@ PROBE = -1.0  # x of the messages sent until the recorder is there
 STIFFNESS = "coupling.stiffness"
 
 
-class Speaker(Client):
+class Speaker(Served):
     """Publishes numbered samples, and does so until the bag on the disk has them."""
 
     def __init__(self, ros_domain):
@@ -257,7 +257,7 @@ def test_a_folder_in_use_is_not_written_into(refusals):
 _PARENT = """
 import sys, time
 from pathlib import Path
-from haptic_sim.cli.processes import Nodes, Program
+from haptic_sim.live.processes import Nodes, Program
 nodes = Nodes(Path(sys.argv[1]))
 nodes.start(Program("haptic_recorder", "haptic_device.nodes.recorder", {"bag": sys.argv[2]}))
 print(nodes.pid("haptic_recorder"), flush=True)

@@ -5,12 +5,12 @@ import contextlib
 
 import numpy as np
 import pytest
-from ear import Client
+from ear import Served
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from waiting import until
 
-from haptic_sim.cli import replay_live
+from haptic_sim.live import replayed_hand
 from haptic_sim.played import PlayedTarget
 
 pytestmark = pytest.mark.timeout(300)
@@ -22,12 +22,12 @@ COUNT = 300
 def test_live_a_listener_hears_samples_of_the_recorded_target(ros_domain):
     ways = np.linspace(0.0, [0.03, -0.02, 0.5], COUNT)
     short, heard = PlayedTarget(np.arange(COUNT) * 1_000_000, ways), []
-    with contextlib.closing(Client(ros_domain, "listener", "/played")) as listener:
+    with contextlib.closing(Served(ros_domain, "listener", "/played")) as listener:
         deep = QoSProfile(depth=5000, reliability=ReliabilityPolicy.BEST_EFFORT)
         listener.node.create_subscription(JointState, "operator/target", heard.append, deep)
 
         def play_and_look():  # again and again: nobody says when the listener has learnt of who plays
-            assert replay_live.play(short, AXES, SCALE, "/played") == COUNT
+            assert replayed_hand.play(short, AXES, SCALE, "/played") == COUNT
             listener.look(0.1)
 
         until(lambda: heard, "a sample of the target", play_and_look)
@@ -37,6 +37,6 @@ def test_live_a_listener_hears_samples_of_the_recorded_target(ros_domain):
 
 
 def test_live_without_a_loopback_is_refused_in_a_sentence(ros_domain, monkeypatch):
-    monkeypatch.setattr(replay_live, "PATIENCE", 0.3)
+    monkeypatch.setattr(replayed_hand, "PATIENCE", 0.3)
     with pytest.raises(ValueError, match="nobody listens on /nobody/operator/target"):
-        replay_live.play(PlayedTarget(np.array([0]), np.zeros((1, 3))), ("x",), (1.0,), "/nobody")
+        replayed_hand.play(PlayedTarget(np.array([0]), np.zeros((1, 3))), ("x",), (1.0,), "/nobody")

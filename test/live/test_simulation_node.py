@@ -8,7 +8,7 @@ import sys
 import time
 
 import pytest
-from ear import Client
+from ear import Served
 from handle_samples import HOME, MS, handle
 from lifecycle_msgs.msg import State, Transition
 from live_nodes import Nodes, command
@@ -28,7 +28,7 @@ NODE, LOAD = "haptic_simulation", "haptic_simulation/load_scene"
 SECOND = False, "another scene is being loaded"
 
 
-class Peer(Client):
+class Peer(Served):
     """A device side in this process: sends handle samples, keeps what comes back; `said` [(message, values)]."""
 
     def __init__(self, domain):
@@ -62,17 +62,17 @@ class Peer(Client):
         return self.trigger(service, NODE)
 
     def pause(self, wanted):
-        answer = self.ask(f"{NODE}/pause", SetBool, SetBool.Request(data=wanted))
+        answer = self.ask(f"{NODE}/pause", SetBool.Request(data=wanted))
         return answer.success, answer.message
 
     def load_scene(self, name):
         assert self.set("scene", name, NODE) == (True, "")
-        return self.answer_of_load(self.send(LOAD, Trigger, Trigger.Request()))
+        return self.answer_of_load(self.send(LOAD, Trigger.Request()))
 
     def answer_of_load(self, asked):
         """(success, message) of a load that was asked for once: a second is refused while a world is compiled."""
-        self.until(asked.done, "a world is loaded")
-        return asked.result().success, asked.result().message
+        self.until(asked.poll, "a world is loaded")
+        return asked.answer.success, asked.answer.message
 
     def send_handle(self, position, step=1):
         """One sample of a handle at rest, `step` ms after the one before."""
@@ -216,19 +216,19 @@ def hooked(nodes, peer, start, tmp_path):
         node = start(words, cwd=tmp_path, stdout=log, stderr=log)
     node.folder = tmp_path
     peer.lead(START, times=5)
-    peer.client(LOAD, Trigger)
+    peer.until(lambda: peer.client.service(LOAD).ready, f"the service {LOAD}")
     return node
 
 
 def test_while_a_world_is_compiled_the_node_goes_on_serving_and_takes_no_second(hooked, peer):
     assert peer.set("scene", "corner", NODE)[0]
-    loaded = peer.send(LOAD, Trigger, Trigger.Request())
+    loaded = peer.send(LOAD, Trigger.Request())
     peer.until(lambda: peer.call("load_scene") == SECOND, "the refusal of a second")
     assert peer.pause(False)[0]
     assert peer.call("reset_scene")[0]
     assert peer.lead(START, times=5).position[:3].tolist() == list(START)
     assert peer.news("how it goes meanwhile", lambda message, values: True)["scene"] == "wall"
-    assert not loaded.done()
+    assert not loaded.poll()
     (hooked.folder / "compiled").touch()
     assert peer.answer_of_load(loaded) == (True, "scene is corner")
     peer.news("the other scene", lambda message, values: values["scene"] == "corner")
@@ -236,7 +236,7 @@ def test_while_a_world_is_compiled_the_node_goes_on_serving_and_takes_no_second(
 
 
 def test_a_node_that_is_cleaned_up_while_a_world_is_compiled_takes_no_world(hooked, peer):
-    loaded = peer.send(LOAD, Trigger, Trigger.Request())
+    loaded = peer.send(LOAD, Trigger.Request())
     peer.until(lambda: peer.call("load_scene") == SECOND, "the refusal of a second")
     peer.change(NODE, Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
     peer.change(NODE, Transition.TRANSITION_CLEANUP, State.PRIMARY_STATE_UNCONFIGURED)
@@ -246,7 +246,7 @@ def test_a_node_that_is_cleaned_up_while_a_world_is_compiled_takes_no_world(hook
 
 
 def test_told_to_end_while_a_world_is_compiled_the_node_ends_well(hooked, peer):
-    peer.send(LOAD, Trigger, Trigger.Request())
+    peer.send(LOAD, Trigger.Request())
     peer.until(lambda: peer.call("load_scene") == SECOND, "the refusal of a second")
     hooked.send_signal(signal.SIGTERM)
     assert hooked.wait(LIMIT) == 0

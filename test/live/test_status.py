@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic status` on a running node and among strange diagnostics; the witness of chaos among them too."""
+"""`haptic status` on a running node and among strange diagnostics; the listener of chaos among them too."""
 
 import contextlib
 import json
@@ -11,7 +11,7 @@ import pytest
 from live_nodes import command, strange_diagnostics
 from waiting import LIMIT, until
 
-from fault_injection.witness import Witness
+from fault_injection.listener import Listener
 from haptic_device.parameters import LOOPBACK_FIGURES
 
 pytestmark = pytest.mark.timeout(600)
@@ -53,10 +53,10 @@ def test_status_shows_strange_diagnostics_as_they_are_and_does_not_end():
     assert said["seven"]["level"] == said["all bits"]["level"] == 3 and said["[/x]"]["values"] == {"[/x]": "[/x]"}
 
 
-def test_the_witness_of_chaos_goes_on_hearing_among_strange_diagnostics(ros_domain):
-    with contextlib.closing(Witness(ros_domain)) as witness, strange_diagnostics():
-        until(lambda: "[/x]" in witness.statuses, "a strange status")
+def test_the_listener_of_chaos_goes_on_hearing_among_strange_diagnostics(ros_domain):
+    with contextlib.closing(Listener(ros_domain)) as listener, strange_diagnostics():
+        until(lambda: "[/x]" in listener.statuses, "a strange status")
         for _ in range(3):
-            witness.statuses.clear()
-            until(lambda: "[/x]" in witness.statuses, "the same again")
-        assert witness.levels["seven"] == 3
+            listener.statuses.clear()
+            until(lambda: "[/x]" in listener.statuses, "the same again")
+        assert listener.levels["seven"] == 3

@@ -73,7 +73,7 @@ def test_without_autostart_the_node_says_error_and_is_inactive_with_the_motor_at
             driver = start(failing("haptic_driver", thread, autostart=False, auto_enable=True, **SLOW))
             ear.change("haptic_driver", Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE)
             activate = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_ACTIVATE))
-            ear.send("haptic_driver/change_state", ChangeState, activate)
+            ear.send("haptic_driver/change_state", activate)
             said = ear.said.setdefault("haptic_driver", [])
             ear.until(
                 lambda: any((level, message) == (2, sentence(thread)) for level, message, _ in said),

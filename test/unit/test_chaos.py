@@ -12,9 +12,9 @@ import pytest
 from live_nodes import STRANGE
 from waiting import until
 
-from fault_injection import chaos_figures, chaos_loads, conductor
+from fault_injection import chaos_figures, chaos_loads, fault_injector
+from fault_injection.listener import ROW, TRUTH
 from fault_injection.soak import _row
-from fault_injection.witness import ROW, TRUTH
 from haptic_device.nodes import diagnostics, messages
 from haptic_device.parameters import DRIVER_FIGURES, LOOPBACK_FIGURES
 from haptic_sim.cli.keys import ESTOP, keys
@@ -24,14 +24,14 @@ ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 250_000  # ns
 
 
-class Pressing(conductor.Conductor):
+class Pressing(fault_injector.FaultInjector):
     """Of a display that has these faults, look by look, and is felt after the last."""
 
     def __init__(self, *faults):
-        self.faults, self.told, self.witness = list(faults), [], self
+        self.faults, self.told, self.listener = list(faults), [], self
 
     row = property(lambda self: {"fault": self.faults.pop(0) if self.faults else 0.0})
-    force = property(lambda self: conductor.FORCE + 1.0 if not self.faults else 0.0)
+    force = property(lambda self: fault_injector.FORCE + 1.0 if not self.faults else 0.0)
 
     def aim(self, place):
         self.told.append(place)
@@ -40,15 +40,15 @@ class Pressing(conductor.Conductor):
         self.told.append("enable")
 
 
-AGAIN = [conductor.FREE, "enable", conductor.PRESSED]
+AGAIN = [fault_injector.FREE, "enable", fault_injector.PRESSED]
 
 
 @pytest.mark.parametrize(("faults", "again"), [((), []), ((0.0, 0.0, 2.0), AGAIN)])
 def test_a_hand_that_presses_lets_go_enables_and_presses_again_after_a_fault(faults, again, monkeypatch):
-    monkeypatch.setattr(conductor, "HELD", 0.0)
+    monkeypatch.setattr(fault_injector, "HELD", 0.0)
     pressing = Pressing(*faults)
     pressing.press()
-    assert pressing.told == [conductor.PRESSED, *again]
+    assert pressing.told == [fault_injector.PRESSED, *again]
 
 
 def rows(forces, engage=1.0):
@@ -141,7 +141,7 @@ def test_figures_of_chaos_leave_out_values_that_say_no_number():
     for message in STRANGE:
         heard.statuses |= messages.statuses_of(message, 0)
     heard.statuses["ours"] = heard.statuses["[/x]"]._replace(values={"refused.gains": "3", "refused.late": "4.0"})
-    among = types.SimpleNamespace(witness=heard)
+    among = types.SimpleNamespace(listener=heard)
     assert chaos_loads._refusals(among) == 7 and chaos_loads._number(among, "missed") == 0.0
 
 

@@ -10,9 +10,9 @@ import pytest
 from in_process import haptic
 
 from haptic_device.parameter_types import Parameter, check_value
-from haptic_sim.cli.check import problems
-from haptic_sim.cli.nodes import NODES
-from haptic_sim.cli.params_doc import markdown
+from haptic_sim.cli.docs import markdown
+from haptic_sim.config_problems import problems
+from haptic_sim.node_parameters import NODES
 
 ROOT = Path(__file__).resolve().parents[2]
 SHIPPED = sorted((ROOT / "config").rglob("*.yaml"))

@@ -73,13 +73,13 @@ def test_bad_input_ends_in_one_sentence_and_exit_code_2(tmp_path, options, sente
 def test_interrupted_it_keeps_the_rows_that_were_done_and_says_where(tmp_path, monkeypatch):
     @contextlib.contextmanager
     def interrupting(rows):
-        def show(done):
+        def show(done, what):
             if done == 5:
                 raise KeyboardInterrupt
 
         yield show
 
-    monkeypatch.setattr(cli, "_progress", interrupting)
+    monkeypatch.setattr(cli, "progress", interrupting)
     result = haptic(tmp_path)
     assert result.exit_code == 130 and f"rows that were done are in {tmp_path / 'map.csv'}" in result.stderr
     assert np.loadtxt(tmp_path / "map.csv", delimiter=",", skiprows=1).shape == (5 * 12, 5)
@@ -104,7 +104,7 @@ def test_what_is_refused_before_the_first_row_leaves_an_earlier_map_as_it_is(tmp
     ],
 )
 def test_live_refuses_what_the_driver_cannot_take_before_any_node_is_started(tmp_path, monkeypatch, options, sentence):
-    monkeypatch.setattr("haptic_sim.cli.zwidth_live.running", None)
+    monkeypatch.setattr("haptic_sim.live.zwidth.running", None)
     result = haptic(tmp_path, "--live", **options)
     assert (result.exit_code, result.stdout) == (2, "")
     assert sentence in result.stderr

@@ -14,9 +14,9 @@ from haptic_device.nodes import driver, exchange_server, loopback, recorded_topi
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import servo_thread
 from haptic_device.ros_yaml import load as load_yaml
-from haptic_sim.cli.check import problems
+from haptic_sim.cli.docs import fault_table
 from haptic_sim.cli.main import COMMANDS
-from haptic_sim.cli.params_doc import fault_table
+from haptic_sim.config_problems import problems
 from haptic_sim.node import simulation
 
 ROOT = Path(__file__).parents[2]

@@ -4,7 +4,10 @@
 import pytest
 
 from haptic_device.status import Status
-from haptic_sim.cli import follow, outcome
+from haptic_sim import outcome
+from haptic_sim.cli.progress import status_line
+from haptic_sim.cli.tables import print_outcome
+from haptic_sim.live import follow
 
 
 class Said:
@@ -28,14 +31,11 @@ class Said:
     def said(self, node, entry):
         return self.statuses.get(node, Status(0, 0, "", {})).values.get(entry, "")
 
-    def close(self):
-        pass
-
 
 def followed(monkeypatch, *looks, limit=60.0):
-    monkeypatch.setattr(follow, "Live", lambda domain: Said(*looks))
     monkeypatch.setattr(follow, "START_LIMIT", limit)
-    return follow.follow(0.1, 0, lambda: None)
+    with status_line() as show:
+        return follow.follow(0.1, Said(*looks), lambda: None, show)
 
 
 def test_a_driver_in_fault_before_its_first_command_ends_the_run_in_a_sentence_and_is_not_waited_for(monkeypatch):
@@ -60,6 +60,6 @@ def test_words_of_others_are_shown_as_they_are_on_a_terminal_and_in_the_table(mo
     monkeypatch.setattr("rich.console.Console.is_terminal", True)
     assert followed(monkeypatch, ("", 1.0))
     found = outcome.nothing() | {"scene": "[/x]", "done": False, "bag": None, "faults": ["[/x] says [bold"]}
-    outcome.print_table(found)
+    print_outcome(found)
     said = capsys.readouterr()
     assert "missed ticks [/x]" in said.err and "[/x] says [bold" in said.out

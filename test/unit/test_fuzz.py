@@ -17,7 +17,7 @@ from haptic_device.control import exchange_samples as law
 from haptic_device.message_fields import AXES
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import JointLayout
-from haptic_sim.cli.check import problems
+from haptic_sim.config_problems import problems
 from haptic_sim.endpoint import ExchangeEndpoint
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "config").rglob("*.yaml"))

@@ -19,9 +19,9 @@ from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.realtime import servo_loop
 from haptic_device.status import Status
 from haptic_sim.cli.identify import identify as command
-from haptic_sim.cli.identify import write
-from haptic_sim.cli.shaking import shake_handle, unbroken
-from haptic_sim.cli.tuning import refuse_other_device
+from haptic_sim.live.excitation import shake_handle, unbroken
+from haptic_sim.live.identification import write_description
+from haptic_sim.live.tuning import refuse_other_device
 
 
 @pytest.mark.parametrize(
@@ -243,7 +243,7 @@ class Listener:
 @pytest.mark.parametrize("broken, least, most", [(0, 2700, 3600), (6000, 7500, 8600)])
 def test_shaking_goes_on_until_a_run_of_the_trace_is_long_enough(monkeypatch, broken, least, most):
     listener = Listener(broken)
-    monkeypatch.setattr("haptic_sim.cli.shaking.time.monotonic", lambda: listener.now * 1e-3)
+    monkeypatch.setattr("haptic_sim.live.excitation.time.monotonic", lambda: listener.now * 1e-3)
     plan = ((shake, None) for shake in wall_jumps((0.0,), 1.0, 1.0, 1e-3))
     shake_handle(listener, plan, 2.0, lambda: None)
     assert least <= listener.now <= most
@@ -255,7 +255,7 @@ def test_the_description_that_is_written_can_be_loaded_and_keeps_what_was_not_fo
     values = {"mass": (0.2, 1e-3), "damping": (1.5, 0.02), "coulomb": (0.04, 1e-3), "bias": (0.0, 1e-3)}
     values |= {"delay": (4e-4, 1e-5), "resolution": (5e-6, None), "residual": (2e-6, None)}
     turning = values | {"mass": (3e-4, 1e-6), "delay": (8e-4, 1e-2)}
-    write(tmp_path / "found.yaml", described, {"x": values, "y": values, "theta": turning})
+    write_description(tmp_path / "found.yaml", described, {"x": values, "y": values, "theta": turning})
     device = load_device(str(tmp_path / "found.yaml"))
     assert (device.axes[0].mass, device.axes[1].damping, device.axes[1].coulomb) == (0.2, 1.5, 0.04)
     assert (device.axes[2].mass, device.axes[2].counts_per_unit) == (3e-4, described.axes[2].counts_per_unit)

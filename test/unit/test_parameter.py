@@ -13,7 +13,7 @@ from pydantic import Field
 from haptic_device import ros_yaml
 from haptic_device.parameter_files import operating_point_problems, read_operating_point
 from haptic_device.parameter_types import Group, Parameter, check_value, fixed, live, parameters_of
-from haptic_sim.cli.nodes import NODES as ALL_NODES
+from haptic_sim.node_parameters import NODES as ALL_NODES
 
 STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", low=0.0, high=5000.0, live=True)
 RATE = Parameter("rate", 4000, "Hz", "servo rate", low=1000, high=10000)

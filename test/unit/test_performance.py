@@ -16,7 +16,9 @@ from bench.servo import cyclictest
 from bench.servo import servo as bench_servo
 from haptic_device.analysis import sweep
 from haptic_device.realtime import machine
-from haptic_sim.cli import demo, doctor, lateness
+from haptic_sim.cli import demo
+from haptic_sim.live import lateness, machine_trial
+from haptic_sim.live.system import programs_of
 
 
 def test_without_cyclictest_the_rest_is_measured_and_kept_and_says_so(monkeypatch, tmp_path):
@@ -46,7 +48,7 @@ def measured(monkeypatch):
 
 def test_under_the_demo_the_driver_is_started_at_a_rate_that_it_takes(monkeypatch, measured):
     def accepted(order):
-        [driver] = [each for each in demo.programs_of(order) if each.name == "haptic_driver"]
+        [driver] = [each for each in programs_of(order) if each.name == "haptic_driver"]
         raise InterruptedError(driver.parameters["servo.rate"])
 
     measured((late(1.0), None))
@@ -130,19 +132,19 @@ def trial(p999, compute=5.0, missed=0):
 
 
 def test_the_rate_chosen_is_the_last_whose_forces_are_written_within_half_a_period():
-    assert doctor.fastest({1000: trial(20.0), 4000: trial(119.9), 10000: trial(50.1)}) == 4000
-    assert doctor.fastest({1000: trial(20.0), 4000: trial(120.1), 10000: trial(50.1)}) == 1000
-    assert doctor.fastest({1000: trial(9000.0), 4000: trial(9000.0)}) == 1000
-    assert doctor.fastest({1000: trial(20.0), 4000: trial(20.0, missed=10)}) == 4000
-    assert doctor.fastest({1000: trial(20.0), 4000: trial(20.0, missed=11)}) == 1000
+    assert machine_trial.fastest({1000: trial(20.0), 4000: trial(119.9), 10000: trial(50.1)}) == 4000
+    assert machine_trial.fastest({1000: trial(20.0), 4000: trial(120.1), 10000: trial(50.1)}) == 1000
+    assert machine_trial.fastest({1000: trial(9000.0), 4000: trial(9000.0)}) == 1000
+    assert machine_trial.fastest({1000: trial(20.0), 4000: trial(20.0, missed=10)}) == 4000
+    assert machine_trial.fastest({1000: trial(20.0), 4000: trial(20.0, missed=11)}) == 1000
 
 
 def test_the_exchange_is_no_faster_than_the_answers_the_servo_and_the_cores_allow():
     trials = {1000: trial(10.0), 4000: trial(10.0)}
-    assert doctor.exchange_rate(4000, 100.0, trials, 4) == 2000
-    assert doctor.exchange_rate(4000, 300.0, trials, 4) == 1000
-    assert doctor.exchange_rate(1000, 100.0, trials, 4) == 1000
-    assert doctor.exchange_rate(4000, 100.0, trials, 1) == 500
+    assert machine_trial.exchange_rate(4000, 100.0, trials, 4) == 2000
+    assert machine_trial.exchange_rate(4000, 300.0, trials, 4) == 1000
+    assert machine_trial.exchange_rate(1000, 100.0, trials, 4) == 1000
+    assert machine_trial.exchange_rate(4000, 100.0, trials, 1) == 500
 
 
 def test_every_check_of_the_machine_that_is_not_good_says_how_to_get_more():

@@ -7,8 +7,8 @@ import pytest
 from haptic_device.analysis import probe
 from haptic_device.control import faults
 from haptic_device.description import load_device
-from haptic_sim.cli.zwidth_live import TRIES, Live
-from haptic_sim.cli.zwidth_twin import DEPTH, PHASES, WALL, Twin
+from haptic_sim.live.zwidth import TRIES, LiveDisplay
+from haptic_sim.live.zwidth_lockstep import DEPTH, PHASES, WALL, LockstepDisplay
 
 
 def circling(damping=3.0, coulomb=0.02, mass=0.1, every=0.002, radius=0.02):
@@ -70,13 +70,13 @@ def test_where_nothing_shakes_or_everything_does_one_side_stays_open():
 
 
 def test_the_twin_feels_the_damper_of_the_device_and_what_cancellation_leaves_of_it():
-    twin = Twin(load_device("desktop"), 1000.0, 0.0)
+    twin = LockstepDisplay(load_device("desktop"), 1000.0, 0.0)
     assert twin.turn(0.0) == pytest.approx(3.0, rel=1e-3)
     assert twin.turn(0.95) < 0.1 * 3.0
 
 
 def test_a_wall_at_95_per_cent_of_the_passive_stiffness_is_quiet_and_one_beyond_the_hands_damping_too_shakes():
-    twin = Twin(load_device("undamped"), 1000.0, 0.0)
+    twin = LockstepDisplay(load_device("undamped"), 1000.0, 0.0)
     assert not twin.show(0.95 * 300.0)
     assert twin.show(2.0 * (0.15 + 0.5) * 1000.0)
 
@@ -115,18 +115,18 @@ def said(time, x, energy_given):
 def test_a_live_wall_shakes_if_it_does_twice_at_any_depth(shaking):
     """Friction calms small oscillations: one touch that stays still shows only its own phase."""
     hand = Hand(lambda share: shaking is not None and share == PHASES[shaking])
-    assert Live(hand, 0.0, 5e-6).show(1000.0) is (shaking is not None)
+    assert LiveDisplay(hand, 0.0, 5e-6).show(1000.0) is (shaking is not None)
     assert hand.touched == list(PHASES if shaking is None else (*PHASES[: shaking + 1], PHASES[shaking]))
 
 
 def test_a_live_wall_that_shakes_once_only_stands_still():
     answers = iter([False, True, False, *[False] * len(PHASES)])
-    assert not Live(Hand(lambda share: next(answers)), 0.0, 5e-6).show(1000.0)
+    assert not LiveDisplay(Hand(lambda share: next(answers)), 0.0, 5e-6).show(1000.0)
 
 
 @pytest.mark.parametrize("stalls", [0, 1, TRIES - 1])
 def test_a_touch_during_which_the_machine_stalled_says_nothing_and_is_tried_again(stalls):
     answers = iter(([None] * stalls + [True]) * 2)
-    assert Live(Hand(lambda share: next(answers)), 0.0, 5e-6).show(1000.0)
+    assert LiveDisplay(Hand(lambda share: next(answers)), 0.0, 5e-6).show(1000.0)
     with pytest.raises(ValueError, match=f"{TRIES} touches of a wall of 1000 N/m ended as the machine stalled"):
-        Live(Hand(lambda share: None), 0.0, 5e-6).show(1000.0)
+        LiveDisplay(Hand(lambda share: None), 0.0, 5e-6).show(1000.0)

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from waiting import LIMIT, until
 
-from haptic_sim.cli import processes
-from haptic_sim.cli.domain import isolated_domain
-from haptic_sim.cli.outcome import ANSWERED, INSERTED, job_done, nothing
-from haptic_sim.cli.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
+from haptic_sim.live import processes
+from haptic_sim.live.domain import isolated_domain
+from haptic_sim.live.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
+from haptic_sim.outcome import ANSWERED, INSERTED, job_done, nothing
 
 pytestmark = pytest.mark.timeout(900)
 

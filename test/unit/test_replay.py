@@ -16,8 +16,8 @@ from haptic_device.device import operator_hand
 from haptic_device.realtime import tick_replay
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim import replay
-from haptic_sim.cli.nodes import NODES
 from haptic_sim.lockstep import PERFECT, Lockstep
+from haptic_sim.node_parameters import NODES
 from haptic_sim.played import PlayedTarget
 from haptic_sim.recompute import BLOCK, verdict_on
 from haptic_sim.scene import load as load_scene
@@ -244,7 +244,7 @@ def short(bag):
 
 
 def test_the_recorded_target_is_published_sample_by_sample_each_when_it_is_due(short, monkeypatch):
-    from haptic_sim.cli import replay_live
+    from haptic_sim.live import replayed_hand
 
     now, published, layout = 5.0, [], JointLayout(("x", "y", "theta"))
 
@@ -253,8 +253,8 @@ def test_the_recorded_target_is_published_sample_by_sample_each_when_it_is_due(s
         now += seconds
 
     clock = SimpleNamespace(monotonic=lambda: now, sleep=sleep, time_ns=lambda: round(now * 1e9))
-    monkeypatch.setattr(replay_live, "time", clock)
+    monkeypatch.setattr(replayed_hand, "time", clock)
     publisher = SimpleNamespace(publish=lambda data: published.append((now, layout.unpack(data).position)))
-    assert replay_live._publish(short, publisher, layout, SCALE) == len(published) == 300
+    assert replayed_hand.publish(short, publisher, layout, SCALE) == len(published) == 300
     assert [at - 5.0 for at, _ in published] == pytest.approx(list((short.times - short.times[0]) * 1e-9))
     assert [list(position) for _, position in published] == (short.points * SCALE).tolist()

@@ -18,8 +18,8 @@ from haptic_device.analysis.report.page import FIGURES, write_report
 from haptic_device.analysis.report.reading import read_run
 from haptic_device.analysis.report.table import sections
 from haptic_device.recording.writer import Bag
-from haptic_sim.cli.compared import figures_of
 from haptic_sim.cli.report import report
+from haptic_sim.comparison import figures_of
 
 TICKS = 8000
 STRING = "std_msgs/msg/String"

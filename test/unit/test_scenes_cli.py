@@ -154,10 +154,10 @@ def test_an_error_below_the_doubt_of_its_reference_is_none_and_what_is_not_stabl
 
 
 def test_the_gallery_has_a_section_and_a_picture_for_every_scene(tmp_path, monkeypatch):
-    from haptic_sim.cli import gallery
+    from haptic_sim import gallery
 
     monkeypatch.setattr(gallery, "names", lambda folder: ["wall", "four_bar"])
-    gallery.write(tmp_path / "page")
+    gallery.write_gallery(tmp_path / "page")
     page = (tmp_path / "page" / "README.md").read_text()
     for name in ("wall", "four_bar"):
         assert f"![{name}]({name}.png)" in page

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from haptic_device.ros_yaml import load as load_yaml
-from haptic_sim.cli.check import problems
-from haptic_sim.cli.nodes import NODES
+from haptic_sim.config_problems import problems
 from haptic_sim.node.scene_publisher import CONTACT, state_names
+from haptic_sim.node_parameters import NODES
 from haptic_sim.scene import Scene, load
 from haptic_sim.viewer import door, seat, shapes, tuned, wishes
 from haptic_sim.viewer.guard import Guard, is_loopback, reachable

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from haptic_device.jit import ensure_compiled
 from haptic_device.parameter_files import read_operating_point
-from haptic_sim.cli.nodes import NODES
-from haptic_sim.cli.processes import Program
+from haptic_sim.live.processes import Program
+from haptic_sim.node_parameters import NODES
 
 LOCK_STEP = "lock-step", "replay", "closed form", "methods", "local contacts"
 COMMANDS = {  # what a command that starts no nodes calls

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What came of a run: its figures from the bag, whether its job was done, and both as a table."""
+"""What came of a run: its figures from the bag, and whether its job was done."""
 
 import math
 
@@ -57,37 +57,6 @@ def job_done(found: dict, ended: bool, share: float = ANSWERED) -> bool:
     if "insertion_fraction" in found["result"]:
         return found["result"]["insertion_fraction"] >= INSERTED
     return ended and found["exchange"]["answered"] >= max(1, share * found["exchange"]["sent"])
-
-
-def print_table(found: dict) -> None:
-    """Prints the figures as a table on standard output."""
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text  # what nodes have said may look like markup
-
-    table = Table("figure", "value", title=Text(f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"))
-    for name, value in _lines(found):
-        table.add_row(Text(name), Text(value))
-    console = Console()
-    console.print(table)
-    for name in ("bag", "report"):
-        console.print(f"{name:8}{found[name] or 'none'}", soft_wrap=True, highlight=False)
-
-
-def _lines(found: dict):
-    for name, value in found.items():
-        if isinstance(value, dict):
-            yield from ((f"{name} {inner}", text) for inner, text in _lines(value))
-        elif name not in ("scene", "done", "bag", "report"):
-            yield name, _text(value)
-
-
-def _text(value) -> str:
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, list):
-        return ", ".join(value) or "none"
-    return "unknown" if value is None else str(value)
 
 
 def _result(values: dict[str, str]) -> dict[str, float]:

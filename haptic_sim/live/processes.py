@@ -14,8 +14,6 @@ from haptic_device.process import ending_with_us, own_environment, running_modul
 NAMESPACE = "/haptic"
 _PATIENCE = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))  # s after each
 
-_QUIET = ("--disable-external-lib-logs",)  # what a node prints is kept anyway
-
 
 class NodeDiedError(RuntimeError):
     """A node ended by itself."""
@@ -34,10 +32,18 @@ class Program(NamedTuple):
 
     def command(self) -> list[str]:
         """The command line that starts it."""
-        given = [word for file in self.files for word in ("--params-file", str(file))]
-        given += [word for key, value in self.parameters.items() for word in ("-p", f"{key}:={parameter_text(value)}")]
-        given += [word for old, new in self.renamed.items() for word in ("-r", f"{old}:={new}")]
-        return [*running_module(self.module), "--ros-args", *_QUIET, "-r", f"__ns:={self.namespace}", *given]
+        return [*running_module(self.module), *ros_arguments(self.namespace, self.parameters, self.files, self.renamed)]
+
+
+def ros_arguments(
+    namespace: str, parameters: dict, files: tuple[Path, ...] = (), renamed: dict[str, str] | None = None
+) -> list[str]:
+    """Arguments of a node's main; values in `parameters` go before those in the files. What a node prints is kept by
+    who starts it, so that it writes no log of its own."""
+    given = [word for file in files for word in ("--params-file", str(file))]
+    given += [word for key, value in parameters.items() for word in ("-p", f"{key}:={parameter_text(value)}")]
+    given += [word for old, new in (renamed or {}).items() for word in ("-r", f"{old}:={new}")]
+    return ["--ros-args", "--disable-external-lib-logs", "-r", f"__ns:={namespace}", *given]
 
 
 def parameter_text(value) -> str:
@@ -100,7 +106,7 @@ class Nodes:
 
     def stop(self) -> None:
         """Ends all nodes one by one, the last started first; a Ctrl-C meanwhile waits until all have ended."""
-        with _later():
+        with undisturbed():
             for name in reversed(list(self._running)):
                 if not self.end(name):
                     print(f"{name} had to be killed; it heard neither SIGINT nor SIGTERM", file=sys.stderr)
@@ -124,7 +130,8 @@ def _end(process: subprocess.Popen) -> bool:
 
 
 @contextlib.contextmanager
-def _later() -> Iterator[None]:
+def undisturbed() -> Iterator[None]:
+    """Ctrl-C and its like wait until the block is over."""
     heard: list[int] = []
     with _handling(lambda number, frame: heard.append(number)):
         yield

@@ -1,35 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic demo --view`: the nodes as processes, this process as their viewer, which may start them again."""
+"""The nodes of a run whose viewer is this process, which may start them again with another network or exchange."""
 
 import asyncio
 import time
 
-from haptic_sim.cli.domain import isolated_domain
-from haptic_sim.cli.processes import NAMESPACE, NodeDiedError, Nodes
-from haptic_sim.cli.view import arguments
+from haptic_sim.live.domain import isolated_domain
+from haptic_sim.live.prepare import prepare
+from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, ros_arguments
+from haptic_sim.live.system import Order, Relay, programs_of
 
 RECORDER = "haptic_recorder"
 HAND = {"haptic_loopback": {"motion.name": "follow"}, RECORDER: {"bag": "", "autostart": False}}
 NETWORK = {"delay": 2000.0, "jitter": 2000.0}  # most that may be asked for [ms]
 
 
-class Company:
-    """The nodes of an order. programs: order → list of Program; relay: (delay, jitter, loss) → Relay."""
+class NodeManager:
+    """The nodes of an order."""
 
-    def __init__(self, order, programs, relay, nodes: Nodes):
-        self._order, self._programs, self._relay, self._nodes = order, programs, relay, nodes
+    def __init__(self, order: Order, nodes: Nodes):
+        self._order, self._nodes = order, nodes
         self._changing = asyncio.Lock()
 
     def start(self) -> None:
         """Starts all nodes."""
-        for program in self._programs(self._order):
+        for program in programs_of(self._order):
             self._nodes.start(program)
 
     def offer(self) -> dict:
         """What `change` takes, and how it is now."""
         from haptic_device.parameters import EXCHANGE_METHODS, Exchange
 
-        now = self._order.relay or self._relay(0.0, 0.0, 0.0)
+        now = self._order.relay or Relay()
         times = {
             name: {"value": 1e3 * getattr(now, name), "unit": "ms", "low": 0, "high": high}
             for name, high in NETWORK.items()
@@ -42,7 +43,7 @@ class Company:
         """Starts the nodes again with this changed; the recorder goes on. ValueError if it cannot be so."""
         async with self._changing:
             order = self._changed(name, value)
-            programs = [program for program in self._programs(order) if program.name != RECORDER]
+            programs = [program for program in programs_of(order) if program.name != RECORDER]
             await asyncio.to_thread(self._nodes.end_all_but, RECORDER)
             for program in programs:  # not in that thread: a child goes with the thread that started it
                 self._nodes.start(program)
@@ -71,22 +72,20 @@ class Company:
         if not isinstance(value, int | float) or not one["low"] <= value <= one["high"]:
             raise ValueError(f"{name} is {value!r}; {one['low']} to {one['high']} {one['unit']} is needed")
         now = {known: offered[known]["value"] for known in (*NETWORK, "loss")} | {name: float(value)}
-        relay = self._relay(now["delay"] * 1e-3, now["jitter"] * 1e-3, now["loss"])
+        relay = Relay(now["delay"] * 1e-3, now["jitter"] * 1e-3, now["loss"])
         return self._order._replace(relay=relay if any(relay) else None)
 
 
-def play(order, programs, relay, page: dict) -> bool:
+def play(order: Order, page: dict) -> bool:
     """Runs the nodes of the order with a page, until Ctrl-C or the order's seconds are over. page: host and port."""
     order = order._replace(given=HAND)
-    from haptic_sim.cli.prepare import prepare
-
-    prepare(programs(order))
+    prepare(programs_of(order))
     with isolated_domain(order.out / "log"), Nodes(order.out / "log") as nodes:
-        company = Company(order, programs, relay, nodes)
-        company.start()
+        manager = NodeManager(order, nodes)
+        manager.start()
         from haptic_device.nodes.lifecycle import hear_the_end
         from haptic_sim.viewer.viewer import serve  # ROS is imported while the nodes start
 
         told, end = hear_the_end(), None if order.seconds is None else time.monotonic() + order.seconds
-        serve(arguments(NAMESPACE, page), lambda: told or (end is not None and time.monotonic() > end), company)
+        serve(ros_arguments(NAMESPACE, page), lambda: told or (end is not None and time.monotonic() > end), manager)
     return True

@@ -2,19 +2,26 @@
 """`haptic zwidth --live`: raises a wall's stiffness on the running driver until it shakes under the loopback's hand.
 
 The search, the gestures and the judgement are those of `haptic_device.analysis.probe`; the same device in lock-step
-(`zwidth_twin`) gives the figures to compare with. Everything is judged on the loopback's truth.
+(zwidth_lockstep.py) gives the figures to compare with. Everything is judged on the loopback's truth.
 """
 
 import contextlib
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from haptic_device.analysis import probe
+from haptic_device.analysis.quantity import finite, positive
+from haptic_device.config_files import find
 from haptic_device.control import faults
+from haptic_device.description import Device, load_device
+from haptic_device.parameter_types import check_value
+from haptic_device.parameters import OPERATING_POINT
 from haptic_device.status import number
-from haptic_sim.cli.pair import running
-from haptic_sim.cli.tuning import Tuning, refuse_other_device
-from haptic_sim.cli.zwidth_twin import DEPTH, HAND, LAG, OUT, PHASES, RADIUS, WALL, Twin
+from haptic_sim.live.pair import running
+from haptic_sim.live.tuning import Tuning, refuse_other_device
+from haptic_sim.live.zwidth_lockstep import DEPTH, HAND, LAG, OUT, PHASES, RADIUS, WALL, LockstepDisplay
 
 TOUCHED = (
     *("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "coupling.stiffness", "coupling.damping"),
@@ -24,10 +31,21 @@ REST = 0.4  # [s] in free space between two gestures
 STALLED = {faults.name_of(code) for code in (faults.DEVICE_SILENT, faults.DEVICE_WATCHDOG)}
 TRIES = 5  # of one touch
 CANCELLED = 0.95  # share of the damping, for the free end
+STIFFEST = 1e6  # [N/m] that is tried if nobody says otherwise
 
 
-class Live:
-    """The running display; `show` and `turn` as of the twin in lock-step."""
+class Plan(NamedTuple):
+    """Device and its description's path; servo rate [Hz]; damping of the wall [N s/m], largest stiffness [N/m]."""
+
+    device: Device
+    path: str
+    rate: float
+    damping: float
+    stiffness_max: float
+
+
+class LiveDisplay:
+    """The running display; `show` and `turn` as of the one in lock-step."""
 
     def __init__(self, tuning, damping, resolution, say=lambda what: None):
         self._tuning, self._damping, self._resolution, self._say = tuning, damping, resolution, say
@@ -106,20 +124,35 @@ class Live:
     def _begin(self):
         """Forgets the truths so far; time of the loopback at which the gesture begins."""
         self._tuning.look()
-        self._tuning.truths = self._tuning.truths[-1:]
+        del self._tuning.truths[:-1]
         return self._tuning.truths[-1]["time"][0]
 
 
-def measure(device, path, rate, damping, stiffness_max, domain, namespace, say):
+def plan(name: str, period: float, damping: float, stiffness_max: float | None) -> Plan:
+    """For a device's name or file, servo period [s], damping of the wall [N s/m], largest stiffness [N/m].
+
+    ValueError for what the driver would not take."""
+    positive("period", period, "s")
+    finite("damping", damping, "N s/m")
+    declared = {parameter.name: parameter for parameter in OPERATING_POINT}
+    check_value(declared["servo.rate"], 1.0 / period)
+    check_value(declared["wall.damping"], (damping,))
+    stiffness_max = STIFFEST if stiffness_max is None else stiffness_max
+    positive("stiffness_max", stiffness_max, "N/m")
+    path = str(Path(find("devices", name)).absolute())
+    return Plan(load_device(name), path, 1.0 / period, damping, stiffness_max)
+
+
+def measure(plan: Plan, domain: int | None, namespace: str | None, say) -> dict:
     """Figures of the display, live and in lock-step; say(what) hears of it. Raises ValueError, NodeDiedError."""
-    told = pair(path, rate)
+    device, told = plan.device, pair(plan.path, plan.rate)
     with running(domain, namespace, *told) as (number, room, check), contextlib.closing(Tuning(number, room)) as tuning:
         tuning.wait_engaged(check)
         refuse_other_device(tuning.statuses["haptic_driver"], device)
         with tuning.as_found(TOUCHED):
             rate = float(tuning.get(["servo.rate"])["servo.rate"])
-            live = Live(tuning, damping, 1.0 / device.axes[0].counts_per_unit, say)
-            return _figures(live, tuning, device, rate, damping, stiffness_max, say)
+            live = LiveDisplay(tuning, plan.damping, 1.0 / device.axes[0].counts_per_unit, say)
+            return _figures(live, tuning, plan._replace(rate=rate), say)
 
 
 def pair(path, rate):
@@ -130,7 +163,8 @@ def pair(path, rate):
     return driver, {"device": path, **hand, **start}
 
 
-def _figures(live, tuning, device, rate, damping, stiffness_max, say):
+def _figures(live, tuning, plan, say):
+    device, _, rate, damping, stiffness_max = plan
     b = device.axes[0].damping
     passive = 2.0 * (b - abs(damping)) * rate
     live.free()
@@ -140,8 +174,8 @@ def _figures(live, tuning, device, rate, damping, stiffness_max, say):
     shaking = live.show(0.95 * passive) if passive > 0.0 else None
     given, delay = live.energy_given, _write_delay(tuning)
     say("the same in lock-step")
-    twin = Twin(device, rate, damping, delay)
-    same = probe.find_boundary(twin.show, 0.95 * bound, min(stiffness_max, 20.0 * bound))
+    lockstep = LockstepDisplay(device, rate, damping, delay)
+    same = probe.find_boundary(lockstep.show, 0.95 * bound, min(stiffness_max, 20.0 * bound))
     return {
         "rate": rate,
         "damping": damping,
@@ -152,7 +186,7 @@ def _figures(live, tuning, device, rate, damping, stiffness_max, say):
         "lockstep": {
             "quiet": same.quiet,
             "shaking": same.shaking,
-            "damping": {"none": twin.turn(0.0), "cancelled": twin.turn(CANCELLED)},
+            "damping": {"none": lockstep.turn(0.0), "cancelled": lockstep.turn(CANCELLED)},
         },
         "at_95_percent_of_passive": {"shaking": shaking, "energy_given": given},
     }

@@ -2,22 +2,19 @@
 """What happens to the handle, heard by a thread that misses nothing: the loopback's truth, the servo's ticks, and what
 the nodes say of themselves."""
 
+import contextlib
 import threading
 import time
 from typing import NamedTuple
 
 import numpy as np
-import rclpy
-from rclpy.context import Context
-from rclpy.signals import SignalHandlerOptions
 
 from haptic_device.control.records import TRACE_ROW
-from haptic_device.message_fields import AXES, truth_names
-from haptic_device.nodes.messages import LATEST, STREAM, TRACE, JointState, statuses_of
-from haptic_device.nodes.polled_subscription import PolledSubscription
-from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, JointLayout
-from haptic_sim.cli.commands import Commands
-from haptic_sim.cli.processes import NAMESPACE
+from haptic_device.nodes.messages import TRACE
+from haptic_device.recording.layouts import CLOUD
+from haptic_sim.client import Client
+from haptic_sim.live.processes import NAMESPACE
+from haptic_sim.questions import trigger
 
 LOOK_PERIOD = 0.004  # s
 HAND_SPEED = 0.1  # [m/s] with which the hand's target moves; a slow hand brings the exchange little energy
@@ -39,7 +36,8 @@ COLUMNS = (
 )
 ROW = np.dtype([(name, *TRACE_ROW.fields[name][:1]) for name in COLUMNS])
 TRUTH = np.dtype([("time", "f8"), ("x", "f8"), ("y", "f8"), ("energy", "f8"), ("motor", "f8", (3,))])
-_STATE = JointLayout(truth_names(3))
+SERVICES = ("estop", "reset", "enable")
+PATIENCE = 3.0  # [s] for a service of the driver
 
 
 class Heard(NamedTuple):
@@ -50,32 +48,31 @@ class Heard(NamedTuple):
     sessions: tuple[float, ...]
 
 
-class Witness:
+class Listener:
     """Listens until close(); `begin` forgets, `heard` tells what came since. Of a device with three axes."""
 
     def __init__(self, domain: int):
-        self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node("haptic_witness", namespace=NAMESPACE, context=self._context)
-        self.commands = Commands(self._node, self._context)
-        self._truth = PolledSubscription(self._node, "operator/state", JOINTS, STREAM, raw=True)
-        self._trace = PolledSubscription(self._node, "trace", CLOUD, TRACE)
-        self._said = PolledSubscription(self._node, "/diagnostics", DIAGNOSTICS, STREAM, raw=True)
-        self._target = self._node.create_publisher(JointState, "operator/target", LATEST)
+        self._client = Client.join("haptic_listener", domain, NAMESPACE, every_truth=True)
+        self._client.prepare(*(f"haptic_driver/{name}" for name in SERVICES))
+        self._trace = self._client.subscribe("trace", CLOUD, TRACE)
         self._truths, self._rows, self._sessions = [], [], []
         self._goal = self._hand = None
-        self.statuses, self.levels, self._lock = {}, {}, threading.Lock()
+        self.said, self.statuses = self._client.said, self._client.statuses
+        self.levels, self._lock = {}, threading.Lock()
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._listen, name="witness")
+        self._thread = threading.Thread(target=self._listen, name="listener")
         self._thread.start()
 
     def close(self) -> None:
         """Ends the thread and leaves the network."""
         self._stop.set()
         self._thread.join()
-        self.commands.close()
-        self._node.destroy_node()
-        rclpy.shutdown(context=self._context)
+        self._client.close()
+
+    def call(self, service: str, patience: float = PATIENCE) -> None:
+        """Calls the driver's ~/estop, ~/reset or ~/enable, whether it refuses, or does not answer in time [s]."""
+        with contextlib.suppress(ValueError):
+            self._client.call(trigger(f"haptic_driver/{service}"), patience=patience)
 
     def begin(self) -> None:
         """Forgets what was heard, but for the newest truth and tick."""
@@ -107,20 +104,19 @@ class Witness:
         """The newest tick that was heard of, or None."""
         return self._rows[-1][-1] if self._rows else None
 
-    def said(self, node: str, entry: str) -> str:
-        """Last value of a node's diagnostic entry, or an empty text."""
-        return self.statuses[node].values.get(entry, "") if node in self.statuses else ""
-
     def _listen(self):
         looked = time.monotonic()
         while not self._stop.wait(LOOK_PERIOD):
+            began = time.monotonic()
             with self._lock:
-                self._truths += [_truth(each.message) for each in self._truth.take() if _STATE.matches(each.message)]
+                self._client.look()
+                self._truths += [_truth(each) for each in self._client.truths]
+                self._client.truths.clear()
                 self._rows += [_rows(each.message) for each in self._trace.take()]
-            for sample in self._said.take():
-                found = statuses_of(sample.message, sample.received)
-                self.statuses |= found
-                self.levels |= {name: max(said.level, self.levels.get(name, 0)) for name, said in found.items()}
+                new = [name for name, at in self._client.heard.items() if at >= began]
+                for name, said in [(name, self.statuses.get(name)) for name in new]:
+                    if said is not None:
+                        self.levels[name] = max(said.level, self.levels.get(name, 0))
             elapsed, looked = time.monotonic() - looked, time.monotonic()
             if self._goal is not None:
                 self._move_hand(min(elapsed, 5 * LOOK_PERIOD) * HAND_SPEED)
@@ -128,13 +124,12 @@ class Witness:
     def _move_hand(self, way):
         self._hand = self._goal if self._hand is None else self._hand
         self._hand += max(-way, min(way, self._goal - self._hand))
-        self._target.publish(JointState(name=list(AXES), position=[self._hand, 0.0, 0.0]))
+        self._client.aim((self._hand, 0.0, 0.0))
 
 
-def _truth(data):
-    sample = _STATE.unpack(data)
-    given, now = sample.position[6], sample.position[7]
-    return now, sample.position[0], sample.position[1], given, tuple(sample.effort[3:6])
+def _truth(one):
+    motor = tuple(one[f"motor_{axis}"][2] for axis in ("x", "y", "theta"))
+    return one["time"][0], one["x"][0], one["y"][0], one["energy_given"][0], motor
 
 
 def _rows(cloud):

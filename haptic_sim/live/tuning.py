@@ -5,72 +5,46 @@ A value that is no longer what this tool has set was set by somebody else: then 
 """
 
 import contextlib
-import signal
 import time
 from collections.abc import Iterator
 
 import numpy as np
-import rclpy
-from rcl_interfaces.srv import GetParameters, SetParametersAtomically
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.signals import SignalHandlerOptions
-from std_srvs.srv import Trigger
 
 from haptic_device.control.faults import NAMES
 from haptic_device.control.records import TRACE_ROW
-from haptic_device.message_fields import AXES, truth_names
-from haptic_device.nodes.messages import LATEST, STREAM, TRACE, JointState, statuses_of
-from haptic_device.nodes.polled_subscription import PolledSubscription
-from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, JointLayout
+from haptic_device.nodes.messages import TRACE
+from haptic_device.recording.layouts import CLOUD
 from haptic_device.status import Status, number
-from haptic_sim.cli.mock_simulation import MockAnswerer, MockSimulation
+from haptic_sim.client import Client
+from haptic_sim.live.mock_simulation import MockAnswerer, MockSimulation
+from haptic_sim.live.processes import undisturbed
+from haptic_sim.questions import Question, RefusedError, get_parameters, set_parameters, trigger
 
+DRIVER = "haptic_driver"
 PATIENCE = 15.0  # [s] for a service
-ATTEMPTS = 5  # the answer to a client whom the service has not discovered yet is lost; all calls may be repeated
+AGAIN = 3.0  # [s] without an answer after which it is asked once more; all calls may be repeated
 APPEARANCE = 60.0  # [s] for a driver that has just been started to be engaged; the first start compiles the kernels
 POLICY = "passivity.policy"
 
 
 class Tuning:
-    """A node beside driver and loopback, without callbacks: `look` takes what has come. Raises ValueError sentences.
+    """A client beside driver and loopback. Raises ValueError sentences.
 
     With a `tool`, it answers the driver in place of a simulation whenever it looks.
     """
 
     def __init__(self, domain: int, namespace: str, trace: bool = False, tool: bool = False):
-        self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node("haptic_tuning", namespace=namespace, context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._state = PolledSubscription(self._node, "operator/state", JOINTS, STREAM, raw=True)
-        self._said = PolledSubscription(self._node, "/diagnostics", DIAGNOSTICS, STREAM, raw=True)
-        self._trace = PolledSubscription(self._node, "trace", CLOUD, TRACE) if trace else None
-        self.tool = MockAnswerer(self._node, MockSimulation()) if tool else None
-        self._target = self._node.create_publisher(JointState, "operator/target", LATEST)
-        self._layouts = [JointLayout(truth_names(axes)) for axes in (1, 2, 3)]
-        self._services = {}
-        self.truths: list[dict] = []
+        self._client = Client.join("haptic_tuning", domain, namespace, every_truth=True)
+        self._trace = self._client.subscribe("trace", CLOUD, TRACE) if trace else None
+        self.tool = MockAnswerer(self._client.node, MockSimulation()) if tool else None
+        self.aim, self.close = self._client.aim, self._client.close
+        self.truths, self.statuses = self._client.truths, self._client.statuses
         self.rows: list[np.ndarray] = []
-        self.statuses: dict = {}
         self._held: dict = {}  # what this tool has set, of the parameters that it will put back
-
-    def close(self) -> None:
-        """Leaves the network."""
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.shutdown(context=self._context)
 
     def look(self) -> None:
         """Appends what came to `truths` (name: (position, velocity, effort)) and `rows`, and updates `statuses`."""
-        for sample in self._state.take():
-            self.truths += [
-                _by_name(layout, sample.message) for layout in self._layouts if layout.matches(sample.message)
-            ]
-        for sample in self._said.take():
-            self.statuses |= statuses_of(sample.message, sample.received)
+        self._client.look()
         if self._trace is not None:
             self.rows += [_rows(sample.message) for sample in self._trace.take()]
         if self.tool is not None:
@@ -86,15 +60,9 @@ class Tuning:
             self.refuse_fault()
             time.sleep(0.004)
 
-    def aim(self, point) -> None:
-        """Where the loopback's hand shall go, as long as its motion is `follow`."""
-        axes = AXES[: len([name for name in AXES if name in self.truths[-1]])] if self.truths else AXES
-        message = JointState(name=list(axes), position=[float(value) for value in point[: len(axes)]])
-        self._target.publish(message)
-
     def said(self, entry: str) -> str:
         """Last value of an entry of the driver's diagnostics, or an empty text."""
-        return self.statuses["haptic_driver"].values.get(entry, "") if "haptic_driver" in self.statuses else ""
+        return self._client.said(DRIVER, entry)
 
     def refuse_fault(self) -> None:
         """Raises ValueError if the driver is in fault."""
@@ -111,8 +79,8 @@ class Tuning:
             if self.said("state") == "engaged" and self.truths:
                 return
             time.sleep(0.02)
-        room = self._node.get_namespace()
         if not self.truths:
+            room = self._client.node.get_namespace()
             raise ValueError(f"no loopback is heard of in {room}; start one, or let this command start both nodes")
         state = self.said("state") or "not heard of"
         raise ValueError(
@@ -139,9 +107,7 @@ class Tuning:
 
     def get(self, names) -> dict:
         """Values of the driver's parameters; lists as tuples."""
-        answer = self._call(GetParameters, "get_parameters", GetParameters.Request(names=list(names)))
-        values = [parameter_value_to_python(value) for value in answer.values]
-        return {name: _plain(value) for name, value in zip(names, values, strict=True)}
+        return self._call(get_parameters(DRIVER, names))
 
     def set(self, **values) -> None:
         """Sets parameters of the driver, `__` for the dot, all or none; ValueError with its sentence if it refuses."""
@@ -161,7 +127,7 @@ class Tuning:
         try:
             yield found
         finally:
-            with _undisturbed():
+            with undisturbed():
                 if self.tool is not None:
                     time.sleep(sum(self.get(["exchange.hold", "exchange.fade"]).values()))
                 self._write(found | {POLICY: "off"})
@@ -169,8 +135,9 @@ class Tuning:
                 self._held = {}
 
     def trigger(self, service: str) -> None:
-        """Calls ~/enable, ~/reset and their like."""
-        self._call(Trigger, service, Trigger.Request())
+        """Calls ~/enable, ~/reset and their like, whether it refuses or not."""
+        with contextlib.suppress(RefusedError):
+            self._call(trigger(f"{DRIVER}/{service}"))
 
     def _refuse_stranger(self) -> None:
         for name, value in self.get(self._held).items():
@@ -180,28 +147,14 @@ class Tuning:
                 )
 
     def _write(self, values) -> None:
-        parameters = [_parameter(name, value).to_parameter_msg() for name, value in values.items()]
-        request = SetParametersAtomically.Request(parameters=parameters)
-        result = self._call(SetParametersAtomically, "set_parameters_atomically", request).result
-        if not result.successful:
-            raise ValueError(f"haptic_driver refused: {result.reason}")
+        try:
+            self._call(set_parameters(DRIVER, values))
+        except RefusedError as refusal:
+            raise ValueError(f"{DRIVER} refused: {refusal}") from None
         self._held |= {name: value for name, value in values.items() if name in self._held}
 
-    def _call(self, kind, name, request):
-        if name not in self._services:
-            self._services[name] = self._node.create_client(kind, f"haptic_driver/{name}")
-        client = self._services[name]
-        if not client.wait_for_service(PATIENCE):
-            raise ValueError(
-                f"haptic_driver offers no {name} in {self._node.get_namespace()}; does it run in this domain?"
-            )
-        for _ in range(ATTEMPTS):
-            future = client.call_async(request)
-            self._executor.spin_until_future_complete(future, PATIENCE / ATTEMPTS)
-            if future.done():
-                return future.result()
-            client.remove_pending_request(future)
-        raise ValueError(f"haptic_driver did not answer {name} within {PATIENCE:g} s")
+    def _call(self, question: Question):
+        return self._client.call(question, patience=PATIENCE, again=AGAIN)
 
 
 def refuse_other_device(said: Status, device, described: bool = True) -> None:
@@ -214,21 +167,6 @@ def refuse_other_device(said: Status, device, described: bool = True) -> None:
         )
 
 
-@contextlib.contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Ctrl-C and its like wait until the block is over."""
-    heard = []
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.signal(number, lambda *_: heard.append(True)) for number in numbers}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    if heard:
-        raise KeyboardInterrupt
-
-
 def _rows(cloud) -> np.ndarray:
     """Servo ticks of a block of the trace. Raises ValueError where the driver is of another version."""
     if cloud.point_step != TRACE_ROW.itemsize:
@@ -237,17 +175,3 @@ def _rows(cloud) -> np.ndarray:
             "the driver is of another version"
         )
     return np.frombuffer(cloud.data, TRACE_ROW)
-
-
-def _plain(value):
-    return tuple(value) if not isinstance(value, bool | int | float | str) and value is not None else value
-
-
-def _parameter(name, value):
-    kind = Parameter.Type.DOUBLE_ARRAY if isinstance(value, tuple) else None
-    return Parameter(name, kind, list(value)) if kind else Parameter(name, value=value)
-
-
-def _by_name(layout, data) -> dict:
-    sample = layout.unpack(data)
-    return dict(zip(layout.names, zip(sample.position, sample.velocity, sample.effort, strict=True), strict=True))

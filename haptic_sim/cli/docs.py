@@ -9,7 +9,7 @@ import typer
 
 from haptic_device.control.faults import TABLE
 from haptic_device.parameter_types import Parameter
-from haptic_sim.cli.nodes import NODES
+from haptic_sim.node_parameters import NODES
 
 HEAD = """# Parameters
 

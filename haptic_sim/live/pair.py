@@ -2,14 +2,13 @@
 """Driver and loopback for a tool: the ones that run, or a pair of the tool's own in a domain of its own."""
 
 import contextlib
-import os
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from haptic_sim.cli.domain import isolated_domain
-from haptic_sim.cli.prepare import prepare
-from haptic_sim.cli.processes import NAMESPACE, Nodes, Program
+from haptic_sim.live.domain import current_domain, isolated_domain
+from haptic_sim.live.prepare import prepare
+from haptic_sim.live.processes import NAMESPACE, Nodes, Program
 
 
 @contextlib.contextmanager
@@ -19,7 +18,7 @@ def running(domain: int | None, namespace: str | None, driver: dict, loopback: d
     check() raises if a node of the pair has ended.
     """
     if domain is not None or namespace is not None:
-        yield domain or int(os.environ.get("ROS_DOMAIN_ID", "0") or "0"), namespace or NAMESPACE, lambda: None
+        yield domain or current_domain(), namespace or NAMESPACE, lambda: None
         return
     with contextlib.ExitStack() as stack:
         logs = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="haptic_")))

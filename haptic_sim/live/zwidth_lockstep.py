@@ -18,7 +18,7 @@ EVERY = 0.002  # [s] between two targets of the hand
 LAG = 0.01  # [s] motion.lag
 
 
-class Twin:
+class LockstepDisplay:
     """A display in lock-step; `show` and `turn` as of the live one. write_delay [s]: of the servo's writes."""
 
     def __init__(self, device, rate, damping, write_delay=0.0):

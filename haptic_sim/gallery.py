@@ -14,7 +14,7 @@ circles are pins, squares sliders, the dotted line is the way suggested for the 
 """
 
 
-def write(folder) -> None:
+def write_gallery(folder) -> None:
     """README.md and a PNG of every scene; OSError if they cannot be written."""
     folder.mkdir(parents=True, exist_ok=True)
     sections = [HEAD]

@@ -9,7 +9,7 @@ import numpy as np
 from haptic_device.analysis.excitation import tool_twists, wall_jumps
 from haptic_device.analysis.identify import FEWEST, SEGMENT
 from haptic_device.parameters import OPERATING_POINT
-from haptic_sim.cli.tuning import Tuning, refuse_other_device
+from haptic_sim.live.tuning import Tuning, refuse_other_device
 
 WALLS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping")
 QUIET = ("coupling.stiffness", "coupling.damping", "cancellation.ratio", "passivity.policy")
@@ -19,7 +19,7 @@ PATIENCE = 60.0  # [s] that the shaking goes on for while every run of the trace
 EDGE = 0.2  # of the workspace, at either end, that no centre lies in
 
 
-def record(domain, namespace, check, device, seconds, force, torque):
+def record_excitation(domain, namespace, check, device, seconds, force, torque):
     """Rows of the longest unbroken trace of the shaking, with at most so much force [N] and torque [N m]."""
     turned = len(device.axes) == 3
     with contextlib.closing(Tuning(domain, namespace, trace=True, tool=turned)) as tuning:

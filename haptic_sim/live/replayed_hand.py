@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recorded hand as the target of a running loopback device, in real time."""
 
-import os
+import contextlib
 import time
 
-import rclpy
-from rclpy.context import Context
-
-from haptic_device.nodes.messages import LATEST, JointState
 from haptic_device.recording.layouts import JointLayout
+from haptic_sim.client import Client
+from haptic_sim.live.domain import current_domain
 from haptic_sim.played import PlayedTarget
 
 PATIENCE = 10.0  # [s] for the loopback device to listen
@@ -19,15 +17,9 @@ def play(target: PlayedTarget, axes: tuple[str, ...], scale: tuple[float, ...], 
 
     axes: those of the device; scale: world metres (radians) per metre (radian) of each.
     """
-    context = Context()
-    rclpy.init(context=context, domain_id=int(os.environ.get("ROS_DOMAIN_ID", "0") or "0"))
-    try:
-        node = rclpy.create_node("haptic_replay", namespace=namespace, context=context)
-        publisher = node.create_publisher(JointState, "operator/target", LATEST)
-        _await_listener(publisher)
-        return _publish(target, publisher, JointLayout(axes), scale)
-    finally:
-        rclpy.shutdown(context=context)
+    with contextlib.closing(Client.join("haptic_replay", current_domain(), namespace)) as client:
+        _await_listener(client.target)
+        return publish(target, client.target, JointLayout(axes), scale)
 
 
 def _await_listener(publisher) -> None:
@@ -38,7 +30,8 @@ def _await_listener(publisher) -> None:
         time.sleep(0.02)
 
 
-def _publish(target, publisher, layout, scale) -> int:
+def publish(target: PlayedTarget, publisher, layout: JointLayout, scale: tuple[float, ...]) -> int:
+    """The target on this publisher, each sample when it is due; how many."""
     began, none = time.monotonic(), [0.0] * layout.count
     first = int(target.times[0])
     for when, point in zip(target.times, target.points, strict=True):

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fault_injection.witness import Witness
+from fault_injection.listener import Listener
 from haptic_device.realtime import shared_memory
-from haptic_sim.cli.prepare import prepare
-from haptic_sim.cli.processes import NAMESPACE, NodeDiedError, Nodes, Program
+from haptic_sim.live.prepare import prepare
+from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, Program
 
 NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation")
 FREE, PRESSED = 0.03, -0.003  # [m] where the hand is in free space; and where it wants to be in the wall
@@ -25,13 +25,13 @@ AGAIN = 0.2  # [s] between two attempts to enable
 LOOK = 0.002  # s
 
 
-class Conductor:
+class FaultInjector:
     """Starts the programs and holds them; as a context it leaves nothing behind."""
 
     def __init__(self, programs: list[Program], folder: Path, domain: int):
-        prepare(programs)  # before the witness has a thread that somebody must end
+        prepare(programs)  # before the listener has a thread that somebody must end
         self.programs = {program.name: program for program in programs}
-        self.nodes, self.witness = Nodes(folder / "log"), Witness(domain)
+        self.nodes, self.listener = Nodes(folder / "log"), Listener(domain)
         self.folder, self._bags = folder, 0
         self._page = shared_memory.FOLDER / shared_memory.file_name(str(domain), NAMESPACE)
 
@@ -42,15 +42,15 @@ class Conductor:
 
     def __exit__(self, *exception):
         self.nodes.stop()
-        self.witness.close()
+        self.listener.close()
 
     def begin(self, limit: float = PATIENCE) -> None:
         """Everything well: engaged, no fault, the hand in free space; forgets what was heard."""
-        self.witness.aim(FREE)
+        self.listener.aim(FREE)
         self.enable(limit)
         self.until(self.still, limit, "the handle at rest")
         self.wait(SETTLED)
-        self.witness.begin()
+        self.listener.begin()
 
     def press(self) -> None:
         """Has the hand press the wall, and hold on until that was heard of; begins again after a fault."""
@@ -59,16 +59,16 @@ class Conductor:
             if self.faulty:
                 self.release()
                 self.enable()
-                self.witness.aim(PRESSED)
+                self.listener.aim(PRESSED)
             return self.force > FORCE
 
-        self.witness.aim(PRESSED)
+        self.listener.aim(PRESSED)
         self.until(pressed, PATIENCE, f"{FORCE} N at the wall")
         self.wait(HELD)
 
     def release(self) -> None:
         """Has the hand go back to free space."""
-        self.witness.aim(FREE)
+        self.listener.aim(FREE)
 
     def kill(self, name: str) -> None:
         """kill -9."""
@@ -92,7 +92,7 @@ class Conductor:
         if name == "haptic_recorder":
             self._bags += 1
             program = program._replace(parameters={**program.parameters, "bag": str(self.folder / f"bag-{self._bags}")})
-        self.witness.statuses.pop(name, None)
+        self.listener.statuses.pop(name, None)
         self.nodes.start(program)
 
     def enable(self, limit: float = PATIENCE) -> float:
@@ -108,42 +108,42 @@ class Conductor:
         return time.monotonic() - began
 
     def _clear(self):
-        row = self.witness.row
+        row = self.listener.row
         if row is None or not self.fresh:
             return
         if row["fault"]:
-            self.witness.commands.call("reset", AGAIN)
+            self.listener.call("reset", AGAIN)
         elif row["state"] == 0.0:
-            self.witness.commands.call("enable", AGAIN)
+            self.listener.call("enable", AGAIN)
 
     @property
     def fresh(self) -> bool:
         """Whether the driver's ticks are coming now."""
-        row = self.witness.row
+        row = self.listener.row
         return row is not None and time.monotonic() - row["deadline"] * 1e-9 < 0.1
 
     @property
     def engaged(self) -> bool:
         """Engaged, with a tool sample in full use, on a device that is told of now."""
-        row, truth = self.witness.row, self.witness.truth
+        row, truth = self.listener.row, self.listener.truth
         told = truth is not None and time.monotonic() - truth[0] < 0.1
         return self.fresh and told and row["state"] == 3.0 and row["exchange_fade"] >= 1.0
 
     @property
     def faulty(self) -> bool:
         """Whether a fault is latched: one that needs a hand that lets go before it can be enabled again."""
-        row = self.witness.row
+        row = self.listener.row
         return row is not None and row["fault"] != 0.0
 
     @property
     def force(self) -> float:
         """Of the motor on the handle [N], newest truth."""
-        truth = self.witness.truth
+        truth = self.listener.truth
         return float(np.hypot(*truth[4][:2])) if truth else 0.0
 
     def still(self) -> bool:
         """Whether the handle is where the hand wants it in free space."""
-        truth = self.witness.truth
+        truth = self.listener.truth
         return truth is not None and abs(truth[1] - FREE) < 1e-3 and abs(truth[2]) < 1e-3
 
     def heartbeat(self) -> float:
@@ -167,7 +167,7 @@ class Conductor:
 
     def driver_says(self) -> str:
         """The driver's last status, or that there is none."""
-        said = self.witness.statuses.get("haptic_driver")
+        said = self.listener.statuses.get("haptic_driver")
         return said.message if said else "nothing was heard"
 
     def tracebacks(self) -> int:

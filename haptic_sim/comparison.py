@@ -15,7 +15,7 @@ def given_at(params: str | None) -> dict[str, dict]:
     """{node: {parameter: value}} of an operating point, a name or a file; empty for none. Raises ValueError."""
     from haptic_device.config_files import find
     from haptic_device.parameter_files import read_operating_point
-    from haptic_sim.cli.nodes import NODES
+    from haptic_sim.node_parameters import NODES
 
     return {} if params is None else read_operating_point(find("", params), NODES)
 
@@ -23,8 +23,8 @@ def given_at(params: str | None) -> dict[str, dict]:
 def replayed(bag: Path, namespace: str | None, as_device: bool, given: dict, delay: float, out: Path) -> None:
     """Plays the bag's hand at the given operating point into the new bag `out`."""
     from haptic_sim import replay
-    from haptic_sim.cli.nodes import NODES
     from haptic_sim.lockstep import Network
+    from haptic_sim.node_parameters import NODES
 
     recording = replay.recorded(bag, namespace)
     declared = {node: NODES[node] for node in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
@@ -37,17 +37,6 @@ def figures_of(run: Run) -> dict[str, str]:
     """The figures of one run by COLUMNS; a dash where the run does not tell."""
     parts = (_stiffness, _error, _energy, _wave, _margin, _cpu)
     return {name: _told(part, run) for name, part in zip(COLUMNS, parts, strict=True)}
-
-
-def print_table(figures: dict[str, dict[str, str]]) -> None:
-    """Prints one line for each run."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("run", *COLUMNS)
-    for name, row in figures.items():
-        table.add_row(name, *row.values())
-    Console(width=max(100, 30 + 18 * len(COLUMNS))).print(table)
 
 
 def _told(part, run: Run) -> str:

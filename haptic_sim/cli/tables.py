@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables that commands print: what came of a run, and runs side by side."""
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text  # what nodes have said may look like markup
+
+from haptic_sim.comparison import COLUMNS
+
+
+def print_outcome(found: dict) -> None:
+    """Prints the figures as a table on standard output."""
+    table = Table("figure", "value", title=Text(f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"))
+    for name, value in _lines(found):
+        table.add_row(Text(name), Text(value))
+    console = Console()
+    console.print(table)
+    for name in ("bag", "report"):
+        console.print(f"{name:8}{found[name] or 'none'}", soft_wrap=True, highlight=False)
+
+
+def _lines(found: dict):
+    for name, value in found.items():
+        if isinstance(value, dict):
+            yield from ((f"{name} {inner}", text) for inner, text in _lines(value))
+        elif name not in ("scene", "done", "bag", "report"):
+            yield name, _text(value)
+
+
+def _text(value) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list):
+        return ", ".join(value) or "none"
+    return "unknown" if value is None else str(value)
+
+
+def print_comparison(figures: dict[str, dict[str, str]]) -> None:
+    """Prints one line for each run: {run: its figures by COLUMNS}."""
+    table = Table("run", *COLUMNS)
+    for name, row in figures.items():
+        table.add_row(name, *row.values())
+    Console(width=max(100, 30 + 18 * len(COLUMNS))).print(table)
