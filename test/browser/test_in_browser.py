@@ -380,7 +380,7 @@ def test_a_second_operating_point_goes_along_as_a_ghost_and_its_end_is_said(syst
     [second] = [
         child
         for child in psutil.Process(system.process.pid).children(recursive=True)
-        if "haptic_sim.viewer.second" in child.cmdline()
+        if "haptic_sim.viewer.shadow_simulation" in child.cmdline()
     ]
     second.kill()
     tab.until_text("compare_note", "^the second operating point has ended by itself .signal 9.$")
