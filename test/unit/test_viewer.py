@@ -117,6 +117,14 @@ def test_no_way_that_a_browser_would_have_straightened_leads_out_of_the_pages_fo
     assert served(visit)[0].split()[1] in ("403", "404")
 
 
+def test_what_is_not_fetched_but_posted_is_refused_with_the_same_headers():
+    async def visit(server, http):
+        async with http.post(server.address(True) + "main.js") as answer:
+            return answer.status, HEADERS.items() <= answer.headers.items()
+
+    assert served(visit)[0] == (405, True)
+
+
 @pytest.mark.parametrize("kind", ("html", "js", "css", "svg"))
 def test_each_file_of_the_page_comes_whole_as_what_it_is(kind):
     types = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
