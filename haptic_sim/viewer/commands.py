@@ -115,7 +115,7 @@ class CommandHandler:
 
     async def ask(self, question, patience: float = PATIENCE, again: float | None = AGAIN):
         """What a node's answer means; ValueError if it refuses, is not there, or is silent."""
-        return await self.client.acall(question, patience, again, wait=False)
+        return await self.client.acall(question, patience=patience, again=again, wait=False)
 
     async def order(self, service: str) -> str:
         """enable, disable, estop or reset of the driver. Only what stops is asked for again and again: a late second

@@ -99,7 +99,7 @@ def test_the_parameters_of_a_viewer_can_be_asked_for_while_it_serves(shown, ros_
         over = []
         running = asyncio.create_task(served.run(lambda: over))
         with contextlib.closing(Client.join("asks", ros_domain, "/haptic")) as client:
-            found = await client.acall(get_parameters("haptic_viewer", ["rate", "host"]), LIMIT)
+            found = await client.acall(get_parameters("haptic_viewer", ["rate", "host"]), patience=LIMIT)
         over.append(True)
         await running
         return found
