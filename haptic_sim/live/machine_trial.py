@@ -6,6 +6,7 @@ import numpy as np
 from haptic_device.realtime import machine
 from haptic_device.realtime.servo_thread import PRIORITY
 from haptic_sim.live.lateness import RATES, alone
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import Exchanged, hand, rollout
 from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation

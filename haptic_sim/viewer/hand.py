@@ -59,18 +59,18 @@ class Hand:
         self.loose = self.loose and now < self._reached + AFTER
         return handle if self.loose else None
 
-    def aim(self, wish: dict[str, float], limits: Limits) -> str:
-        """Sets the goal's coordinates that the wish names; returns a hint where it had to be clamped, else ""."""
+    def aim(self, place: dict[str, float], limits: Limits) -> str:
+        """Sets the goal's coordinates that the place names; returns a hint where it had to be clamped, else ""."""
         goal, hints = list(self.goal), []
         for i, axis in enumerate(("x", "y", "theta")):
-            if axis not in wish:
+            if axis not in place:
                 continue
             if i >= len(limits.workspace):
                 hints.append(f"the device has no {axis} axis")
                 continue
             low, high = limits.workspace[i]
-            goal[i] = min(high, max(low, wish[axis]))
-            if goal[i] != wish[axis]:
+            goal[i] = min(high, max(low, place[axis]))
+            if goal[i] != place[axis]:
                 hints.append(f"{axis} ends at {_shown(goal[i], axis)}: edge of the workspace")
         self.goal = tuple(goal)
         return "; ".join(hints)

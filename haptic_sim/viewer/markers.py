@@ -2,18 +2,23 @@
 """The scene and what happens in it as markers for RViz 2 and Foxglove: the same outlines and poses as on the page."""
 
 import math
+import time
 from typing import NamedTuple
 
+from haptic_device.nodes.marker_messages import MarkerArray, TFMessage, frames, markers
+from haptic_device.nodes.messages import STREAM
 from haptic_sim.geometry import Outline, rectangle, turned
+from haptic_sim.node.scene_publisher import FRAME
 from haptic_sim.scene import Scene
-from haptic_sim.viewer import shapes
+from haptic_sim.viewer import drawing
 
+LOOK_PERIOD = 0.5  # s between two looks whether somebody listens
 THICKNESS = 0.01  # m, of bodies along z
 NEWTON = 0.003  # m of arrow for each newton
 SHAFT = 0.0012  # m
 CIRCLE = 32  # corners of a disc
 JOINT = 0.004  # m, diameter of a pin, side of the others
-TARGET_RADIUS = 1.6 * shapes.HANDLE_RADIUS  # m
+TARGET_RADIUS = 1.6 * drawing.HANDLE_RADIUS  # m
 WALL_LENGTH, WALL_DEPTH = 2.0, 0.05  # m of a half-plane that is shown
 FIXED, MOVING, TOOL = (0.55, 0.60, 0.65, 1.0), (0.34, 0.71, 0.91, 1.0), (0.90, 0.62, 0.0, 0.85)
 HANDLE, COUPLING, FORCE, CONTACT = (
@@ -40,10 +45,43 @@ class Marker(NamedTuple):
     size: float = 1.0
 
 
+class MarkerPublisher:
+    """Publishes `markers` while somebody listens, and frames on /tf where tf is installed. rate: markers a second
+    [Hz]."""
+
+    def __init__(self, node, rate: float):
+        self._node, self._period = node, 1.0 / rate
+        self._markers = node.create_publisher(MarkerArray, "markers", STREAM)
+        self._frames = node.create_publisher(TFMessage, "/tf", STREAM) if TFMessage else None
+        self._due = self._look_due = 0.0
+        self._heard = False
+
+    def show(self, scene, frame: dict, walls, workspace, now: float) -> None:
+        """A frame of the state, if it is time. scene: None while there is none; walls, workspace: as
+        `surroundings` has them; now [s]."""
+        if now >= self._look_due:
+            self._look_due = now + LOOK_PERIOD
+            self._heard = self._markers.get_subscription_count() > 0
+        if now < self._due:
+            return
+        self._due = max(self._due + self._period, now)
+        stamp = time.time_ns()
+        if self._heard and (wanted := self._wanted(scene, frame, walls, workspace)):
+            self._markers.publish(markers(stamp, FRAME, wanted))
+        if self._frames:
+            known = {name: frame[name] for name in ("handle", "tool") if frame[name]}
+            self._frames.publish(frames(stamp, FRAME, {"haptic_base": (0.0, 0.0, 0.0), **known}))
+
+    def _wanted(self, scene, frame, walls, workspace):
+        there = (frame["tool"], frame["bodies"])
+        solids = bodies(scene, *there) + joints(scene, *there) if scene and frame["tool"] else []
+        return solids + surroundings(walls, workspace) + happenings(frame)
+
+
 def bodies(scene: Scene, tool, poses) -> list[Marker]:
     """Tool and bodies where they are now; poses: of the scene's bodies, in its order, None where one is not known."""
     found = []
-    for number, (solid, pose) in enumerate(zip(shapes.solids(scene), (tool, *poses), strict=True)):
+    for number, (solid, pose) in enumerate(zip(drawing.solids(scene), (tool, *poses), strict=True)):
         if pose is None:
             continue
         colour = TOOL if number == 0 else FIXED if solid.fixed else MOVING
@@ -54,9 +92,9 @@ def bodies(scene: Scene, tool, poses) -> list[Marker]:
 
 def joints(scene: Scene, tool, poses) -> list[Marker]:
     """Where each joint holds on to its first body: a ball for a pin, else a cube; a spring with a line to the other."""
-    places = dict(zip((solid.name for solid in shapes.solids(scene)), (tool, *poses), strict=True))
+    places = dict(zip((solid.name for solid in drawing.solids(scene)), (tool, *poses), strict=True))
     found = []
-    for number, ends in enumerate(shapes.joints(scene)):
+    for number, ends in enumerate(drawing.joints(scene)):
         if any(places.get(mark.solid, NOWHERE) is None for mark in ends):
             continue
         a, b = (turned(mark.point, places.get(mark.solid, NOWHERE)) for mark in ends)
@@ -91,7 +129,7 @@ def happenings(frame: dict) -> list[Marker]:
         ring = (*_corners(Outline(((0.0, 0.0),), TARGET_RADIUS)), (TARGET_RADIUS, 0.0), (1.6 * TARGET_RADIUS, 0.0))
         found.append(Marker("target", 0, "line", tuple(frame["target"]), tuple(map(_raised, ring)), DARK, SHAFT / 2.0))
     if handle:
-        found.append(Marker("handle", 0, "sphere", tuple(handle), (), HANDLE, 2.0 * shapes.HANDLE_RADIUS))
+        found.append(Marker("handle", 0, "sphere", tuple(handle), (), HANDLE, 2.0 * drawing.HANDLE_RADIUS))
     if handle and tool:
         ends = (_raised(handle), _raised(tool))
         found.append(Marker("coupling", 0, "line", NOWHERE, ends, COUPLING, SHAFT))

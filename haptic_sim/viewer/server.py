@@ -2,40 +2,41 @@
 """The web server: static files, a websocket a page, the operating point as a file. Everything behind a token."""
 
 import asyncio
-from importlib.resources import files
+from pathlib import Path
 
 from aiohttp import web
 
-from haptic_sim.viewer import door
 from haptic_sim.viewer.guard import HEADERS, Guard, reachable
-from haptic_sim.viewer.seat import Seat, encoded
-from haptic_sim.viewer.wishes import LONGEST
+from haptic_sim.viewer.messages import LONGEST
+from haptic_sim.viewer.session import Session, encoded
 
-WEB = files("haptic_sim.viewer") / "web"
-TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+WEB = Path(__file__).with_name("web")
+TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}  # on any machine
 MOST_PAGES = 16
+MOST_CONNECTIONS = 64  # of one address: more than all pages there can be, and what their browsers fetch
+HANDSHAKE = 10.0  # s for a first request, and from one request to the next
 
 
 class Server:
-    """welcome(seat) tells a page that has come what there is; do(wish, seat) does what it asks for; save() is the file
-    of the operating point."""
+    """welcome(session) tells a page that has come what there is; do(message, session) does what it asks for; save() is
+    the file of the operating point."""
 
     def __init__(self, host: str, port: int, welcome, do, save):
-        self.guard, self.seats = Guard(host), []
+        self.guard, self.sessions = Guard(host), []
         self._host, self._port, self._welcome, self._do, self._save = host, port, welcome, do, save
-        self._runner = self._listener = self._door = None
+        self._files = {path.name: path for path in WEB.iterdir() if path.suffix in TYPES}  # all that can be fetched
+        self._runner = self._listener = self._limit = None
 
     async def start(self) -> None:
         """Listens. OSError if the address is taken."""
         app = web.Application(middlewares=[self._guarded])
         app.router.add_get("/{token}/socket", self._open_socket)
         app.router.add_get("/{token}/operating_point.yaml", self._operating_point)
-        app.router.add_get("/{token}/{name:[a-z_]{0,40}(?:\\.[a-z]{1,4})?}", self._file)
-        app.router.add_get("/{rest:.*}", self._nothing)
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=door.HANDSHAKE)
+        app.router.add_get("/{token}/{name:[^/]*}", self._file)
+        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=HANDSHAKE)
         await self._runner.setup()
-        self._door = door.Door(self._runner.server)
-        self._listener = await asyncio.get_running_loop().create_server(self._door, self._host, self._port)
+        self._limit = ConnectionLimit(self._runner.server)
+        self._listener = await asyncio.get_running_loop().create_server(self._limit, self._host, self._port)
         self._port = self._listener.sockets[0].getsockname()[1]
 
     async def stop(self) -> None:
@@ -53,63 +54,100 @@ class Server:
 
     def tell(self, kind: str, content) -> None:
         """News for all pages."""
-        for seat in self.seats:
-            seat.tell(kind, content)
+        for session in self.sessions:
+            session.tell(kind, content)
 
     def show(self, frame: dict) -> None:
         """A frame for all pages that keep up."""
-        if self.seats:
+        if self.sessions:
             text = encoded(frame)
-            for seat in self.seats:
-                seat.show(text)
+            for session in self.sessions:
+                session.show(text)
 
     @web.middleware
     async def _guarded(self, request, handler):
-        self._door.heard(request.transport)
+        self._limit.heard(request.transport)
         try:
-            self.guard.check_host(request.headers.get("Host", ""))
-            self.guard.may_control(_token(request))
+            answer = await self._admitted(request, handler)
         except PermissionError as refusal:
-            return web.Response(status=403, text=f"{refusal}\n", headers=HEADERS)
-        answer = await handler(request)
+            answer = web.Response(status=403, text=f"{refusal}\n")
+        except web.HTTPException as refusal:
+            refusal.headers.update(HEADERS)
+            raise
         if not answer.prepared:
             answer.headers.update(HEADERS)
         return answer
 
-    async def _file(self, request):
-        name = request.match_info["name"] or "index.html"
-        path = WEB / name
-        kind = TYPES.get("." + name.rsplit(".", 1)[-1])
-        if kind is None or not path.is_file():
-            return await self._nothing(request)
-        return web.Response(body=path.read_bytes(), content_type=kind, charset="utf-8")
+    async def _admitted(self, request, handler):
+        self.guard.check_host(request.headers.get("Host", ""))
+        self.guard.may_control(_token(request))
+        return await handler(request)
 
-    async def _nothing(self, request):
-        return web.Response(status=404, text=f"there is nothing called {request.path.rsplit('/', 1)[-1]}\n")
+    async def _file(self, request):
+        path = self._files.get(request.match_info["name"] or "index.html")
+        if path is None:
+            raise web.HTTPNotFound
+        return web.FileResponse(path, headers={"Content-Type": f"{TYPES[path.suffix]}; charset=utf-8"})
 
     async def _operating_point(self, request):
         headers = {"Content-Disposition": 'attachment; filename="operating_point.yaml"'}
         return web.Response(text=self._save(), content_type="application/yaml", headers=headers)
 
     async def _open_socket(self, request):
-        try:
-            self.guard.check_origin(request.headers.get("Origin"), request.headers.get("Host", ""))
-        except PermissionError as refusal:
-            return web.Response(status=403, text=f"{refusal}\n")
+        self.guard.check_origin(request.headers.get("Origin"), request.headers.get("Host", ""))
         control = self.guard.may_control(_token(request))
-        if sum(seat.control == control for seat in self.seats) >= MOST_PAGES:
+        if sum(session.control == control for session in self.sessions) >= MOST_PAGES:
             return web.Response(status=503, text=f"{MOST_PAGES} pages are open already\n")
         socket = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=5.0, compress=False)
         await socket.prepare(request)
-        seat = Seat(socket, control, self._do)
-        self.seats.append(seat)
+        session = Session(socket, control, self._do)
+        self.sessions.append(session)
         try:
-            self._welcome(seat)
-            await seat.serve()
+            self._welcome(session)
+            await session.serve()
         finally:
-            self.seats.remove(seat)
+            self.sessions.remove(session)
         return socket
+
+
+class ConnectionLimit:
+    """How many connections an address may have, and how long one may ask for nothing. Called, makes the protocol of a
+    new connection; inside() makes the one that serves those that are let in."""
+
+    def __init__(self, inside):
+        self._inside, self._waiting = inside, {}
+
+    def __call__(self) -> asyncio.Protocol:
+        return _Entrance(self)
+
+    def admit(self, transport) -> None:
+        """Serves a connection, or breaks it off: at once if its address has enough, later if it asks for nothing."""
+        self._waiting = {one: timer for one, timer in self._waiting.items() if not one.is_closing()}
+        if sum(_address(one) == _address(transport) for one in self._waiting) >= MOST_CONNECTIONS:
+            transport.abort()
+            return
+        self._waiting[transport] = asyncio.get_running_loop().call_later(HANDSHAKE, transport.abort)
+        protocol = self._inside()
+        transport.set_protocol(protocol)
+        protocol.connection_made(transport)
+
+    def heard(self, transport) -> None:
+        """A request has come: what is asked for afterwards has the server's own time-out."""
+        if transport in self._waiting:
+            self._waiting[transport].cancel()
+
+
+class _Entrance(asyncio.Protocol):
+    def __init__(self, limit):
+        self._limit = limit
+
+    def connection_made(self, transport):
+        self._limit.admit(transport)
 
 
 def _token(request):
     return (request.path.split("/") + [""])[1]
+
+
+def _address(transport):
+    return transport.get_extra_info("peername")[0]

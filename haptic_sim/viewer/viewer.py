@@ -7,41 +7,46 @@ import sys
 import time
 
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from haptic_device.config_files import names
 from haptic_device.nodes.lifecycle import begin_ros, hear_the_end
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.realtime.scheduling import spare_collections
+from haptic_sim.client import Client
 from haptic_sim.method_registry import AUTO, offered
-from haptic_sim.viewer import shapes, tuned
-from haptic_sim.viewer.beacon import Beacon
-from haptic_sim.viewer.desk import Desk
-from haptic_sim.viewer.feed import Feed
+from haptic_sim.viewer import settings
+from haptic_sim.viewer.commands import CommandHandler
+from haptic_sim.viewer.drawing import scene_drawing
 from haptic_sim.viewer.guard import is_loopback
+from haptic_sim.viewer.markers import MarkerPublisher
+from haptic_sim.viewer.messages import Aim
 from haptic_sim.viewer.parameters import PARAMETERS
 from haptic_sim.viewer.server import Server
-from haptic_sim.viewer.stage import DRIVER
+from haptic_sim.viewer.settings import DRIVER
+from haptic_sim.viewer.state import State
 
 STATUS_PERIOD, POLL_PERIOD = 0.25, 1.0  # s
 
 
 class Viewer:
-    """A viewer on a node that it may use alone. company: the nodes, where they are this process's to start again: has
+    """A viewer on a node that it may use alone. nodes: the nodes, where they are this process's to start again: has
     offer(), problem() and async change(name, value)."""
 
-    def __init__(self, node, values: dict, company=None):
-        self.feed, self._company = Feed(node), company
-        self.desk = Desk(node, self.feed, (values["hand_speed"], values["hand_turn"]), company)
-        self._beacon = Beacon(node, values["marker_rate"])
+    def __init__(self, node, values: dict, nodes=None):
+        client = Client(node)
+        self.state, self._nodes = State(client), nodes
+        self.commands = CommandHandler(client, self.state, (values["hand_speed"], values["hand_turn"]), nodes)
+        self._markers = MarkerPublisher(node, values["marker_rate"])
         self.server = Server(values["host"], values["port"], self._welcome, self._do, self._save)
-        self._node, self._values = node, values
+        self._node, self._values, self._executor = node, values, SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
         self._scene_told, self._state_told, self._status_due = 0, None, 0.0
         self._cpu, self._cpu_at, self._sent, self._figures = time.process_time(), time.monotonic(), 0, {}
 
     async def run(self, told) -> None:
         """Serves until told() is true."""
-        self.desk.services.start()
         try:
             await self.server.start()
             spare_collections()  # one of them would hold up an e-stop
@@ -50,30 +55,39 @@ class Viewer:
             await self._look_on(told)
             polling.cancel()
         finally:
-            self.desk.stage.close()
+            await self.commands.scenes.close()
             await self.server.stop()
-            self.desk.services.stop()
+            self._executor.shutdown()
 
     async def _look_on(self, told):
         period, due = 1.0 / self._values["rate"], time.monotonic()
         while not told():
             due = max(due + period, time.monotonic())
             await asyncio.sleep(due - time.monotonic())
-            self.feed.look()
-            self.desk.lead(time.monotonic())
-            frame = self.feed.frame() | {"second": self.desk.stage.go_along(time.monotonic())}
+            self.state.look()
+            self.commands.lead(time.monotonic())
+            frame = self.state.frame() | {"second": self.commands.scenes.follow(time.monotonic())}
             self.server.show(frame)
-            self._beacon.show(self.feed.scene, frame, *self._surroundings(), time.monotonic())
+            self._markers.show(self.state.scene, frame, *self._surroundings(), time.monotonic())
             self._tell_news(time.monotonic())
 
     def _tell_news(self, now):
-        if self.feed.scene_number != self._scene_told:
-            self._scene_told = self.feed.scene_number
+        if self.state.scene_number != self._scene_told:
+            self._scene_told = self.state.scene_number
             self.server.tell("scene", self._scene())
-        state = tuple(self.feed.said(DRIVER, entry) for entry in ("state", "fault"))
+        state = tuple(self.state.said(DRIVER, entry) for entry in ("state", "fault"))
+        if now >= self._status_due:
+            self._answer_ros()
         if now >= self._status_due or state != self._state_told:
             self._state_told = state
             self._tell_status(now)
+
+    def _answer_ros(self):
+        """One request to this node's own services of parameters, if one waits."""
+        try:
+            self._executor.spin_once(timeout_sec=0.0)
+        except Exception as error:  # one request that cannot be read is not the end of the pages
+            self._node.get_logger().error(f"a request could not be answered: {type(error).__name__}: {error}")
 
     def _tell_status(self, now):
         self._status_due = now + STATUS_PERIOD
@@ -82,46 +96,46 @@ class Viewer:
     async def _poll(self):
         while True:
             with contextlib.suppress(ValueError):
-                await self.desk.poll()
+                await self.commands.poll()
             self.server.tell("values", self._tuning())
             await asyncio.sleep(POLL_PERIOD)
 
-    async def _do(self, wish, page):
-        sentence = await self.desk.do(wish, page)
-        if wish["do"] != "aim":
+    async def _do(self, message, session):
+        sentence = await self.commands.do(message, session)
+        if not isinstance(message, Aim):
             self._tell_status(time.monotonic())  # before the answer, which is read in its light
             self.server.tell("values", self._tuning())
         return sentence
 
-    def _welcome(self, seat):
+    def _welcome(self, session):
         """All that a page has to know to begin with: it may have been here before, or come late."""
-        seat.tell(
+        session.tell(
             "hello",
             {
-                "control": seat.control,
-                "declarations": tuned.declarations(),
+                "control": session.control,
+                "declarations": settings.declarations(),
                 "scenes": names("scenes"),
                 "methods": [AUTO, *offered()],
                 "looking": self.server.address(False),
             },
         )
-        seat.tell("scene", self._scene())
-        seat.tell("values", self._tuning())
-        seat.tell("status", self._status())
+        session.tell("scene", self._scene())
+        session.tell("values", self._tuning())
+        session.tell("status", self._status())
 
     def _scene(self):
-        return shapes.drawing(self.feed.scene) if self.feed.scene else None
+        return scene_drawing(self.state.scene) if self.state.scene else None
 
     def _surroundings(self):
         """The servo's walls, and the device's workspace in the world; None where it is not known."""
-        return tuned.walls(self.desk.values.get(DRIVER, {})), self.desk.workspace
+        return settings.walls(self.commands.values.get(DRIVER, {})), self.commands.workspace
 
     def _tuning(self):
-        device, (walls, workspace) = self.desk.device, self._surroundings()
+        device, (walls, workspace) = self.commands.device, self._surroundings()
         return {
-            "second": self.desk.stage.beside(),
-            "values": self.desk.values,
-            "offer": self._company.offer() if self._company else {},
+            "second": self.commands.scenes.comparison(),
+            "values": self.commands.values,
+            "offer": self._nodes.offer() if self._nodes else {},
             "walls": walls,
             "workspace": workspace,
             "device": device.name if device else None,
@@ -131,26 +145,26 @@ class Viewer:
     def _status(self):
         found = {
             name: {"level": status.level, "message": status.message, "values": status.values}
-            for name, (status, _) in self.feed.statuses.items()
+            for name, status in self.state.statuses.items()
         }
-        problem = (self._company.problem() if self._company else "") or self.feed.problem or self.desk.problem
+        problem = (self._nodes.problem() if self._nodes else "") or self.state.problem or self.commands.problem
         return {"nodes": found, "problem": problem, "viewer": self._own_figures()}
 
     def _own_figures(self):
         """Share of a core that this process takes, pages, frames sent per second to all of them."""
-        now, cpu, sent = time.monotonic(), time.process_time(), sum(seat.sent for seat in self.server.seats)
+        now, cpu, sent = time.monotonic(), time.process_time(), sum(session.sent for session in self.server.sessions)
         elapsed = max(1e-3, now - self._cpu_at)
         if elapsed > 1.0 or not self._figures:
             self._figures = {
                 "cpu": (cpu - self._cpu) / elapsed,
-                "pages": len(self.server.seats),
+                "pages": len(self.server.sessions),
                 "sent": max(0.0, (sent - self._sent) / elapsed),
             }
             self._cpu, self._cpu_at, self._sent = cpu, now, sent
         return self._figures
 
     def _save(self):
-        return tuned.operating_point(self._node.get_namespace(), self.desk.values)
+        return settings.operating_point(self._node.get_namespace(), self.commands.values)
 
     def _announce(self):
         host = self._values["host"]
@@ -165,13 +179,13 @@ class Viewer:
         print(f"haptic_viewer: to look on only: {self.server.address(False)}", flush=True)
 
 
-def serve(args: list[str] | None, told, company=None) -> None:
+def serve(args: list[str] | None, told, nodes=None) -> None:
     """A viewer with these ROS arguments until told() is true. ValueError, OSError to refuse."""
     node = None
     try:
         begin_ros(args)
         node = Node("haptic_viewer", namespace="/haptic")
-        asyncio.run(Viewer(node, declare(node, PARAMETERS), company).run(told))
+        asyncio.run(Viewer(node, declare(node, PARAMETERS), nodes).run(told))
     finally:
         if node is not None:
             node.destroy_node()

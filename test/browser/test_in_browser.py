@@ -287,7 +287,7 @@ def test_without_a_simulated_hand_whoever_wants_to_lead_it_is_told(tab):
         const { Hand } = await import("./hand.js");
         const said = [];
         const view = { canvas: document.createElement("canvas"), frame: { target: null } };
-        const hand = new Hand(view, (wish) => said.push(wish));
+        const hand = new Hand(view, (place) => said.push(place));
         hand.move(0.01, 0, 0);
         view.frame.target = [0, 0, 0];
         hand.move(0.01, 0, 0);
@@ -360,7 +360,7 @@ def test_a_delay_for_study_is_a_slider_in_ms_that_starts_the_nodes_again_once(ta
     tab.until_text("state", "^engaged$")
 
 
-def test_a_second_operating_point_goes_along_as_a_ghost_and_its_end_is_said(system, tab):
+def test_a_second_operating_point_goes_along_and_its_end_is_said(system, tab):
     tab.until_text("state", "^engaged$")
     tab.page.click("#compare_on")
     tab.until_text("compare_answer", "both are at the scene", COMPILING)
@@ -380,7 +380,7 @@ def test_a_second_operating_point_goes_along_as_a_ghost_and_its_end_is_said(syst
     [second] = [
         child
         for child in psutil.Process(system.process.pid).children(recursive=True)
-        if "haptic_sim.viewer.second" in child.cmdline()
+        if "haptic_sim.viewer.shadow_simulation" in child.cmdline()
     ]
     second.kill()
     tab.until_text("compare_note", "^the second operating point has ended by itself .signal 9.$")

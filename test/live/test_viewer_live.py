@@ -2,6 +2,7 @@
 """The viewer as a process and as a node of this one: how it ends, what it prints, and a hand that it lets go."""
 
 import asyncio
+import contextlib
 import itertools
 import signal
 import subprocess
@@ -19,7 +20,10 @@ from waiting import LIMIT
 from haptic_device.message_fields import truth_names
 from haptic_device.nodes import messages
 from haptic_device.nodes.polled_subscription import PolledSubscription
+from haptic_device.nodes.ros_parameters import declare
 from haptic_device.recording.layouts import JOINTS, JointLayout
+from haptic_sim.client import Client
+from haptic_sim.questions import get_parameters
 from haptic_sim.viewer import hand as hand_of_a_page
 from haptic_sim.viewer import viewer
 from haptic_sim.viewer.parameters import PARAMETERS
@@ -65,17 +69,42 @@ def test_signals_that_come_while_a_viewer_ends_change_nothing_of_its_end(command
     assert (process.returncode, process.stderr.read()) == (0, "")
 
 
-def test_the_thread_of_a_viewer_has_ended_when_its_node_is_destroyed_which_is_before_ros_is_left(monkeypatch):
-    destroyed = []
+def test_a_viewer_has_no_thread_of_its_own_left_when_its_node_is_destroyed_which_is_before_ros_is_left(monkeypatch):
+    destroyed, before = [], set(threading.enumerate())
 
     class Kept(rclpy.node.Node):
         def destroy_node(self):
-            destroyed.append(([one.name for one in threading.enumerate() if one.name == "services"], rclpy.ok()))
+            destroyed.append((set(threading.enumerate()) - before, rclpy.ok()))
             super().destroy_node()
 
     monkeypatch.setattr(viewer, "Node", Kept)
     viewer.serve(["--ros-args", "--disable-external-lib-logs"], iter((False, False, True)).__next__)
-    assert destroyed == [([], True)] and not rclpy.ok()
+    assert destroyed == [(set(), True)] and not rclpy.ok()
+
+
+@pytest.fixture
+def shown(ros_domain):
+    """A viewer on a node of this process, and the context of that node."""
+    context = Context()
+    rclpy.init(context=context, domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node("haptic_viewer", namespace="/haptic", context=context)
+        yield viewer.Viewer(node, declare(node, PARAMETERS)), context
+    finally:
+        context.shutdown()
+
+
+def test_the_parameters_of_a_viewer_can_be_asked_for_while_it_serves(shown, ros_domain):
+    async def live(served):
+        over = []
+        running = asyncio.create_task(served.run(lambda: over))
+        with contextlib.closing(Client.join("asks", ros_domain, "/haptic")) as client:
+            found = await client.acall(get_parameters("haptic_viewer", ["rate", "host"]), patience=LIMIT)
+        over.append(True)
+        await running
+        return found
+
+    assert asyncio.run(asyncio.wait_for(live(shown[0]), LIMIT)) == {"rate": 60.0, "host": "127.0.0.1"}
 
 
 class Pulled:
@@ -96,16 +125,16 @@ class Pulled:
 
 
 @pytest.mark.parametrize("ends", ("gone", "silent"))
-def test_the_hand_lets_go_when_the_page_that_led_it_is(ends, ros_domain, monkeypatch):
+def test_the_hand_lets_go_when_the_page_that_led_it_is(ends, shown, monkeypatch):
     monkeypatch.setattr(hand_of_a_page, "SILENCE", 0.2)
 
-    async def live(shown, device):
+    async def live(served, device):
         over = []
-        running = asyncio.create_task(shown.run(lambda: over))
-        while ":0/" in shown.server.address(True):
+        running = asyncio.create_task(served.run(lambda: over))
+        while ":0/" in served.server.address(True):
             await asyncio.sleep(0.01)
-        async with aiohttp.ClientSession() as session, opened(session, shown.server) as other:
-            page = await opened(session, shown.server)
+        async with aiohttp.ClientSession() as session, opened(session, served.server) as other:
+            page = await opened(session, served.server)
             following = asyncio.create_task(device.wants_to_be_at(0.05))
             while not following.done():
                 await page.send_str('{"do": "aim", "x": 0.05}')
@@ -119,11 +148,5 @@ def test_the_hand_lets_go_when_the_page_that_led_it_is(ends, ros_domain, monkeyp
             over.append(True)
             await running
 
-    context = Context()
-    rclpy.init(context=context, domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = rclpy.create_node("haptic_viewer", namespace="/haptic", context=context)
-        shown = viewer.Viewer(node, {one.name: one.default for one in PARAMETERS})
-        asyncio.run(asyncio.wait_for(live(shown, Pulled(context)), LIMIT))
-    finally:
-        context.shutdown()
+    served, context = shown
+    asyncio.run(asyncio.wait_for(live(served, Pulled(context)), LIMIT))

@@ -64,7 +64,7 @@ def test_an_edited_law_is_compiled_anew_and_an_old_one_is_never_run(tree, tmp_pa
 def test_whatever_a_kernel_may_be_made_of_changes_the_folder_and_a_command_or_a_page_does_not(tree, monkeypatch):
     monkeypatch.setattr(jit, "ROOT", tree)
     before = jit.digest()
-    for source in ("haptic_sim/cli/demo.py", "haptic_sim/viewer/desk.py", "haptic_sim/cli/main.py"):
+    for source in ("haptic_sim/cli/demo.py", "haptic_sim/viewer/commands.py", "haptic_sim/cli/main.py"):
         os.utime(tree / source, (1.0, 1.0))
     assert jit.digest() == before
     for source in ("haptic_device/control/virtual_wall.py", "haptic_device/parameters.py", "haptic_sim/kernels.py"):

@@ -10,12 +10,13 @@ from live_nodes import STRANGE
 
 from haptic_device.nodes.polled_subscription import Sample
 from haptic_device.recording.layouts import CLOUD, JointLayout, layout_of
+from haptic_sim.client import Client
 from haptic_sim.node.scene_publisher import CONTACT, PERIOD_NS, ScenePublisher, state_names
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene, load, parse
 from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.viewer import shapes
-from haptic_sim.viewer.feed import Feed
+from haptic_sim.viewer.drawing import scene_drawing
+from haptic_sim.viewer.state import State
 
 pytestmark = pytest.mark.timeout(600)  # kernels that nobody has used yet are compiled
 
@@ -117,17 +118,17 @@ def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
     simulation, handle = pressed
     node = FakeNode()
     ScenePublisher(node).show(simulation, handle, 0)
-    monkeypatch.setattr("haptic_sim.viewer.feed.PolledSubscription", FakeTap)
-    feed = Feed(None)
+    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
+    state = State(Client(None))
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
-    feed.look()
-    frame = feed.frame()
-    assert frame["tool"] == simulation.method.position and feed.scene == simulation.scene
+    state.look()
+    frame = state.frame()
+    assert frame["tool"] == simulation.method.position and state.scene == simulation.scene
     assert frame["results"] == tuple(simulation.measure().values())
     assert frame["handle"] is None, "without a driver the handle it told last is old"
     FakeTap.waiting = {"scene": [types.SimpleNamespace(data="{no scene")]}
-    feed.look()
-    assert feed.scene is None and "cannot be read" in feed.problem and feed.frame()["tool"] is None
+    state.look()
+    assert state.scene is None and "cannot be read" in state.problem and state.frame()["tool"] is None
 
 
 def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns(monkeypatch):
@@ -136,27 +137,27 @@ def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns(m
         simulation.exchange(HandleSample(1_000_000 * k, handle, (0.0, 0.0, 0.0), *GAINS))
     node = FakeNode()
     ScenePublisher(node).show(simulation, handle, 0)
-    monkeypatch.setattr("haptic_sim.viewer.feed.PolledSubscription", FakeTap)
-    feed = Feed(None)
+    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
+    state = State(Client(None))
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
-    feed.look()
-    feed.statuses = {"haptic_driver": None}
-    frame = feed.frame()
+    state.look()
+    state.statuses = {"haptic_driver": None}
+    frame = state.frame()
     assert frame["tool"] == pytest.approx((0.01, 0.0, 0.0), abs=1e-3)
-    assert frame["handle"] == handle and shapes.drawing(feed.scene)["joints"]
+    assert frame["handle"] == handle and scene_drawing(state.scene)["joints"]
 
 
 def test_what_is_no_number_is_not_known(pressed, monkeypatch):
     simulation, _ = pressed
-    monkeypatch.setattr("haptic_sim.viewer.feed.PolledSubscription", FakeTap)
+    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
     node = FakeNode()
     simulation.measure = lambda: {"insertion_fraction": float("nan")}
     ScenePublisher(node).show(simulation, (float("inf"), 0.0, 0.0), 0)
-    feed = Feed(None)
+    state = State(Client(None))
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
-    feed.look()
-    feed.statuses = {"haptic_driver": None}
-    frame = feed.frame()
+    state.look()
+    state.statuses = {"haptic_driver": None}
+    frame = state.frame()
     assert frame["handle"] is None and frame["tool"] == simulation.method.position
     assert np.isnan(frame["results"]).all()
 
@@ -164,15 +165,15 @@ def test_what_is_no_number_is_not_known(pressed, monkeypatch):
 def test_rubbish_on_the_topics_of_the_page_is_not_shown_and_harms_nothing(pressed, monkeypatch):
     node = FakeNode()
     ScenePublisher(node).show(*pressed, 0)
-    monkeypatch.setattr("haptic_sim.viewer.feed.PolledSubscription", FakeTap)
-    feed = Feed(None)
+    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
+    state = State(Client(None))
     cut = types.SimpleNamespace(point_step=CONTACT.itemsize, data=bytes(CONTACT.itemsize + 1))
     FakeTap.waiting = {"scene": node.said["scene"], "scene/state": [b"", b"\0" * 500], "scene/contacts": [cut]}
     FakeTap.waiting |= {"operator/state": [b""], "/diagnostics": STRANGE}
-    feed.look()
-    frame = feed.frame()
-    assert feed.scene and frame["contacts"] == [] and frame["tool"] is None and frame["handle"] is None
-    assert {name: said.level for name, (said, _) in feed.statuses.items() if said.level} == {"seven": 3, "all bits": 3}
+    state.look()
+    frame = state.frame()
+    assert state.scene and frame["contacts"] == [] and frame["tool"] is None and frame["handle"] is None
+    assert {name: said.level for name, said in state.statuses.items() if said.level} == {"seven": 3, "all bits": 3}
     FakeTap.waiting = {"scene": [types.SimpleNamespace(data="[" * 100_000)]}
-    feed.look()
-    assert feed.scene is None and "cannot be read" in feed.problem
+    state.look()
+    assert state.scene is None and "cannot be read" in state.problem

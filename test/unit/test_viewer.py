@@ -10,16 +10,19 @@ from socket import gethostname
 
 import aiohttp
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
+from yarl import URL
 
 from haptic_device.ros_yaml import load as load_yaml
 from haptic_sim.config_problems import problems
 from haptic_sim.node.scene_publisher import CONTACT, state_names
 from haptic_sim.node_parameters import NODES
 from haptic_sim.scene import Scene, load
-from haptic_sim.viewer import door, seat, shapes, tuned, wishes
-from haptic_sim.viewer.guard import Guard, is_loopback, reachable
+from haptic_sim.viewer import drawing, messages, session, settings
+from haptic_sim.viewer import server as server_module
+from haptic_sim.viewer.guard import HEADERS, Guard, is_loopback, reachable
 from haptic_sim.viewer.hand import SILENCE, Hand, Limits
 from haptic_sim.viewer.server import WEB, Server
 
@@ -35,28 +38,28 @@ FOREIGN = {"Host": "elsewhere.example"}
 
 
 def served(visit, do=None, host="127.0.0.1"):
-    """What visit(server, session) returns, with a server on this machine that answers `do`."""
+    """What visit(server, http) returns, with a server on this machine that answers `do`."""
     done = []
 
-    async def note(wish, page):
-        done.append(wish)
+    async def note(message, page):
+        done.append(message)
         return "done"
 
     async def live():
         server = Server(host, 0, lambda page: page.tell("hello", page.control), do or note, lambda: "# saved\n")
         await server.start()
-        async with aiohttp.ClientSession() as session:
+        async with aiohttp.ClientSession() as http:
             try:
-                return await asyncio.wait_for(visit(server, session), LIMIT)
+                return await asyncio.wait_for(visit(server, http), LIMIT)
             finally:
                 await asyncio.wait_for(server.stop(), LIMIT)
 
     return asyncio.run(live()), done
 
 
-def opened(session, server, control=True):
+def opened(http, server, control=True):
     address = server.address(control)
-    return session.ws_connect(address.replace("http", "ws") + "socket", headers={"Origin": ORIGIN["good"](address)})
+    return http.ws_connect(address.replace("http", "ws") + "socket", headers={"Origin": ORIGIN["good"](address)})
 
 
 async def hear(socket, kind):
@@ -77,6 +80,13 @@ async def hear(socket, kind):
         ("{address}" + 8000 * "a" + ".js", {}, 404),
         ("{address}" + 9000 * "a", {}, 400),
         ("{address}..%2Fviewer.py", {}, 404),
+        ("{address}%2E%2E%2Fviewer.py", {}, 404),
+        ("{address}..%5Cviewer.py", {}, 404),
+        ("{address}%2Fetc%2Fpasswd", {}, 404),
+        ("{address}/etc/passwd", {}, 404),
+        ("{address}%2E", {}, 404),
+        ("{address}web/", {}, 404),
+        ("{address}unknown.js", {}, 404),
         ("{address}socket", {"Origin": "http://elsewhere.example"}, 403),
         ("{address}socket", {}, 403),
         ("{address}", FOREIGN, 403),
@@ -86,21 +96,55 @@ async def hear(socket, kind):
     ],
 )
 def test_the_server_answers_its_own_page_only(path, headers, status):
-    async def visit(server, session):
+    async def visit(server, http):
         address = server.address(True)
-        url = path.format(address=address, root=address.rsplit("/", 2)[0] + "/")
-        async with session.get(url, headers=headers) as answer:
+        url = URL(path.format(address=address, root=address.rsplit("/", 2)[0] + "/"), encoded=True)
+        async with http.get(url, headers=headers) as answer:
             assert "Traceback" not in await answer.text()
+            assert answer.status == 400 or HEADERS.items() <= answer.headers.items()
             return answer.status
 
     assert served(visit)[0] == status
 
 
+@pytest.mark.parametrize("path", ("../viewer.py", "../../../setup.py", "./", "../web/main.js", "//etc/passwd"))
+def test_no_way_that_a_browser_would_have_straightened_leads_out_of_the_pages_folder(path):
+    async def visit(server, http):
+        place = "/" + server.address(True).split("/", 3)[3] + path
+        reader, _ = await knocked(server, f"GET {place} HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n".encode())
+        return (await asyncio.wait_for(reader.read(), LIMIT)).decode()
+
+    assert served(visit)[0].split()[1] in ("403", "404")
+
+
+def test_what_is_not_fetched_but_posted_is_refused_with_the_same_headers():
+    async def visit(server, http):
+        async with http.post(server.address(True) + "main.js") as answer:
+            return answer.status, HEADERS.items() <= answer.headers.items()
+
+    assert served(visit)[0] == (405, True)
+
+
+@pytest.mark.parametrize("kind", ("html", "js", "css", "svg"))
+def test_each_file_of_the_page_comes_whole_as_what_it_is(kind):
+    types = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
+    files = list(WEB.glob(f"*.{kind}"))
+
+    async def visit(server, http):
+        found = []
+        for file in files:
+            async with http.get(server.address(False) + file.name) as answer:
+                found.append((answer.content_type, await answer.read()))
+        return found
+
+    assert served(visit)[0] == [(types[kind], file.read_bytes()) for file in files] != []
+
+
 def test_a_page_with_control_is_obeyed_and_one_that_looks_on_is_not():
-    async def visit(server, session):
+    async def visit(server, http):
         said = []
         for control in (True, False):
-            async with opened(session, server, control) as socket:
+            async with opened(http, server, control) as socket:
                 said.append(await hear(socket, "hello"))
                 await socket.send_str('{"do": "trigger", "service": "estop"}')
                 said.append(await hear(socket, "answer" if control else "hint"))
@@ -108,7 +152,7 @@ def test_a_page_with_control_is_obeyed_and_one_that_looks_on_is_not():
 
     (control, answer, looking, hint), done = served(visit)
     assert (control, looking) == (True, False) and answer["done"]
-    assert "only looks on" in hint and done == [{"do": "trigger", "service": "estop"}]
+    assert "only looks on" in hint and done == [messages.Trigger(service="estop")]
 
 
 BAD = (
@@ -136,45 +180,81 @@ BAD = (
 @pytest.mark.parametrize("text", BAD)
 def test_a_malformed_message_is_refused_in_one_sentence(text):
     with pytest.raises(ValueError) as refusal:
-        wishes.parse(text)
+        messages.parse(text)
     assert "\n" not in str(refusal.value) and len(str(refusal.value)) < 400
 
 
-@settings(max_examples=30)
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ('{"do": "aim", "x": 9007199254740992}', "aim: x is 9007199254740992; a finite number below 2^53 is needed"),
+        ('{"do": "aim", "z": 1.0}', "aim names none of x, y, theta"),
+        ('{"do": "record", "on": 1}', "record: on is 1; true or false is needed"),
+        ('{"do": "mark", "text": "' + 201 * "a" + '"}', "mark: text has 201 characters; the limit is 200"),
+        (
+            '{"do": "set", "name": "a", "value": null}',
+            "set: value is None; a switch, a finite number, a text or a list",
+        ),
+        ('{"do": "trigger"}', "trigger: service is missing; one of enable, disable, estop, reset is needed"),
+        ('{"do": "trigger", "service": "start"}', "trigger: service is 'start'; one of enable, disable, estop, reset"),
+        ('{"do": "dance"}', "a message asks for none of seen, aim, trigger, set, scene, method"),
+    ],
+)
+def test_a_refusal_names_the_value_and_what_is_needed(text, sentence):
+    with pytest.raises(ValueError) as refusal:
+        messages.parse(text)
+    assert str(refusal.value).startswith(sentence)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"do": "aim", "x": 9007199254740991, "z": 1.0}', messages.Aim(x=9007199254740991.0)),
+        ('{"do": "mark", "text": "' + 200 * "a" + '"}', messages.Mark(text=200 * "a")),
+        ('{"do": "set", "name": "a", "value": [1, 2.5]}', messages.Set(name="a", value=[1, 2.5])),
+        ('{"do": "set", "name": "a", "value": false}', messages.Set(name="a", value=False)),
+        ('{"do": "start_scene"}', messages.StartScene()),
+    ],
+)
+def test_what_is_within_the_limits_is_taken_as_it_stands(text, message):
+    assert messages.parse(text) == message
+
+
+@hypothesis_settings(max_examples=30)
 @given(st.text())
 def test_no_text_at_all_does_more_than_refuse(text):
     with contextlib.suppress(ValueError):
-        wishes.parse(text)
+        messages.parse(text)
 
 
 @pytest.fixture
 def no_time_passes(monkeypatch):
     """For the server's end of a page: it then takes no message beyond the burst, and gives up no silent page."""
-    monkeypatch.setattr(seat, "time", types.SimpleNamespace(monotonic=lambda: 100.0))
+    monkeypatch.setattr(session, "time", types.SimpleNamespace(monotonic=lambda: 100.0))
 
 
 def test_the_server_outlives_rubbish_floods_and_messages_too_long(no_time_passes):
     aim, stop = {"do": "aim", "x": 0.1}, {"do": "trigger", "service": "estop"}
 
-    async def visit(server, session):
-        async with opened(session, server) as socket:
+    async def visit(server, http):
+        async with opened(http, server) as socket:
             for text in BAD:
                 await socket.send_str(text)
             await socket.send_bytes(b"\0" * 100)
             hint = await hear(socket, "hint")
-            for _ in range(3 * wishes.BURST):
+            for _ in range(3 * session.BURST):
                 await socket.send_str(json.dumps(aim))
             await socket.send_str(json.dumps(stop))
             stopped = await hear(socket, "answer")
-            await socket.send_str("x" * (2 * wishes.LONGEST))
-        async with opened(session, server) as socket:
+            await socket.send_str("x" * (2 * messages.LONGEST))
+        async with opened(http, server) as socket:
             await socket.send_str('{"do": "mark", "text": "still there"}')
             return hint, stopped, await hear(socket, "answer")
 
     (hint, stopped, answer), done = served(visit)
     assert hint and answer["to"]["text"] == "still there"
-    assert 0 < done.count(aim) <= wishes.BURST - len(BAD)
-    assert stopped["to"] == stop and done.count(stop) == 1, "a stop is heard in a flood"
+    assert 0 < done.count(messages.Aim(x=0.1)) <= session.BURST - len(BAD)
+    assert stopped["to"] == stop and done.count(messages.Trigger(service="estop")) == 1, "a stop is heard in a flood"
 
 
 async def knocked(server, said=b""):
@@ -197,10 +277,10 @@ ASKED = "GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n"
 
 @pytest.mark.parametrize("said", ("", "GET / HT", ASKED, ASKED + "\r\n", ASKED + "\r\nGET"))
 def test_a_connection_that_asks_for_nothing_is_closed_and_an_open_page_stays(said, monkeypatch):
-    monkeypatch.setattr(door, "HANDSHAKE", 1.0)
+    monkeypatch.setattr(server_module, "HANDSHAKE", 1.0)
 
-    async def visit(server, session):
-        async with opened(session, server) as page:
+    async def visit(server, http):
+        async with opened(http, server) as page:
             await hear(page, "hello")
             path = "/" + server.address(True).split("/", 3)[3]
             reader, _ = await knocked(server, said.format(path=path).encode())
@@ -212,17 +292,17 @@ def test_a_connection_that_asks_for_nothing_is_closed_and_an_open_page_stays(sai
 
 
 def test_an_address_has_so_many_connections_at_most_and_one_that_goes_makes_room():
-    async def visit(server, session):
-        async with opened(session, server) as page:
+    async def visit(server, http):
+        async with opened(http, server) as page:
             await hear(page, "hello")
-            idle = [await knocked(server) for _ in range(door.MOST_CONNECTIONS - 1)]
+            idle = [await knocked(server) for _ in range(server_module.MOST_CONNECTIONS - 1)]
             reader, _ = await knocked(server)
             await turned_away(reader)
             idle[0][1].close()
             await idle[0][1].wait_closed()
             await page.send_str('{"do": "mark", "text": "still there"}')
             answer = await hear(page, "answer")
-            async with session.get(server.address(True)) as again:
+            async with http.get(server.address(True)) as again:
                 return answer["done"], again.status
 
     assert served(visit)[0] == (True, 200)
@@ -257,8 +337,8 @@ def test_an_e_stop_waits_neither_for_the_excess_before_it_nor_for_what_comes_beh
         slept.append(seconds)
         return turn(0.0)
 
-    async def do(wish, page):
-        if wish["do"] == "trigger":
+    async def do(message, page):
+        if isinstance(message, messages.Trigger):
             begun.append(socket.given)
 
     async def others():
@@ -268,23 +348,25 @@ def test_an_e_stop_waits_neither_for_the_excess_before_it_nor_for_what_comes_beh
 
     async def live():
         serving = asyncio.create_task(others())
-        await seat.Seat(socket, True, do).serve()
+        await session.Session(socket, True, do).serve()
         serving.cancel()
 
-    monkeypatch.setattr(seat.asyncio, "sleep", sleep)
+    monkeypatch.setattr(session.asyncio, "sleep", sleep)
     asyncio.run(live())
     assert sum(slept) == 0.0, "what is dropped holds up what comes behind it"
-    assert len(begun) == 1 and 5000 < begun[0] <= 5001 + seat.LAP
-    assert all(b - a <= seat.LAP for a, b in zip([0, *turns], turns, strict=False)), "other pages are served meanwhile"
-    assert turns[-1] > 10_000 - seat.LAP
+    assert len(begun) == 1 and 5000 < begun[0] <= 5001 + session.LAP
+    assert all(b - a <= session.LAP for a, b in zip([0, *turns], turns, strict=False)), (
+        "other pages are served meanwhile"
+    )
+    assert turns[-1] > 10_000 - session.LAP
 
 
 def test_what_goes_wrong_is_the_answer():
-    async def refuse(wish, page):
+    async def refuse(message, page):
         raise ValueError("the driver says no")
 
-    async def visit(server, session):
-        async with opened(session, server) as socket:
+    async def visit(server, http):
+        async with opened(http, server) as socket:
             await socket.send_str('{"do": "set", "name": "coupling.stiffness", "value": 9e9}')
             return await hear(socket, "answer")
 
@@ -293,13 +375,13 @@ def test_what_goes_wrong_is_the_answer():
 
 
 def test_frames_are_dropped_for_a_page_that_does_not_keep_up(no_time_passes):
-    async def visit(server, session):
-        async with opened(session, server) as socket:
+    async def visit(server, http):
+        async with opened(http, server) as socket:
             await hear(socket, "hello")
             for number in range(30):
                 server.show({"number": number})
                 await asyncio.sleep(0.005)
-            [page] = server.seats
+            [page] = server.sessions
             waiting, dropped = page.sent - page.seen, page.dropped
             for _ in range(page.sent):
                 last = json.loads((await socket.receive(LIMIT)).data)
@@ -310,12 +392,12 @@ def test_frames_are_dropped_for_a_page_that_does_not_keep_up(no_time_passes):
             return waiting, dropped, await hear(socket, "frame")
 
     (waiting, dropped, frame), _ = served(visit)
-    assert waiting == seat.UNSEEN and dropped == 30 - seat.UNSEEN and frame == {"number": 30}
+    assert waiting == session.UNSEEN and dropped == 30 - session.UNSEEN and frame == {"number": 30}
 
 
 def test_a_number_that_is_none_is_null_in_frames_and_in_news():
-    async def visit(server, session):
-        async with opened(session, server) as socket:
+    async def visit(server, http):
+        async with opened(http, server) as socket:
             await hear(socket, "hello")
             server.show({"results": [math.nan, 1.0], "energy": (math.inf,)})
             server.tell("values", {"values": {"haptic_driver": {"a": -math.inf, "b": 2.0}}})
@@ -327,14 +409,38 @@ def test_a_number_that_is_none_is_null_in_frames_and_in_news():
     assert heard["values"] == {"values": {"haptic_driver": {"a": None, "b": 2.0}}}
 
 
+class Slow:
+    """A page's socket that says nothing and has been sent `said` once it takes anything."""
+
+    def __init__(self):
+        self.said = []
+
+    def __aiter__(self):
+        return self
+
+    async def __anext__(self):
+        while not self.said or self.said[-1]["content"] != "the end":
+            await asyncio.sleep(0.0)
+        raise StopAsyncIteration
+
+    async def send_str(self, text):
+        self.said.append(json.loads(text))
+
+
 def test_a_page_that_takes_nothing_is_kept_the_newest_answers_only():
-    page = seat.Seat(None, True, None)
-    for number in range(10 * seat.MOST_ANSWERS):
-        page.tell(f"{seat.ANSWER}{number}", number)
-        page.tell("status", number)
-    kept = [content for kind, content in page._news.items() if kind.startswith(seat.ANSWER)]
-    assert kept == list(range(9 * seat.MOST_ANSWERS, 10 * seat.MOST_ANSWERS))
-    assert len(page._news) == seat.MOST_ANSWERS + 1
+    async def live():
+        page = session.Session(socket := Slow(), True, None)
+        for number in range(10 * session.MOST_ANSWERS):
+            page.tell(f"{session.ANSWER}{number}", number)
+            page.tell("status", number)
+        page.tell("hint", "the end")
+        await asyncio.wait_for(page.serve(), LIMIT)
+        return socket.said
+
+    said = asyncio.run(live())
+    kept = [news["content"] for news in said if news["kind"].startswith(session.ANSWER)]
+    assert kept == list(range(9 * session.MOST_ANSWERS, 10 * session.MOST_ANSWERS))
+    assert len(said) == session.MOST_ANSWERS + 2
 
 
 @pytest.mark.parametrize(
@@ -399,8 +505,8 @@ def test_any_other_host_is_printed_as_it_is(host):
 
 
 def test_a_server_on_every_address_of_this_machine_is_found_at_the_address_that_it_prints():
-    async def visit(server, session):
-        async with session.get(address := server.address(True)) as answer, session.get(address, headers=FOREIGN) as no:
+    async def visit(server, http):
+        async with http.get(address := server.address(True)) as answer, http.get(address, headers=FOREIGN) as no:
             return answer.status, no.status
 
     assert served(visit, host="0.0.0.0")[0] == (200, 403)
@@ -464,7 +570,7 @@ def test_a_hand_that_has_let_go_gives_in_to_the_handle_until_it_has_rested_there
     assert not hand.loose
 
 
-@settings(max_examples=30)
+@hypothesis_settings(max_examples=30)
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_wherever_it_is_dragged_the_hand_stays_in_the_workspace_and_says_so(x):
     hand = Hand()
@@ -481,7 +587,7 @@ def test_a_device_without_rotation_says_so_and_the_rest_is_done():
 
 
 def test_every_live_parameter_of_the_driver_is_declared_to_the_page_as_json():
-    told = json.loads(json.dumps(tuned.declarations(), allow_nan=False))
+    told = json.loads(json.dumps(settings.declarations(), allow_nan=False))
     assert [one["name"] for one in told] == [one.name for one in NODES["haptic_driver"] if one.live]
     assert all(one["low"] is not None for one in told if one["kind"] in ("number", "whole"))
 
@@ -497,7 +603,7 @@ def test_every_live_parameter_of_the_driver_is_declared_to_the_page_as_json():
     ],
 )
 def test_values_of_the_page_get_the_type_of_the_declaration(name, given, taken):
-    assert tuned.typed(name, given) == taken and type(tuned.typed(name, given)) is type(taken)
+    assert settings.typed(name, given) == taken and type(settings.typed(name, given)) is type(taken)
 
 
 @pytest.mark.parametrize(
@@ -512,11 +618,11 @@ def test_values_of_the_page_get_the_type_of_the_declaration(name, given, taken):
 )
 def test_what_may_not_be_set_is_refused_before_anybody_is_asked(name, given):
     with pytest.raises(ValueError, match=name):
-        tuned.typed(name, given)
+        settings.typed(name, given)
 
 
 def test_the_saved_file_names_what_differs_and_passes_the_check(tmp_path):
-    values = {node: {one.name: tuned._plain(one.default) for one in declared} for node, declared in tuned.NODES.items()}
+    values = {node: {one.name: one.default for one in declared} for node, declared in settings.NODES.items()}
     values["haptic_driver"] |= {
         "coupling.stiffness": 1500.0,
         "wall.normals": [0.0, 1.0],
@@ -525,7 +631,7 @@ def test_the_saved_file_names_what_differs_and_passes_the_check(tmp_path):
         "wall.damping": [0.1],
     }
     path = tmp_path / "saved.yaml"
-    path.write_text(tuned.operating_point("/haptic", values))
+    path.write_text(settings.operating_point("/haptic", values))
     assert list(problems(path)) == []
     [given] = load_yaml(path).values()
     assert given["ros__parameters"]["coupling.stiffness"] == 1500.0 and len(given["ros__parameters"]) == 5
@@ -536,7 +642,7 @@ def test_a_scene_survives_its_way_over_the_topic_and_can_be_drawn(name):
     scene = load(name)
     again = Scene.model_validate_json(scene.model_dump_json(by_alias=True, exclude_unset=True))
     assert again == scene
-    drawn = json.loads(json.dumps(shapes.drawing(again), allow_nan=False))
+    drawn = json.loads(json.dumps(drawing.scene_drawing(again), allow_nan=False))
     assert len(drawn["solids"]) == 1 + len(scene.bodies)
     left, bottom, right, top = drawn["room"]
     assert left < scene.tool.pose[0] < right and bottom < scene.tool.pose[1] < top

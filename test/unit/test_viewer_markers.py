@@ -12,7 +12,7 @@ import pytest
 from haptic_device.nodes import marker_messages
 from haptic_sim.geometry import Outline, combined, turned
 from haptic_sim.scene import load, parse
-from haptic_sim.viewer import beacon, markers, shapes, tuned
+from haptic_sim.viewer import drawing, markers, settings
 
 SCENES = ("peg_in_hole", "wrench_on_nut", "four_bar", "zeno_ball", "wall", "ratchet", "slider", "hammer_nail")
 SPRUNG = {
@@ -91,7 +91,7 @@ def test_the_target_of_the_hand_is_a_ring_about_it_that_points_where_it_turns():
 def test_joints_are_marked_where_they_hold_also_when_their_bodies_have_moved(name):
     """Everything turned and shifted as one: each joint's mark has to go along."""
     scene, whole = load(name), (0.03, -0.02, 0.7)
-    solids = shapes.solids(scene)
+    solids = drawing.solids(scene)
     moved = [(*turned(solid.pose[:2], whole), solid.pose[2] + whole[2]) for solid in solids]
     there = {body.name: body for body in scene.bodies} | {"tool": scene.tool, "world": None}
     found = markers.joints(scene, moved[0], moved[1:])
@@ -112,7 +112,7 @@ def test_a_spring_is_a_line_between_its_ends():
 
 def test_walls_of_the_servo_end_where_the_handle_is_free():
     driver = {"wall.normals": [0.0, 1.0, -0.6, 0.8], "wall.offsets": [-0.02, 0.05]}
-    walls = markers.surroundings(tuned.walls(driver), None)
+    walls = markers.surroundings(settings.walls(driver), None)
     assert len(walls) == 2
     for marker, normal, offset in zip(walls, ((0.0, 1.0), (-0.6, 0.8)), driver["wall.offsets"], strict=True):
         along = [np.dot(normal, turned(point[:2], marker.pose)) for point in marker.points]
@@ -129,12 +129,12 @@ def test_the_workspace_is_a_closed_line_around_it():
 
 @pytest.mark.parametrize("driver", ({}, {"wall.normals": [], "wall.offsets": []}, {"wall.normals": [0.0, 1.0]}))
 def test_no_wall_and_no_workspace_are_shown_that_are_not_known(driver):
-    assert markers.surroundings(tuned.walls(driver), None) == []
+    assert markers.surroundings(settings.walls(driver), None) == []
 
 
 def test_a_body_whose_place_is_not_known_is_left_out_with_its_joints():
     scene = load("four_bar")
-    poses = [solid.pose for solid in shapes.solids(scene)]
+    poses = [solid.pose for solid in drawing.solids(scene)]
     poses[1] = None  # the crank, which three joints hold on to
     assert [marker.number for marker in markers.bodies(scene, poses[0], poses[1:])] == [0, *range(2, len(poses))]
     assert [marker.number for marker in markers.joints(scene, poses[0], poses[1:])] == [2, 3]
@@ -171,17 +171,17 @@ GROUPS = {"bodies", "joints", "walls", "workspace", "target", "handle", "couplin
 )
 def test_the_topic_shows_everything_that_is_known_and_nothing_that_is_not(known, lacking):
     ear, scene = Ear(1), load("wrench_on_nut")
-    bodies = [solid.pose for solid in shapes.solids(scene)[1:]]
+    bodies = [solid.pose for solid in drawing.solids(scene)[1:]]
     given = {"scene": scene, "walls": [(0.0, 1.0, 0.0)], "workspace": ((-0.1, 0.1), (-0.1, 0.1))} | known
     frame = {name: known.get(name, value) for name, value in {**FRAME, "bodies": bodies}.items()}
-    beacon.Beacon(ear, 30.0).show(given["scene"], frame, given["walls"], given["workspace"], 1.0)
+    markers.MarkerPublisher(ear, 30.0).show(given["scene"], frame, given["walls"], given["workspace"], 1.0)
     assert {marker.ns for marker in ear.said[0].markers} == GROUPS - lacking
     assert len({(marker.ns, marker.id) for marker in ear.said[0].markers}) == len(ear.said[0].markers)
 
 
 def test_without_a_listener_no_marker_is_made():
     ear = Ear(0)
-    beacon.Beacon(ear, 30.0).show(load("peg_in_hole"), FRAME, [], None, 1.0)
+    markers.MarkerPublisher(ear, 30.0).show(load("peg_in_hole"), FRAME, [], None, 1.0)
     assert ear.said == []
 
 
@@ -210,7 +210,7 @@ def tf(monkeypatch):
 
 
 def _import_again():
-    for module in (marker_messages, beacon):
+    for module in (marker_messages, markers):
         importlib.reload(module)
 
 
@@ -225,7 +225,7 @@ def carried(point, transform):
 def test_frames_carry_the_tool_to_where_the_scene_has_it_and_leave_out_what_is_not_known(tf, handle):
     tf(types.SimpleNamespace(TFMessage=types.SimpleNamespace))
     ear, scene, pose = Ear(0), load("wrench_on_nut"), (0.1, 0.2, 2.5)
-    beacon.Beacon(ear, 30.0).show(scene, {**FRAME, "handle": handle, "tool": pose}, [], None, 1.0)
+    markers.MarkerPublisher(ear, 30.0).show(scene, {**FRAME, "handle": handle, "tool": pose}, [], None, 1.0)
     [message] = ear.topics["/tf"]
     found = {one.child_frame_id: one.transform for one in message.transforms}
     assert set(found) == {"haptic_base", "tool", *(["handle"] if handle else [])}
@@ -238,7 +238,7 @@ def test_frames_carry_the_tool_to_where_the_scene_has_it_and_leave_out_what_is_n
 def test_without_the_messages_of_tf_no_frame_is_made(tf):
     tf(None)
     ear = Ear(1)
-    beacon.Beacon(ear, 30.0).show(load("peg_in_hole"), {**FRAME, "bodies": [(0.0, 0.0, 0.0)]}, [], None, 1.0)
+    markers.MarkerPublisher(ear, 30.0).show(load("peg_in_hole"), {**FRAME, "bodies": [(0.0, 0.0, 0.0)]}, [], None, 1.0)
     assert set(ear.topics) == {"markers"} and ear.said
     assert marker_messages.frames(0, "haptic_world", {"tool": (0.0, 0.0, 0.0)}) is None
 
@@ -246,9 +246,9 @@ def test_without_the_messages_of_tf_no_frame_is_made(tf):
 @pytest.mark.parametrize("name", SCENES)
 def test_joint_marks_lie_on_the_joints_at_the_start(name):
     scene = load(name)
-    places = {solid.name: solid.pose for solid in shapes.solids(scene)}
+    places = {solid.name: solid.pose for solid in drawing.solids(scene)}
     there = {body.name: body for body in scene.bodies} | {"tool": scene.tool, "world": None}
-    for joint, ends in zip(scene.joints, shapes.joints(scene), strict=True):
+    for joint, ends in zip(scene.joints, drawing.joints(scene), strict=True):
         expected = joint.places(*(there[body] for body in joint.bodies))
         for mark, place in zip(ends, expected, strict=True):
             assert turned(mark.point, places.get(mark.solid, (0.0, 0.0, 0.0))) == pytest.approx(place, abs=1e-12)

@@ -26,10 +26,10 @@ export class Hand {
     const start = this.begin();
     if (!start) return;
     this.goal = this.clamped([start[0] + x, start[1] + y, start[2] + theta]);
-    const wish = {};
-    if (x || y) Object.assign(wish, { x: start[0] + x, y: start[1] + y });
-    if (theta) wish.theta = start[2] + theta;
-    this.lead(wish);
+    const place = {};
+    if (x || y) Object.assign(place, { x: start[0] + x, y: start[1] + y });
+    if (theta) place.theta = start[2] + theta;
+    this.lead(place);
   }
 
   begin() {

@@ -78,13 +78,13 @@ export class Link {
   }
 
   // What a person asks for: sent, or answered that it was not.
-  say(wish) {
-    const stops = wish.do === "trigger" && wish.service in STOPS;
-    if (stops) this.waitFor(wish.service);
-    if (this.send(wish)) return;
-    const sentence = stops ? `No connection: ${STOPS[wish.service]} is sent as soon as there is one.` : "Not sent: no connection to the viewer.";
-    if (wish.do === "aim") this.onNews("hint", sentence);
-    else this.onNews("answer", { to: wish, done: false, sentence });
+  say(message) {
+    const stops = message.do === "trigger" && message.service in STOPS;
+    if (stops) this.waitFor(message.service);
+    if (this.send(message)) return;
+    const sentence = stops ? `No connection: ${STOPS[message.service]} is sent as soon as there is one.` : "Not sent: no connection to the viewer.";
+    if (message.do === "aim") this.onNews("hint", sentence);
+    else this.onNews("answer", { to: message, done: false, sentence });
   }
 
   waitFor(stop) {
@@ -94,9 +94,9 @@ export class Link {
     }, UNANSWERED);
   }
 
-  send(wish) {
+  send(message) {
     if (this.socket.readyState !== WebSocket.OPEN) return false;
-    this.socket.send(JSON.stringify(wish));
+    this.socket.send(JSON.stringify(message));
     return true;
   }
 }

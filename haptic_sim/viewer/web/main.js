@@ -99,10 +99,10 @@ function connected(open, sentence) {
   }
 }
 
-function lead(wish) {
+function lead(place) {
   if (!control) hint("This page only looks on.");
-  else if (wish === null) hint("There is no simulated hand to lead: haptic_loopback is not heard of.");
-  else link.say({ do: "aim", ...wish });
+  else if (place === null) hint("There is no simulated hand to lead: haptic_loopback is not heard of.");
+  else link.say({ do: "aim", ...place });
 }
 
 function hint(sentence) {

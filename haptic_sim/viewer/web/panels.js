@@ -24,9 +24,9 @@ export class Panels {
     byId(id).addEventListener("change", () => act(byId(id).value));
   }
 
-  ask(place, meanwhile, wish) {
+  ask(place, meanwhile, message) {
     say(place, meanwhile, true);
-    this.link.say(wish);
+    this.link.say(message);
   }
 
   welcome({ scenes, methods, looking }) {

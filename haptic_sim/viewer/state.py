@@ -12,13 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.message_fields import truth_names
-from haptic_device.nodes.messages import LATEST, STATE, STREAM, statuses_of
-from haptic_device.nodes.polled_subscription import PolledSubscription
-from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STRING, WRENCH, JointLayout
+from haptic_device.message_fields import AXES
+from haptic_device.nodes.messages import LATEST, STATE
+from haptic_device.recording.layouts import CLOUD, JOINTS, STRING, WRENCH, JointLayout
+from haptic_device.status import Status
+from haptic_sim.client import Client
 from haptic_sim.node.scene_publisher import CONTACT, ENERGY, HANDLE, state_names
 from haptic_sim.scene import Scene, SceneError, parse
 from haptic_sim.solid import TOOL
+from haptic_sim.viewer.settings import DRIVER
 
 STALE = 0.5  # s after which what was said counts no more
 SILENT = 3.0  # s after which a node that said nothing counts as gone
@@ -33,27 +35,25 @@ class Truth(NamedTuple):
     operator_force: tuple[float, ...]
     motor_force: tuple[float, ...]
     energy_given: float
-    time: float
 
 
-class Feed:
+class State:
     """`scene`, `truth`, `statuses` and what `frame` gives are as of the last look."""
 
-    def __init__(self, node):
-        self._truths = PolledSubscription(node, "operator/state", JOINTS, LATEST, raw=True)
-        self._wrenches = PolledSubscription(node, "wrench", WRENCH, LATEST, raw=True)
-        self._scenes = PolledSubscription(node, "scene", STRING, STATE)
-        self._states = PolledSubscription(node, "scene/state", JOINTS, LATEST, raw=True)
-        self._clouds = PolledSubscription(node, "scene/contacts", CLOUD, LATEST)
-        self._said = PolledSubscription(node, "/diagnostics", DIAGNOSTICS, STREAM, raw=True)
-        self._layouts = [JointLayout(truth_names(axes)) for axes in (1, 2, 3)]
-        self._state_layout, self._heard = None, {}
+    def __init__(self, client: Client):
+        self._client = client
+        self._wrenches = client.subscribe("wrench", WRENCH, LATEST, raw=True)
+        self._scenes = client.subscribe("scene", STRING, STATE)
+        self._places = client.subscribe("scene/state", JOINTS, LATEST, raw=True)
+        self._clouds = client.subscribe("scene/contacts", CLOUD, LATEST)
+        self._layout, self._heard = None, {}
         self.scale = (1.0, 1.0)  # of the device: world metres per device metre, and radians
         self.scene: Scene | None = None
         self.scene_number = 0
         self.problem = ""
         self.truth: Truth | None = None
-        self.statuses, self.state, self.contacts, self.wrench = {}, {}, [], None
+        self.statuses: dict[str, Status] = {}
+        self.places, self.contacts, self.wrench = {}, [], None
 
     @property
     def axes(self) -> int:
@@ -62,44 +62,42 @@ class Feed:
 
     def look(self) -> None:
         """Takes the newest of everything."""
-        now = time.monotonic()
+        now, client = time.monotonic(), self._client
+        client.look()
+        self.truth = _truth(client.truth) if now < client.truth_heard + STALE else None
+        self.statuses = {name: said for name, said in client.statuses.items() if now < client.heard[name] + SILENT}
         for sample in self._scenes.take():
             self._introduce(sample.message.data)
-        for name, tap, read in (
-            ("truth", self._truths, self._read_truth),
-            ("state", self._states, self._read_state),
+        for name, topic, read in (
+            ("places", self._places, self._read_places),
             ("contacts", self._clouds, self._read_contacts),
             ("wrench", self._wrenches, self._read_wrench),
         ):
-            sample = tap.latest()
+            sample = topic.latest()
             if sample is not None and read(sample.message):
                 self._heard[name] = now
-        for sample in self._said.take():
-            fresh = statuses_of(sample.message, sample.received)
-            self.statuses |= {name: (status, now) for name, status in fresh.items()}
-        self.statuses = {name: said for name, said in self.statuses.items() if now < said[1] + SILENT}
         self._forget(now)
 
     def frame(self) -> dict:
         """What moves, for one picture; coordinates of handle, target, tool and bodies in the world [m, m, rad]. None is
         what is not known, or is no number."""
-        truth, state = self.truth, self.state
+        truth, places = self.truth, self.places
         return {
             "time": time.monotonic(),
             "handle": _known(self._handle()),
             "target": truth and _known(self.to_world(truth.target)),
-            "tool": _known(state.get(TOOL)),
-            "bodies": [_known(pose) for pose in state.get("bodies", [])],
+            "tool": _known(places.get(TOOL)),
+            "bodies": [_known(pose) for pose in places.get("bodies", [])],
             "contacts": [contact for contact in self.contacts if _known(contact)],
             "force": _known(_three(truth.motor_force) if truth else self.wrench),
             "felt": truth and _known([-force for force in _three(truth.operator_force)]),
-            "energy": [truth and truth.energy_given, state.get(ENERGY)],
-            "results": state.get("results", []),
+            "energy": [truth and truth.energy_given, places.get(ENERGY)],
+            "results": places.get("results", []),
         }
 
     def said(self, node: str, entry: str, otherwise: str = "") -> str:
         """Last value of a node's diagnostic entry."""
-        return self.statuses[node][0].values.get(entry, otherwise) if node in self.statuses else otherwise
+        return self.statuses[node].values.get(entry, otherwise) if node in self.statuses else otherwise
 
     def to_world(self, place) -> list[float]:
         """A place of the device in the world, the clutch never opened; axes that it lacks are 0."""
@@ -108,7 +106,7 @@ class Feed:
 
     def _handle(self):
         """As the driver last told the simulation, while there is a driver; else the truth."""
-        told = self.state.get(HANDLE) if "haptic_driver" in self.statuses else None
+        told = self.places.get(HANDLE) if DRIVER in self.statuses else None
         return told or (self.truth and self.to_world(self.truth.position))
 
     def _introduce(self, text):
@@ -116,35 +114,24 @@ class Feed:
             self.scene, self.problem = parse(json.loads(text), "scene"), ""
         except (ValueError, RecursionError, SceneError) as error:
             self.scene, self.problem = None, f"the simulation's scene cannot be read: {error}"
-        self._state_layout = JointLayout(state_names(self.scene), "haptic_world") if self.scene else None
+        self._layout = JointLayout(state_names(self.scene), "haptic_world") if self.scene else None
         self.scene_number += 1
-        self.state, self.contacts = {}, []
+        self.places, self.contacts = {}, []
 
-    def _read_truth(self, data):
-        for axes, layout in enumerate(self._layouts, 1):
-            if layout.matches(data):
-                _, position, _, effort = layout.numbers(data)
-                ends = slice(axes, 2 * axes)
-                self.truth = Truth(
-                    position[:axes], position[ends], effort[:axes], effort[ends], *position[2 * axes : -1]
-                )
-                return True
-        return False
-
-    def _read_state(self, data):
-        if self._state_layout is None or not self._state_layout.matches(data):
+    def _read_places(self, data):
+        if self._layout is None or not self._layout.matches(data):
             return False
-        _, position, _, _ = self._state_layout.numbers(data)
+        _, position, _, _ = self._layout.numbers(data)
         count = 3 * (2 + len(self.scene.bodies))
         poses = [position[i : i + 3] for i in range(0, count, 3)]
-        self.state = {
+        self.places = {
             TOOL: poses[1],
             "bodies": poses[2:],
             ENERGY: position[count],
             "results": position[count + 1 :],
         }
         if not math.isnan(position[0]):
-            self.state[HANDLE] = poses[0]
+            self.places[HANDLE] = poses[0]
         return True
 
     def _read_contacts(self, cloud):
@@ -160,14 +147,19 @@ class Feed:
 
     def _forget(self, now):
         heard = {name for name, at in self._heard.items() if now < at + STALE}
-        if "truth" not in heard:
-            self.truth = None
-        if "state" not in heard:
-            self.state = {}
+        if "places" not in heard:
+            self.places = {}
         if "contacts" not in heard:
             self.contacts = []
         if "wrench" not in heard:
             self.wrench = None
+
+
+def _truth(parts):
+    axes = [axis for axis in AXES if axis in parts]
+    hand, motor = [parts[axis] for axis in axes], [parts[f"motor_{axis}"] for axis in axes]
+    (position, _, operator), (target, _, force) = zip(*hand, strict=True), zip(*motor, strict=True)
+    return Truth(position, target, operator, force, parts["energy_given"][0])
 
 
 def _known(numbers):

@@ -7,14 +7,15 @@ import yaml
 
 from haptic_device.parameter_types import SECTION, Parameter
 from haptic_device.parameters import NODES as DEVICE_NODES
-from haptic_sim.node.parameters import PARAMETERS as SIMULATION
+from haptic_sim.node.parameters import PARAMETERS as SIMULATION_PARAMETERS
 
+DRIVER, LOOPBACK, SIMULATION = "haptic_driver", "haptic_loopback", "haptic_simulation"
 NODES: dict[str, tuple[Parameter, ...]] = {
-    "haptic_driver": DEVICE_NODES["haptic_driver"],
-    "haptic_loopback": DEVICE_NODES["haptic_loopback"],
-    "haptic_simulation": SIMULATION,
+    DRIVER: DEVICE_NODES[DRIVER],
+    LOOPBACK: DEVICE_NODES[LOOPBACK],
+    SIMULATION: SIMULATION_PARAMETERS,
 }
-LIVE = {parameter.name: parameter for parameter in NODES["haptic_driver"] if parameter.live}
+LIVE = {parameter.name: parameter for parameter in NODES[DRIVER] if parameter.live}
 _OWN = ("autostart", "realtime", "realtime_priority", "publish.", "motion.")  # how a node runs, not what it displays
 
 
@@ -74,8 +75,8 @@ def _finite(limit):
 
 def _differing(declared, given):
     known = {parameter.name: parameter.default for parameter in declared if not parameter.name.startswith(_OWN)}
-    return {name: value for name, value in given.items() if name in known and _plain(known[name]) != value}
+    return {name: value for name, value in given.items() if name in known and known[name] != _plain(value)}
 
 
-def _plain(default):
-    return list(default) if isinstance(default, tuple) else default
+def _plain(value):
+    return tuple(value) if isinstance(value, list) else value

@@ -7,15 +7,15 @@ page then says so; nothing waits for it. What it writes to its standard error is
 it ended.
 """
 
+import asyncio
 import contextlib
 import itertools
 import json
 import math
 import os
-import subprocess
 import sys
 import tempfile
-import threading
+from asyncio.subprocess import PIPE
 
 from haptic_device.device import operator_hand
 from haptic_device.process import ending_with_us, own_environment, running_module
@@ -24,26 +24,18 @@ LONGEST = 0.1  # s of motion computed at once; a longer silence is left out
 MOST_BEHIND = 2  # answers outstanding, beyond which motion is left out: it shows the newest place, not an old way
 LATE = 0.2  # s behind that are worth a sentence
 NICE = 10
+LINE = 1 << 20  # bytes of an answer at most
 
 
-class Second:
-    """The viewer's end. `latest` is the newest state, or None before it is ready or when it has ended; `problem` a
-    sentence if it has ended by itself; `system` what it was made of (Ghost)."""
+class ShadowSimulation:
+    """The viewer's end, of a running event loop. `latest` is the newest state, or None before it is ready or when it
+    has ended; `problem` a sentence if it has ended by itself; `system` what it was made of (ShadowSystem); `awaited`
+    how many answers are outstanding; `pid` the process, None before it runs."""
 
     def __init__(self, system: dict):
-        self.system, self.latest, self.problem, self._closed = system, None, "", False
-        self._asked, self._answered, self._now, self._then = 0, -1, 0.0, 0.0
-        self._errors = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115
-        self._process = subprocess.Popen(
-            ending_with_us(running_module("haptic_sim.viewer.second")),
-            env=own_environment(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._errors,
-            text=True,
-        )
-        threading.Thread(target=self._listen, name="second", daemon=True).start()
-        self._say(system)
+        self.system, self.latest, self.problem, self.pid = system, None, "", None
+        self.awaited, self._now, self._then, self._input = 0, 0.0, 0.0, None
+        self._running = asyncio.create_task(self._run())
 
     @property
     def note(self) -> str:
@@ -57,56 +49,66 @@ class Second:
         """The hand's target [m, m, rad] in device units at this time [s]; left out while it is far behind."""
         self._then = self._then or now
         self._now = now
-        if not self.problem and self._asked - self._answered < MOST_BEHIND:
-            self._asked += 1
-            self._say({"time": now, "target": list(target)})
+        if self.awaited < MOST_BEHIND:
+            self._ask({"time": now, "target": list(target)})
 
     def start_again(self) -> None:
         """Everything back to the start of the scene."""
-        self._asked += 1
-        self._say({"again": True})
+        self._ask({"again": True})
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """Ends the process."""
-        self._closed = True
-        self._process.kill()
-        self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout, self._errors):
-            with contextlib.suppress(OSError):  # what it had not read yet
-                stream.close()
+        self._running.cancel()
+        await asyncio.wait([self._running])
 
-    def _say(self, content):
-        with contextlib.suppress(BrokenPipeError, ValueError):  # it has ended, which _listen says
-            self._process.stdin.write(json.dumps(content) + "\n")
-            self._process.stdin.flush()
+    def _ask(self, content):
+        if self._input is not None:
+            self.awaited += 1
+            self._input.write(json.dumps(content).encode() + b"\n")
 
-    def _listen(self):
-        with contextlib.suppress(ValueError):  # closed
-            for line in self._process.stdout:
+    async def _run(self):
+        try:
+            with tempfile.TemporaryFile("w+", errors="replace") as errors:
+                await self._run_process(errors)
+        except (ValueError, OSError) as error:
+            self.problem = self.problem or f"the second operating point cannot go on: {error}"
+        finally:
+            self.latest = self._input = None
+
+    async def _run_process(self, errors):
+        command = ending_with_us(running_module("haptic_sim.viewer.shadow_simulation"))
+        process = await asyncio.create_subprocess_exec(
+            *command, stdin=PIPE, stdout=PIPE, stderr=errors, env=own_environment(), limit=LINE
+        )
+        self.pid, self._input = process.pid, process.stdin
+        try:
+            self._ask(self.system)
+            async for line in process.stdout:
                 with contextlib.suppress(json.JSONDecodeError):  # what a library printed
                     self._take(json.loads(line))
-        if not self._closed:
-            self.problem = self.problem or self._end()
-            self.latest = None
+            self.problem = self.problem or _end(await process.wait(), errors)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                process.kill()
+            await process.communicate()
 
     def _take(self, answer):
         if "refusal" in answer:
             self.problem = answer["refusal"]
             return
         self._then = answer.pop("time") or self._then
-        self.latest, self._answered = answer, self._answered + 1
-
-    def _end(self):
-        """Why it has ended, in a sentence."""
-        code, why = self._process.wait(), "closed"
-        with contextlib.suppress(ValueError):  # closed meanwhile
-            self._errors.seek(0)
-            said = self._errors.read().strip().splitlines()[-1:]
-            why = said[0][:200] if said else f"signal {-code}" if code < 0 else f"exit code {code}"
-        return f"the second operating point has ended by itself ({why})"
+        self.latest, self.awaited = answer, self.awaited - 1
 
 
-class Ghost:
+def _end(code, errors):
+    """Why it has ended, in a sentence."""
+    errors.seek(0)
+    said = errors.read().strip().splitlines()[-1:]
+    why = said[0][:200] if said else f"signal {-code}" if code < 0 else f"exit code {code}"
+    return f"the second operating point has ended by itself ({why})"
+
+
+class ShadowSystem:
     """The other end: a lock-step system whose hand goes where it is told.
 
     system: scene (as JSON), device (name or file), driver, loopback and simulation (values of their parameters), method
@@ -121,14 +123,15 @@ class Ghost:
         from haptic_sim.simulation import Simulation
 
         values = system["simulation"] | {"method": system["method"]}
-        simulation = Simulation.by_parameters(reduce_scene(parse(system["scene"], "scene"), values["method"]), values)
+        reduced = reduce_scene(parse(system["scene"], "scene"), values["method"])
+        self.simulation = Simulation.by_parameters(reduced, values)
         loopback = system["loopback"] | {"motion.name": "follow", "motion.start": system["start"]}
         driver, network = system["driver"], Network(delay=system["delay"])
-        self._lockstep = Lockstep(load_device(system["device"]), driver, loopback, simulation, network)
+        self._lockstep = Lockstep(load_device(system["device"]), driver, loopback, self.simulation, network)
         self._motion = self._lockstep.motion
         self._motion["kind"], self._motion["count"], self._motion["started"] = operator_hand.PATH, 2, 1
         self._motion["grip"][0, :2] = 1.0
-        self._simulation, self._now, self._place = simulation, None, None
+        self._now, self._place = None, None
         self._motion["points"][0, :2] = self._motion["points"][0, 0]
         self._row = self._lockstep.run(1e-3)[-1]  # compiles, if nobody has before
 
@@ -149,33 +152,32 @@ class Ghost:
         self._row = lockstep.run(seconds)[-1]
 
     def state(self) -> dict:
-        """Time of the last motion [s], None before; handle, tool and bodies in the world [m, m, rad], force of the
-        motor on the handle [N, N, N m]."""
-        method, row = self._simulation.method, self._row
-        bodies = [method.pose(body.name) for body in self._simulation.scene.bodies]
-        force = row.force_on_handle.tolist()
-        if not all(map(math.isfinite, (*row.position, *force, *method.position, *itertools.chain(*bodies)))):
-            raise ValueError("the second operating point has blown up: where its bodies are is no number any more")
-        return {
-            "time": self._now,
-            "handle": row.position.tolist(),
-            "force": force,
-            "tool": list(method.position),
-            "bodies": bodies,
-        }
+        """Time of the last motion [s], None before; and what places() has."""
+        return {"time": self._now, **places(self._row, self.simulation)}
+
+
+def places(row, simulation) -> dict:
+    """Handle, tool and bodies in the world [m, m, rad], force of the motor on the handle [N, N, N m], after this tick.
+    Raises ValueError if one is no number."""
+    method = simulation.method
+    bodies = [method.pose(body.name) for body in simulation.scene.bodies]
+    force = row.force_on_handle.tolist()
+    if not all(map(math.isfinite, (*row.position, *force, *method.position, *itertools.chain(*bodies)))):
+        raise ValueError("the second operating point has blown up: where its bodies are is no number any more")
+    return {"handle": row.position.tolist(), "force": force, "tool": list(method.position), "bodies": bodies}
 
 
 def main() -> int:
     """Answers each line of standard input until it ends."""
     os.nice(NICE)
-    ghost = system = None
+    shadow = system = None
     for line in sys.stdin:
         content = json.loads(line)
         try:
             if "scene" in content or "again" in content:
                 system = system or content
-                ghost = Ghost(system)
-            state = ghost.move(content["time"], content["target"]) if "time" in content else ghost.state()
+                shadow = ShadowSystem(system)
+            state = shadow.move(content["time"], content["target"]) if "time" in content else shadow.state()
             print(json.dumps(state, allow_nan=False), flush=True)
         except (ValueError, OSError) as refusal:
             print(json.dumps({"refusal": str(refusal)}), flush=True)

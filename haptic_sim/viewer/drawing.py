@@ -62,7 +62,7 @@ def room(scene: Scene) -> tuple[float, float, float, float]:
     return low[0] - free, low[1] - free, high[0] + free, high[1] + free
 
 
-def drawing(scene: Scene) -> dict:
+def scene_drawing(scene: Scene) -> dict:
     """The scene for the page, as plain lists."""
     return {
         "name": scene.name,

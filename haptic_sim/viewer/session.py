@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One page's end of the server: what it is sent, and what it asks for. Frames are dropped for it, never queued."""
+"""The session of one page: what it is sent, and what it asks for. Frames are dropped for it, never queued."""
 
 import asyncio
 import itertools
@@ -9,8 +9,10 @@ import time
 
 from aiohttp import WSMsgType, web
 
-from haptic_sim.viewer import wishes
+from haptic_sim.viewer.messages import Aim, Seen, parse
 
+MOST_PER_SECOND = 300  # messages that are taken
+BURST = 150  # messages beyond that
 UNSEEN = 3  # frames on their way to a page that has not said that it has seen them
 GIVEN_UP = 1.0  # s after which frames go out again to a page that says nothing: hidden tabs do not draw
 HINT_PERIOD = 1.0  # s between two hints
@@ -21,8 +23,8 @@ ANSWER = "answer "  # kind of news, followed by a number: none takes another's p
 STOP = '"estop"'  # a message with this is always heard
 
 
-class Seat:
-    """`sent`, `seen` and `dropped` count frames, `heard` the page's messages. do: async (wish, seat) → sentence,
+class Session:
+    """`sent`, `seen` and `dropped` count frames, `heard` the page's messages. do: async (message, session) → sentence,
     ValueError to refuse."""
 
     def __init__(self, socket: web.WebSocketResponse, control: bool, do):
@@ -75,51 +77,67 @@ class Seat:
                 return
 
     async def _receive(self):
-        flood = wishes.Flood(time.monotonic())
-        async for message in self._socket:
+        rate = RateLimit(time.monotonic())
+        async for received in self._socket:
             self.heard += 1
             if self.heard % LAP == 0:
                 await asyncio.sleep(0.0)
-            if message.type is not WSMsgType.TEXT:
+            if received.type is not WSMsgType.TEXT:
                 self._hint("a message is not text")
-            elif not flood.allows(time.monotonic()) and STOP not in message.data:
-                self._hint(f"more than {wishes.MOST_PER_SECOND} messages a second: some are ignored")
+            elif not rate.allows(time.monotonic()) and STOP not in received.data:
+                self._hint(f"more than {MOST_PER_SECOND} messages a second: some are ignored")
             else:
-                self._take(message.data)
+                self._take(received.data)
 
     def _take(self, text):
         try:
-            wish = wishes.parse(text)
-            if wish["do"] not in wishes.FREE and not self.control:
+            message = parse(text)
+            if not self.control and not isinstance(message, Seen):
                 raise ValueError("this page only looks on")
         except ValueError as refusal:
             self._hint(str(refusal))
             return
-        if wish["do"] == "seen":
-            self.seen, self._last_seen = min(self.sent, max(self.seen, wish["frame"])), time.monotonic()
+        if isinstance(message, Seen):
+            self.seen, self._last_seen = min(self.sent, max(self.seen, message.frame)), time.monotonic()
             return
         if len(self._busy) >= MOST_BUSY and STOP not in text:
-            self._hint(f"{MOST_BUSY} things are being done already: {wish['do']} is ignored")
+            self._hint(f"{MOST_BUSY} things are being done already: {message.do} is ignored")
             return
-        task = asyncio.create_task(self._answer(wish))
+        task = asyncio.create_task(self._answer(message))
         self._busy.add(task)
         task.add_done_callback(self._busy.discard)
 
-    async def _answer(self, wish):
+    async def _answer(self, message):
         try:
-            sentence, done = await self._do(wish, self), True
+            sentence, done = await self._do(message, self), True
         except (ValueError, OSError) as refusal:
             sentence, done = str(refusal), False
-        if wish["do"] == "aim":
-            if sentence:
-                self._hint(sentence)
-        else:
-            self.tell(f"{ANSWER}{next(self._numbers)}", {"to": wish, "done": done, "sentence": sentence})
+        if not isinstance(message, Aim):
+            answer = {"to": message.model_dump(), "done": done, "sentence": sentence}
+            self.tell(f"{ANSWER}{next(self._numbers)}", answer)
+        elif sentence:
+            self._hint(sentence)
 
     def _hint(self, sentence):
         if time.monotonic() > self._hinted + HINT_PERIOD:
             self._hinted = time.monotonic()
             self.tell("hint", sentence)
+
+
+class RateLimit:
+    """Of the messages of one page: MOST_PER_SECOND, and a short burst. now [s]."""
+
+    def __init__(self, now: float):
+        self._left, self._at = float(BURST), now
+
+    def allows(self, now: float) -> bool:
+        """Whether one more message at this time [s] is taken."""
+        self._left = min(BURST, self._left + (now - self._at) * MOST_PER_SECOND)
+        self._at = now
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
 
 
 def encoded(content) -> str:

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Does what pages ask for. What goes wrong is a ValueError with a sentence for whoever asked."""
+
+import time
+
+from haptic_device.description import Device, load_device
+from haptic_device.nodes.messages import TRACE, String
+from haptic_sim.client import Client
+from haptic_sim.questions import change_state, get_parameters, set_parameters, state_of, trigger
+from haptic_sim.viewer import messages, settings
+from haptic_sim.viewer.hand import THERE, Hand, Limits
+from haptic_sim.viewer.scene_controller import SceneController
+from haptic_sim.viewer.settings import DRIVER, LOOPBACK, SIMULATION
+from haptic_sim.viewer.state import State
+
+RECORDER = "haptic_recorder"
+UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
+CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
+STOPPING = ("estop", "disable")
+EDGE = 0.01  # of the workspace at either end is where a page leads no hand
+LEADING = (messages.Aim, messages.LoadScene, messages.ChooseMethod, messages.StartScene, messages.Compare)  # the hand
+AGAIN, PATIENCE = 0.4, 4.8  # s: a busy machine may hold a node up for seconds
+POLLED = 0.4  # s for an answer that is asked for every second anyway
+BAG = 20.0  # s that a recorder may take to open or close a bag
+
+
+class CommandHandler:
+    """Owns the hand. `values` are the nodes' parameters as last polled: {node: {name: value}}.
+
+    held_off: whether a page has said that the motor shall be off.
+
+    nodes: those that are this process's to start again; else None.
+    """
+
+    def __init__(self, client: Client, state: State, speeds: tuple[float, float], nodes=None):
+        self.client, self.state, self.hand, self._nodes = client, state, Hand(), nodes
+        self.values, self.device, self.problem, self.held_off = {}, None, "", False
+        self.scenes = SceneController(self)
+        self._speeds, self._asked_device, self._leader = speeds, None, None
+        self._marks = client.node.create_publisher(String, "mark", TRACE)
+        self._prepare()
+
+    @property
+    def driving(self) -> bool:
+        """Whether the motor is on, or waits for a small force, and no page has said otherwise."""
+        return not self.held_off and self.state.said(DRIVER, "state", "idle") not in ("idle", "fault")
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the hand's target, as the device last said it, is where a page wants it to be."""
+        truth, hand = self.state.truth, self.hand
+        if truth is None or hand.goal is None:
+            return False
+        there = zip(self.state.to_world(truth.target), hand.goal, range(self.state.axes), strict=False)
+        return all(abs(place - goal) < THERE for place, goal, _ in there)
+
+    @property
+    def workspace(self) -> tuple[tuple[float, float], ...] | None:
+        """Of each axis, in the world [m, m, rad]; None without a description of the device."""
+        if not isinstance(self.device, Device):
+            return None
+        length, angle = self.device.scale
+        axes = zip((length, length, angle), self.device.axes, strict=False)
+        return tuple((scale * axis.workspace[0], scale * axis.workspace[1]) for scale, axis in axes)
+
+    @property
+    def limits(self) -> Limits:
+        """Where the hand may go in the world, and speeds; without a description of the device, a workspace of 1 m.
+
+        It keeps off the ends, beyond which the driver has a fault: a hand swings past where it wants to be."""
+        if self.workspace is None:
+            return Limits(((-0.5, 0.5),) * 2 + ((-100.0, 100.0),), *self._speeds)
+        ends = tuple((low + EDGE * (high - low), high - EDGE * (high - low)) for low, high in self.workspace)
+        return Limits(ends, *self._speeds)
+
+    async def do(self, message: messages.Command, session) -> str:
+        """Does it for a page; returns the sentence that says what was done, "" if there is nothing to say."""
+        if isinstance(message, LEADING):
+            self._leader = session
+        match message:
+            case messages.Aim():
+                return self.aim(message.place)
+            case messages.Trigger():
+                return await self._trigger(message.service)
+            case messages.Set():
+                return await self._set(message.name, message.value)
+            case messages.LoadScene():
+                return await self.scenes.load(message.name)
+            case messages.ChooseMethod():
+                return await self.scenes.choose_method(message.name)
+            case messages.StartScene():
+                return await self.scenes.start_again()
+            case messages.Compare():
+                return await self.scenes.compare(message.on)
+            case messages.Mark():
+                return self._mark(message.text)
+            case messages.Record():
+                return await self._record(message.on)
+            case messages.Restart():
+                return await self._restart(message.name, message.value)
+
+    async def poll(self) -> None:
+        """Asks the nodes for their parameters; nodes that are not heard any more keep none."""
+        for node, declared in settings.NODES.items():
+            names = [parameter.name for parameter in declared]
+            try:
+                self.values[node] = await self.ask(get_parameters(node, names), POLLED, None)
+            except ValueError:
+                if node not in self.state.statuses:
+                    self.values.pop(node, None)
+        named = self.values.get(DRIVER, self.values.get(LOOPBACK, {})).get("device")
+        if named and named != self._asked_device:
+            self._asked_device = named
+            self._describe(named)
+
+    async def ask(self, question, patience: float = PATIENCE, again: float | None = AGAIN):
+        """What a node's answer means; ValueError if it refuses, is not there, or is silent."""
+        return await self.client.acall(question, patience=patience, again=again, wait=False)
+
+    async def order(self, service: str) -> str:
+        """enable, disable, estop or reset of the driver. Only what stops is asked for again and again: a late second
+        request to go would undo a stop that came after the first."""
+        return await self.ask(trigger(f"{DRIVER}/{service}"), again=AGAIN if service in STOPPING else None)
+
+    def lead(self, now: float) -> None:
+        """Leads the hand on towards its goal, or lets go when the page that led it is silent; to be called often. now
+        [s]."""
+        if not self.state.axes:
+            self.hand.release()
+            return
+        truth, to_world = self.state.truth, self.state.to_world
+        self.hand.listen(now, self._leader.heard if self._leader else 0)
+        place = self.hand.lead(now, self.limits)
+        if self.hand.loose:
+            place = self.hand.give_in(now, to_world(truth.position), to_world(truth.target))
+        if place is not None:
+            self.client.aim(place)
+
+    def aim(self, place: dict[str, float]) -> str:
+        """Where the hand shall go [m, m, rad]; returns the hint if it was clamped. ValueError if there is no hand."""
+        if not self.state.axes:
+            raise ValueError("no simulated hand is heard of: haptic_loopback does not run")
+        motion = self.values.get(LOOPBACK, {}).get("motion.name", "follow")
+        if motion != "follow":
+            raise ValueError(f"the hand plays the script {motion}; start haptic_loopback with motion.name: follow")
+        now = time.monotonic()
+        if self.hand.goal is None:
+            self.hand.take(tuple(self.state.to_world(self.state.truth.target)), now)
+        hint = self.hand.aim(place, self.limits)
+        self.lead(now)
+        return hint
+
+    def _prepare(self):
+        """Services are looked for before they are needed: an e-stop must not wait for its own to be found."""
+        self.client.prepare(*(f"{DRIVER}/{service}" for service in messages.SERVICES))
+        self.client.prepare(*(f"{SIMULATION}/{service}" for service in ("load_scene", "reset_scene")))
+        self.client.prepare(*(f"{node}/get_parameters" for node in settings.NODES))
+        self.client.prepare(*(f"{node}/set_parameters_atomically" for node in (DRIVER, SIMULATION)))
+        self.client.prepare(f"{RECORDER}/get_state", f"{RECORDER}/change_state")
+
+    def _describe(self, name):
+        try:
+            self.device, self.problem = load_device(name), ""
+            self.state.scale = self.device.scale
+        except (ValueError, OSError) as error:
+            self.device, self.problem = None, f"the device's workspace is not known: {error}"
+
+    async def _trigger(self, service):
+        if service != "reset":
+            self.held_off = service != "enable"
+        return await self.order(service)
+
+    async def _set(self, name, value):
+        value = settings.typed(name, value)
+        await self.ask(set_parameters(DRIVER, {name: value}))
+        await self.poll()
+        return f"{name} is {value}"
+
+    def _mark(self, text):
+        if not self._marks.get_subscription_count():
+            raise ValueError("nobody records: the mark is kept nowhere")
+        self._marks.publish(String(data=text))
+        return f"mark set: {text}"
+
+    async def _record(self, on):
+        state = await self.ask(state_of(RECORDER))
+        steps = {UNCONFIGURED: (CONFIGURE, ACTIVATE), INACTIVE: (ACTIVATE,)} if on else {ACTIVE: (DEACTIVATE,)}
+        for step in steps.get(state, ()):
+            await self.ask(change_state(RECORDER, step), BAG, None)
+        return "recording" if on else "the bag is closed"
+
+    async def _restart(self, name, value):
+        if self._nodes is None:
+            raise ValueError(f"{name} is fixed once the nodes run; haptic demo --view starts them again for it")
+        self.hand.release()
+        await self.scenes.close()
+        said = await self._nodes.change(name, value)
+        self.client.statuses.clear()  # of nodes that have ended
+        return said

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a page may ask for: one JSON object a message, of one model each, judged before anything is done."""
+
+from typing import Annotated, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+
+LONGEST = 4096  # bytes of a message
+LARGEST = 2.0**53  # a number beyond it is none that a page means
+AXES = ("x", "y", "theta")
+TEXT = 200  # characters
+_SHOWN = 60  # characters of a value that a refusal repeats
+
+Number = Annotated[float, Field(gt=-LARGEST, lt=LARGEST, allow_inf_nan=False, description="a finite number below 2^53")]
+Whole = Annotated[int, Field(gt=-LARGEST, lt=LARGEST, description="a whole number below 2^53")]
+Switch = Annotated[bool, Field(description="true or false")]
+Text = Annotated[str, Field(max_length=TEXT, description="a text")]
+Item = bool | Whole | Number | Text
+Service = Literal["enable", "disable", "estop", "reset"]
+SERVICES = get_args(Service)  # of the driver that a page may trigger
+Value = Annotated[Item | list[Item], Field(description="a switch, a finite number, a text or a list of them")]
+
+
+class Message(BaseModel):
+    """A message of a page; fields that it does not know are left out."""
+
+    model_config = ConfigDict(frozen=True, strict=True)
+    do: str
+
+
+class Seen(Message):
+    """The page has drawn the frame of this number."""
+
+    do: Literal["seen"] = "seen"
+    frame: Whole
+
+
+class Aim(Message):
+    """Where the hand shall go, in the world [m, m, rad]; axes that are not named stay."""
+
+    do: Literal["aim"] = "aim"
+    x: Number = 0.0
+    y: Number = 0.0
+    theta: Number = 0.0
+
+    @property
+    def place(self) -> dict[str, float]:
+        """The axes that are named."""
+        return {axis: getattr(self, axis) for axis in AXES if axis in self.model_fields_set}
+
+    @model_validator(mode="after")
+    def _names_an_axis(self):
+        if not self.place:
+            raise ValueError("names none of x, y, theta")
+        return self
+
+
+class Trigger(Message):
+    """A service of the driver."""
+
+    do: Literal["trigger"] = "trigger"
+    service: Annotated[Service, Field(description=f"one of {', '.join(SERVICES)}")]
+
+
+class Set(Message):
+    """A live parameter of the driver."""
+
+    do: Literal["set"] = "set"
+    name: Text
+    value: Value
+
+
+class LoadScene(Message):
+    """Another scene."""
+
+    do: Literal["scene"] = "scene"
+    name: Text
+
+
+class ChooseMethod(Message):
+    """Another simulation method."""
+
+    do: Literal["method"] = "method"
+    name: Text
+
+
+class StartScene(Message):
+    """The scene from its start."""
+
+    do: Literal["start_scene"] = "start_scene"
+
+
+class Mark(Message):
+    """A mark in the bag."""
+
+    do: Literal["mark"] = "mark"
+    text: Text
+
+
+class Record(Message):
+    """Opens or closes a bag."""
+
+    do: Literal["record"] = "record"
+    on: Switch
+
+
+class Restart(Message):
+    """Starts the nodes again with another value of what is fixed while they run."""
+
+    do: Literal["restart"] = "restart"
+    name: Text
+    value: Value
+
+
+class Compare(Message):
+    """Begins or ends a second operating point."""
+
+    do: Literal["compare"] = "compare"
+    on: Switch
+
+
+Command = Aim | Trigger | Set | LoadScene | ChooseMethod | StartScene | Mark | Record | Restart | Compare
+PageMessage = Seen | Command
+_MODELS = {model.model_fields["do"].default: model for model in get_args(PageMessage)}
+_ADAPTER = TypeAdapter(Annotated[PageMessage, Field(discriminator="do")])
+
+
+def parse(text: str) -> PageMessage:
+    """The message in a text. Raises ValueError, one sentence."""
+    try:
+        return _ADAPTER.validate_json(text)
+    except ValidationError as error:
+        raise ValueError(_sentence(error.errors()[0])) from None
+
+
+def _sentence(error):
+    if error["type"] == "json_invalid":
+        return f"a message is not JSON ({error['ctx']['error']})"
+    if not error["loc"]:
+        return f"a message asks for none of {', '.join(_MODELS)}"
+    do, *path = error["loc"]
+    if not path:
+        return f"{do} {error['msg'].removeprefix('Value error, ')}"
+    name, given = path[0], error["input"]
+    if error["type"] == "string_too_long":
+        return f"{do}: {name} has {len(given)} characters; the limit is {TEXT}"
+    shown = "missing" if error["type"] == "missing" else repr(given)[:_SHOWN]
+    return f"{do}: {name} is {shown}; {_MODELS[do].model_fields[name].description} is needed"

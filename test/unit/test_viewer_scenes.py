@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes changed by a page: what the nodes are asked for, and when, by commands that have no nodes."""
+
+import asyncio
+import types
+
+import pytest
+
+from haptic_device.description import load_device
+from haptic_sim.scene import load
+from haptic_sim.viewer import scene_controller
+from haptic_sim.viewer.commands import EDGE, CommandHandler
+from haptic_sim.viewer.scene_controller import SceneController
+from haptic_sim.viewer.settings import SIMULATION
+
+SET = f"{SIMULATION}/set_parameters_atomically"
+RESET, LOAD = f"{SIMULATION}/reset_scene", f"{SIMULATION}/load_scene"
+
+
+class Commands:
+    """Of a page whose hand is where it should be after `looks` looks; `done` is what was asked for, in order."""
+
+    def __init__(self, looks=0, refusal=""):
+        self.done, self.looks, self.refusal = [], looks, refusal
+        self.driving, self.held_off = True, False
+        self.state = types.SimpleNamespace(axes=3, scene=load("peg_in_hole"))
+        self.values = {SIMULATION: {"scene": "peg_in_hole", "method": "auto"}}
+
+    @property
+    def arrived(self):
+        self.looks -= 1
+        if self.looks < 0:
+            self.done.append("arrived")
+        return self.looks < 0
+
+    def aim(self, place):
+        self.done.append(("aim", tuple(place.values())))
+
+    async def order(self, service):
+        self.done.append(service)
+
+    async def ask(self, question, *patience):
+        if question.service == SET:
+            given = question.request.parameters
+            self.done.append({one.name: one.value.string_value for one in given})
+            return None
+        self.done.append(question.service)
+        if question.service == LOAD and self.refusal:
+            raise ValueError(self.refusal)
+        return "said"
+
+    async def poll(self):
+        self.done.append("poll")
+
+
+@pytest.fixture(autouse=True)
+def no_time_passes(monkeypatch):
+    own = asyncio.sleep
+    monkeypatch.setattr(scene_controller.asyncio, "sleep", lambda seconds: own(0.0))
+
+
+def pose(name):
+    return ("aim", load(name).tool.pose)
+
+
+def test_a_scene_is_loaded_with_the_motor_off_once_the_device_says_that_the_hand_is_there():
+    commands = Commands(looks=30)
+    assert asyncio.run(SceneController(commands).load("wrench_on_nut")) == "said"
+    wanted = ["disable", pose("wrench_on_nut"), "arrived", {"scene": "wrench_on_nut"}, LOAD, "enable", "poll"]
+    assert commands.done == wanted and commands.looks == -1
+
+
+def test_after_a_refusal_hand_and_tool_are_both_at_the_start_of_what_there_was():
+    commands = Commands(refusal="no closed form")
+    with pytest.raises(ValueError, match="no closed form"):
+        asyncio.run(SceneController(commands).choose_method("closed_form"))
+    there = [pose("peg_in_hole"), "arrived"]
+    asked = [{"method": "closed_form"}, LOAD, {"method": "auto"}]
+    assert commands.done == ["disable", *there, *asked, *there, RESET, "enable"]
+
+
+def test_a_motor_that_a_page_has_switched_off_stays_off():
+    commands = Commands()
+    commands.driving = False
+    asyncio.run(SceneController(commands).start_again())
+    assert commands.done == [pose("peg_in_hole"), "arrived", RESET, "poll"]
+
+
+@pytest.fixture
+def handler():
+    """One whose nodes never answer; the world is the device's workspace."""
+    node = types.SimpleNamespace(create_publisher=lambda *words: None)
+    client = types.SimpleNamespace(node=node, prepare=lambda *services: None)
+    return CommandHandler(client, types.SimpleNamespace(truth=None, axes=3, to_world=list), (1.0, 1.0))
+
+
+def test_a_page_leads_no_hand_to_the_edge_of_the_workspace_but_draws_all_of_it(handler):
+    handler.device = load_device("desktop")
+    assert handler.workspace == tuple(axis.workspace for axis in handler.device.axes)
+    for (low, high), axis in zip(handler.limits.workspace, handler.device.axes, strict=True):
+        width = axis.workspace[1] - axis.workspace[0]
+        assert low == pytest.approx(axis.workspace[0] + EDGE * width)
+        assert high == pytest.approx(axis.workspace[1] - EDGE * width)
+    handler.device = None
+    assert handler.workspace is None
+
+
+def test_a_hand_has_arrived_when_the_device_says_so_and_not_when_it_was_told(handler):
+    truth, handler.hand.goal = types.SimpleNamespace(target=[0.0, 0.0, 0.0]), (0.01, 0.0, 0.0)
+    handler.state.truth = truth
+    assert not handler.arrived
+    truth.target = [0.01, 0.0, 0.0]
+    assert handler.arrived
+    handler.state.truth = None
+    assert not handler.arrived
