@@ -72,12 +72,14 @@ WORK = np.dtype(
         # event_driven: a force along the motion, not a part of the backward difference
         ("coupling", _reals(stiffness=3, damping=3) + _whole(event_driven=())),
         ("contact_model", _reals(stiffness=(), damping=())),  # [N/m], 0: rigid; [N s/m]
-        # force on the tool over the last sub-step; since the caller last cleared them: energy supplied [J], largest
-        # force of a pair of shapes [N], deepest overlap [m], whether a contact pushed the tool
+        # force on the tool over the last sub-step; since the call began: energy supplied [J], largest force of a pair
+        # of shapes [N], deepest overlap [m], whether a contact pushed the tool
         ("port", _reals(force=3, supplied=(), largest_force=(), deepest_overlap=()) + _whole(touched=())),
-        # energy [J] that contacts, joint friction, motors and belts have taken, and that stabilization has put in
+        # energy [J] since the call began that contacts, joint friction, motors and belts have taken, and that
+        # stabilization has put in
         ("accounts", _reals(contacts=(), correction=())),
-        # sub-steps in which the integration of events gave up; contacts that there was no row for
+        # sub-steps since the start in which the integration of events gave up; contacts since the call began that there
+        # was no row for
         ("counters", _whole(refusals=(), left_out=())),
         # contacts of the last sub-step; on b: impulse [N s], and force [N] while it rests
         (
