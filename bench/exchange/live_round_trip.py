@@ -39,7 +39,7 @@ def answer_barely(folder):
 def answer_timed(folder):
     """haptic_simulation as it is, with the times of its exchange taken."""
     from haptic_device.nodes.lifecycle import run
-    from haptic_sim.node.simulation import EventsExecutor, SimulationNode
+    from haptic_sim.node.simulation import SimulationNode
 
     times = Times(folder)
 
@@ -55,7 +55,7 @@ def answer_timed(folder):
             publisher = super().create_publisher(kind, topic, *given, **named)
             return TimedPublisher(publisher, times) if topic == "tool" else publisher
 
-    return run(TimedSimulation, "haptic_simulation", sys.argv[sys.argv.index("--ros-args") :], EventsExecutor)
+    return run(TimedSimulation, "haptic_simulation", sys.argv[sys.argv.index("--ros-args") :])
 
 
 class TimedPublisher:
