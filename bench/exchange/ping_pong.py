@@ -27,8 +27,8 @@ PLACE = JointLayout(exchange_names(len(AXES))).offsets[0] + 8 * (len(AXES) + exc
 class Silent:
     """Where nobody wants to know when a handle sample came, was answered, and when the answer was published."""
 
-    def taken(self, information):
-        """`information` as the middleware gives it with the message."""
+    def taken(self):
+        """A handle sample has come."""
 
     def answered(self):
         """The answer is there."""
@@ -45,9 +45,9 @@ def main(times=None) -> int:
     publisher = node.create_publisher(JointState, "tool", LATEST)
     sequence = 0.0
 
-    def answer(data, information):
+    def answer(data):
         nonlocal sequence
-        times.taken(information)
+        times.taken()
         sequence += 1.0
         answered = _answer(data, sequence)
         times.answered()

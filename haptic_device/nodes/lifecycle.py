@@ -48,6 +48,10 @@ class ManagedNode(Node):
         threading.excepthook = threading.__excepthook__
         super().destroy_node()
 
+    def make_executor(self):
+        """What is to call back for messages, services and timers."""
+        return SingleThreadedExecutor()
+
     def diagnose(self):
         """Says how the node is (`say_status`); called each DIAGNOSTICS_PERIOD."""
 
@@ -206,7 +210,7 @@ def _be_deaf():
         signal.signal(number, signal.SIG_IGN)
 
 
-def run(make_node, name, args=None, make_executor=SingleThreadedExecutor):
+def run(make_node, name, args=None):
     """Runs a managed node until SIGINT, SIGTERM or SIGHUP, exit code 0; code 1 after a refusal or failure, printed.
 
     A signal only sets a flag, also while the node starts: raised in the middle of anything it would leave threads that
@@ -218,7 +222,7 @@ def run(make_node, name, args=None, make_executor=SingleThreadedExecutor):
             begin_ros(args)
             node = _made(make_node)
         node.told = told
-        executor = make_executor()
+        executor = node.make_executor()
         executor.add_node(node)
         _autostart(node)
         while not told and rclpy.ok():
