@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from fault_injection import chaos, injector
+from fault_injection import chaos, fault_injector
 from haptic_sim.live.zwidth import STALLED
 
 pytestmark = pytest.mark.timeout(900)
@@ -31,6 +31,6 @@ def test_chaos_in_its_short_form_leaves_energy_within_its_budget_only_known_faul
     assert tuple(event["event"] for event in found["events"]) == chaos.SHORT, progress
     for event in found["events"]:
         assert set(event["wrong"]) <= BY_THE_CLOCK, progress  # its faults and its energy were as they may be
-        assert event["force"] > injector.FORCE and event["runs"] == 1
+        assert event["force"] > fault_injector.FORCE and event["runs"] == 1
         assert event["safe"] is not None and math.isfinite(event["safe"])  # it went off, or let go, however late
     assert "estop" in found["events"][-1]["faults"], progress
