@@ -32,15 +32,16 @@ def compiled(**parts):
 
 @pytest.mark.parametrize("name", names("scenes"))
 def test_every_scene_compiles_to_finite_numbers_and_a_sub_step_that_divides_a_millisecond(name):
-    model, _, shape_names, _, _, sub_step, reasons = reduce_scene(load(name))
+    reduced = reduce_scene(load(name))
+    model = reduced.model
     finite = [array for key, array in model._asdict().items() if key not in ("mass", "inertia", "joint_limit")]
     assert all(np.isfinite(array).all() for array in finite)
     assert np.isfinite(model.mass).tolist() == [not fixed for fixed in model.fixed]
     assert not model.fixed[0]
     assert model.fixed[-1]
-    assert len(shape_names) == len(model.shape_body) == len(model.shape_start) - 1
-    assert 1e-3 / sub_step == pytest.approx(round(1e-3 / sub_step))
-    assert all(reasons)
+    assert len(reduced.shape_names) == len(model.shape_body) == len(model.shape_start) - 1
+    assert 1e-3 / reduced.sub_step == pytest.approx(round(1e-3 / reduced.sub_step))
+    assert all(reduced.reasons)
 
 
 @pytest.mark.parametrize("name", names("scenes"))
