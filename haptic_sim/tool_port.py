@@ -4,6 +4,7 @@
 A port moves the world: it says for each sub-step where the handle is that the coupling pulls to.
 """
 
+import abc
 from typing import Protocol
 
 import numpy as np
@@ -55,7 +56,7 @@ class Direct:
         return force_on_tool, supplied
 
 
-class Drawn:
+class Drawn(abc.ABC):
     """What the two passive ports share: the rules and the memory of control/tool_side_tank, and the limits in them.
 
     limits: force [N], torque [N m] and fastest change of the force [N/s] on the tool by the device's samples.
@@ -88,6 +89,10 @@ class Drawn:
         tool_side_tank.drive(self.rules, self.memory, position, velocity, tool)
         found = self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6].tolist()
         return tuple(found[:3]), tuple(found[3:])
+
+    @abc.abstractmethod
+    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """Take the sub-step's energy supplied [J], mean force on the tool [N, N, N m] and the tool's way."""
 
     def _rule(self, gains, sub_step, inner):
         """Rules for these gains and this sub-step [s]; a torque may change as fast as a force does for its limit.
