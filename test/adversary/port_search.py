@@ -10,8 +10,29 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_sim.protocol import STILL, Coupling, StepResult, held
+
 SUB_STEPS = 4
 SCALE = np.array([5e-3, 0.5, 1e-3, 1e-2, *[0.3] * SUB_STEPS])
+
+
+class Puppet:
+    """A world of one axis whose tool moves at `velocity` [m/s] whatever pulls: what of `World` a port asks for."""
+
+    def __init__(self, sub_step, inner=1):
+        self.inner, self._step, self.gains, self.velocity = inner, sub_step / inner, Coupling(), 0.0
+        self.position = self.force_on_tool = STILL
+
+    def step(self, target, n):
+        assert n == 1  # a port that sees each sub-step, or a handle that is kept
+        aim, _, _, speed, _, _ = target[-1].tolist()
+        tool, made, mean = self.position[0], 0.0, 0.0
+        for _ in range(self.inner):
+            tool += self._step * self.velocity
+            force = self.gains.stiffness * (aim - tool) + self.gains.damping * (speed - self.velocity)
+            made, mean = made + force * self.velocity * self._step, mean + force / self.inner
+        self.position, self.force_on_tool = (tool, 0.0, 0.0), (mean, 0.0, 0.0)
+        return StepResult(made)
 
 
 class Supplied(NamedTuple):
@@ -27,22 +48,15 @@ def oversupply(port, sample, path, sub_step, inner=1):
 
     inner: steps in which the world takes a sub-step, the tool's velocity the same in all.
     """
-    tool, supplied, shipped, effort, first, most = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    world, supplied, shipped, effort, first, most = Puppet(sub_step, inner), 0.0, 0.0, 0.0, 0.0, 0.0
     for number, (place, rate, energy, wave, *moves) in enumerate((path * SCALE).tolist()):
         shipped, effort = shipped + abs(energy), effort + wave
         first = shipped if number == 0 else first
-        gains = port.receive(sample(number, place, rate, effort, shipped), sub_step, inner)
-        for velocity in moves:
-            (aim, _, _), (speed, _, _) = port.drive((place, 0.0, 0.0), (rate, 0.0, 0.0), (tool, 0.0, 0.0))
-            before, made, mean = tool, 0.0, 0.0
-            for _ in range(inner):
-                tool += sub_step / inner * velocity
-                force = gains.stiffness * (aim - tool) + gains.damping * (speed - velocity)
-                made, mean = made + force * velocity * sub_step / inner, mean + force / inner
-            port.book(made, (mean, 0.0, 0.0), (before, 0.0, 0.0), (tool, 0.0, 0.0))
-            supplied += made
+        world.gains = port.receive(sample(number, place, rate, effort, shipped), sub_step, inner)
+        for world.velocity in moves:
+            supplied += port.step(world, held((place, 0.0, 0.0), (rate, 0.0, 0.0)), 1).supplied
             most = max(most, supplied - (shipped - first))
-        port.send((force, 0.0, 0.0), supplied)
+        port.send(world.force_on_tool, supplied)
     return most
 
 
@@ -58,15 +72,13 @@ def fastest(port_of, sample, evaluations, sub_step=0.25e-3, exchanges=12, seed=0
 
 def _pulls(port, sample, path, sub_step):
     """Force on a tool that is held at 0 [N], sub-step by sub-step."""
-    still, shipped, effort = (0.0, 0.0, 0.0), 0.0, 0.0
+    world, shipped, effort = Puppet(sub_step), 0.0, 0.0
     for number, (place, rate, energy, wave, *moves) in enumerate((path * SCALE).tolist()):
         shipped, effort = shipped + abs(energy), effort + wave
-        gains = port.receive(sample(number, place, rate, effort, shipped), sub_step)
+        world.gains = port.receive(sample(number, place, rate, effort, shipped), sub_step)
         for _ in moves:
-            (aim, _, _), (speed, _, _) = port.drive((place, 0.0, 0.0), (rate, 0.0, 0.0), still)
-            force = gains.stiffness * aim + gains.damping * speed
-            port.book(0.0, (force, 0.0, 0.0), still, still)
-            yield force
+            port.step(world, held((place, 0.0, 0.0), (rate, 0.0, 0.0)), 1)
+            yield world.force_on_tool[0]
 
 
 def search(port_of, sample, sub_step=0.25e-3, exchanges=12, evaluations=500, seed=0, inner=1):

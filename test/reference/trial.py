@@ -35,7 +35,9 @@ def turned_scene(scene: Scene, angle: float, ahead: float = 0.0) -> Scene:
         return solid.model_copy(update={"pose": pose, "velocity": (*turned((vx, vy), whole), rate)})
 
     def held(joint):
-        update = {key: turned(getattr(joint, key), whole) for key in ("at", "axis") if getattr(joint, key)}
+        update = {"at": turned(joint.at, whole)} if joint.at else {}
+        if joint.type == "slider":
+            update["axis"] = turned(joint.axis, whole)
         if joint.anchors:
             update["anchors"] = tuple(
                 turned(anchor, whole) if name == WORLD else anchor

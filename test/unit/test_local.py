@@ -161,7 +161,7 @@ def test_a_peg_with_50_um_of_play_goes_in_without_chatter_if_velocity_is_finer_t
                 )
             }
         )
-        if shape.vertices
+        if shape.key == "vertices"
         else shape
         for shape in hole.shapes
     )

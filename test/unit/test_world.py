@@ -13,7 +13,8 @@ from haptic_sim.protocol import Coupling, held, way
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import hand
 from haptic_sim.scene import Scene, load
-from haptic_sim.world import SLOP, SLOP_SHARE, PymunkWorld
+from haptic_sim.space import SLOP, SLOP_SHARE
+from haptic_sim.world import PymunkWorld
 
 H = 0.25e-3
 ONE = 50e-6  # a sub-step that is one step
