@@ -163,6 +163,7 @@ class Service:
     def __init__(self, node: Node, name: str):
         self._client = node.create_client(kind_of(name), name, callback_group=Untouched())
         self.asked: dict[int, Asking] = {}
+        self._logger = node.get_logger()
         self.met = False
 
     @property
@@ -176,8 +177,12 @@ class Service:
 
     def take(self) -> None:
         while True:
-            with (handle := self._client.handle):
-                header, answer = handle.take_response(self._client.srv_type.Response)
+            try:
+                with (handle := self._client.handle):
+                    header, answer = handle.take_response(self._client.srv_type.Response)
+            except RuntimeError as error:  # one that cannot be read is not the end of what is still to come
+                self._logger.error(f"an answer of {self._client.srv_name} could not be taken: {error}")
+                return
             if header is None:
                 return
             self.met = True

@@ -121,8 +121,8 @@ class ExchangeEndpoint:
 
     def reset(self, now_ns: int) -> None:
         """Put the world back to the scene's start."""
-        self.simulation.reset()
         self._fall_silent(now_ns)
+        self.simulation.reset()
 
     def load(self, simulation: Simulation, now_ns: int) -> None:
         """Go on with another world, from its own home; it takes over the tool's port."""

@@ -7,6 +7,7 @@ import numpy as np
 import pymunk
 
 from haptic_sim.geometry import turned
+from haptic_sim.reduction import ReducedScene
 from haptic_sim.reduction.model import PIN, SLIDER, SPRING
 
 REACH = 100.0
@@ -17,12 +18,12 @@ MANY, MANY_BIAS = 12, 1e-20
 """For more joints than this: so many velocities are not settled within the sweeps, and a grid of 17 pins blows up."""
 
 
-def add_joints(space: pymunk.Space, compiled, bodies: list[pymunk.Body]) -> None:
+def add_joints(space: pymunk.Space, reduced: ReducedScene, bodies: list[pymunk.Body]) -> None:
     """All joints of the model; `bodies` are the model's movable ones in its order."""
-    bias = MANY_BIAS if len(compiled.model.joint_kind) > MANY else space.collision_bias
-    for j in range(len(compiled.model.joint_kind)):
-        for joint in _joint(compiled.model, j, [*bodies, space.static_body]):
-            stops = np.any(np.isfinite(compiled.model.joint_limit[j]))
+    bias = MANY_BIAS if len(reduced.model.joint_kind) > MANY else space.collision_bias
+    for j in range(len(reduced.model.joint_kind)):
+        for joint in _joint(reduced.model, j, [*bodies, space.static_body]):
+            stops = np.any(np.isfinite(reduced.model.joint_limit[j]))
             if joint.max_bias > 1e9:  # else a drive, which has no error
                 joint.error_bias = STOP_BIAS if stops else bias
             space.add(joint)

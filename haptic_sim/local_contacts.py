@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The contacts that a simulation sends along with its tool: what the servo's own tool may touch until the next set.
 
-Features and their ranking: method/nearby. What another body gives way by comes from its mass and its joints. One that
-the tool presses on already, or that dry friction or a motor holds in a joint, gives way by nothing: it moves as the
-simulation says.
+Features and their ranking: method/proximity. What another body gives way by comes from its mass and its joints. One
+that the tool presses on already, or that dry friction or a motor holds in a joint, gives way by nothing: it moves as
+the simulation says.
 """
 
 import math

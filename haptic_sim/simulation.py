@@ -14,7 +14,7 @@ from haptic_sim.method_registry import METHODS, make
 from haptic_sim.port_limits import Limits
 from haptic_sim.protocol import Coupling, Planar, way
 from haptic_sim.reduction import ReducedScene
-from haptic_sim.tool_port import Direct, Port, port_of
+from haptic_sim.tool_port import DirectPort, Port, port_of
 
 SECOND = 1_000_000_000
 
@@ -149,7 +149,7 @@ class Simulation:
         port: Port | None = None,
     ):
         sub_step = reduced.sub_step if sub_step is None else sub_step
-        self.scene, self.port, self._reduced = reduced.scene, port or Direct(), reduced
+        self.scene, self.port, self._reduced = reduced.scene, port or DirectPort(), reduced
         self.method_name, self.why = reduced.method, reduced.reasons[0]
         self.sub_step_ns = round(sub_step * SECOND)
         self.max_catch_up_ns = round(max_catch_up * SECOND)

@@ -25,7 +25,7 @@ class Sweep:
     """Moves of a space's bodies, between two steps of h [s]; `moves` are the times of those that differ from h.
 
     `near` [m] is the overlap at which a hit ends a move. shapes: of the space, in the order of the model. model and
-    layout: as compiled from the scene.
+    layout: as reduced from the scene.
     """
 
     def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body], shapes, model, layout, h: float, near: float):

@@ -28,13 +28,13 @@ class Port(Protocol):
         """Take what a handle sample ships; the gains to couple with over the next sub-steps [s] of `inner` steps."""
 
     def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
-        """Advance a world by `n` sub-steps, the handle wished where `target` says (as in `World.step`)."""
+        """Advance a world by `n` sub-steps, the handle wished on the way between its two rows."""
 
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The effort and energy of the tool sample."""
 
 
-class Direct:
+class DirectPort:
     """The handle as it is said to be, whatever that does to the energy."""
 
     def rejoin(self) -> None:
@@ -56,7 +56,7 @@ class Direct:
         return force_on_tool, supplied
 
 
-class Drawn(abc.ABC):
+class EnergyTankPort(abc.ABC):
     """What the two passive ports share: the rules and the memory of control/tool_side_tank, and the limits in them.
 
     limits: force [N], torque [N m] and fastest change of the force [N/s] on the tool by the device's samples.
@@ -112,7 +112,7 @@ class Drawn(abc.ABC):
         )
 
 
-class Modulated(Drawn):
+class PspmPort(EnergyTankPort):
     """The handle drawn nearer where its pull could supply more energy than the device has shipped.
 
     What is really supplied is taken from the tank, and what the tool gives back comes into it.
@@ -164,7 +164,7 @@ class Modulated(Drawn):
         return force_on_tool, self.returned
 
 
-class Waves(Drawn):
+class WaveVariablePort(EnergyTankPort):
     """The tool pulled by the waves that have come: a force p − z v, which is a damper z to a handle at velocity p/z."""
 
     def __init__(self, limits: Limits = LIMITS):
@@ -229,8 +229,8 @@ def port_of(method: str, budget: float = BUDGET, limits: Limits = LIMITS) -> Por
     """The port of an exchange method; ValueError if there is none of this name."""
     if method not in EXCHANGE_METHODS:
         raise ValueError(f"exchange.method is {method}; there are {', '.join(EXCHANGE_METHODS)}")
-    made = {"direct": Direct, "wave": lambda: Waves(limits)}
-    return made.get(method, lambda: Modulated(budget, limits))()
+    made = {"direct": DirectPort, "wave": lambda: WaveVariablePort(limits)}
+    return made.get(method, lambda: PspmPort(budget, limits))()
 
 
 def _between(start, end, share):

@@ -36,9 +36,9 @@ def case_of(name: str) -> Case:
 
 def verify(case: Case, known: Reference | None = None) -> list[Measured]:
     """What the candidates do in a case, each at the step it would get, against what is known of it."""
-    known, compiled = known or _converged(case), reduce_scene(case.scene)
-    methods = CANDIDATES if compiled.needs.axes is not None else CANDIDATES[1:]
-    return [_measured(case, known, method) for method in dict.fromkeys((*methods, compiled.method))]
+    known, reduced = known or _converged(case), reduce_scene(case.scene)
+    methods = CANDIDATES if reduced.needs.axes is not None else CANDIDATES[1:]
+    return [_measured(case, known, method) for method in dict.fromkeys((*methods, reduced.method))]
 
 
 def within(row: Measured, error: float) -> bool:

@@ -208,7 +208,7 @@ class PymunkWorld:
         return self._touching.contacts()
 
     def bodies(self) -> list[tuple[Planar, Planar]]:
-        """Pose and velocity of every moving body's mass centre, as in the compiled model."""
+        """Pose and velocity of every moving body's mass centre, as in the reduced model."""
         return [(tuple(row[:3]), tuple(row[3:])) for row in self._now().tolist()]
 
     def pose(self, body: str) -> Planar:

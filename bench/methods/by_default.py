@@ -43,10 +43,10 @@ def main(
             for i in range(turns)
             for j in range(phases)
         ]
-        compiled = reduce_scene(load(name))
+        reduced = reduce_scene(load(name))
         worst = max(outcomes, key=lambda outcome: outcome.created / max(outcome.scale, LEAST))
         print(
-            f"{name:20} {compiled.method:12} {compiled.sub_step * 1e3:8g} {all(o.finite for o in outcomes)!s:>7} "
+            f"{name:20} {reduced.method:12} {reduced.sub_step * 1e3:8g} {all(o.finite for o in outcomes)!s:>7} "
             f"{max(o.overlap for o in outcomes) * 1e6:11.3g} {max(o.created for o in outcomes):10.2g} "
             f"{worst.created / max(worst.scale, LEAST):9.2g}",
             flush=True,

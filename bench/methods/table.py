@@ -20,8 +20,8 @@ def scenes_of(runs: list[Run]) -> list[str]:
 
 def default_of(scene: str) -> tuple[str, int]:
     """Method and step [µs] that a scene gets by default."""
-    compiled = reduce_scene(case(scene).scene)
-    return compiled.method, round(compiled.sub_step * 1e6)
+    reduced = reduce_scene(case(scene).scene)
+    return reduced.method, round(reduced.sub_step * 1e6)
 
 
 def default_method(name: str) -> str:

@@ -57,9 +57,9 @@ def _list():
         table.add_column(column, justify="right" if column in ("freedoms", "sub-step") else "left")
     for name in names("scenes"):
         scene = load(name)
-        compiled = reduce_scene(scene)
+        reduced = reduce_scene(scene)
         table.add_row(
-            name, scene.description, str(compiled.needs.freedoms), compiled.method, f"{compiled.sub_step * 1e3:g} ms"
+            name, scene.description, str(reduced.needs.freedoms), reduced.method, f"{reduced.sub_step * 1e3:g} ms"
         )
     Console(width=None if Console().is_terminal else 120).print(table)
 

@@ -7,9 +7,8 @@ from haptic_device.nodes.messages import LATEST, JointState
 from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.recording.layouts import JOINTS
 from haptic_sim.endpoint import ExchangeEndpoint
+from haptic_sim.protocol import STILL
 from haptic_sim.simulation import ToolSample
-
-STILL = (0.0, 0.0, 0.0)
 
 
 class MockSimulation:

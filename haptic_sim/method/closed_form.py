@@ -9,7 +9,7 @@ With the coupling by backward difference, as in `impulse`, an axis u of the tool
 The clamp solves the contact exactly: J ≥ 0 away from the wall, gap ≥ 0, and one of the two is zero. It is the resolvent
 of a monotone law, so the step is passive for every m, K, B, h: it dissipates ½ m (v⁺ − v)² and what the wall takes. No
 wall is passed at any speed. Limits: without walls the free tool; K → ∞ gives clamp(u_h⁺). Which scenes allow it is for
-`compile` to say: walls parallel or square to each other, no friction, no restitution.
+`reduction` to say: walls parallel or square to each other, no friction, no restitution.
 """
 
 import math

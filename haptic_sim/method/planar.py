@@ -72,7 +72,7 @@ class PlanarWorld:
         return sorted(self._contact_at(k) for k in range(self._pushing.item()))
 
     def bodies(self) -> list[tuple[Planar, Planar]]:
-        """Pose and velocity of every moving body's mass centre, as in the compiled model."""
+        """Pose and velocity of every moving body's mass centre, as in the reduced model."""
         return list(zip(self._q[: self._count].tolist(), self._v[: self._count].tolist(), strict=True))
 
     def pose(self, body: str) -> Planar:

@@ -30,8 +30,8 @@ class Simulation(Group):
     port_force: float = fixed(LIMITS.force, "N", "largest pull on the tool", 0.1, 1000.0)
     port_torque: float = fixed(LIMITS.torque, "N m", "largest twist on the tool", 0.001, 100.0)
     port_slew: float = fixed(LIMITS.slew, "N/s", "fastest change of the pull by the device's samples", 1.0, 1e6)
-    realtime: Realtime = fixed("prefer", "", "real-time scheduling of the exchange thread")
-    realtime_priority: int = fixed(60, "", "SCHED_FIFO priority of the exchange thread", 1, 98)
+    realtime: Realtime = fixed("prefer", "", "real-time scheduling of the thread that answers")
+    realtime_priority: int = fixed(60, "", "SCHED_FIFO priority of the thread that answers", 1, 98)
 
 
 class NetworkEmulator(Group):

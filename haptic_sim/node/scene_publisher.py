@@ -9,13 +9,13 @@ import numpy as np
 from haptic_device.message_fields import AXES
 from haptic_device.nodes.messages import STATE, STREAM, JointState, PointCloud2, String
 from haptic_device.recording.layouts import CloudLayout, JointLayout
+from haptic_sim.protocol import STILL
 from haptic_sim.simulation import Simulation
 from haptic_sim.solid import TOOL
 
 FRAME = "haptic_world"
 PERIOD_NS = 1_000_000_000 // 60
 HANDLE, RESULT, ENERGY = "handle", "result.", "energy"
-NONE = (0.0, 0.0, 0.0)
 CONTACT = np.dtype(
     [(name, "f8") for name in ("body_a", "body_b", "x", "y", "normal_x", "normal_y", "force_x", "force_y", "depth")]
 )
@@ -66,7 +66,7 @@ class ScenePublisher:
         tail = [simulation.ledger.supplied, *results]
         position = [*(handle or (float("nan"),) * 3), *method.position, *(x for pose in poses for x in pose), *tail]
         still = [0.0] * (3 * len(poses) + len(tail))
-        return position, [*NONE, *method.velocity, *still], [*NONE, *method.force_on_tool, *still]
+        return position, [*STILL, *method.velocity, *still], [*STILL, *method.force_on_tool, *still]
 
     def _touching(self, simulation):
         found = simulation.method.contacts()

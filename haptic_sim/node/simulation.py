@@ -16,7 +16,7 @@ from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.lifecycle import ManagedNode, run, sentence_of
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
-from haptic_device.realtime.scheduling import go_realtime, lift_threads, spare_collections
+from haptic_device.realtime.scheduling import go_realtime, leave_realtime, lift_threads, spare_collections
 from haptic_sim.endpoint import ExchangeEndpoint
 from haptic_sim.node.parameters import FIGURES, PARAMETERS
 from haptic_sim.node.scene_publisher import ScenePublisher
@@ -50,7 +50,7 @@ class SimulationNode(ManagedNode):
         self.create_service(Trigger, "~/reset_scene", self._on_reset_scene)
         _answers_later(self.create_service(Trigger, "~/load_scene", self._on_load_scene))
         self.create_service(SetBool, "~/pause", self._on_pause)
-        self.create_timer(STILL_SHOWN, self._show)
+        self.create_timer(STILL_SHOWN, lambda: self._attempt(self._show))
         on_change(self, PARAMETERS, lambda values: load(values["scene"]), self._apply)
 
     def make_executor(self):
@@ -64,7 +64,11 @@ class SimulationNode(ManagedNode):
 
     def activate(self) -> None:
         """Starts answering."""
-        self.scheduling, self.ended = self._prepare(), ""
+        try:
+            self.scheduling, self.ended = self._prepare(), ""
+        except PermissionError:
+            leave_realtime()
+            raise
         self._refused, self._rejoined = Refusals("handle"), self.simulation.counters.rejoined
         self._scene = ScenePublisher(self)
         self.exchange = ExchangeEndpoint(
@@ -80,12 +84,13 @@ class SimulationNode(ManagedNode):
         if self.exchange is None:
             return
         self.destroy_subscription(self._handle)
-        self._show()
+        self._attempt(self._show)
         self._scene.close()
         try:
             self.diagnose()
         finally:
             self.exchange, self.ended = None, ""
+            leave_realtime()
 
     def cleanup(self) -> None:
         """Forgets the scene."""
@@ -98,6 +103,8 @@ class SimulationNode(ManagedNode):
         world = self.simulation
         values = {"scene": world.scene.name, "method": world.method_name, "why": world.why}
         values |= {"scheduling": self.scheduling, **_values(self.exchange, world), "survived": self.survived}
+        if not self.ended:  # a world that failed may fail in this too
+            values |= {f"result.{name}": value for name, value in world.measure().items()}
         level, message = self._verdict()
         figures = {"compute": values["compute_us_p99"] * 1e-6, **self._rates.of(refused=values["refused"])}
         watched = diagnostics.statuses(self.get_name(), FIGURES, figures, self.values)
@@ -110,11 +117,17 @@ class SimulationNode(ManagedNode):
         waiting, take = [data], self._handle.handle.take_message
         while len(waiting) < MOST and (taken := take(messages.JointState, True)) is not None:
             waiting.append(taken[0])
-        try:
-            self._answer(waiting)
-        except Exception as error:
-            self.ended = f"the exchange has ended by {sentence_of(error)}"
-            self.get_logger().error(self.ended)
+        self._attempt(partial(self._answer, waiting))
+
+    def _attempt(self, step):
+        """Takes a step of the exchange, unless it has ended; an exception ends it. "", or why nothing answers."""
+        if not self.ended:
+            try:
+                step()
+            except Exception as error:
+                self.ended = f"the exchange has ended by {sentence_of(error)}"
+                self.get_logger().error(self.ended)
+        return self.ended
 
     def _answer(self, waiting):
         tool = self.exchange.answer(waiting, time.monotonic_ns())
@@ -125,7 +138,7 @@ class SimulationNode(ManagedNode):
         self._show()
 
     def _show(self):
-        if self.exchange is not None and not self.ended:
+        if self.exchange is not None:
             self._scene.show(self.simulation, self.exchange.position, time.monotonic_ns())
 
     def _verdict(self):
@@ -166,7 +179,7 @@ class SimulationNode(ManagedNode):
         except (ValueError, OSError) as refusal:
             world = str(refusal)
         except KeyboardInterrupt:
-            return  # the node ends, and answers nobody
+            world = "the node ends"
         except Exception as error:
             world = sentence_of(error)
         built.set_result(world)
@@ -186,7 +199,7 @@ class SimulationNode(ManagedNode):
             self.simulation.reset()
             refusal = ""
         elif not refusal:
-            self.exchange.reset(time.monotonic_ns())
+            refusal = self._attempt(lambda: self.exchange.reset(time.monotonic_ns()))
         return _answered(response, refusal, "scene is at its start")
 
     def _on_load_scene(self, request, response):
@@ -211,7 +224,7 @@ class SimulationNode(ManagedNode):
             refusal, done = self.ended, f"scene is {world.scene.name}"
         if done and not refusal:
             if self.exchange is not None:
-                self.exchange.load(world, time.monotonic_ns())
+                refusal = self._attempt(lambda: self.exchange.load(world, time.monotonic_ns()))
             self.simulation = world
         answer.set_result(_answered(response, refusal, done))
 
@@ -252,7 +265,6 @@ def _values(exchange, world):
         "max_penetration": world.counters.max_penetration,
         "contacts_left_out": world.counters.left_out,
         "tool_port_energy": world.ledger.supplied,
-        **{f"result.{name}": value for name, value in world.measure().items()},
     }
 
 

@@ -7,10 +7,10 @@ from haptic_sim.reduction import Needs, ReducedScene
 from haptic_sim.reduction.model import Model
 
 
-def explain(compiled: ReducedScene) -> list[tuple[str, str]]:
+def explain(reduced: ReducedScene) -> list[tuple[str, str]]:
     """(question, answer) of everything that was worked out."""
-    needs, model = compiled.needs, compiled.model
-    bodies = len(compiled.scene.solids)
+    needs, model = reduced.needs, reduced.model
+    bodies = len(reduced.scene.solids)
     return [
         (
             "bodies",
@@ -23,8 +23,8 @@ def explain(compiled: ReducedScene) -> list[tuple[str, str]]:
         ("restitution", "matters" if needs.restitution else "no pair that can touch has any"),
         ("rotation", "of the tool matters" if needs.rotation else "of the tool goes its own way"),
         ("axes", _axes(needs)),
-        ("method", f"{compiled.method}: {compiled.reasons[0]}"),
-        ("sub-step", f"{compiled.sub_step * 1e3:g} ms: {compiled.reasons[1]}"),
+        ("method", f"{reduced.method}: {reduced.reasons[0]}"),
+        ("sub-step", f"{reduced.sub_step * 1e3:g} ms: {reduced.reasons[1]}"),
     ]
 
 

@@ -86,7 +86,7 @@ class Server:
     async def _file(self, request):
         path = self._files.get(request.match_info["name"] or "index.html")
         if path is None:
-            raise web.HTTPNotFound
+            raise web.HTTPNotFound(text=f"there is nothing called {request.match_info['name']}\n")
         return web.FileResponse(path, headers={"Content-Type": f"{TYPES[path.suffix]}; charset=utf-8"})
 
     async def _operating_point(self, request):

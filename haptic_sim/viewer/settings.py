@@ -75,8 +75,4 @@ def _finite(limit):
 
 def _differing(declared, given):
     known = {parameter.name: parameter.default for parameter in declared if not parameter.name.startswith(_OWN)}
-    return {name: value for name, value in given.items() if name in known and known[name] != _plain(value)}
-
-
-def _plain(value):
-    return tuple(value) if isinstance(value, list) else value
+    return {name: value for name, value in given.items() if name in known and known[name] != value}

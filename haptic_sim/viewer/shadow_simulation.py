@@ -93,6 +93,8 @@ class ShadowSimulation:
             await process.communicate()
 
     def _take(self, answer):
+        if not isinstance(answer, dict):  # what a library printed
+            return
         if "refusal" in answer:
             self.problem = answer["refusal"]
             return

@@ -98,6 +98,32 @@ def test_who_asks_the_same_at_once_is_answered_each(met):
     assert answered(*met, ENABLE, ENABLE, ENABLE, again=None) == ["enabled"] * 3
 
 
+def test_an_answer_that_cannot_be_read_is_not_the_end_of_the_question(met, monkeypatch):
+    whole, torn = rclpy.client.Client.handle.fget, [RuntimeError("torn")]
+
+    class Handle:
+        def __init__(self, handle):
+            self._handle = handle
+
+        def __enter__(self):
+            self._handle.__enter__()
+            return self
+
+        def __exit__(self, *error):
+            return self._handle.__exit__(*error)
+
+        def __getattr__(self, name):
+            return getattr(self._handle, name)
+
+        def take_response(self, kind):
+            if torn:
+                raise torn.pop()
+            return self._handle.take_response(kind)
+
+    monkeypatch.setattr(rclpy.client.Client, "handle", property(lambda client: Handle(whole(client))))
+    assert answered(*met, ENABLE) == ["enabled"] and not torn
+
+
 def test_parameters_are_set_all_or_none_and_a_refusal_is_the_nodes_own_sentence(met):
     client, driver = met
     assert answered(client, driver, GET) == [{"wall.stiffness": (300.0,), "servo.rate": 1000.0}]

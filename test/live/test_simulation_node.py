@@ -70,7 +70,7 @@ class Peer(Served):
         return self.answer_of_load(self.send(LOAD, Trigger.Request()))
 
     def answer_of_load(self, asked):
-        """(success, message) of a load that was asked for once: a second is refused while a world is compiled."""
+        """(success, message) of a load that was asked for once: a second is refused while a world is reduced."""
         self.until(asked.poll, "a world is loaded")
         return asked.answer.success, asked.answer.message
 
@@ -177,8 +177,8 @@ def test_told_to_end_the_node_says_how_things_then_stand_and_ends_well(nodes, pe
     _, values = peer.said[-1]
     assert float(values["result.insertion_fraction"]) == pytest.approx(-0.5, abs=0.01)
     assert {"max_contact_force", "max_penetration", "refused", "rejoined", "sub_steps"} <= values.keys()
-    compiled = reduce_scene(load("peg_in_hole"))
-    assert (values["method"], values["why"]) == (compiled.method, compiled.reasons[0])
+    reduced = reduce_scene(load("peg_in_hole"))
+    assert (values["method"], values["why"]) == (reduced.method, reduced.reasons[0])
     assert "Traceback" not in process.log.read_text()
 
 
@@ -202,7 +202,14 @@ def failing(end, *given):
         raise KeyError("nobody\\nforesaw this")
     return answer(end, *given)
 
-simulation.ensure_compiled, ExchangeEndpoint.answer = have, failing
+reset = simulation.Simulation.reset
+
+def failing_reset(world):
+    if Path("fail").exists():
+        raise KeyError("nobody\\nforesaw this")
+    reset(world)
+
+simulation.ensure_compiled, ExchangeEndpoint.answer, simulation.Simulation.reset = have, failing, failing_reset
 sys.exit(simulation.main())
 """
 
@@ -274,6 +281,18 @@ def test_an_exchange_that_an_exception_ends_is_said_to_have_ended_and_answers_an
     assert hooked.wait(LIMIT) == 0
     said = (hooked.folder / "log").read_text()
     assert said.count(sentence) == 1 and "Traceback" not in said, said
+
+
+def test_a_reset_that_an_exception_ends_is_refused_with_the_sentence_and_nothing_answers_any_more(hooked, peer):
+    (hooked.folder / "fail").touch()
+    sentence = "the exchange has ended by KeyError: 'nobody\\nforesaw this'"
+    assert peer.call("reset_scene") == (False, sentence)
+    (hooked.folder / "fail").unlink()
+    answers = len(peer.tools)
+    for _ in range(20):
+        peer.send_handle(START)
+        peer.look(0.02)
+    assert len(peer.tools) == answers and peer.pause(True) == (False, sentence)
 
 
 BAD = [

@@ -114,6 +114,14 @@ def test_paused_nothing_is_answered_and_a_silence_follows(end):
     assert end.simulation.rejoined == 3  # of the new session, and with each sample that was not answered
 
 
+def test_a_reset_that_fails_leaves_the_device_in_a_silence(end):
+    assert end.answer([handle(1.0)], 0) is not None
+    end.simulation.reset = lambda: 1 / 0
+    with pytest.raises(ZeroDivisionError):
+        end.reset(MS)
+    assert end.answer([handle(2.0)], 2 * MS) is None
+
+
 @pytest.fixture
 def answering():
     """An end with the scene `wall`: answer(milliseconds) is whether the sample of that time is answered; load(scene)

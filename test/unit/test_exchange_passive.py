@@ -19,7 +19,7 @@ from haptic_sim.port_limits import BUDGET, Limits
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene, load
 from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.tool_port import Modulated, port_of
+from haptic_sim.tool_port import PspmPort, port_of
 
 PASSIVE = ("wave", "pspm")
 BOX = {"material": "m", "shapes": [{"box": {"size": [0.06, 0.04]}}]}
@@ -211,7 +211,7 @@ def test_a_tool_led_evenly_goes_neither_ahead_nor_behind_whether_a_port_holds_it
     assert answer.position[0] == pytest.approx(sample.position[0], abs=1e-6)
 
 
-class Deaf(Modulated):
+class Deaf(PspmPort):
     """A port that takes every sub-step for one of a single step."""
 
     def receive(self, sample, sub_step, inner=1):
@@ -222,7 +222,7 @@ def test_a_world_of_several_steps_a_sub_step_draws_the_budget_at_most_and_more_w
     budget = 1e-6
     told, deaf = (
         port_search.search(lambda made=made: made(budget), handle, evaluations=400, seed=1, inner=5)
-        for made in (Modulated, Deaf)
+        for made in (PspmPort, Deaf)
     )
     assert 0.9 * budget < told.energy <= budget * (1.0 + 1e-9) < deaf.energy
 
