@@ -70,7 +70,7 @@ class Peer(Served):
         return self.answer_of_load(self.send(LOAD, Trigger.Request()))
 
     def answer_of_load(self, asked):
-        """(success, message) of a load that was asked for once: a second is refused while a world is reduced."""
+        """(success, message) of a load that was asked for once: a second is refused while a world is compiled."""
         self.until(asked.poll, "a world is loaded")
         return asked.answer.success, asked.answer.message
 
