@@ -127,11 +127,11 @@ class World(Protocol):
         """Kinetic and potential energy of all bodies [J], with the tool's true mass."""
 
 
-def way(*rows: tuple[Planar, Planar]) -> np.ndarray:
+def along(*rows: tuple[Planar, Planar]) -> np.ndarray:
     """Target of a handle that has these positions and velocities in turn."""
     return np.array([(*position, *velocity) for position, velocity in rows], float)
 
 
 def held(position: Planar, velocity: Planar = STILL) -> np.ndarray:
     """Target of a handle that is kept at a position and velocity."""
-    return way((position, velocity), (position, velocity))
+    return along((position, velocity), (position, velocity))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from haptic_sim.local_contacts import LocalContacts
 from haptic_sim.method_registry import METHODS, make
 from haptic_sim.port_limits import Limits
-from haptic_sim.protocol import Coupling, Planar, way
+from haptic_sim.protocol import Coupling, Planar, along
 from haptic_sim.reduction import ReducedScene
 from haptic_sim.tool_port import DirectPort, Port, port_of
 
@@ -222,7 +222,7 @@ class Simulation:
     def _advance(self, handle, count):
         if count == 0:
             return self.method.touching
-        target = way((self._last.position, self._last.velocity), (handle.position, handle.velocity))
+        target = along((self._last.position, self._last.velocity), (handle.position, handle.velocity))
         travelled = self.port.step(self.method, target, count)
         self.ledger.book(travelled.supplied, travelled.contacts, travelled.correction, travelled.numerical)
         counters = self.counters

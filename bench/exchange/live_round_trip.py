@@ -21,7 +21,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from bench.exchange import ping_pong
+from bench.exchange import echo_node
 from bench.exchange.round_trip import ANSWERERS
 from haptic_device.process import running_module
 from haptic_sim.live.domain import isolated_domain
@@ -33,7 +33,7 @@ THIS, TIMES = "bench.exchange.live_round_trip", "times"
 
 def answer_barely(folder):
     """The other process of the ping-pong; its times go into the folder."""
-    return ping_pong.main(Times(folder))
+    return echo_node.main(Times(folder))
 
 
 def answer_timed(folder):

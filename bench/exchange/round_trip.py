@@ -18,7 +18,7 @@ RATES = (500.0, 1000.0, 2000.0)  # [Hz]
 SECONDS, TURNS = 4.0, 5
 ANSWERERS = {
     "simulation": Program("haptic_simulation", "haptic_sim.node.simulation", {"scene": "free_space"}),
-    "bare": Program("haptic_simulation", "bench.exchange.ping_pong"),
+    "bare": Program("haptic_simulation", "bench.exchange.echo_node"),
 }
 _CIRCLE = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.duration": 3600.0}
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from haptic_sim.method_registry import make
-from haptic_sim.protocol import Coupling, held, way
+from haptic_sim.protocol import Coupling, along, held
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import hand
 from haptic_sim.scene import Scene, load
@@ -268,7 +268,7 @@ def test_a_sub_step_of_several_steps_is_as_many_sub_steps_of_one():
     start, end = (0.02, 0.0, 0.1), (-0.03, 0.003, 0.2)
     velocity = tuple((b - a) / (400 * H) for a, b in zip(start, end, strict=True))
     before, work = fine.position, 0.0
-    made = coarse.step(way((start, velocity), (end, velocity)), 400)
+    made = coarse.step(along((start, velocity), (end, velocity)), 400)
     for k in range(1, 2001):
         fine.step(held([a + k / 2000 * (b - a) for a, b in zip(start, end, strict=True)], velocity), 1)
         work += float(np.dot(fine.force_on_tool, np.subtract(fine.position, before)))
