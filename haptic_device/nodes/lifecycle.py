@@ -9,6 +9,7 @@ import threading
 from collections.abc import Sequence
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import Node, TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
@@ -21,6 +22,7 @@ from haptic_device.parameter_types import Parameter
 
 LOOK_UP = 0.05  # [s] longest time a signal waits
 DIAGNOSTICS_PERIOD = 0.5  # [s]
+LAST_WORD = Duration(seconds=0.2)  # longest time that the end of a node waits for those who hear its diagnostics
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 MOST_SAID = 20  # different exceptions that are logged; all are counted
 
@@ -127,10 +129,11 @@ class ManagedNode(Node):
             self.survive(error)
 
     def finish(self):
-        """Ends in the right order whatever has begun."""
+        """Ends in the right order whatever has begun; what was said last is heard before the node is gone."""
         self.active = False
         try:
             self.deactivate()
+            self._diagnostics.wait_for_all_acked(LAST_WORD)
         finally:
             self.cleanup()
 

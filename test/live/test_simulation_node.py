@@ -205,7 +205,7 @@ def failing(end, *given):
 reset = simulation.Simulation.reset
 
 def failing_reset(world):
-    if Path("fail").exists():
+    if Path("fail_reset").exists():
         raise KeyError("nobody\\nforesaw this")
     reset(world)
 
@@ -216,7 +216,8 @@ sys.exit(simulation.main())
 
 @pytest.fixture
 def hooked(nodes, peer, start, tmp_path):
-    """A node in a folder: its first load takes until `compiled` is there; with `fail` its exchange comes to an end."""
+    """A node in a folder: its first load takes until `compiled` is there; with `fail` its exchange comes to an end,
+    with `fail_reset` by a reset."""
     nodes.lack("haptic_simulation")
     words = [sys.executable, "-c", HOOKED, "--ros-args", "-r", "__ns:=/haptic", "-p", "scene:=wall"]
     with open(tmp_path / "log", "w") as log:
@@ -284,10 +285,9 @@ def test_an_exchange_that_an_exception_ends_is_said_to_have_ended_and_answers_an
 
 
 def test_a_reset_that_an_exception_ends_is_refused_with_the_sentence_and_nothing_answers_any_more(hooked, peer):
-    (hooked.folder / "fail").touch()
+    (hooked.folder / "fail_reset").touch()
     sentence = "the exchange has ended by KeyError: 'nobody\\nforesaw this'"
     assert peer.call("reset_scene") == (False, sentence)
-    (hooked.folder / "fail").unlink()
     answers = len(peer.tools)
     for _ in range(20):
         peer.send_handle(START)
