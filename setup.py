@@ -9,7 +9,7 @@ NAME = "haptic_display"
 SHARE = f"share/{NAME}"
 
 ROS = [
-    "ros-jazzy-rclpy[fastrtps]>=7.1.4",
+    "ros-jazzy-rclpy[fastrtps]>=7.1",
     "ros-jazzy-common-interfaces>=5.3",
     "ros-jazzy-lifecycle-msgs>=2.0",
 ]

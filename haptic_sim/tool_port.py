@@ -12,7 +12,7 @@ import numpy as np
 from haptic_device.control import exchange_wave, tool_side_tank
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim.port_limits import BUDGET, LIMITS, Limits
-from haptic_sim.protocol import Coupling, Planar, StepResult, World, held
+from haptic_sim.protocol import Coupling, Planar, StepResult, World
 
 
 class Port(Protocol):
@@ -64,6 +64,7 @@ class EnergyTankPort(abc.ABC):
 
     def __init__(self, limits: Limits):
         self.limits, self.rules, self.memory = limits, np.zeros(tool_side_tank.RULES), np.zeros(tool_side_tank.MEMORY)
+        self._held = np.zeros((2, 6))  # target of a sub-step: the handle is kept where the tank lets it be
         tool_side_tank.drive(
             self.rules, self.memory, *[(0.0, 0.0, 0.0)] * 3
         )  # compiled here, not in the first exchange
@@ -75,14 +76,16 @@ class EnergyTankPort(abc.ABC):
 
         The handle is held for a sub-step where it is in the mean of the steps that this is taken in.
         """
-        made, early = StepResult(), 0.5 - 0.5 / world.inner
+        made, early = None, 0.5 - 0.5 / world.inner
         start, end = target.tolist()
         for k in range(1, n + 1):
             before, wished = world.position, _between(start, end, (k - early) / n)
-            one = world.step(held(*self.drive(wished[:3], wished[3:], before)), 1)
+            position, velocity = self.drive(wished[:3], wished[3:], before)
+            self._held[:] = *position, *velocity
+            one = world.step(self._held, 1)
             self.book(one.supplied, world.force_on_tool, before, world.position)
-            made = made.then(one)
-        return made
+            made = made.then(one) if made else one
+        return made or StepResult()
 
     def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
         """The handle, as near to the tool as limits and tank ask for."""

@@ -103,8 +103,9 @@ class PymunkWorld:
 
     def step(self, target: np.ndarray, n: int) -> StepResult:
         """Advance `n` sub-steps from each row of the handle's way (m, 6: position, velocity) evenly to the next."""
-        rows, made = target.tolist(), StepResult(numerical=0.0)
-        for start, end in zip(rows, rows[1:], strict=False):
+        first, second, *others = target.tolist()
+        made = self._travel(first, second, n)
+        for start, end in zip((second, *others), others, strict=False):
             made = made.then(self._travel(start, end, n))
         return made
 

@@ -50,10 +50,6 @@ class ManagedNode(Node):
         threading.excepthook = threading.__excepthook__
         super().destroy_node()
 
-    def make_executor(self):
-        """What is to call back for messages, services and timers."""
-        return SingleThreadedExecutor()
-
     def diagnose(self):
         """Says how the node is (`say_status`); called each DIAGNOSTICS_PERIOD."""
 
@@ -225,7 +221,7 @@ def run(make_node, name, args=None):
             begin_ros(args)
             node = _made(make_node)
         node.told = told
-        executor = node.make_executor()
+        executor = SingleThreadedExecutor()
         executor.add_node(node)
         _autostart(node)
         while not told and rclpy.ok():

@@ -27,11 +27,6 @@ def go_realtime(wish, priority):
     return "; ".join(missing) or f"SCHED_FIFO {priority}, memory locked"
 
 
-def leave_realtime():
-    """Gives the calling thread ordinary scheduling again."""
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-
-
 def spare_collections():
     """Keeps what is there now out of all later collections of garbage: they then hold the interpreter for no long time.
 

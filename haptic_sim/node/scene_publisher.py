@@ -39,16 +39,17 @@ class ScenePublisher:
         self._contacts = node.create_publisher(PointCloud2, "scene/contacts", STREAM)
         self._cloud = CloudLayout(CONTACT, FRAME)
 
-    def show(self, simulation: Simulation, handle, now_ns: int) -> None:
-        """The world as it is, if it is time; handle: its pose in the world, as last heard; None: not heard of."""
+    def show(self, simulation: Simulation, handle, now_ns: int) -> bool:
+        """The world as it is, if it is time; whether it was. handle: its pose in the world, as last heard, or None."""
         if simulation.scene is not self._shown:
             self._introduce(simulation.scene)
         elif now_ns < self._due_ns:
-            return
+            return False
         self._due_ns = max(self._due_ns + PERIOD_NS, now_ns)
         stamp = self._node.get_clock().now().nanoseconds
         self._state.publish(self._layout.pack(stamp, *self._numbers(simulation, handle)))
         self._contacts.publish(self._cloud.pack(stamp, self._touching(simulation)))
+        return True
 
     def close(self) -> None:
         """Ends the publishers."""

@@ -5,9 +5,8 @@ import statistics
 import sys
 import threading
 import time
-from functools import partial
 
-from rclpy.experimental import EventsExecutor
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
@@ -16,8 +15,9 @@ from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.lifecycle import ManagedNode, run, sentence_of
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
-from haptic_device.realtime.scheduling import go_realtime, leave_realtime, lift_threads, spare_collections
+from haptic_device.realtime.scheduling import go_realtime, lift_threads, spare_collections
 from haptic_sim.endpoint import ExchangeEndpoint
+from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.parameters import FIGURES, PARAMETERS
 from haptic_sim.node.scene_publisher import ScenePublisher
 from haptic_sim.reduction import reduce_scene
@@ -25,37 +25,27 @@ from haptic_sim.scene import load
 from haptic_sim.simulation import Simulation, kernels_of
 
 MIDDLEWARE_PRIORITY = 65  # above the exchange, which must never wait for the middleware's own threads
-GIL_SWITCH = 0.2e-3  # s, longest time a scene that is being built holds up the exchange; python's own is 5 ms
-MOST = 64  # messages taken at a turn: a flood that never ends must not hold up the answers
-STILL_SHOWN = 0.1  # s, between looks at whether a world that nobody asks has to be shown
+GIL_SWITCH = 0.2e-3  # s, longest time the executor keeps the exchange thread from running; python's own is 5 ms
 
 
 class SimulationNode(ManagedNode):
-    """Configured it has a scene, active it answers: exchange, services and diagnostics in one thread.
-
-    An exception in the exchange ends it until the next activation, and `ended` is then a sentence that says so: nothing
-    answers any more.
-    """
+    """Configured it has a scene, active it answers: by a thread of its own, which alone touches the world meanwhile."""
 
     def __init__(self):
         super().__init__("haptic_simulation", PARAMETERS)
         self.exchange: ExchangeEndpoint | None = None
         self.simulation: Simulation | None = None
-        self.scheduling = self.ended = ""
+        self.scheduling, self._thread, self._result = "", None, {}
         self._loading = False
         self._rates = diagnostics.Rates()
         self._tool = self.create_publisher(messages.JointState, "tool", messages.LATEST)
         local = self.values["exchange.method"] == "local"
         self._near = self.create_publisher(messages.PointCloud2, "local_contacts", messages.LATEST) if local else None
         self.create_service(Trigger, "~/reset_scene", self._on_reset_scene)
-        _answers_later(self.create_service(Trigger, "~/load_scene", self._on_load_scene))
+        beside = ReentrantCallbackGroup()  # while it waits for its world others are served
+        self.create_service(Trigger, "~/load_scene", self._on_load_scene, callback_group=beside)
         self.create_service(SetBool, "~/pause", self._on_pause)
-        self.create_timer(STILL_SHOWN, lambda: self._attempt(self._show))
         on_change(self, PARAMETERS, lambda values: load(values["scene"]), self._apply)
-
-    def make_executor(self):
-        """rclpy's quickest: it looks through no set of entities for each message."""
-        return EventsExecutor()
 
     def configure(self) -> None:
         """Loads the scene."""
@@ -64,33 +54,26 @@ class SimulationNode(ManagedNode):
 
     def activate(self) -> None:
         """Starts answering."""
-        try:
-            self.scheduling, self.ended = self._prepare(), ""
-        except PermissionError:
-            leave_realtime()
-            raise
         self._refused, self._rejoined = Refusals("handle"), self.simulation.counters.rejoined
-        self._scene = ScenePublisher(self)
-        self.exchange = ExchangeEndpoint(
-            self.simulation, self.simulation.scene.tool.pose, self.values["exchange.method"]
-        )
-        self._handle = self.create_subscription(
-            messages.JointState, "handle", self._on_handle, messages.STREAM, raw=True
-        )
+        self._scene, self._result = ScenePublisher(self), self.simulation.measure()
+        home, method = self.simulation.scene.tool.pose, self.values["exchange.method"]
+        self.exchange = ExchangeEndpoint(self.simulation, home, method)
+        self._thread = ExchangeThread(self, self._turn, self._prepare)
+        self.scheduling = self._thread.start()
         self.get_logger().info(f"scene {self.simulation.scene.name}; {self.scheduling}")
 
     def deactivate(self) -> None:
         """Stops answering and says once more how things stand."""
         if self.exchange is None:
             return
-        self.destroy_subscription(self._handle)
-        self._attempt(self._show)
+        self._thread.stop()
         self._scene.close()
         try:
+            if not self._thread.ended:
+                self._result = self.simulation.measure()
             self.diagnose()
         finally:
-            self.exchange, self.ended = None, ""
-            leave_realtime()
+            self.exchange = None
 
     def cleanup(self) -> None:
         """Forgets the scene."""
@@ -103,50 +86,28 @@ class SimulationNode(ManagedNode):
         world = self.simulation
         values = {"scene": world.scene.name, "method": world.method_name, "why": world.why}
         values |= {"scheduling": self.scheduling, **_values(self.exchange, world), "survived": self.survived}
-        if not self.ended:  # a world that failed may fail in this too
-            values |= {f"result.{name}": value for name, value in world.measure().items()}
+        values |= {f"result.{name}": value for name, value in self._result.items()}
         level, message = self._verdict()
         figures = {"compute": values["compute_us_p99"] * 1e-6, **self._rates.of(refused=values["refused"])}
         watched = diagnostics.statuses(self.get_name(), FIGURES, figures, self.values)
         self.say_status(level, message, values, watched)
 
-    def _on_handle(self, data):
-        """Answers; whatever has come since comes with it, so that only the newest is."""
-        if self.ended:
-            return
-        waiting, take = [data], self._handle.handle.take_message
-        while len(waiting) < MOST and (taken := take(messages.JointState, True)) is not None:
-            waiting.append(taken[0])
-        self._attempt(partial(self._answer, waiting))
-
-    def _attempt(self, step):
-        """Takes a step of the exchange, unless it has ended; an exception ends it. "", or why nothing answers."""
-        if not self.ended:
-            try:
-                step()
-            except Exception as error:
-                self.ended = f"the exchange has ended by {sentence_of(error)}"
-                self.get_logger().error(self.ended)
-        return self.ended
-
-    def _answer(self, waiting):
-        tool = self.exchange.answer(waiting, time.monotonic_ns())
+    def _turn(self, messages):
+        """In the thread: answers what has come, and shows the world."""
+        tool = self.exchange.answer(messages, time.monotonic_ns()) if messages else None
         if tool is not None:
             self._tool.publish(tool)
             if self._near is not None:
                 self._near.publish(self.exchange.local_contacts())
-        self._show()
-
-    def _show(self):
-        if self.exchange is not None:
-            self._scene.show(self.simulation, self.exchange.position, time.monotonic_ns())
+        if self._scene.show(self.simulation, self.exchange.position, time.monotonic_ns()):
+            self._result = self.simulation.measure()
 
     def _verdict(self):
         counters = self.simulation.counters
         known, self._rejoined = self._rejoined, counters.rejoined
         rejoined = self._rejoined - known
-        if self.ended:
-            return "error", self.ended
+        if self._thread.ended:
+            return "error", self._thread.ended
         if self.exchange.paused:
             return "warn", "paused"
         if left_out := counters.left_out:
@@ -194,55 +155,50 @@ class SimulationNode(ManagedNode):
         return go_realtime(self.values["realtime"], self.values["realtime_priority"])
 
     def _on_reset_scene(self, request, response):
-        refusal = self._no_exchange()
-        if self.exchange is None and self.simulation is not None:
+        if self.exchange is not None:
+            refusal = self._thread.ask(lambda: self.exchange.reset(time.monotonic_ns()))
+        elif self.simulation is not None:
             self.simulation.reset()
             refusal = ""
-        elif not refusal:
-            refusal = self._attempt(lambda: self.exchange.reset(time.monotonic_ns()))
+        else:
+            refusal = self._no_exchange()
         return _answered(response, refusal, "scene is at its start")
 
-    def _on_load_scene(self, request, response):
+    async def _on_load_scene(self, request, response):
         """Builds the world beside: that may have to compile first, and takes the tool's port only when it is there."""
-        answer = Future(executor=self.executor)
         if self._loading:
-            answer.set_result(_answered(response, "another scene is being loaded", ""))
-            return answer
-        self._loading, built = True, Future(executor=self.executor)
-        built.add_done_callback(partial(self._take_world, self.simulation, response, answer))
+            return _answered(response, "another scene is being loaded", "")
+        self._loading, built, before = True, Future(), self.simulation
         threading.Thread(target=self._build, args=(self.values, built), name="loader").start()
-        return answer
-
-    def _take_world(self, before, response, answer, built):
-        """The world that was built in place of the one before, if that is still there."""
-        self._loading, world = False, built.result()
+        world = await built
+        self._loading = False
         if isinstance(world, str):
-            refusal, done = world, ""
-        elif self.simulation is not before:
-            refusal, done = "the node was cleaned up meanwhile: nothing was changed", ""
-        else:
-            refusal, done = self.ended, f"scene is {world.scene.name}"
-        if done and not refusal:
-            if self.exchange is not None:
-                refusal = self._attempt(lambda: self.exchange.load(world, time.monotonic_ns()))
+            return _answered(response, world, "")
+        if self.simulation is not before:
+            return _answered(response, "the node was cleaned up meanwhile: nothing was changed", "")
+        return _answered(response, self._take_world(world), f"scene is {world.scene.name}")
+
+    def _take_world(self, world):
+        """Goes on with another world; "" or why not."""
+        if self.exchange is None:
             self.simulation = world
-        answer.set_result(_answered(response, refusal, done))
+            return ""
+
+        def change():
+            self.exchange.load(world, time.monotonic_ns())
+            self.simulation = world
+
+        return self._thread.ask(change)
 
     def _on_pause(self, request, response):
         refusal = self._no_exchange()
         if not refusal:
-            self.exchange.pause(request.data, time.monotonic_ns())
+            refusal = self._thread.ask(lambda: self.exchange.pause(request.data, time.monotonic_ns()))
         return _answered(response, refusal, "paused" if request.data else "goes on")
 
     def _no_exchange(self):
         """Why nothing answers; "" if something does."""
-        return self.ended if self.exchange is not None else "there is no scene that answers"
-
-
-def _answers_later(service):
-    """Its callback returns a future of the response: rclpy's events executor takes no coroutine for a service."""
-    send = service.send_response
-    service.send_response = lambda answer, header: answer.add_done_callback(lambda done: send(done.result(), header))
+        return self._thread.ended if self.exchange is not None else "there is no scene that answers"
 
 
 def _answered(response, refusal, done):

@@ -93,10 +93,8 @@ from haptic_device.nodes import lifecycle, participant_id
 participant_id.KINDS = ()  # a process can give a port of its own to one participant only
 module = importlib.import_module(sys.argv[1])
 [kind] = [one for one in vars(module).values() if isinstance(one, type) and lifecycle.ManagedNode in one.__bases__]
-threads = (threading.Thread, "start"), (threading.Event, "wait")
-begins = [(kind, "create_subscription")] if "simulation" in sys.argv[1] else threads  # which has no thread of its own
-MOMENTS = ((lifecycle, "begin_ros"), (kind, "__init__"), (kind, "make_executor"), (kind, "configure"),
-           (kind, "activate"), *begins, (kind, "finish"))
+MOMENTS = ((lifecycle, "begin_ros"), (kind, "__init__"), (lifecycle, "SingleThreadedExecutor"), (kind, "configure"),
+           (kind, "activate"), (threading.Thread, "start"), (threading.Event, "wait"), (kind, "finish"))
 
 def tell():
     os.kill(os.getpid(), signal.SIGTERM)
