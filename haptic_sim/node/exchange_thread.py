@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The thread that takes handle samples, and does between two of them what others want of the world.
 
-rclpy's events executor hands a message over later than a wait set of one subscription does (decision 0033).
+On rclpy's events executor the exchange would wait for every other callback (decision 0033).
 """
 
 import queue
