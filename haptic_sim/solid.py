@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Words of the scene language for numbers and what is solid: shapes, materials, bodies, the tool. Immutable, SI."""
 
+import abc
 import math
 from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
@@ -55,16 +56,16 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class Shape(Part):
+class Shape(Part, abc.ABC):
     """What all shapes share: the key that tells them, and whether they end somewhere, as those of what moves must."""
 
     key: ClassVar[str]
     bounded: ClassVar[bool] = True
 
     @property
+    @abc.abstractmethod
     def outline(self) -> Outline:
         """The shape in its body's frame."""
-        raise NotImplementedError
 
 
 class Polygon(Shape):

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A bare answerer in the simulation's place: every handle sample comes back as it is, with what makes it an answer.
 
-It waits for bytes as the simulation does, and computes nothing: the least round trip that this middleware has.
+The simulation's own thread takes the bytes, and computes nothing: the least round trip that this middleware has.
 """
 
 import struct
 import sys
+import time
 
 import rclpy
-from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from haptic_device.control import exchange_samples
@@ -17,6 +17,7 @@ from haptic_device.nodes.lifecycle import hear_the_end
 from haptic_device.nodes.messages import LATEST, JointState
 from haptic_device.realtime.scheduling import go_realtime
 from haptic_device.recording.layouts import JointLayout
+from haptic_sim.node.exchange_thread import ExchangeThread
 
 LOOK_UP = 0.05  # [s]
 PRIORITY = 60
@@ -45,21 +46,22 @@ def main(times=None) -> int:
     publisher = node.create_publisher(JointState, "tool", LATEST)
     sequence = 0.0
 
-    def answer(data):
+    def turn(messages):
         nonlocal sequence
+        if not messages:
+            return
         times.taken()
         sequence += 1.0
-        answered = _answer(data, sequence)
+        answered = _answer(messages[-1], sequence)
         times.answered()
         publisher.publish(answered)
         times.published()
 
-    node.create_subscription(JointState, "handle", answer, LATEST, raw=True)
-    executor = EventsExecutor()
-    executor.add_node(node)
-    go_realtime("prefer", PRIORITY)
+    thread = ExchangeThread(node, turn, lambda: go_realtime("prefer", PRIORITY))
+    thread.start()
     while not told:
-        executor.spin_once(timeout_sec=LOOK_UP)
+        time.sleep(LOOK_UP)
+    thread.stop()
     node.destroy_node()
     rclpy.try_shutdown()
     return 0
