@@ -40,6 +40,12 @@ LOCAL_CONTACT = np.dtype([(name, "f8") for name in COMMON + EACH])
 """A point of `local_contacts`: what the whole set says, and one contact. A message has MOST of them."""
 
 
+def frame_id(namespace, name):
+    """The frame of this name of the display in a namespace: map (of the scene), base_link (of the device; both as in
+    REP-105), handle or tool. Two displays have no frame in common."""
+    return "_".join(filter(None, (*namespace.split("/"), name)))
+
+
 def exchange_names(axes):
     """Names of a `handle` or `tool` message with that many axes."""
     return AXES[:axes] + TAIL

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 UNKNOWN = "unknown, several publishers"
-SHARED = ("/diagnostics", "/parameter_events", "/mark")  # ends of topics on which more than one publishes
+SHARED = ("/diagnostics", "/parameter_events", "/mark", "/tf", "/tf_static")  # ends of topics that several publish
 
 
 @dataclass

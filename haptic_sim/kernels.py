@@ -42,7 +42,6 @@ def driven():
     thread.ring.take(1)
     scratch = clock.scratch()
     clock.sleep_until(clock.now_ns(scratch), scratch)
-    clock.read_clock(clock.REALTIME, scratch)
     hardware_interface.compiled()
 
 

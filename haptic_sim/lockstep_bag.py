@@ -7,7 +7,7 @@ import numpy as np
 
 from haptic_device import provenance
 from haptic_device.control import exchange_samples
-from haptic_device.message_fields import TAIL
+from haptic_device.message_fields import TAIL, frame_id
 from haptic_device.nodes.bag_attachments import YAML
 from haptic_device.parameter_types import SECTION
 from haptic_device.parameters import EXCHANGE_METHODS
@@ -16,7 +16,8 @@ from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, CloudLay
 from haptic_device.recording.metadata import dump
 from haptic_device.recording.writer import Bag
 
-NAMESPACE, FRAME = "/haptic", "haptic_base"
+NAMESPACE = "/haptic"
+FRAME = frame_id(NAMESPACE, "base_link")
 EPOCH = 1_000_000_000_000_000_000  # [ns] system clock at lock-step's time 0: lock-step knows no date
 BLOCK = 400  # ticks
 SECOND = 1_000_000_000

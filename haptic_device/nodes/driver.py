@@ -23,6 +23,7 @@ from haptic_device.parameters import DRIVER
 from haptic_device.realtime import scheduling
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.servo_thread import ServoThread
+from haptic_device.realtime.session_clock import SessionClock
 from haptic_device.realtime.shared_memory import file_name
 
 MIDDLEWARE_PRIORITY = 65  # below the servo, above the exchange
@@ -77,12 +78,13 @@ class DriverNode(ManagedNode):
             self.servo = ServoThread(self.hardware, settings, home, self.values["realtime"], self._kept)
         self.servo.gains.put(controller_config.gains_from(self.values))
         self._set_flag(enable_state.CLUTCH, self.values["clutch.open"])
-        self.exchange = ExchangeServer(self, self.servo, len(self.device.axes), self.values)
+        self.clock = SessionClock()
+        self.exchange = ExchangeServer(self, self.servo, len(self.device.axes), self.values, self.clock.offset)
         self.exchange.start()
         self.report = DriverDiagnostics(self)
         scheduling.spare_collections()
         self.servo.start()
-        self.telemetry = Telemetry(self, self.servo, self.device, self.values)
+        self.telemetry = Telemetry(self, self.servo, self.device, self.values, self.clock.stamp)
         self.telemetry.start()
 
     def deactivate(self):
@@ -165,6 +167,9 @@ class DriverNode(ManagedNode):
         self.stall, self._watched = max(self.stall, now - self._watched), now
         if self.servo is None or not self.servo.running:
             return
+        if self._commands.running:  # else nobody could stop it; before it is enabled, for it was not attended until now
+            self.servo.attend()
+        self.exchange.follow(self.clock.follow())
         self._say("info", f"servo at {self.values['servo.rate']:g} Hz, {self.servo.realtime}")
         row = self.servo.row.get()[0]
         if self._reported != (news := (int(row.state), int(row.fault))):
@@ -175,8 +180,6 @@ class DriverNode(ManagedNode):
         elif self.values["auto_enable"] and not self._enabled_once and self._met(now):
             self.servo.order(set_flags=enable_state.ENABLE)
             self._enabled_once = True
-        if self._commands.running:  # else nobody could stop it
-            self.servo.attend()
 
     def _met(self, now):
         """Whether a tool has answered, or was waited for long enough."""

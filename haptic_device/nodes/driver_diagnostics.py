@@ -66,6 +66,7 @@ class DriverDiagnostics:
             "state": enable_state.STATES[int(row.state)],
             "fault": faults.name_of(row.fault),
             "realtime": node.servo.realtime,
+            "clock_offset_ns": node.clock.offset,
             "rate_hz": node.values["servo.rate"],
             "ticks": int(row.tick),
             "missed": int(row.missed),

@@ -23,14 +23,15 @@ PRIORITY = 60
 class ExchangeServer:
     """Sends `handle` at the exchange rate and takes `tool`, from start() until stop()."""
 
-    def __init__(self, node, servo_thread, axes, values):
+    def __init__(self, node, servo_thread, axes, values, clock_offset):
+        """clock_offset [ns]: of the session's stamps, as of `follow`."""
         self._servo = servo_thread
         self._realtime, self._period = values["realtime"], round(1e9 / values["exchange.rate"])
         layout = JointLayout(exchange_names(axes))
         self.frame = exchange_step.make_frame(layout.template, layout.fixed, layout.offsets, layout.count)
         self.state, self.watch = np.zeros(1, exchange_step.STATE), np.zeros(exchange_step.WATCHES, np.int64)
         self.state["session"], self.state["axes"] = secrets.randbits(48) | 1, axes
-        self.state["clock_offset"] = servo_thread.clock_offset
+        self.follow(clock_offset)
         self.state["method"] = EXCHANGE_METHODS.index(values["exchange.method"])
         self._node = node
         self._publisher = node.create_publisher(messages.JointState, "handle", messages.LATEST)
@@ -58,6 +59,10 @@ class ExchangeServer:
         if self._near is not None:
             self._near.close()
         self._node.destroy_publisher(self._publisher)
+
+    def follow(self, clock_offset):
+        """Stamps are deadlines plus this [ns] from now on."""
+        self.state["clock_offset"] = clock_offset
 
     @property
     def sent(self):

@@ -36,7 +36,7 @@ class ManagedNode(Node):
     """
 
     def __init__(self, name, parameters: tuple[Parameter, ...]):
-        super().__init__(name, namespace="/haptic")
+        super().__init__(name)
         self.values = declare(self, parameters)
         self.refusal, self.failure, self.active = "", "", False
         self.survived, self._said_of = 0, set()

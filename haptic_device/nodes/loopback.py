@@ -18,6 +18,7 @@ from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.parameters import LOOPBACK, LOOPBACK_FIGURES
 from haptic_device.realtime import clock, scheduling
 from haptic_device.realtime.seqlock import SeqLock
+from haptic_device.realtime.session_clock import SessionClock
 from haptic_device.realtime.shared_memory import DEVICE, SharedMemory, file_name
 from haptic_device.recording.layouts import JointLayout
 
@@ -100,16 +101,20 @@ class LoopbackNode(ManagedNode):
 
     def _publish(self):
         period, scratch = int(1e9 / self.values["publish.rate"]), clock.scratch()
-        deadline, axes = clock.now_ns(scratch), len(self.device.axes)
+        deadline, told, session = clock.now_ns(scratch), 0.0, SessionClock()
         while not self._control[simulated_device.STOP]:
             deadline = max(deadline + period, clock.now_ns(scratch))
             clock.sleep_until(deadline, scratch)
-            self._state.publish(self._truth_bytes(self._truth.get()[0], axes, scratch))
+            truth = self._truth.get()[0]
+            if truth.time > told:
+                told = truth.time
+                session.follow()
+                self._state.publish(self._truth_bytes(truth, session.stamp(round(told * 1e9))))
 
-    def _truth_bytes(self, truth, axes, scratch):
-        extra, none = (truth.energy_given, truth.time, truth.motion_done), (0.0, 0.0, 0.0)
+    def _truth_bytes(self, truth, stamp):
+        axes, extra, none = len(self.device.axes), (truth.energy_given, truth.time, truth.motion_done), (0.0, 0.0, 0.0)
         return self.layout.pack(
-            int(clock.read_clock(clock.REALTIME, scratch)),
+            stamp,
             (*truth.position[:axes], *truth.target[:axes], *extra),
             (*truth.velocity[:axes], *truth.target_velocity[:axes], *none),
             (*truth.operator_force[:axes], *truth.motor_force[:axes], *none),

@@ -1,19 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages for RViz 2 and Foxglove; the only file that knows their fields: markers, and frames where tf is there."""
+"""Markers for RViz 2 and Foxglove; the only file that knows their fields."""
 
 import math
 
-from geometry_msgs.msg import Point, TransformStamped
+from geometry_msgs.msg import Point
 from visualization_msgs.msg import Marker, MarkerArray
 
 from haptic_device.nodes.messages import to_time
 
-try:  # the wheels of ROS 2 from the package index have no tf
-    from tf2_msgs.msg import TFMessage
-except ImportError:
-    TFMessage = None
-
-__all__ = ["MarkerArray", "TFMessage", "frames", "markers"]
+__all__ = ["MarkerArray", "markers"]
 
 KINDS = {
     "triangles": Marker.TRIANGLE_LIST,
@@ -31,13 +26,6 @@ def markers(stamp_ns, frame_id, wanted):
     return MarkerArray(markers=[_marker(to_time(stamp_ns), frame_id, *one) for one in wanted])
 
 
-def frames(stamp_ns, frame_id, poses):
-    """TFMessage of frames {name: pose (x, y, θ)} in the frame frame_id; None where tf is not installed."""
-    if TFMessage is None:
-        return None
-    return TFMessage(transforms=[_transform(to_time(stamp_ns), frame_id, *named) for named in poses.items()])
-
-
 def _marker(stamp, frame_id, group, number, kind, pose, points, colour, size):
     marker = Marker(ns=group, id=number, type=KINDS[kind], action=Marker.ADD)
     marker.header.stamp, marker.header.frame_id = stamp, frame_id
@@ -49,11 +37,3 @@ def _marker(stamp, frame_id, group, number, kind, pose, points, colour, size):
     marker.color.r, marker.color.g, marker.color.b, marker.color.a = colour
     marker.lifetime.nanosec = LIFETIME
     return marker
-
-
-def _transform(stamp, frame_id, name, pose):
-    transform = TransformStamped(child_frame_id=name)
-    transform.header.stamp, transform.header.frame_id = stamp, frame_id
-    transform.transform.translation.x, transform.transform.translation.y = float(pose[0]), float(pose[1])
-    transform.transform.rotation.z, transform.transform.rotation.w = math.sin(pose[2] / 2), math.cos(pose[2] / 2)
-    return transform

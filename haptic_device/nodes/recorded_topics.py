@@ -7,6 +7,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from haptic_device.nodes.messages import STATE, TRACE
 from haptic_device.nodes.polled_subscription import PolledSubscription
+from haptic_device.nodes.transforms import TFMessage
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, POSE, STRING, WRENCH
 from haptic_device.sequence_gaps import UNKNOWN, SequenceGaps
 
@@ -23,10 +24,13 @@ KNOWN = {  # joined before their publishers exist, so that no first message is m
     "mark": STRING,
     "wrench": WRENCH,
     "pose": POSE,
+    "joint_states": JOINTS,
     "/diagnostics": DIAGNOSTICS,
     "/parameter_events": "rcl_interfaces/msg/ParameterEvent",
+    **(dict.fromkeys(("/tf", "/tf_static"), "tf2_msgs/msg/TFMessage") if TFMessage else {}),
 }
-_QOS = {"trace": TRACE, "snapshot": STATE, "mark": TRACE, "/parameter_events": TRACE}  # the others: best effort
+_QOS = {"snapshot": STATE, "/tf_static": STATE}  # these and the ones below; the others: best effort
+_QOS |= dict.fromkeys(("trace", "mark", "joint_states", "/parameter_events", "/tf"), TRACE)
 
 _SECOND = 1_000_000_000
 

@@ -12,16 +12,18 @@ from rclpy.parameter import Parameter as RosParameter
 from haptic_device.parameter_types import ROS_OWN, Parameter, check_value, unknown
 
 INT64 = (-(2**63), 2**63 - 1)
+SIM_TIME = "use_sim_time is true; it must be false: a haptic display runs by the machine's own clock, not by /clock"
 MOST_AT_ONCE = 200  # entries of a request, more than any node has; each takes milliseconds, and others wait for all
 
 
 def declare(node: Node, parameters: Iterable[Parameter]) -> dict:
     """Declares the parameters and returns their values: the default, or what a file or -p gave, checked.
 
-    Raises ValueError, one sentence, for a bad value and for a given name that is not declared here (a section /** of a
-    file reaches every node).
+    Raises ValueError, one sentence, for a bad value, for a given name that is not declared here (a section /** of a
+    file reaches every node), and for use_sim_time.
     """
     parameters = tuple(parameters)
+    _refuse_sim_time(node)
     _refuse_unknown(node, [parameter.name for parameter in parameters])
     values = {parameter.name: _initial(node, parameter) for parameter in parameters}
     for parameter in parameters:
@@ -76,6 +78,18 @@ def _bounded(serve):
         return response
 
     return decide
+
+
+def _refuse_sim_time(node):
+    """No node of ours may follow /clock, now or later: the servo cannot be slowed down, halted or set back."""
+    if node.get_parameter("use_sim_time").value:
+        raise ValueError(SIM_TIME)
+
+    def decide(changes):
+        wanted = any(change.name == "use_sim_time" and change.value for change in changes)
+        return SetParametersResult(successful=not wanted, reason=SIM_TIME if wanted else "")
+
+    node.add_on_set_parameters_callback(decide)
 
 
 def _refuse_unknown(node, declared):

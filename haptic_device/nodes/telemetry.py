@@ -8,8 +8,9 @@ import numpy as np
 from rclpy.duration import Duration
 
 from haptic_device.control.records import SETTINGS, TRACE_ROW
-from haptic_device.message_fields import AXES
+from haptic_device.message_fields import AXES, frame_id
 from haptic_device.nodes import messages
+from haptic_device.nodes.robot_state import RobotState
 from haptic_device.realtime import clock
 from haptic_device.realtime.tick_replay import SNAPSHOT
 from haptic_device.recording.layouts import (
@@ -28,16 +29,16 @@ ACKNOWLEDGED = 1.0  # [s] that readers of the trace get for its last rows
 MOST_ROWS = 256  # a block's size limit; more wait for the next
 FRESH_ENOUGH = 400  # ticks after which the statistics are computed anew
 WINDOW = 20000  # ticks that the statistics look back on
-FRAME = "haptic_base"
 
 
 class Telemetry:
     """Publishes what the servo leaves under its sequence locks, from start() until stop()."""
 
-    def __init__(self, node, servo_thread, device, values):
-        self._servo, self._device, self._values = servo_thread, device, values
-        axes = AXES[: len(device.axes)]
-        self._layout = JointLayout(axes, FRAME)
+    def __init__(self, node, servo_thread, device, values, stamp):
+        """stamp: turns a time on CLOCK_MONOTONIC [ns] into that of the session's stamps."""
+        self._servo, self._device, self._values, self._stamp = servo_thread, device, values, stamp
+        axes, frame = AXES[: len(device.axes)], frame_id(node.get_namespace(), "base_link")
+        self._layout, self._robot = JointLayout(axes, frame), RobotState(node, device)
         self._encoder = node.create_publisher(messages.JointState, "encoder", messages.STREAM)
         self._motor = node.create_publisher(messages.JointState, "motor", messages.STREAM)
         self._wrench = node.create_publisher(messages.WrenchStamped, "wrench", messages.STREAM)
@@ -45,8 +46,8 @@ class Telemetry:
         self._trace = node.create_publisher(messages.PointCloud2, "trace", messages.TRACE)
         self._snapshot = node.create_publisher(messages.PointCloud2, "snapshot", messages.STATE)
         self._trace_layout, self._snapshot_layout = (
-            CloudLayout(TRACE_ROW, FRAME),
-            CloudLayout(SNAPSHOT, FRAME),
+            CloudLayout(TRACE_ROW, frame),
+            CloudLayout(SNAPSHOT, frame),
         )
         self._version, self._snapshot_due, self.cpu = -1, 0, 0.0
         self._node, self._stopped, self._scratch = node, False, clock.scratch()
@@ -56,8 +57,8 @@ class Telemetry:
         self._told = {"axes": 0.0, "pose": 0.0}  # deadline of the tick that was published last
         self._row, self._settings = np.zeros(1, TRACE_ROW), np.zeros(1, SETTINGS)
         self._wrench_layout, self._pose_layout = (
-            StampedLayout(WRENCH, FRAME),
-            StampedLayout(POSE, FRAME),
+            StampedLayout(WRENCH, frame),
+            StampedLayout(POSE, frame),
         )
         self._thread = threading.Thread(target=self._run, name="telemetry")
 
@@ -71,6 +72,7 @@ class Telemetry:
         if self._thread.is_alive():
             self._thread.join()
         self._trace.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED))  # else the last rows go with the publisher
+        self._robot.close()
         for publisher in (self._encoder, self._motor, self._wrench, self._pose, self._trace, self._snapshot):
             self._node.destroy_publisher(publisher)
 
@@ -100,10 +102,6 @@ class Telemetry:
             clock.sleep_until(min(due), self._scratch)
         self._publish_trace(int(clock.now_ns(self._scratch)))
 
-    def _stamp(self, deadline):
-        """ROS time [ns] of a deadline [ns of CLOCK_MONOTONIC]."""
-        return int(deadline) + self._servo.clock_offset
-
     def _look(self, teller):
         """The newest row and settings; False where this teller has told that tick, and before the first."""
         self._servo.row.read(self._row)
@@ -129,12 +127,14 @@ class Telemetry:
         return self._row["counts"][0] * settings["hardware"]["position_per_count"][0] - settings["hardware"]["zero"][0]
 
     def _publish_pose(self, now):
-        """The operator's side: handle on the device, and the force the motor holds there."""
+        """The operator's side: handle on the device, and the force the motor holds there; the same as joints."""
         if self._look("pose"):
             stamp = self._stamp(self._row["deadline"][0])
-            force = wrench_numbers(self._row["force_on_handle"][0])
-            self._wrench.publish(self._wrench_layout.pack(stamp, force))
-            self._pose.publish(self._pose_layout.pack(stamp, pose_numbers(self._device_position())))
+            force, position = self._row["force_on_handle"][0], self._device_position()
+            self._wrench.publish(self._wrench_layout.pack(stamp, wrench_numbers(force)))
+            self._pose.publish(self._pose_layout.pack(stamp, pose_numbers(position)))
+            velocity = self._row["velocity"][0] / self._settings["hardware"]["scale"][0]
+            self._robot.publish(stamp, position, velocity, force)
 
     def _publish_trace(self, now):
         """Everything that waits in the ring, in blocks; stops at one that is not full, for rows never stop coming."""

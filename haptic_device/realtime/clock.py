@@ -4,9 +4,9 @@
 import numpy as np
 from numba import types
 
-from haptic_device.jit import kernel, njit
+from haptic_device.jit import kernel
 
-MONOTONIC, REALTIME = 1, 0
+MONOTONIC = 1
 TIMER_ABSTIME = 1
 EINTR = 4  # of errno: a signal ended the wait
 
@@ -17,22 +17,11 @@ _nanosleep = types.ExternalFunction(
 )
 
 
-@njit
-def _read(which, scratch):
-    _gettime(which, scratch.ctypes)
-    return scratch[0] * 1_000_000_000 + scratch[1]
-
-
-@kernel
-def read_clock(which, scratch):
-    """Nanoseconds of MONOTONIC or REALTIME; scratch: int64 array (2)."""
-    return _read(which, scratch)
-
-
 @kernel
 def now_ns(scratch):
-    """Nanoseconds of CLOCK_MONOTONIC, the same for all processes of this host."""
-    return _read(MONOTONIC, scratch)
+    """Nanoseconds of CLOCK_MONOTONIC, the same for all processes of this host; scratch: int64 array (2)."""
+    _gettime(MONOTONIC, scratch.ctypes)
+    return scratch[0] * 1_000_000_000 + scratch[1]
 
 
 @kernel

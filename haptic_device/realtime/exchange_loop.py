@@ -81,6 +81,8 @@ def run_exchange(
 ):
     """Sends a handle sample each period [ns] and takes what comes in between, until watch[STOP]; returns samples sent.
 
+    Each row of the servo is sent once: where it has no new one yet, the sample waits for it.
+
     publisher, subscription: addresses of rcl entities, near_subscription too; inbox, outbox: the buffers above; records
     of one each. Without local contacts near_subscription and all after it are None, and nothing of theirs is compiled.
     """
@@ -88,12 +90,11 @@ def run_exchange(
     deadline, due = clock.now_ns(scratch), np.int64(0)
     while atomic.load(watch, exchange_step.STOP) == 0:
         now = clock.now_ns(scratch)
-        if now >= deadline:
+        if now >= deadline and exchange_step.next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
             deadline += period * (1 + (now - deadline) // period)  # by whole periods: what was missed is left out
-            if exchange_step.next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
-                _publish(publisher, outbox.ctypes.data, 0)
-                watch[exchange_step.SENT] += 1
-                due = now + DUE
+            _publish(publisher, outbox.ctypes.data, 0)
+            watch[exchange_step.SENT] += 1
+            due = now + DUE
         # all that wait, oldest first: one that is refused hides no answer behind or before it
         for _ in range(MOST):
             if _take(subscription, inbox.ctypes.data, 0, 0) != 0:
@@ -110,5 +111,6 @@ def run_exchange(
                 _memcpy(near_frame.incoming.ctypes.data, inbox[0], min(size, near_frame.incoming.size))
                 exchange_step.take_in_contacts(near_frame, size, state[0], watch, near, near_mail)
         now = clock.now_ns(scratch)  # looking less often while nothing is due leaves the core to others
-        clock.sleep_until(min(deadline, now + (LOOK if now < due else POLL)), scratch)
+        look = now + (LOOK if now < due else POLL)
+        clock.sleep_until(look if deadline <= now else min(deadline, look), scratch)  # past: the servo has no new row
     return watch[exchange_step.SENT]

@@ -24,7 +24,7 @@ SHARED = len(COMMON)  # columns that say something of the whole set, the same in
 STATE = np.dtype(
     [(name, "f8") for name in ("session", "sequence", "method", "axes", "peer_session", "peer_answered")]
     + [(name, "f8") for name in ("near_session", "near_answered", "near_scene")]
-    + [("peer_accepted", "i8"), ("clock_offset", "i8"), ("sent", "i8", (REMEMBERED,))]
+    + [("peer_accepted", "i8"), ("clock_offset", "i8"), ("told", "f8"), ("sent", "i8", (REMEMBERED,))]
     + [("composed", "i8", (REMEMBERED,)), ("turns", "i8"), ("round_trip", "i8", (REMEMBERED,))]
 )
 
@@ -119,15 +119,19 @@ def compose_handle(frame, state, row, gains, scratch):
         gains.rotational_damping,
     )
     tail[exchange_samples.CONTACT], tail[exchange_samples.ENERGY] = 0.0, row.exchange_energy
-    stamp = np.int64(row.deadline) + state.clock_offset  # one offset a session: stamps differ as deadlines do
+    stamp = np.int64(row.deadline) + state.clock_offset
     frame.stamp[0], frame.stamp[1] = stamp // 1_000_000_000, stamp % 1_000_000_000
 
 
 @kernel
 def next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
-    """Composes the next handle sample from the servo's newest row; False if it has not run yet. Records of one."""
-    if atomic.collect(row_mail, 0, seqlock.FIRST, atomic.words_of(row)) <= 0:
+    """Composes the next handle sample from the servo's newest row; False if that is told already, or there is none.
+
+    Records of one.
+    """
+    if atomic.collect(row_mail, 0, seqlock.FIRST, atomic.words_of(row)) <= 0 or row[0].deadline <= state[0].told:
         return False
+    state[0].told = row[0].deadline
     known = atomic.words_of(gains)
     atomic.collect_whole(gains_mail, 0, seqlock.FIRST, np.empty_like(known), known)
     compose_handle(frame, state[0], row[0], gains[0], scratch)

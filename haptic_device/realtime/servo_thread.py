@@ -25,8 +25,7 @@ class ServoThread:
     settings: SETTINGS record to begin with. The device's counts at the start are taken as `home` [device units] where
     that is given. kept: what an earlier one left behind; its fault stays latched, and its motors warm.
 
-    set(), order() and reset() may be called by any thread. clock_offset [ns]: system clock less CLOCK_MONOTONIC, read
-    once, so that the stamps of all who tell of this servo differ as its deadlines do.
+    set(), order() and reset() may be called by any thread.
     """
 
     def __init__(self, device_link, settings, home=None, realtime="prefer", kept=None):
@@ -39,7 +38,6 @@ class ServoThread:
         for name, value in (kept or {}).items():
             self._state["fault"][name] = value
         self.realtime, self._refused, self._ready = "", None, threading.Event()
-        self.clock_offset = time.time_ns() - time.monotonic_ns()
         self._writing = threading.Lock()  # one writer at a time; ticks take no lock
         self._resets, self._zero = 0, settings["hardware"]["zero"].copy()
         self.set(settings)

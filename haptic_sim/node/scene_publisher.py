@@ -6,14 +6,15 @@ The node calls it after an answer has left: what it takes, some 30 us at 60 Hz, 
 
 import numpy as np
 
-from haptic_device.message_fields import AXES
+from haptic_device.message_fields import AXES, frame_id
 from haptic_device.nodes.messages import STATE, STREAM, JointState, PointCloud2, String
+from haptic_device.nodes.transforms import Transforms
+from haptic_device.realtime.session_clock import SessionClock
 from haptic_device.recording.layouts import CloudLayout, JointLayout
 from haptic_sim.protocol import STILL
 from haptic_sim.simulation import Simulation
 from haptic_sim.solid import TOOL
 
-FRAME = "haptic_world"
 PERIOD_NS = 1_000_000_000 // 60
 HANDLE, RESULT, ENERGY = "handle", "result.", "energy"
 CONTACT = np.dtype(
@@ -30,14 +31,15 @@ def state_names(scene) -> tuple[str, ...]:
 
 
 class ScenePublisher:
-    """Publishes `scene` when it is new, `scene/state` and `scene/contacts` up to 60 times a second."""
+    """Publishes `scene` when it is new; `scene/state`, `scene/contacts` and the tool on /tf up to 60 times a second."""
 
     def __init__(self, node):
         self._node, self._shown, self._due_ns = node, None, 0
         self._scene = node.create_publisher(String, "scene", STATE)
         self._state = node.create_publisher(JointState, "scene/state", STREAM)
         self._contacts = node.create_publisher(PointCloud2, "scene/contacts", STREAM)
-        self._cloud = CloudLayout(CONTACT, FRAME)
+        self._map, self._tool = (frame_id(node.get_namespace(), name) for name in ("map", TOOL))
+        self._cloud, self._transforms, self._clock = CloudLayout(CONTACT, self._map), Transforms(node), SessionClock()
 
     def show(self, simulation: Simulation, handle, now_ns: int) -> bool:
         """The world as it is, if it is time; whether it was. handle: its pose in the world, as last heard, or None."""
@@ -46,18 +48,21 @@ class ScenePublisher:
         elif now_ns < self._due_ns:
             return False
         self._due_ns = max(self._due_ns + PERIOD_NS, now_ns)
-        stamp = self._node.get_clock().now().nanoseconds
+        self._clock.follow()
+        stamp = self._clock.stamp(now_ns)
         self._state.publish(self._layout.pack(stamp, *self._numbers(simulation, handle)))
         self._contacts.publish(self._cloud.pack(stamp, self._touching(simulation)))
+        self._transforms.publish(stamp, [(self._map, self._tool, tuple(simulation.method.position))])
         return True
 
     def close(self) -> None:
         """Ends the publishers."""
+        self._transforms.close()
         for publisher in (self._scene, self._state, self._contacts):
             self._node.destroy_publisher(publisher)
 
     def _introduce(self, scene):
-        self._shown, self._layout = scene, JointLayout(state_names(scene), FRAME)
+        self._shown, self._layout = scene, JointLayout(state_names(scene), self._map)
         self._places = {TOOL: 0, **{body.name: i for i, body in enumerate(scene.bodies, 1)}}
         self._scene.publish(String(data=scene.model_dump_json(by_alias=True, exclude_unset=True)))
 

@@ -5,10 +5,10 @@ import math
 import time
 from typing import NamedTuple
 
-from haptic_device.nodes.marker_messages import MarkerArray, TFMessage, frames, markers
+from haptic_device.message_fields import frame_id
+from haptic_device.nodes.marker_messages import MarkerArray, markers
 from haptic_device.nodes.messages import STREAM
 from haptic_sim.geometry import Outline, rectangle, turned
-from haptic_sim.node.scene_publisher import FRAME
 from haptic_sim.scene import Scene
 from haptic_sim.viewer import drawing
 
@@ -46,13 +46,11 @@ class Marker(NamedTuple):
 
 
 class MarkerPublisher:
-    """Publishes `markers` while somebody listens, and frames on /tf where tf is installed. rate: markers a second
-    [Hz]."""
+    """Publishes `markers` while somebody listens. rate: markers a second [Hz]."""
 
     def __init__(self, node, rate: float):
         self._node, self._period = node, 1.0 / rate
         self._markers = node.create_publisher(MarkerArray, "markers", STREAM)
-        self._frames = node.create_publisher(TFMessage, "/tf", STREAM) if TFMessage else None
         self._due = self._look_due = 0.0
         self._heard = False
 
@@ -65,12 +63,8 @@ class MarkerPublisher:
         if now < self._due:
             return
         self._due = max(self._due + self._period, now)
-        stamp = time.time_ns()
         if self._heard and (wanted := self._wanted(scene, frame, walls, workspace)):
-            self._markers.publish(markers(stamp, FRAME, wanted))
-        if self._frames:
-            known = {name: frame[name] for name in ("handle", "tool") if frame[name]}
-            self._frames.publish(frames(stamp, FRAME, {"haptic_base": (0.0, 0.0, 0.0), **known}))
+            self._markers.publish(markers(time.time_ns(), frame_id(self._node.get_namespace(), "map"), wanted))
 
     def _wanted(self, scene, frame, walls, workspace):
         there = (frame["tool"], frame["bodies"])

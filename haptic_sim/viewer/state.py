@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.message_fields import AXES
+from haptic_device.message_fields import AXES, frame_id
 from haptic_device.nodes.messages import LATEST, STATE
 from haptic_device.recording.layouts import CLOUD, JOINTS, STRING, WRENCH, JointLayout
 from haptic_device.status import Status
@@ -47,6 +47,7 @@ class State:
         self._places = client.subscribe("scene/state", JOINTS, LATEST, raw=True)
         self._clouds = client.subscribe("scene/contacts", CLOUD, LATEST)
         self._layout, self._heard = None, {}
+        self._map = frame_id(client.node.get_namespace(), "map")
         self.scale = (1.0, 1.0)  # of the device: world metres per device metre, and radians
         self.scene: Scene | None = None
         self.scene_number = 0
@@ -114,7 +115,7 @@ class State:
             self.scene, self.problem = parse(json.loads(text), "scene"), ""
         except (ValueError, RecursionError, SceneError) as error:
             self.scene, self.problem = None, f"the simulation's scene cannot be read: {error}"
-        self._layout = JointLayout(state_names(self.scene), "haptic_world") if self.scene else None
+        self._layout = JointLayout(state_names(self.scene), self._map) if self.scene else None
         self.scene_number += 1
         self.places, self.contacts = {}, []
 

@@ -184,7 +184,7 @@ def serve(args: list[str] | None, told, nodes=None) -> None:
     node = None
     try:
         begin_ros(args)
-        node = Node("haptic_viewer", namespace="/haptic")
+        node = Node("haptic_viewer")
         asyncio.run(Viewer(node, declare(node, PARAMETERS), nodes).run(told))
     finally:
         if node is not None:

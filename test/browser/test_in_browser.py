@@ -249,7 +249,7 @@ def test_the_slider_of_a_wall_changes_that_wall_alone_and_walls_are_shown(tab, l
     tab.page.locator("#tuned_wall_stiffness").scroll_into_view_if_needed()
     tab.shot("walls")
     groups, frames = listener.marked()
-    assert groups >= {"bodies", "walls", "workspace", "target", "handle", "coupling"} and frames == {"haptic_world"}
+    assert groups >= {"bodies", "walls", "workspace", "target", "handle", "coupling"} and frames == {"haptic_map"}
     assert serious(tab) == []
     listener.set_walls(normals=[], offsets=[], stiffness=[], damping=[])
     tab.until("document.querySelectorAll('.walls input').length === 0")

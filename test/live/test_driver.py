@@ -212,7 +212,7 @@ def test_as_many_parameters_as_are_taken_at_once_are_set_and_one_more_are_refuse
 
 
 def test_handle_encoder_and_motor_of_one_tick_bear_the_same_stamp(display):
-    layout, heard = JointLayout(AXES, "haptic_base"), {"encoder": set(), "motor": set()}
+    layout, heard = JointLayout(AXES, "haptic_base_link"), {"encoder": set(), "motor": set()}
 
     def hear(topic, stamps):
         def note(data):

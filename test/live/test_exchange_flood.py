@@ -37,7 +37,7 @@ def exchange(ros_domain):
         )
     }
     driver, other = (rclpy.create_node(name, context=context) for name in ("driver", "other"))
-    server = ExchangeServer(driver, SimpleNamespace(clock_offset=0, **mails), AXES, VALUES)
+    server = ExchangeServer(driver, SimpleNamespace(**mails), AXES, VALUES, 0)
     server.state["sequence"] = SENT
     publisher = other.create_publisher(messages.JointState, "tool", messages.LATEST)
     layout, still = JointLayout(exchange_names(AXES)), [0.0] * (AXES + len(TAIL))

@@ -230,11 +230,13 @@ def test_a_handle_sample_carries_port_session_gains_and_the_time_it_was_latched(
     assert sample.stamp_ns == 12_000_000_123
 
 
-def test_nothing_is_sent_before_the_servo_has_run():
+def test_each_row_of_the_servo_is_sent_once_and_nothing_before_it_has_run():
     side, row, scratch = Side(sequence=0.0), np.zeros(1, records.TRACE_ROW), clock.scratch()
     rows, gains = SeqLock(records.TRACE_ROW), SeqLock(law.COUPLING_GAINS)
     arguments = side.frame, side.state, rows.words, gains.words, row, side.gains, scratch
     assert not exchange_step.next_handle(*arguments)
-    rows.put(row)
-    assert exchange_step.next_handle(*arguments) and exchange_step.next_handle(*arguments)
-    assert side.state["sequence"][0] == 2.0
+    for sent, deadline in enumerate((1_000_000, 1_250_000), 1):
+        row["deadline"] = deadline
+        rows.put(row)
+        assert exchange_step.next_handle(*arguments) and not exchange_step.next_handle(*arguments)
+        assert side.state["sequence"][0] == sent

@@ -8,9 +8,8 @@ from xml.etree import ElementTree
 
 import yaml
 
-from haptic_device.message_fields import AXES, exchange_names, truth_names
+from haptic_device.message_fields import AXES, exchange_names, frame_id, truth_names
 from haptic_device.nodes.recorded_topics import KNOWN
-from haptic_sim.node.scene_publisher import FRAME
 
 LAYOUTS = Path(__file__).parents[2] / "config" / "layouts"
 NAMES = {
@@ -68,5 +67,5 @@ def test_every_path_of_foxglove_is_an_entry_of_a_recorded_topic():
 def test_rviz_shows_the_markers_in_their_frame():
     manager = yaml.safe_load((LAYOUTS / "haptic.rviz").read_text())["Visualization Manager"]
     topics = {display["Topic"]["Value"] for display in manager["Displays"] if "Topic" in display}
-    assert topics <= OWN and manager["Global Options"]["Fixed Frame"] == FRAME
-    assert json.loads((LAYOUTS / "foxglove.json").read_text())["configById"]["3D!plane"]["followTf"] == FRAME
+    assert topics <= OWN and manager["Global Options"]["Fixed Frame"] == frame_id("/haptic", "map")
+    assert json.loads((LAYOUTS / "foxglove.json").read_text())["configById"]["3D!plane"]["followTf"] == "haptic_map"

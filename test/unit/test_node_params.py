@@ -63,6 +63,16 @@ def test_a_file_and_the_command_line_give_the_start_values(make_node):
     assert values["rate"] == 2000
 
 
+def test_simulated_time_is_refused_at_the_start_and_later(make_node):
+    with pytest.raises(ValueError, match="^use_sim_time is true; it must be false"):
+        declare(make_node("", "-p", "use_sim_time:=true"), PARAMETERS)
+    node = make_node()
+    declare(node, PARAMETERS)
+    result = change(node, "use_sim_time", True)
+    assert not result.successful and "it must be false" in result.reason
+    assert node.get_parameter("use_sim_time").value is False
+
+
 def test_a_descriptor_says_unit_range_and_whether_the_parameter_is_live(make_node):
     node = make_node()
     declare(node, PARAMETERS)

@@ -37,6 +37,9 @@ class FakeNode:
     def create_publisher(self, kind, topic, qos):
         return types.SimpleNamespace(publish=lambda message: self.said.setdefault(topic, []).append(message))
 
+    def get_namespace(self):
+        return "/haptic"
+
     def get_clock(self):
         return types.SimpleNamespace(now=lambda: types.SimpleNamespace(nanoseconds=5_000_000_000))
 
@@ -73,7 +76,7 @@ def test_the_state_names_each_coordinate_and_carries_the_poses(pressed):
     simulation, handle = pressed
     node = FakeNode()
     ScenePublisher(node).show(simulation, handle, 0)
-    layout = JointLayout(state_names(simulation.scene), "haptic_world")
+    layout = JointLayout(state_names(simulation.scene), "haptic_map")
     [data] = node.said["scene/state"]
     assert layout.matches(data)
     sample = layout.unpack(data)

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Markers show the scene where it is: outlines, poses, arrows as long as forces; messages carry the same numbers."""
 
-import importlib
 import math
-import sys
 import types
 
 import numpy as np
@@ -150,6 +148,9 @@ class Ear:
     def said(self):
         return self.topics["markers"]
 
+    def get_namespace(self):
+        return "/haptic"
+
     def create_publisher(self, kind, topic, qos):
         said = self.topics.setdefault(topic, [])
         return types.SimpleNamespace(publish=said.append, get_subscription_count=lambda: self._listeners)
@@ -194,61 +195,3 @@ def test_the_message_carries_pose_points_and_colour():
     assert (message.pose.position.x, message.pose.position.y, turn) == pytest.approx((0.1, 0.2, 1.0))
     assert [(p.x, p.y, p.z) for p in message.points] == list(tool.points)
     assert message.color.a == pytest.approx(tool.colour[3])
-
-
-@pytest.fixture
-def tf(monkeypatch):
-    """tf(messages): as if `tf2_msgs.msg` were this module; None: as if it were not installed."""
-
-    def have(messages):
-        monkeypatch.setitem(sys.modules, "tf2_msgs.msg", messages)
-        _import_again()
-
-    yield have
-    monkeypatch.undo()
-    _import_again()
-
-
-def _import_again():
-    for module in (marker_messages, markers):
-        importlib.reload(module)
-
-
-def carried(point, transform):
-    """Where a transform carries a point of the plane, by the rotation matrix of its quaternion."""
-    q, place = transform.rotation, transform.translation
-    c, s = q.w**2 - q.z**2, 2.0 * q.w * q.z
-    return (place.x + c * point[0] - s * point[1], place.y + s * point[0] + c * point[1])
-
-
-@pytest.mark.parametrize("handle", (FRAME["handle"], None))
-def test_frames_carry_the_tool_to_where_the_scene_has_it_and_leave_out_what_is_not_known(tf, handle):
-    tf(types.SimpleNamespace(TFMessage=types.SimpleNamespace))
-    ear, scene, pose = Ear(0), load("wrench_on_nut"), (0.1, 0.2, 2.5)
-    markers.MarkerPublisher(ear, 30.0).show(scene, {**FRAME, "handle": handle, "tool": pose}, [], None, 1.0)
-    [message] = ear.topics["/tf"]
-    found = {one.child_frame_id: one.transform for one in message.transforms}
-    assert set(found) == {"haptic_base", "tool", *(["handle"] if handle else [])}
-    assert {one.header.frame_id for one in message.transforms} == {"haptic_world"}
-    assert carried((0.3, 0.4), found["haptic_base"]) == (0.3, 0.4)
-    for corner in (corner for outline in scene.tool.outlines for corner in outline.vertices):
-        assert carried(corner, found["tool"]) == pytest.approx(turned(corner, pose), abs=1e-12)
-
-
-def test_without_the_messages_of_tf_no_frame_is_made(tf):
-    tf(None)
-    ear = Ear(1)
-    markers.MarkerPublisher(ear, 30.0).show(load("peg_in_hole"), {**FRAME, "bodies": [(0.0, 0.0, 0.0)]}, [], None, 1.0)
-    assert set(ear.topics) == {"markers"} and ear.said
-    assert marker_messages.frames(0, "haptic_world", {"tool": (0.0, 0.0, 0.0)}) is None
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_joint_marks_lie_on_the_joints_at_the_start(name):
-    scene = load(name)
-    places = {solid.name: solid.pose for solid in drawing.solids(scene)}
-    there = {body.name: body for body in scene.bodies} | {"tool": scene.tool, "world": None}
-    for joint, ends in zip(scene.joints, drawing.joints(scene), strict=True):
-        expected = joint.places(*(there[body] for body in joint.bodies))
-        for mark, place in zip(ends, expected, strict=True):
-            assert turned(mark.point, places.get(mark.solid, (0.0, 0.0, 0.0))) == pytest.approx(place, abs=1e-12)
