@@ -167,8 +167,6 @@ class DriverNode(ManagedNode):
         self.stall, self._watched = max(self.stall, now - self._watched), now
         if self.servo is None or not self.servo.running:
             return
-        if self._commands.running:  # else nobody could stop it; before it is enabled, for it was not attended until now
-            self.servo.attend()
         self.exchange.follow(self.clock.follow())
         self._say("info", f"servo at {self.values['servo.rate']:g} Hz, {self.servo.realtime}")
         row = self.servo.row.get()[0]
@@ -180,6 +178,8 @@ class DriverNode(ManagedNode):
         elif self.values["auto_enable"] and not self._enabled_once and self._met(now):
             self.servo.order(set_flags=enable_state.ENABLE)
             self._enabled_once = True
+        if self._commands.running:  # else nobody could stop it
+            self.servo.attend()
 
     def _met(self, now):
         """Whether a tool has answered, or was waited for long enough."""

@@ -81,7 +81,9 @@ class ServoThread:
         return int(self.control[servo_loop.COMMAND])
 
     def order(self, set_flags=0, clear_flags=0):
-        """Changes flags of the command word (control/enable_state); returns the word."""
+        """Changes flags of the command word (control/enable_state); returns the word. Who enables is there."""
+        if set_flags & enable_state.ENABLE:
+            self.attend()
         with self._writing:
             self.control[servo_loop.COMMAND] = (self.command | set_flags) & ~clear_flags
             return self.command

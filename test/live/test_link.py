@@ -375,6 +375,18 @@ def test_only_who_attends_keeps_an_enabled_servo_from_being_unattended(servo_thr
     until(unattended, "the fault unattended")
 
 
+def test_a_servo_that_nobody_attended_before_it_was_enabled_is_not_unattended_by_that(servo_thread):
+    alone = settings()
+    alone["fault"]["unattended"] = 5.0
+    thread = servo_thread(NullDevice(), alone)
+    thread.control[servo_loop.ATTENDED] = 1  # long ago
+    thread.start()
+    until(lambda: thread.row.get()[0].tick > 5, "5 ticks")
+    command = thread.order(set_flags=enable_state.ENABLE)
+    until(lambda: int(thread.row.get()[0].command) & enable_state.ENABLE, "a tick that is enabled")
+    assert int(thread.row.get()[0].command) == command
+
+
 @pytest.mark.parametrize("mail", ["settings", "tool"])
 def test_a_record_whose_writer_does_not_end_is_not_taken_and_counted(served, servo_thread, mail):
     thread = servo_thread()

@@ -122,7 +122,7 @@ def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
     node = FakeNode()
     ScenePublisher(node).show(simulation, handle, 0)
     monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
-    state = State(Client(None))
+    state = State(Client(FakeNode()))
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
     state.look()
     frame = state.frame()
@@ -141,7 +141,7 @@ def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns(m
     node = FakeNode()
     ScenePublisher(node).show(simulation, handle, 0)
     monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
-    state = State(Client(None))
+    state = State(Client(FakeNode()))
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
     state.look()
     state.statuses = {"haptic_driver": None}
@@ -156,7 +156,7 @@ def test_what_is_no_number_is_not_known(pressed, monkeypatch):
     node = FakeNode()
     simulation.measure = lambda: {"insertion_fraction": float("nan")}
     ScenePublisher(node).show(simulation, (float("inf"), 0.0, 0.0), 0)
-    state = State(Client(None))
+    state = State(Client(FakeNode()))
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
     state.look()
     state.statuses = {"haptic_driver": None}
@@ -169,7 +169,7 @@ def test_rubbish_on_the_topics_of_the_page_is_not_shown_and_harms_nothing(presse
     node = FakeNode()
     ScenePublisher(node).show(*pressed, 0)
     monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
-    state = State(Client(None))
+    state = State(Client(FakeNode()))
     cut = types.SimpleNamespace(point_step=CONTACT.itemsize, data=bytes(CONTACT.itemsize + 1))
     FakeTap.waiting = {"scene": node.said["scene"], "scene/state": [b"", b"\0" * 500], "scene/contacts": [cut]}
     FakeTap.waiting |= {"operator/state": [b""], "/diagnostics": STRANGE}
