@@ -3,7 +3,6 @@
 
 import math
 
-from haptic_device.analysis.bag_contents import Recording
 from haptic_device.analysis.report.summary import (
     energy_figures,
     engaged_rows,
@@ -13,6 +12,7 @@ from haptic_device.analysis.report.summary import (
     residual_figures,
     servo_figures,
 )
+from haptic_device.recording.bag_contents import Recording
 from haptic_device.status import number
 
 INSERTED = 0.95  # of the hole's depth

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import yaml
 
-from haptic_device.analysis.bag_contents import Recording
-from haptic_device.analysis.bag_topics import load
 from haptic_device.description import Device, load_device
 from haptic_device.parameter_types import SECTION, Parameter, check_value
+from haptic_device.recording import load
+from haptic_device.recording.bag_contents import Recording
 from haptic_device.recording.columns import Entries
 from haptic_sim.lockstep import Lockstep, Network
 from haptic_sim.lockstep_bag import LockstepBag

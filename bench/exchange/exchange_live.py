@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_device.analysis.bag_topics import load
 from haptic_device.analysis.report.summary import energy_figures, engaged_rows, period
+from haptic_device.recording import load
 from haptic_sim.cli.demo import play
 from haptic_sim.live.processes import interruptible
 from haptic_sim.live.system import Order, Relay

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from haptic_device.analysis import bag_topics
+from haptic_device import recording
 from haptic_device.config_files import find
 from haptic_device.control import enable_state
 from haptic_device.description import load_device
@@ -46,7 +46,7 @@ def main(
     params: Annotated[str, typer.Option(help="Operating point: a name in config or a YAML file.")] = "demo",
 ) -> None:
     """Plays a recorded demo again in lock-step and prints how far the handles are apart."""
-    trace = bag_topics.load(run / "bag").trace
+    trace = recording.load(run / "bag").trace
     begun = int(np.argmax(trace["state"] == enable_state.ENGAGED))
     live = trace["position"][begun:]
     age, late = first_use_age(trace[begun:]), float(np.median(trace["lateness"][begun:]))

@@ -12,9 +12,9 @@ import typer
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 
-from haptic_device.analysis.bag_topics import load
 from haptic_device.analysis.report.page import draw_picture
 from haptic_device.analysis.report.run import Run
+from haptic_device.recording import load
 
 FOLDER = Path(__file__).parents[2] / "docs" / "figures"
 REAL, VIRTUAL, FORCE, GROUND = "#0072B2", "#D55E00", "#009E73", "0.35"

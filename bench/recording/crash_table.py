@@ -13,7 +13,7 @@ import typer
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from haptic_device.analysis.bag_topics import load
+from haptic_device.recording import load
 from haptic_device.recording.recover import recovered
 from haptic_sim.live.domain import isolated_domain
 from haptic_sim.live.processes import Nodes

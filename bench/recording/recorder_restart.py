@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from haptic_device.analysis.bag_topics import load
+from haptic_device.recording import load
 from haptic_sim.live.domain import isolated_domain
 from haptic_sim.live.processes import Nodes
 from haptic_sim.live.system import Order, programs_of

@@ -16,7 +16,7 @@ import numpy as np
 import typer
 
 from bench.recording.paired import compared
-from haptic_device.analysis.bag_topics import load
+from haptic_device.recording import load
 from haptic_sim.client import Client
 from haptic_sim.live.domain import isolated_domain
 from haptic_sim.live.processes import NAMESPACE, Nodes
@@ -81,7 +81,7 @@ def said(client, recorded):
 def lost(bag):
     """Rows, rows missing between them, rows the servo dropped, messages that never came."""
     recording = load(bag, only={"trace": np.dtype([("tick", "f8")])})
-    ours = [count for topic, count in recording.lost.items() if topic.startswith("/haptic/")]
+    ours = [count or 0 for topic, count in recording.lost.items() if topic.startswith("/haptic/")]
     dropped = int(recording.last_values("haptic_driver")["trace_dropped"])
     return len(recording.trace), recording.trace_rows_missing, dropped, sum(ours)
 

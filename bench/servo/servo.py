@@ -15,9 +15,9 @@ import typer
 from bench.jobs import deaths_told
 from bench.servo import cyclictest
 from bench.servo.servo_figure import save
-from haptic_device.analysis.bag_topics import load
 from haptic_device.analysis.report.summary import engaged_rows, faults
 from haptic_device.config_files import find
+from haptic_device.recording import load
 from haptic_sim.cli import demo
 from haptic_sim.live import lateness as servo_lateness
 from haptic_sim.live.processes import NodeDiedError, interruptible

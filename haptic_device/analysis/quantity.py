@@ -11,9 +11,6 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Complexes = npt.NDArray[np.complex128]
 Flags = npt.NDArray[np.bool_]
-Nanoseconds = npt.NDArray[np.int64]
-Records = npt.NDArray[np.void]
-"""Structured arrays of one record a tick, as the trace has them."""
 Quantity = float | Array
 """A number, or an array of them that broadcasts."""
 

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.analysis.quantity import Array, Flags, Records
+from haptic_device.analysis.quantity import Array, Flags
+from haptic_device.recording.bag_contents import Records
 
 SHORTEST_GAP = 0.02  # [s]; a contact that comes back sooner is the same one
 SHORTEST = 0.005  # [s]

@@ -88,3 +88,13 @@ def write_metadata(folder: Path, content: dict[str, Any]) -> None:
     half = folder / f"{METADATA}.part"
     half.write_text(dump({"rosbag2_bagfile_information": content}), encoding="utf-8")
     os.replace(half, folder / METADATA)
+
+
+def said_in(folder: Path) -> dict[str, Any]:
+    """What metadata.yaml of this folder says; empty if there is none, or it is none."""
+    try:
+        content = yaml.safe_load((folder / METADATA).read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError, ValueError, yaml.YAMLError):
+        return {}
+    said = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
+    return said if isinstance(said, dict) else {}

@@ -15,7 +15,7 @@ import yaml
 from mcap.records import Attachment, Channel, McapRecord, Message, Schema
 from mcap.writer import Writer
 
-from haptic_device.recording.metadata import METADATA, FileSpan, information, topic_metadata, write_metadata
+from haptic_device.recording.metadata import METADATA, FileSpan, information, said_in, topic_metadata, write_metadata
 from haptic_device.recording.reader import Records, files
 from haptic_device.recording.writer import CHUNK_BYTES, RESERVE
 from haptic_device.sequence_gaps import SequenceGaps
@@ -125,7 +125,7 @@ def _copy(record: McapRecord, writer: Writer, numbers: dict[tuple[type, int], in
 
 
 def _metadata(bag: Path, found: Found) -> str:
-    before = _said(bag / METADATA)
+    before = said_in(bag)
     named = before.get("relative_file_paths") == [span.name for span in found.spans]
     if named and not found.renewed:
         return f"{METADATA} is there"
@@ -133,16 +133,6 @@ def _metadata(bag: Path, found: Found) -> str:
     custom = _with_losses(before.get("custom_data"), lost)
     write_metadata(bag, information(found.spans, list(found.topics.values()), list(found.counts.values()), custom))
     return f"{METADATA} is written: {sum(found.counts.values())} messages in {len(found.spans)} files"
-
-
-def _said(path: Path) -> dict[str, Any]:
-    """What metadata.yaml says; empty if there is none, or it is none."""
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError, yaml.YAMLError):
-        return {}
-    said = content.get("rosbag2_bagfile_information") if isinstance(content, dict) else None
-    return said if isinstance(said, dict) else {}
 
 
 def _with_losses(before: Any, lost: dict[str, str]) -> dict[str, str]:

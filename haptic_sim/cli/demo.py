@@ -115,9 +115,9 @@ def _follow(seconds, domain, nodes) -> bool:
 
 
 def _evaluate(order: Order, started: float) -> dict:
-    from haptic_device.analysis.bag_topics import load
     from haptic_device.analysis.report.page import draw_picture
     from haptic_device.analysis.report.run import Run
+    from haptic_device.recording import load
     from haptic_sim.outcome import figures
 
     recording = load(order.out / "bag")

@@ -70,7 +70,7 @@ def _play(bag: Path, namespace: str | None) -> None:
 
 
 def _check(bag: Path, namespace: str | None) -> None:
-    from haptic_device.analysis.bag_topics import load
+    from haptic_device.recording import load
     from haptic_sim.recompute import verdict_on
 
     recording = load(bag, namespace, dict.fromkeys(("trace", "snapshot", "local_contacts")))

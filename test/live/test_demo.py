@@ -15,7 +15,7 @@ from live_demo import BUSY, HAPTIC, ROOT, children, demos, end, ends_well, pages
 from live_nodes import strange_diagnostics
 from waiting import LIMIT
 
-from haptic_device.analysis.bag_topics import load
+from haptic_device.recording import load
 from haptic_sim import scene
 from haptic_sim.cli import main
 from haptic_sim.recompute import verdict_on

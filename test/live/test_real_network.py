@@ -14,8 +14,8 @@ import pytest
 from live_nodes import command, page_path
 from waiting import until
 
-from haptic_device.analysis.bag_topics import load
 from haptic_device.realtime import shared_memory
+from haptic_device.recording import load
 from haptic_sim.live.processes import Program
 from haptic_sim.live.system import FAR
 

@@ -22,8 +22,8 @@ from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from waiting import LIMIT, until
 
-from haptic_device.analysis.bag_topics import load
 from haptic_device.process import ending_with_us
+from haptic_device.recording import load
 
 pytestmark = pytest.mark.timeout(900)
 

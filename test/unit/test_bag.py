@@ -19,8 +19,7 @@ from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from rosbags.highlevel import AnyReader
 
-from haptic_device.analysis.bag_topics import load
-from haptic_device.recording import recover, writer
+from haptic_device.recording import load, recover, writer
 from haptic_device.recording.reader import described
 from haptic_device.recording.recover import recovered
 from haptic_device.recording.writer import RESERVE, RESERVE_BYTES, Bag
@@ -442,6 +441,31 @@ def test_recovery_invents_no_loss_where_the_numbers_of_several_publishers_interl
     said = information(tmp_path / "bag")["custom_data"]
     assert said["lost /haptic/wrench"] == said["lost /diagnostics"] == "unknown, several publishers"
     assert said["lost /haptic/encoder"] == "1"
+
+
+@pytest.mark.parametrize(
+    ("sequences", "said", "lost"),
+    [
+        ((5, 6, 9), "2", 2),  # what came before the first is not known of either
+        ((1, 50, 2, 51, 3), "unknown, several publishers", None),
+        ((1, 3), "unknown, several publishers", None),  # numbers from which it could not be seen
+        ((8, 9, 2, 4), "1", 1),  # a publisher that started anew
+        ((1, 2, 3), "0", 0),
+    ],
+)
+def test_a_bag_has_lost_what_its_metadata_says(tmp_path, sequences, said, lost):
+    bag = numbered(tmp_path / "bag", {"/haptic/encoder": sequences, "/diagnostics": (1, 2, 4)})
+    bag.close({"lost /haptic/encoder": said, "lost /diagnostics": "unknown, several publishers"})
+    assert load(tmp_path / "bag").lost == {"/haptic/encoder": lost, "/diagnostics": None}
+
+
+def test_a_bag_without_metadata_has_lost_what_recovery_will_say(tmp_path):
+    numbers = {"/haptic/wrench": (1, 50, 2, 51, 3), "/diagnostics": (1, 9), "/haptic/encoder": (7, 8, 1, 3)}
+    numbered(tmp_path / "bag", numbers)
+    before = load(tmp_path / "bag").lost
+    assert before == {"/haptic/wrench": None, "/diagnostics": None, "/haptic/encoder": 1}
+    assert list(recovered(tmp_path / "bag"))
+    assert load(tmp_path / "bag").lost == before
 
 
 def test_metadata_names_no_file_that_recovery_left_out(tmp_path):

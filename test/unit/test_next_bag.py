@@ -10,12 +10,12 @@ from bag_of_a_run import JOINTS, joints
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import Parameter
 
-from haptic_device.analysis.bag_topics import load
 from haptic_device.nodes import recorder as module
 from haptic_device.nodes.parameter_client import ParameterClient
 from haptic_device.nodes.polled_subscription import Sample
 from haptic_device.nodes.recorded_topics import RecordedTopics, Track
 from haptic_device.nodes.recorder import Recorder
+from haptic_device.recording import load
 from haptic_device.recording.writer import Bag
 
 

@@ -17,11 +17,11 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from haptic_device.analysis.bag_contents import ENTRY_UNITS, TRACE_UNITS
-from haptic_device.analysis.bag_topics import load
 from haptic_device.analysis.report import summary
-from haptic_device.recording.columns import Entries
-from haptic_device.recording.layouts import JOINTS, POSE, STRING, WRENCH, StampedLayout, layout_of
+from haptic_device.control import records
+from haptic_device.message_fields import TAIL
+from haptic_device.recording import ENTRY_UNITS, TRACE_UNITS, Entries, load
+from haptic_device.recording.layouts import JOINTS, POSE, STRING, WRENCH, CloudLayout, StampedLayout, layout_of
 from haptic_device.recording.writer import Bag
 
 
@@ -81,6 +81,41 @@ def test_a_recording_gives_the_trace_and_each_entry_by_name(run):
         assert np.array_equal(recording.trace[name], rows[name])
     assert np.array_equal(recording.joint("tool").entry("answered"), rows["tool_answered"][::4])
     assert recording.statuses("haptic_simulation")[-1].values == SAID
+
+
+def test_a_recording_shows_itself_in_one_line_and_so_does_a_topic_of_it(run):
+    recording = load(run)
+    shown, ticks = repr(recording), len(recording.trace)
+    assert len(shown) < 400 and "\n" not in shown and str(run) in shown and "/haptic" in shown
+    assert f"trace {recording.counts['/haptic/trace']}" in shown and f"{recording.seconds:.3f} s" in shown
+    assert recording.seconds == pytest.approx(ticks * PERIOD_NS * 1e-9, rel=0.05)
+    assert repr(recording.joint("handle")).startswith(f"Joints({len(recording.joint('handle').stamp)} messages of x, y")
+
+
+def test_counts_beyond_what_a_float32_holds_come_back_exactly(tmp_path):
+    rows = np.zeros(3, records.TRACE_ROW)
+    counting = [name for name in rows.dtype.names if rows.dtype[name].shape == () and name != "deadline"]
+    for name in counting:
+        rows[name] = 2**24 + np.arange(1, 4)
+    rows["deadline"] = 1e9 * np.arange(1, 4)
+    names = (*AXES, *TAIL)
+    bag = Bag(tmp_path / "long")
+    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), CloudLayout(rows.dtype).pack(0, rows), 1, 1, 2**24 + 1)
+    data = joints(names, np.full(len(names), 2.0**24 + 1), 0)
+    bag.write(bag.add_topic("/haptic/handle", JOINTS, []), data, 1, 1, 2**24 + 1)
+    bag.close({})
+    recording = load(tmp_path / "long")
+    flat = recording.to_dataframe("trace")
+    for name in counting:
+        assert recording.trace[name].tolist() == flat[name].tolist() == [2**24 + 1, 2**24 + 2, 2**24 + 3]
+    assert recording.joint("handle").entry("sequence").tolist() == [2**24 + 1]
+    assert recording.joint("handle").sequence.tolist() == [2**24 + 1]
+
+
+def test_reading_is_not_loaded_by_who_only_packs_messages():
+    code = "import sys, haptic_device.recording.layouts; print({'mcap', 'rosbags', 'yaml'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "set()\n", done.stderr
 
 
 def test_all_times_meet_on_the_monotonic_clock(run):
@@ -371,7 +406,7 @@ for name in ("rclpy", "sensor_msgs"):
         continue
     sys.exit(f"{name} can be imported all the same")
 from haptic_device.analysis.report import page
-from haptic_device.analysis.bag_topics import load
+from haptic_device.recording import load
 from haptic_sim.cli.main import main
 
 page.FIGURES = page.FIGURES[:2]

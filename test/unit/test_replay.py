@@ -9,11 +9,11 @@ from lockstep_systems import device, values
 from typer.testing import CliRunner
 
 from haptic_device import controller_config
-from haptic_device.analysis.bag_topics import load
 from haptic_device.analysis.report.reading import read_run
 from haptic_device.control import records
 from haptic_device.device import operator_hand
 from haptic_device.realtime import tick_replay
+from haptic_device.recording import load
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim import replay
 from haptic_sim.lockstep import PERFECT, Lockstep

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_device.analysis.bag_contents import Joints
-from haptic_device.analysis.bag_topics import TOPICS, load
-from haptic_device.analysis.quantity import Records
 from haptic_device.analysis.report.run import AXES, Run
+from haptic_device.recording.bag_contents import Joints, Records
+from haptic_device.recording.bag_topics import TOPICS, load
 from haptic_device.recording.columns import Entries
 
 TRACE = np.dtype(  # a tick in a fifth of its full size: ten minutes at 4 kHz then fit into half a gigabyte

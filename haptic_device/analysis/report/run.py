@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from haptic_device.analysis.bag_contents import Joints, Recording
 from haptic_device.analysis.impedance import Impedance, fit, held_still
 from haptic_device.analysis.oscillation import Spectrum, spectrum_of
-from haptic_device.analysis.quantity import Array, Flags, Nanoseconds, Records
+from haptic_device.analysis.quantity import Array, Flags
 from haptic_device.analysis.report import summary
 from haptic_device.analysis.wall_contacts import Contact, contacts, touching
+from haptic_device.recording.bag_contents import Joints, Nanoseconds, Recording, Records
 from haptic_device.status import number
 
 AXES = ("x", "y", "theta")

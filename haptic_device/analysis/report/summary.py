@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from haptic_device.analysis.bag_contents import Joints, Recording
-from haptic_device.analysis.quantity import Array, Records
+from haptic_device.analysis.quantity import Array
 from haptic_device.control.faults import name_of
 from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.recording.bag_contents import Joints, Recording, Records
 from haptic_device.status import number
 
 _MICRO, _MILLI = 1e6, 1e3

@@ -9,6 +9,7 @@ import numpy as np
 from haptic_device.analysis.impedance import Estimate
 from haptic_device.analysis.report import summary
 from haptic_device.analysis.report.run import Run
+from haptic_device.sequence_gaps import UNKNOWN
 from haptic_device.status import number
 
 Entries = Iterator[tuple[str, str]]
@@ -163,11 +164,11 @@ def _recording(run: Run) -> Entries:
     yield "rows missing from the trace", str(run.recording.trace_rows_missing) if run.traced else MISSING
     driver = run.recording.last_values("haptic_driver")
     yield "rows that the servo had to drop", driver.get("trace_dropped", MISSING)
-    begin, skipped = f"{run.recording.namespace}/", run.recording.skipped
+    begin = f"{run.recording.namespace}/"
     lost = {
-        name.removeprefix(begin): found.told(name)
-        for name, found in skipped.items()
-        if name.startswith(begin) and found.lost
+        name.removeprefix(begin): UNKNOWN if count is None else count
+        for name, count in run.recording.lost.items()
+        if name.startswith(begin) and count != 0
     }
     yield "messages", str(sum(run.recording.counts.values()))
     topics = (f"{name.removeprefix(begin)} {count}" for name, count in run.recording.counts.items())

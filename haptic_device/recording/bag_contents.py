@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a bag holds, as named numpy arrays with their units; `analysis/bag_topics.load` reads it.
+"""What a bag holds, as named numpy arrays with their units; `load` of the package reads it.
 
 Clocks: `deadline` in the trace is CLOCK_MONOTONIC [ns]; stamps, received and published are the system clock [ns];
 `Recording.monotonic` turns the latter into the former.
@@ -14,9 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from haptic_device.analysis.quantity import Array, Nanoseconds, Records
 from haptic_device.sequence_gaps import SequenceGaps
 from haptic_device.status import Status
+
+Array = npt.NDArray[np.float64]
+Nanoseconds = npt.NDArray[np.int64]
+Records = npt.NDArray[np.void]
+"""Structured arrays of one record a tick, as the trace has them."""
 
 PORT_UNITS = {"position": "m | rad", "velocity": "m/s | rad/s", "effort": "N | N·m"}
 ENTRY_UNITS = {  # of a JointState's entries that are no axes, in their position; the others count
@@ -75,6 +79,9 @@ class Joints(NamedTuple):
     velocity: Array
     effort: Array
 
+    def __repr__(self) -> str:
+        return f"Joints({len(self.stamp)} messages of {', '.join(self.names) or 'nothing'})"
+
     def entry(self, name: str, part: str = "position") -> Array:
         """One named entry over time; `part` is position, velocity or effort. Raises ValueError if it is not there."""
         if name not in self.names:
@@ -89,12 +96,13 @@ class Mark(NamedTuple):
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """The topics of one namespace by their short names, the diagnostics by name, and what was wrong with the bag.
 
-    pairs: the same instants [ns] on the system clock and on CLOCK_MONOTONIC, for `monotonic`. counts, skipped: of each
-    topic the messages, and what its publisher's numbers say of those that never came.
+    pairs: the same instants [ns] on the system clock and on CLOCK_MONOTONIC, for `monotonic`. seconds: from the first
+    message to the last. counts, skipped, lost: of each topic the messages; those that the bag lacks, by its publisher's
+    numbers; and those that never came to the recorder, None where several publish and nobody can tell.
     """
 
     bag: Path
@@ -106,8 +114,16 @@ class Recording:
     attachments: dict[str, bytes]
     counts: dict[str, int]
     skipped: dict[str, SequenceGaps]
+    lost: dict[str, int | None]
+    seconds: float
     pairs: tuple[Nanoseconds, Nanoseconds]
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """One line: bag, namespace, length, topics with their numbers of messages."""
+        begin = f"{self.namespace}/"
+        topics = ", ".join(f"{name.removeprefix(begin)} {count}" for name, count in self.counts.items())
+        return f"Recording({str(self.bag)!r}, {self.namespace or '/'}, {self.seconds:.3f} s: {topics})"
 
     def joint(self, topic: str) -> Joints:
         """A JointState topic by its short name, such as `operator/state`. Raises ValueError if it was not recorded."""
@@ -117,11 +133,6 @@ class Recording:
     def trace(self) -> Records:
         """Every servo tick, a structured array; units in TRACE_UNITS. Raises ValueError if it was not recorded."""
         return self._named(self.clouds, "trace")
-
-    @property
-    def lost(self) -> dict[str, int]:
-        """Of each topic the publisher's numbers that were skipped (several publishers' cannot be told apart)."""
-        return {name: skipped.lost for name, skipped in self.skipped.items()}
 
     @property
     def trace_rows_missing(self) -> int:

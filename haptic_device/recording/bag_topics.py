@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads a bag as named numpy arrays. `load(bag)` is the way in; works wherever Python does, without ROS."""
+"""Reads a bag as named numpy arrays. Works wherever Python does, without ROS."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from haptic_device.analysis.bag_contents import Joints, Mark, Recording
-from haptic_device.analysis.quantity import Nanoseconds, Records
+from haptic_device.recording.bag_contents import Joints, Mark, Nanoseconds, Recording, Records
 from haptic_device.recording.columns import CloudColumns, JointColumns
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STAMPED, STRING, types
+from haptic_device.recording.metadata import said_in
 from haptic_device.recording.reader import Collector, Keep, Times, Topic, read
-from haptic_device.sequence_gaps import counted
+from haptic_device.sequence_gaps import SequenceGaps, counted
 from haptic_device.status import Status, named_statuses
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
@@ -35,6 +35,7 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     namespace = _only_namespace(topics, diagnostics, bag) if namespace is None else namespace.rstrip("/")
     ours = {name[len(namespace) + 1 :]: topic for name, topic in topics.items() if name.startswith(namespace + "/")}
     found = {name: topic for name, topic in ours.items() if not topic.refused}
+    skipped = {name: counted(topic.times.sequence) for name, topic in topics.items()}
     joints, clouds = {}, {}
     for name, topic in found.items():
         if isinstance(topic.collector, JointColumns):
@@ -50,7 +51,9 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
         _marks(found.get(MARK), notes),
         attachments,
         {name: len(topic) for name, topic in topics.items()},
-        {name: counted(topic.times.sequence) for name, topic in topics.items()},
+        skipped,
+        _lost(bag, skipped),
+        _length(topics.values()),
         _pairs(
             found["trace"].collector if "trace" in found else None, clouds.get("trace"), joints.get("operator/state")
         ),
@@ -68,6 +71,20 @@ def _collector(topic: str, type_name: str, only: Mapping[str, Any] | None) -> Co
     if type_name == JOINTS or type_name in STAMPED:
         return JointColumns(type_name, wanted)
     return CloudColumns(wanted) if type_name == CLOUD else None
+
+
+def _lost(bag: Path, skipped: Mapping[str, SequenceGaps]) -> dict[str, int | None]:
+    """As metadata.yaml says it, whose recorder knows how many publish; else by the numbers of the messages."""
+    said = said_in(bag).get("custom_data")
+    counts = said if isinstance(said, dict) else {}
+    told = {name: str(counts.get(f"lost {name}", found.told(name))) for name, found in skipped.items()}
+    return {name: int(text) if text.isdecimal() else None for name, text in told.items()}
+
+
+def _length(topics: Iterable[Topic]) -> float:
+    """Time [s] from the first message received to the last."""
+    received = [topic.times.received for topic in topics]
+    return (max(int(times.max()) for times in received) - min(int(times.min()) for times in received)) * 1e-9
 
 
 def _only_namespace(topics: Iterable[str], diagnostics: Iterable[str], bag: Path) -> str:
