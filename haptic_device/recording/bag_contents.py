@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from haptic_device.recording.reader import StampOrder
 from haptic_device.sequence_gaps import SequenceGaps
 from haptic_device.status import Status
 
@@ -102,7 +103,8 @@ class Recording:
 
     pairs: the same instants [ns] on the system clock and on CLOCK_MONOTONIC, for `monotonic`. seconds: from the first
     message to the last. counts, skipped, lost: of each topic the messages; those that the bag lacks, by its publisher's
-    numbers; and those that never came to the recorder, None where several publish and nobody can tell.
+    numbers; and those that never came to the recorder, None where several publish and nobody can tell. orders: of each
+    topic with stamps, whether these rise.
     """
 
     bag: Path
@@ -115,6 +117,7 @@ class Recording:
     counts: dict[str, int]
     skipped: dict[str, SequenceGaps]
     lost: dict[str, int | None]
+    orders: dict[str, StampOrder]
     seconds: float
     pairs: tuple[Nanoseconds, Nanoseconds]
     notes: tuple[str, ...]

@@ -30,6 +30,8 @@ STAMPED = {  # messages of a header and float64 fields, and the parts of a joint
 FORMATS = {1: "i1", 2: "u1", 3: "<i2", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}  # sensor_msgs/PointField
 _CODES = {np.dtype(kind): code for code, kind in FORMATS.items()}
 _SECOND = 1_000_000_000
+HEADED = (JOINTS, CLOUD, *STAMPED)  # types that begin with a std_msgs/Header
+STAMP_END = 12  # bytes of a message up to the end of its header's stamp
 _STAMP_AT, _STAMP, _WORD = 4, struct.Struct("<iI"), struct.Struct("<I")
 
 

@@ -24,6 +24,8 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from zstandard import ZstdError
 
+from haptic_device.recording.layouts import HEADED, STAMP_END, stamp_of
+
 LARGEST = 256 * 2**20  # bytes; a damaged length must not ask for the whole memory
 _RECORD = struct.Struct("<BQ")
 _FOOTER = struct.Struct("<BQQQI8s")  # opcode, length, begin of the summary, of its offsets, checksum, magic
@@ -137,11 +139,21 @@ class Times(NamedTuple):
     sequence: npt.NDArray[np.int64]
 
 
+class StampOrder(NamedTuple):
+    """Of one topic: messages with a stamp; how many of these have an earlier one, and the same, as the one before."""
+
+    stamped: int = 0
+    back: int = 0
+    same: int = 0
+
+
 class Topic:
-    """One topic as it is read: its type, its times, its collector (None: only counted), and why that took no more."""
+    """One topic as it is read: its type, its times, the order of its stamps, its collector (None: only counted), and
+    why that took no more."""
 
     def __init__(self, type_name: str, collector: Collector | None) -> None:
         self.type_name, self.collector, self.refused = type_name, collector, ""
+        self.order, self._stamp, self._headed = StampOrder(), 0, type_name in HEADED
         self._times, self._bytes = array("Q"), 0
         self._waiting: list[bytes] = []
 
@@ -156,6 +168,13 @@ class Topic:
     def take(self, message: Message) -> None:
         """The next message."""
         self._times.extend((message.log_time, message.publish_time, message.sequence))
+        if self._headed and len(message.data) >= STAMP_END and (stamp := stamp_of(message.data)):
+            stamped, back, same = self.order
+            again = stamped > 0
+            self.order = StampOrder(
+                stamped + 1, back + (again and stamp < self._stamp), same + (again and stamp == self._stamp)
+            )
+            self._stamp = stamp
         if self.collector is not None:
             self._waiting.append(message.data)
             self._bytes += len(message.data)

@@ -66,6 +66,10 @@ def test_the_peg_goes_into_the_hole_every_figure_is_reported_and_no_node_compile
     assert Path(found["report"]).read_bytes().startswith(b"\x89PNG")
     recording = load(Path(found["bag"]))
     assert {"trial.yaml", "made.yaml", "device/desktop.yaml", "scene/peg_in_hole.yaml"} <= set(recording.attachments)
+    rise = {"encoder", "motor", "handle", "tool", "wrench", "pose", "joint_states", "operator/state", "trace"}
+    rise |= {"snapshot", "scene/state", "scene/contacts"}
+    assert set(recording.orders) == {f"/haptic/{topic}" for topic in rise}
+    assert all((order.back, order.same) == (0, 0) for order in recording.orders.values())
     every = verdict_on(recording.trace, recording.clouds["snapshot"])
     assert every.different == 0 and every.same > 0 and every.same + every.skipped == len(recording.trace)
     later = verdict_on(recording.trace[100:], recording.clouds["snapshot"])

@@ -224,6 +224,19 @@ def test_messages_lost_are_those_of_every_topic_and_unknown_where_several_publis
     assert lost == "snapshot 2, local_contacts 1, mark unknown, several publishers"
 
 
+def test_stamps_that_go_back_or_stand_still_are_counted_topic_by_topic_and_those_without_one_are_not(tmp_path):
+    bag = Bag(tmp_path / "stamps")
+    for topic, stamps in (("handle", (5, 7, 7, 6, 8)), ("encoder", (5, 6, 7)), ("operator/target", (0, 0, 0))):
+        channel = bag.add_topic(f"/haptic/{topic}", JOINTS, [])
+        for stamp in stamps:
+            bag.write(channel, joints(("x",), [1.0], stamp), 1, 1, 1)
+    bag.close({})
+    said = sections_of(tmp_path / "stamps")[0]["Recording"]["stamps that go back, or stand still"]
+    assert said == "handle 1 back, 1 still"
+    swung = sections_of(write_run(tmp_path / "well", swing(400)))[0]["Recording"]
+    assert swung["stamps that go back, or stand still"].startswith("none, in ")
+
+
 def foreign(folder):
     """A bag of somebody else, who has diagnostics too."""
     bag = Bag(folder)

@@ -174,8 +174,19 @@ def _recording(run: Run) -> Entries:
     topics = (f"{name.removeprefix(begin)} {count}" for name, count in run.recording.counts.items())
     yield "messages of each topic", ", ".join(topics)
     yield "messages lost", ", ".join(f"{name} {count}" for name, count in lost.items()) or "none"
+    yield "stamps that go back, or stand still", _unordered(run)
     for place, note in enumerate(run.notes, 1):
         yield f"note {place}", note
+
+
+def _unordered(run: Run) -> str:
+    orders, begin = run.recording.orders, f"{run.recording.namespace}/"
+    wrong = [
+        f"{name.removeprefix(begin)} {found.back} back, {found.same} still"
+        for name, found in orders.items()
+        if found.back or found.same
+    ]
+    return ", ".join(wrong) or f"none, in {len(orders)} topics"
 
 
 def _trial(run: Run) -> Entries:
