@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_driver: runs the servo on a device, exchanges samples with the simulation, and tells what happens."""
 
+if __name__ == "__main__":  # before the imports, which take seconds
+    from haptic_device.process import start
+
+    raise SystemExit(start(__spec__.name))
+
 import math
 import secrets
-import sys
 import threading
 import time
 
@@ -268,7 +272,3 @@ class DriverNode(ManagedNode):
 def main(args=None):
     """Runs haptic_driver until SIGINT, SIGTERM or SIGHUP."""
     return run(DriverNode, "haptic_driver", args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

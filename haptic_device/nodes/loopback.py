@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_loopback: a device model in shared memory, with an operator's hand on it; publishes the truth."""
 
+if __name__ == "__main__":  # before the imports, which take seconds
+    from haptic_device.process import start
+
+    raise SystemExit(start(__spec__.name))
+
 import secrets
-import sys
 import threading
 
 import numba
@@ -159,7 +163,3 @@ class LoopbackNode(ManagedNode):
 def main(args=None):
     """Runs haptic_loopback until SIGINT, SIGTERM or SIGHUP."""
     return run(LoopbackNode, "haptic_loopback", args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

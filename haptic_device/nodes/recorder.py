@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_recorder: every topic of the system, as it came, into a rosbag2 folder."""
 
+if __name__ == "__main__":  # before the imports, which take seconds
+    from haptic_device.process import start
+
+    raise SystemExit(start(__spec__.name))
+
 import shutil
-import sys
 import time
 from itertools import islice
 from pathlib import Path
@@ -228,7 +232,3 @@ def main(args: list[str] | None = None) -> int:
     Exit code 1 on a refusal, or if recording ended by itself.
     """
     return run(Recorder, "haptic_recorder", args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

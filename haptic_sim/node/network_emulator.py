@@ -5,10 +5,14 @@
 on its own way: delayed, lost, doubled and overtaken by others. The simulation is started with its topics renamed so.
 """
 
+if __name__ == "__main__":  # before the imports, which take seconds
+    from haptic_device.process import start
+
+    raise SystemExit(start(__spec__.name))
+
 import heapq
 import itertools
 import random
-import sys
 import threading
 import time
 
@@ -111,7 +115,3 @@ class NetworkEmulator(ManagedNode):
 def main(args: list[str] | None = None) -> int:
     """Runs haptic_relay until SIGINT, SIGTERM or SIGHUP. Exit code 1 on a refusal."""
     return run(NetworkEmulator, "haptic_relay", args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
