@@ -169,7 +169,9 @@ class DriverNode(ManagedNode):
         self.stall, self._watched = max(self.stall, now - self._watched), now
         if self.servo is None or not self.servo.running:
             return
-        self._say("info", f"servo at {self.values['servo.rate']:g} Hz, {self.servo.realtime}")
+        where = f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
+        what = f"servo at {self.values['servo.rate']:g} Hz on {self.device.name}"
+        self._say("info", f"{what} in {where}; {self.servo.realtime}")
         row = self.servo.row.get()[0]
         if self._reported != (news := (int(row.state), int(row.fault))):
             self._reported = news

@@ -63,6 +63,8 @@ class LoopbackNode(ManagedNode):
             raise self._refused
         self._publisher = threading.Thread(target=self._publish, name="telemetry")
         self._publisher.start()
+        where = f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
+        self.get_logger().info(f"serving {self.device.name} in {where}; {self.realtime}")
 
     def deactivate(self):
         """Stops them."""

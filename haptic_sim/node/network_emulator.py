@@ -83,6 +83,7 @@ class NetworkEmulator(ManagedNode):
         """Begins to carry."""
         self._thread = threading.Thread(target=self._run, name="relay")
         self._thread.start()
+        self.get_logger().info(f"carrying between driver and simulation in {self.get_namespace()}")
 
     def deactivate(self):
         """Carries no more; what is on its way is lost."""

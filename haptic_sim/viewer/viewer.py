@@ -173,6 +173,7 @@ class Viewer:
 
     def _announce(self):
         host = self._values["host"]
+        self._node.get_logger().info(f"serving pages on {host}, of the nodes in {self._node.get_namespace()}")
         if not is_loopback(host):
             print(
                 f"haptic_viewer: WARNING: it listens on {host}, in plain text: whoever sees the address below on the "
