@@ -8,3 +8,4 @@ from haptic_device.process import start
 haptic_driver = partial(start, "haptic_device.nodes.driver")
 haptic_loopback = partial(start, "haptic_device.nodes.loopback")
 haptic_recorder = partial(start, "haptic_device.nodes.recorder")
+FIRST_ROW = "the first row has come"  # what haptic_recorder says of each bag; haptic record waits for it

@@ -103,13 +103,14 @@ def _follow(seconds, domain, nodes) -> bool:
         client.prepare(estop.service)
 
         def check():
-            nodes.check()
+            printed = nodes.check()
             if pressed() == ESTOP:
                 try:
                     said = client.call(estop)
                 except ValueError as refusal:
                     said = refusal
                 print(f"e-stop: {said}", file=sys.stderr, flush=True)
+            return printed
 
         with status_line() as show:
             return follow(seconds, client, check, show)

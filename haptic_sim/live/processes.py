@@ -85,11 +85,12 @@ class Nodes:
                 start_new_session=True,
             )
 
-    def check(self) -> None:
-        """Raises NodeDiedError with the node's name, exit code and last line if one has ended."""
+    def check(self) -> dict[str, str]:
+        """The last line that each node printed. NodeDiedError with name, exit code and that line if one has ended."""
         for name, process in self._running.items():
             if process.poll() is not None:
                 raise NodeDiedError(f"{name} ended with exit code {process.returncode}: {self.last_line(name)}")
+        return {name: self.last_line(name) for name in self._running}
 
     def pid(self, name: str) -> int:
         """Process id of a running node."""
