@@ -97,11 +97,11 @@ setup(
     entry_points={
         "console_scripts": [
             "haptic = haptic_sim.cli.main:main",
-            "haptic_driver = haptic_device.nodes.driver:main",
-            "haptic_loopback = haptic_device.nodes.loopback:main",
-            "haptic_recorder = haptic_device.nodes.recorder:main",
-            "haptic_simulation = haptic_sim.node.simulation:main",
-            "haptic_viewer = haptic_sim.viewer.viewer:main",
+            "haptic_driver = haptic_device.nodes:haptic_driver",
+            "haptic_loopback = haptic_device.nodes:haptic_loopback",
+            "haptic_recorder = haptic_device.nodes:haptic_recorder",
+            "haptic_simulation = haptic_sim.node:haptic_simulation",
+            "haptic_viewer = haptic_sim.viewer:haptic_viewer",
         ],
     },
 )

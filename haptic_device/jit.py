@@ -25,7 +25,7 @@ from pathlib import Path
 
 import llvmlite.binding
 
-from haptic_device.process import ending_with_us, own_environment, running_module
+from haptic_device.process import ending_with_us, held, own_environment, running_module
 
 ROOT = Path(__file__).resolve().parent.parent
 WITHOUT_KERNELS = {"cli", "client.py", "live", "questions.py", "viewer"}  # that no kernel is in or takes anything from
@@ -64,20 +64,30 @@ def ensure_compiled(*entries, told=()):
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0" or not (left := missing(entries)):
         return
     command = ending_with_us([*running_module("haptic_sim.cli.main"), "compile", *left])
-    with subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True, env=own_environment()
-    ) as process:
-        try:
-            while process.poll() is None and not told:
-                time.sleep(LOOK)
-        finally:
-            if process.poll() is None:  # interrupted: it puts the terminal's cursor back, or is ended
-                process.send_signal(signal.SIGINT)
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(END)
-                process.kill()
+    with contextlib.ExitStack() as ending:
+        with held():
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                start_new_session=True,
+                env=own_environment(),
+            )
+            ending.callback(_end, process)
+        while process.poll() is None and not told:
+            time.sleep(LOOK)
     if told:
         raise KeyboardInterrupt
+
+
+def _end(process):
+    """Ends a `haptic compile` that still runs: interrupted, it puts the terminal's cursor back."""
+    if process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(END)
+        process.kill()
+    process.wait()
 
 
 def missing(entries) -> list[str]:

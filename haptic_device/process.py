@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a process asks of the operating system about its own life."""
 
+import contextlib
 import ctypes
+import importlib
 import os
 import signal
 import sys
 
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # what tells a process to end
 _PR_SET_PDEATHSIG = 1
 _ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _libc = ctypes.CDLL(None, use_errno=True)
@@ -44,6 +47,47 @@ def own_environment() -> dict[str, str]:
     """This environment, in which Python finds this very package first."""
     others = os.environ.get("PYTHONPATH")
     return {**os.environ, "PYTHONPATH": os.pathsep.join([_ROOT, *([others] if others else [])])}
+
+
+def hear(handler) -> None:
+    """From now on SIGINT, SIGTERM and SIGHUP call handler(number, frame); so do those that `held` kept waiting."""
+    for number in ENDING:
+        signal.signal(number, handler)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+
+
+@contextlib.contextmanager
+def handling(handler):
+    """As `hear`, until the block is over."""
+    before = {number: signal.getsignal(number) for number in ENDING}
+    hear(handler)
+    try:
+        yield
+    finally:
+        for number, one in before.items():
+            signal.signal(number, one)
+
+
+@contextlib.contextmanager
+def held():
+    """SIGINT, SIGTERM and SIGHUP wait until the block is over, and in a process that is started in it until it hears.
+
+    Else they would end that process, or print a traceback, while its Python starts.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def start(module: str) -> int:
+    """Imports a node's module, which takes seconds, and runs its main; returns the exit code.
+
+    Told to end while it imports, the process ends at once with exit code 0: nothing has begun that is to be ended.
+    """
+    hear(lambda number, frame: os._exit(0))
+    return importlib.import_module(module).main()
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from haptic_device.realtime import shared_memory
 
 ROOT = Path(__file__).resolve().parents[1]
 HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
+SCRIPTS = sorted((ROOT / "scripts").iterdir())
 BUSY = ("--params", str(ROOT / "test" / "busy.yaml"))
 until = functools.partial(waiting.until, look=lambda: time.sleep(0.05))  # a look at all processes takes long
 
@@ -104,3 +105,5 @@ def ends_well(run, number):
     assert run.ended() == 130 and nodes, run.progress
     until(lambda: not running(nodes) and not pages(), "the end of every node", said=lambda: f"{nodes}, {pages()}")
     assert not run.bag.exists() or (run.bag / "metadata.yaml").exists()
+    said = [run.progress, *(log.read_text() for log in (run.out / "log").glob("*.log"))]
+    assert not any("Traceback" in text for text in said), said

@@ -92,6 +92,18 @@ def refusals_of(name, arguments):
     return [(int(code), text.strip()) for text, _, code in runs]
 
 
+def caught(process):
+    """The signals that a process has handlers for; none of one that has ended."""
+    with open(f"/proc/{process.pid}/status") as status:
+        mask = next((int(line.split()[1], 16) for line in status if line.startswith("SigCgt")), 0)
+    return {number for number in signal.Signals if mask >> (number - 1) & 1}
+
+
+def loaded(process, library):
+    """Whether a process has loaded a shared library of this package."""
+    return f"/{library}/" in Path(f"/proc/{process.pid}/maps").read_text()
+
+
 def page_path(namespace="/haptic"):
     return shared_memory.FOLDER / shared_memory.file_name(os.environ["ROS_DOMAIN_ID"], namespace)
 

@@ -12,6 +12,8 @@ from haptic_sim.live.pair import running
 from haptic_sim.live.tuning import Tuning
 
 GAINS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "passivity.policy", "coupling.stiffness")
+PATIENT = {"servo.rate": 1000.0, "fault.silence": 1.0, "fault.unattended": 0.0}
+PAIR = PATIENT, {"motion.name": "follow", "motor_watchdog": 2.0}
 
 
 @contextlib.contextmanager
@@ -19,10 +21,8 @@ def engaged_pair():
     """(tuning, domain, namespace) of driver and loopback with a hand that follows, engaged.
 
     No fault if the machine holds them up for a second."""
-    patient = {"servo.rate": 1000.0, "fault.silence": 1.0, "fault.unattended": 0.0}
-    device = {"motion.name": "follow", "motor_watchdog": 2.0}
     with (
-        running(None, None, patient, device) as (domain, namespace, check),
+        running(None, None, *PAIR) as (domain, namespace, check),
         contextlib.closing(Tuning(domain, namespace)) as tuning,
     ):
         tuning.wait_engaged(check)

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_driver: runs the servo on a device, exchanges samples with the simulation, and tells what happens."""
 
+if __name__ == "__main__":  # before the imports, which take seconds
+    from haptic_device.process import start
+
+    raise SystemExit(start(__spec__.name))
+
 import math
 import secrets
-import sys
 import threading
 import time
 
@@ -168,7 +172,9 @@ class DriverNode(ManagedNode):
         if self.servo is None or not self.servo.running:
             return
         self.exchange.follow(self.clock.follow())
-        self._say("info", f"servo at {self.values['servo.rate']:g} Hz, {self.servo.realtime}")
+        where = f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
+        what = f"servo at {self.values['servo.rate']:g} Hz on {self.device.name}"
+        self._say("info", f"{what} in {where}; {self.servo.realtime}")
         row = self.servo.row.get()[0]
         if self._reported != (news := (int(row.state), int(row.fault))):
             self._reported = news
@@ -271,7 +277,3 @@ class DriverNode(ManagedNode):
 def main(args=None):
     """Runs haptic_driver until SIGINT, SIGTERM or SIGHUP."""
     return run(DriverNode, "haptic_driver", args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -19,11 +19,11 @@ from haptic_device.nodes import messages
 from haptic_device.nodes.participant_id import own_participant_id
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.parameter_types import Parameter
+from haptic_device.process import ENDING, hear
 
 LOOK_UP = 0.05  # [s] longest time a signal waits
 DIAGNOSTICS_PERIOD = 0.5  # [s]
 LAST_WORD = Duration(seconds=0.2)  # longest time that the end of a node waits for those who hear its diagnostics
-ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 MOST_SAID = 20  # different exceptions that are logged; all are counted
 
 
@@ -193,8 +193,7 @@ def _made(make_node):
 def hear_the_end():
     """From now on SIGINT, SIGTERM and SIGHUP are put into the list that is returned, and do nothing else."""
     told = []
-    for number in ENDING:
-        signal.signal(number, lambda received, frame: told.append(received))
+    hear(lambda received, frame: told.append(received))
     atexit.register(_be_deaf)
     return told
 

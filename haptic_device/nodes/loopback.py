@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_loopback: a device model in shared memory, with an operator's hand on it; publishes the truth."""
 
+if __name__ == "__main__":  # before the imports, which take seconds
+    from haptic_device.process import start
+
+    raise SystemExit(start(__spec__.name))
+
 import secrets
-import sys
 import threading
 
 import numba
@@ -60,6 +64,8 @@ class LoopbackNode(ManagedNode):
             raise self._refused
         self._publisher = threading.Thread(target=self._publish, name="telemetry")
         self._publisher.start()
+        where = f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
+        self.get_logger().info(f"serving {self.device.name} in {where}; {self.realtime}")
 
     def deactivate(self):
         """Stops them."""
@@ -164,7 +170,3 @@ class LoopbackNode(ManagedNode):
 def main(args=None):
     """Runs haptic_loopback until SIGINT, SIGTERM or SIGHUP."""
     return run(LoopbackNode, "haptic_loopback", args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

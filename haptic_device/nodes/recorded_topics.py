@@ -32,6 +32,7 @@ KNOWN = {  # joined before their publishers exist, so that no first message is m
 _QOS = {"snapshot": STATE, "/tf_static": STATE}  # these and the ones below; the others: best effort
 _QOS |= dict.fromkeys(("trace", "mark", "joint_states", "/parameter_events", "/tf"), TRACE)
 
+_CHATTER = ("/diagnostics", "/parameter_events", "/rosout", "/transition_event")  # of any node, also the recorder's own
 _SECOND = 1_000_000_000
 
 
@@ -62,6 +63,7 @@ class RecordedTopics:
 
     def __init__(self, node):
         self._node, self.tracks, self.refused = node, {}, set()
+        self._prefix = node.get_namespace().rstrip("/") + "/"
 
     def join_known(self, depth: int) -> None:
         """Joins those that are known, with queues of this depth."""
@@ -73,15 +75,19 @@ class RecordedTopics:
 
     def discover(self, depth: int) -> None:
         """Joins what else there is by now, and counts the publishers of each."""
-        node, prefix = self._node, self._node.get_namespace().rstrip("/") + "/"
+        node = self._node
         for topic, type_names in node.get_topic_names_and_types():
             if topic in self.tracks:
                 track = self.tracks[topic]
                 track.publishers = max(track.publishers, node.count_publishers(topic))
                 continue
-            new = topic.startswith(prefix) and topic not in self.refused
+            new = topic.startswith(self._prefix) and topic not in self.refused
             if new and (publishers := node.get_publishers_info_by_topic(topic)):
                 self._join_discovered(topic, type_names[0], joining_qos(publishers, depth))
+
+    def is_of_the_system(self, topic: str) -> bool:
+        """Whether what comes on it shows that the recorded system is there, and not only some node."""
+        return topic.startswith(self._prefix) and not topic.endswith(_CHATTER)
 
     def refuse(self, topic: str, sentence: str) -> None:
         """Records no more of this topic, and says why."""

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_recorder: every topic of the system, as it came, into a rosbag2 folder."""
 
+if __name__ == "__main__":  # before the imports, which take seconds
+    from haptic_device.process import start
+
+    raise SystemExit(start(__spec__.name))
+
 import shutil
-import sys
 import time
 from itertools import islice
 from pathlib import Path
@@ -10,6 +14,7 @@ from pathlib import Path
 from std_srvs.srv import Trigger
 
 from haptic_device import provenance
+from haptic_device.nodes import FIRST_ROW
 from haptic_device.nodes.bag_attachments import YAML, files_of, parameter_file, trial_of
 from haptic_device.nodes.lifecycle import ManagedNode, run, sentence_of
 from haptic_device.nodes.messages import TRACE, String
@@ -41,7 +46,7 @@ class Recorder(ManagedNode):
         self.bag: Bag | None = None
         self._fresh: dict[str, bytes] = {}  # attachments that the present bag does not hold yet
         self._next_discovery = self._next_flush = self._marks = 0
-        self._next_serve = 0.0
+        self._next_serve, self._heard = 0.0, False
         self._parameter_client = ParameterClient(self, self._on_answer)
         self._mark = self.create_publisher(String, "mark", TRACE)
         self.create_service(Trigger, "~/mark", self._on_mark)
@@ -61,7 +66,7 @@ class Recorder(ManagedNode):
             self.failure = f"cannot record: {error}"
             raise ValueError(self.failure) from None
         self._parameter_client.again()  # parameters and scene may be others than in the bag before
-        self._next_discovery = 0
+        self._next_discovery, self._heard = 0, False
         self.get_logger().info(f"recording to {self.bag.folder}")
 
     def deactivate(self) -> None:
@@ -211,6 +216,9 @@ class Recorder(ManagedNode):
     def _write(self, track: Track, sample: Sample) -> None:
         track.gaps.count(sample.sequence)
         self.bag.write(track.channel, sample.message, sample.received, sample.published, sample.sequence)
+        if not self._heard and self.topics.is_of_the_system(track.subscription.topic):
+            self._heard = True
+            self.get_logger().info(f"{FIRST_ROW}, of {track.subscription.topic}")
 
     def _channel(self, subscription) -> int:
         try:
@@ -228,7 +236,3 @@ def main(args: list[str] | None = None) -> int:
     Exit code 1 on a refusal, or if recording ended by itself.
     """
     return run(Recorder, "haptic_recorder", args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -17,7 +17,7 @@ from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.progress import INTERRUPTED, status_line
 from haptic_sim.live.domain import isolated_domain
 from haptic_sim.live.prepare import prepare
-from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible
+from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible, undisturbed
 from haptic_sim.live.system import Order, Relay, programs_of
 
 _DELAY = "Round trip added between driver and simulation by a relay [ms]."
@@ -93,22 +93,24 @@ def _play(order: Order, programs: list[Program]) -> bool:
 
 
 def _follow(seconds, domain, nodes) -> bool:
-    from haptic_sim.client import Client  # ROS is imported while the nodes start
-    from haptic_sim.live.follow import follow
-    from haptic_sim.questions import trigger
+    with undisturbed():  # some imports would lose a KeyboardInterrupt
+        from haptic_sim.client import Client  # ROS is imported while the nodes start
+        from haptic_sim.live.follow import follow
+        from haptic_sim.questions import trigger
 
     estop = trigger("haptic_driver/estop")
     with contextlib.closing(Client.join("haptic_demo", domain, NAMESPACE)) as client, keys() as pressed:
         client.prepare(estop.service)
 
         def check():
-            nodes.check()
+            printed = nodes.check()
             if pressed() == ESTOP:
                 try:
                     said = client.call(estop)
                 except ValueError as refusal:
                     said = refusal
                 print(f"e-stop: {said}", file=sys.stderr, flush=True)
+            return printed
 
         with status_line() as show:
             return follow(seconds, client, check, show)

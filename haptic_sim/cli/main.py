@@ -3,10 +3,10 @@
 
 import contextlib
 import importlib
+import os
 import sys
 
-import typer
-
+from haptic_device.process import handling
 from haptic_sim.cli.progress import INTERRUPTED
 
 COMMANDS = {
@@ -37,7 +37,8 @@ def main():
     with ending_in_a_sentence("haptic"):
         if sys.argv[1:2] == ["bench"]:
             raise ValueError(BENCH)
-        application = _application(sys.argv[1:2])
+        with handling(lambda number, frame: os._exit(INTERRUPTED)):  # some imports would lose a KeyboardInterrupt
+            application = _application(sys.argv[1:2])
         _prepare(sys.argv[1:])
         application(prog_name="haptic")
 
@@ -59,6 +60,8 @@ def ending_in_a_sentence(name: str):
 
 def _application(wanted):
     """The typer application with the wanted subcommand, or with all of them if it is none of them, as for --help."""
+    import typer  # here, where a signal is heard
+
     app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
     app.callback(help="Haptic display of tool use: run it, check its files, compute its bounds.")(lambda: None)
     for name in set(wanted) & set(COMMANDS) or COMMANDS:

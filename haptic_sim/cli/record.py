@@ -7,14 +7,20 @@ from typing import Annotated
 
 import typer
 
+from haptic_device.nodes import FIRST_ROW
+from haptic_sim.live.domain import current_domain
 from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible
 
-LOOK_PERIOD = 0.1  # s
+LOOK_PERIOD = 0.05  # s
+HEARING = 60.0  # [s] for the first row of a recording that has a length
+RECORDER = "haptic_recorder"
 
 
 def record(
     out: Annotated[Path | None, typer.Option(help="New folder for the bag and its log [haptic_bags/TIME].")] = None,
-    seconds: Annotated[float | None, typer.Option(min=0.1, help="Length; else until Ctrl-C.")] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.1, help="Length from the first row; else until Ctrl-C.")
+    ] = None,
     namespace: Annotated[str, typer.Option(help="Namespace of the system to record.")] = NAMESPACE,
     participant: Annotated[str, typer.Option(help="Code of the participant.")] = "",
     condition: Annotated[str, typer.Option(help="Experimental condition.")] = "",
@@ -34,12 +40,14 @@ def record(
         "split.duration": split_duration,
     }
     parameters = {name: value for name, value in given.items() if value not in (None, "")}
-    program = Program("haptic_recorder", "haptic_device.nodes.recorder", parameters, namespace=namespace)
+    program = Program(RECORDER, "haptic_device.nodes.recorder", parameters, namespace=namespace)
     with Nodes(out / "log") as nodes:
         try:
             with interruptible():
                 nodes.start(program)
-                _wait(nodes, seconds)
+                if _first_row_comes(nodes, None if seconds is None else HEARING):
+                    typer.echo(f"recording to {bag}", err=True)
+                    _wait(nodes, seconds)
         except KeyboardInterrupt:
             typer.echo("", err=True)
         except NodeDiedError as error:
@@ -47,7 +55,22 @@ def record(
     if not (bag / "metadata.yaml").exists():
         reason = "it was ended before it began, or is to be repaired by haptic recover"
         raise ValueError(f"no whole bag is in {bag}: {reason}; the log is in {out / 'log'}")
+    if FIRST_ROW not in nodes.printed(RECORDER):
+        raise ValueError(f"nothing was heard of {namespace} in domain {current_domain()}; is that where the nodes run?")
     _print_counts(bag)
+
+
+def _first_row_comes(nodes: Nodes, limit: float | None) -> bool:
+    """Whether it came before `limit` [s] had passed since the recorder said anything; None: without limit."""
+    said, since = "", time.monotonic()
+    while FIRST_ROW not in nodes.printed(RECORDER):
+        line = nodes.check()[RECORDER]
+        if line != said:
+            said, since = line, time.monotonic()
+        if limit is not None and time.monotonic() - since >= limit:
+            return False
+        time.sleep(LOOK_PERIOD)
+    return True
 
 
 def _wait(nodes: Nodes, seconds: float | None) -> None:

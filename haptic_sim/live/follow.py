@@ -2,47 +2,63 @@
 """Follows a run to its end."""
 
 import math
+import sys
 import time
 from collections.abc import Callable
 
 from haptic_device.control.faults import NAMES
 from haptic_device.status import number
 from haptic_sim.client import Client
+from haptic_sim.live.news import LIMIT, News
 
-START_LIMIT = 180.0  # s until the first motor command, on a machine that does much else
-MOTION_LIMIT = 120.0  # s for a scripted motion to end
+NODES = ("haptic_driver", "haptic_simulation", "haptic_loopback")
 AFTER_MOTION = 0.6  # s: the nodes' diagnostics come twice a second, the last one shall be of the end
 LOOK_PERIOD = 0.05  # s
 
 
-def follow(seconds: float | None, client: Client, check: Callable[[], None], show: Callable[[str], None]) -> bool:
+Check = Callable[[], dict[str, str]]
+
+
+def follow(seconds: float | None, client: Client, check: Check, show: Callable[[str], None]) -> bool:
     """Returns when `seconds` have passed since the first motor command or, if None, when the motion has ended.
 
-    True if that came within its limits. At each look `check` is called, which may raise, and `show` hears how it goes.
+    False if the motion did not end, which is said. At each look `check` is called, which may raise and gives the last
+    line that each node printed, and `show` hears how it goes. ValueError if no motor command comes.
     """
-    if _wait(lambda: client.motor_commanded or _faulty(client), START_LIMIT, client, check, show) is None:
-        raise ValueError(f"no motor command came within {START_LIMIT:.0f} s; {_reason(client)}")
+    news = News(client, *NODES)
+    if not _wait(lambda: client.motor_commanded or _faulty(client), news.ended, client, check, show):
+        raise ValueError(f"no motor command came, and no news for {LIMIT:.0f} s: {news.last_words()}")
     if not client.motor_commanded:
-        raise ValueError(f"no motor command came; {_reason(client)}")
+        raise ValueError(f"no motor command came: {news.last_words()}")
     if seconds is not None:
-        _wait(lambda: False, seconds, client, check, show)
+        _pass(seconds, client, check, show)
         return True
-    ended = _wait(lambda: client.motion_done, MOTION_LIMIT, client, check, show)
-    _wait(lambda: False, AFTER_MOTION, client, check, show)
-    return ended is not None
+    news = News(client, *NODES, moving=True)
+    ended = _wait(lambda: client.motion_done, news.ended, client, check, show)
+    if not ended:
+        print(
+            f"haptic demo: the motion did not end, and no news for {LIMIT:.0f} s: {news.last_words()}", file=sys.stderr
+        )
+    _pass(AFTER_MOTION, client, check, show)
+    return ended
 
 
-def _wait(condition: Callable[[], bool], limit: float, client: Client, check, show) -> float | None:
-    """Time on CLOCK_MONOTONIC [s] when the condition came true; None if it did not within `limit` seconds."""
-    end = time.monotonic() + limit
-    while (now := time.monotonic()) < end:
+def _pass(seconds: float, client: Client, check: Check, show) -> None:
+    end = time.monotonic() + seconds
+    _wait(lambda: False, lambda printed: time.monotonic() >= end, client, check, show)
+
+
+def _wait(condition: Callable[[], bool], over: Callable[[dict[str, str]], bool], client, check: Check, show) -> bool:
+    """Whether the condition came true before over(what the nodes printed) did."""
+    while True:
         client.look()
-        check()
+        printed = check()
         if condition():
-            return now
+            return True
+        if over(printed):
+            return False
         show(_line(client))
         time.sleep(LOOK_PERIOD)
-    return None
 
 
 def _line(client: Client) -> str:
@@ -59,10 +75,3 @@ def _line(client: Client) -> str:
 def _faulty(client: Client) -> bool:
     """Whether the driver waits for a person: after a fault it enables no more by itself."""
     return client.said("haptic_driver", "fault") in NAMES
-
-
-def _reason(client: Client) -> str:
-    silent = [name for name in ("haptic_driver", "haptic_simulation", "haptic_loopback") if name not in client.statuses]
-    if silent:
-        return f"nothing was heard of {', '.join(silent)}"
-    return f"haptic_driver says: {client.statuses['haptic_driver'].message}"

@@ -10,7 +10,7 @@ from haptic_device.analysis.quantity import positive
 from haptic_device.config_files import find
 from haptic_device.description import load_device
 from haptic_sim.live.excitation import record_excitation
-from haptic_sim.live.pair import running
+from haptic_sim.live.pair import on_pair
 
 SHARE = 0.05  # of the motor's torque, to turn with
 _COUPLING = ("coupling.stiffness", "coupling.damping", "coupling.rotational_stiffness", "coupling.rotational_damping")
@@ -43,8 +43,8 @@ def identify_device(name, loopback, seconds, force, torque, rate, domain, namesp
     told |= {"fault.silence": 1.0, "fault.unattended": 0.0}  # nobody's hand is at this one
     true = {"device": str(Path(find("devices", loopback or name)).absolute()), **dict.fromkeys(_hand(), 0.0)}
     true["motor_watchdog"] = 1.0
-    with running(domain, namespace, told, true) as (number, room, check):
-        rows = record_excitation(number, room, check, described, seconds, force, torque)
+    shaking = described, seconds, force, torque
+    rows = on_pair(domain, namespace, told, true, lambda *where: record_excitation(*where, *shaking))
     return {axis.name: estimate(rows, i, axis) for i, axis in enumerate(described.axes)}, described
 
 

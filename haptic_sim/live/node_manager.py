@@ -6,7 +6,7 @@ import time
 
 from haptic_sim.live.domain import isolated_domain
 from haptic_sim.live.prepare import prepare
-from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, ros_arguments
+from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, ros_arguments, undisturbed
 from haptic_sim.live.system import Order, Relay, programs_of
 
 RECORDER = "haptic_recorder"
@@ -83,8 +83,9 @@ def play(order: Order, page: dict) -> bool:
     with isolated_domain(order.out / "log"), Nodes(order.out / "log") as nodes:
         manager = NodeManager(order, nodes)
         manager.start()
-        from haptic_device.nodes.lifecycle import hear_the_end
-        from haptic_sim.viewer.viewer import serve  # ROS is imported while the nodes start
+        with undisturbed():  # some imports would lose a KeyboardInterrupt
+            from haptic_device.nodes.lifecycle import hear_the_end
+            from haptic_sim.viewer.viewer import serve  # ROS is imported while the nodes start
 
         told, end = hear_the_end(), None if order.seconds is None else time.monotonic() + order.seconds
         serve(ros_arguments(NAMESPACE, page), lambda: told or (end is not None and time.monotonic() > end), manager)

@@ -2,23 +2,57 @@
 """Driver and loopback for a tool: the ones that run, or a pair of the tool's own in a domain of its own."""
 
 import contextlib
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from haptic_device.control.faults import TABLE
 from haptic_sim.live.domain import current_domain, isolated_domain
 from haptic_sim.live.prepare import prepare
 from haptic_sim.live.processes import NAMESPACE, Nodes, Program
+from haptic_sim.live.tuning import FaultError
+
+CAUSES = {fault.name: fault.cause for fault in TABLE}
+
+
+def on_pair(domain: int | None, namespace: str | None, driver: dict, loopback: dict, work: Callable):
+    """What work(domain, namespace, check) gives on the `running` pair.
+
+    Where the driver of a pair that is started here falls into a fault, as on a machine that does much else, this is
+    said, and all is done once more on a new pair. ValueError if that falls into a fault too; FaultError of nodes that
+    are somebody else's.
+    """
+
+    def once():
+        with running(domain, namespace, driver, loopback) as given:
+            return work(*given)
+
+    try:
+        return once()
+    except FaultError as found:
+        if domain is not None or namespace is not None:
+            raise
+        print(f"{_fell(found)}; both nodes are started anew", file=sys.stderr, flush=True)
+    try:
+        return once()
+    except FaultError as found:
+        todo = "end what else keeps the machine busy, or take a lower servo rate or less force"
+        raise ValueError(f"{_fell(found)} again: {todo}") from None
+
+
+def _fell(found: FaultError) -> str:
+    return f"haptic_driver fell into fault {found.fault} ({CAUSES[found.fault]})"
 
 
 @contextlib.contextmanager
 def running(domain: int | None, namespace: str | None, driver: dict, loopback: dict) -> Iterator[tuple]:
     """Yields (domain, namespace, check): of the nodes that run there if either is given, else of a pair started here.
 
-    check() raises if a node of the pair has ended.
+    check() raises if a node of the pair has ended, and gives the last line that each node of it printed.
     """
     if domain is not None or namespace is not None:
-        yield domain or current_domain(), namespace or NAMESPACE, lambda: None
+        yield domain or current_domain(), namespace or NAMESPACE, dict
         return
     with contextlib.ExitStack() as stack:
         logs = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="haptic_")))
@@ -26,7 +60,7 @@ def running(domain: int | None, namespace: str | None, driver: dict, loopback: d
         yield number, NAMESPACE, _start(stack.enter_context(Nodes(logs)), driver, loopback)
 
 
-def _start(nodes: Nodes, driver: dict, loopback: dict) -> Callable[[], None]:
+def _start(nodes: Nodes, driver: dict, loopback: dict) -> Callable[[], dict[str, str]]:
     programs = [
         Program("haptic_loopback", "haptic_device.nodes.loopback", loopback),
         Program("haptic_driver", "haptic_device.nodes.driver", {"auto_enable": True, **driver}),

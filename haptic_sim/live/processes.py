@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from haptic_device.process import ending_with_us, own_environment, running_module
+from haptic_device.process import ending_with_us, handling, held, own_environment, running_module
 
 NAMESPACE = "/haptic"
 _PATIENCE = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))  # s after each
@@ -75,7 +75,7 @@ class Nodes:
 
     def start(self, program: Program) -> None:
         """Starts one node; it gets a session of its own, so that a terminal's Ctrl-C comes from us, in order."""
-        with open(self._log(program.name), "ab") as log:
+        with open(self._log(program.name), "ab") as log, held():
             self._running[program.name] = subprocess.Popen(
                 ending_with_us(program.command()),
                 stdin=subprocess.DEVNULL,
@@ -85,11 +85,12 @@ class Nodes:
                 start_new_session=True,
             )
 
-    def check(self) -> None:
-        """Raises NodeDiedError with the node's name, exit code and last line if one has ended."""
+    def check(self) -> dict[str, str]:
+        """The last line that each node printed. NodeDiedError with name, exit code and that line if one has ended."""
         for name, process in self._running.items():
             if process.poll() is not None:
                 raise NodeDiedError(f"{name} ended with exit code {process.returncode}: {self.last_line(name)}")
+        return {name: self.last_line(name) for name in self._running}
 
     def pid(self, name: str) -> int:
         """Process id of a running node."""
@@ -97,8 +98,12 @@ class Nodes:
 
     def last_line(self, name: str) -> str:
         """The last line that the node printed."""
-        lines = self._log(name).read_text(errors="replace").split("\n")
+        lines = self.printed(name).split("\n")
         return next((line.strip() for line in reversed(lines) if line.strip()), "it printed nothing")
+
+    def printed(self, name: str) -> str:
+        """All that the node printed so far, also when it has ended."""
+        return self._log(name).read_text(errors="replace")
 
     def end(self, name: str) -> bool:
         """Ends one node; False if it had to be killed, or was."""
@@ -133,7 +138,7 @@ def _end(process: subprocess.Popen) -> bool:
 def undisturbed() -> Iterator[None]:
     """Ctrl-C and its like wait until the block is over."""
     heard: list[int] = []
-    with _handling(lambda number, frame: heard.append(number)):
+    with handling(lambda number, frame: heard.append(number)):
         yield
     if heard:
         raise KeyboardInterrupt
@@ -146,15 +151,5 @@ def interruptible() -> Iterator[None]:
     def interrupt(number, frame):
         raise KeyboardInterrupt
 
-    with _handling(interrupt):
+    with handling(interrupt):
         yield
-
-
-@contextlib.contextmanager
-def _handling(handler) -> Iterator[None]:
-    held = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
-    try:
-        yield
-    finally:
-        for number, before in held.items():
-            signal.signal(number, before)

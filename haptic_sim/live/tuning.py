@@ -6,7 +6,7 @@ A value that is no longer what this tool has set was set by somebody else: then 
 
 import contextlib
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -17,14 +17,22 @@ from haptic_device.recording.layouts import CLOUD
 from haptic_device.status import Status, number
 from haptic_sim.client import Client
 from haptic_sim.live.mock_simulation import MockAnswerer, MockSimulation
+from haptic_sim.live.news import LIMIT, News
 from haptic_sim.live.processes import undisturbed
 from haptic_sim.questions import Question, RefusedError, get_parameters, set_parameters, trigger
 
-DRIVER = "haptic_driver"
+DRIVER, LOOPBACK, SIMULATION = "haptic_driver", "haptic_loopback", "haptic_simulation"
 PATIENCE = 15.0  # [s] for a service
 AGAIN = 3.0  # [s] without an answer after which it is asked once more; all calls may be repeated
-APPEARANCE = 60.0  # [s] for a driver that has just been started to be engaged; the first start compiles the kernels
 POLICY = "passivity.policy"
+
+
+class FaultError(ValueError):
+    """The driver is in fault; its name is `fault`."""
+
+    def __init__(self, fault: str):
+        super().__init__(f"{DRIVER} is in fault {fault}: clear it first (~/reset, then ~/enable)")
+        self.fault = fault
 
 
 class Tuning:
@@ -65,36 +73,42 @@ class Tuning:
         return self._client.said(DRIVER, entry)
 
     def refuse_fault(self) -> None:
-        """Raises ValueError if the driver is in fault."""
+        """Raises FaultError if the driver is in fault."""
         if (name := self.said("fault")) in NAMES:
-            raise ValueError(f"haptic_driver is in fault {name}: clear it first (~/reset, then ~/enable)")
+            raise FaultError(name)
 
-    def wait_engaged(self, check=lambda: None) -> None:
-        """Until the driver is engaged and the truth comes; ValueError if it is in fault or does not come."""
-        end = time.monotonic() + APPEARANCE
-        while time.monotonic() < end:
-            check()
-            self.look()
+    def wait_engaged(self, check: Callable[[], dict[str, str]] = dict) -> None:
+        """Until the driver is engaged and the truth comes; ValueError if it is in fault, or there is no more news.
+
+        check() may raise, and gives the last line that each node printed whose log is at hand.
+        """
+
+        def engaged():
             self.refuse_fault()
-            if self.said("state") == "engaged" and self.truths:
-                return
-            time.sleep(0.02)
-        if not self.truths:
-            room = self._client.node.get_namespace()
-            raise ValueError(f"no loopback is heard of in {room}; start one, or let this command start both nodes")
-        state = self.said("state") or "not heard of"
-        raise ValueError(
-            f"haptic_driver is {state}; start it with a loopback and enable it, or let this command start both"
-        )
+            return self.said("state") == "engaged" and self.truths
 
-    def wait_answered(self, check=lambda: None) -> None:
-        """Until a simulation answers the driver, whose first start compiles longer; ValueError if none does."""
-        end = time.monotonic() + APPEARANCE
-        while not number(self.said("exchange_answered")) > 0:
-            if time.monotonic() > end:
-                raise ValueError(f"no simulation answered the driver within {APPEARANCE:g} s")
-            check()
+        lack = f"no engaged driver with a loopback is heard in {self._client.node.get_namespace()}"
+        self._wait(engaged, check, lack, LOOPBACK, "start both and enable the driver, or let this command start them")
+
+    def wait_answered(self, check: Callable[[], dict[str, str]] = dict) -> None:
+        """Until a simulation answers the driver; ValueError if there is no more news. check as of `wait_engaged`."""
+
+        def answered():
+            return number(self.said("exchange_answered")) > 0
+
+        self._wait(answered, check, "no simulation answers the driver", SIMULATION, "start one")
+
+    def _wait(self, condition, check, lack, other, todo) -> None:
+        """todo: what to do where the nodes are somebody else's."""
+        news = News(self._client, DRIVER, other)
+        while True:
+            printed = check()
             self.look()
+            if condition():
+                return
+            if news.ended(printed):
+                todo = "" if printed else f"; {todo}"
+                raise ValueError(f"{lack}, and no news for {LIMIT:g} s: {news.last_words()}{todo}")
             time.sleep(0.02)
 
     def recover(self) -> None:

@@ -19,7 +19,7 @@ from haptic_device.description import Device, load_device
 from haptic_device.parameter_types import check_value
 from haptic_device.parameters import OPERATING_POINT
 from haptic_device.status import number
-from haptic_sim.live.pair import running
+from haptic_sim.live.pair import on_pair
 from haptic_sim.live.tuning import Tuning, refuse_other_device
 from haptic_sim.live.zwidth_lockstep import DEPTH, HAND, LAG, OUT, PHASES, RADIUS, WALL, LockstepDisplay
 
@@ -145,13 +145,17 @@ def plan(name: str, period: float, damping: float, stiffness_max: float | None) 
 
 def measure(plan: Plan, domain: int | None, namespace: str | None, say) -> dict:
     """Figures of the display, live and in lock-step; say(what) hears of it. Raises ValueError, NodeDiedError."""
-    device, told = plan.device, pair(plan.path, plan.rate)
-    with running(domain, namespace, *told) as (number, room, check), contextlib.closing(Tuning(number, room)) as tuning:
+    nodes = pair(plan.path, plan.rate)
+    return on_pair(domain, namespace, *nodes, lambda *where: _measure(plan, *where, say))
+
+
+def _measure(plan, domain, namespace, check, say):
+    with contextlib.closing(Tuning(domain, namespace)) as tuning:
         tuning.wait_engaged(check)
-        refuse_other_device(tuning.statuses["haptic_driver"], device)
+        refuse_other_device(tuning.statuses["haptic_driver"], plan.device)
         with tuning.as_found(TOUCHED):
             rate = float(tuning.get(["servo.rate"])["servo.rate"])
-            live = LiveDisplay(tuning, plan.damping, 1.0 / device.axes[0].counts_per_unit, say)
+            live = LiveDisplay(tuning, plan.damping, 1.0 / plan.device.axes[0].counts_per_unit, say)
             return _figures(live, tuning, plan._replace(rate=rate), say)
 
 

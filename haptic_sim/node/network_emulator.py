@@ -5,10 +5,14 @@
 on its own way: delayed, lost, doubled and overtaken by others. The simulation is started with its topics renamed so.
 """
 
+if __name__ == "__main__":  # before the imports, which take seconds
+    from haptic_device.process import start
+
+    raise SystemExit(start(__spec__.name))
+
 import heapq
 import itertools
 import random
-import sys
 import threading
 import time
 
@@ -79,6 +83,7 @@ class NetworkEmulator(ManagedNode):
         """Begins to carry."""
         self._thread = threading.Thread(target=self._run, name="relay")
         self._thread.start()
+        self.get_logger().info(f"carrying between driver and simulation in {self.get_namespace()}")
 
     def deactivate(self):
         """Carries no more; what is on its way is lost."""
@@ -111,7 +116,3 @@ class NetworkEmulator(ManagedNode):
 def main(args: list[str] | None = None) -> int:
     """Runs haptic_relay until SIGINT, SIGTERM or SIGHUP. Exit code 1 on a refusal."""
     return run(NetworkEmulator, "haptic_relay", args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

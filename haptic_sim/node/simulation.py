@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_simulation: a scene with a tool in it, answering every handle sample with a tool sample."""
 
+if __name__ == "__main__":  # before the imports, which take seconds
+    from haptic_device.process import start
+
+    raise SystemExit(start(__spec__.name))
+
 import statistics
 import sys
 import threading
@@ -227,7 +232,3 @@ def _values(exchange, world):
 def main(args: list[str] | None = None) -> int:
     """Runs haptic_simulation until SIGINT, SIGTERM or SIGHUP. Exit code 1 on a refusal."""
     return run(SimulationNode, "haptic_simulation", args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

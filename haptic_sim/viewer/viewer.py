@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_viewer: looks at the running nodes, shows them to the pages, and passes on what the pages ask for."""
 
+if __name__ == "__main__":  # before the imports, which take seconds
+    from haptic_device.process import start
+
+    raise SystemExit(start(__spec__.name))
+
 import asyncio
 import contextlib
 import sys
@@ -168,6 +173,7 @@ class Viewer:
 
     def _announce(self):
         host = self._values["host"]
+        self._node.get_logger().info(f"serving pages on {host}, of the nodes in {self._node.get_namespace()}")
         if not is_loopback(host):
             print(
                 f"haptic_viewer: WARNING: it listens on {host}, in plain text: whoever sees the address below on the "
@@ -201,7 +207,3 @@ def main(args: list[str] | None = None) -> int:
         print(f"haptic_viewer: {refusal}", file=sys.stderr)
         return 1
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -293,6 +293,43 @@ def test_the_record_command_ends_on_ctrl_c_with_a_line_for_each_topic(speaker, s
     assert count > 50 and re.search(rf"/haptic/motor +{count} messages, lost: 0", said)
 
 
+def haptic_record(start, out, *options):
+    command = [sys.executable, "-m", "haptic_sim.cli.main", "record", "--out", out, *options]
+    return start(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def test_the_seconds_of_the_record_command_count_from_the_first_row_and_not_from_what_any_node_says(
+    newcomer, start, tmp_path
+):
+    bag, began = tmp_path / "out" / "bag", time.monotonic()
+    recording = haptic_record(start, tmp_path / "out", "--seconds", "2")
+    newcomer.until(lambda: files(bag), "the bag")
+    newcomer.until(lambda: tells(newcomer) or time.monotonic() > began + 5.0, "more seconds than were asked for")
+    assert recording.poll() is None
+    first = time.monotonic()
+    newcomer.until(lambda: newcomer.say("encoder", 1.0) or recording.poll() is not None, "the end of the recording")
+    assert time.monotonic() - first >= 2.0
+    said, told = recording.communicate(timeout=LIMIT)
+    assert recording.returncode == 0 and told.splitlines() == [f"recording to {bag}"]
+    assert re.search(r"^/parameter_events +[1-9]", said, re.MULTILINE)
+    assert re.search(rf"/haptic/encoder +{len(kept(bag, 'encoder'))} messages, lost: 0", said)
+
+
+def tells(speaker):
+    """Has an event of its parameters published."""
+    speaker.node.set_parameters([rclpy.parameter.Parameter(STIFFNESS, value=time.monotonic())])
+
+
+def test_the_record_command_that_is_ended_before_a_row_came_says_so(start, tmp_path):
+    recording = haptic_record(start, tmp_path / "out", "--namespace", "/nobody")
+    until(lambda: files(tmp_path / "out" / "bag"), "the bag")
+    recording.send_signal(signal.SIGINT)
+    said, told = recording.communicate(timeout=LIMIT)
+    where = f"/nobody in domain {os.environ['ROS_DOMAIN_ID']}"
+    assert (recording.returncode, said) == (1, "")
+    assert told.split() == f"haptic: nothing was heard of {where}; is that where the nodes run?".split()
+
+
 def test_the_record_command_ended_before_it_began_says_that_there_is_no_bag(ros_domain, tmp_path, monkeypatch):
     from haptic_sim.cli import record
 

@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tools on a live driver: gains are left as found, strangers and faults given way to."""
 
+import contextlib
 import re
 
 import pytest
-from live_tuning import GAINS, disturbed, engaged_pair, sentence_of, zwidth_live
+from live_tuning import GAINS, PAIR, disturbed, engaged_pair, sentence_of, zwidth_live
 from lockstep_systems import values
 from waiting import until
 
 from haptic_device import controller_config, gain_check
 from haptic_device.description import load_device
+from haptic_sim.live.pair import on_pair
 from haptic_sim.live.tuning import Tuning
 
 pytestmark = pytest.mark.timeout(900)
@@ -132,6 +134,23 @@ def test_a_driver_in_fault_is_refused(pair):
         tuning.recover()
 
 
+def test_a_tool_whose_own_driver_falls_into_a_fault_goes_on_with_a_new_pair(capsys):
+    domains = []
+
+    def work(domain, namespace, check):
+        domains.append(domain)
+        with contextlib.closing(Tuning(domain, namespace)) as tuning:
+            tuning.wait_engaged(check)
+            if len(domains) == 1:
+                tuning.trigger("estop")
+            tuning.watch(1.0)
+            return tuning.said("state")
+
+    assert on_pair(None, None, *PAIR, work) == "engaged" and len(domains) == 2
+    fell = "haptic_driver fell into fault estop (~/estop was called); both nodes are started anew"
+    assert capsys.readouterr().err.splitlines() == [fell]
+
+
 def test_the_hand_goes_where_it_is_aimed(pair):
     tuning = pair[0]
     for x, y in ((0.02, 0.01), (0.0, 0.0)):
@@ -145,10 +164,10 @@ def test_the_hand_goes_where_it_is_aimed(pair):
 
 
 def test_a_namespace_without_nodes_is_told_in_a_sentence(ros_domain, monkeypatch):
-    monkeypatch.setattr("haptic_sim.live.tuning.APPEARANCE", 0.3)
+    monkeypatch.setattr("haptic_sim.live.news.LIMIT", 0.3)
     tuning = Tuning(ros_domain, "/nobody")
     try:
-        with pytest.raises(ValueError, match="no loopback is heard of in /nobody; start one"):
+        with pytest.raises(ValueError, match="no engaged driver with a loopback is heard in /nobody, .*; start both"):
             tuning.wait_engaged()
     finally:
         tuning.close()

@@ -5,11 +5,13 @@ import signal
 
 import pytest
 from live_demo import BUSY, children, demos, ends_well, until
+from live_nodes import loaded
 
 pytestmark = pytest.mark.timeout(900)
 
 MOMENTS = {
     "its first node is there": (signal.SIGINT, lambda run: children(run.process)),
+    "it loads ROS while its nodes start": (signal.SIGINT, lambda run: loaded(run.process, "rclpy")),
     "its bag is open": (signal.SIGTERM, lambda run: run.bag.exists()),
 }
 

@@ -33,10 +33,16 @@ def tell(number, frame):
     os.kill({os.getpid()}, signal.SIGINT)
     sys.exit()
 signal.signal(signal.SIGINT, tell)
+signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 print("ready", flush=True)
 time.sleep(600)
 """
-_PATIENT = "import time\nprint('ready', flush=True)\ntime.sleep(600)\n"
+_PATIENT = """
+import signal, time
+signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
+print("ready", flush=True)
+time.sleep(600)
+"""
 _FALLS = "print('all is well')\nraise RuntimeError('the motor is gone')\n"
 
 
@@ -129,6 +135,15 @@ def test_an_interrupt_while_nodes_end_waits_until_all_have_ended(tmp_path, progr
             pids.append(nodes.pid(name))
     assert len(pids) == 2 and not any(psutil.pid_exists(pid) for pid in pids)
     assert nodes.last_line("first_node") == "KeyboardInterrupt"  # it ended by what it was asked, as if nothing had come
+
+
+def test_a_node_that_is_told_to_end_before_its_python_runs_hears_it_as_soon_as_it_listens(tmp_path, program):
+    hearing = "from haptic_device.process import hear\nhear(lambda number, frame: print('told', number, flush=True))\n"
+    with Nodes(tmp_path / "log") as nodes:
+        nodes.start(program("told_node", f"{hearing}import time\ntime.sleep(600)\n"))
+        os.kill(nodes.pid("told_node"), signal.SIGTERM)
+        wait_for_line(nodes, "told_node", "told 15")
+        os.kill(nodes.pid("told_node"), signal.SIGKILL)
 
 
 def outcome(faults=(), result=None, sent=1000, answered=1000) -> dict:

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How tools wait for a driver, and what they do where the one that they started falls into a fault."""
+
+import contextlib
+import types
+
+import pytest
+from made_up_clock import Clock
+
+from haptic_device.status import Status
+from haptic_sim.live import news, pair, tuning
+from haptic_sim.live.tuning import FaultError, Tuning
+
+
+class Heard:
+    """A client that hears of the driver what `said(seconds)` gives: state, fault, exchange_answered."""
+
+    def __init__(self, clock, said):
+        self._clock, self._began, self._said = clock, clock.now, said
+        self.statuses, self.truth, self.truths, self.aim, self.close = {}, {}, [], None, None
+        self.node = types.SimpleNamespace(get_namespace=lambda: "/there")
+
+    def look(self):
+        if values := self._said(self._clock.now - self._began):
+            self.statuses["haptic_driver"] = Status(0, 0, values.get("state", ""), values)
+            self.truths.append({})
+
+    def said(self, node, entry):
+        return self.statuses[node].values.get(entry, "") if node in self.statuses else ""
+
+
+@pytest.fixture
+def waited(monkeypatch):
+    """waited(said, check, of) waits as the tool does for such a driver."""
+    clock = Clock().put(monkeypatch, news, tuning)
+
+    def wait(said, check=dict, of="wait_engaged"):
+        monkeypatch.setattr(tuning.Client, "join", lambda *where, **how: Heard(clock, said))
+        getattr(Tuning(0, "/there"), of)(check)
+
+    return wait
+
+
+def test_a_driver_that_starts_slowly_is_waited_for_while_there_is_news(waited):
+    late = 0.9 * news.LIMIT
+    steps = ("disabled", "homing", "ramping", "engaged")
+    waited(lambda t: {"state": steps[min(3, int(t // late))]})
+    with pytest.raises(ValueError, match=f"and no news for {news.LIMIT:g} s: haptic_driver says: disabled"):
+        waited(lambda t: {"state": "engaged" if t > 1.1 * news.LIMIT else "disabled"})
+
+
+def test_nodes_of_which_nothing_is_heard_are_told_with_what_they_printed_or_with_what_to_do(waited):
+    lack = f"no engaged driver with a loopback is heard in /there, and no news for {news.LIMIT:g} s: "
+    printed = "nothing was heard of haptic_driver, which printed last: compiling; nothing was heard of haptic_loopback"
+    with pytest.raises(ValueError) as ended:
+        waited(lambda t: {}, lambda: {"haptic_driver": "compiling"})
+    assert str(ended.value) == lack + printed
+    with pytest.raises(ValueError) as ended:
+        waited(lambda t: {})
+    todo = "start both and enable the driver, or let this command start them"
+    heard = "nothing was heard of haptic_driver; nothing was heard of haptic_loopback"
+    assert str(ended.value) == f"{lack}{heard}; {todo}"
+
+
+def test_a_simulation_that_answers_late_is_waited_for_while_there_is_news(waited):
+    def said(t):
+        return {"state": "engaged" if t > 0.9 * news.LIMIT else "disabled", "exchange_answered": f"{t > when:d}"}
+
+    when = 1.8 * news.LIMIT
+    waited(said, of="wait_answered")
+    when = 2.0 * news.LIMIT
+    with pytest.raises(ValueError, match="no simulation answers the driver, and no news .* haptic_driver says: eng"):
+        waited(said, of="wait_answered")
+
+
+@pytest.fixture
+def worked(monkeypatch):
+    """worked(faults, domain) does some work on nodes whose driver falls into each of these faults, one at a time."""
+
+    def work(faults, domain=None):
+        started, left = [], list(faults)
+
+        @contextlib.contextmanager
+        def running(*given):
+            started.append(given)
+            yield 7, "/there", dict
+
+        def once(domain, namespace, check):
+            if left:
+                raise FaultError(left.pop(0))
+            return domain, namespace, len(started)
+
+        monkeypatch.setattr(pair, "running", running)
+        return pair.on_pair(domain, None, {}, {}, once)
+
+    return work
+
+
+def test_where_the_driver_of_a_pair_of_its_own_falls_into_a_fault_a_tool_begins_anew_once_and_says_so(worked, capsys):
+    assert worked([]) == (7, "/there", 1) and capsys.readouterr().err == ""
+    assert worked(["device_silent"]) == (7, "/there", 2)
+    cause = "device_silent (the device answered no tick for fault.silence)"
+    assert capsys.readouterr().err == f"haptic_driver fell into fault {cause}; both nodes are started anew\n"
+    with pytest.raises(ValueError) as ended:
+        worked(["device_silent", "device_silent"])
+    todo = "end what else keeps the machine busy, or take a lower servo rate or less force"
+    assert str(ended.value) == f"haptic_driver fell into fault {cause} again: {todo}"
+
+
+def test_a_fault_of_somebody_elses_driver_is_left_to_them(worked, capsys):
+    with pytest.raises(ValueError, match="^haptic_driver is in fault velocity: clear it first"):
+        worked(["velocity"], domain=7)
+    assert capsys.readouterr().err == ""

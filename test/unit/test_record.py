@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic record` on a recorder that the test makes up: its length counts from the first row."""
+
+import signal
+import types
+
+import pytest
+from made_up_clock import Clock
+
+from haptic_device.nodes import FIRST_ROW
+from haptic_sim.cli import record
+
+EMPTY = "rosbag2_bagfile_information: {topics_with_message_count: [], custom_data: {}}"
+
+
+@pytest.fixture
+def recorded(tmp_path, monkeypatch, capsys):
+    """recorded(seconds, first, interrupted) gives what the command said, and when it ended the recorder [s].
+
+    The recorder prints a line after 5 s, and the first row comes at `first`; Ctrl-C at `interrupted`."""
+    clock = Clock().put(monkeypatch, record)
+    clock.strftime, out = lambda form: "now", tmp_path / "out"
+
+    class Recorder:
+        """In place of the nodes."""
+
+        def __init__(self, logs):
+            self.began, self.ended, self.first, self.interrupted = clock.now, 0.0, None, None
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *exception):
+            self.ended = self.ended or clock.now - self.began
+
+        def start(self, program):
+            (out / "bag").mkdir(parents=True)
+            (out / "bag" / "metadata.yaml").write_text(EMPTY)
+            self.first, self.interrupted = wish
+
+        def printed(self, name):
+            told, elapsed = "recording to bag\n", clock.now - self.began
+            told = told if elapsed >= 5.0 else ""
+            return f"{told}{FIRST_ROW}" if self.first is not None and elapsed >= self.first else told
+
+        def check(self):
+            if self.interrupted is not None and clock.now - self.began >= self.interrupted:
+                signal.raise_signal(signal.SIGINT)
+            return {name: (self.printed(name).splitlines() or [""])[-1] for name in ("haptic_recorder",)}
+
+    def command(seconds=None, first=None, interrupted=None):
+        nonlocal wish
+        wish, made = (first, interrupted), []
+        monkeypatch.setattr(record, "Nodes", lambda logs: made.append(Recorder(logs)) or made[0])
+        try:
+            record.record(out, seconds)
+            said = capsys.readouterr().err
+        except ValueError as error:
+            said = f"refused: {error}; {capsys.readouterr().err}"
+        return types.SimpleNamespace(said=said.strip(), ended=made[0].ended)
+
+    wish = (None, None)
+    return command
+
+
+def test_so_many_seconds_are_those_from_the_first_row_on(recorded, tmp_path):
+    for first in (6.0, 40.0):
+        found = recorded(seconds=4.0, first=first)
+        assert first + 4.0 <= found.ended <= first + 4.0 + 4 * record.LOOK_PERIOD
+        assert found.said == f"recording to {tmp_path / 'out' / 'bag'}"
+        (tmp_path / "out" / "bag" / "metadata.yaml").unlink()
+        (tmp_path / "out" / "bag").rmdir()
+
+
+@pytest.mark.parametrize("early", [True, False])
+def test_a_first_row_is_waited_for_from_the_recorders_last_word_on_so_long_and_no_longer(recorded, early):
+    limit = 5.0 + record.HEARING
+    found = recorded(seconds=4.0, first=limit - 1.0 if early else limit + 1.0)
+    assert ("nothing was heard of /haptic in domain" in found.said) is not early
+    assert found.ended == pytest.approx(limit + 3.0 if early else limit, abs=1.0)
+
+
+def test_without_a_length_rows_are_waited_for_until_ctrl_c(recorded):
+    found = recorded(first=10 * record.HEARING, interrupted=11 * record.HEARING)
+    assert found.said.startswith("recording to ") and found.ended >= 11 * record.HEARING
+
+
+def test_ended_before_anything_was_heard_it_is_refused(recorded):
+    found = recorded(interrupted=10.0)
+    assert (
+        found.said.startswith("refused: nothing was heard of /haptic in domain ") and "recording to" not in found.said
+    )
