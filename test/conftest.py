@@ -15,7 +15,7 @@ from haptic_sim.live.domain import isolated_domain
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # No deadline: the first call of a kernel may compile it. The same draws each time, so that no test is a lottery; others
 # with `pytest --hypothesis-profile=search`.
-hypothesis.settings.register_profile("search", deadline=None)
+hypothesis.settings.register_profile("search", deadline=None, derandomize=False)
 hypothesis.settings.register_profile("project", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("project")
 
