@@ -8,6 +8,7 @@ import subprocess
 import hypothesis
 import pytest
 
+from haptic_device.jit import ensure_compiled
 from haptic_device.process import ending_with_us
 from haptic_sim.live.domain import isolated_domain
 
@@ -24,6 +25,15 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 LAST_LINES = []
+MANY = 500  # tests before which everything is compiled
+
+
+def pytest_runtestloop(session):
+    """All tests run on kernels in the cache, as by `make check`: a test that compiled would spend its limit on it."""
+    if len(session.items) > MANY and not session.config.option.collectonly:
+        from haptic_sim.kernels import ENTRIES
+
+        ensure_compiled(*ENTRIES)
 
 
 def pytest_terminal_summary(terminalreporter):
