@@ -12,7 +12,8 @@ from waiting import until
 
 ROOT = Path(__file__).resolve().parents[2]
 MISSING = 77
-USED = "bash cat dirname env grep mkdir mktemp paste rm sed sleep tail timeout touch tr".split()
+USED = ("bash", "cat", "dirname", "env", "grep", "mkdir", "mktemp", "paste", "rm", "sed")
+USED += ("sleep", "tail", "timeout", "touch", "tr")
 COLCON = """#!/bin/sh
 [ "$3" = build ] && mkdir -p install && touch install/local_setup.bash
 """
