@@ -7,6 +7,7 @@ from setuptools import find_packages, setup
 
 NAME = "haptic_display"
 SHARE = f"share/{NAME}"
+README = Path(__file__).resolve().parent / "README.md"  # colcon build --symlink-install runs this elsewhere
 
 ROS = [
     "ros-jazzy-rclpy[fastrtps]>=7.1",
@@ -44,17 +45,21 @@ def installed_files():
     files = sorted(path for path in Path("config").rglob("*") if path.suffix in kinds)
     folders = sorted({path.parent for path in files})
     config = [(f"{SHARE}/{folder}", [str(path) for path in files if path.parent == folder]) for folder in folders]
-    launch = [(f"{SHARE}/launch", [str(path) for path in sorted(Path("launch").glob("*.launch.py"))])]
+    python = [(f"{SHARE}/{folder}", sorted(map(str, Path(folder).glob("*.py")))) for folder in ("launch", "examples")]
     # Launchers under lib/ let `ros2 run` find the executables after a plain pip install too.
     scripts = [(f"lib/{NAME}", [str(path) for path in sorted(Path("scripts").iterdir()) if path.is_file()])]
     index = [("share/ament_index/resource_index/packages", [f"resource/{NAME}"]), (SHARE, ["package.xml"])]
-    return index + config + launch + scripts
+    return index + config + python + scripts
 
 
 setup(
     name=NAME,
     version="0.1.0",
     description="Haptic display of tool use: a virtual tool coupled to a haptic device's handle, passive by design.",
+    long_description=README.read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    # No public address yet: RFC 2606 reserves .example. Whoever publishes the package puts theirs, and a url, here and
+    # in package.xml.
     maintainer="haptic_display maintainers",
     maintainer_email="maintainers@haptic-display.example",
     license="Apache-2.0",

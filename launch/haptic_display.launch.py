@@ -6,29 +6,49 @@ does it, one transition after the other; `false`: they stay unconfigured for `ro
 configure` and its like.
 """
 
+from pathlib import Path
+
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
+from launch.conditions import IfCondition
 from launch.events import matches_action
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import LifecycleNode
+from launch_ros.actions import LifecycleNode, Node
 from launch_ros.event_handlers import OnStateTransition
 from launch_ros.events.lifecycle import ChangeState
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.utilities import prefix_namespace
 from lifecycle_msgs.msg import Transition
 
+from haptic_device.config_files import find
+from haptic_sim.live.system import TOGETHER
+from haptic_sim.scene import load
+
+RVIZ = Path(__file__).parents[1] / "config/layouts/haptic.rviz"
+RVIZ_TOPICS = ("markers", "robot_description")  # that it has below /haptic
+BOOLEAN = ["true", "True", "1", "false", "False", "0"]  # what IfCondition takes
+LAUNCH = "launch"
+
+# name: (default, meaning, choices; None: any text)
 ARGUMENTS = {
-    "namespace": ("haptic", "namespace of all nodes and topics"),
-    "parameters": ("", "parameter file (YAML) for all nodes; empty: every parameter at its default"),
-    "loopback": ("true", "start the loopback device; false when hardware is attached"),
-    "record": ("false", "start the recorder too"),
-    "autostart": ("true", "who configures and activates the nodes: true (they themselves), launch, or false (you)"),
+    "namespace": ("haptic", "namespace of all nodes and topics", None),
+    "parameters": ("", "parameter file of all nodes, or a name in config; empty: every parameter at its default", None),
+    "scene": ("", "scene, a file or a name; the simulated hand moves as it suggests; empty: as parameters say", None),
+    "device": ("", "device of driver and loopback, a file or a name; empty: as parameters say", None),
+    "enable": ("false", "the driver enables itself once the tool answers; false: as parameters say", BOOLEAN),
+    "loopback": ("true", "start the simulated device; false when hardware is attached", BOOLEAN),
+    "record": ("false", "start the recorder too", BOOLEAN),
+    "view": ("false", "start haptic_viewer too, whose page it prints the address of", BOOLEAN),
+    "rviz": ("false", "start rviz2 on this namespace, and haptic_viewer for its markers", BOOLEAN),
+    "autostart": ("true", "who configures and activates: true (the nodes), launch, or false (you)", [*BOOLEAN, LAUNCH]),
 }
 
 
 def generate_launch_description():
     """The arguments above, then the nodes they ask for."""
     declared = [
-        DeclareLaunchArgument(name, default_value=default, description=meaning)
-        for name, (default, meaning) in ARGUMENTS.items()
+        DeclareLaunchArgument(name, default_value=default, description=meaning, choices=choices)
+        for name, (default, meaning, choices) in ARGUMENTS.items()
     ]
     return LaunchDescription([*declared, OpaqueFunction(function=_nodes)])
 
@@ -36,11 +56,50 @@ def generate_launch_description():
 def _nodes(context):
     # Only here the arguments are plain text: ROS refuses an empty parameter file name, so it must be left out.
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    executables = ["haptic_driver", "haptic_simulation"]
-    executables += ["haptic_loopback"] if given["loopback"] == "true" else []
-    executables += ["haptic_recorder"] if given["record"] == "true" else []
-    nodes = [_node(executable, given) for executable in executables]
-    return nodes + ([action for node in nodes for action in _driven(node)] if given["autostart"] == "launch" else [])
+    choices = {name: given[name] for name, (*_, chosen) in ARGUMENTS.items() if chosen and given[name] != LAUNCH}
+    on = {name for name, value in choices.items() if IfCondition(value).evaluate(context)}
+    files = [str(find("", given["parameters"]))] if given["parameters"] else []
+    own = _own(given, on)
+    nodes = [_managed(name, given["namespace"], files, own.get(name, {})) for name in _executables(on)]
+    driven = [action for node in nodes for action in _driven(node)] if given["autostart"] == LAUNCH else []
+    page = [_page(given["namespace"], files)] if on & {"view", "rviz"} else []
+    return nodes + driven + page + ([_rviz(context, given["namespace"])] if "rviz" in on else [])
+
+
+def _executables(on):
+    optional = {"loopback": "haptic_loopback", "record": "haptic_recorder"}
+    return ["haptic_driver", "haptic_simulation", *(name for argument, name in optional.items() if argument in on)]
+
+
+def _own(given, on):
+    """{executable: parameters} that the arguments give. Raises OSError and ValueError as `find` and `load` do."""
+    driver, loopback, simulation, recorder = ({} if "autostart" in on else {"autostart": False} for _ in range(4))
+    if given["scene"]:
+        scene = find("scenes", given["scene"]).absolute()
+        simulation["scene"] = str(scene)
+        loopback |= {f"motion.{name}": value for name, value in load(scene).motion.items()}
+    if given["device"]:
+        find("devices", given["device"])
+        driver["device"] = loopback["device"] = given["device"]
+    if "enable" in on:
+        driver |= {"auto_enable": True, "auto_enable_wait": TOGETHER}
+    return dict(haptic_driver=driver, haptic_loopback=loopback, haptic_simulation=simulation, haptic_recorder=recorder)
+
+
+def _managed(executable, namespace, files, own):
+    return LifecycleNode(
+        package="haptic_display",
+        executable=executable,
+        name=executable,
+        namespace=namespace,
+        parameters=[*files, {name: _text(value) for name, value in own.items()}] if own else files,
+        output="screen",
+    )
+
+
+def _text(value):
+    """A text that stays one: launch reads a plain text as YAML, in which `off` is a boolean."""
+    return ParameterValue(value, value_type=str) if isinstance(value, str) else value
 
 
 def _driven(node):
@@ -56,18 +115,26 @@ def _change(node, transition):
     return EmitEvent(event=ChangeState(lifecycle_node_matcher=matches_action(node), transition_id=transition))
 
 
-def _node(executable, given):
-    return LifecycleNode(
+def _page(namespace, files):
+    return Node(
         package="haptic_display",
-        executable=executable,
-        name=executable,
-        namespace=given["namespace"],
-        parameters=_parameters(given),
+        executable="haptic_viewer",
+        name="haptic_viewer",
+        namespace=namespace,
+        parameters=files,
         output="screen",
     )
 
 
-def _parameters(given):
-    """The file, if there is one; and what the argument autostart says against it."""
-    file = [given["parameters"]] if given["parameters"] else []
-    return file if given["autostart"] == "true" else [*file, {"autostart": False}]
+def _rviz(context, namespace):
+    """RViz, with topics and world of this namespace in place of those of /haptic."""
+    inside = prefix_namespace(context.launch_configurations.get("ros_namespace"), namespace).strip("/")
+    root = f"{inside}/" if inside else ""
+    return Node(
+        package="rviz2",
+        executable="rviz2",
+        namespace=namespace,
+        arguments=["-d", str(RVIZ), "-f", f"{root.replace('/', '_')}map"],
+        remappings=[(f"/haptic/{topic}", f"/{root}{topic}") for topic in RVIZ_TOPICS],
+        output="screen",
+    )

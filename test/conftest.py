@@ -8,6 +8,7 @@ import subprocess
 import hypothesis
 import pytest
 
+from haptic_device.jit import ensure_compiled
 from haptic_device.process import ending_with_us
 from haptic_sim.live.domain import isolated_domain
 
@@ -15,7 +16,7 @@ from haptic_sim.live.domain import isolated_domain
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # No deadline: the first call of a kernel may compile it. The same draws each time, so that no test is a lottery; others
 # with `pytest --hypothesis-profile=search`.
-hypothesis.settings.register_profile("search", deadline=None)
+hypothesis.settings.register_profile("search", deadline=None, derandomize=False)
 hypothesis.settings.register_profile("project", deadline=None, derandomize=True)
 hypothesis.settings.load_profile("project")
 
@@ -24,6 +25,15 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 LAST_LINES = []
+MANY = 500  # tests before which everything is compiled
+
+
+def pytest_runtestloop(session):
+    """All tests run on kernels in the cache, as by `make check`: a test that compiled would spend its limit on it."""
+    if len(session.items) > MANY and not session.config.option.collectonly:
+        from haptic_sim.kernels import ENTRIES
+
+        ensure_compiled(*ENTRIES)
 
 
 def pytest_terminal_summary(terminalreporter):

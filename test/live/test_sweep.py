@@ -31,6 +31,7 @@ NOBODY = "tcp://127.0.0.1:9"  # the discard port: nothing listens there
 @pytest.fixture(scope="module")
 def kept(tmp_path_factory):
     """A scheduler that the tests of this file share."""
+    pytest.importorskip("distributed")
     with _scheduler(tmp_path_factory.mktemp("scheduler") / "log") as (address, _):
         yield address
 
@@ -107,6 +108,7 @@ def test_a_cluster_maps_the_same_to_the_bit_though_a_worker_is_killed_in_the_mid
 
 
 def test_a_scheduler_that_is_killed_in_the_middle_is_a_sentence_and_what_was_done_is_kept(worker, tmp_path, caplog):
+    pytest.importorskip("distributed")
     request, seen = SMALL._replace(setup=SMALL.setup._replace(seconds=3.0)), []
     plane = empty(request)
 
@@ -167,6 +169,7 @@ def test_processes_of_a_sweep_end_with_the_one_that_is_killed(start):
 
 
 def test_a_scheduler_that_is_not_there_is_a_sentence(monkeypatch):
+    pytest.importorskip("distributed")
     monkeypatch.setattr(sweep, "PATIENCE", 0.5)
     with pytest.raises(ValueError, match="no scheduler answers at tcp://127.0.0.1:9 within 0.5 s; nothing is lost"):
         draw_map(SMALL, 1, scheduler=NOBODY)

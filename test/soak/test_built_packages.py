@@ -14,7 +14,9 @@ ROOT = Path(__file__).resolve().parents[2]
 SHARE = Path("share/haptic_display")
 CONFIG = sorted(path.relative_to(ROOT) for path in (ROOT / "config").rglob("*.yaml"))
 EXECUTABLES = sorted(path.name for path in (ROOT / "scripts").iterdir())
-INSTALLED = [SHARE / "package.xml", SHARE / "launch/haptic_display.launch.py", *(SHARE / path for path in CONFIG)]
+EXAMPLES = sorted(path.relative_to(ROOT) for path in (ROOT / "examples").glob("*.py"))
+INSTALLED = [SHARE / "package.xml", SHARE / "launch/haptic_display.launch.py"]
+INSTALLED += [SHARE / path for path in (*CONFIG, *EXAMPLES, Path("config/layouts/haptic.rviz"))]
 
 
 @pytest.fixture
@@ -47,6 +49,9 @@ def test_colcon_builds_executables_scenes_and_launch_files_into_their_places(clo
     run(Path(sys.executable).parent / "colcon", "--log-base", "log", "build", folder=clone)
     prefix = clone / "install/haptic_display"
     assert installed_in(prefix) == []
+    assert {path.parent.name for path in prefix.rglob("py.typed")} == {"haptic_device", "haptic_sim"}
+    launchers = [prefix / "lib/haptic_display" / name for name in EXECUTABLES]
+    assert {path.read_text().splitlines()[0] for path in launchers} == {"#!/usr/bin/env python3"}
     where = f"{sys.executable} -c 'import haptic_sim; print(haptic_sim.__file__)'"
     check = f"{prefix}/lib/haptic_display/haptic check {prefix / SHARE}/config/scenes/wall.yaml"
     sourced = f"source {clone}/install/setup.bash; {where}; {check}"
@@ -61,4 +66,7 @@ def test_pip_installs_the_same_files_and_the_commands(clone, tmp_path):
     run(sys.executable, "-m", "pip", "install", *options, ".", folder=clone)
     assert installed_in(prefix) == []
     assert sorted(path.name for path in (prefix / "bin").iterdir()) == EXECUTABLES
+    (described,) = prefix.rglob("METADATA")
+    head, _, body = described.read_text().partition("\n\n")
+    assert "Description-Content-Type: text/markdown" in head and body.startswith("# haptic_display")
     assert {path.parent.name for path in prefix.rglob("py.typed")} == {"haptic_device", "haptic_sim"}

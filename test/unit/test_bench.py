@@ -19,6 +19,7 @@ from reference.case import case
 from reference.reference import reference
 
 ROOT = Path(__file__).parents[2]
+PACKAGES = {"box2d": "Box2D", "mujoco_rk4": "mujoco", "mujoco_implicit": "mujoco"}  # of the peers that are optional
 
 
 def made(method="partitioned", error=1e-3, wall=1.0, scene="wall", kind="single contact", status=STABLE, step=100):
@@ -29,6 +30,7 @@ def made(method="partitioned", error=1e-3, wall=1.0, scene="wall", kind="single 
 @pytest.mark.parametrize("name", ["free_space", "pendulum", "four_bar", "slider", "wall"])
 def test_every_peer_comes_to_the_closed_form(peer, name):
     """So that what is compared is the same problem: signs, anchors, masses, coupling, hand."""
+    pytest.importorskip(PACKAGES.get(peer, "pymunk"))
     found = run(case(name), reference(name), peer, 250)
     assert found.status == STABLE
     assert found.error < 2e-3
@@ -36,6 +38,7 @@ def test_every_peer_comes_to_the_closed_form(peer, name):
 
 @pytest.mark.parametrize("method", ["partitioned", "closed_form", "penalty_implicit", "pymunk", "mujoco_implicit"])
 def test_the_whole_path_in_one_call_ends_where_sample_by_sample_does(method):
+    pytest.importorskip(PACKAGES.get(method, "pymunk"))
     of, places = case("wall"), []
     for chunk in (1, 100):
         made_of = world.make(method, of.scene, 1e-4)
@@ -48,6 +51,7 @@ def test_the_whole_path_in_one_call_ends_where_sample_by_sample_does(method):
 
 
 def test_a_peer_that_cannot_model_a_scene_is_marked_and_not_counted():
+    pytest.importorskip("mujoco")
     found = run(case("zeno_ball"), reference("zeno_ball"), "mujoco_rk4", 100)
     assert found.status == "cannot: no restitution"
     assert not found.counts
@@ -115,6 +119,7 @@ def test_the_table_in_the_documents_is_that_of_the_stored_runs():
 
 
 def test_speed_error_writes_runs_table_and_plots_and_prints_one_json_object(tmp_path):
+    pytest.importorskip("mujoco")
     done = bench(
         "speed_error",
         "--short",
@@ -193,6 +198,7 @@ def test_a_shot_that_came_through_a_thin_plate_is_seen():
 
 
 def test_hard_cases_prints_a_table_of_who_survives(tmp_path):
+    pytest.importorskip("mujoco")
     done = bench(
         "hard_cases", "--short", "--scenes", "thin_plate", "--methods", "partitioned,mujoco_rk4", "--out", tmp_path
     )

@@ -86,6 +86,7 @@ def test_interrupted_it_keeps_the_rows_that_were_done_and_says_where(tmp_path, m
 
 
 def test_what_is_refused_before_the_first_row_leaves_an_earlier_map_as_it_is(tmp_path, monkeypatch):
+    pytest.importorskip("distributed")
     monkeypatch.setattr(sweep, "PATIENCE", 0.5)
     (tmp_path / "map.csv").write_text("an earlier map")
     result = haptic(tmp_path, scheduler="tcp://127.0.0.1:9")

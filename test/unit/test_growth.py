@@ -122,6 +122,7 @@ def test_a_run_that_takes_too_long_is_ended_and_says_so():
 
 
 def test_the_table_has_a_row_for_each_engine_and_says_which_cannot(tmp_path):
+    pytest.importorskip("Box2D")
     done = bench("growth", "--short", "--worlds", "chain", "--methods", "partitioned,pymunk,box2d", "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     rows = [line for line in done.stdout.splitlines() if line.startswith("| chain")]

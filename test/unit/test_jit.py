@@ -8,12 +8,15 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
+from types import SimpleNamespace
 
+import conftest
 import numpy as np
 import pytest
 
 from haptic_device import jit
 from haptic_device.control import records
+from haptic_sim.kernels import ENTRIES
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -193,3 +196,16 @@ def test_a_link_in_place_of_the_folder_is_refused(tmp_path):
     (tmp_path / "memory").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(PermissionError):
         jit.private(tmp_path / "memory")
+
+
+@pytest.mark.parametrize(
+    ("tests", "collect_only", "compiles"), [(600, False, True), (600, True, False), (3, False, False)]
+)
+def test_everything_is_compiled_before_many_tests_are_run_and_nothing_before_a_few(
+    monkeypatch, tests, collect_only, compiles
+):
+    asked = []
+    monkeypatch.setattr(conftest, "ensure_compiled", lambda *entries: asked.append(set(entries)))
+    config = SimpleNamespace(option=SimpleNamespace(collectonly=collect_only))
+    conftest.pytest_runtestloop(SimpleNamespace(items=[None] * tests, config=config))
+    assert asked == ([set(ENTRIES)] if compiles else [])

@@ -67,5 +67,7 @@ def test_every_path_of_foxglove_is_an_entry_of_a_recorded_topic():
 def test_rviz_shows_the_markers_in_their_frame():
     manager = yaml.safe_load((LAYOUTS / "haptic.rviz").read_text())["Visualization Manager"]
     topics = {display["Topic"]["Value"] for display in manager["Displays"] if "Topic" in display}
-    assert topics <= OWN and manager["Global Options"]["Fixed Frame"] == frame_id("/haptic", "map")
+    assert topics <= OWN
+    assert manager["Global Options"]["Fixed Frame"] == frame_id("/haptic", "map")
+    assert manager["Views"]["Current"]["Target Frame"] == "<Fixed Frame>", "which the launch file sets"
     assert json.loads((LAYOUTS / "foxglove.json").read_text())["configById"]["3D!plane"]["followTf"] == "haptic_map"

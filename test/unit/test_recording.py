@@ -323,6 +323,7 @@ def test_the_picture_of_a_run_is_of_readable_size_and_shows_all_its_panels(run, 
 
 @pytest.mark.parametrize("library", ["pandas", "polars"])
 def test_a_topic_becomes_a_data_frame_over_the_one_clock(run, library):
+    pytest.importorskip(library)
     recording, rows = load(run), swing(2000)
     trace = recording.to_dataframe("trace", library)
     assert np.array_equal(trace["position.x"].to_numpy(), rows["position"][:, 0])
