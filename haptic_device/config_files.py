@@ -3,9 +3,18 @@
 
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 INSTALLED = Path("share/haptic_display/config")
+
+
+class ConfigError(ValueError):
+    """A file that cannot be used: one sentence. `found`: one for each thing that is wrong, without the file's name."""
+
+    def __init__(self, sentence: str, found: Sequence[str] = ()):
+        super().__init__(sentence)
+        self.found = tuple(found) or (sentence,)
 
 
 def find(folder: str, name) -> Path:
@@ -15,16 +24,36 @@ def find(folder: str, name) -> Path:
     """
     if Path(name).is_file():
         return Path(name)
-    for root in _roots():
-        if (path := root / folder / f"{name}.yaml").is_file():
-            return path
-    there = ", ".join(names(folder)) or "no file at all"
-    raise FileNotFoundError(f"{name} is neither a file nor a name in {Path('config', folder)}, which has {there}")
+    if path := _shipped(folder, name):
+        return path
+    raise FileNotFoundError(f"{name} is neither a file nor {_no_name(folder)}")
+
+
+def find_beside(file: Path, folder: str, name: str) -> str:
+    """What a YAML file means by `name`: a name in config/<folder>, as it stands, or else a path from the file's folder.
+
+    The path comes back absolute. Raises FileNotFoundError if it is neither, ValueError if it is both; one sentence.
+    """
+    path = Path(os.path.abspath(Path(file).parent / name))
+    shipped = None if "/" in name else _shipped(folder, name)
+    if path.is_file() and shipped:
+        raise ValueError(f"{name!r} is both the file {path} and a name in config/{folder}; write ./{name} for the file")
+    if not path.is_file() and not shipped:
+        raise FileNotFoundError(f"{name!r} is neither the file {path} nor {_no_name(folder)}")
+    return name if shipped else str(path)
 
 
 def names(folder: str) -> list[str]:
     """Sorted names that find(folder, name) knows, without the .yaml."""
     return sorted({path.stem for root in _roots() for path in (root / folder).glob("*.yaml")})
+
+
+def _shipped(folder, name):
+    return next((path for root in _roots() if (path := root / folder / f"{name}.yaml").is_file()), None)
+
+
+def _no_name(folder):
+    return f"a name in {Path('config', folder)}, which has {', '.join(names(folder)) or 'no file at all'}"
 
 
 def _roots():

@@ -76,27 +76,35 @@ def _set_exchange(settings, values):
 
 
 def _set_walls(settings, values):
+    for sentence in wall_problems(int(settings["axes"][0]), values):
+        raise ValueError(sentence)
     offsets, normals = values["wall.offsets"], values["wall.normals"]
-    count = len(offsets)
-    if count > MOST_WALLS:
-        raise ValueError(f"wall.offsets names {count} walls; the limit is {MOST_WALLS}")
-    for name, per_wall in (("wall.normals", 2), ("wall.stiffness", 1), ("wall.damping", 1)):
-        if len(values[name]) != per_wall * count:
-            raise ValueError(f"{name} has {len(values[name])} numbers; {count} walls need {per_wall * count}")
-    settings["wall"]["count"] = count
-    for i in range(count):
+    settings["wall"]["count"] = len(offsets)
+    for i in range(len(offsets)):
         nx, ny = normals[2 * i : 2 * i + 2]
         length = math.hypot(nx, ny)
-        if abs(length - 1.0) > 1e-3:
-            raise ValueError(f"wall.normals of wall {i} is [{nx:g}, {ny:g}], of length {length:g}; write a unit vector")
-        if abs(ny) > 1e-3 and int(settings["axes"][0]) < 2:
-            raise ValueError(f"wall.normals of wall {i} is [{nx:g}, {ny:g}]; the device has no y axis, so ny must be 0")
         settings["wall"]["x"][0, i], settings["wall"]["y"][0, i] = nx / length, ny / length
         settings["wall"]["offset"][0, i] = offsets[i]
         settings["wall"]["stiffness"][0, i], settings["wall"]["damping"][0, i] = (
             values["wall.stiffness"][i],
             values["wall.damping"][i],
         )
+
+
+def wall_problems(axes, values):
+    """One sentence for each thing that does not fit in the walls of these values, on a device of so many axes."""
+    normals, count = values["wall.normals"], len(values["wall.offsets"])
+    if count > MOST_WALLS:
+        yield f"wall.offsets names {count} walls; the limit is {MOST_WALLS}"
+    for name, per_wall in (("wall.normals", 2), ("wall.stiffness", 1), ("wall.damping", 1)):
+        if len(values[name]) != per_wall * count:
+            yield f"{name} has {len(values[name])} numbers; {count} walls need {per_wall * count}"
+    for i, (nx, ny) in enumerate(zip(normals[::2], normals[1::2], strict=False)):
+        length = math.hypot(nx, ny)
+        if abs(length - 1.0) > 1e-3:
+            yield f"wall.normals of wall {i} is [{nx:g}, {ny:g}], of length {length:g}; write a unit vector"
+        elif abs(ny) > 1e-3 and axes < 2:
+            yield f"wall.normals of wall {i} is [{nx:g}, {ny:g}]; the device has no y axis, so ny must be 0"
 
 
 def gains_from(values):

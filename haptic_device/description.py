@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Device description: what a haptic device is made of, in SI, read from YAML."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic_core import ErrorDetails
 
-from haptic_device.config_files import find
+from haptic_device.config_files import ConfigError, find
 from haptic_device.parameter_types import unknown
 
 Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False, strict=True)]
@@ -56,11 +58,16 @@ class Axis(Part):
 
     @model_validator(mode="after")
     def _sensible(self) -> Self:
-        if self.workspace[0] >= self.workspace[1]:
-            raise ValueError(f"workspace is {list(self.workspace)}; write [low, high]")
         if self.damping / self.mass > MOST_STIFF:
             raise ValueError(f"damping/mass is {self.damping / self.mass:g} 1/s; the limit is {MOST_STIFF:g} 1/s")
         return self
+
+    @field_validator("workspace")
+    @classmethod
+    def _rising(cls, value: tuple[float, float]) -> tuple[float, float]:
+        if value[0] >= value[1]:
+            raise ValueError("write [low, high]")
+        return value
 
 
 class Device(Part):
@@ -95,27 +102,42 @@ class Device(Part):
 
 
 def load_device(name: str | Path) -> Device:
-    """The device of this name (config/devices) or file. Raises ValueError, one sentence; FileNotFoundError likewise."""
+    """The device of this name (config/devices) or file. Raises ConfigError or FileNotFoundError, one sentence."""
     path = find("devices", name)
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
         if not isinstance(content, dict):
-            raise ValueError(f"{path}: the file holds no mapping of names to values")
+            raise ConfigError(f"{path}: the file holds no mapping of names to values")
         return Device.model_validate(content)
     except ValidationError as error:
-        raise ValueError(f"{path}: {_sentence(error)}") from None
+        found = _sentences(error)
+        raise ConfigError(f"{path}: {found[0]}", found) from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+        raise ConfigError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
 
 
-def _sentence(error: ValidationError) -> str:
-    """The first problem of a validation: where, what was given, what is wanted."""
-    first = error.errors()[0]
-    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in first["loc"]).lstrip(".")
-    if first["type"] == "extra_forbidden":
+def _sentences(errors: ValidationError) -> list[str]:
+    """Each problem of a validation: where, what was given, what is wanted."""
+    return [_sentence(error) for error in without_echoes(errors.errors())]
+
+
+def without_echoes(errors: Sequence[ErrorDetails]) -> list[ErrorDetails]:
+    """Without what pydantic calls too short only because the items that it had were wrong."""
+    places = [error["loc"] for error in errors]
+
+    def echo(error: ErrorDetails) -> bool:
+        own = error["loc"]
+        return error["type"] == "too_short" and any(place != own and place[: len(own)] == own for place in places)
+
+    return [error for error in errors if not echo(error)]
+
+
+def _sentence(error: ErrorDetails) -> str:
+    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error["loc"]).lstrip(".")
+    if error["type"] == "extra_forbidden":
         known = {**Axis.model_fields, **Device.model_fields, **DragSensor.model_fields}
-        last = str(first["loc"][-1])
+        last = str(error["loc"][-1])
         return where.removesuffix(last) + unknown(last, "a key of a device description", known)
-    reason = first["msg"].removeprefix("Value error, ")
-    given = "" if isinstance(first["input"], dict) else f"{where} is {first['input']!r}: "
+    reason = error["msg"].removeprefix("Value error, ")
+    given = "" if isinstance(error["input"], dict) else f"{where} is {error['input']!r}: "
     return f"{given or where + ': '}{reason[0].lower()}{reason[1:]}"

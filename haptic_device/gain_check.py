@@ -119,9 +119,19 @@ def cross(settings):
 
 def refusal(settings, lateness=0.0):
     """The sentence that refuses gains which the device's damping does not cover; "" if it covers them."""
+    return next(refusals(settings, lateness), "")
+
+
+def refusals(settings, lateness=0.0):
+    """A sentence for each wall and axis whose gains the device's damping does not cover, or one for all together."""
     if min(margins(settings, lateness)[1:]) > 0.0:
-        return ""
-    return next(filter(None, _blames(settings, lateness)), _together(settings, lateness))
+        return
+    alone = False
+    for sentence in filter(None, _blames(settings, lateness)):
+        alone = True
+        yield sentence
+    if not alone:
+        yield _together(settings, lateness)
 
 
 def _blames(settings, lateness):

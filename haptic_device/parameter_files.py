@@ -6,26 +6,59 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from haptic_device import ros_yaml
+from haptic_device.config_files import find_beside
 from haptic_device.parameter_types import ROS_OWN, SECTION, Parameter, check_value, shown, unknown
+
+PLACES = {"device": "devices", "scene": "scenes"}
+"""Parameters that name a file that is read, and the folder of config/ whose names they may take."""
 
 
 def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
     """What the ROS 2 parameter file at path gives each of the nodes when they run in namespace.
 
-    Returns {node: {name: value}} with the values written in the file only; later sections win, as in ROS 2. Raises
-    ValueError with the first sentence of operating_point_problems, and OSError if the file cannot be read.
+    Returns {node: {name: value}} with the values written in the file only; later sections win, as in ROS 2. Paths
+    (PLACES) are relative to the file's folder and come back absolute. Raises ValueError with the first sentence of
+    operating_point_problems or file_problems, and OSError if the file cannot be read.
     """
     document = _load(path)
-    for sentence in operating_point_problems(document, nodes):
+    values, _ = right_values(document, nodes, namespace)
+    for sentence in (*operating_point_problems(document, nodes), *file_problems(values, path)):
         raise ValueError(f"{path}: {sentence}")
-    values = {node: {} for node in nodes}
+    return values
+
+
+def right_values(document: dict, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
+    """Of each node the values that are right, {node: {name: value}}, and the names of those that are not."""
+    values, wrong = {node: {} for node in nodes}, {node: set() for node in nodes}
     for key, given in _sections(document):
         for node in nodes:
-            if _pattern(key).fullmatch(f"{namespace.rstrip('/')}/{node}"):
-                declared = {parameter.name: parameter for parameter in nodes[node]}
-                taken = {name: check_value(declared[name], given[name]) for name in given if name in declared}
-                values[node].update(taken)
-    return values
+            if not _pattern(key).fullmatch(f"{namespace.rstrip('/')}/{node}"):
+                continue
+            for parameter in nodes[node]:
+                if parameter.name in given:
+                    _take(parameter, given[parameter.name], values[node], wrong[node])
+    return values, wrong
+
+
+def _take(parameter, value, values, wrong):
+    name = parameter.name
+    wrong.discard(name)
+    try:
+        values[name] = check_value(parameter, value)
+    except ValueError:
+        values.pop(name, None)
+        wrong.add(name)
+
+
+def file_problems(values: dict[str, dict], path) -> Iterator[str]:
+    """One sentence for each file named in these values that is not there; the others are made absolute in place."""
+    for node, given in values.items():
+        for name, folder in PLACES.items():
+            if name in given:
+                try:
+                    given[name] = find_beside(path, folder, given[name])
+                except (OSError, ValueError) as error:
+                    yield f"{node}: {name} {error}"
 
 
 def operating_point_problems(document: dict, nodes: Mapping[str, tuple[Parameter, ...]]) -> Iterator[str]:

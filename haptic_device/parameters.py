@@ -12,13 +12,14 @@ from pydantic import Field
 from haptic_device.parameter_types import Group, Parameter, Watched, fixed, limits_of, live, parameters_of
 
 MOST_WALLS = 64  # walls; settings are a record of fixed size
+MOST_WAYPOINTS = 31  # of the hand, after its start
 KEPT = 33  # samples: windows of up to 32 ticks
 
 Source = Literal["model", "measured"]
 Estimator = Literal["backward_difference", "lowpass", "adaptive_window"]
 ExchangeMethod = Literal["direct", "wave", "pspm", "local"]
 Policy = Literal["enforce", "warn", "off"]
-Script = Literal["hold", "insert_peg", "press_wall", "tap", "circle", "let_go", "follow"]
+Script = Literal["hold", "insert_peg", "press_wall", "tap", "circle", "let_go", "waypoints", "follow"]
 Realtime = Literal["require", "prefer", "off"]
 SOURCES, ESTIMATORS, EXCHANGE_METHODS = get_args(Source), get_args(Estimator), get_args(ExchangeMethod)
 POLICIES, SCRIPTS = get_args(Policy), get_args(Script)
@@ -165,6 +166,9 @@ class Motion(Group):
     )
     target: tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...] = fixed(
         (0.0, 0.0, 0.0), "m, m, rad", "where the script leads"
+    )
+    waypoints: tuple[Annotated[float, Field(ge=-1000.0, le=1000.0)], ...] = fixed(
+        (), "m, m, rad", f"where the script waypoints leads, flat: x, y, theta of each; at most {MOST_WAYPOINTS}"
     )
     duration: float = fixed(4.0, "s", "time of the whole script", 0.1, 36000.0)
     radius: float = fixed(0.03, "m", "radius of the circle, whose rightmost point is motion.start", 0.0, 1.0)

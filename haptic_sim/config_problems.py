@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is wrong in a configuration file: an operating point, a device description or a scene."""
+"""What is wrong in a configuration file, all of it: an operating point, a device description or a scene."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 from haptic_device import controller_config, gain_check, ros_yaml
+from haptic_device.config_files import ConfigError
 from haptic_device.description import load_device
-from haptic_device.device import loopback_config
-from haptic_device.parameter_files import operating_point_problems, read_operating_point
+from haptic_device.device import loopback_config, operator_hand
+from haptic_device.parameter_files import file_problems, operating_point_problems, right_values
 from haptic_device.parameter_types import SECTION, check_value, unknown
 from haptic_device.parameters import OPERATOR
 from haptic_sim.node_parameters import NODES
+from haptic_sim.scene import flat_motion
 from haptic_sim.scene import load as load_scene
 
 
@@ -18,12 +21,11 @@ def problems(path: Path) -> list[str]:
     try:
         document = ros_yaml.load(path)
         if _has_section(document):
-            return list(operating_point_problems(document, NODES)) or _together(path)
+            return [*operating_point_problems(document, NODES), *dict.fromkeys(_together(document, path))]
         if "axes" in document:
-            load_device(path)
-            return []
+            return _found(load_device, path)
         if "bodies" in document or "tool" in document:
-            return _motion(load_scene(path).motion)
+            return [*_found(load_scene, path), *_motion(document.get("motion"))]
         raise ValueError(
             f"neither an operating point ({SECTION}), a device description (axes) nor a scene (bodies, tool): "
             f"it has {', '.join(document) or 'no keys'}"
@@ -34,33 +36,98 @@ def problems(path: Path) -> list[str]:
         return [str(error).removeprefix(f"{path}: ")]
 
 
-def _together(path):
-    """What is wrong with values that are right one by one: walls that do not fit, gains beyond the device, names."""
-    given = read_operating_point(path, NODES)
-    everything = {
-        node: {parameter.name: parameter.default for parameter in declared} | given.get(node, {})
+def _found(load, path) -> list[str]:
+    try:
+        load(path)
+    except ConfigError as error:
+        return [sentence.removeprefix(f"{path}: ") for sentence in error.found]
+    return []
+
+
+def _together(document, path) -> Iterator[str]:
+    """What is wrong with values that are right one by one: names, walls that do not fit, gains beyond the device."""
+    given, wrong = right_values(document, NODES)
+    missing = list(file_problems(given, path))
+    yield from missing
+    values = {
+        node: {parameter.name: parameter.default for parameter in declared} | given[node]
         for node, declared in NODES.items()
     }
-    driver = everything["haptic_driver"]
-    device = load_device(driver["device"])
-    loopback_config.hand_from(load_device(everything["haptic_loopback"]["device"]), everything["haptic_loopback"])
-    load_scene(everything["haptic_simulation"]["scene"])
-    settings = controller_config.settings_from(device, driver)
-    refusal = (
-        gain_check.refusal(settings[0], float(settings[0]["hardware"]["delay"]))
-        if driver["passivity.policy"] == "enforce"
-        else ""
+    named = (
+        ("haptic_driver", "device", load_device, _driver),
+        ("haptic_loopback", "device", load_device, _hand),
+        ("haptic_simulation", "scene", load_scene, None),
     )
-    return [refusal] if refusal else []
+    for node, name, load, judge in named:
+        if name in wrong[node] or any(sentence.startswith(f"{node}: {name} ") for sentence in missing):
+            continue
+        try:
+            content = load(values[node][name])
+        except (OSError, ValueError) as error:
+            yield str(error)
+            continue
+        if judge:
+            yield from judge(content, values[node], wrong[node])
 
 
-def _motion(motion):
+def _driver(device, values, wrong) -> Iterator[str]:
+    """What of a driver's values does not fit its device; where some are wrong, their defaults count."""
+    walls = [] if _any(wrong, "wall.") else list(controller_config.wall_problems(len(device.axes), values))
+    yield from walls
+    if walls or _any(wrong, "wall."):
+        values = values | {name: () for name in values if name.startswith("wall.")}
+    others = sorted(name for name in wrong if not name.startswith("wall."))
+    told = f" (with the default of {', '.join(others)})" if others else ""
+    try:
+        settings = controller_config.settings_from(device, values)[0]
+    except ValueError as error:
+        yield f"{error}{told}"
+        return
+    if values["passivity.policy"] == "enforce":
+        lateness = float(settings["hardware"]["delay"])
+        yield from (f"{sentence}{told}" for sentence in gain_check.refusals(settings, lateness))
+
+
+def _hand(device, values, wrong) -> Iterator[str]:
+    """What of a loopback's values does not fit its device."""
+    if not _any(wrong, "motion."):
+        try:
+            loopback_config.hand_from(device, values)
+        except ValueError as error:
+            yield str(error)
+
+
+def _any(names, begin) -> bool:
+    return any(name.startswith(begin) for name in names)
+
+
+def _motion(motion) -> list[str]:
     """What the loopback would refuse of a scene's suggested motion."""
-    known = {parameter.name: parameter for parameter in OPERATOR}
+    known, wrong = {parameter.name: parameter for parameter in OPERATOR if parameter.name.startswith("motion.")}, []
+    if not isinstance(motion, dict):  # which the scene's language refuses, if it is there
+        return []
+    try:
+        motion = flat_motion(motion)
+    except ValueError:  # likewise
+        motion = {**motion, "waypoints": [0.0, 0.0, 0.0]}
     for key, value in motion.items():
-        if f"motion.{key}" not in known:
-            return [unknown(f"motion.{key}", "a parameter of haptic_loopback", known)]
-        check_value(known[f"motion.{key}"], value)
+        try:
+            if f"motion.{key}" not in known:
+                raise ValueError(unknown(f"motion.{key}", "a parameter of haptic_loopback", known))
+            check_value(known[f"motion.{key}"], value)
+        except ValueError as error:
+            wrong.append(str(error))
+    return wrong or _script(motion)
+
+
+def _script(motion) -> list[str]:
+    try:
+        operator_hand.script(
+            {parameter.name: parameter.default for parameter in OPERATOR}
+            | {f"motion.{key}": value for key, value in motion.items()}
+        )
+    except ValueError as error:
+        return [str(error)]
     return []
 
 

@@ -2,8 +2,12 @@
 """What came of a run: its figures from the bag, and whether its job was done."""
 
 import math
+from itertools import chain
+
+import numpy as np
 
 from haptic_device.analysis.report.summary import (
+    contact_figures,
     energy_figures,
     engaged_rows,
     exchange_figures,
@@ -33,12 +37,10 @@ def figures(recording: Recording, started: float) -> dict:
         "exchange": exchange_figures(recording, rows),
         "simulation": {name: simulation.get(name) for name in ("method", "why")},
         "energy_j": energy_figures(recording, rows),
-        "contact": {
-            "max_force_n": _number(simulation, "max_contact_force"),
-            "max_penetration_m": _number(simulation, "max_penetration"),
-        },
+        "contact": contact_figures(recording, rows),
         "residual": residual_figures(recording, rows),
         "result": _result(simulation),
+        "result_greatest": _greatest(recording),
         "faults": faults(recording),
         "startup_s": first_command(recording.trace) - started,
     }
@@ -46,7 +48,8 @@ def figures(recording: Recording, started: float) -> dict:
 
 def nothing() -> dict:
     """The same keys for a run that left no figures."""
-    return {"seconds": 0.0, **dict.fromkeys(_NOTHING), "residual": None, "result": {}, "faults": []}
+    none = {**dict.fromkeys(_NOTHING), "residual": None}
+    return {"seconds": 0.0, **none, "result": {}, "result_greatest": {}, "faults": []}
 
 
 def job_done(found: dict, ended: bool, share: float = ANSWERED) -> bool:
@@ -64,6 +67,11 @@ def _result(values: dict[str, str]) -> dict[str, float]:
     return {key: value for key, value in said.items() if not math.isnan(value)}
 
 
-def _number(values: dict[str, str], key: str) -> float | None:
-    value = number(values.get(key, ""))
-    return None if math.isnan(value) else value
+def _greatest(recording: Recording) -> dict[str, float]:
+    """The greatest value of each result over the run: of every state that the simulation has shown, and its status."""
+    found = [_result(status.values) for status in recording.statuses("haptic_simulation")]
+    if state := recording.joints.get("scene/state"):
+        shown = {name.removeprefix("result."): name for name in state.names if name.startswith("result.")}
+        values = {short: state.entry(name) for short, name in shown.items()}
+        found += [{short: float(np.nanmax(column)) for short, column in values.items() if not np.isnan(column).all()}]
+    return {name: max(said[name] for said in found if name in said) for name in dict.fromkeys(chain(*found))}

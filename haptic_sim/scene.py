@@ -11,18 +11,35 @@ from typing import Annotated, Any, Self
 
 import yaml
 from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
-from haptic_device.config_files import find
+from haptic_device.config_files import ConfigError, find
 from haptic_sim import scene_validation
 from haptic_sim.geometry import finest_feature
 from haptic_sim.joint import AnyJoint
 from haptic_sim.method_registry import offered
-from haptic_sim.scene_refusal import sentence
+from haptic_sim.scene_refusal import UNFIT, is_unfit, sentences, with_stand_ins
 from haptic_sim.solid import TOOL, AnySolid, Body, Direction, Material, Number, Part, Point, Positive, Tool, Unit
 
 
-class SceneError(ValueError):
+class SceneError(ConfigError):
     """A scene that cannot be used: one sentence with file, path in the file, value and what to do."""
+
+
+def flat_motion(motion: dict[str, Any]) -> dict[str, Any]:
+    """A motion as the hand's parameters have it: waypoints [x, y] or [x, y, theta] behind each other, as x, y, theta.
+
+    One without theta keeps that of the start. Raises ValueError for waypoints of another length.
+    """
+    points = motion.get("waypoints")
+    if not isinstance(points, list) or not any(isinstance(point, list) for point in points):
+        return motion
+    start = motion.get("start")
+    turned = start[2] if isinstance(start, list) and len(start) == 3 else 0.0
+    for i, point in enumerate(points):
+        if not isinstance(point, list) or len(point) not in (2, 3):
+            raise ValueError(f"waypoints[{i}] is {point}; write [x, y] or [x, y, theta]")
+    return {**motion, "waypoints": [number for point in points for number in (*point, turned)[:3]]}
 
 
 class Measure(Part):
@@ -74,12 +91,22 @@ class Scene(Part):
             raise ValueError(f"there is no such method; take one of {', '.join(offered())}")
         return value
 
+    @field_validator("motion")
+    @classmethod
+    def _flat_waypoints(cls, value: dict[str, Any]) -> dict[str, Any]:
+        return flat_motion(value)
+
     @model_validator(mode="after")
     def _holds_together(self) -> Self:
         solids: tuple[AnySolid, ...] = (self.tool, *self.bodies)
-        scene_validation.check_names(solids, self.materials, {key: part.body for key, part in self.measure.items()})
-        scene_validation.check_joints(solids, self.joints)
-        scene_validation.check_overlaps(solids, self.kept_apart)
+        measured = {key: part.body for key, part in self.measure.items()}
+        wrong = [
+            *scene_validation.wrong_names(solids, self.materials, measured),
+            *scene_validation.wrong_joints(solids, self.joints),
+            *scene_validation.overlaps(solids, self.kept_apart),
+        ]
+        if wrong:
+            raise PydanticCustomError(UNFIT, "{first}", {"first": wrong[0], "all": wrong})
         return self
 
     @property
@@ -121,4 +148,16 @@ def parse(content: Any, source: str) -> Scene:
     try:
         return Scene.model_validate(content)
     except ValidationError as error:
-        raise SceneError(f"{source}: {sentence(error, Scene)}") from None
+        found = [*sentences(error, Scene), *_unfit_rest(content, error)]
+        raise SceneError(f"{source}: {found[0]}", found) from None
+
+
+def _unfit_rest(content: Any, error: ValidationError) -> list[str]:
+    """What does not fit together of what is right each by itself."""
+    if not isinstance(content, dict) or is_unfit(error):
+        return []
+    try:
+        Scene.model_validate(with_stand_ins(content, [found["loc"] for found in error.errors()]))
+    except ValidationError as rest:
+        return sentences(rest, Scene) if is_unfit(rest) else []
+    return []

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the parts of a scene fit together at the start: names, materials, joints, gaps; ValueError if they do not.
+"""What of a scene does not fit together at the start, in sentences: names, materials, joints, gaps.
 
 `solids` are the tool, which comes first, and the bodies.
 """
 
 import math
-from collections.abc import Iterable, Sequence, Set
+from collections.abc import Iterable, Iterator, Sequence, Set
 
 import numpy as np
 
@@ -20,57 +20,61 @@ APART = 1e-6  # m/s; speed up to which the start may pull a joint apart: roundin
 Solids = Sequence[AnySolid]
 
 
-def check_names(solids: Solids, materials: Iterable[str], measured: dict[str, str]) -> None:
-    """Each body has a name of its own; materials, and bodies that are `measured` by these keys, are there."""
+def wrong_names(solids: Solids, materials: Iterable[str], measured: dict[str, str]) -> Iterator[str]:
+    """Bodies without a name of their own; materials, and bodies `measured` by these keys, that are not there."""
     names = [solid.name for solid in solids]
     for k, name in enumerate(names[1:], 1):
         if name == WORLD or name in names[:k]:
-            raise ValueError(f"{_path(k)}.name is {name!r}, which is taken; give each body its own")
+            yield f"{_path(k)}.name is {name!r}, which is taken; give each body its own"
     for k, solid in enumerate(solids):
         if solid.material is not None and solid.material not in materials:
-            raise ValueError(f"{_path(k)}.material is {solid.material!r}; materials has {_listed(materials)}")
+            yield f"{_path(k)}.material is {solid.material!r}; materials has {_listed(materials)}"
     for key, name in measured.items():
         if name not in names:
-            raise ValueError(f"measure.{key}.body is {name!r}; it must be one of {_listed(names)}")
+            yield f"measure.{key}.body is {name!r}; it must be one of {_listed(names)}"
 
 
-def check_joints(solids: Solids, joints: Iterable[Joint]) -> None:
-    """Each joint is between two bodies of which one can move, and does not come apart."""
+def wrong_joints(solids: Solids, joints: Iterable[Joint]) -> Iterator[str]:
+    """Joints that are not between two bodies of which one can move, or that come apart."""
     there: dict[str, AnySolid | None] = {solid.name: solid for solid in solids} | {WORLD: None}
     for i, joint in enumerate(joints):
         path = f"joints[{i}]" + (f" ({joint.name!r})" if joint.name else "")
-        for end, name in enumerate(joint.bodies):
-            if name not in there:
-                raise ValueError(f"{path}.bodies[{end}] is {name!r}; it must be one of {_listed(there)}")
-        a, b = (there[name] for name in joint.bodies)
-        if (a is None or a.fixed) and (b is None or b.fixed):
-            raise ValueError(f"{path} joins two bodies that cannot move, {_pair(joint)}; leave it out")
-        match joint:
-            case Weld() if TOOL in joint.bodies:
-                raise ValueError(f"{path} welds {_pair(joint)}; give the tool those shapes instead")
-            case Spring():
-                if joint.rest != 0.0 and math.dist(*joint.places(a, b)) < TOGETHER:
-                    raise ValueError(f"{path} has no length and so no direction; write rest: 0 or move an anchor")
-            case _:
-                _check_together(path, joint, a, b)
+        strangers = [(end, name) for end, name in enumerate(joint.bodies) if name not in there]
+        yield from (f"{path}.bodies[{end}] is {name!r}; it must be one of {_listed(there)}" for end, name in strangers)
+        if not strangers:
+            yield from _wrong_joint(path, joint, *(there[name] for name in joint.bodies))
 
 
-def _check_together(path: str, joint: Joint, a: AnySolid | None, b: AnySolid | None) -> None:
-    """The anchors meet (a slider's on its axis), and the velocities at the start do not pull them apart."""
+def _wrong_joint(path: str, joint: Joint, a: AnySolid | None, b: AnySolid | None) -> Iterator[str]:
+    if (a is None or a.fixed) and (b is None or b.fixed):
+        yield f"{path} joins two bodies that cannot move, {_pair(joint)}; leave it out"
+        return
+    match joint:
+        case Weld() if TOOL in joint.bodies:
+            yield f"{path} welds {_pair(joint)}; give the tool those shapes instead"
+        case Spring():
+            if joint.rest != 0.0 and math.dist(*joint.places(a, b)) < TOGETHER:
+                yield f"{path} has no length and so no direction; write rest: 0 or move an anchor"
+        case _:
+            yield from _apart(path, joint, a, b)
+
+
+def _apart(path: str, joint: Joint, a: AnySolid | None, b: AnySolid | None) -> Iterator[str]:
+    """Anchors that do not meet (a slider's on its axis), and velocities at the start that pull them apart."""
     on_a, on_b = joint.places(a, b)
     (vax, vay), (vbx, vby) = _speed(on_a, a), _speed(on_b, b)
     gap = joint.forbidden((on_b[0] - on_a[0], on_b[1] - on_a[1]))
     rate = joint.forbidden((vbx - vax, vby - vay))
     if math.hypot(*gap) > TOGETHER:
-        raise ValueError(
+        yield (
             f"{path} cannot be met: its anchors on {_pair(joint)} are {math.hypot(*gap) * 1e3:.4g} mm "
             f"apart at the start, by [{gap[0]:.6g}, {gap[1]:.6g}] m; move a body or an anchor"
         )
     turns = {0.0 if end is None else end.velocity[2] for end in (a, b)}
     if joint.keeps_angle and len(turns) > 1:
-        raise ValueError(f"{path} is twisted by the velocities of {_pair(joint)}; let both turn at the same rate")
+        yield f"{path} is twisted by the velocities of {_pair(joint)}; let both turn at the same rate"
     if math.hypot(*rate) > APART:
-        raise ValueError(
+        yield (
             f"{path} is pulled apart at {math.hypot(*rate):.4g} m/s by the velocities of {_pair(joint)}; "
             "give them velocities that the joint allows"
         )
@@ -83,15 +87,15 @@ def _speed(place: Point, solid: AnySolid | None) -> Point:
     return vx - turn * (place[1] - y), vy + turn * (place[0] - x)
 
 
-def check_overlaps(solids: Solids, apart: Set[frozenset[str]]) -> None:
-    """No two bodies overlap, unless both are fixed, have no layer in common, or are kept `apart`."""
+def overlaps(solids: Solids, apart: Set[frozenset[str]]) -> Iterator[str]:
+    """Bodies that overlap, unless both are fixed, have no layer in common, or are kept `apart`."""
     for i, k in _near(solids):
         a, b = solids[i], solids[k]
         if frozenset((a.name, b.name)) in apart or a.fixed and b.fixed or not a.layers & b.layers:
             continue
         depth = overlap(a.outlines, a.pose, b.outlines, b.pose)
         if depth > TOUCHING:
-            raise ValueError(
+            yield (
                 f"{_path(k)} ({b.name!r}) overlaps {_path(i)} ({a.name!r}) by {depth * 1e3:.4g} mm at the start; "
                 "move one of them away by at least that"
             )

@@ -13,7 +13,7 @@ SHORTEST = 0.005  # [s]
 
 
 class Contact(NamedTuple):
-    """One contact: when it began and ended [s], and the largest force on the handle meanwhile [N]."""
+    """One contact: when it began and ended [s], and the strongest force on the hand meanwhile [N]."""
 
     begin: float
     end: float

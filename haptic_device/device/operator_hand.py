@@ -9,8 +9,10 @@ import math
 import numpy as np
 
 from haptic_device.jit import kernel, njit
+from haptic_device.parameters import MOST_WAYPOINTS
 
-MOST = 32  # waypoints
+MOST = MOST_WAYPOINTS + 1  # waypoints with the start
+ARM = 0.05  # [m] way that turning by a radian counts as, for the time that it takes
 WAYPOINTS, CIRCLE, FOLLOW, PATH = range(4)  # a path is waypoints joined by straight lines
 MOTION = np.dtype(
     [
@@ -40,7 +42,9 @@ def script(values):
     motion["lag"], motion["duration"] = values["motion.lag"], values["motion.duration"]
     above = np.array([target[0], start[1], target[2]])
     taps = [(i / values["motion.taps"] / 2, (start, target)[i % 2]) for i in range(2 * values["motion.taps"] + 1)]
+    through = _through(start, values["motion.waypoints"]) if name == "waypoints" else []
     points = {
+        "waypoints": through,
         "insert_peg": [(0.0, start), (0.2, above), (0.8, target), (1.0, target)],
         "press_wall": [(0.0, start), (0.3, target), (0.7, target), (1.0, start)],
         "tap": taps,
@@ -52,6 +56,17 @@ def script(values):
         motion["times"][0, i], motion["points"][0, i] = fraction * values["motion.duration"], point
         motion["grip"][0, i] = 0.0 if name == "let_go" and fraction >= 0.5 else 1.0
     return motion
+
+
+def _through(start, flat):
+    """(share of the time, point) of the start and these waypoints, by the way between them."""
+    if not flat or len(flat) % 3:
+        raise ValueError(f"motion.waypoints has {len(flat)} numbers; write 3 for each waypoint: x, y, theta")
+    if len(flat) > 3 * MOST_WAYPOINTS:
+        raise ValueError(f"motion.waypoints names {len(flat) // 3} waypoints; the limit is {MOST_WAYPOINTS}")
+    points = np.vstack([start, np.reshape(flat, (-1, 3))])
+    ways = np.cumsum(np.linalg.norm(np.diff(points, axis=0) * (1.0, 1.0, ARM), axis=1))
+    return list(zip((0.0, *(ways / (ways[-1] or 1.0))), points, strict=True))
 
 
 def grip_by(plant, values):

@@ -17,6 +17,10 @@ Generated from the declarations by `haptic docs --out docs/parameters.md`; do no
 
 A *live* parameter may be changed while the node runs (`ros2 param set`); the others are fixed at start. Numbers must be
 written as their type: `300.0`, not `300`, for a decimal number. `haptic check FILE` tests a file against this table.
+
+`device` and `scene` in a file are names in `config/devices` and `config/scenes`, or paths. A path is relative to the
+folder of the file that has it, for every `haptic` command; plain `ros2 run … --params-file` takes it relative to the
+working directory, so write it absolute there.
 """
 COLUMNS = "| name | default | unit | allowed | live | meaning |\n|---|---|---|---|---|---|"
 

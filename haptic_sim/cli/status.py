@@ -105,7 +105,7 @@ def table(found: dict, domain: int, motor: float | None = None):
     from rich.table import Table
     from rich.text import Text  # what stands in statuses may look like markup
 
-    title = f"ROS domain {domain}" + ("" if motor is None else f", motor {motor:.2f} N")
+    title = f"ROS domain {domain}" + ("" if motor is None else f", on the hand {motor:.2f} N")
     rows = Table("node", "figure", "level", "", title=title, caption="" if found else "nothing heard yet")
     for name, entry in found.items():
         node, _, figure = name.partition(": ")

@@ -7,16 +7,30 @@ from rich.text import Text  # what nodes have said may look like markup
 
 from haptic_sim.comparison import COLUMNS
 
+FORCES = {
+    "contact max_force_n": "strongest contact [N]",
+    "contact max_on_hand_n": "strongest on the hand [N]",
+    "contact max_penetration_m": "deepest overlap [m]",
+}
+"""The report's words for what the simulation and the hand had to bear."""
+
 
 def print_outcome(found: dict) -> None:
     """Prints the figures as a table on standard output."""
     table = Table("figure", "value", title=Text(f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"))
-    for name, value in _lines(found):
-        table.add_row(Text(name), Text(value))
+    for name, value in _lines(_with_greatest(found)):
+        table.add_row(Text(FORCES.get(name, name)), Text(value))
     console = Console()
     console.print(table)
     for name in ("bag", "report"):
         console.print(f"{name:8}{found[name] or 'none'}", soft_wrap=True, highlight=False)
+
+
+def _with_greatest(found: dict) -> dict:
+    """The figures with what the scene measures told by its last and its greatest value."""
+    last, greatest = found["result"], {**found["result"], **found["result_greatest"]}
+    told = {name: f"last {_text(last[name])}, greatest {_text(greatest[name])}" for name in last}
+    return {name: value for name, value in (found | {"result": told}).items() if name != "result_greatest"}
 
 
 def _lines(found: dict):

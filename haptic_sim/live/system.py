@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from haptic_device.config_files import find
-from haptic_device.parameter_files import read_operating_point
+from haptic_device.parameter_files import PLACES, read_operating_point
 from haptic_device.parameter_types import check_value, unknown
 from haptic_sim.live.processes import Program
 from haptic_sim.node_parameters import NODES
@@ -46,7 +46,7 @@ def programs_of(order: Order) -> list[Program]:
     """The four nodes in the order of their start; they are stopped in the reverse order, the recorder last."""
     from haptic_sim.scene import load  # geometry, which a command that only parses does without
 
-    read_operating_point(order.params, NODES)
+    said = read_operating_point(order.params, NODES)
     scene = find("scenes", order.scene).absolute()
     motion = {f"motion.{key}": value for key, value in load(scene).motion.items()}
     driver = {"servo.rate": order.rate, "exchange.method": order.exchange}
@@ -58,7 +58,9 @@ def programs_of(order: Order) -> list[Program]:
         **({"haptic_relay": order.relay._asdict()} if order.relay else {}),
         "haptic_driver": driver,
     }
-    given = {name: _stated(values) | order.given.get(name, {}) for name, values in given.items()}
+    # ROS would take a path in the file as relative to where we are
+    files = {name: {key: said[name][key] for key in PLACES if key in said[name]} for name in given}
+    given = {name: files[name] | _stated(values) | order.given.get(name, {}) for name, values in given.items()}
     programs = [_program(name, values, NODES[name], order.params) for name, values in given.items()]
     far = FAR if order.relay else {}
     return [program._replace(renamed=far if program.name == "haptic_simulation" else {}) for program in programs]

@@ -76,6 +76,75 @@ def test_a_file_that_is_not_there_is_said_to_be_missing(tmp_path):
     assert problems(tmp_path / "nothing.yaml") == ["No such file or directory"]
 
 
+EVERYTHING = """
+/**/haptic_driver:
+  ros__parameters:
+    device: desktop
+    servo: {rate: 2000.0, rat: 1.0}
+    engage: {time: 99.0}
+    coupling: {stiffness: 90000.0, damping: 1.0}
+    wall: {normals: [0.0, 1.0, 1.0, 1.0], offsets: [-0.02, 0.0], stiffness: [4000.0], damping: [0.2, 0.2]}
+/**/haptic_loopback:
+  ros__parameters:
+    device: devices/mine.yaml
+    motion: {name: circle, start: [9.0, 0.0, 0.0]}
+/**/haptic_simulation:
+  ros__parameters:
+    scene: maize
+"""
+
+
+def test_an_operating_point_is_told_all_that_is_wrong_at_once(tmp_path):
+    found = problems(broken(tmp_path, EVERYTHING))
+    for words in (
+        "/**/haptic_driver: servo.rat is not a parameter of haptic_driver; did you mean servo.rate?",
+        "/**/haptic_driver: engage.time is 99.0 s; at most 10.0 s is allowed",
+        f"haptic_loopback: device 'devices/mine.yaml' is neither the file {tmp_path}/devices/mine.yaml nor a name in",
+        f"haptic_simulation: scene 'maize' is neither the file {tmp_path}/maize nor a name in config/scenes, which has",
+        "wall.stiffness has 1 numbers; 2 walls need 2",
+        "wall.normals of wall 1 is [1, 1], of length 1.41421; write a unit vector",
+        "coupling.stiffness 90000 N/m with coupling.damping 1 N s/m needs b >",
+    ):
+        assert sum(sentence.startswith(words) for sentence in found) == 1, (words, found)
+    assert len(found) == 7 and "(with the default of engage.time)" in found[-1]
+
+
+def test_a_hand_that_begins_outside_of_the_workspace_is_told_beside_another_mistake(tmp_path):
+    found = problems(broken(tmp_path, EVERYTHING.replace("devices/mine.yaml", "desktop")))
+    assert "motion.start x is at 9 m of the device; its workspace is -0.12 to 0.12 m" in found and len(found) == 7
+
+
+def test_values_that_are_wrong_themselves_are_not_said_not_to_fit(tmp_path):
+    text = "/**/haptic_driver: {ros__parameters: {wall: {normals: [0.0, 2.0], offsets: [0.0]}}}"
+    assert len(problems(broken(tmp_path, text))) == 1
+
+
+def test_a_device_is_told_all_that_is_wrong_at_once(tmp_path):
+    text = (ROOT / "config/devices/desktop.yaml").read_text()
+    text = (
+        text.replace("name: x", "nam: x", 1)
+        .replace("mass: ", "mass: -", 1)
+        .replace("workspace: [", "workspace: [9.0, ", 1)
+    )
+    found = problems(broken(tmp_path, text + "colour: red\n"))
+    assert len(found) >= 4 and all(sentence.count("axes[0]") == 1 for sentence in found[:-1]), found
+    assert not any("at least 1 item" in sentence for sentence in found)
+
+
+def test_of_a_scene_every_key_of_the_motion_is_looked_at_beside_all_else(tmp_path):
+    text = (ROOT / "config/scenes/wall.yaml").read_text()
+    text = text.replace("mass: 0.1", "mass: -0.1").replace(
+        "name: press_wall", "name: pres_wall\n  turn: 3.0\n  taps: 2.5"
+    )
+    found = problems(broken(tmp_path, text))
+    assert [sentence.split()[0] for sentence in found] == ["tool.mass", "motion.name", "motion.turn", "motion.taps"]
+
+
+def test_a_motion_that_fits_no_script_is_told_in_a_scene(tmp_path):
+    text = (ROOT / "config/scenes/wall.yaml").read_text().replace("start: [0.03, 0.0, 0.0]", "start: [0.03, 0.0]")
+    assert problems(broken(tmp_path, text)) == ["motion.start has 2 numbers; write 3: x, y, theta"]
+
+
 def test_an_unknown_command_is_refused_and_help_lists_the_known_ones():
     assert haptic("chekc").returncode == 2
     assert {"check", "demo", "docs"} <= set(haptic("--help").stdout.split())

@@ -53,7 +53,7 @@ MISTAKES = [
     (("axes", 0, "counts_per_unit"), "many", ["axes[0].counts_per_unit is 'many'", "number"]),
     (("axes", 0, "motor_limit"), "15.0", ["axes[0].motor_limit is '15.0'"]),
     (("axes", 0, "encoder_sign"), 2, ["axes[0].encoder_sign", "1 or -1"]),
-    (("axes", 0, "workspace"), [0.1, -0.1], ["workspace is [0.1, -0.1]; write [low, high]"]),
+    (("axes", 0, "workspace"), [0.1, -0.1], ["axes[0].workspace is [0.1, -0.1]: write [low, high]"]),
     (("axes", 0, "workspace"), [0.1], ["axes[0].workspace"]),
     (("axes", 2, "mass"), 1e-7, ["damping/mass is 40000 1/s; the limit is 20000 1/s"]),
     (("axes", 0, "name"), "y", ["axes are y, y, theta; write x, or x and y, or x, y and theta"]),

@@ -11,12 +11,17 @@ from hypothesis import strategies as st
 from haptic_device.device import operator_hand
 from haptic_device.parameters import OPERATOR, SCRIPTS
 
-START, TARGET = (0.01, 0.05, 0.1), (0.03, -0.02, -0.2)
+START, ABOVE, TARGET = (0.01, 0.05, 0.1), (0.03, 0.05, 0.1), (0.03, -0.02, -0.2)
 
 
 def script(name, **given):
     values = {parameter.name: parameter.default for parameter in OPERATOR}
-    values.update({"motion.name": name, "motion.start": START, "motion.target": TARGET})
+    values |= {
+        "motion.name": name,
+        "motion.start": START,
+        "motion.target": TARGET,
+        "motion.waypoints": (*ABOVE, *TARGET),
+    }
     return operator_hand.script(values | {f"motion.{key}": value for key, value in given.items()})[0]
 
 
@@ -31,7 +36,15 @@ def path(motion, count=4001):
     return times, np.array([at(motion, time)[0] for time in times])
 
 
-ENDS = {"hold": START, "insert_peg": TARGET, "press_wall": START, "tap": START, "circle": START, "let_go": TARGET}
+ENDS = {
+    "hold": START,
+    "insert_peg": TARGET,
+    "press_wall": START,
+    "tap": START,
+    "circle": START,
+    "let_go": TARGET,
+    "waypoints": TARGET,
+}
 
 
 @pytest.mark.parametrize("name", ENDS)
@@ -63,6 +76,32 @@ def test_between_waypoints_the_hand_moves_with_least_jerk():
         assert at(motion, fraction * 1.0)[0] == pytest.approx(np.array(START) + s * (above - START))
     peak = np.diff([at(motion, t)[0][0] for t in (0.5 - 1e-4, 0.5 + 1e-4)])[0] / 2e-4
     assert peak == pytest.approx(1.875 * (above - START)[0], rel=1e-4)
+
+
+def test_between_waypoints_of_its_own_the_hand_takes_time_by_the_way_and_stops_at_each():
+    turn = 0.05 * 0.3  # m that 0.3 rad count as
+    motion, first, second = script("waypoints", duration=3.0), 0.02, math.hypot(0.07, turn)
+    reached = 3.0 * first / (first + second)
+    assert at(motion, reached)[0] == pytest.approx(ABOVE)
+    assert at(motion, reached / 2)[0] == pytest.approx(np.add(START, ABOVE) / 2)
+    speed = np.linalg.norm(at(motion, reached + 1e-4)[0] - at(motion, reached - 1e-4)[0]) / 2e-4
+    assert speed < 1e-3
+    assert at(script("waypoints", waypoints=START), 1.0)[0] == pytest.approx(START)
+
+
+@pytest.mark.parametrize(
+    ("waypoints", "sentence"),
+    [
+        ((), "motion.waypoints has 0 numbers; write 3 for each waypoint: x, y, theta"),
+        ((0.0,) * 4, "motion.waypoints has 4 numbers; write 3 for each waypoint: x, y, theta"),
+        ((0.0,) * 96, "motion.waypoints names 32 waypoints; the limit is 31"),
+    ],
+)
+def test_waypoints_of_a_wrong_length_are_refused_in_one_sentence(waypoints, sentence):
+    assert at(script("waypoints", waypoints=(0.0,) * 90 + TARGET), 9.0)[0] == pytest.approx(TARGET)  # 31 are taken
+    with pytest.raises(ValueError) as refusal:
+        script("waypoints", waypoints=waypoints)
+    assert str(refusal.value) == sentence
 
 
 def test_the_peg_comes_from_straight_above_its_hole():

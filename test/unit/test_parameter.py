@@ -147,6 +147,34 @@ def test_a_file_gives_each_node_its_values_nested_or_dotted(tmp_path):
     }
 
 
+def scene_of(folder, name):
+    return operating_point(folder, f"/**: {{ros__parameters: {{scene: {name}}}}}")["haptic_simulation"]["scene"]
+
+
+def test_a_file_is_looked_for_beside_the_file_that_names_it(tmp_path, monkeypatch):
+    (tmp_path / "points").mkdir()
+    (tmp_path / "scenes").mkdir()
+    for place in ("scenes/mine.yaml", "points/mine.yaml"):
+        (tmp_path / place).write_text("")
+    monkeypatch.chdir(tmp_path / "scenes")
+    assert scene_of(tmp_path / "points", "mine.yaml") == str(tmp_path / "points/mine.yaml")
+    assert scene_of(tmp_path / "points", "../scenes/mine.yaml") == str(tmp_path / "scenes/mine.yaml")
+    assert scene_of(tmp_path / "points", tmp_path / "scenes/mine.yaml") == str(tmp_path / "scenes/mine.yaml")
+    assert scene_of(tmp_path / "points", "wall") == "wall"
+
+
+def test_a_name_that_could_be_two_files_or_is_none_is_refused_with_the_places_looked_at(tmp_path, monkeypatch):
+    (tmp_path / "wall").write_text("")
+    with pytest.raises(ValueError, match=rf"scene 'wall' is both the file {tmp_path}/wall and a name in config/scenes"):
+        scene_of(tmp_path, "wall")
+    assert scene_of(tmp_path, "./wall") == str(tmp_path / "wall")
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here/own.yaml").write_text("")
+    monkeypatch.chdir(tmp_path / "here")  # where nobody looks
+    with pytest.raises(ValueError, match=rf"scene 'own.yaml' is neither the file {tmp_path}/own.yaml nor a name in"):
+        scene_of(tmp_path, "own.yaml")
+
+
 def test_a_wildcard_section_reaches_each_node_that_knows_the_name(tmp_path):
     values = operating_point(tmp_path, "/**:\n  ros__parameters: {autostart: false, scene: wall}\n")
     assert values == {"haptic_driver": {"autostart": False}, "haptic_simulation": {"autostart": False, "scene": "wall"}}

@@ -12,9 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from waiting import LIMIT, until
 
+from haptic_device.config_files import find
 from haptic_sim.live import processes
 from haptic_sim.live.domain import isolated_domain
 from haptic_sim.live.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
+from haptic_sim.live.system import Order, programs_of
 from haptic_sim.outcome import ANSWERED, INSERTED, job_done, nothing
 
 pytestmark = pytest.mark.timeout(900)
@@ -144,6 +146,26 @@ def test_a_node_that_is_told_to_end_before_its_python_runs_hears_it_as_soon_as_i
         os.kill(nodes.pid("told_node"), signal.SIGTERM)
         wait_for_line(nodes, "told_node", "told 15")
         os.kill(nodes.pid("told_node"), signal.SIGKILL)
+
+
+def test_nodes_are_handed_the_files_that_an_operating_point_names_beside_itself(tmp_path, monkeypatch):
+    (tmp_path / "mine.yaml").write_text(find("devices", "desktop").read_text())
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    point = tmp_path / "point.yaml"
+    point.write_text(
+        "/**/haptic_driver: {ros__parameters: {device: mine.yaml}}\n"
+        "/**/haptic_loopback: {ros__parameters: {device: ./mine.yaml}}\n"
+    )
+    order = Order("wall", None, tmp_path / "out", None, None, point)
+    given = {program.name: program.parameters for program in programs_of(order)}
+    assert given["haptic_driver"]["device"] == given["haptic_loopback"]["device"] == str(tmp_path / "mine.yaml")
+    assert given["haptic_simulation"]["scene"] == str(
+        find("scenes", "wall").absolute()
+    )  # the command's, not the file's
+    point.write_text("/**/haptic_driver: {ros__parameters: {device: desktop}}\n")
+    given = {program.name: program.parameters for program in programs_of(order)}
+    assert given["haptic_driver"]["device"] == "desktop" and "device" not in given["haptic_loopback"]
 
 
 def outcome(faults=(), result=None, sent=1000, answered=1000) -> dict:

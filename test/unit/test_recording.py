@@ -18,11 +18,15 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from haptic_device.analysis.report import summary
+from haptic_device.analysis.report.reading import read_run
+from haptic_device.analysis.report.table import sections
 from haptic_device.control import records
 from haptic_device.message_fields import TAIL
-from haptic_device.recording import ENTRY_UNITS, TRACE_UNITS, Entries, load
+from haptic_device.recording import ENTRY_UNITS, TRACE_UNITS, Entries, Joints, load
 from haptic_device.recording.layouts import JOINTS, POSE, STRING, WRENCH, CloudLayout, StampedLayout, layout_of
 from haptic_device.recording.writer import Bag
+from haptic_sim import outcome
+from haptic_sim.cli import tables
 
 
 @pytest.fixture(scope="module")
@@ -163,6 +167,8 @@ from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from bag_of_a_run import JOINTS, joints
 from haptic_device.recording.writer import Bag
+from haptic_sim import outcome
+from haptic_sim.cli import tables
 bag = Bag(Path(sys.argv[1]))
 channel = bag.add_topic("/haptic/encoder", JOINTS, [])
 for number in range(1, 351):
@@ -295,6 +301,33 @@ def test_energy_figures_are_those_of_the_truth(run):
     figures = summary.energy_figures(load(run), swing(2000))
     assert figures["given_to_operator_max"] == -1e-3 and figures["given_to_operator_end"] == pytest.approx(-0.5)
     assert figures["tool_port_end"] == 0.125
+
+
+def test_what_a_scene_measures_is_told_by_its_last_and_its_greatest_value(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(SAID, "result.pressed", "0.1")
+    recording = load(write_run(tmp_path / "run", swing(2000)))
+    times, none = np.arange(3), np.zeros((3, 1))
+    shown = Joints(("result.pressed",), times, times, times, times, np.array([[0.0], [3.25], [np.nan]]), none, none)
+    recording = replace(recording, joints=recording.joints | {"scene/state": shown})
+    found = outcome.figures(recording, 0.0)
+    assert (found["result"], found["result_greatest"]) == ({"pressed": 0.1}, {"pressed": 3.25})
+    tables.print_outcome({"scene": "wall", "done": True, **found, "bag": None, "report": None})
+    said = capsys.readouterr().out
+    assert "last 0.1, greatest 3.25" in said and "result_greatest" not in said
+
+
+def test_demo_and_report_have_the_same_words_and_numbers_for_the_strongest_forces(run, capsys):
+    recording = load(run)
+    figures = outcome.figures(recording, 0.0)
+    tables.print_outcome({"scene": "wall", "done": True, **figures, "bag": None, "report": None})
+    said = capsys.readouterr().out
+    told = sections(read_run(run))["Contact"]
+    assert figures["contact"]["max_force_n"] == 2.5 and told["strongest contact"] == "2.5 N"
+    rows = summary.engaged_rows(recording.trace)
+    strongest = np.hypot(*rows["force_on_handle"][:, :2].T).max()
+    assert figures["contact"]["max_on_hand_n"] == strongest and told["strongest on the hand"] == f"{strongest:.3g} N"
+    for words in ("strongest contact", "strongest on the hand", "deepest overlap"):
+        assert words in told and words in said
 
 
 def test_a_motor_that_never_engaged_has_no_figures():

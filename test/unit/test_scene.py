@@ -269,6 +269,79 @@ def test_of_hundreds_of_bodies_only_neighbours_are_looked_at_and_an_overlap_is_s
         parse({**GOOD, "bodies": [*GOOD["bodies"], *tiles]}, "here")
 
 
+def test_every_thing_that_is_wrong_has_its_sentence_and_what_stands_beside_it_is_looked_at_too():
+    block = {"mass": 1, "pose": [0.1, 0.0, 0], "shapes": [{"vertices": SQUARE}]}
+    bodies = [
+        *GOOD["bodies"],
+        {**block, "name": "in the block"},
+        {**block, "name": "mistyped", "mas": 2},
+        {**block, "name": "wrong", "mass": -1},
+    ]
+    joint = {"type": "pin", "bodies": ["wrong", "blok"], "at": [0, 0]}
+    wrong = {
+        **GOOD,
+        "colour": "red",
+        "bodies": bodies,
+        "joints": [*GOOD["joints"], {**joint, "bodies": ["block", "blok"]}],
+    }
+    with pytest.raises(SceneError) as refusal:
+        parse(wrong, "here")
+    found = refusal.value.found
+    assert str(refusal.value) == f"here: {found[0]}" and len(found) == 5
+    for words in (
+        "bodies[3]: has no key 'mas'; did you mean 'mass'?",
+        "has no key 'colour'",
+        "bodies[4].mass is -1: it should be greater than 0 kg",
+        "joints[1].bodies[1] is 'blok'; it must be one of",
+        "bodies[2] ('in the block') overlaps bodies[1] ('block')",
+    ):
+        assert sum(sentence.startswith(words) for sentence in found) == 1, (words, found)
+
+
+def test_a_wrong_part_makes_nothing_around_it_look_wrong():
+    for path, value in (
+        (("bodies", 1, "mass"), -1),
+        (("bodies", 0, "shapes"), []),
+        (("materials", "steel", "friction"), -1),
+        (("tool",), None),
+        (("tool", "mass"), 0),
+        (("joints", 0, "type"), "hook"),
+        (("measure", "pushed", "axis"), [0, 0]),
+        (("name",), None),
+    ):
+        with pytest.raises(SceneError) as refusal:
+            parse(changed(path, value), "here")
+        assert len(refusal.value.found) == 1, refusal.value.found
+
+
+def test_what_is_missing_for_a_mistyped_key_is_not_told_twice():
+    scene = changed(("tool", "mass"), None)
+    scene["tool"]["mas"] = 0.1
+    with pytest.raises(SceneError) as refusal:
+        parse(scene, "here")
+    assert refusal.value.found == ("tool: has no key 'mas'; did you mean 'mass'?",)
+
+
+@pytest.mark.parametrize(
+    ("waypoints", "flat"),
+    [
+        ([[0.1, 0.2], [0.3, 0.4, 0.5]], [0.1, 0.2, 0.7, 0.3, 0.4, 0.5]),
+        ([0.1, 0.2, 0.7], [0.1, 0.2, 0.7]),
+    ],
+)
+def test_waypoints_are_pairs_or_triples_and_a_pair_keeps_the_angle_of_the_start(waypoints, flat):
+    motion = {"name": "waypoints", "start": [0.0, 0.0, 0.7], "waypoints": waypoints}
+    assert parse({**GOOD, "motion": motion}, "here").motion["waypoints"] == flat
+
+
+@pytest.mark.parametrize("point", [[0.1], [0.1, 0.2, 0.3, 0.4], 0.1])
+def test_a_waypoint_of_another_length_is_refused(point):
+    motion = {"name": "waypoints", "waypoints": [[0.0, 0.0], point]}
+    with pytest.raises(SceneError) as refusal:
+        parse({**GOOD, "motion": motion}, "here")
+    assert str(refusal.value) == f"here: motion: waypoints[1] is {point}; write [x, y] or [x, y, theta]"
+
+
 def test_a_scene_that_is_not_there_is_answered_with_those_that_are():
     with pytest.raises(SceneError, match="peg_in_whole.*free_space.*peg_in_hole.*wall"):
         load("peg_in_whole")

@@ -52,7 +52,7 @@ FIGURES = (
     Figure("angles", "Angle of handle and tool.", panel.angles, 2.2),
     Figure("path", "The same in the plane, to scale.", panel.path, 4.0),
     Figure("forces", "Force on the handle; the coupling's part of it dashed. Grey: in contact.", panel.forces),
-    Figure("contacts", "Contact events: from when to when, and how high the force rose.", panel.contact_events, 1.8),
+    Figure("contacts", "Contacts: from when to when, and the strongest on the hand.", panel.contact_events, 1.8),
     Figure("energies", "Energy through each port; what operator or tool is given is positive.", panel.energies),
     Figure("margin", "Passivity margin over time.", panel.margins, 2.2),
     Figure("lateness", "How late the servo woke, and how long it worked.", panel.lateness, 2.5),

@@ -77,13 +77,13 @@ def forces(axes: Axes, run: Run) -> None:
 
 
 def contact_events(axes: Axes, run: Run) -> None:
-    """Each contact as a bar from beginning to end, as high as its largest force."""
+    """Each contact as a bar from beginning to end, as high as the strongest force on the hand meanwhile."""
     if not run.contacts:
         raise ValueError("nothing was touched")
     begins, ends, sizes = (np.array(column) for column in zip(*run.contacts, strict=True))
     axes.bar(begins, sizes, np.maximum(ends - begins, run.length / 500), align="edge", color=BLUE, alpha=0.7)
     axes.set_xlim(0, run.length)
-    axes.set(xlabel=_time(run), ylabel="largest force\nof the contact [N]")
+    axes.set(xlabel=_time(run), ylabel="strongest on\nthe hand [N]")
     axes.grid(color="0.9")
 
 

@@ -77,6 +77,18 @@ def energy_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     }
 
 
+def contact_figures(recording: Recording, rows: Records | None) -> dict[str, float | None]:
+    """The simulation's strongest contact [N] and deepest overlap [m], and the strongest force on the hand in x, y [N].
+
+    None where the simulation has not said it, or without rows.
+    """
+    said = recording.last_values("haptic_simulation")
+    told = {key: number(said.get(key, "")) for key in ("max_contact_force", "max_penetration")}
+    force = np.nan if rows is None else float(np.fmax.reduce(np.hypot(*rows["force_on_handle"][:, :2].T)))
+    found = {"max_force_n": told["max_contact_force"], "max_penetration_m": told["max_penetration"]}
+    return {name: None if np.isnan(value) else value for name, value in (found | {"max_on_hand_n": force}).items()}
+
+
 def residual_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     """RMS [N] of force_coupling on the handle + effort on the tool (zero if equal and opposite), in translation.
 

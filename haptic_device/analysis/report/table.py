@@ -10,7 +10,6 @@ from haptic_device.analysis.impedance import Estimate
 from haptic_device.analysis.report import summary
 from haptic_device.analysis.report.run import Run
 from haptic_device.sequence_gaps import UNKNOWN
-from haptic_device.status import number
 
 Entries = Iterator[tuple[str, str]]
 """(name, text) of a section's lines."""
@@ -31,7 +30,7 @@ def sections(run: Run) -> dict[str, dict[str, str]]:
         "Servo": [_servo],
         "Exchange": [_exchange],
         "Energy": [_energy, _truth],
-        "Contact": [_contact, _overlap],
+        "Contact": [_contact, _strongest],
         "Impedance added by the display": [_impedance],
         "Oscillation of the force": [_oscillation],
         "Said last on /diagnostics": [_said],
@@ -108,14 +107,18 @@ def _contact(run: Run) -> Entries:
     yield "contacts", str(len(run.contacts))
     yield "time in contact", f"{100 * run.touch.mean():.1f} %"
     if run.contacts:
-        strongest = max(run.contacts, key=lambda contact: contact.force)
         yield "first", f"at {run.contacts[0].begin:.3f} s"
-        yield "strongest", f"{strongest.force:.3g} N, {strongest.begin:.3f} to {strongest.end:.3f} s"
 
 
-def _overlap(run: Run) -> Entries:
-    deepest = number(run.recording.last_values("haptic_simulation").get("max_penetration", ""))
-    yield "deepest overlap", MISSING if np.isnan(deepest) else f"{deepest * 1e6:.3g} µm"
+def _strongest(run: Run) -> Entries:
+    found = summary.contact_figures(run.recording, run.rows if run.traced else None)
+    for name, label, scale, unit in (
+        ("max_force_n", "strongest contact", 1.0, "N"),
+        ("max_on_hand_n", "strongest on the hand", 1.0, "N"),
+        ("max_penetration_m", "deepest overlap", 1e6, "µm"),
+    ):
+        value = found[name]
+        yield label, MISSING if value is None else f"{value * scale:.3g} {unit}"
 
 
 def _impedance(run: Run) -> Entries:
