@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Device description: what a haptic device is made of, in SI, read from YAML."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
-from pydantic_core import ErrorDetails
 
 from haptic_device.config_files import ConfigError, find
 from haptic_device.parameter_types import unknown
@@ -16,6 +15,7 @@ Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False, strict=Tr
 NotNegative = Annotated[float, Field(ge=0.0, le=1e9, allow_inf_nan=False, strict=True)]
 Number = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False, strict=True)]
 Sign = Literal[1, -1]
+_Error = TypeVar("_Error", bound=Mapping[str, Any])  # as pydantic tells it
 AXES = ("x", "y", "theta")
 SUB_STEP = 50_000  # [ns] longest step of the simulated device's exact motion
 MOST_STIFF = 1.0 / (SUB_STEP * 1e-9)  # [1/s] damping over mass up to which the plant's series converges fast
@@ -121,18 +121,18 @@ def _sentences(errors: ValidationError) -> list[str]:
     return [_sentence(error) for error in without_echoes(errors.errors())]
 
 
-def without_echoes(errors: Sequence[ErrorDetails]) -> list[ErrorDetails]:
+def without_echoes(errors: Sequence[_Error]) -> list[_Error]:
     """Without what pydantic calls too short only because the items that it had were wrong."""
     places = [error["loc"] for error in errors]
 
-    def echo(error: ErrorDetails) -> bool:
+    def echo(error: _Error) -> bool:
         own = error["loc"]
         return error["type"] == "too_short" and any(place != own and place[: len(own)] == own for place in places)
 
     return [error for error in errors if not echo(error)]
 
 
-def _sentence(error: ErrorDetails) -> str:
+def _sentence(error: Mapping[str, Any]) -> str:
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error["loc"]).lstrip(".")
     if error["type"] == "extra_forbidden":
         known = {**Axis.model_fields, **Device.model_fields, **DragSensor.model_fields}

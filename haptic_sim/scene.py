@@ -11,14 +11,13 @@ from typing import Annotated, Any, Self
 
 import yaml
 from pydantic import Field, ValidationError, field_validator, model_validator
-from pydantic_core import PydanticCustomError
 
 from haptic_device.config_files import ConfigError, find
 from haptic_sim import scene_validation
 from haptic_sim.geometry import finest_feature
 from haptic_sim.joint import AnyJoint
 from haptic_sim.method_registry import offered
-from haptic_sim.scene_refusal import UNFIT, is_unfit, sentences, with_stand_ins
+from haptic_sim.scene_refusal import Unfit, is_unfit, sentences, with_stand_ins
 from haptic_sim.solid import TOOL, AnySolid, Body, Direction, Material, Number, Part, Point, Positive, Tool, Unit
 
 
@@ -106,7 +105,7 @@ class Scene(Part):
             *scene_validation.overlaps(solids, self.kept_apart),
         ]
         if wrong:
-            raise PydanticCustomError(UNFIT, "{first}", {"first": wrong[0], "all": wrong})
+            raise Unfit(wrong)
         return self
 
     @property

@@ -2,33 +2,42 @@
 """What pydantic finds wrong with a scene, in sentences: path, value, limit, unit; of a mistyped key the nearest."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, get_args, get_type_hints
 
 from pydantic import ValidationError
-from pydantic_core import ErrorDetails
 
 from haptic_device.description import without_echoes
 from haptic_sim.joint import JOINTS, WORLD
 from haptic_sim.solid import SHAPES, TOOL, KeyedShape, Part, Unit
 
-UNFIT = "unfit"
-"""Our name for parts that do not fit together; `all` of its context has the sentences."""
 BEYOND = "greater_than", "greater_than_equal", "less_than_equal"
 """Pydantic's names of what is wrong with a number beyond its limit."""
 
 
+class Unfit(ValueError):
+    """Parts that are right and do not fit together: `found` has the sentences."""
+
+    def __init__(self, found: Sequence[str]) -> None:
+        super().__init__(found[0])
+        self.found = tuple(found)
+
+
 def is_unfit(errors: ValidationError) -> bool:
     """Whether all parts are right and only do not fit together."""
-    return [error["type"] for error in errors.errors(include_url=False)] == [UNFIT]
+    return isinstance(_raised(errors), Unfit)
+
+
+def _raised(errors: ValidationError) -> Exception | None:
+    return errors.errors(include_url=False)[0].get("ctx", {}).get("error")
 
 
 def sentences(errors: ValidationError, language: type[Part]) -> list[str]:
     """What is wrong in a mapping of this language; mistyped keys before all, and what is missing only for one of them
     not at all."""
+    if isinstance(unfit := _raised(errors), Unfit):
+        return list(unfit.found)
     found = without_echoes(errors.errors(include_url=False))
-    if is_unfit(errors):
-        return list(found[0]["ctx"]["all"])
     mistyped = [error for error in found if error["type"] == "extra_forbidden"]
     meant = {
         (*error["loc"][:-1], *_near(str(error["loc"][-1]), _place(error["loc"][:-1], language)[1]))
@@ -38,7 +47,7 @@ def sentences(errors: ValidationError, language: type[Part]) -> list[str]:
     return [_sentence(error, language) for error in (*mistyped, *others)]
 
 
-def _sentence(error: ErrorDetails, language: type[Part]) -> str:
+def _sentence(error: Mapping[str, Any], language: type[Part]) -> str:
     kind, loc, value, more = error["type"], error["loc"], error["input"], error.get("ctx", {})
     problem = error["msg"].removeprefix("Value error, ").replace("Input should", "it should")
     if kind == "extra_forbidden":
