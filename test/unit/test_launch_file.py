@@ -178,8 +178,9 @@ def test_a_name_that_is_not_there_is_refused_by_the_launch_file_in_one_sentence(
 @pytest.mark.parametrize("key", ["/**", "/**/haptic_driver", "/*/haptic_driver", "/haptic/haptic_driver"])
 def test_what_the_launch_file_is_given_wins_over_the_parameter_file(tmp_path, key):
     """launch writes it as a second file, for /haptic/haptic_driver; so rclpy must take the second, however named."""
-    for name, whose, rate in (("file", key, 1.0), ("given", "/haptic/haptic_driver", 2.0)):
-        (tmp_path / name).write_text(f"{whose}:\n  ros__parameters:\n    rate: {rate}\n    {name}: true\n")
+    files = (("file", key, "servo: {rate: 1.0}"), ("given", "/haptic/haptic_driver", "servo.rate: 2.0"))
+    for name, whose, rate in files:
+        (tmp_path / name).write_text(f"{whose}:\n  ros__parameters:\n    {rate}\n    {name}: true\n")
     words = [word for name in ("file", "given") for word in ("--params-file", str(tmp_path / name))]
     context = Context()
     rclpy.init(args=["--ros-args", *words], context=context)
@@ -191,11 +192,11 @@ def test_what_the_launch_file_is_given_wins_over_the_parameter_file(tmp_path, ke
             automatically_declare_parameters_from_overrides=True,
             enable_rosout=False,
         )
-        values = {name: node.get_parameter(name).value for name in ("rate", "file", "given")}
+        values = {name: node.get_parameter(name).value for name in ("servo.rate", "file", "given")}
         node.destroy_node()
     finally:
         context.shutdown()
-    assert values == {"rate": 2.0, "file": True, "given": True}
+    assert values == {"servo.rate": 2.0, "file": True, "given": True}
 
 
 @pytest.mark.parametrize(
