@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The launch file and the examples that include it: what they start, with what, and what they refuse."""
 
+import ast
 import runpy
 import sys
 import types
@@ -115,6 +116,20 @@ def plain(parameters):
     ]
 
 
+@pytest.mark.parametrize("file", [ROOT / "launch/haptic_display.launch.py", *(ROOT / "examples").glob("*.launch.py")])
+def test_a_launch_file_runs_in_the_python_of_ros2_which_has_not_our_libraries(file):
+    def roots(path):
+        nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+        found = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+        return found | {node.module for node in nodes if isinstance(node, ast.ImportFrom)}
+
+    foreign = {name for name in roots(file) if name.split(".")[0] not in sys.stdlib_module_names}
+    ros = {name for name in foreign if name.split(".")[0] in ("launch", "launch_ros", "lifecycle_msgs", "yaml")}
+    assert foreign - ros <= {"haptic_device.config_files"}
+    assert roots(ROOT / "haptic_device/config_files.py") <= sys.stdlib_module_names
+    assert roots(ROOT / "haptic_device/__init__.py") == set()
+
+
 def test_the_launch_file_starts_device_driver_and_simulation_in_one_namespace(launched):
     nodes = launched()
     assert set(nodes) == {"haptic_driver", "haptic_simulation", "haptic_loopback"} <= set(EXECUTABLES)
@@ -167,6 +182,24 @@ def test_scene_and_device_of_the_launch_file_reach_the_nodes_after_the_parameter
     assert simulation == {"scene": str(ROOT / "config/scenes/wall.yaml")}
     motion = {f"motion.{name}": value for name, value in load(ROOT / "config/scenes/wall.yaml").motion.items()}
     assert loopback == {"device": "undamped"} | motion and len(motion) > 2
+
+
+@pytest.mark.parametrize(
+    ("text", "motion"),
+    [("name: x", {}), ("motion: {name: hold, moving: 'off'}", {"motion.name": "hold", "motion.moving": "off"})],
+)
+def test_a_scene_of_ones_own_gives_its_motion_as_it_stands(launched, tmp_path, text, motion):
+    (tmp_path / "own.yaml").write_text(text)
+    nodes = launched(scene=str(tmp_path / "own.yaml"))
+    assert plain(nodes["haptic_simulation"]["parameters"]) == [{"scene": str(tmp_path / "own.yaml")}]
+    assert plain(nodes["haptic_loopback"]["parameters"]) == ([motion] if motion else [])
+
+
+def test_a_scene_that_is_no_yaml_is_refused_by_the_launch_file_in_one_sentence(launched, tmp_path):
+    (tmp_path / "own.yaml").write_text("a: [")
+    with pytest.raises(ValueError, match=r"own\.yaml is not YAML: .*") as refused:
+        launched(scene=str(tmp_path / "own.yaml"))
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("argument", ["scene", "device", "parameters"])
