@@ -11,8 +11,8 @@ from haptic_device.device import loopback_config, operator_hand
 from haptic_device.parameter_files import file_problems, operating_point_problems, right_values
 from haptic_device.parameter_types import SECTION, check_value, unknown
 from haptic_device.parameters import OPERATOR
+from haptic_sim.motion import flat_motion
 from haptic_sim.node_parameters import NODES
-from haptic_sim.scene import flat_motion
 from haptic_sim.scene import load as load_scene
 
 

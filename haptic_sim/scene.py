@@ -17,28 +17,13 @@ from haptic_sim import scene_validation
 from haptic_sim.geometry import finest_feature
 from haptic_sim.joint import AnyJoint
 from haptic_sim.method_registry import offered
+from haptic_sim.motion import flat_motion
 from haptic_sim.scene_refusal import Unfit, is_unfit, sentences, with_stand_ins
 from haptic_sim.solid import TOOL, AnySolid, Body, Direction, Material, Number, Part, Point, Positive, Tool, Unit
 
 
 class SceneError(ConfigError):
     """A scene that cannot be used: one sentence with file, path in the file, value and what to do."""
-
-
-def flat_motion(motion: dict[str, Any]) -> dict[str, Any]:
-    """A motion as the hand's parameters have it: waypoints [x, y] or [x, y, theta] behind each other, as x, y, theta.
-
-    One without theta keeps that of the start. Raises ValueError for waypoints of another length.
-    """
-    points = motion.get("waypoints")
-    if not isinstance(points, list) or not any(isinstance(point, list) for point in points):
-        return motion
-    start = motion.get("start")
-    turned = start[2] if isinstance(start, list) and len(start) == 3 else 0.0
-    for i, point in enumerate(points):
-        if not isinstance(point, list) or len(point) not in (2, 3):
-            raise ValueError(f"waypoints[{i}] is {point}; write [x, y] or [x, y, theta]")
-    return {**motion, "waypoints": [number for point in points for number in (*point, turned)[:3]]}
 
 
 class Measure(Part):

@@ -4,10 +4,14 @@
 The nodes are lifecycle nodes. `autostart:=true` (default): they configure and activate themselves; `launch`: this file
 does it, one transition after the other; `false`: they stay unconfigured for `ros2 lifecycle set /haptic/haptic_driver
 configure` and its like.
+
+It runs in the Python of `ros2`, which may not see the libraries of a virtual environment: of ours it takes
+`config_files` and `motion` only, which need none.
 """
 
 from pathlib import Path
 
+import yaml
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
 from launch.conditions import IfCondition
@@ -21,13 +25,13 @@ from launch_ros.utilities import prefix_namespace
 from lifecycle_msgs.msg import Transition
 
 from haptic_device.config_files import find
-from haptic_sim.live.system import TOGETHER
-from haptic_sim.scene import load
+from haptic_sim.motion import flat_motion
 
 RVIZ = Path(__file__).parents[1] / "config/layouts/haptic.rviz"
 RVIZ_TOPICS = ("markers", "robot_description")  # that it has below /haptic
 BOOLEAN = ["true", "True", "1", "false", "False", "0"]  # what IfCondition takes
 LAUNCH = "launch"
+TOGETHER = 45.0  # [s] that a driver which enables itself waits for the tool, as in `haptic demo`
 
 # name: (default, meaning, choices; None: any text)
 ARGUMENTS = {
@@ -72,18 +76,28 @@ def _executables(on):
 
 
 def _own(given, on):
-    """{executable: parameters} that the arguments give. Raises OSError and ValueError as `find` and `load` do."""
+    """{executable: parameters} that the arguments give. Raises OSError and ValueError, one sentence."""
     driver, loopback, simulation, recorder = ({} if "autostart" in on else {"autostart": False} for _ in range(4))
     if given["scene"]:
         scene = find("scenes", given["scene"]).absolute()
         simulation["scene"] = str(scene)
-        loopback |= {f"motion.{name}": value for name, value in load(scene).motion.items()}
+        loopback |= {f"motion.{name}": value for name, value in _motion(scene).items()}
     if given["device"]:
         find("devices", given["device"])
         driver["device"] = loopback["device"] = given["device"]
     if "enable" in on:
         driver |= {"auto_enable": True, "auto_enable_wait": TOGETHER}
     return dict(haptic_driver=driver, haptic_loopback=loopback, haptic_simulation=simulation, haptic_recorder=recorder)
+
+
+def _motion(scene):
+    """The motion of the hand that a scene suggests; what is wrong in the rest of it, the simulation says."""
+    try:
+        content = yaml.safe_load(scene.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{scene} is not YAML: {' '.join(str(error).split())}") from None
+    motion = content.get("motion") if isinstance(content, dict) else None
+    return flat_motion(motion) if isinstance(motion, dict) else {}
 
 
 def _managed(executable, namespace, files, own):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The launch file and the examples that include it: what they start, with what, and what they refuse."""
 
+import ast
 import runpy
 import sys
 import types
@@ -115,6 +116,21 @@ def plain(parameters):
     ]
 
 
+@pytest.mark.parametrize("file", [ROOT / "launch/haptic_display.launch.py", *(ROOT / "examples").glob("*.launch.py")])
+def test_a_launch_file_runs_in_the_python_of_ros2_which_has_not_our_libraries(file):
+    def roots(path):
+        nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+        found = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+        return found | {node.module for node in nodes if isinstance(node, ast.ImportFrom)}
+
+    foreign = {name for name in roots(file) if name.split(".")[0] not in sys.stdlib_module_names}
+    ros = {name for name in foreign if name.split(".")[0] in ("launch", "launch_ros", "lifecycle_msgs", "yaml")}
+    assert foreign - ros <= {"haptic_device.config_files", "haptic_sim.motion"}
+    for ours in ("haptic_device/config_files.py", "haptic_sim/motion.py"):
+        assert {name.split(".")[0] for name in roots(ROOT / ours)} <= sys.stdlib_module_names
+    assert roots(ROOT / "haptic_device/__init__.py") == roots(ROOT / "haptic_sim/__init__.py") == set()
+
+
 def test_the_launch_file_starts_device_driver_and_simulation_in_one_namespace(launched):
     nodes = launched()
     assert set(nodes) == {"haptic_driver", "haptic_simulation", "haptic_loopback"} <= set(EXECUTABLES)
@@ -152,11 +168,12 @@ def test_launch_itself_refuses_what_no_boolean_may_be_and_says_what_may(launch_f
     assert [name for name in boolean if "launch" in choices[name]] == ["autostart"]
 
 
-def test_scene_and_device_of_the_launch_file_reach_the_nodes_after_the_parameter_file(launched):
+@pytest.mark.parametrize("scene", ["wall", "maze"])
+def test_scene_and_device_of_the_launch_file_reach_the_nodes_after_the_parameter_file(launched, scene):
     """Later files of parameters win; the hand moves as the scene suggests, as in `haptic demo`."""
     nodes = {
         name: plain(options["parameters"])
-        for name, options in launched(parameters="demo", scene="wall", device="undamped").items()
+        for name, options in launched(parameters="demo", scene=scene, device="undamped").items()
     }
     (file,) = {str(values[0]) for values in nodes.values()}
     assert file == str(ROOT / "config/demo.yaml")
@@ -164,9 +181,27 @@ def test_scene_and_device_of_the_launch_file_reach_the_nodes_after_the_parameter
     (loopback,) = nodes["haptic_loopback"][1:]
     (simulation,) = nodes["haptic_simulation"][1:]
     assert driver == {"device": "undamped"}
-    assert simulation == {"scene": str(ROOT / "config/scenes/wall.yaml")}
-    motion = {f"motion.{name}": value for name, value in load(ROOT / "config/scenes/wall.yaml").motion.items()}
+    assert simulation == {"scene": str(ROOT / f"config/scenes/{scene}.yaml")}
+    motion = {f"motion.{name}": value for name, value in load(ROOT / f"config/scenes/{scene}.yaml").motion.items()}
     assert loopback == {"device": "undamped"} | motion and len(motion) > 2
+
+
+@pytest.mark.parametrize(
+    ("text", "motion"),
+    [("name: x", {}), ("motion: {name: hold, moving: 'off'}", {"motion.name": "hold", "motion.moving": "off"})],
+)
+def test_a_scene_of_ones_own_gives_its_motion_as_it_stands(launched, tmp_path, text, motion):
+    (tmp_path / "own.yaml").write_text(text)
+    nodes = launched(scene=str(tmp_path / "own.yaml"))
+    assert plain(nodes["haptic_simulation"]["parameters"]) == [{"scene": str(tmp_path / "own.yaml")}]
+    assert plain(nodes["haptic_loopback"]["parameters"]) == ([motion] if motion else [])
+
+
+def test_a_scene_that_is_no_yaml_is_refused_by_the_launch_file_in_one_sentence(launched, tmp_path):
+    (tmp_path / "own.yaml").write_text("a: [")
+    with pytest.raises(ValueError, match=r"own\.yaml is not YAML: .*") as refused:
+        launched(scene=str(tmp_path / "own.yaml"))
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("argument", ["scene", "device", "parameters"])
@@ -178,10 +213,8 @@ def test_a_name_that_is_not_there_is_refused_by_the_launch_file_in_one_sentence(
 @pytest.mark.parametrize("key", ["/**", "/**/haptic_driver", "/*/haptic_driver", "/haptic/haptic_driver"])
 def test_what_the_launch_file_is_given_wins_over_the_parameter_file(tmp_path, key):
     """launch writes it as a second file, for /haptic/haptic_driver; so rclpy must take the second, however named."""
-    for name, whose, rate in (
-        ("file", key, "servo: {rate: 1.0}"),
-        ("given", "/haptic/haptic_driver", "servo.rate: 2.0"),
-    ):
+    files = (("file", key, "servo: {rate: 1.0}"), ("given", "/haptic/haptic_driver", "servo.rate: 2.0"))
+    for name, whose, rate in files:
         (tmp_path / name).write_text(f"{whose}:\n  ros__parameters:\n    {rate}\n    {name}: true\n")
     words = [word for name in ("file", "given") for word in ("--params-file", str(tmp_path / name))]
     context = Context()
