@@ -134,7 +134,8 @@ def test_a_driver_in_fault_is_refused(pair):
         tuning.recover()
 
 
-def test_a_tool_whose_own_driver_falls_into_a_fault_goes_on_with_a_new_pair(capsys):
+def test_a_tool_whose_own_driver_falls_into_a_fault_goes_on_with_a_new_pair(capsys, monkeypatch):
+    monkeypatch.delenv("ROS_DOMAIN_ID")  # else it would be in the other pair's
     domains = []
 
     def work(domain, namespace, check):
