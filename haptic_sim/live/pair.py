@@ -52,7 +52,7 @@ def running(domain: int | None, namespace: str | None, driver: dict, loopback: d
     check() raises if a node of the pair has ended, and gives the last line that each node of it printed.
     """
     if domain is not None or namespace is not None:
-        yield domain or current_domain(), namespace or NAMESPACE, dict
+        yield current_domain() if domain is None else domain, namespace or NAMESPACE, dict
         return
     with contextlib.ExitStack() as stack:
         logs = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="haptic_")))
