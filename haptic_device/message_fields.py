@@ -42,7 +42,7 @@ LOCAL_CONTACT = np.dtype([(name, "f8") for name in COMMON + EACH])
 
 def frame_id(namespace, name):
     """The frame of this name of the display in a namespace: map (of the scene), base_link (of the device; both as in
-    REP-105), handle or tool. Two displays have no frame in common."""
+    REP-105), handle or tool. Two displays share none, unless / and _ are all that their namespaces differ in."""
     return "_".join(filter(None, (*namespace.split("/"), name)))
 
 

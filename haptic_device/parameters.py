@@ -98,7 +98,9 @@ class Engage(Group):
 class Exchange(Group):
     """Exchange of samples with the simulation."""
 
-    rate: float = fixed(1000.0, "Hz", "handle samples sent to the simulation per second", 100.0, 2000.0)
+    rate: float = fixed(
+        1000.0, "Hz", "handle samples sent to the simulation per second, at most one a servo tick", 100.0, 2000.0
+    )
     method: ExchangeMethod = fixed("pspm", "", "what both sides do with each other's samples")
     hold: float = live(0.06, "s", "age up to which a tool sample is held at full force", 0.001, 2.0)
     budget: float = fixed(0.005, "J", "energy the coupling may give before the hand has paid any", 0.0, 1.0)

@@ -70,7 +70,8 @@ def handling(handler):
 
 @contextlib.contextmanager
 def held():
-    """SIGINT, SIGTERM and SIGHUP wait until the block is over, and in a process that is started in it until it hears.
+    """For this thread SIGINT, SIGTERM and SIGHUP wait until the block is over, and for a process that is started in it
+    until it hears.
 
     Else they would end that process, or print a traceback, while its Python starts.
     """

@@ -97,7 +97,10 @@ def _motion(scene):
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{scene} is not YAML: {' '.join(str(error).split())}") from None
     motion = content.get("motion") if isinstance(content, dict) else None
-    return flat_motion(motion) if isinstance(motion, dict) else {}
+    try:
+        return flat_motion(motion) if isinstance(motion, dict) else {}
+    except ValueError as error:
+        raise ValueError(f"{scene}: motion.{error}") from None
 
 
 def _managed(executable, namespace, files, own):

@@ -27,7 +27,6 @@ from haptic_device.parameters import DRIVER
 from haptic_device.realtime import scheduling
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.servo_thread import ServoThread
-from haptic_device.realtime.session_clock import SessionClock
 from haptic_device.realtime.shared_memory import file_name
 
 MIDDLEWARE_PRIORITY = 65  # below the servo, above the exchange
@@ -77,12 +76,11 @@ class DriverNode(ManagedNode):
         settings = controller_config.settings_from(self.device, self.values, self._version)
         self._judge(settings, self.values)
         self._warn(settings, self.values)
-        self._enabled_once, self._alone_since = False, 0.0
+        self._enabled_once, self._announced, self._alone_since = False, False, 0.0
         with self._changing:
             self.servo = ServoThread(self.hardware, settings, home, self.values["realtime"], self._kept)
         self.servo.gains.put(controller_config.gains_from(self.values))
         self._set_flag(enable_state.CLUTCH, self.values["clutch.open"])
-        self.clock = SessionClock()
         self.exchange = ExchangeServer(self, self.servo, len(self.device.axes), self.values, self.clock.offset)
         self.exchange.start()
         self.report = DriverDiagnostics(self)
@@ -171,10 +169,11 @@ class DriverNode(ManagedNode):
         self.stall, self._watched = max(self.stall, now - self._watched), now
         if self.servo is None or not self.servo.running:
             return
-        self.exchange.follow(self.clock.follow())
-        where = f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
-        what = f"servo at {self.values['servo.rate']:g} Hz on {self.device.name}"
-        self._say("info", f"{what} in {where}; {self.servo.realtime}")
+        if not self._announced:
+            self._announced = True
+            where = f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
+            what = f"servo at {self.values['servo.rate']:g} Hz on {self.device.name}"
+            self.get_logger().info(f"{what} in {where}; {self.servo.realtime}")
         row = self.servo.row.get()[0]
         if self._reported != (news := (int(row.state), int(row.fault))):
             self._reported = news
@@ -270,6 +269,7 @@ class DriverNode(ManagedNode):
         if self.telemetry is None:
             return
         self._follow_margin()
+        self.exchange.follow(self.clock.offset)
         row = self.servo.row.get()[0]
         self.report.say(row, self.report.watched(row))
 

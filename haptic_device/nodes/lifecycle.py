@@ -6,6 +6,7 @@ import re
 import signal
 import sys
 import threading
+import time
 from collections.abc import Sequence
 
 import rclpy
@@ -20,6 +21,7 @@ from haptic_device.nodes.participant_id import own_participant_id
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.parameter_types import Parameter
 from haptic_device.process import ENDING, hear
+from haptic_device.realtime.session_clock import SessionClock
 
 LOOK_UP = 0.05  # [s] longest time a signal waits
 DIAGNOSTICS_PERIOD = 0.5  # [s]
@@ -41,8 +43,9 @@ class ManagedNode(Node):
         self.refusal, self.failure, self.active = "", "", False
         self.survived, self._said_of = 0, set()
         self.told: Sequence[int] = ()  # signals that tell it to end, as they come: whoever waits long looks at them
+        self.clock = SessionClock()
         self._diagnostics = self.create_publisher(messages.DiagnosticArray, "/diagnostics", 10)
-        self.create_timer(DIAGNOSTICS_PERIOD, self.diagnose)
+        self.create_timer(DIAGNOSTICS_PERIOD, self._follow_and_diagnose)
         threading.excepthook = self.thread_ended  # one process, one node
 
     def destroy_node(self):
@@ -59,7 +62,7 @@ class ManagedNode(Node):
         A node that has failed says that instead.
         """
         level, message = ("error", self.failure) if self.failure else (level, message)
-        now = self.get_clock().now().nanoseconds
+        now = self.clock.stamp(time.monotonic_ns())
         told = messages.diagnostics(now, self.get_name(), hardware_id, level, message, values, figures)
         self._diagnostics.publish(told)
 
@@ -92,6 +95,10 @@ class ManagedNode(Node):
         """After a transition that failed as nobody foresaw: stops and lets everything go, unconfigured again."""
         self.finish()
         return TransitionCallbackReturn.SUCCESS
+
+    def _follow_and_diagnose(self):
+        self.clock.follow()
+        self.diagnose()
 
     def survive(self, error):
         """Counts an exception out of a callback, and logs it; a node that a message could end would be no safe one."""

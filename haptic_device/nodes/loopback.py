@@ -22,7 +22,6 @@ from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.parameters import LOOPBACK, LOOPBACK_FIGURES
 from haptic_device.realtime import clock, scheduling
 from haptic_device.realtime.seqlock import SeqLock
-from haptic_device.realtime.session_clock import SessionClock
 from haptic_device.realtime.shared_memory import DEVICE, SharedMemory, file_name
 from haptic_device.recording.layouts import JointLayout
 
@@ -107,15 +106,14 @@ class LoopbackNode(ManagedNode):
 
     def _publish(self):
         period, scratch = int(1e9 / self.values["publish.rate"]), clock.scratch()
-        deadline, told, session = clock.now_ns(scratch), 0.0, SessionClock()
+        deadline, told = clock.now_ns(scratch), 0.0
         while not self._control[simulated_device.STOP]:
             deadline = max(deadline + period, clock.now_ns(scratch))
             clock.sleep_until(deadline, scratch)
             truth = self._truth.get()[0]
             if truth.time > told:
                 told = truth.time
-                session.follow()
-                self._state.publish(self._truth_bytes(truth, session.stamp(round(told * 1e9))))
+                self._state.publish(self._truth_bytes(truth, self.clock.stamp(round(told * 1e9))))
 
     def _truth_bytes(self, truth, stamp):
         axes, extra, none = len(self.device.axes), (truth.energy_given, truth.time, truth.motion_done), (0.0, 0.0, 0.0)

@@ -33,6 +33,7 @@ _QOS = {"snapshot": STATE, "/tf_static": STATE}  # these and the ones below; the
 _QOS |= dict.fromkeys(("trace", "mark", "joint_states", "/parameter_events", "/tf"), TRACE)
 
 _CHATTER = ("/diagnostics", "/parameter_events", "/rosout", "/transition_event")  # of any node, also the recorder's own
+_CHATTER += ("/mark", "/markers", "/operator/target")  # of who looks on or commands
 _SECOND = 1_000_000_000
 
 

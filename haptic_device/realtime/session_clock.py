@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The system clock as CLOCK_MONOTONIC and an offset, so that stamps differ as the times that they are of."""
+"""The system clock as CLOCK_MONOTONIC and an offset, so that stamps differ as the times that they are of.
+
+Where the system clock is set while a node runs, its stamps follow by 0.1 ms a second. The simulation's time is that of
+the stamps: as long as they follow, one exchange in half a second is 50 us longer or shorter.
+"""
 
 import time
 
 LOOKS = 5  # readings, of which the one with the least between its ends counts
 TOLERATED = 1_000_000  # [ns] that the system clock may be away before it is followed
-SLEW, STEP = 1000, 50_000  # of a time, a 1/SLEW is caught up; [ns] at most at once, half of the shortest tick
+SLEW, STEP = 1000, 50_000  # of a time at most a 1/SLEW is caught up; [ns] at once, half of the shortest tick
 
 
 class SessionClock:
     """Stamps of one node. `offset` [ns]: system clock less CLOCK_MONOTONIC, as the stamps have it.
 
     The offset is read once. Where the system clock is set later, `follow` brings the offset after it so slowly that
-    stamps of different ticks never go back and never meet.
+    stamps of different ticks never go back and never meet. One thread calls it; any may ask for stamps.
     """
 
     def __init__(self) -> None:
@@ -24,7 +28,7 @@ class SessionClock:
         return int(monotonic_ns) + self.offset
 
     def follow(self) -> int:
-        """The offset, nearer to the system clock where that was set; to be called a few times a second."""
+        """The offset, nearer to the system clock where that was set; to be called twice a second."""
         now = time.monotonic_ns()
         most, self._followed = min(STEP, (now - self._followed) // SLEW), now
         gap = difference() - self.offset

@@ -8,7 +8,9 @@ printed. Numbers in words are none, lest a count that grows be waited for withou
 import re
 import time
 
-LIMIT = 90.0  # [s] without news; a driver waits half of it for its simulation before it enables by itself
+from haptic_sim.live.system import TOGETHER
+
+LIMIT = 2.0 * TOGETHER  # [s] without news
 
 
 class News:
@@ -16,13 +18,14 @@ class News:
 
     def __init__(self, client, *nodes: str, moving: bool = False):
         self._client, self._nodes, self._moving = client, nodes, moving
-        self._known, self._printed, self._newest = set(), {}, time.monotonic()
+        self._known, self._printed, self._newest, self._moved = set(), {}, time.monotonic(), 0.0
 
     def ended(self, printed: dict[str, str]) -> bool:
         """Whether there has been no news for LIMIT. printed: last line of each node whose log is at hand."""
         self._printed, now = printed, time.monotonic()
-        if new := self._facts() - self._known:
-            self._known, self._newest = self._known | new, now
+        if self._moves() or not self._facts() <= self._known:
+            self._known |= self._facts()
+            self._newest = now
         return now - self._newest >= LIMIT
 
     def last_words(self) -> str:
@@ -31,13 +34,20 @@ class News:
 
     def _facts(self):
         said = self._client.statuses.items()
-        facts = {(name, one.level, one.values.get("state"), re.sub(r"\d+", "", one.message)) for name, one in said}
-        truth = self._client.truth
-        facts |= {("truth", truth["time"][0] if self._moving else 0.0)} if "time" in truth else set()
-        return facts | set(self._printed.items())
+        facts = {(name, one.level, one.values.get("state"), _words(one.message)) for name, one in said}
+        facts |= {(name, _words(line)) for name, line in self._printed.items()}
+        return facts | ({"truth"} if self._client.truth else set())
+
+    def _moves(self):
+        before, self._moved = self._moved, self._client.truth.get("time", (0.0,))[0]
+        return self._moving and self._moved > before
 
     def _last_word(self, name):
         if name in self._client.statuses:
             return f"{name} says: {self._client.statuses[name].message}"
         printed = f", which printed last: {self._printed[name]}" if name in self._printed else ""
         return f"nothing was heard of {name}{printed}"
+
+
+def _words(text):
+    return re.sub(r"\d+", "", text)

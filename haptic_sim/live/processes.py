@@ -2,6 +2,7 @@
 """The nodes as child processes: started on the loopback interface alone, watched, stopped in order, never orphaned."""
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from typing import NamedTuple
 from haptic_device.process import ending_with_us, handling, held, own_environment, running_module
 
 NAMESPACE = "/haptic"
+TAIL = 4096  # bytes of a log that its last line is looked for in
 _PATIENCE = ((signal.SIGINT, 4.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 2.0))  # s after each
 
 
@@ -98,7 +100,9 @@ class Nodes:
 
     def last_line(self, name: str) -> str:
         """The last line that the node printed."""
-        lines = self.printed(name).split("\n")
+        with open(self._log(name), "rb") as log:
+            log.seek(max(0, log.seek(0, os.SEEK_END) - TAIL))
+            lines = log.read().decode(errors="replace").split("\n")
         return next((line.strip() for line in reversed(lines) if line.strip()), "it printed nothing")
 
     def printed(self, name: str) -> str:

@@ -9,7 +9,6 @@ import numpy as np
 from haptic_device.message_fields import AXES, frame_id
 from haptic_device.nodes.messages import STATE, STREAM, JointState, PointCloud2, String
 from haptic_device.nodes.transforms import Transforms
-from haptic_device.realtime.session_clock import SessionClock
 from haptic_device.recording.layouts import CloudLayout, JointLayout
 from haptic_sim.protocol import STILL
 from haptic_sim.simulation import Simulation
@@ -39,7 +38,7 @@ class ScenePublisher:
         self._state = node.create_publisher(JointState, "scene/state", STREAM)
         self._contacts = node.create_publisher(PointCloud2, "scene/contacts", STREAM)
         self._map, self._tool = (frame_id(node.get_namespace(), name) for name in ("map", TOOL))
-        self._cloud, self._transforms, self._clock = CloudLayout(CONTACT, self._map), Transforms(node), SessionClock()
+        self._cloud, self._transforms = CloudLayout(CONTACT, self._map), Transforms(node)
 
     def show(self, simulation: Simulation, handle, now_ns: int) -> bool:
         """The world as it is, if it is time; whether it was. handle: its pose in the world, as last heard, or None."""
@@ -48,8 +47,7 @@ class ScenePublisher:
         elif now_ns < self._due_ns:
             return False
         self._due_ns = max(self._due_ns + PERIOD_NS, now_ns)
-        self._clock.follow()
-        stamp = self._clock.stamp(now_ns)
+        stamp = self._node.clock.stamp(now_ns)
         self._state.publish(self._layout.pack(stamp, *self._numbers(simulation, handle)))
         self._contacts.publish(self._cloud.pack(stamp, self._touching(simulation)))
         self._transforms.publish(stamp, [(self._map, self._tool, tuple(simulation.method.position))])

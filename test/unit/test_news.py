@@ -2,6 +2,7 @@
 """How tools wait for a driver, and what they do where the one that they started falls into a fault."""
 
 import contextlib
+import itertools
 import types
 
 import pytest
@@ -47,6 +48,12 @@ def test_a_driver_that_starts_slowly_is_waited_for_while_there_is_news(waited):
     waited(lambda t: {"state": steps[min(3, int(t // late))]})
     with pytest.raises(ValueError, match=f"and no news for {news.LIMIT:g} s: haptic_driver says: disabled"):
         waited(lambda t: {"state": "engaged" if t > 1.1 * news.LIMIT else "disabled"})
+
+
+def test_a_line_that_comes_again_with_other_numbers_is_no_news(waited):
+    count = itertools.count()
+    with pytest.raises(ValueError, match="and no news for"):
+        waited(lambda t: {}, lambda: {"haptic_driver": f"[WARN] [1700000{next(count)}.5]: 3 messages are late"})
 
 
 def test_nodes_of_which_nothing_is_heard_are_told_with_what_they_printed_or_with_what_to_do(waited):

@@ -9,6 +9,7 @@ import pytest
 from live_nodes import STRANGE
 
 from haptic_device.nodes.polled_subscription import Sample
+from haptic_device.realtime.session_clock import SessionClock
 from haptic_device.recording.layouts import CLOUD, JointLayout, layout_of
 from haptic_sim.client import Client
 from haptic_sim.node.scene_publisher import CONTACT, PERIOD_NS, ScenePublisher, state_names
@@ -32,7 +33,7 @@ class FakeNode:
     """Keeps what is published, by topic, and offers nothing to hear."""
 
     def __init__(self):
-        self.said = {}
+        self.said, self.clock = {}, SessionClock()
 
     def create_publisher(self, kind, topic, qos):
         return types.SimpleNamespace(publish=lambda message: self.said.setdefault(topic, []).append(message))
