@@ -152,6 +152,7 @@ def test_only_a_worker_with_the_same_sources_and_scenes_takes_part(kept, worker,
 
 @pytest.mark.parametrize("address", ["nonsense", "127.0.0.1", "http://127.0.0.1:8786", "tcp://127.0.0.1"])
 def test_what_is_no_address_of_a_scheduler_is_refused_before_anything_is_tried(address):
+    pytest.importorskip("distributed")
     with pytest.raises(ValueError, match="must be an address such as tcp://host:8786"):
         next(sweep.spread(len, {"job": ("",)}, 1, address))
 
