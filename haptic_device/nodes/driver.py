@@ -41,7 +41,8 @@ class DriverNode(ManagedNode):
         super().__init__("haptic_driver", DRIVER)
         self.hardware = self.servo = self.exchange = self.telemetry = None
         self._kept = {"code": faults.NONE}
-        self._version, self._enabled_once, self._said, self.margins = 0, False, set(), [math.inf, math.inf]
+        self._version, self._said, self.margins = 0, set(), [math.inf, math.inf]
+        self._enabled_once, self._announced, self._alone_since = False, False, 0.0
         self._watched, self.stall, self._reported = time.monotonic(), 0.0, None
         self._changing = threading.Lock()  # held while the servo comes and goes: no e-stop falls in between
         commands = {f"~/{name}": getattr(self, f"_on_{name}") for name in ("estop", "reset", "enable", "disable")}
