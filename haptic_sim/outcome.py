@@ -19,7 +19,8 @@ from haptic_device.analysis.report.summary import (
 from haptic_device.recording.bag_contents import Recording
 from haptic_device.status import number
 
-INSERTED = 0.95  # of the hole's depth
+GOALS = ("insertion_fraction", "arrived")  # measures that say of themselves whether the job was done
+REACHED = 0.95  # of a goal
 ANSWERED = 0.9  # of the handle samples sent, for scenes without a goal of their own
 _NOTHING = ("servo", "exchange", "simulation", "energy_j", "contact", "report", "startup_s")
 
@@ -53,12 +54,12 @@ def nothing() -> dict:
 
 
 def job_done(found: dict, ended: bool, share: float = ANSWERED) -> bool:
-    """Whether the job was done: no fault, and the peg in its hole, or else a run that `ended` as asked, with this share
-    of the handle samples answered."""
+    """Whether the job was done: no fault, and the scene's goals reached, or where it has none a run that `ended` as
+    asked, with this share of the handle samples answered."""
     if found["faults"] or not found["exchange"]:
         return False
-    if "insertion_fraction" in found["result"]:
-        return found["result"]["insertion_fraction"] >= INSERTED
+    if goals := [found["result"][name] for name in GOALS if name in found["result"]]:
+        return min(goals) >= REACHED
     return ended and found["exchange"]["answered"] >= max(1, share * found["exchange"]["sent"])
 
 

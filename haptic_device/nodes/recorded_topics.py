@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The recorded topics: which there are, what never came of each, and the QoS that joins its publishers."""
 
+from collections import deque
 from dataclasses import dataclass, field
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -39,9 +40,11 @@ _SECOND = 1_000_000_000
 
 @dataclass
 class Track:
-    """A topic's subscription, its channel in the bag (0: none yet), and the gaps in its publisher's numbers."""
+    """A topic's subscription, whether its last messages are kept for late joiners, its channel in the bag (0: none
+    yet), and the gaps in its publisher's numbers."""
 
     subscription: PolledSubscription
+    latched: bool = False
     channel: int = 0
     publishers: int = 0
     gaps: SequenceGaps = field(default_factory=SequenceGaps)
@@ -99,6 +102,12 @@ class RecordedTopics:
         """QoS profiles of the publishers of a topic, in the words of rosbag2's metadata version 9."""
         return [_record(info.qos_profile) for info in self._node.get_publishers_info_by_topic(topic)]
 
+    def skip(self) -> None:
+        """Passes over what waits, but for what is kept for late joiners."""
+        for track in self.tracks.values():
+            if not track.latched:
+                deque(track.subscription.take(), maxlen=0)
+
     def close(self) -> None:
         """Leaves all."""
         for track in self.tracks.values():
@@ -107,7 +116,7 @@ class RecordedTopics:
 
     def _join(self, topic, type_name, qos):
         subscription = PolledSubscription(self._node, topic, type_name, qos, raw=True)
-        self.tracks[subscription.topic] = Track(subscription)
+        self.tracks[subscription.topic] = Track(subscription, qos.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
     def _join_discovered(self, topic, type_name, qos):
         try:

@@ -65,6 +65,7 @@ class Recorder(ManagedNode):
         except (ValueError, OSError) as error:
             self.failure = f"cannot record: {error}"
             raise ValueError(self.failure) from None
+        self.topics.skip()  # a bag begins when it is opened
         self._parameter_client.again()  # parameters and scene may be others than in the bag before
         self._next_discovery, self._heard = 0, False
         self.get_logger().info(f"recording to {self.bag.folder}")

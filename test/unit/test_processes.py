@@ -17,7 +17,7 @@ from haptic_sim.live import processes
 from haptic_sim.live.domain import isolated_domain
 from haptic_sim.live.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
 from haptic_sim.live.system import Order, programs_of
-from haptic_sim.outcome import ANSWERED, INSERTED, job_done, nothing
+from haptic_sim.outcome import ANSWERED, GOALS, REACHED, job_done, nothing
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -173,9 +173,10 @@ def outcome(faults=(), result=None, sent=1000, answered=1000) -> dict:
     return {**nothing(), "faults": list(faults), "result": result or {}, "exchange": exchange}
 
 
-def test_a_peg_counts_as_inserted_just_above_the_bound_and_not_just_below():
-    assert job_done(outcome(result={"insertion_fraction": INSERTED}), ended=True)
-    assert not job_done(outcome(result={"insertion_fraction": INSERTED - 1e-9}), ended=True)
+@pytest.mark.parametrize("goal", GOALS)
+def test_a_goal_is_reached_just_above_the_bound_and_not_just_below(goal):
+    assert job_done(outcome(result={goal: REACHED}, answered=1), ended=True)
+    assert not job_done(outcome(result={goal: REACHED - 1e-9}), ended=True)
 
 
 def test_another_scene_is_done_if_it_ended_and_was_answered():

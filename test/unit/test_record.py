@@ -8,6 +8,7 @@ import pytest
 from made_up_clock import Clock
 
 from haptic_device.nodes import FIRST_ROW
+from haptic_device.nodes.recorded_topics import RecordedTopics, Track
 from haptic_sim.cli import record
 
 EMPTY = "rosbag2_bagfile_information: {topics_with_message_count: [], custom_data: {}}"
@@ -90,3 +91,16 @@ def test_ended_before_anything_was_heard_it_is_refused(recorded):
     assert (
         found.said.startswith("refused: nothing was heard of /haptic in domain ") and "recording to" not in found.said
     )
+
+
+def test_a_bag_begins_when_it_is_opened_but_with_what_is_kept_for_late_joiners():
+    class Waiting(list):
+        def take(self):
+            while self:
+                yield self.pop(0)
+
+    before, kept = Waiting([1, 2, 3]), Waiting([4])
+    topics = RecordedTopics(types.SimpleNamespace(get_namespace=lambda: "/haptic"))
+    topics.tracks |= {"motor": Track(before), "scene": Track(kept, latched=True)}
+    topics.skip()
+    assert (before, kept) == ([], [4])
