@@ -3,6 +3,7 @@
 
 import math
 import sys
+from collections.abc import Iterable
 from typing import NamedTuple
 
 LEVELS = ("OK", "WARN", "ERROR", "STALE")
@@ -24,6 +25,12 @@ def named_statuses(message, time: int) -> list[tuple[str, Status]]:
     A level beyond LEVELS is taken for STALE.
     """
     return [(said.name, _status(said, time)) for said in message.status]
+
+
+def of_namespace(statuses: Iterable[Status], namespace: str) -> bool:
+    """Whether the statuses of one message are of a node in this namespace, or of one that does not say where it is."""
+    own = namespace.rstrip("/")
+    return all(one.values.get("namespace", own).rstrip("/") == own for one in statuses)
 
 
 def _status(said, time):

@@ -32,7 +32,7 @@ from haptic_device.message_fields import AXES, truth_names
 from haptic_device.nodes.messages import LATEST, STREAM, JointState, statuses_of
 from haptic_device.nodes.polled_subscription import PolledSubscription, Untouched
 from haptic_device.recording.layouts import DIAGNOSTICS, JOINTS, JointLayout
-from haptic_device.status import Status
+from haptic_device.status import Status, of_namespace
 from haptic_sim.questions import Question, kind_of
 
 AGAIN = 0.3  # [s] without an answer after which a service is asked once more
@@ -88,8 +88,9 @@ class Client:
                         self.truths.append(self.truth)
         for sample in self._said.take():
             found = statuses_of(sample.message, sample.received)
-            self.statuses |= found
-            self.heard |= dict.fromkeys(found, time.monotonic())
+            if of_namespace(found.values(), self.node.get_namespace()):
+                self.statuses |= found
+                self.heard |= dict.fromkeys(found, time.monotonic())
 
     def said(self, node: str, entry: str, otherwise: str = "") -> str:
         """Last value of a node's diagnostic entry."""

@@ -62,6 +62,7 @@ class ManagedNode(Node):
         A node that has failed says that instead.
         """
         level, message = ("error", self.failure) if self.failure else (level, message)
+        values = {"namespace": self.get_namespace(), **values}  # two displays have nodes of the same names
         now = self.clock.stamp(time.monotonic_ns())
         told = messages.diagnostics(now, self.get_name(), hardware_id, level, message, values, figures)
         self._diagnostics.publish(told)

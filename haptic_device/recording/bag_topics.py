@@ -13,7 +13,7 @@ from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, STAMPED,
 from haptic_device.recording.metadata import said_in
 from haptic_device.recording.reader import Collector, Keep, Times, Topic, read
 from haptic_device.sequence_gaps import SequenceGaps, counted
-from haptic_device.status import Status, named_statuses
+from haptic_device.status import Status, named_statuses, of_namespace
 
 TOPICS = ("encoder", "motor", "handle", "tool", "trace", "wrench", "pose", "operator/state", "operator/target")
 MARK = "mark"
@@ -31,8 +31,12 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
     bag = Path(bag)
     topics, attachments, notes = read(bag, lambda topic, type_name: _collector(topic, type_name, only))
     notes += [f"topic {name} is left out: {topic.refused}" for name, topic in topics.items() if topic.refused]
-    diagnostics = _diagnostics(topics.get("/diagnostics"), notes)
-    namespace = _only_namespace(topics, diagnostics, bag) if namespace is None else namespace.rstrip("/")
+    said = [
+        named_statuses(message, time)
+        for time, message in _messages(topics.get("/diagnostics"), notes, "diagnostics", DIAGNOSTICS)
+    ]
+    names = {name for one in said for name, _ in one}
+    namespace = _only_namespace(topics, names, bag) if namespace is None else namespace.rstrip("/")
     ours = {name[len(namespace) + 1 :]: topic for name, topic in topics.items() if name.startswith(namespace + "/")}
     found = {name: topic for name, topic in ours.items() if not topic.refused}
     skipped = {name: counted(topic.times.sequence) for name, topic in topics.items()}
@@ -47,7 +51,7 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
         namespace,
         joints,
         clouds,
-        diagnostics,
+        _diagnostics(said, namespace),
         _marks(found.get(MARK), notes),
         attachments,
         {name: len(topic) for name, topic in topics.items()},
@@ -135,12 +139,13 @@ def _pairs(trace: Collector | None, rows: Records | None, state: Joints | None) 
     return np.empty(0, np.int64), np.empty(0, np.int64)
 
 
-def _diagnostics(topic: Topic | None, notes: list[str]) -> dict[str, tuple[Status, ...]]:
-    """Statuses by name, oldest first."""
+def _diagnostics(said: list[list[tuple[str, Status]]], namespace: str) -> dict[str, tuple[Status, ...]]:
+    """Statuses by name, oldest first, of messages from this namespace."""
     statuses: dict[str, list[Status]] = {}
-    for time, message in _messages(topic, notes, "diagnostics", DIAGNOSTICS):
-        for name, status in named_statuses(message, time):
-            statuses.setdefault(name, []).append(status)
+    for message in said:
+        if of_namespace((status for _, status in message), namespace):
+            for name, status in message:
+                statuses.setdefault(name, []).append(status)
     return {name: tuple(found) for name, found in statuses.items()}
 
 

@@ -25,6 +25,7 @@ NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation", "haptic_record
 
 def status(
     domain: Annotated[int | None, typer.Option(min=0, max=232, help="ROS domain [ROS_DOMAIN_ID, or 0].")] = None,
+    namespace: Annotated[str, typer.Option(help="Namespace of the system.")] = NAMESPACE,
     json: Annotated[bool, typer.Option("--json", help="Listen for 2 s, print one JSON object, end.")] = False,
 ) -> None:
     """Show all nodes and figures with their levels, live; space is the e-stop. Exit code 1 for ERROR or silence."""
@@ -32,7 +33,7 @@ def status(
     from haptic_sim.client import Client
 
     domain = current_domain() if domain is None else domain
-    with contextlib.closing(Client.join("haptic_status", domain, NAMESPACE)) as client:
+    with contextlib.closing(Client.join("haptic_status", domain, namespace)) as client:
         if json or not (sys.stdin.isatty() and sys.stdout.isatty()):
             found = _listen(client)
             print(json_text.dumps(found)) if json else _print(found, domain)

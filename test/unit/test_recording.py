@@ -10,7 +10,19 @@ import bag_of_a_run
 import numpy as np
 import pytest
 import yaml
-from bag_of_a_run import AXES, BOOT_TO_EPOCH, CLOUD, PERIOD_NS, SAID, TYPES, joints, swing, write_run
+from bag_of_a_run import (
+    AXES,
+    BOOT_TO_EPOCH,
+    CLOUD,
+    DIAGNOSTICS,
+    PERIOD_NS,
+    SAID,
+    TYPES,
+    diagnostics,
+    joints,
+    swing,
+    write_run,
+)
 from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
@@ -390,6 +402,19 @@ def stamped(kind, frame, stamp_ns, *numbers):
     """A serialized WrenchStamped or PoseStamped with these numbers after its header."""
     message = TYPES.deserialize_cdr(StampedLayout(kind, frame).pack(stamp_ns, numbers), kind)
     return bytes(TYPES.serialize_cdr(message, kind))
+
+
+def test_a_bag_of_two_displays_gives_each_what_its_own_nodes_have_said(tmp_path):
+    bag = Bag(tmp_path / "two")
+    channel = bag.add_topic("/diagnostics", DIAGNOSTICS, [])
+    for namespace in ("/left", "/right"):
+        bag.write(bag.add_topic(f"{namespace}/handle", JOINTS, []), joints(("x",), [1.0], 1), 1, 1, 1)
+        said = diagnostics("haptic_driver", {"namespace": namespace, "state": f"that of {namespace}"})
+        bag.write(channel, said, 1, 1, 1)
+    bag.close({})
+    for namespace in ("/left", "/right"):
+        [status] = load(tmp_path / "two", namespace).statuses("haptic_driver")
+        assert status.values["state"] == f"that of {namespace}"
 
 
 @pytest.mark.parametrize("frame", ["", "haptic_base", "a"])

@@ -6,6 +6,7 @@ import types
 
 import numpy as np
 import pytest
+from bag_of_a_run import diagnostics
 from live_nodes import STRANGE
 
 from haptic_device.nodes.polled_subscription import Sample
@@ -164,6 +165,15 @@ def test_what_is_no_number_is_not_known(pressed, monkeypatch):
     frame = state.frame()
     assert frame["handle"] is None and frame["tool"] == simulation.method.position
     assert np.isnan(frame["results"]).all()
+
+
+@pytest.mark.parametrize(("said", "heard"), [("/haptic", 1), ("/left", 0), (None, 1)])
+def test_what_the_nodes_of_another_display_say_is_not_taken_for_the_own_ones(monkeypatch, said, heard):
+    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
+    client, values = Client(FakeNode()), {"namespace": said} if said else {}
+    FakeTap.waiting = {"/diagnostics": [diagnostics("haptic_driver", values)]}
+    client.look()
+    assert len(client.statuses) == len(client.heard) == heard
 
 
 def test_rubbish_on_the_topics_of_the_page_is_not_shown_and_harms_nothing(pressed, monkeypatch):
