@@ -10,10 +10,12 @@ answered.
         client.call(trigger("haptic_driver/estop"))        # in a loop: waits, polling
         await client.acall(get_parameters("haptic_driver", ["servo.rate"]))  # beside asyncio: the same, sleeping there
 
-A question is asked again until it is answered, for the answer to a client that the service has not met yet is lost;
-again=None asks once what must not be heard twice. What fails is a ValueError of one sentence; RefusedError is the
-node's own (questions.py). `Client(node)` works on a node that is there already, whose executor, if it is rclpy's
-SingleThreadedExecutor, does not touch what is polled here; the events executor would take it away.
+A question is asked again until it is answered, for the answer to a client that the service has not met yet is lost. It
+is asked of a service that the ROS graph does not show, too, for some are never shown (ros2/rmw_fastrtps issue 792).
+again=None asks once what must not be heard twice, and only of a service that is shown. What fails is a ValueError of
+one sentence; RefusedError is the node's own (questions.py). `Client(node)` works on a node that is there already, whose
+executor, if it is rclpy's SingleThreadedExecutor, does not touch what is polled here; the events executor would take
+it away.
 """
 
 import asyncio
@@ -36,6 +38,7 @@ from haptic_device.status import Status, of_namespace
 from haptic_sim.questions import Question, kind_of
 
 AGAIN = 0.3  # [s] without an answer after which a service is asked once more
+UNSHOWN = 1.0  # [s] after which a service that the graph does not show is asked all the same
 PATIENCE = 3.0  # [s] for an answer
 LOOK_PERIOD = 0.002  # [s] between two looks for it
 LAYOUTS = tuple(JointLayout(truth_names(axes)) for axes in (1, 2, 3))
@@ -169,7 +172,7 @@ class Service:
 
     @property
     def ready(self) -> bool:
-        """Whether somebody offers it."""
+        """Whether the ROS graph shows that somebody offers it."""
         return self._client.service_is_ready()
 
     def send(self, asking: "Asking") -> None:
@@ -200,8 +203,10 @@ class Asking:
     def __init__(self, client: Client, question: Question, patience: float, again: float | None, wait: bool):
         self.question, self.answer = question, None
         self._service, self._namespace = client.service(question.service), client.node.get_namespace()
-        self._patience, self._end = patience, time.monotonic() + patience
-        self._again, self._next, self._wait, self._sent = again, 0.0, wait, False
+        now = time.monotonic()
+        self._patience, self._end = patience, now + patience
+        self._again, self._next, self._wait = again, 0.0, wait
+        self._shown, self._all_the_same = False, now + UNSHOWN if again is not None else self._end
 
     def poll(self) -> bool:
         """Sends what is due; whether the answer is there. ValueError if none came in time."""
@@ -211,11 +216,12 @@ class Asking:
             return True
         if now >= self._end:
             raise ValueError(self._silence())
-        if now >= self._next and self._service.ready:
-            self._service.send(self)
-            self._sent, self._next = True, self._end if self._again is None else now + self._again
-        if not (self._sent or self._wait):
+        self._shown = self._shown or self._service.ready
+        if not (self._shown or self._wait):
             raise ValueError(self._silence())
+        if now >= self._next and (self._shown or now >= self._all_the_same):
+            self._service.send(self)
+            self._next = self._end if self._again is None else now + self._again
         return False
 
     def __enter__(self) -> "Asking":
@@ -227,7 +233,7 @@ class Asking:
 
     def _silence(self) -> str:
         node, _, service = self.question.service.rpartition("/")
-        if self._sent:
+        if self._shown:
             return f"{node} did not answer ~/{service} within {self._patience:g} s"
         return f"{node} offers no ~/{service} in {self._namespace}; does it run in this domain?"
 

@@ -88,10 +88,11 @@ def shown(ros_domain):
     """A viewer on a node of this process, and the context of that node."""
     context = Context()
     rclpy.init(context=context, domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("haptic_viewer", namespace="/haptic", context=context)
     try:
-        node = rclpy.create_node("haptic_viewer", namespace="/haptic", context=context)
         yield viewer.Viewer(node, declare(node, PARAMETERS)), context
     finally:
+        node.destroy_node()
         context.shutdown()
 
 
