@@ -10,9 +10,9 @@ answered.
         client.call(trigger("haptic_driver/estop"))        # in a loop: waits, polling
         await client.acall(get_parameters("haptic_driver", ["servo.rate"]))  # beside asyncio: the same, sleeping there
 
-A question is asked again until it is answered, for the answer to a client that the service has not met yet is lost. It
-is asked of a service that the ROS graph does not show, too, for some are never shown (ros2/rmw_fastrtps issue 792).
-again=None asks once what must not be heard twice, and only of a service that is shown. What fails is a ValueError of
+A question is asked again until it is answered, for the answer to a client that the service has not met yet is lost.
+again=None asks once what must not be heard twice. The ROS graph may never show a service that is there
+(ros2/rmw_fastrtps, issue 792): it is asked all the same, unless wait=False or again=None. What fails is a ValueError of
 one sentence; RefusedError is the node's own (questions.py). `Client(node)` works on a node that is there already, whose
 executor, if it is rclpy's SingleThreadedExecutor, does not touch what is polled here; the events executor would take
 it away.
@@ -38,7 +38,7 @@ from haptic_device.status import Status, of_namespace
 from haptic_sim.questions import Question, kind_of
 
 AGAIN = 0.3  # [s] without an answer after which a service is asked once more
-UNSHOWN = 1.0  # [s] after which a service that the graph does not show is asked all the same
+UNSHOWN = 1.0  # [s] for the graph to show a service, counted from its client's start; then it is asked all the same
 PATIENCE = 3.0  # [s] for an answer
 LOOK_PERIOD = 0.002  # [s] between two looks for it
 LAYOUTS = tuple(JointLayout(truth_names(axes)) for axes in (1, 2, 3))
@@ -136,7 +136,7 @@ class Client:
         self, question: Question, patience: float = PATIENCE, again: float | None = AGAIN, wait: bool = True
     ) -> "Asking":
         """The question on its way, to be polled. patience [s]; again: sent anew after so long without an answer [s],
-        None: never. Without `wait`, a service that nobody offers is refused at once."""
+        None: never. Without `wait`, a service that the graph does not show is refused at once."""
         return Asking(self, question, patience, again, wait)
 
     def call(self, question: Question, **how) -> Any:
@@ -162,10 +162,12 @@ class Client:
 class Service:
     """A service's client whose answers are taken by whoever looks, and given to who asked.
 
-    `asked`: the requests that wait for an answer; `met`: whether it ever answered."""
+    `asked`: the requests that wait for an answer; `met`: whether it ever answered; `all_the_same`: when it may be asked
+    though it is not shown [s of CLOCK_MONOTONIC]."""
 
     def __init__(self, node: Node, name: str):
         self._client = node.create_client(kind_of(name), name, callback_group=Untouched())
+        self.all_the_same = time.monotonic() + UNSHOWN
         self.asked: dict[int, Asking] = {}
         self._logger = node.get_logger()
         self.met = False
@@ -203,10 +205,8 @@ class Asking:
     def __init__(self, client: Client, question: Question, patience: float, again: float | None, wait: bool):
         self.question, self.answer = question, None
         self._service, self._namespace = client.service(question.service), client.node.get_namespace()
-        now = time.monotonic()
-        self._patience, self._end = patience, now + patience
-        self._again, self._next, self._wait = again, 0.0, wait
-        self._shown, self._all_the_same = False, now + UNSHOWN if again is not None else self._end
+        self._patience, self._end = patience, time.monotonic() + patience
+        self._again, self._next, self._wait, self._shown = again, 0.0, wait, False
 
     def poll(self) -> bool:
         """Sends what is due; whether the answer is there. ValueError if none came in time."""
@@ -216,10 +216,12 @@ class Asking:
             return True
         if now >= self._end:
             raise ValueError(self._silence())
-        self._shown = self._shown or self._service.ready
+        if not self._shown and self._service.ready:
+            self._shown, self._next = True, now
         if not (self._shown or self._wait):
             raise ValueError(self._silence())
-        if now >= self._next and (self._shown or now >= self._all_the_same):
+        unseen = self._again is not None and now >= self._service.all_the_same
+        if now >= self._next and (self._shown or unseen):
             self._service.send(self)
             self._next = self._end if self._again is None else now + self._again
         return False
@@ -233,7 +235,7 @@ class Asking:
 
     def _silence(self) -> str:
         node, _, service = self.question.service.rpartition("/")
-        if self._shown:
+        if self._shown or self._service.met:
             return f"{node} did not answer ~/{service} within {self._patience:g} s"
         return f"{node} offers no ~/{service} in {self._namespace}; does it run in this domain?"
 

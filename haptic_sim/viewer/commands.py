@@ -113,14 +113,15 @@ class CommandHandler:
             self._asked_device = named
             self._describe(named)
 
-    async def ask(self, question, patience: float = PATIENCE, again: float | None = AGAIN):
+    async def ask(self, question, patience: float = PATIENCE, again: float | None = AGAIN, wait: bool = False):
         """What a node's answer means; ValueError if it refuses, is not there, or is silent."""
-        return await self.client.acall(question, patience=patience, again=again, wait=False)
+        return await self.client.acall(question, patience=patience, again=again, wait=wait)
 
     async def order(self, service: str) -> str:
         """enable, disable, estop or reset of the driver. Only what stops is asked for again and again: a late second
         request to go would undo a stop that came after the first."""
-        return await self.ask(trigger(f"{DRIVER}/{service}"), again=AGAIN if service in STOPPING else None)
+        stops = service in STOPPING  # it is asked for of a driver that the graph does not show, too
+        return await self.ask(trigger(f"{DRIVER}/{service}"), again=AGAIN if stops else None, wait=stops)
 
     def lead(self, now: float) -> None:
         """Leads the hand on towards its goal, or lets go when the page that led it is silent; to be called often. now

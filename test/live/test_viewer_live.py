@@ -14,7 +14,9 @@ import aiohttp
 import pytest
 import rclpy
 from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
 from waiting import LIMIT
 
 from haptic_device.message_fields import truth_names
@@ -109,6 +111,27 @@ def test_the_parameters_of_a_viewer_can_be_asked_for_while_it_serves(shown, ros_
     assert asyncio.run(asyncio.wait_for(live(shown[0]), LIMIT)) == {"rate": 60.0, "host": "127.0.0.1"}
 
 
+def test_a_page_stops_a_driver_that_the_graph_never_shows(shown, monkeypatch):
+    monkeypatch.setattr(rclpy.client.Client, "service_is_ready", lambda client: False)
+    viewed, context = shown
+    stops, executor = [], SingleThreadedExecutor(context=context)
+    driver = rclpy.create_node("haptic_driver", namespace="/haptic", context=context)
+    driver.create_service(Trigger, "~/estop", lambda request, answer: stops.append(request) or answer)
+    executor.add_node(driver)
+
+    async def stopped():
+        while not stops:
+            pressed = asyncio.ensure_future(viewed.commands.order("estop"))
+            while not pressed.done():
+                executor.spin_once(timeout_sec=0.01)
+                await asyncio.sleep(0.001)
+            assert isinstance(pressed.exception(), ValueError)  # this driver refuses, or has not met the page in time
+
+    asyncio.run(asyncio.wait_for(stopped(), LIMIT))
+    executor.shutdown()
+    driver.destroy_node()
+
+
 class Pulled:
     """A device whose handle does not follow its hand: it tells where that wants to be."""
 
@@ -117,6 +140,9 @@ class Pulled:
         self._targets = PolledSubscription(self._node, "operator/target", JOINTS, messages.LATEST)
         self._layout = JointLayout(truth_names(3))
         self._truths = self._node.create_publisher(messages.JointState, "operator/state", messages.STREAM)
+
+    def close(self):
+        self._node.destroy_node()
 
     async def wants_to_be_at(self, x):
         while self.target[0] != x:
@@ -151,4 +177,5 @@ def test_the_hand_lets_go_when_the_page_that_led_it_is(ends, shown, monkeypatch)
             await running
 
     served, context = shown
-    asyncio.run(asyncio.wait_for(live(served, Pulled(context)), LIMIT))
+    with contextlib.closing(Pulled(context)) as device:
+        asyncio.run(asyncio.wait_for(live(served, device), LIMIT))
