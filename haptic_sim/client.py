@@ -12,8 +12,8 @@ answered.
 
 A question is asked again until it is answered, for the answer to a client that the service has not met yet is lost.
 again=None asks once what must not be heard twice. The ROS graph may never show a service that is there
-(ros2/rmw_fastrtps, issue 792): it is asked all the same, unless wait=False or again=None. What fails is a ValueError of
-one sentence; RefusedError is the node's own (questions.py). `Client(node)` works on a node that is there already, whose
+(ros2/rmw_fastrtps#792): it is asked all the same, unless wait=False or again=None. What fails is a ValueError of one
+sentence; RefusedError is the node's own (questions.py). `Client(node)` works on a node that is there already, whose
 executor, if it is rclpy's SingleThreadedExecutor, does not touch what is polled here; the events executor would take
 it away.
 """
@@ -220,8 +220,8 @@ class Asking:
             self._shown, self._next = True, now
         if not (self._shown or self._wait):
             raise ValueError(self._silence())
-        unseen = self._again is not None and now >= self._service.all_the_same
-        if now >= self._next and (self._shown or unseen):
+        all_the_same = self._again is not None and now >= self._service.all_the_same
+        if now >= self._next and (self._shown or all_the_same):
             self._service.send(self)
             self._next = self._end if self._again is None else now + self._again
         return False

@@ -120,7 +120,7 @@ class CommandHandler:
     async def order(self, service: str) -> str:
         """enable, disable, estop or reset of the driver. Only what stops is asked for again and again: a late second
         request to go would undo a stop that came after the first."""
-        stops = service in STOPPING  # it is asked for of a driver that the graph does not show, too
+        stops = service in STOPPING  # asked of a driver that the graph does not show, too
         return await self.ask(trigger(f"{DRIVER}/{service}"), again=AGAIN if stops else None, wait=stops)
 
     def lead(self, now: float) -> None:

@@ -195,3 +195,14 @@ def test_the_message_carries_pose_points_and_colour():
     assert (message.pose.position.x, message.pose.position.y, turn) == pytest.approx((0.1, 0.2, 1.0))
     assert [(p.x, p.y, p.z) for p in message.points] == list(tool.points)
     assert message.color.a == pytest.approx(tool.colour[3])
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_joint_marks_lie_on_the_joints_at_the_start(name):
+    scene = load(name)
+    places = {solid.name: solid.pose for solid in drawing.solids(scene)}
+    there = {body.name: body for body in scene.bodies} | {"tool": scene.tool, "world": None}
+    for joint, ends in zip(scene.joints, drawing.joints(scene), strict=True):
+        expected = joint.places(*(there[body] for body in joint.bodies))
+        for mark, place in zip(ends, expected, strict=True):
+            assert turned(mark.point, places.get(mark.solid, (0.0, 0.0, 0.0))) == pytest.approx(place, abs=1e-12)
