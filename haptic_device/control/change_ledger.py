@@ -32,10 +32,8 @@ def _promised(now, state):
     """Energy [J] that the damper's push may draw in the hold that is being booked or begun."""
     energy = 0.0
     for i in range(int(now.axes)):
-        push = now.hardware.scale[i] * state.spring.factor * now.coupling.damping[i] * state.spring.set_velocity[i]
-        if push != 0.0:
-            worst = 0.25 * push * push * now.period / max(state.tank.surplus[i], 1e-12)
-            energy += min(worst, abs(push) * now.hardware.velocity_limit[i] * now.period)
+        push = state.spring.factor * now.coupling.damping[i] * state.spring.set_velocity[i]
+        energy += energy_tank.worst_draw(now, state.tank, i, push)
     return energy
 
 
@@ -51,6 +49,7 @@ def pay(now, state, energy, i):
     state.observer.by_settings[i] += energy
     if now.exchange.method != exchange_samples.DIRECT:
         state.tank.level -= energy
+        state.tank.given += energy  # walls and dampers may give it
 
 
 @kernel

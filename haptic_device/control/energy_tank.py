@@ -44,14 +44,28 @@ def reserve(settings, tank, spring):
     for i in range(int(settings.axes)):
         slew = (1.0 + set_position.DAMPER_SLEW) * settings.exchange.slew[i] * settings.period
         change = slew + abs(spring.push[i]) + risen * settings.coupling.limit[i]
-        cost += hidden_energy(settings, i, change) + late_energy(tank, i, change)
+        cost += hidden_energy(settings, i, change) + late_energy(settings, tank, i, change)
     return cost
 
 
 @kernel
-def late_energy(tank, i, change):
-    """Energy [J] that a change of force [N] which is not the handle's own may give while it is on its way."""
-    return tank.price[i] * change * change
+def late_energy(settings, tank, i, change):
+    """Energy [J] that a change of force [N] which is not the handle's own may give while it is on its way.
+
+    By the damping set aside for it (passivity.late_price), and no more than it gives over the longest way that the
+    handle can go meanwhile.
+    """
+    if change == 0.0:
+        return 0.0
+    fastest = settings.hardware.scale[i] * settings.hardware.velocity_limit[i]
+    return min(tank.price[i] * change * change, abs(change) * fastest * tank.lateness)
+
+
+@kernel
+def worst_draw(settings, tank, i, force):
+    """Most [J] that a damper's force [N] on axis i may draw in a hold (set_position.worst_draw)."""
+    device = settings.hardware
+    return set_position.worst_draw(device.scale[i] * force, tank.surplus[i], device.velocity_limit[i], settings.period)
 
 
 @kernel
@@ -125,28 +139,48 @@ def tick_ended(settings, tank, spring, motion, output, paid):
     booked: a change of force that is not the handle's own costs that much way (the rest is the friction's, as with any
     sampled spring: Abbott & Okamura 2005).
     """
-    factor, gains = output.engage * output.exchange_fade, settings.coupling
+    factor, gains, held = output.engage * output.exchange_fade, settings.coupling, 0.0
     for i in range(int(settings.axes)):
         stretch = output.coupling_position[i] - output.position[i]
         stiffness, limit = factor * gains.stiffness[i], factor * gains.limit[i]
         push = factor * gains.damping[i] * (output.coupling_velocity[i] - paid[i])
         if abs(stretch) < math.inf and abs(push) < math.inf:
             tank.level += spring_store(spring.stiffness[i], spring.limit[i], stretch)
-            tank.level -= spring_store(stiffness, limit, stretch)
+            kept = spring_store(stiffness, limit, stretch)
+            tank.level -= kept
+            held += kept
             force = spring_force(stiffness, limit, stretch)
             change = not_own(settings, spring, motion, i, force, max(factor, spring.factor_held))
             change += abs(push - spring.push[i])
-            tank.level -= hidden_energy(settings, i, change)
+            hidden = hidden_energy(settings, i, change)
+            tank.level -= hidden
+            tank.given += hidden
             # whoever pays for a part of it as a port does pays for half of its square too
             port = min(change, stiffness * settings.period * abs(paid[i]))
-            spring.prepaid[i] += late_energy(tank, i, change) - late_energy(tank, i, port)
-            tank.level -= late_energy(tank, i, change) - late_energy(tank, i, port)
+            late = late_energy(settings, tank, i, change) - late_energy(settings, tank, i, port)
+            spring.prepaid[i] += late
+            tank.level -= late
             damped = factor * gains.damping[i] * output.velocity[i]
             spring.changed[i] = abs(force - spring.force[i]) + abs(push - spring.push[i])
-            spring.changed[i] += abs(damped - spring.damped[i]) if abs(spring.damped[i]) < math.inf else abs(damped)
+            turned = abs(damped - spring.damped[i])
+            spring.changed[i] += max(turned, abs(damped)) if spring.parted else turned
             spring.push[i], spring.force[i], spring.damped[i] = push, force, damped
         spring.stiffness[i], spring.limit[i] = stiffness, limit
     spring.factor = spring.factor_held = factor
+    spring.parted = 0.0
+    # of what the hand lost in the past no more counts than the books hold, and one budget
+    tank.given = max(tank.given, tank.returned - tank.shipped - tank.level - held)
+    _count_slack(settings, spring)
+
+
+@njit
+def _count_slack(settings, spring):
+    """For how many ticks now the spring has pulled on no axis."""
+    for i in range(int(settings.axes)):
+        if spring.force[i] != 0.0:
+            spring.slack = 0.0
+            return
+    spring.slack += 1.0
 
 
 @kernel
@@ -168,9 +202,9 @@ def tick_ended_unseen(settings, tank, spring, output):
     factor = output.engage * output.exchange_fade
     if factor < spring.factor:
         left = factor / spring.factor
-        tank.level, spring.factor = min(0.0, tank.level), factor
+        tank.level, spring.factor, spring.parted = min(0.0, tank.level), factor, 1.0
         for i in range(int(settings.axes)):
             spring.stiffness[i] = factor * settings.coupling.stiffness[i]
             spring.limit[i] = factor * settings.coupling.limit[i]
             spring.force[i] *= left
-            spring.damped[i] = math.nan  # more than one force in one hold
+    _count_slack(settings, spring)

@@ -15,6 +15,7 @@ from haptic_device.control import (
     exchange_pspm,
     exchange_samples,
     exchange_wave,
+    tank_books,
     virtual_tool,
 )
 from haptic_device.jit import kernel, njit
@@ -82,6 +83,7 @@ def _begin_tick(settings, state, sensors, output):
         exchange_wave.hold_ended(settings, tank, spring, hold, motion, enable, sensors)
     else:
         exchange_pspm.hold_ended(settings, tank, spring, hold, motion, enable, sensors)
+    tank_books.forget_debt(settings, tank, spring, hold, motion, state.waves, state.observer, sensors.latched)
 
 
 @njit

@@ -18,7 +18,7 @@ def move_set_point(settings, tank, spring, hold, motion, tool, output):
     for i in range(int(settings.axes)):
         spring.goal[i] = _predicted(settings, motion, tool, i)
     energy_tank.pay(settings, tank, spring, hold, motion, output.exchange_fade)
-    force_square = 0.0
+    worst = 0.0
     for i in range(int(settings.axes)):
         # never faster than the tool is said to be, nor than the set position really moves
         most, least = max(0.0, tool.velocity[i]), min(0.0, tool.velocity[i])
@@ -27,11 +27,8 @@ def move_set_point(settings, tank, spring, hold, motion, tool, output):
         slew = settings.exchange.slew[i]
         velocity = set_position.slewed_velocity(spring.set_velocity[i], wanted, damping, slew, settings.period)
         spring.set_velocity[i] = velocity
-        force = settings.hardware.scale[i] * spring.factor * settings.coupling.damping[i] * velocity
-        if force != 0.0:
-            force_square += force * force / max(0.0, tank.surplus[i])
-    spare = tank.level - energy_tank.reserve(settings, tank, spring)
-    share = set_position.damper_share(spare, force_square, settings.period)
+        worst += energy_tank.worst_draw(settings, tank, i, damping * velocity)
+    share = set_position.damper_share(tank.level - energy_tank.reserve(settings, tank, spring), worst)
     for i in range(int(settings.axes)):
         spring.set_velocity[i] *= share
         output.coupling_position[i], output.coupling_velocity[i] = spring.set_position[i], spring.set_velocity[i]

@@ -196,11 +196,8 @@ def _move_port(settings, waves, tank, spring, motion, output, i, incoming):
 @njit
 def _felt_share(settings, tank, spring):
     """Share 0…1 that the tank covers of the dampers' forces beyond those that the waves pay for."""
-    force_square = 0.0
+    worst = 0.0
     for i in range(int(settings.axes)):
         beyond = spring.set_velocity[i] - spring.own_velocity[i]
-        force = settings.hardware.scale[i] * spring.factor * settings.coupling.damping[i] * beyond
-        if force != 0.0:
-            force_square += force * force / max(0.0, tank.surplus[i])
-    spare = tank.level - energy_tank.reserve(settings, tank, spring)
-    return set_position.damper_share(spare, force_square, settings.period)
+        worst += energy_tank.worst_draw(settings, tank, i, spring.factor * settings.coupling.damping[i] * beyond)
+    return set_position.damper_share(tank.level - energy_tank.reserve(settings, tank, spring), worst)

@@ -15,17 +15,19 @@ def was_written(settings, hold, sensors):
 
 
 @kernel
-def acted(hold, i, now, elapsed):
-    """Of the motor's force on axis i over the hold that ends now [ns]: its mean, and Σ (f − mean)² τ of its changes.
+def acted(hold, sent, i, now, elapsed):
+    """Of a force on axis i over the hold that ends now [ns]: its mean, and Σ (f − mean)² τ of its changes.
+
+    sent: hold.written, the motor's force, or hold.coupling_written, what of it is the coupling's.
 
     Summed as differences from the newest force, so that a force which stays is itself and has not changed.
     """
     end, begin, at = now, now - elapsed * 1e9, int(hold.newest)
-    newest, change, square = hold.written[at, i], 0.0, 0.0
+    newest, change, square = sent[at, i], 0.0, 0.0
     for _ in range(HELD):
         start = max(begin, hold.acts[at])
         if start < end:
-            less, time = hold.written[at, i] - newest, (end - start) * 1e-9
+            less, time = sent[at, i] - newest, (end - start) * 1e-9
             change, square, end = change + less * time, square + less * less * time, start
         if end <= begin:
             break
@@ -77,4 +79,4 @@ def send(hold, output):
     at = (int(hold.newest) + 1) % HELD
     hold.newest, hold.acts[at] = at, hold.deadline
     for i in range(AXES):
-        hold.written[at, i] = output.force_on_handle[i]
+        hold.written[at, i], hold.coupling_written[at, i] = output.force_on_handle[i], hold.coupling[i]

@@ -50,7 +50,10 @@ def late_price(reserve, period, delay):
         q ẋ ≤ ⌈W⌉ q²/(4 reserve) + (reserve/⌈W⌉) ẋ²,     hence     W ⌈W⌉ T q²/(4 reserve).
     """
     late = delay / period
-    return 0.25 * late * math.ceil(late) * period / max(reserve, 1e-12) if late > 0.0 else 0.0
+    if late <= 0.0:
+        return 0.0
+    # with no damping to spare the way that the handle may go meanwhile is the limit (energy_tank.late_energy)
+    return 0.25 * late * math.ceil(late) * period / reserve if reserve > 0.0 else math.inf
 
 
 @kernel
@@ -80,7 +83,20 @@ def energy_booked(held_force, displacement, physical_damping, elapsed):
 
 
 @kernel
-def energy_changed(change, square, displacement, physical_damping, elapsed):
+def energy_spread(square, physical_damping, fastest, elapsed):
+    """Most [J] that the changes of a force within a hold may give: square/4b (energy_changed), and no more than way.
+
+    square: Σ (f_j − F̄)² τ_j [N² s]; fastest: speed limit of the handle [m/s]. By |Δx_j| ≤ v τ_j and Cauchy–Schwarz
+    Σ (f_j − F̄) Δx_j ≤ v √(T Σ (f_j − F̄)² τ_j), whatever the damping.
+    """
+    if square <= 0.0:
+        return 0.0
+    most = fastest * math.sqrt(square * elapsed)
+    return min(most, square / (4.0 * physical_damping)) if physical_damping > 0.0 else most
+
+
+@kernel
+def energy_changed(change, square, displacement, physical_damping, fastest, elapsed):
     """What a force that changes within a hold may have given [J] beyond its first force f₀ times the displacement.
 
     change: Σ (f_j − f₀) τ_j [N s]; square: Σ (f_j − f₀)² τ_j [N² s], over the times τ_j for which each force f_j acted;
@@ -89,14 +105,15 @@ def energy_changed(change, square, displacement, physical_damping, elapsed):
 
         max Σ (f_j Δx_j − b Δx_j²/τ_j) = F̄ Δx − b Δx²/T + Σ (f_j − F̄)² τ_j / 4b,
 
-    by Δx_j = τ_j (Δx/T + (f_j − F̄)/2b). The last term is at most (largest − smallest f)² T/16b. It is assumed that
-    samples are latched at ticks and that a force acts from its tick to the next: one that acts late is not seen here.
+    by Δx_j = τ_j (Δx/T + (f_j − F̄)/2b). The last term is at most (largest − smallest f)² T/16b, and what a handle of
+    speed `fastest` can take (energy_spread). It is assumed that samples are latched at ticks and that a force acts from
+    its tick to the next: one that acts late is not seen here.
     """
     if square == 0.0:
         return 0.0
     # Σ (f_j − F̄)² τ_j; rounding may leave it below 0
     spread = max(0.0, square - change * change / elapsed)
-    return change * displacement / elapsed + spread / (4.0 * physical_damping)
+    return change * displacement / elapsed + energy_spread(spread, physical_damping, fastest, elapsed)
 
 
 @kernel

@@ -28,7 +28,7 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
     _spring_growth(settings, observer, motion, spring, walls, enable.ramp)
     held_force.keep_ways(hold, motion)
     for i in range(int(settings.axes)):
-        mean, spread = held_force.acted(hold, i, motion.sample_time, elapsed)
+        mean, spread = held_force.acted(hold, hold.written, i, motion.sample_time, elapsed)
         moved, damping, store = motion.moved[i], settings.hardware.damping[i], observer.store[i]
         lifted = enable.ramp * settings.hardware.gravity[i]  # compensation only carries the handle's weight
         given = passivity.energy_booked(mean - lifted, moved, damping, elapsed)
@@ -203,7 +203,11 @@ def hold_begins(settings, observer, hold, motion, walls, output):
     ratio = output.engage * chosen.ratio * output.cancellation_fade
     measured = chosen.source == damping_compensation.MEASURED
     if motion.stale_ticks == 0.0:
-        _begin_hold(settings, observer, hold, output, ratio if measured else 0.0)
+        _begin_hold(settings, observer, hold, output, ratio, measured)
+    for i in range(int(settings.axes)):
+        hold.coupling[i] = output.engage * device.scale[i] * output.force_coupling[i]
+        if hold.limited[i] and not hold.mixed[i]:
+            hold.coupling[i] = output.force_on_handle[i]
     held_force.send(hold, output)
     for i in range(int(settings.axes)):
         hold.force_now[i] = output.force_on_handle[i]
@@ -228,10 +232,11 @@ def hold_begins(settings, observer, hold, motion, walls, output):
 
 
 @njit
-def _begin_hold(settings, observer, hold, output, measured):
-    """The force that a hold begins with, of which measured drag pays this share of the damping that it cancels."""
-    observer.damping_credit = 1.0 - measured  # what cancels measured drag is paid by that drag, b or not
+def _begin_hold(settings, observer, hold, output, ratio, measured):
+    """The force that a hold begins with; ratio: the share of the damping that it cancels, or of the drag measured."""
+    observer.damping_credit = 1.0 - ratio if measured else 1.0  # measured drag pays for itself, b or not
+    hold.cancelling = ratio
     for i in range(int(settings.axes)):
         hold.force[i], hold.change[i], hold.square[i] = output.force_on_handle[i], 0.0, 0.0
-        paid = output.engage * settings.hardware.scale[i] * output.force_cancellation[i]
-        observer.cancelled[i] = paid if settings.cancellation.source == damping_compensation.MEASURED else 0.0
+        hold.cancellation_force[i] = output.engage * settings.hardware.scale[i] * output.force_cancellation[i]
+        observer.cancelled[i] = hold.cancellation_force[i] if measured else 0.0

@@ -102,9 +102,11 @@ STATE = np.dtype(
         (
             "hold",
             record(
-                "deadline regained force* force_now* change* square* limited* mixed* newest newest_way",
+                "deadline regained force* force_now* change* square* limited* mixed* newest newest_way"
+                " coupling* cancellation_force* cancelling",
                 acts=(HELD,),
                 written=(HELD, AXES),
+                coupling_written=(HELD, AXES),
                 ways=(HELD, AXES),
             ),
         ),
@@ -127,14 +129,14 @@ STATE = np.dtype(
             "spring",
             record(
                 "factor factor_held stiffness* limit* push* damped* set_position* set_velocity* own_velocity* goal*"
-                " stretch* force* changed* prepaid*"
+                " stretch* force* changed* prepaid* parted slack"
             ),
         ),
         (
             "tank",  # energy_tank
             record(
                 "filled version level owed shipped returned tool_session tool_energy shortened"
-                " lateness left* price* surplus*"
+                " lateness left* price* surplus* own* given"
                 " midpoint* window_from* window_start window_holds counted* sample_before hold_before"
             ),
         ),

@@ -89,16 +89,23 @@ def scale_to_available_energy(available, wanted, square):
 
 
 @kernel
-def damper_share(tank, force_square, period):
-    """Share 0…1 of the forces g = B w that the tank covers: the worst handle motion draws g² T / 4 (b − c) from it.
+def worst_draw(force, surplus, fastest, period):
+    """Most [J] that a damper's force g = B w [N] may draw from the tank in a hold, by the handle's worst motion.
 
-    force_square: Σ g²/(b − c) over the axes [W].
+    g² T/4 (b − c), the maximum over Δx of g Δx − (b − c) Δx²/T, and no more than g times the way that a handle of speed
+    `fastest` [m/s] can go. surplus: b − c [N s/m].
     """
-    # max over Δx of g Δx − (b − c) Δx²/T
-    worst = 0.25 * force_square * period
+    most = abs(force) * fastest * period
+    return min(most, 0.25 * force * force * period / surplus) if surplus > 0.0 else most
+
+
+@kernel
+def damper_share(tank, worst):
+    """Share 0…1 of the dampers' forces that the tank covers. worst: what all together may draw [J] (worst_draw)."""
     if worst <= tank:
         return 1.0
-    return math.sqrt(tank / worst) if tank > 0.0 else 0.0
+    # a share σ of a force draws at most σ of that
+    return tank / worst if tank > 0.0 else 0.0
 
 
 @kernel

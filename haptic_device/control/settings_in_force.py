@@ -185,7 +185,7 @@ def _follow_coupling(wished, now, state, share, falling):
         stiffness = change_ledger.aim(gains.stiffness[i], aim.stiffness[i], falling)
         damping = change_ledger.aim(gains.damping[i], aim.damping[i], falling)
         known = gains.stiffness[i] + gains.damping[i]
-        if state.fade.factor == 0.0:  # nothing is pulled, so nothing moves
+        if state.fade.factor == 0.0 or now.force.limit[i] == 0.0:  # nothing is pulled, so nothing moves
             gains.stiffness[i], gains.damping[i] = stiffness, damping
         elif gains.stiffness[i] != stiffness:
             _follow_spring(stiffness, now, state, i, share * now.exchange.slew[i] * now.period)
@@ -209,7 +209,9 @@ def _follow_spring(aim, now, state, i, reach):
     if now.exchange.method == exchange_samples.DIRECT:
         paid = change_ledger.share(change_ledger.available(now, state), gained)
         stiffness, gained = before + paid * (stiffness - before), paid * gained
-    elif stiffness > before and energy_tank.late_energy(state.tank, i, reach) > change_ledger.available(now, state):
+    elif stiffness > before and energy_tank.late_energy(now, state.tank, i, reach) > change_ledger.available(
+        now, state
+    ):
         stiffness, gained = before, 0.0
     state.observer.by_settings[i] += gained
     now.coupling.stiffness[i] = stiffness

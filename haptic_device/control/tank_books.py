@@ -7,9 +7,10 @@
 import math
 
 from haptic_device.control import faults, held_force, passivity, set_position, velocity_estimator
-from haptic_device.control.energy_tank import hidden_energy
+from haptic_device.control.energy_tank import hidden_energy, late_energy, stored
 from haptic_device.control.passivity_observer import LONG
-from haptic_device.control.records import AXES
+from haptic_device.control.records import AXES, HELD
+from haptic_device.control.virtual_coupling import spring_force, spring_store
 from haptic_device.jit import kernel, njit
 
 ROUNDING = 1e-9  # [s] of a write's delay that is no delay
@@ -27,10 +28,12 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fil
     _set_aside(settings, tank, hold)
     # the hold lasts from sample to sample, not from deadline to deadline
     time = (sensors.latched - tank.sample_before) * 1e-9
+    cut = int(sensors.device_status) & faults.WATCHDOG
+    _count_given(settings, tank, hold, motion, sensors.latched, time, cut)
     # a write later than what is counted with is no hold to earn anything by
     late = sensors.write_delay - (settings.passivity.lateness - settings.hardware.delay)
     regained = settings.version != tank.version  # damper and surplus of the hold that ends are not these
-    if int(sensors.device_status) & faults.WATCHDOG and spring.factor_held > 0.0:
+    if cut and spring.factor_held > 0.0:
         _forget_spring(settings, tank, spring)
         _open_window(settings, tank, motion, sensors.latched)
     elif regained or late > ROUNDING or max(time, tank.hold_before) > LONG * settings.period:
@@ -68,17 +71,86 @@ def _set_aside(settings, tank, hold):
         reserve = passivity.late_reserve(stiffness, settings.period, lateness, left)
         tank.price[i] = square * passivity.late_price(reserve, settings.period, lateness)
         tank.surplus[i] = left - reserve
+        # what a standing coupling needs was its own when these gains were taken
+        own = passivity.least_damping(
+            stiffness, square * settings.coupling.damping[i], settings.period, settings.hardware.delay
+        )
+        tank.own[i] = left + own
+
+
+@njit
+def _count_given(settings, tank, hold, motion, now, time, cut):
+    """What the coupling alone has given [J], at most: by its forces that acted, less what its share of damping took.
+
+    What the tank paid for others (change_ledger.pay) and for what nobody sees counts as given where it is paid.
+    cut: the device cut the motor, some time in this hold.
+    """
+    if time <= 0.0:
+        return
+    for i in range(int(settings.axes)):
+        moved, own = motion.moved[i], tank.own[i]
+        mean, square = held_force.acted(hold, hold.coupling_written, i, now, time)
+        if cut:  # Σ (f − f̄)² τ is most where half of the time had no force
+            square += 0.25 * mean * mean * time
+        work = max(0.0, mean * moved) if cut else mean * moved
+        tank.given += work - own * moved * moved / time
+        tank.given += passivity.energy_spread(square, own, settings.hardware.velocity_limit[i], time)
+
+
+@kernel
+def forget_debt(settings, tank, spring, hold, motion, waves, observer, now):
+    """A spring that is empty, and of which nothing acts any more, ends what the books charged beyond what was given.
+
+    They charge in advance the worst that may come of a change. What the display may still give is then the tank's level
+    and what was shipped and is not used; with the energy given so far that is at most the budget, so the level rises to
+
+        min(budget, budget − G − shipped + returned − waves not yet played − what dampers owe),
+
+    G as of `_count_given`, and nothing is owed. Never above the budget, and G stays: who lets go and engages again gets
+    no second one.
+    """
+    budget = settings.exchange.budget
+    if tank.level >= budget or not _is_empty(spring, hold, now):
+        return
+    # a slack spring stretches by the way of the hold that ends
+    level = budget - tank.given - tank.shipped + tank.returned - waves.store - stored(settings, spring, hold, motion)
+    for i in range(int(settings.axes)):
+        level -= observer.store[i] + _remembered(settings, spring, i)
+    tank.owed = 0.0
+    if level > tank.level:
+        tank.level = min(budget, level)
+        # what was dissipated until now is in G: it fills the tank no more
+        tank.window_start, tank.window_holds = now, 0.0
+        for i in range(int(settings.axes)):
+            tank.window_from[i] = tank.midpoint[i] = motion.device_position[i]
+            tank.counted[i] = 0.0
+
+
+@njit
+def _is_empty(spring, hold, now):
+    """Whether the spring was let go or slack in all commands that act at `now` [ns] or will."""
+    if spring.slack < 1.0:
+        return False
+    return spring.slack >= HELD or hold.acts[(int(hold.newest) + 1 - int(spring.slack)) % HELD] <= now
+
+
+@njit
+def _remembered(settings, spring, i):
+    """What a damper may owe [J] whose velocity is of more than one hold, beside the observer's store; ∞: not known."""
+    if settings.velocity.estimator == velocity_estimator.BACKWARD_DIFFERENCE or spring.damped[i] == 0.0:
+        return 0.0
+    damping = spring.factor_held * settings.coupling.damping[i]
+    if settings.velocity.estimator == velocity_estimator.ADAPTIVE_WINDOW or damping == 0.0:
+        return math.inf
+    return 0.5 * settings.velocity.lag * spring.damped[i] ** 2 / damping
 
 
 @njit
 def _charge_late_write(settings, tank, spring, late):
     """What the last tick's change of force may give over the time [s] by which it was written later than counted."""
     for i in range(int(settings.axes)):
-        # max over the way of q Δx − b Δx²/t, and no more than the handle may move at all
-        force = settings.hardware.scale[i] * spring.changed[i]
-        most = force * settings.hardware.velocity_limit[i] * late
-        damping = max(1e-12, tank.surplus[i])
-        tank.level -= min(most, 0.25 * force * force * late / damping)
+        force, fastest = settings.hardware.scale[i] * spring.changed[i], settings.hardware.velocity_limit[i]
+        tank.level -= set_position.worst_draw(force, tank.surplus[i], fastest, late)
 
 
 @njit
@@ -99,8 +171,11 @@ def _charge_changes(settings, tank, hold, motion, enable, time):
     """
     for i in range(int(settings.axes)):
         damping = settings.hardware.damping[i]
-        given = passivity.energy_changed(hold.change[i], hold.square[i], motion.moved[i], damping, time)
-        tank.level -= max(0.0, given) if enable.ramp > 0.0 else 0.0
+        fastest = settings.hardware.velocity_limit[i]
+        given = passivity.energy_changed(hold.change[i], hold.square[i], motion.moved[i], damping, fastest, time)
+        charged = max(0.0, given) if enable.ramp > 0.0 else 0.0
+        tank.level -= charged
+        tank.given += charged
 
 
 @njit
@@ -127,49 +202,84 @@ def _open_window(settings, tank, motion, latched):
 def _charge_long_hold(settings, tank, spring, hold, motion, now, time):
     """What the handle may have gained over the hold of a missed tick, beyond what the damper took for certain.
 
-    Over one between old and new gains too: it needs κT/2 of the old and half of either damper, and no old gains need
-    more than b. Where there are walls, the device's damper is theirs.
+    All forces that acted are known, and where the hold begins and ends: so what spring, damper and cancellation gave is
+    counted with them, and only the path between is the worst. Of the device's damping the share that is cancelled pays
+    for that; the rest is the coupling's where there are no walls.
     """
     if time <= 0.0:
         return
-    spare = 0.0 if settings.wall.count > 0.0 else 1.0
-    late = settings.passivity.lateness / settings.period
     for i in range(int(settings.axes)):
-        scale, damping = settings.hardware.scale[i], settings.hardware.damping[i]
-        # one let go unseen held too
-        stiffness = max(spring.stiffness[i], spring.factor_held * settings.coupling.stiffness[i])
-        cancelled = settings.cancellation.ratio * damping / settings.period
-        lost = spare * damping / time
-        # (κT/2 of the spring, κT a period of delay + what is cancelled − what the damper took) Δx²/T
-        gained = ((0.5 + late) * scale**2 * stiffness + cancelled - lost) * motion.moved[i] ** 2
-        known = not hold.limited[i] and _is_known(settings, tank, spring, i)
-        tank.level -= max(0.0, gained + _damper_gained(settings, spring, i, scale * motion.moved[i], time, known))
+        damping, fastest = settings.hardware.damping[i], settings.hardware.velocity_limit[i]
+        left = (1.0 - hold.cancelling) * damping if settings.wall.count == 0.0 else 0.0
+        mean, spread = held_force.acted(hold, hold.written, i, now, time)
+        # what acted late is not what the ticks of this hold commanded
+        gained = max(0.0, (mean - hold.force[i]) * motion.moved[i] - hold.change[i] * motion.moved[i] / time)
+        gained += _spring_gained(settings, tank, spring, motion, i)
+        gained += _damper_gained(settings, spring, hold, i, settings.hardware.scale[i] * motion.moved[i], time)
+        tank.level -= max(0.0, gained - left * motion.moved[i] ** 2 / time)
+        cancelled = max(0.0, _cancellation_gained(settings, hold, i, motion.moved[i], time))
+        tank.level -= cancelled
+        tank.given += cancelled
         # the force of before, which acted first
-        _, spread = held_force.acted(hold, i, now, time)
-        tank.level -= 0.25 * spread / damping
+        tank.level -= passivity.energy_spread(spread, damping, fastest, time)
 
 
 @njit
-def _is_known(settings, tank, spring, i):
-    """Whether the damper's force over the hold, and the next one's velocity, are known."""
-    estimator = settings.velocity.estimator
-    known = settings.version == tank.version and estimator == velocity_estimator.BACKWARD_DIFFERENCE
-    return known and abs(spring.damped[i]) < math.inf
+def _spring_gained(settings, tank, spring, motion, i):
+    """What the coupling's spring gave over a long hold [J]: growth of its store, and the work of the force held.
+
+    That is ½ K Δx² while the spring is at no limit, and at most twice its limit times the way. The change of force that
+    this way made acts late in the holds that follow; their own ways pay for half of that.
+    """
+    # one let go unseen held too
+    stiffness = max(spring.stiffness[i], spring.factor_held * settings.coupling.stiffness[i])
+    limit = max(spring.limit[i], spring.factor_held * settings.coupling.limit[i])
+    way = settings.hardware.scale[i] * motion.moved[i]
+    end = spring.set_position[i] - motion.handle[i]
+    begin = end + way
+    begun = spring_force(stiffness, limit, begin)
+    grown = spring_store(stiffness, limit, end) - spring_store(stiffness, limit, begin)
+    change = abs(spring_force(stiffness, limit, end) - begun)
+    owed = 0.5 * tank.lateness / settings.period * stiffness * way * way
+    return max(0.0, grown + begun * way) + min(owed, late_energy(settings, tank, i, change))
 
 
 @njit
-def _damper_gained(settings, spring, i, moved, time, known):
+def _begun(settings, damping, moved, time):
+    """What a sampled damper may owe [J] after a long hold: half of D v̂², for as long as it takes that hold's velocity.
+
+    One tick by backward difference. A low-pass has no more energy than its input; the means of windows have at most
+    four times that (Hardy and Littlewood 1930), shared by halves.
+    """
+    acts = settings.period
+    if settings.velocity.estimator != velocity_estimator.BACKWARD_DIFFERENCE:
+        acts = 2.0 * time if settings.velocity.estimator == velocity_estimator.ADAPTIVE_WINDOW else time
+    return 0.5 * damping * acts * (moved / time) ** 2
+
+
+@njit
+def _damper_gained(settings, spring, hold, i, moved, time):
     """What the coupling's damper gave over a long hold [J], with what (1) leaves open on both sides of it.
 
-    Its force F = B v is known, so it gave −F Δx, and the next tick's damper begins a new sum with (BT/2)(Δx/hold)².
-    Where F or the next velocity is not known it is at most (B/T) Δx².
+    Its force F = B v is known, so it gave −F Δx, and the next tick's damper begins a new sum. At the motor's limit, and
+    where it was let go within the hold, it took less.
     """
-    damping = settings.coupling.damping[i]
-    if not known:
-        return spring.factor_held * damping / settings.period * moved * moved
-    factor = max(spring.factor, spring.factor_held)
-    begun = 0.5 * factor * damping * settings.period * (moved / time) ** 2
-    return begun - spring.damped[i] * moved + hidden_energy(settings, i, 2.0 * spring.damped[i])
+    factor, damped = max(spring.factor, spring.factor_held), spring.damped[i]
+    given = -damped * moved
+    given = max(0.0, given) if hold.limited[i] or spring.parted else given
+    return (
+        _begun(settings, factor * settings.coupling.damping[i], moved, time)
+        + given
+        + hidden_energy(settings, i, 2.0 * damped)
+    )
+
+
+@njit
+def _cancellation_gained(settings, hold, i, moved, time):
+    """What damping cancellation gave over a long hold [J], less what the damping that it cancels took."""
+    cancelled = hold.cancelling * settings.hardware.damping[i]
+    given = max(0.0, hold.cancellation_force[i] * moved) - cancelled * moved * moved / time
+    return given + _begun(settings, cancelled, moved, time)
 
 
 @njit

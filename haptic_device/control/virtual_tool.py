@@ -164,30 +164,21 @@ def kinetic(contacts, axes, velocity):
 @njit
 def _pay_for_move(settings, own, tank, spring, hold, motion):
     """Whether (3) holds for own.trial; the tank's books are then those of the move."""
-    stored, hidden, worst, gains, scale = 0.0, 0.0, 0.0, settings.coupling, settings.hardware.scale
+    stored, hidden, worst, gains = 0.0, 0.0, 0.0, settings.coupling
     for i in range(int(settings.axes)):
         stretch = own.pose[i] + settings.period * own.trial[i] - motion.handle[i]
         push = spring.factor * gains.damping[i] * own.trial[i]
         force = virtual_coupling.spring_force(gains.stiffness[i], gains.limit[i], stretch)
         change = energy_tank.not_own(settings, spring, motion, i, force, spring.factor) + abs(push - spring.push[i])
-        hidden += energy_tank.hidden_energy(settings, i, change) + energy_tank.late_energy(tank, i, change)
+        hidden += energy_tank.hidden_energy(settings, i, change) + energy_tank.late_energy(settings, tank, i, change)
         stored += virtual_coupling.spring_store(gains.stiffness[i], gains.limit[i], stretch)
         # as the damper of pspm: the handle's worst motion
-        worst += _worst_draw(settings, tank, i, scale[i] * abs(push))
+        worst += energy_tank.worst_draw(settings, tank, i, push)
     left = tank.level + energy_tank.stored(settings, spring, hold, motion) - stored
     if left - kinetic(own.contacts, settings.axes, own.trial) < hidden + worst:
         return False
     tank.level = left
     return True
-
-
-@njit
-def _worst_draw(settings, tank, i, force):
-    """What the damper's force may draw in a hold: g² T/4 (b − c), and no more than the handle may move at all."""
-    most = force * settings.hardware.velocity_limit[i] * settings.period
-    if tank.surplus[i] <= 0.0:
-        return most
-    return min(most, 0.25 * force * force * settings.period / tank.surplus[i])
 
 
 @njit

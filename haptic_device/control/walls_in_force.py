@@ -3,7 +3,7 @@
 
 from typing import NamedTuple
 
-from haptic_device.control import change_ledger, virtual_wall
+from haptic_device.control import change_ledger, energy_tank, virtual_wall
 from haptic_device.jit import kernel, njit
 
 
@@ -104,8 +104,9 @@ def _step_inside(wished, now, state, j, reach, falling):
     """A step of a wall that the handle is in: its stiffness first, then its place, then its damping, as it is paid."""
     walls, nx, ny = now.wall, now.wall.x[j], now.wall.y[j]
     step = _wanted(wished, now, state, j, reach, falling)
-    price = max(state.tank.price[0], state.tank.price[1]) if step.gained > 0.0 else 0.0
-    cost = step.gained + price * reach * reach
+    cost = step.gained
+    for i in range(min(2, int(now.axes)) if step.gained > 0.0 else 0):
+        cost += energy_tank.late_energy(now, state.tank, i, (nx if i == 0 else ny) * reach)
     share = change_ledger.share(change_ledger.available(now, state), cost)
     if share == 1.0:
         walls.stiffness[j], walls.offset[j], walls.damping[j] = step.stiffness, step.offset, step.damping
