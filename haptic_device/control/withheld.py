@@ -61,7 +61,7 @@ TABLE = (
         RELEASED,
         "released_walls",
         "walls have let go of what missed ticks gave",
-        "{released:.0f} % of their force",
+        "they push with {walls:.3g} N",
         "lead the handle out of all walls: then they are whole again",
     ),
     Withheld(
@@ -75,14 +75,14 @@ TABLE = (
         CHANGE,
         "change",
         "new settings are not all in force: their rise waits until it is paid or the handle is off the walls",
-        "{lacking}",
+        "",
         "lead the handle off the walls and to the tool",
     ),
     Withheld(
         LIMIT,
         "limit",
         "more force is wanted than force.limit or the motor holds",
-        "{held}",
+        "the motor holds {motor:.3g} N and {twist:.3g} N m",
         "push less, towards the tool and out of the walls; or raise force.limit",
     ),
 )

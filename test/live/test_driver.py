@@ -96,7 +96,7 @@ def plain(value):
 
 def test_without_a_simulation_the_handle_moves_in_free_space_and_diagnostics_say_so(display):
     level, message, values = display.engaged()
-    assert level == WARN and message == "no simulation: the handle is in free space"
+    assert level == WARN and "no simulation: the handle is in free space" in message
     assert int(values["ticks"]) > 0
     begin = len(display.truths)
     display.go_to(0.03)
