@@ -54,7 +54,7 @@ class DriverDiagnostics:
     def _warnings(self, row):
         """Sentences, what the hand feels first."""
         node = self._node
-        withheld = withheld_force.sentence(node.telemetry.withheld.standing(), row)
+        withheld = withheld_force.sentence(self._withheld(), row)
         if refused := self._refused.sentence(node.exchange.refusals()):
             yield refused
         if withheld:
@@ -63,13 +63,19 @@ class DriverDiagnostics:
             yield "no simulation: the handle is in free space"
         elif row.tool_age > node.values["exchange.hold"]:
             yield f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling is let go"
-        if min(node.margins) <= 0.0 and node.values["passivity.policy"] != "off":
-            yield f"the passivity margin is not positive: {gain_check.shortfall(node.settings()[0], node.lateness())}"
+        settings = node.settings()[0]
+        short = gain_check.shortfall(settings, float(settings["passivity"]["lateness"]))  # as the servo counts with it
+        if short and node.values["passivity.policy"] != "off":
+            yield f"the passivity margin is not positive: {short}"
+
+    def _withheld(self):
+        """{cause: time [s]} of force that is withheld now; a servo that does not run withholds none."""
+        return self._node.telemetry.withheld.standing() if self._node.servo.running else {}
 
     def _values(self, row):
         node, exchange = self._node, self._node.exchange
         lateness, compute, age, _ = node.telemetry.percentiles() * 1e6
-        trips, standing = exchange.round_trips() * 1e-3, node.telemetry.withheld.standing()
+        trips, standing = exchange.round_trips() * 1e-3, self._withheld()
         return {
             "state": enable_state.STATES[int(row.state)],
             "fault": faults.name_of(row.fault),

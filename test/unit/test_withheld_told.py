@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the driver says on /diagnostics of force that it withholds, and of a margin that is not positive."""
 
+import io
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from lockstep_systems import device, values
+from rich.console import Console
 
 from haptic_device import controller_config, gain_check
 from haptic_device.control import enable_state, records, withheld
 from haptic_device.nodes.driver_diagnostics import DriverDiagnostics
 from haptic_device.nodes.telemetry import Telemetry
 from haptic_device.realtime.session_clock import SessionClock
+from haptic_device.status import LEVELS
 from haptic_device.withheld_time import LASTS
+from haptic_sim.cli.status import table
 
 PERIOD = 0.001  # [s]
 
@@ -23,8 +27,9 @@ class Node:
     def __init__(self, lateness=0.0, refused=None, **given):
         self.values = values("haptic_driver", **given)
         self.device, self.clock, self.survived = device(damping=3.0), SessionClock(), 0
-        self._settings, self._late = controller_config.settings_from(self.device, self.values), lateness
-        self.margins = gain_check.margins(self._settings[0], lateness)[1:]
+        self._settings = controller_config.settings_from(self.device, self.values)
+        gain_check.counted(self._settings, lateness)
+        self.margins, self.lateness = gain_check.margins(self._settings[0], lateness)[1:], lambda: 0.0
         ring = SimpleNamespace(dropped=0)
         self.servo = SimpleNamespace(running=True, realtime="no", ring=ring, control=np.zeros(64))
         self.exchange = SimpleNamespace(sent=1, answered=1, contact_sets=0, refusals=lambda: refused or {})
@@ -40,9 +45,6 @@ class Node:
 
     def settings(self):
         return self._settings
-
-    def lateness(self):
-        return self._late
 
     def say_status(self, level, message, values, watched, name):
         self.said = level, message, values
@@ -83,6 +85,23 @@ def test_a_tool_that_came_back_5_mm_away_is_blamed_on_its_distance_not_on_its_ag
 def test_an_empty_tank_is_told_with_what_is_in_it_and_how_far_the_coupling_is_stretched():
     _, message, _ = Node().run(0.3, withheld=withheld.TANK, exchange_tank=2e-5, tool_position=(0.07, 0.0, 0.2))
     assert "0.02 mJ are in it, the tool is 70 mm and 11.5° from the handle" in message
+
+
+def test_the_status_in_the_terminal_shows_the_sentence_in_the_drivers_row():
+    level, message, told = Node().run(0.3, withheld=withheld.OLD_TOOL, tool_age=0.15, exchange_fade=0.36)
+    entry = {"level": LEVELS.index(level.upper()), "message": message, "values": told}
+    console = Console(width=400, record=True, file=io.StringIO())
+    console.print(table({"haptic_driver": entry}, 7))
+    [shown] = [line for line in console.export_text().splitlines() if "haptic_driver" in line]
+    assert "WARN" in shown and "the newest is 150 ms old, 36 % of the coupling is there" in shown
+
+
+def test_a_servo_without_a_device_withholds_nothing():
+    node = Node()
+    assert node.run(0.3, withheld=withheld.TANK)[2]["withheld"] == "tank"
+    node.servo.running = False
+    node.report.say(np.zeros(1, records.TRACE_ROW).view(np.recarray)[0])
+    assert node.said[1].startswith("no device") and node.said[2]["withheld"] == ""
 
 
 def test_of_several_causes_the_first_of_the_table_is_told_and_the_others_are_named():
