@@ -177,6 +177,16 @@ def test_a_damper_that_the_tank_does_not_pay_for_is_told():
     assert names(row) == {"tank"}
 
 
+def test_a_copy_of_the_tool_that_must_stay_for_lack_of_energy_is_told():
+    system = demo_system("local", "wall")
+    before = system.run(1.0)
+    assert before.local[-1] == 1.0 and names(before[-1]) == set()
+    system.memory["tank"]["level"] = -0.01  # as a long hold may leave it
+    rows = system.run(0.02)
+    stayed = np.diff(rows.local_stays, prepend=before.local_stays[-1]) > 0.0
+    assert stayed.sum() > 10 and all(names(row) == {"tank"} for row in rows[stayed])
+
+
 @pytest.mark.parametrize("method", ["direct", "wave"])
 def test_in_lock_step_a_tool_that_comes_back_beyond_a_wall_is_told_with_its_distance(method):
     """The hand presses the wall; while no sample comes nothing holds it back, and it goes 5 mm in."""
