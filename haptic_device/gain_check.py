@@ -10,6 +10,7 @@ from haptic_device.control import passivity, velocity_estimator
 SWITCHED = 2.0
 """Times |B| that a damper may need whose velocity comes from windows of any lengths: |v̂| is at most the largest mean of
 the last steps, and the l² norm of that maximum is at most twice that of the steps (Hardy and Littlewood 1930)."""
+PRECISE = 1e-4  # of a lateness that is too much, to which the most is found
 
 
 def counted(settings, lateness):
@@ -134,6 +135,33 @@ def refusals(settings, lateness=0.0):
         yield _together(settings, lateness)
 
 
+def shortfall(settings, lateness):
+    """Why no damping is left over at this lateness [s]: the gains that do not fit, or the lateness where they would fit
+    without; "" if some is left.
+    """
+    sentence = refusal(settings, lateness)
+    if not sentence:
+        return ""
+    if refusal(settings, 0.0):
+        both = zip(_blames(settings, lateness), _blames(settings, 0.0), strict=True)
+        return next((late for late, in_time in both if in_time), sentence)
+    delays, most = float(settings["hardware"]["delay"]), most_lateness(settings, lateness)
+    return (
+        f"forces act {lateness * 1e3:.3g} ms late (99 % of the writes within {(lateness - delays) * 1e3:.3g} ms, the "
+        f"device's delays {delays * 1e3:.3g} ms), and these gains leave at most {most * 1e3:.3g} ms: lower them, or "
+        "see haptic doctor"
+    )
+
+
+def most_lateness(settings, beyond):
+    """The lateness [s] up to which these gains leave damping over, below one that is `beyond`; 0 if they never do."""
+    low, high = 0.0, beyond
+    while high - low > PRECISE * beyond:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if min(margins(settings, middle)[1:]) > 0.0 else (low, middle)
+    return low
+
+
 def _blames(settings, lateness):
     """A sentence for each wall and each axis of the coupling that alone needs more than there is."""
     for j in range(int(settings["wall"]["count"])):
@@ -142,7 +170,8 @@ def _blames(settings, lateness):
         there = 1.0 / np.sum(normal[has] ** 2 / settings["hardware"]["damping"][has])
         gains = settings["wall"]["stiffness"][j], settings["wall"]["damping"][j]
         price = _switch_price(settings, normal, lateness)
-        yield _blame("wall.stiffness", passivity.least_damping, *gains, there, settings, lateness, price)
+        which = f" of wall {j}" if settings["wall"]["count"] > 1 else ""
+        yield _blame("wall.stiffness", passivity.least_damping, *gains, there, settings, lateness, price, which=which)
     for i in range(int(settings["axes"])):
         there = settings["hardware"]["damping"][i] / settings["hardware"]["scale"][i] ** 2
         yield _blame_cancellation(settings, i, lateness)
@@ -156,8 +185,10 @@ def _blames(settings, lateness):
         yield _blame(f"{name}stiffness", need, stiffness, counted, there, settings, lateness, told=told)
 
 
-def _blame(name, needed, stiffness, damping, there, settings, lateness, price=1.0, told=""):
-    """needed: of a wall or a coupling; told: which gains make the damping that counts, if it is not the wall's own."""
+def _blame(name, needed, stiffness, damping, there, settings, lateness, price=1.0, told="", which=""):
+    """needed: of a wall or a coupling; told: which gains make the damping that counts, if it is not the wall's own;
+    which: of several walls.
+    """
     period, counted = float(settings["period"]), damping * _switched(settings)
     need = price * needed(stiffness, counted, period, lateness)
     if need < there:
@@ -169,7 +200,7 @@ def _blame(name, needed, stiffness, damping, there, settings, lateness, price=1.
     late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
     late += ", cancellation.band being narrower than a tick's travel" if price > 1.0 else ""
     return (
-        f"{name} {stiffness:.6g} {unit} with {told or f'damping {damping:.4g} {damping_unit}'}{twice} "
+        f"{name} {stiffness:.6g} {unit}{which} with {told or f'damping {damping:.4g} {damping_unit}'}{twice} "
         f"needs b > {need:.4g} {damping_unit} at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: "
         f"at most {math.floor(most):g} {unit}{', or more with a shorter delay' if lateness > 0.0 else ''}"
     )

@@ -15,6 +15,7 @@ from haptic_device.analysis.report.summary import (
     first_command,
     residual_figures,
     servo_figures,
+    withheld_figures,
 )
 from haptic_device.recording.bag_contents import Recording
 from haptic_device.status import number
@@ -22,7 +23,7 @@ from haptic_device.status import number
 GOALS = ("insertion_fraction", "arrived")  # measures that say of themselves whether the job was done
 REACHED = 0.95  # of a goal
 ANSWERED = 0.9  # of the handle samples sent, for scenes without a goal of their own
-_NOTHING = ("servo", "exchange", "simulation", "energy_j", "contact", "report", "startup_s")
+_NOTHING = ("servo", "exchange", "simulation", "withheld_s", "energy_j", "contact", "report", "startup_s")
 
 
 def figures(recording: Recording, started: float) -> dict:
@@ -37,6 +38,7 @@ def figures(recording: Recording, started: float) -> dict:
         "servo": servo_figures(rows) | {"realtime": driver.get("realtime")},
         "exchange": exchange_figures(recording, rows),
         "simulation": {name: simulation.get(name) for name in ("method", "why")},
+        "withheld_s": {name: total for name, (total, _) in (withheld_figures(recording) or {}).items()},
         "energy_j": energy_figures(recording, rows),
         "contact": contact_figures(recording, rows),
         "residual": residual_figures(recording, rows),

@@ -22,12 +22,13 @@ def pay(settings, tank, spring, hold, motion, fade):
     """Moves the set position towards the goal; the tank takes what the spring lets go and pays what it gains.
 
     A tank without the reserve moves nothing of its own: then the set position stays, or goes along with the handle.
-    What a long hold left owing the spring pays, at once: it lets go of as much.
+    What a long hold left owing the spring pays, at once: it lets go of as much. Returns whether the tank lacked any.
     """
-    held, kept = stored(settings, spring, hold, motion), reserve(settings, tank, spring)
+    held, kept, shortened = stored(settings, spring, hold, motion), reserve(settings, tank, spring), tank.shortened
     # the spring may keep what it has, less what a long hold owes, and have what the tank can spare
     available = max(0.0, held + max(0.0, tank.level - kept) - tank.owed)
     left = tank.level + held - _reach_out(settings, tank, spring, motion, fade, 1.0, available)
+    lacks = left < kept or tank.shortened > shortened
     if left < kept:
         left = tank.level + held - _reach_out(settings, tank, spring, motion, fade, 0.0, available)
     tank.level = left
@@ -35,6 +36,23 @@ def pay(settings, tank, spring, hold, motion, fade):
         before, spring.set_position[i] = spring.set_position[i], motion.handle[i] + spring.stretch[i]
         spring.own_velocity[i] = (spring.set_position[i] - before) / settings.period
         spring.stiffness[i], spring.limit[i] = _wanted_spring(settings, spring, i)
+        if lacks:
+            note_kept_short(settings, tank, spring, motion, i, spring.goal[i])
+    return lacks
+
+
+@kernel
+def note_kept_short(settings, tank, spring, motion, i, wished):
+    """Notes by how much the spring of axis i gives less than it would to the place wished for [m | rad]."""
+    stiffness, limit = spring.stiffness[i], spring.limit[i]
+    force = spring_force(stiffness, limit, wished - motion.handle[i])
+    note_unpaid(settings, tank, i, force - spring_force(stiffness, limit, spring.set_position[i] - motion.handle[i]))
+
+
+@kernel
+def note_unpaid(settings, tank, i, force):
+    """Notes a force [N | N m] on axis i that the tank did not pay for; the greatest of a tick is kept."""
+    tank.short = max(tank.short, abs(force) / (settings.engage.torque if i == 2 else settings.engage.force))
 
 
 @kernel

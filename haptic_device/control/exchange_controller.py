@@ -66,7 +66,7 @@ def _fade(settings, fade, enable, tool, output):
     # a tool that comes while the force is on must come with a small force
     joining = enable.ramp > 0.0 and fade.factor == 0.0
     joining = joining and not exchange_samples.is_modulated(settings.exchange.method)
-    age = -1.0 if joining and not _tool_is_near(settings, tool, output.position) else tool.age
+    age = -1.0 if joining and not tool_is_near(settings, tool, output.position) else tool.age
     full, chosen = fade.factor >= 1.0, settings.exchange
     fade.factor = exchange_samples.fade_factor(fade.factor, age, settings.period, chosen.hold, chosen.fade)
     fade.let_go += 1.0 if full and fade.factor < 1.0 else 0.0
@@ -118,8 +118,8 @@ def _stay(settings, state, tool, output):
         output.exchange_effort[i] = state.waves.sent[i]
 
 
-@njit
-def _tool_is_near(settings, tool, handle):
+@kernel
+def tool_is_near(settings, tool, handle):
     """Whether the coupling to a tool that (re)joins would begin with a small force, as engaging does.
 
     With pspm nobody asks: there the tank pays for a stretch that comes back, or shortens it.

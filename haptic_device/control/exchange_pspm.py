@@ -30,6 +30,9 @@ def move_set_point(settings, tank, spring, hold, motion, tool, output):
         worst += energy_tank.worst_draw(settings, tank, i, damping * velocity)
     share = set_position.damper_share(tank.level - energy_tank.reserve(settings, tank, spring), worst)
     for i in range(int(settings.axes)):
+        if share < 1.0:
+            unpaid = (1.0 - share) * spring.factor * settings.coupling.damping[i] * spring.set_velocity[i]
+            energy_tank.note_unpaid(settings, tank, i, unpaid)
         spring.set_velocity[i] *= share
         output.coupling_position[i], output.coupling_velocity[i] = spring.set_position[i], spring.set_velocity[i]
     # what is over is the simulation's to use: it comes back at most once

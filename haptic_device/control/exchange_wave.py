@@ -96,20 +96,27 @@ def move_set_point(settings, waves, tank, spring, hold, motion, tool, output):
     """Port behind the coupling that the waves from the tool move, and the waves it sends back."""
     _receive(settings, waves, tank, tool)
     for i in range(int(settings.axes)):
-        horizon = settings.exchange.horizon
-        there = set_position.predicted_position(tool.position[i], tool.velocity[i], tool.age, horizon)
+        there = _tool_place(settings, tool, i)
         spring.goal[i] = spring.set_position[i] + CORRECTION * settings.period * (there - spring.set_position[i])
-    energy_tank.pay(settings, tank, spring, hold, motion, output.exchange_fade)
+    if energy_tank.pay(settings, tank, spring, hold, motion, output.exchange_fade):
+        for i in range(int(settings.axes)):
+            energy_tank.note_kept_short(settings, tank, spring, motion, i, _tool_place(settings, tool, i))
     tank.level = min(tank.level, settings.exchange.tank)
     share = _play(settings, waves, tank, spring)
     for i in range(int(settings.axes)):
         incoming = share * waves.wave[i]
+        if share < 1.0:
+            energy_tank.note_unpaid(settings, tank, i, waves.wave[i] - incoming)
         waves.pending[i] -= waves.wave[i] * settings.period  # what energy does not cover is dropped, or it grows
         _move_port(settings, waves, tank, spring, motion, output, i, incoming)
     share = _felt_share(settings, tank, spring)
     for i in range(int(settings.axes)):
         port = spring.own_velocity[i]
-        spring.set_velocity[i] = port + share * (spring.set_velocity[i] - port)
+        beyond = spring.set_velocity[i] - port
+        if share < 1.0:
+            unpaid = (1.0 - share) * spring.factor * settings.coupling.damping[i] * beyond
+            energy_tank.note_unpaid(settings, tank, i, unpaid)
+        spring.set_velocity[i] = port + share * beyond
         output.coupling_position[i], output.coupling_velocity[i] = spring.set_position[i], spring.set_velocity[i]
         output.exchange_effort[i] = waves.sent[i]
     output.exchange_energy = tank.shipped
@@ -119,6 +126,13 @@ def move_set_point(settings, waves, tank, spring, hold, motion, tool, output):
 def tick_ended(settings, tank, spring, motion, output):
     """The spring that is held; waves pay for their port's velocity. The handle sample carries the waves."""
     energy_tank.tick_ended(settings, tank, spring, motion, output, spring.own_velocity)
+
+
+@njit
+def _tool_place(settings, tool, i):
+    """Where the tool is now, to first order [m | rad]."""
+    horizon = settings.exchange.horizon
+    return set_position.predicted_position(tool.position[i], tool.velocity[i], tool.age, horizon)
 
 
 @njit

@@ -37,7 +37,7 @@ OUTPUT = record(
     " local local_fallbacks local_stays local_pivots tools_apart"  # acting; counts; of this tick; [m]
     " generated* injected* injections"  # observer [J], controller [N s/m], ticks it acted
     " margin* surplus* lateness_counted"  # of the physical damping [N s/m]; how late forces are taken to act [s]
-    " state fault warmth*"
+    " state fault warmth* withheld"  # withheld: sum of bits (control/withheld)
 )
 TICK = np.dtype((np.record, [("sensors", SENSORS), ("tool", TOOL_SAMPLE), ("output", OUTPUT)]))
 _NOT_PREFIXED = {"contact_set", "contact_age", "handle_sequence"}
@@ -133,10 +133,10 @@ STATE = np.dtype(
             ),
         ),
         (
-            "tank",  # energy_tank
+            "tank",  # energy_tank; short: force that it did not pay for in this tick, over engage.force | engage.torque
             record(
                 "filled version level owed shipped returned tool_session tool_energy shortened"
-                " lateness left* price* surplus* own* given"
+                " short lateness left* price* surplus* own* given"
                 " midpoint* window_from* window_start window_holds counted* sample_before hold_before"
             ),
         ),

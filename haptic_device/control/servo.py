@@ -14,6 +14,7 @@ from haptic_device.control import (
     settings_in_force,
     virtual_coupling,
     virtual_wall,
+    withheld,
 )
 from haptic_device.control.records import AXES, OUTPUT
 from haptic_device.jit import kernel, njit
@@ -53,6 +54,7 @@ def tick(wished, state, tick):
     # what will be held until the next tick
     passivity_observer.hold_begins(settings, observer, hold, motion, walls, output)
     exchange_controller.tick_ended(settings, state, output)
+    withheld.tell(settings, state, sensors, tool, output)
 
 
 @njit

@@ -32,6 +32,7 @@ from haptic_device.jit import kernel, njit
 
 LOCKED = 1e9  # mass of an axis that the device lacks
 AWAY, ACTING = 0.0, 1.0
+STAYED = 1.0  # as tank.short has it: what a copy that stays withholds no force says
 
 
 @kernel
@@ -86,6 +87,7 @@ def move_set_point(settings, own, tank, spring, hold, motion, tool, output):
     if not found or not _pay_for_move(settings, own, tank, spring, hold, motion):
         own.stays += 1.0 if found else 0.0
         own.unsolved += 0.0 if found else 1.0
+        tank.short = max(tank.short, STAYED)
         _stay(settings, own, tank, spring, hold, motion, output)
     else:
         _go(settings, own, spring, motion)

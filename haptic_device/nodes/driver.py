@@ -156,10 +156,13 @@ class DriverNode(ManagedNode):
 
     def _follow_margin(self):
         """The margin of the gains in force, with the lateness as measured now."""
-        settings = self.servo.settings.get().view(np.ndarray).view(records.SETTINGS)
-        lateness = self.lateness()
+        settings, lateness = self.settings(), self.lateness()
         _, *self.margins = gain_check.margins(settings[0], lateness)
         self.servo.set(gain_check.counted(settings, lateness))
+
+    def settings(self):
+        """SETTINGS array of one, those wished for now."""
+        return self.servo.settings.get().view(np.ndarray).view(records.SETTINGS)
 
     def _set_flag(self, flag, wanted):
         self.servo.order(**({"set_flags": flag} if wanted else {"clear_flags": flag}))

@@ -3,8 +3,9 @@
 
 import math
 
+from haptic_device import gain_check
 from haptic_device.control import enable_state, faults
-from haptic_device.nodes import diagnostics
+from haptic_device.nodes import diagnostics, withheld_force
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.parameters import DRIVER_FIGURES
 from haptic_device.realtime import servo_loop
@@ -47,24 +48,39 @@ class DriverDiagnostics:
             return "error", f"fault {faults.name_of(row.fault)}"
         if not node.servo.running:
             return "warn", "no device: waiting for its page"
+        warnings = "; ".join(self._warnings(row))
+        return ("warn", warnings) if warnings else ("ok", enable_state.STATES[int(row.state)])
+
+    def _warnings(self, row):
+        """Sentences, what the hand feels first."""
+        node = self._node
+        withheld = withheld_force.sentence(self._withheld(), row)
         if refused := self._refused.sentence(node.exchange.refusals()):
-            return "warn", refused
-        if row.tool_age < 0.0:
-            return "warn", "no simulation: the handle is in free space"
-        if min(node.margins) <= 0.0 and node.values["passivity.policy"] != "off":
-            late = "at the measured lateness the gains need more damping"
-            return "warn", f"the passivity margin is not positive: {late}"
-        if row.exchange_fade < 1.0:
-            return "warn", f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling is let go"
-        return "ok", enable_state.STATES[int(row.state)]
+            yield refused
+        if withheld:
+            yield withheld
+        elif row.tool_age < 0.0 and not refused:
+            yield "no simulation: the handle is in free space"
+        elif row.tool_age > node.values["exchange.hold"]:
+            yield f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling is let go"
+        settings = node.settings()[0]
+        short = gain_check.shortfall(settings, float(settings["passivity"]["lateness"]))  # as the servo counts with it
+        if short and node.values["passivity.policy"] != "off":
+            yield f"the passivity margin is not positive: {short}"
+
+    def _withheld(self):
+        """{cause: time [s]} of force that is withheld now; a servo that does not run withholds none."""
+        return self._node.telemetry.withheld.standing() if self._node.servo.running else {}
 
     def _values(self, row):
         node, exchange = self._node, self._node.exchange
         lateness, compute, age, _ = node.telemetry.percentiles() * 1e6
-        trips = exchange.round_trips() * 1e-3
+        trips, standing = exchange.round_trips() * 1e-3, self._withheld()
         return {
             "state": enable_state.STATES[int(row.state)],
             "fault": faults.name_of(row.fault),
+            "withheld": ", ".join(standing),
+            "withheld_s": f"{max(standing.values(), default=0.0):.1f}",
             "realtime": node.servo.realtime,
             "clock_offset_ns": node.clock.offset,
             "rate_hz": node.values["servo.rate"],

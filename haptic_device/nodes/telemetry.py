@@ -22,6 +22,7 @@ from haptic_device.recording.layouts import (
     pose_numbers,
     wrench_numbers,
 )
+from haptic_device.withheld_time import WithheldTime
 
 TRACE_PERIOD = 10_000_000  # [ns] between trace blocks
 SNAPSHOT_PERIOD = 1_000_000_000  # [ns] between snapshots of settings and memory, where nothing has changed
@@ -54,6 +55,7 @@ class Telemetry:
         self._recent = np.zeros((WINDOW, 4))  # lateness, compute, age, write delay [s] of the last ticks
         self._judged, self._judged_at = np.full((4, 4), np.nan), -FRESH_ENOUGH
         self._ticks, self._latched, self._position = 0, 0.0, np.zeros(3)
+        self.withheld = WithheldTime()
         self._told = {"axes": 0.0, "pose": 0.0}  # deadline of the tick that was published last
         self._row, self._settings = np.zeros(1, TRACE_ROW), np.zeros(1, SETTINGS)
         self._wrench_layout, self._pose_layout = (
@@ -165,6 +167,7 @@ class Telemetry:
             [rows["lateness"], rows["compute"], rows["tool_age"], rows["write_delay"]], axis=1
         )
         self._ticks += len(rows)
+        self.withheld.add(rows["deadline"], rows["withheld"])
 
 
 def _percentiles(numbers):

@@ -53,8 +53,8 @@ IN_BAGS = {
     },
 }
 """group.field of a record → its name in the snapshots of bags, where that is not group_field."""
-MADE_ANEW = {"motion.handle_before", "motion.elapsed", "walls.depth"}
-"""Fields that a tick fills in before it reads them: no part of a snapshot."""
+MADE_ANEW = {"motion.handle_before", "motion.elapsed", "walls.depth", "tank.short"}
+"""Fields that a tick fills in before it reads them, or leaves at 0: no part of a snapshot."""
 
 
 def _columns(prefix, dtype, within=""):

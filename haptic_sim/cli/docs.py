@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 
 from haptic_device.control.faults import TABLE
+from haptic_device.control.withheld import TABLE as WITHHELD
 from haptic_device.parameter_types import Parameter
+from haptic_device.withheld_time import BREAK, LASTS
 from haptic_sim.node_parameters import NODES
 
 HEAD = """# Parameters
@@ -36,6 +38,16 @@ tick by tick.
 | code | name | what latched it | what the motor does | how to clear it |
 |---|---|---|---|---|
 """
+WITHHELD_FORCE = f"""
+## Withheld force
+
+Generated from `control/withheld.py: TABLE`. No fault: the motor goes on, with less force than is wished for. Each is
+told once it has stood for more than {LASTS:g} s, without a break of more than {BREAK * 1e3:g} ms: on `/diagnostics`,
+on the page, by `haptic status`, `haptic demo` and `haptic report`. `test/unit/test_withheld.py` provokes each.
+
+| bit | name | what keeps the force back | what to do |
+|---|---|---|---|
+"""
 
 
 def docs(
@@ -51,9 +63,14 @@ def docs(
 
 
 def fault_table() -> str:
-    """The document of the faults."""
-    return FAULTS + "".join(
-        f"| {fault.code} | `{fault.name}` | {fault.cause} | {fault.motor} | {fault.clear} |\n" for fault in TABLE
+    """The document of the faults, and of what withholds force."""
+    return (
+        FAULTS
+        + "".join(
+            f"| {fault.code} | `{fault.name}` | {fault.cause} | {fault.motor} | {fault.clear} |\n" for fault in TABLE
+        )
+        + WITHHELD_FORCE
+        + "".join(f"| {each.bit} | `{each.name}` | {each.cause} | {each.cure} |\n" for each in WITHHELD)
     )
 
 

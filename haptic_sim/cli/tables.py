@@ -5,6 +5,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text  # what nodes have said may look like markup
 
+from haptic_device.control.withheld import TABLE
 from haptic_sim.comparison import COLUMNS
 
 FORCES = {
@@ -13,13 +14,14 @@ FORCES = {
     "contact max_penetration_m": "deepest overlap [m]",
 }
 """The report's words for what the simulation and the hand had to bear."""
+WITHHELD = {f"withheld_s {each.name}": f"force withheld [s]: {each.cause}" for each in TABLE}
 
 
 def print_outcome(found: dict) -> None:
     """Prints the figures as a table on standard output."""
     table = Table("figure", "value", title=Text(f"{found['scene']}: {'done' if found['done'] else 'NOT done'}"))
     for name, value in _lines(_with_greatest(found)):
-        table.add_row(Text(FORCES.get(name, name)), Text(value))
+        table.add_row(Text((FORCES | WITHHELD).get(name, name)), Text(value))
     console = Console()
     console.print(table)
     for name in ("bag", "report"):

@@ -64,6 +64,8 @@ def _wait(condition: Callable[[], bool], over: Callable[[dict[str, str]], bool],
 def _line(client: Client) -> str:
     insertion = number(client.said("haptic_simulation", "result.insertion_fraction"))
     parts = [f"motor {client.motor_force:6.2f} N"]
+    if withheld := client.said("haptic_driver", "withheld"):
+        parts.append(f"force withheld for {client.said('haptic_driver', 'withheld_s')} s: {withheld}")
     if math.isfinite(insertion):
         parts.append(f"insertion {100 * insertion:5.1f} %")
     for label, name in (("missed ticks", "missed"), ("age [ms]", "age_ms_p50")):

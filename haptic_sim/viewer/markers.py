@@ -116,7 +116,8 @@ def surroundings(walls, workspace) -> list[Marker]:
 
 
 def happenings(frame: dict) -> list[Marker]:
-    """The hand's target, handle, coupling, force on the hand and contact forces; what is not known is left out."""
+    """The hand's target, handle, coupling, force on the hand and contact forces; what is not known is left out,
+    and a coupling that does not hold."""
     found, handle, tool = [], frame["handle"], frame["tool"]
     force = frame["felt"] or frame["force"]
     if frame["target"]:
@@ -124,7 +125,7 @@ def happenings(frame: dict) -> list[Marker]:
         found.append(Marker("target", 0, "line", tuple(frame["target"]), tuple(map(_raised, ring)), DARK, SHAFT / 2.0))
     if handle:
         found.append(Marker("handle", 0, "sphere", tuple(handle), (), HANDLE, 2.0 * drawing.HANDLE_RADIUS))
-    if handle and tool:
+    if handle and tool and frame["coupled"]:
         ends = (_raised(handle), _raised(tool))
         found.append(Marker("coupling", 0, "line", NOWHERE, ends, COUPLING, SHAFT))
     if handle and force and math.hypot(*force[:2]) > 0.0:

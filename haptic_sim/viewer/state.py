@@ -23,6 +23,8 @@ from haptic_sim.solid import TOOL
 from haptic_sim.viewer.settings import DRIVER
 
 STALE = 0.5  # s after which what was said counts no more
+NOT_HELD = frozenset(("clutch", "waiting", "no_tool", "far_tool", "old_tool", "tank"))
+"""Causes of withheld force (docs/faults.md) by which the coupling does not hold the tool as it is drawn."""
 SILENT = 3.0  # s after which a node that said nothing counts as gone
 _WRENCH = struct.Struct("<6d")
 
@@ -81,13 +83,14 @@ class State:
 
     def frame(self) -> dict:
         """What moves, for one picture; coordinates of handle, target, tool and bodies in the world [m, m, rad]. None is
-        what is not known, or is no number."""
+        what is not known, or is no number. coupled: whether the coupling holds the tool as it is wished for."""
         truth, places = self.truth, self.places
         return {
             "time": time.monotonic(),
             "handle": _known(self._handle()),
             "target": truth and _known(self.to_world(truth.target)),
             "tool": _known(places.get(TOOL)),
+            "coupled": NOT_HELD.isdisjoint(self.said(DRIVER, "withheld").split(", ")),
             "bodies": [_known(pose) for pose in places.get("bodies", [])],
             "contacts": [contact for contact in self.contacts if _known(contact)],
             "force": _known(_three(truth.motor_force) if truth else self.wrench),

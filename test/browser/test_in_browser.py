@@ -104,6 +104,22 @@ def push_down(tab, force="Math.abs(parseFloat(document.getElementById('force').t
     tab.until(f"{force} > 2", before=lambda: tab.page.keyboard.press("ArrowDown"))
 
 
+def test_a_display_that_withholds_force_is_not_green_and_says_why_and_what_to_do(tab):
+    tab.engage()
+    tab.page.click("[data-service=disable]")
+    tab.until_text("state", "^idle$")
+    tab.page.focus("#scene")
+    stretch = "parseFloat(document.getElementById('stretch').textContent)"
+    tab.until(f"{stretch} > 3", before=lambda: tab.page.keyboard.press("ArrowDown"))  # nothing holds the hand back
+    tab.page.click("[data-service=enable]")
+    tab.until_text("withheld", "force withheld for .* s .waiting.: .* lead the handle to the tool")
+    assert tab.page.get_attribute("#state", "data-level") == "warn" and tab.page.is_visible("#withheld")
+    tab.shot("withheld")
+    assert serious(tab) == []
+    tab.engage()
+    tab.until("document.getElementById('withheld').hidden && document.getElementById('state').dataset.level === 'good'")
+
+
 def zeroed(listener, since):
     """Time at which the motor came to rest after this one."""
     return next((at for at, force in listener.motor() if at > since and force == 0.0), None)

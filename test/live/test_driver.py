@@ -96,7 +96,9 @@ def plain(value):
 
 def test_without_a_simulation_the_handle_moves_in_free_space_and_diagnostics_say_so(display):
     level, message, values = display.engaged()
-    assert level == WARN and message == "no simulation: the handle is in free space"
+    assert level == WARN and "no simulation: the handle is in free space" in message
+    _, message, _ = display.news("haptic_driver", lambda level, message, values: values["withheld"] == "no_tool")
+    assert message.startswith("force withheld for ") and message.endswith("; start haptic_simulation")
     assert int(values["ticks"]) > 0
     begin = len(display.truths)
     display.go_to(0.03)

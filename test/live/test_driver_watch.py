@@ -14,6 +14,7 @@ from haptic_device import controller_config, gain_check
 from haptic_device.control import enable_state, faults, records
 from haptic_device.nodes import driver as module
 from haptic_device.realtime import servo_loop
+from haptic_device.withheld_time import WithheldTime
 
 BEYOND = {
     "wall.normals": [0.0, 1.0],
@@ -67,6 +68,7 @@ def serve(driver, **given):
         ),
     )
     driver.telemetry = SimpleNamespace(percentiles=lambda: np.zeros((4, 4)), cpu=0.0, window=lambda: 0.0)
+    driver.telemetry.withheld = WithheldTime()
     driver.exchange = SimpleNamespace(
         refusals=dict, refused_contacts=dict, sent=0, answered=0, round_trips=lambda: np.zeros(2)
     )

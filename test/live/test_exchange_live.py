@@ -173,7 +173,7 @@ def test_an_exchange_method_that_differs_is_refused_in_a_sentence_and_the_handle
     level, message, values = ear.news("haptic_simulation", lambda level, message, values: said in message)
     assert level == WARN and int(values["refused.other exchange method"]) > 0 and values["answered"] == "0"
     level, message, values = engaged(ear)
-    assert (level, message) == (WARN, "no simulation: the handle is in free space")
+    assert level == WARN and "no simulation: the handle is in free space" in message
     begin = len(ear.truths)
     ear.go_to(0.02)
     assert pushed(ear, begin) == 0.0

@@ -16,12 +16,12 @@ class Said:
 
     def __init__(self, *looks):
         self.looks, self.statuses, self.motor_force = list(looks), {}, 0.0
-        self.truth, self.motion_done = {}, False
+        self.truth, self.motion_done, self.withheld = {}, False, {}
 
     def look(self):
         fault, self.motor_force = self.looks.pop(0) if len(self.looks) > 1 else self.looks[0]
         message = f"fault {fault}" if fault else "waiting"
-        said = {"fault": fault, "missed": "[/x]", "age_ms_p50": ""}
+        said = {"fault": fault, "missed": "[/x]", "age_ms_p50": "", **self.withheld}
         driver, other = Status(0, 2 if fault else 0, message, said), Status(0, 0, "serving", {})
         simulation = Status(0, 0, "serving", {"result.insertion_fraction": "all of it"})
         self.statuses = {"haptic_driver": driver, "haptic_loopback": other, "haptic_simulation": simulation}
@@ -131,6 +131,20 @@ def test_a_motion_is_followed_to_its_end_while_the_device_goes_on_and_given_up_w
     ended, took = run(monkeypatch, (0.0, COMMANDED), *long[:50], seconds=None)
     assert not ended and took < 50 + 1.1 * news.LIMIT
     assert "the motion did not end, and no news" in capsys.readouterr().err
+
+
+def test_force_that_is_withheld_stands_in_the_line_and_its_cause_in_the_table_of_the_end(monkeypatch, capsys):
+    monkeypatch.setattr("rich.console.Console.is_terminal", True)
+    Clock().put(monkeypatch, follow, news)
+    client = Said(("", 1.0))
+    client.withheld = {"withheld": "tank, limit", "withheld_s": "3.2"}
+    with status_line() as show:
+        follow.follow(0.1, client, dict, show)
+    found = outcome.nothing() | {"scene": "wall", "done": False, "bag": None, "withheld_s": {"tank": 3.2}}
+    print_outcome(found)
+    said = capsys.readouterr()
+    assert "force withheld for 3.2 s: tank, limit" in said.err
+    assert "force withheld [s]: the energy tank cannot pay" in " ".join(said.out.split()) and "3.2" in said.out
 
 
 def test_a_word_that_is_no_fault_of_ours_ends_no_run(monkeypatch):

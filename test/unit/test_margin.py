@@ -12,6 +12,7 @@ from haptic_device import controller_config, gain_check
 from haptic_device.control import passivity
 from reference import closed_forms
 
+TURNED = "coupling.rotational_stiffness 900 N m/rad with"
 NO_COUPLING = {"coupling__stiffness": 0.0, "coupling__damping": 0.0}
 
 
@@ -86,6 +87,39 @@ def test_the_worst_direction_of_oblique_walls_counts():
 def test_scaling_changes_the_felt_stiffness_by_its_square():
     assert gain_check.refusal(settings(scale=(2.0, 1.0), **walls(1190.0, 0.05, 90.0))) == ""
     assert "at most 1200" in gain_check.refusal(settings(scale=(2.0, 1.0), **walls(1210.0, 0.05, 90.0)))
+
+
+def test_of_several_walls_the_refusal_names_the_one_that_is_too_stiff():
+    mixed = walls(1000.0, 0.05, 0.0, 90.0) | {"wall__stiffness": (1000.0, 12000.0)}
+    assert gain_check.refusal(settings(**mixed)).startswith("wall.stiffness 12000 N/m of wall 1 with damping 0.05")
+
+
+def test_where_gains_would_fit_in_time_the_shortfall_blames_the_lateness_and_says_the_most_that_they_leave():
+    wall = settings(**walls(4500.0, 0.05, 90.0))
+    most = gain_check.most_lateness(wall, 1e-3)
+    assert gain_check.margins(wall, 0.999 * most)[1] > 0.0 >= gain_check.margins(wall, 1.001 * most)[1]
+    assert gain_check.shortfall(wall, 0.999 * most) == ""
+    assert gain_check.shortfall(wall, 1e-3) == (
+        "forces act 1 ms late (99 % of the writes within 1 ms, the device's delays 0 ms), and these gains leave at "
+        f"most {most * 1e3:.3g} ms: lower them, or see haptic doctor"
+    )
+
+
+@pytest.mark.parametrize(
+    ("gains", "told"),
+    [
+        (walls(12000.0, 0.05, 90.0), "wall.stiffness 12000 N/m with"),
+        ({"coupling__stiffness": 9000.0, "coupling__damping": 0.1}, "coupling.stiffness 9000 N/m with"),
+        ({"coupling__stiffness": 1000.0, "coupling__damping": 0.5, "coupling__rotational_stiffness": 900.0}, TURNED),
+        (
+            {"cancellation__ratio": 0.9, "velocity__estimator": "adaptive_window", **NO_COUPLING},
+            "cancellation.ratio 0.9 (twice, for adaptive_window) needs",
+        ),
+    ],
+)
+def test_where_gains_fit_at_no_lateness_the_shortfall_blames_the_gain(gains, told):
+    wanted = controller_config.settings_from(device(0.8, axes=3), values("haptic_driver", **gains))[0]
+    assert gain_check.shortfall(wanted, 1e-4).startswith(told)
 
 
 def test_lateness_costs_stiffness():

@@ -385,7 +385,7 @@ def test_every_column_of_the_trace_has_its_unit_or_counts():
     plain = {name for name in TRACE_ROW.names if name not in TRACE_UNITS}
     counted = "tick missed parameter_version command counts device_status tool_session tool_sequence tool_answered"
     counted += " tool_contact contact_set handle_sequence engage exchange_fade exchange_shortened exchange_let_go"
-    counted += " cancellation_fade injections state fault warmth"
+    counted += " cancellation_fade injections state fault warmth withheld"
     counted += " local local_fallbacks local_stays local_pivots"
     assert plain == set(counted.split())
 

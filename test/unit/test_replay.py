@@ -93,6 +93,14 @@ def test_changed_settings_count_from_their_version_on():
     assert verdict_on(trace, start).skipped == len(trace) - len(rows)
 
 
+def test_a_trace_from_before_the_causes_of_withheld_force_is_computed_again_as_it_is(recorded):
+    rows, start = recorded[0][:5000], recorded[1]
+    old = rows[[name for name in rows.dtype.names if name != "withheld"]].copy()
+    assert verdict_on(old, start) == (5000, 0, 0, None, ())
+    old["energy_given"][3000, 0] += 1e-9
+    assert verdict_on(old, start) == (4999, 0, 1, 3000, ("energy_given",))
+
+
 def test_a_trace_of_another_version_or_without_snapshots_is_refused_in_a_sentence(recorded):
     rows, start = recorded[0][:10], recorded[1]
     with pytest.raises(ValueError, match="another version of the servo; it differs in margin"):

@@ -17,6 +17,7 @@ from haptic_device.analysis.report import panel
 from haptic_device.analysis.report.page import FIGURES, write_report
 from haptic_device.analysis.report.reading import read_run
 from haptic_device.analysis.report.table import sections
+from haptic_device.control import withheld
 from haptic_device.recording.writer import Bag
 from haptic_sim.cli.report import report
 from haptic_sim.comparison import figures_of
@@ -172,6 +173,25 @@ def test_a_trace_of_an_older_layout_is_shown_as_far_as_it_goes(tmp_path):
     assert "topic trace has no tool_age, injections, force_walls, margin" in notes
     assert found["Servo"]["rate"] == "4000 Hz"
     assert write_report([read_run(tmp_path / "older")], tmp_path / "report").exists()
+
+
+def test_force_that_was_withheld_is_told_with_its_time_and_cause_and_an_older_trace_says_nothing_of_it(tmp_path):
+    rows = swing(8000)
+    assert sections_of(write_run(tmp_path / "none", rows))[0]["Force withheld"] == {"found": "none for more than 0.2 s"}
+    rows["withheld"][1000:2000] = withheld.TANK  # .25 s
+    rows["withheld"][3000:5000] = withheld.TANK + withheld.LIMIT
+    rows["withheld"][6000:6790] = withheld.OLD_TOOL  # just not .2 s
+    told = sections_of(write_run(tmp_path / "some", rows))[0]["Force withheld"]
+    causes = {cause.name: cause.cause for cause in withheld.TABLE}
+    assert told == {
+        "tank": f"0.75 s in all, 0.50 s at most: {causes['tank']}",
+        "limit": f"0.50 s in all, 0.50 s at most: {causes['limit']}",
+    }
+    before = rows[[name for name in rows.dtype.names if name != "withheld"]]
+    older = Bag(tmp_path / "older")
+    older.write(older.add_topic("/haptic/trace", CLOUD, []), cloud_of(before.copy()), 1, 1, 1)
+    older.close({})
+    assert "of an older version" in sections_of(tmp_path / "older")[0]["Force withheld"]["not shown"]
 
 
 def test_blocks_of_another_version_in_one_bag_are_left_out_and_counted(tmp_path):

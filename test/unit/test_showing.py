@@ -9,16 +9,18 @@ import pytest
 from bag_of_a_run import diagnostics
 from live_nodes import STRANGE
 
+from haptic_device.control.withheld import NAMES
 from haptic_device.nodes.polled_subscription import Sample
 from haptic_device.realtime.session_clock import SessionClock
 from haptic_device.recording.layouts import CLOUD, JointLayout, layout_of
+from haptic_device.status import Status
 from haptic_sim.client import Client
 from haptic_sim.node.scene_publisher import CONTACT, PERIOD_NS, ScenePublisher, state_names
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import Scene, load, parse
 from haptic_sim.simulation import HandleSample, Simulation
 from haptic_sim.viewer.drawing import scene_drawing
-from haptic_sim.viewer.state import State
+from haptic_sim.viewer.state import NOT_HELD, State
 
 pytestmark = pytest.mark.timeout(600)  # kernels that nobody has used yet are compiled
 
@@ -146,7 +148,7 @@ def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns(m
     state = State(Client(FakeNode()))
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
     state.look()
-    state.statuses = {"haptic_driver": None}
+    state.statuses = {"haptic_driver": Status(0, 0, "engaged", {})}
     frame = state.frame()
     assert frame["tool"] == pytest.approx((0.01, 0.0, 0.0), abs=1e-3)
     assert frame["handle"] == handle and scene_drawing(state.scene)["joints"]
@@ -161,10 +163,19 @@ def test_what_is_no_number_is_not_known(pressed, monkeypatch):
     state = State(Client(FakeNode()))
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
     state.look()
-    state.statuses = {"haptic_driver": None}
+    state.statuses = {"haptic_driver": Status(0, 0, "engaged", {})}
     frame = state.frame()
     assert frame["handle"] is None and frame["tool"] == simulation.method.position
     assert np.isnan(frame["results"]).all()
+
+
+@pytest.mark.parametrize(("withheld", "coupled"), [("", True), ("limit", True), ("tank, limit", False)])
+def test_a_coupling_that_the_driver_says_does_not_hold_is_shown_as_one(monkeypatch, withheld, coupled):
+    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
+    state = State(Client(FakeNode()))
+    FakeTap.waiting = {"/diagnostics": [diagnostics("haptic_driver", {"namespace": "/haptic", "withheld": withheld})]}
+    state.look()
+    assert state.frame()["coupled"] == coupled and {*NAMES} > NOT_HELD
 
 
 @pytest.mark.parametrize(("said", "heard"), [("/haptic", 1), ("/left", 0), (None, 1)])

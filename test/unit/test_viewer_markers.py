@@ -22,6 +22,7 @@ SPRUNG = {
 FRAME = {
     "handle": (0.01, 0.02, 0.5),
     "tool": (0.012, 0.02, 0.5),
+    "coupled": True,
     "felt": (3.0, -4.0, 0.1),
     "force": None,
     "target": (0.02, 0.03, 1.0),
@@ -165,6 +166,7 @@ GROUPS = {"bodies", "joints", "walls", "workspace", "target", "handle", "couplin
         ({}, set()),
         ({"scene": None}, {"bodies", "joints"}),
         ({"tool": None}, {"bodies", "joints", "coupling"}),
+        ({"coupled": False}, {"coupling"}),
         ({"walls": []}, {"walls"}),
         ({"workspace": None}, {"workspace"}),
         ({"target": None}, {"target"}),

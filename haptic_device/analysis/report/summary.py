@@ -14,6 +14,7 @@ from haptic_device.control.faults import name_of
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.recording.bag_contents import Joints, Recording, Records
 from haptic_device.status import number
+from haptic_device.withheld_time import WithheldTime
 
 _MICRO, _MILLI = 1e6, 1e3
 
@@ -87,6 +88,16 @@ def contact_figures(recording: Recording, rows: Records | None) -> dict[str, flo
     force = np.nan if rows is None else float(np.fmax.reduce(np.hypot(*rows["force_on_handle"][:, :2].T)))
     found = {"max_force_n": told["max_contact_force"], "max_penetration_m": told["max_penetration"]}
     return {name: None if np.isnan(value) else value for name, value in (found | {"max_on_hand_n": force}).items()}
+
+
+def withheld_figures(recording: Recording) -> dict[str, tuple[float, float]] | None:
+    """{cause: time [s] in all, longest [s]} of the force that was withheld; None where the trace does not say it."""
+    trace = recording.trace
+    if "withheld" not in (trace.dtype.names or ()) or np.isnan(trace["withheld"]).all():
+        return None
+    kept = WithheldTime()
+    kept.add(trace["deadline"], trace["withheld"])
+    return kept.totals()
 
 
 def residual_figures(recording: Recording, rows: Records) -> dict[str, Any]:

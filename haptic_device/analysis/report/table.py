@@ -9,7 +9,9 @@ import numpy as np
 from haptic_device.analysis.impedance import Estimate
 from haptic_device.analysis.report import summary
 from haptic_device.analysis.report.run import Run
+from haptic_device.control.withheld import TABLE
 from haptic_device.sequence_gaps import UNKNOWN
+from haptic_device.withheld_time import LASTS
 
 Entries = Iterator[tuple[str, str]]
 """(name, text) of a section's lines."""
@@ -29,6 +31,7 @@ def sections(run: Run) -> dict[str, dict[str, str]]:
         "What ran": [_what_ran],
         "Servo": [_servo],
         "Exchange": [_exchange],
+        "Force withheld": [_withheld],
         "Energy": [_energy, _truth],
         "Contact": [_contact, _strongest],
         "Impedance added by the display": [_impedance],
@@ -87,6 +90,17 @@ def _apart(run: Run) -> tuple[float, float]:
     if not len(distance):
         return np.nan, np.nan
     return float(np.sqrt(np.mean(distance**2, dtype=float))) * 1e3, float(np.max(distance)) * 1e3
+
+
+def _withheld(run: Run) -> Entries:
+    found = summary.withheld_figures(run.recording)
+    if found is None:
+        raise ValueError("the trace does not say it: it is of an older version")
+    if not found:
+        yield "found", f"none for more than {LASTS:g} s"
+    causes = {each.name: each.cause for each in TABLE}
+    for name, (total, longest) in found.items():
+        yield name, f"{total:.2f} s in all, {longest:.2f} s at most: {causes[name]}"
 
 
 def _energy(run: Run) -> Entries:

@@ -44,7 +44,11 @@ function showState(driver) {
   const state = driver ? driver.values.state : "no driver";
   const fault = driver?.values.fault;
   chip.textContent = fault ? `fault: ${fault}` : state;
-  chip.dataset.level = LEVELS[state] ?? "bad";
+  const withheld = Boolean(driver?.values.withheld) && !fault;
+  chip.dataset.level = withheld && LEVELS[state] === "good" ? "warn" : LEVELS[state] ?? "bad";
+  const told = document.getElementById("withheld");
+  told.textContent = withheld ? driver.message : "";
+  told.hidden = !withheld;
 }
 
 function showProblem(status) {

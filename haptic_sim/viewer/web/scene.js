@@ -61,7 +61,7 @@ export class SceneView {
     this.frame = frame;
     if (!frame) return;
     this.paintMoving(context, frame);
-    if (frame.handle && frame.tool) this.paintCoupling(context, frame.handle, frame.tool);
+    if (frame.handle && frame.tool) this.paintCoupling(context, frame);
     if (frame.second) this.paintSecond(context, frame.second);
     for (const contact of frame.contacts) this.paintContact(context, contact);
     if (frame.target) this.paintTarget(context, frame.target);
@@ -201,10 +201,13 @@ export class SceneView {
     }
   }
 
-  paintCoupling(context, handle, tool) {
-    context.strokeStyle = this.colours.coupling;
-    context.lineWidth = 3 * this.plane.ratio;
-    zigzag(context, this.plane.toPixels(handle), this.plane.toPixels(tool), 6 * this.plane.ratio);
+  // A spring that does not hold is a thin broken line.
+  paintCoupling(context, { handle, tool, coupled }) {
+    context.strokeStyle = coupled ? this.colours.coupling : this.colours.soft;
+    context.lineWidth = (coupled ? 3 : 1.5) * this.plane.ratio;
+    if (!coupled) context.setLineDash([6 * this.plane.ratio, 6 * this.plane.ratio]);
+    zigzag(context, this.plane.toPixels(handle), this.plane.toPixels(tool), coupled ? 6 * this.plane.ratio : 0);
+    context.setLineDash([]);
   }
 
   paintContact(context, [, , x, y, , , fx, fy]) {

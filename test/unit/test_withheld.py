@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every cause that keeps force back has its bit in the tick, and its word once it has lasted."""
+
+import numpy as np
+import pytest
+from exchange_systems import demo_system, one_axis
+from test_servo import FREE, WALL, Servo
+from ticks import tick
+
+from adversary import exchange_search as adversary
+from haptic_device.control import enable_state, faults, records, withheld
+from haptic_device.withheld_time import BREAK, LASTS, WithheldTime
+from haptic_sim.lockstep import PERFECT, Network
+
+BITS = {cause.name: cause.bit for cause in withheld.TABLE}
+
+
+def names(row):
+    return {name for name, bit in BITS.items() if int(row.withheld) & bit}
+
+
+def coupled(**given):
+    """A servo coupled to a tool at the origin."""
+    runner = Servo(coupling__stiffness=500.0, engage__time=0.05, **given)
+    runner.tool((0.0, 0.0, 0.0))
+    runner.run(0.3)
+    return runner
+
+
+def test_each_cause_has_a_bit_of_its_own_and_a_servo_that_gives_all_it_is_asked_for_has_none():
+    assert len(BITS) == len(withheld.TABLE) and np.bitwise_or.reduce([*BITS.values()]) == sum(BITS.values())
+    assert names(coupled().move((0.001, 0.0, 0.0))) == set()
+    assert names(Servo(**WALL, **FREE).move((-0.002, 0.0, 0.0))) == set()
+
+
+def test_a_servo_that_is_not_enabled_or_has_a_fault_withholds_nothing():
+    runner = coupled()
+    assert names(runner.tick(command=0, tool_age=-1.0)) == set()
+    assert names(runner.tick(command=enable_state.ENABLE | enable_state.ESTOP, tool_age=-1.0)) == set()
+
+
+def test_an_open_clutch_is_told():
+    assert names(coupled().tick(command=enable_state.ENABLE | enable_state.CLUTCH)) == {"clutch"}
+
+
+def test_a_coupling_without_a_tool_is_told_and_walls_alone_need_none():
+    assert names(Servo(coupling__stiffness=500.0).tick()) == {"no_tool"}
+    assert names(Servo(**WALL, **FREE).tick()) == set()
+
+
+def test_a_tool_sample_just_beyond_its_hold_is_told_and_one_just_within_is_not():
+    runner = coupled()
+    hold = float(runner.settings["exchange"]["hold"][0])
+    assert names(runner.tick(tool_age=hold - 1e-6)) == set()
+    assert names(runner.tick(tool_age=hold + 1e-3)) == {"old_tool"}
+    assert names(runner.tick(tool_age=1e-3)) == {"old_tool"}  # until the coupling is whole again
+    assert names(runner.run(0.01)) == set()
+
+
+@pytest.mark.parametrize(("stretch", "told"), [(0.00199, set()), (0.00201, {"far_tool"})])
+def test_a_tool_that_comes_back_too_far_away_for_a_small_force_is_told_and_a_nearer_one_is_coupled(stretch, told):
+    runner = coupled()
+    runner.tool((0.0, 0.0, 0.0), age=1.0)
+    runner.move((stretch, 0.0, 0.0))
+    runner.tool((0.0, 0.0, 0.0))
+    row = runner.run(0.5)
+    assert names(row) == told and (row.exchange_fade == 1.0) == (told == set())
+    assert names(runner.move((0.0, 0.0, 0.0), 0.01)) <= {"old_tool"} and names(runner.run(0.5)) == set()
+
+
+@pytest.mark.parametrize(("wanted", "told"), [(0.999, set()), (1.001, {"waiting"})])
+def test_waiting_for_a_small_force_is_told_until_it_is_small(wanted, told):
+    runner = Servo(settled=False, coupling__stiffness=1000.0, exchange__fade=0.001, engage__time=0.01)
+    runner.command = 0
+    runner.tool((wanted / 1000.0, 0.0, 0.0))
+    runner.run(0.05)
+    runner.command = enable_state.ENABLE
+    assert names(runner.run(0.1)) == told
+    runner.tool((0.0, 0.0, 0.0))
+    assert names(runner.run(0.1)) == set()
+
+
+@pytest.mark.parametrize(("depth", "told"), [(0.00199, set()), (0.00201, {"limit"})])
+def test_a_force_at_its_limit_is_told_of_a_wall_and_of_a_coupling(depth, told):
+    assert names(Servo(**WALL, **FREE, force__limit=2.0).move((-depth, 0.0, 0.0))) == told
+    assert names(coupled(force__limit=1.0).move((depth, 0.0, 0.0))) == told
+
+
+def test_new_settings_that_are_not_all_in_force_are_told():
+    runner = Servo(**WALL, **FREE)
+    runner.move((-0.002, 0.0, 0.0))
+    runner.settings["wall"]["offset"][0, 0] = 0.01  # nearer: paid along the way
+    assert names(runner.tick()) == {"change"}
+    runner.settings["wall"]["offset"][0, 0] = 0.0
+    assert names(runner.run(1.0)) == set()
+
+
+def test_forces_that_rise_into_a_wall_without_energy_to_pay_for_it_are_told():
+    steep = {"wall__stiffness": (1000.0,), "wall__offsets": (0.0,)}
+    runner = Servo(**WALL | steep, **FREE, exchange__budget=0.0, passivity__budget=0.0, settled=False)
+    runner.command = 0
+    runner.run(0.05)
+    runner.position[:] = (-0.0009, 0.0, 0.0)  # .9 N: small enough to begin with
+    runner.memory["motion"]["device_position"] = runner.position
+    runner.command = enable_state.ENABLE
+    row = runner.run(0.6)
+    assert names(row) == {"unpaid_rise"} and row.engage < 1.0
+    runner.move((0.001, 0.0, 0.0))
+    assert names(runner.run(0.6)) == set()
+
+
+def test_walls_that_have_let_go_are_told_until_the_handle_is_off_them():
+    runner = Servo(**WALL, **FREE)
+    runner.move((-0.002, 0.0, 0.0))
+    runner.memory["walls"]["release"] = 0.5
+    assert names(runner.tick()) == {"released_walls"}
+    assert names(runner.move((0.001, 0.0, 0.0))) == set()
+
+
+class Pulled:
+    """A handle on one axis with a tool that stands; the coupling by pspm, wave or local."""
+
+    def __init__(self, method, over=1.5, **given):
+        self.settings = one_axis(method, 1000.0, 0.25, 1e-3, over=over, **given)
+        (self.memory, self.row), self.number = adversary.engaged(), 0
+
+    def go(self, place, tool=0.0):
+        """One tick with the handle and the tool there [m]."""
+        self.number += 1
+        row = self.row[0]
+        row["latched"] = row["deadline"] = self.number * 1e6
+        row["command"], row["device_status"], row["counts"][0] = enable_state.ENABLE, faults.FRESH, round(place * 1e9)
+        row["tool_session"], row["tool_age"], row["tool_contact"] = 1.0, 0.0, 1.0
+        row["tool_sequence"] = row["tool_answered"] = self.number
+        row["tool_position"][0] = tool
+        tick(self.settings, self.memory, self.row)
+        return self.row.view(np.recarray)[0]
+
+
+@pytest.mark.parametrize("method", ["pspm", "local"])
+def test_a_coupling_that_the_tank_keeps_short_is_told_and_one_that_it_pays_for_is_not(method):
+    pulled = Pulled(method)
+    for _ in range(10):
+        row = pulled.go(0.0)
+    assert names(row) == set()
+    for _ in range(300):  # the tool goes off, and the hand holds still: nobody pays
+        row = pulled.go(0.0, 0.02)
+    assert names(row) == {"tank"} and abs(row.force_coupling[0]) < 0.5 * 1000.0 * 0.02
+    for _ in range(300):
+        row = pulled.go(0.0, 0.0)
+    assert names(row) == set()
+
+
+def test_waves_that_claim_more_than_the_energy_that_came_with_them_are_told():
+    pulled = Pulled("wave", exchange__budget=0.0)
+    assert names(pulled.go(0.0)) == set()
+    for k in range(50):
+        pulled.row["tool_effort"][0, 0] = 5e-3 * k  # 5 N, and not a joule
+        row = pulled.go(0.0)
+    assert names(row) == {"tank"}
+
+
+def test_a_tank_that_is_empty_withholds_nothing_while_nothing_more_is_wished_for():
+    pulled = Pulled("pspm", exchange__budget=0.0)
+    for k in range(300):
+        row = pulled.go(1e-5 * min(k, 100))  # the hand pays for its own way into the spring
+    assert row.force_coupling[0] == pytest.approx(-1.0, rel=0.02) and names(row) == set()
+
+
+def test_a_damper_that_the_tank_does_not_pay_for_is_told():
+    pulled = Pulled("pspm", over=1.0 + 1e-9, exchange__budget=0.0)
+    pulled.settings["coupling"]["damping"] = 5.0
+    row = pulled.go(0.0)
+    for k in range(20):
+        pulled.row["tool_velocity"][0, 0] = 1.0
+        row = pulled.go(1e-3 * k, 1e-3 * k)
+    assert names(row) == {"tank"}
+
+
+def test_a_copy_of_the_tool_that_must_stay_for_lack_of_energy_is_told():
+    system = demo_system("local", "wall")
+    before = system.run(1.0)
+    assert before.local[-1] == 1.0 and names(before[-1]) == set()
+    system.memory["tank"]["level"] = -0.01  # as a long hold may leave it
+    rows = system.run(0.02)
+    stayed = np.diff(rows.local_stays, prepend=before.local_stays[-1]) > 0.0
+    assert stayed.sum() > 10 and all(names(row) == {"tank"} for row in rows[stayed])
+
+
+@pytest.mark.parametrize("method", ["direct", "wave"])
+def test_in_lock_step_a_tool_that_comes_back_beyond_a_wall_is_told_with_its_distance(method):
+    """The hand presses the wall; while no sample comes nothing holds it back, and it goes 5 mm in."""
+    system = demo_system(method, "wall", motion={"duration": 10.0})
+    before = system.run(3.6)
+    system.network = Network(loss=1.0)
+    lost = system.run(0.5)
+    system.network = PERFECT
+    back = system.run(1.0)
+    assert before.force_coupling[-1, 0] > 1.5 and names(before[-1]) == set()
+    assert names(lost[-1]) == {"old_tool"}
+    assert names(back[-1]) == {"far_tool"} and back.exchange_fade[-1] == 0.0 and back.tool_age[-1] < 0.01
+    assert back.tool_position[-1, 0] - back.position[-1, 0] > 0.0045
+
+
+def filled(parts):
+    """WithheldTime after these (bits, seconds) at 1 kHz, given in blocks of 37 ticks."""
+    bits = np.concatenate([np.full(round(seconds * 1000), bit, float) for bit, seconds in parts])
+    times, kept = 1e12 + np.arange(len(bits)) * 1e6, WithheldTime()
+    for at in range(0, len(bits), 37):
+        kept.add(times[at : at + 37], bits[at : at + 37])
+    return kept
+
+
+def test_a_cause_stands_once_it_has_lasted_and_not_just_before():
+    assert filled([(0, 0.1), (withheld.TANK, LASTS)]).standing() == {}
+    stands = filled([(0, 0.1), (withheld.TANK, LASTS + 0.002), (0, BREAK)])
+    assert stands.standing() == {"tank": pytest.approx(LASTS + 0.001)}
+
+
+def test_a_short_break_goes_on_and_a_long_one_ends_it():
+    half = LASTS / 2 + 0.01
+    short = filled([(withheld.TANK, half), (0, BREAK), (withheld.TANK, half)])
+    assert short.standing() == {"tank": pytest.approx(2 * half + BREAK - 0.001)}
+    assert filled([(withheld.TANK, half), (0, BREAK + 0.002), (withheld.TANK, half)]).standing() == {}
+    over = filled([(withheld.TANK, 0.5), (0, BREAK + 0.002)])
+    assert over.standing() == {} and over.totals() == {"tank": (pytest.approx(0.499), pytest.approx(0.499))}
+
+
+def test_causes_stand_side_by_side_and_their_times_add_up():
+    both = filled([(withheld.LIMIT, 0.3), (0, 0.1), (withheld.TANK | withheld.LIMIT, 0.4)])
+    assert [*both.standing()] == ["tank", "limit"]
+    assert both.totals()["limit"] == (pytest.approx(0.698), pytest.approx(0.399))
+
+
+def test_ticks_that_were_missed_are_no_break():
+    kept = WithheldTime()
+    kept.add(np.array([1e9, 1.15e9, 1.3e9]), np.full(3, float(withheld.TANK)))
+    assert kept.standing() == {"tank": pytest.approx(0.3)}
+
+
+def test_a_row_of_the_trace_ends_with_the_word():
+    assert records.TRACE_ROW.names[-1] == "withheld"

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the driver says on /diagnostics of force that it withholds, and of a margin that is not positive."""
+
+import io
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from lockstep_systems import device, values
+from rich.console import Console
+
+from haptic_device import controller_config, gain_check
+from haptic_device.control import enable_state, records, withheld
+from haptic_device.nodes.driver_diagnostics import DriverDiagnostics
+from haptic_device.nodes.telemetry import Telemetry
+from haptic_device.realtime.session_clock import SessionClock
+from haptic_device.status import LEVELS
+from haptic_device.withheld_time import LASTS
+from haptic_sim.cli.status import table
+
+PERIOD = 0.001  # [s]
+
+
+class Node:
+    """A driver whose servo's rows are the test's; `said` is the last status: level, message, values."""
+
+    def __init__(self, lateness=0.0, refused=None, **given):
+        self.values = values("haptic_driver", **given)
+        self.device, self.clock, self.survived = device(damping=3.0), SessionClock(), 0
+        self._settings = controller_config.settings_from(self.device, self.values)
+        gain_check.counted(self._settings, lateness)
+        self.margins, self.lateness = gain_check.margins(self._settings[0], lateness)[1:], lambda: 0.0
+        ring = SimpleNamespace(dropped=0)
+        self.servo = SimpleNamespace(running=True, realtime="no", ring=ring, control=np.zeros(64))
+        self.exchange = SimpleNamespace(sent=1, answered=1, contact_sets=0, refusals=lambda: refused or {})
+        self.exchange.refused_contacts, self.exchange.round_trips = dict, lambda: np.zeros(2)
+        self.telemetry = Telemetry(self, self.servo, self.device, self.values, self.clock.stamp)
+        self.report, self.ticks, self.said = DriverDiagnostics(self), 0, None
+
+    def get_namespace(self):
+        return "/haptic"
+
+    def create_publisher(self, kind, topic, qos):
+        return SimpleNamespace(publish=lambda message: None)
+
+    def settings(self):
+        return self._settings
+
+    def say_status(self, level, message, values, watched, name):
+        self.said = level, message, values
+
+    def run(self, seconds, **row):
+        """Telemetry takes rows like this one over the time; the driver says its status."""
+        rows = np.zeros(round(seconds / PERIOD) + 1, records.TRACE_ROW)
+        rows["tick"] = np.arange(len(rows)) + self.ticks
+        rows["deadline"], rows["state"] = 1e12 + rows["tick"] * PERIOD * 1e9, enable_state.ENGAGED
+        for name, value in ({"exchange_fade": 1.0, "engage": 1.0, "tool_age": 0.001} | row).items():
+            rows[name] = value
+        self.ticks += len(rows)
+        for at in range(0, len(rows), 10):
+            self.telemetry._remember(rows[at : at + 10])
+        self.report.say(rows.view(np.recarray)[-1])
+        return self.said
+
+
+@pytest.mark.parametrize("cause", withheld.TABLE, ids=lambda cause: cause.name)
+def test_a_cause_is_told_once_it_has_lasted_with_its_word_and_cure_and_no_longer_after_it(cause):
+    node = Node()
+    assert node.run(LASTS - 0.01, withheld=cause.bit)[:2] == ("ok", "engaged")
+    level, message, told = node.run(0.02, withheld=cause.bit)
+    assert level == "warn" and message.startswith(f"force withheld for 0.2 s ({cause.name}): {cause.cause}; ")
+    assert message.endswith(cause.cure) and (told["withheld"], told["withheld_s"]) == (cause.name, "0.2")
+    level, message, told = node.run(0.05)
+    assert (level, message, told["withheld"], told["withheld_s"]) == ("ok", "engaged", "", "0.0")
+
+
+def test_a_tool_that_came_back_5_mm_away_is_blamed_on_its_distance_not_on_its_age():
+    _, message, _ = Node().run(
+        0.3, withheld=withheld.FAR_TOOL, tool_age=0.002, exchange_fade=0.0, tool_position=(0.003, 0.004, 0.0)
+    )
+    assert "it is 5 mm from the handle; lead the handle to the tool, or call ~/disable and ~/enable" in message
+    assert "old" not in message
+
+
+def test_an_empty_tank_is_told_with_what_is_in_it_and_how_far_the_coupling_is_stretched():
+    _, message, _ = Node().run(0.3, withheld=withheld.TANK, exchange_tank=2e-5, tool_position=(0.07, 0.0, 0.2))
+    assert "0.02 mJ are in it, the tool is 70 mm and 11.5° from the handle" in message
+
+
+def test_the_status_in_the_terminal_shows_the_sentence_in_the_drivers_row():
+    level, message, told = Node().run(0.3, withheld=withheld.OLD_TOOL, tool_age=0.15, exchange_fade=0.36)
+    entry = {"level": LEVELS.index(level.upper()), "message": message, "values": told}
+    console = Console(width=400, record=True, file=io.StringIO())
+    console.print(table({"haptic_driver": entry}, 7))
+    [shown] = [line for line in console.export_text().splitlines() if "haptic_driver" in line]
+    assert "WARN" in shown and "the newest is 150 ms old, 36 % of the coupling is there" in shown
+
+
+def test_a_servo_without_a_device_withholds_nothing():
+    node = Node()
+    assert node.run(0.3, withheld=withheld.TANK)[2]["withheld"] == "tank"
+    node.servo.running = False
+    node.report.say(np.zeros(1, records.TRACE_ROW).view(np.recarray)[0])
+    assert node.said[1].startswith("no device") and node.said[2]["withheld"] == ""
+
+
+def test_of_several_causes_the_first_of_the_table_is_told_and_the_others_are_named():
+    _, message, told = Node().run(0.3, withheld=withheld.TANK | withheld.LIMIT)
+    assert message.startswith("force withheld for 0.3 s (tank): ") and message.endswith("; also limit")
+    assert told["withheld"] == "tank, limit"
+
+
+def test_without_a_tool_one_sentence_says_so_engaged_or_not():
+    free = "no simulation: the handle is in free space"
+    level, message, _ = Node().run(0.3, withheld=withheld.NO_TOOL, tool_age=-1.0)
+    assert level == "warn" and message.count(free) == 1 and message.startswith("force withheld")
+    assert Node().run(0.3, tool_age=-1.0, state=enable_state.IDLE)[:2] == ("warn", free)
+
+
+def test_a_margin_that_is_not_positive_is_said_beside_what_it_withholds():
+    stiff = {"coupling__stiffness": 2000.0, "coupling__damping": 1.0, "coupling__rotational_stiffness": 0.0}
+    level, message, _ = Node(lateness=5e-3, **stiff).run(0.3, withheld=withheld.TANK)
+    assert level == "warn" and message.startswith("force withheld for 0.3 s (tank): ")
+    assert "; the passivity margin is not positive: forces act 5 ms late (99 % of the writes within 5 ms" in message
+    stiff["coupling__stiffness"] = 60000.0
+    _, message, _ = Node(lateness=1e-4, **stiff).run(0.3)
+    assert message.startswith("the passivity margin is not positive: coupling.stiffness 60000 N/m with")
