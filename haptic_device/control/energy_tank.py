@@ -183,11 +183,12 @@ def tick_ended(settings, tank, spring, motion, output, paid):
             turned = abs(damped - spring.damped[i])
             spring.changed[i] += max(turned, abs(damped)) if spring.parted else turned
             spring.push[i], spring.force[i], spring.damped[i] = push, force, damped
+            spring.port_push[i] = factor * gains.damping[i] * paid[i]
         spring.stiffness[i], spring.limit[i] = stiffness, limit
     spring.factor = spring.factor_held = factor
     spring.parted = 0.0
     # of what the hand lost in the past no more counts than the books hold, and one budget
-    tank.given = max(tank.given, tank.returned - tank.shipped - tank.level - held)
+    tank.given = max(tank.given, tank.returned - tank.shipped - max(0.0, tank.level) - held)
     _count_slack(settings, spring)
 
 

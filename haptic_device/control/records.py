@@ -129,7 +129,7 @@ STATE = np.dtype(
             "spring",
             record(
                 "factor factor_held stiffness* limit* push* damped* set_position* set_velocity* own_velocity* goal*"
-                " stretch* force* changed* prepaid* parted slack"
+                " stretch* force* changed* prepaid* parted slack port_push*"
             ),
         ),
         (

@@ -116,14 +116,12 @@ def forget_debt(settings, tank, spring, hold, motion, waves, observer, now):
     level = budget - tank.given - tank.shipped + tank.returned - waves.store - stored(settings, spring, hold, motion)
     for i in range(int(settings.axes)):
         level -= observer.store[i] + _remembered(settings, spring, i)
+        # half of the way that ends here counts in the window that begins
+        level -= 0.5 * max(0.0, tank.surplus[i]) * motion.moved[i] ** 2 / max(tank.hold_before, settings.period)
     tank.owed = 0.0
     if level > tank.level:
         tank.level = min(budget, level)
-        # what was dissipated until now is in G: it fills the tank no more
-        tank.window_start, tank.window_holds = now, 0.0
-        for i in range(int(settings.axes)):
-            tank.window_from[i] = tank.midpoint[i] = motion.device_position[i]
-            tank.counted[i] = 0.0
+        _open_window(settings, tank, motion, now)  # what was dissipated until now is in G: it fills the tank no more
 
 
 @njit
@@ -261,12 +259,14 @@ def _begun(settings, damping, moved, time):
 def _damper_gained(settings, spring, hold, i, moved, time):
     """What the coupling's damper gave over a long hold [J], with what (1) leaves open on both sides of it.
 
-    Its force F = B v is known, so it gave −F Δx, and the next tick's damper begins a new sum. At the motor's limit, and
-    where it was let go within the hold, it took less.
+    Its force F = B (w − v) is known, so it gave F Δx, and the next tick's damper begins a new sum; w: of a port that
+    pays for one period of it, and here for none. At the motor's limit, and where it was let go within the hold, it took
+    less.
     """
     factor, damped = max(spring.factor, spring.factor_held), spring.damped[i]
     given = -damped * moved
     given = max(0.0, given) if hold.limited[i] or spring.parted else given
+    given += max(0.0, spring.port_push[i] * moved)
     return (
         _begun(settings, factor * settings.coupling.damping[i], moved, time)
         + given

@@ -343,14 +343,17 @@ def test_gains_that_change_on_old_counts_are_paid_for_whatever_the_handle_did_me
 
 def test_a_push_that_was_let_go_on_old_counts_is_no_credit():
     given = one_axis("pspm", 2000.0, 2.0, 0.25e-3)
-    memory, row, _ = pressed(given)
+    (memory, row, _), period, way = pressed(given), given["period"][0], -1e-4
+    force, damping = row["force_on_handle"][0, 0], given["hardware"]["damping"][0, 0]
     memory["spring"]["push"][0, 0] = 1.0
-    row["deadline"] += given["period"][0] * 1e9
+    row["deadline"] += period * 1e9
     row["command"] = 0
     tick(given, memory, row)
     assert memory["tank"]["level"][0] == 0.0
-    after(given, memory, row, 2.0 * given["period"][0], -1e-4, faults.FRESH)
-    assert memory["tank"]["level"][0] <= 0.0
+    after(given, memory, row, 2.0 * period, way, faults.FRESH)
+    # the hand's best with that force for one period, and none for the next
+    most = 0.5 * force * way - damping * way**2 / (2.0 * period) + force**2 * period / (8.0 * damping)
+    assert most > 0.0 and memory["tank"]["level"][0] <= 0.005 - most + 1e-9
 
 
 @pytest.mark.parametrize("way", [-0.02, 0.02])

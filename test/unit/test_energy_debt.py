@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the books charge in advance has a physical limit, and what they charged beyond the truth is forgotten."""
+
+import numpy as np
+import pytest
+from exchange_systems import demo_system, one_axis
+from ticks import tick
+
+from adversary import exchange_search as adversary
+from haptic_device import gain_check
+from haptic_device.control import enable_state, energy_tank, faults
+
+STIFFNESS, DAMPING, PERIOD, FASTEST = 2000.0, 2.0, 0.5e-3, 1.0  # [N/m], [N s/m], [s], [m/s] of the device
+BUDGET, STRETCH = 0.005, 0.004  # [J], [m]
+OPEN = enable_state.ENABLE | enable_state.CLUTCH
+
+
+class Led:
+    """A handle led by hand, whose display counts with this lateness [s] and whose tool stands 4 mm from its start.
+
+    force: of the spring [N] when the handle is let stand.
+    """
+
+    def __init__(self, late, over=1.05, **driver):
+        self.settings = one_axis("pspm", STIFFNESS, DAMPING, PERIOD, over, **driver)
+        self.settings["hardware"]["velocity_limit"] = FASTEST
+        gain_check.counted(self.settings, late)
+        (self.memory, self.row), self.place, self.now, self.number = adversary.engaged(), 0.0, 0.0, 0
+        self.tool = self.age = 0.0
+        self.lead(0.0)
+
+    def lead(self, way, time=PERIOD, command=enable_state.ENABLE):
+        """The next tick, this long after the last one, in which time the handle has gone this way [m]."""
+        row = self.row[0]
+        self.place, self.now, self.number = self.place + way, self.now + time, self.number + 1
+        row["latched"] = row["deadline"] = self.now * 1e9
+        row["command"], row["device_status"], row["counts"][0] = command, faults.FRESH, round(self.place * 1e9)
+        row["tool_session"] = row["tool_contact"] = 1.0
+        row["tool_age"], row["tool_position"][0] = self.age, self.tool
+        row["tool_sequence"] = row["tool_answered"] = self.number
+        tick(self.settings, self.memory, self.row)
+        return self
+
+    def stretched(self):
+        """Led 4 mm away from the tool, as slowly as the damping takes it, and let stand."""
+        for _ in range(800):
+            self.lead(-STRETCH / 800.0)
+        return self.lead(0.0).lead(0.0)
+
+    @property
+    def level(self):
+        return float(self.memory["tank"]["level"][0])
+
+    @property
+    def force(self):
+        return float(self.memory["spring"]["force"][0, 0])
+
+    @property
+    def stored(self):
+        """Energy in the coupling's spring [J]."""
+        return 0.5 * self.force**2 / STIFFNESS
+
+
+def margin(late):
+    """Damping left over [N s/m] at this lateness, and what of it no gain needs."""
+    settings = Led(late).settings
+    return gain_check.margins(settings[0], late)[1], settings["passivity"]["surplus"][0, 0]
+
+
+def test_a_late_change_costs_its_price_while_damping_is_left_and_its_way_at_the_speed_limit_while_none_is():
+    """At 2 kHz with K = 2000, B = 2: the price grows with the square of the change, the way with the change itself."""
+    for late, left in ((1e-6, True), (114e-6, False), (400e-6, False)):
+        led = Led(late)
+        assert (margin(late)[1] > 0.0) == left
+        tank, settings = led.memory.view(np.recarray)[0].tank, led.settings.view(np.recarray)[0]
+        for change in (-8.0, 1e-3, 0.1, 8.0):
+            way = abs(change) * FASTEST * late
+            price = 0.25 * late * change**2 / max(1e-300, margin(late)[1] - tank.surplus[0])  # W ⌈W⌉ T q²/4r, W ≤ 1
+            assert energy_tank.late_energy(settings, tank, 0, change) == pytest.approx(min(price, way), rel=1e-9)
+        assert energy_tank.late_energy(settings, tank, 0, 0.0) == 0.0
+
+
+@pytest.mark.parametrize("late", [114e-6, 400e-6])
+@pytest.mark.parametrize("command", [OPEN, 0])
+def test_a_display_let_go_where_no_damping_is_left_pays_for_the_force_times_the_way_that_the_hand_can_go(late, command):
+    led = Led(late).stretched()
+    assert margin(late)[0] < 0.0 and led.force > 1.0
+    before = led.level + led.stored
+    charged = led.force * FASTEST * late
+    led.lead(0.0, command=command)
+    assert led.level == pytest.approx(before - charged, rel=1e-3, abs=1e-8)
+
+
+@pytest.mark.parametrize("late", [114e-6, 400e-6])
+def test_a_tank_keeps_no_more_in_reserve_for_late_changes_than_they_can_give(late):
+    led = Led(late)
+    slew = (1.0 + 0.25) * led.settings["exchange"]["slew"][0, 0] * PERIOD
+    kept = energy_tank.reserve(
+        *(one.view(np.recarray)[0] for one in (led.settings,)),
+        led.memory.view(np.recarray)[0].tank,
+        led.memory.view(np.recarray)[0].spring,
+    )
+    assert slew * FASTEST * late <= kept <= slew * FASTEST * late + 1e-6 < BUDGET
+
+
+@pytest.mark.parametrize("limit", [3.0, 5.0])
+def test_a_stall_costs_no_more_than_the_force_limit_over_the_way_either_side_of_it(limit):
+    """50 ms at 0.9 m/s: the spring alone would hold 2 J, its limit of 5 N lets it give and keep .225 J each."""
+    led, way = Led(0.0, force__limit=limit), 0.045
+    led.lead(0.0, 0.05).lead(0.0)
+    before = led.level
+    led.lead(-way, 0.05)
+    assert 0.5 * STIFFNESS * way**2 > 2.0
+    assert before - led.level <= 2.0 * limit * way
+
+
+def test_a_stall_of_a_motor_that_is_off_costs_nothing_whatever_would_be_cancelled():
+    led = Led(0.0, over=20.0, cancellation__ratio=0.9)
+    led.lead(0.0, command=0)
+    before = led.level
+    for way in (0.045, -0.045, 0.045):
+        led.lead(way, 0.05, command=0).lead(0.0, command=0)
+    assert led.level >= before
+
+
+def test_a_stall_while_damping_is_cancelled_costs_no_more_than_a_tick_of_it_at_steady_speed():
+    """What it cancels it takes from the damper that took as much."""
+    led, speed = Led(0.0, over=4.0, cancellation__ratio=0.9), 0.5
+    led.age = -1.0  # no tool
+    for _ in range(2000):
+        led.lead(speed * PERIOD)
+    assert led.row["force_cancellation"][0, 0] > 1.0
+    before, cancelled = led.level, 0.9 * led.settings["hardware"]["damping"][0, 0]
+    led.lead(speed * 0.05, 0.05)
+    assert before - led.level <= 0.5 * cancelled * PERIOD * speed**2 * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("word", [OPEN, 0])
+def test_a_debt_that_is_not_true_is_forgotten_where_the_spring_is_let_go_and_what_was_given_is_not(word):
+    for given in (0.0, 0.003, 0.02):
+        led = Led(0.0)
+        led.memory["tank"]["level"], led.memory["tank"]["owed"] = -3e7, 3e7
+        led.memory["tank"]["given"] = given
+        for _ in range(4):
+            led.lead(0.0, command=word)
+        assert led.level == pytest.approx(BUDGET - given) and led.memory["tank"]["owed"][0] == 0.0
+
+
+def test_a_resting_hand_gets_its_coupling_back_without_letting_go():
+    """A tank in debt keeps the spring slack: that forgets it."""
+    led = Led(0.0).stretched()
+    led.memory["tank"]["level"], led.memory["tank"]["owed"] = -3e7, 3e7
+    led.memory["tank"]["given"] = 0.0
+    for _ in range(100):
+        led.lead(0.0)
+    assert led.force == pytest.approx(np.sqrt(2.0 * STIFFNESS * BUDGET), rel=0.1) and led.level >= 0.0
+
+
+@pytest.mark.parametrize("turns", [1, 8])
+def test_enabling_again_and_again_gives_one_budget_in_all(turns):
+    """A tool that pulls the handle: all that the tank gives is given, and the handle is let go."""
+    led, work = Led(0.0), 0.0
+    damping = led.settings["hardware"]["damping"][0, 0]
+    for _ in range(turns):
+        for k in range(60):
+            led.tool = led.place + 0.01
+            force = float(led.row["force_on_handle"][0, 0])
+            way = force * PERIOD / (4.0 * damping)
+            led.lead(way, command=enable_state.ENABLE if k < 50 else 0)
+            work += force * way - damping * way * way / PERIOD
+    assert BUDGET / 10.0 < work <= BUDGET
+
+
+def late_for_a_second(moving):
+    """Force of the coupling, tank and margin before, at the end of a second with writes 400 µs late, and after it.
+
+    At 2 kHz with K 2000, B 2 on a wall. moving: the hand goes on in and out; else it rests and enables anew.
+    """
+    hand = {"name": "tap", "taps": 12, "duration": 6.0} if moving else {"name": "press_wall", "duration": 5.0}
+    system = demo_system("pspm", "wall", motion=hand, servo__rate=2000.0)
+    found = []
+
+    def go(seconds, late):
+        system.write_delay = round(late * 1e9)
+        gain_check.counted(system.settings, late + float(system.settings["hardware"]["delay"][0]))
+        rows = system.run(seconds)
+        found.append(rows)
+
+    go(1.5, 0.0)
+    go(1.0, 400e-6)
+    go(0.02, 0.0)
+    if not moving:
+        system.command = 0
+        system.run(0.05)
+        system.command = enable_state.ENABLE
+    go(0.5, 0.0)
+    go(1.0, 0.0)
+    return system, found
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_where_writes_are_late_beyond_the_margin_for_a_second_the_force_is_back_half_a_second_after(moving):
+    system, (well, late, _, _, after) = late_for_a_second(moving)
+    assert late["margin"][-1].min() < 0.0 < min(well["margin"][-1].min(), after["margin"][-1].min())
+    strongest, paid = np.abs(well["force_coupling"][:, :2]).max(), np.sqrt(2.0 * STIFFNESS * BUDGET)
+    assert strongest > paid > 1.0
+    # who moves stretches the coupling, who rests has what the budget pays for
+    assert np.abs(after["force_coupling"][:, :2]).max() > 0.8 * (strongest if moving else paid)
+    assert float(np.max(system.plant_memory["energy_given"][0])) <= BUDGET
