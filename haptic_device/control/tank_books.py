@@ -106,7 +106,7 @@ def forget_debt(settings, tank, spring, hold, motion, waves, observer, now):
 
         min(budget, budget − G − shipped + returned − waves not yet played − what dampers owe),
 
-    G as of `_count_given`, and nothing is owed. Never above the budget, and G stays: who lets go and engages again gets
+    G as of `_count_given`; what is above 0 is owed no more. Never above the budget, and G stays: who lets go and engages again gets
     no second one.
     """
     budget = settings.exchange.budget
@@ -118,9 +118,9 @@ def forget_debt(settings, tank, spring, hold, motion, waves, observer, now):
         level -= observer.store[i] + _remembered(settings, spring, i)
         # half of the way that ends here counts in the window that begins
         level -= 0.5 * max(0.0, tank.surplus[i]) * motion.moved[i] ** 2 / max(tank.hold_before, settings.period)
-    tank.owed = 0.0
     if level > tank.level:
         tank.level = min(budget, level)
+        tank.owed = min(tank.owed, max(0.0, -tank.level))
         _open_window(settings, tank, motion, now)  # what was dissipated until now is in G: it fills the tank no more
 
 
