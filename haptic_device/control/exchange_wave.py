@@ -92,14 +92,14 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors):
 
 
 @kernel
-def move_set_point(settings, waves, tank, spring, hold, motion, tool, output):
+def move_set_point(settings, waves, tank, spring, motion, tool, output):
     """Port behind the coupling that the waves from the tool move, and the waves it sends back."""
     _receive(settings, waves, tank, tool)
     for i in range(int(settings.axes)):
         horizon = settings.exchange.horizon
         there = set_position.predicted_position(tool.position[i], tool.velocity[i], tool.age, horizon)
         spring.goal[i] = spring.set_position[i] + CORRECTION * settings.period * (there - spring.set_position[i])
-    energy_tank.pay(settings, tank, spring, hold, motion, output.exchange_fade)
+    energy_tank.pay(settings, tank, spring, motion, output.exchange_fade)
     tank.level = min(tank.level, settings.exchange.tank)
     share = _play(settings, waves, tank, spring)
     for i in range(int(settings.axes)):

@@ -73,7 +73,7 @@ def apart(settings, own, tool):
 
 
 @kernel
-def move_set_point(settings, own, tank, spring, hold, motion, tool, output):
+def move_set_point(settings, own, tank, spring, motion, tool, output):
     """One tick of the virtual tool: the coupling pulls to it."""
     contacts, age = own.contacts, tool.contact_age
     energy_tank.take_returned(settings, tank, tool)
@@ -83,10 +83,10 @@ def move_set_point(settings, own, tank, spring, hold, motion, tool, output):
     tool_contacts.see(settings, own, age)
     found = _solve(settings, own, motion)
     # (3), or it stays where it is, which costs nothing
-    if not found or not _pay_for_move(settings, own, tank, spring, hold, motion):
+    if not found or not _pay_for_move(settings, own, tank, spring, motion):
         own.stays += 1.0 if found else 0.0
         own.unsolved += 0.0 if found else 1.0
-        _stay(settings, own, tank, spring, hold, motion, output)
+        _stay(settings, own, tank, spring, motion, output)
     else:
         _go(settings, own, spring, motion)
     tool_contacts.remember_pushes(settings.period, contacts)
@@ -162,7 +162,7 @@ def kinetic(contacts, axes, velocity):
 
 
 @njit
-def _pay_for_move(settings, own, tank, spring, hold, motion):
+def _pay_for_move(settings, own, tank, spring, motion):
     """Whether (3) holds for own.trial; the tank's books are then those of the move."""
     stored, hidden, worst, gains, scale = 0.0, 0.0, 0.0, settings.coupling, settings.hardware.scale
     for i in range(int(settings.axes)):
@@ -174,7 +174,7 @@ def _pay_for_move(settings, own, tank, spring, hold, motion):
         stored += virtual_coupling.spring_store(gains.stiffness[i], gains.limit[i], stretch)
         # as the damper of pspm: the handle's worst motion
         worst += _worst_draw(settings, tank, i, scale[i] * abs(push))
-    left = tank.level + energy_tank.stored(settings, spring, hold, motion) - stored
+    left = tank.level + energy_tank.stored(settings, spring, motion) - stored
     if left - kinetic(own.contacts, settings.axes, own.trial) < hidden + worst:
         return False
     tank.level = left
@@ -204,11 +204,11 @@ def _go(settings, own, spring, motion):
 
 
 @njit
-def _stay(settings, own, tank, spring, hold, motion, output):
+def _stay(settings, own, tank, spring, motion, output):
     """The copy stays, or goes along with the handle as far as the tank asks for it."""
     for i in range(int(settings.axes)):
         spring.goal[i] = spring.set_position[i]
-    energy_tank.pay(settings, tank, spring, hold, motion, output.exchange_fade)
+    energy_tank.pay(settings, tank, spring, motion, output.exchange_fade)
     for i in range(AXES):
         own.velocity[i] = 0.0
         if i < settings.axes:
