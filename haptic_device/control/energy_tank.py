@@ -18,13 +18,13 @@ NOTHING_PAID = np.zeros(3)
 
 
 @kernel
-def pay(settings, tank, spring, hold, motion, fade):
+def pay(settings, tank, spring, motion, fade):
     """Moves the set position towards the goal; the tank takes what the spring lets go and pays what it gains.
 
     A tank without the reserve moves nothing of its own: then the set position stays, or goes along with the handle.
     What a long hold left owing the spring pays, at once: it lets go of as much. Returns whether the tank lacked any.
     """
-    held, kept, shortened = stored(settings, spring, hold, motion), reserve(settings, tank, spring), tank.shortened
+    held, kept, shortened = stored(settings, spring, motion), reserve(settings, tank, spring), tank.shortened
     # the spring may keep what it has, less what a long hold owes, and have what the tank can spare
     available = max(0.0, held + max(0.0, tank.level - kept) - tank.owed)
     left = tank.level + held - _reach_out(settings, tank, spring, motion, fade, 1.0, available)
@@ -98,16 +98,12 @@ def _wanted_spring(settings, spring, i):
 
 
 @kernel
-def stored(settings, spring, hold, motion):
+def stored(settings, spring, motion):
     """Energy [J] in the spring that held until now, at where the handle is now."""
     energy = 0.0
     for i in range(int(settings.axes)):
         stretch = spring.set_position[i] - motion.handle[i]
-        kept = spring_store(spring.stiffness[i], spring.limit[i], stretch)
-        if hold.mixed[i]:  # less was held than the spring says: what the hand may not have paid is not there
-            before = stretch + settings.hardware.scale[i] * motion.moved[i]
-            kept = min(kept, spring_store(spring.stiffness[i], spring.limit[i], before))
-        energy += kept
+        energy += spring_store(spring.stiffness[i], spring.limit[i], stretch)
     return energy
 
 

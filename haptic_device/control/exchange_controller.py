@@ -89,13 +89,13 @@ def _begin_tick(settings, state, sensors, output):
 @njit
 def _move(settings, state, method, tool, output):
     """The set point by the method; pspm stands in where the virtual tool does not act."""
-    tank, spring, hold, motion, own = state.tank, state.spring, state.hold, state.motion, state.virtual_tool
+    tank, spring, motion, own = state.tank, state.spring, state.motion, state.virtual_tool
     if method == exchange_samples.LOCAL and virtual_tool.acts(settings, own, tank, spring, tool):
-        virtual_tool.move_set_point(settings, own, tank, spring, hold, motion, tool, output)
+        virtual_tool.move_set_point(settings, own, tank, spring, motion, tool, output)
     elif method == exchange_samples.WAVE:
-        exchange_wave.move_set_point(settings, state.waves, tank, spring, hold, motion, tool, output)
+        exchange_wave.move_set_point(settings, state.waves, tank, spring, motion, tool, output)
     else:
-        exchange_pspm.move_set_point(settings, tank, spring, hold, motion, tool, output)
+        exchange_pspm.move_set_point(settings, tank, spring, motion, tool, output)
 
 
 @njit

@@ -12,12 +12,12 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors):
 
 
 @kernel
-def move_set_point(settings, tank, spring, hold, motion, tool, output):
+def move_set_point(settings, tank, spring, motion, tool, output):
     """Set position after the tool's samples, as far as slew and tank allow (set_position, 2)."""
     energy_tank.take_returned(settings, tank, tool)
     for i in range(int(settings.axes)):
         spring.goal[i] = _predicted(settings, motion, tool, i)
-    energy_tank.pay(settings, tank, spring, hold, motion, output.exchange_fade)
+    energy_tank.pay(settings, tank, spring, motion, output.exchange_fade)
     worst = 0.0
     for i in range(int(settings.axes)):
         # never faster than the tool is said to be, nor than the set position really moves

@@ -92,13 +92,13 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors):
 
 
 @kernel
-def move_set_point(settings, waves, tank, spring, hold, motion, tool, output):
+def move_set_point(settings, waves, tank, spring, motion, tool, output):
     """Port behind the coupling that the waves from the tool move, and the waves it sends back."""
     _receive(settings, waves, tank, tool)
     for i in range(int(settings.axes)):
         there = _tool_place(settings, tool, i)
         spring.goal[i] = spring.set_position[i] + CORRECTION * settings.period * (there - spring.set_position[i])
-    if energy_tank.pay(settings, tank, spring, hold, motion, output.exchange_fade):
+    if energy_tank.pay(settings, tank, spring, motion, output.exchange_fade):
         for i in range(int(settings.axes)):
             energy_tank.note_kept_short(settings, tank, spring, motion, i, _tool_place(settings, tool, i))
     tank.level = min(tank.level, settings.exchange.tank)

@@ -25,7 +25,8 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
     elapsed = motion.elapsed
     if elapsed <= 0.0:
         return
-    _spring_growth(settings, observer, motion, spring, walls, enable.ramp)
+    _spring_growth(settings, observer, motion, spring, enable.ramp)
+    walls_grown = _wall_growth(settings, observer, hold, motion, walls, enable.ramp)
     held_force.keep_ways(hold, motion)
     for i in range(int(settings.axes)):
         mean, spread = held_force.acted(hold, hold.written, i, motion.sample_time, elapsed)
@@ -35,10 +36,8 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
         observer.energy_given[i] += given + (spread / (4.0 * damping) if spread > 0.0 else 0.0)
         observer.store[i] = passivity.damping_store(observer.damper[i], moved, elapsed)
         observer.store[i] += held_force.late_store(settings, observer, hold, i)
-        last = hold.force_now[i] - observer.cancelled[i]
-        grown = -last * moved if hold.limited[i] else observer.growth[i]  # a force at its limit stores force · way
         credited = observer.damping_credit * damping
-        made = passivity.energy_generated(mean - observer.cancelled[i], moved, grown, credited, elapsed)
+        made = passivity.energy_generated(mean - observer.cancelled[i], moved, observer.growth[i], credited, elapsed)
         made += (spread / (4.0 * credited) if spread > 0.0 else 0.0) + observer.by_settings[i]
         made -= _prepaid(spring, i, made, settings.passivity.lateness / settings.period)
         # never below zero: what the past has lost pays for nothing later (Hannaford & Ryu 2002)
@@ -49,7 +48,7 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
         # good ticks pay back what missed ones gave
         observer.missed_tick_energy = max(0.0, observer.missed_tick_energy + min(0.0, made))
     if elapsed > LONG * settings.period and not int(sensors.device_status) & faults.WATCHDOG:
-        _book_long_hold(settings, observer, motion, walls, enable.ramp)
+        _book_long_hold(settings, observer, hold, motion, walls_grown)
 
 
 @njit
@@ -75,87 +74,97 @@ def _prepaid(spring, i, made, late):
 
 
 @njit
-def _spring_growth(settings, observer, motion, spring, walls, ramp):
-    """How the stores of all springs that held grew from the last sample to this one, by axis: x first, then y.
+def _spring_growth(settings, observer, motion, spring, ramp):
+    """How the stores of the coupling's springs, and of the weight lifted, grew from the last sample to this one."""
+    before, now = motion.handle_before, motion.handle
+    for i in range(int(settings.axes)):
+        stiffness, limit, pulled = spring.stiffness[i], spring.limit[i], observer.pulled_to[i]
+        observer.growth[i] = virtual_coupling.spring_store(stiffness, limit, pulled - now[i])
+        observer.growth[i] -= virtual_coupling.spring_store(stiffness, limit, pulled - before[i])
+        observer.growth[i] += ramp * settings.hardware.gravity[i] * -motion.moved[i]
+
+
+@njit
+def _wall_growth(settings, observer, hold, motion, walls, ramp):
+    """How the stores of the walls that held grew [J]: by axis, x first, then y, into growth; and all together.
 
     A wall that is not square to the axes couples them: its cross term K n_x n_y dx dy falls to y. Half of its bound by
     λ dx² + dy²/λ is moved to x; with the λ of the settings each axis then stays within its own damping whenever both
     together do.
     """
     before, now, wall = motion.handle_before, motion.handle, settings.wall
-    for i in range(int(settings.axes)):
-        stiffness, limit, pulled = spring.stiffness[i], spring.limit[i], observer.pulled_to[i]
-        observer.growth[i] = virtual_coupling.spring_store(stiffness, limit, pulled - now[i])
-        observer.growth[i] -= virtual_coupling.spring_store(stiffness, limit, pulled - before[i])
-        observer.growth[i] += ramp * settings.hardware.gravity[i] * -motion.moved[i]
+    whole, grown, left = 0.0, 0.0, ramp * virtual_wall.share_left(walls)
     for j in range(int(wall.count)):
         nx, ny, offset = wall.x[j], wall.y[j], wall.offset[j]
-        stiffness = ramp * (1.0 - walls.release) * wall.stiffness[j]
+        depth = virtual_wall.wall_depth(nx, ny, offset, before[0], before[1])
+        by_corner = virtual_wall.wall_depth(nx, ny, offset, now[0], before[1])
+        if depth <= 0.0 and by_corner <= 0.0 and walls.depth[j] <= 0.0:
+            continue
         # by way of a corner: x first, then y
-        start = virtual_wall.wall_store(stiffness, virtual_wall.wall_depth(nx, ny, offset, before[0], before[1]))
-        corner = virtual_wall.wall_store(stiffness, virtual_wall.wall_depth(nx, ny, offset, now[0], before[1]))
-        end = virtual_wall.wall_store(stiffness, walls.depth[j])
-        cross = 0.5 * abs(stiffness * nx * ny) * settings.passivity.cross * (now[0] - before[0]) ** 2
-        cross = cross if start + corner + end > 0.0 else 0.0
-        observer.growth[0] += corner - start + cross
-        observer.growth[1] += end - corner - cross
+        start, end = virtual_wall.stored(settings, j, depth), virtual_wall.stored(settings, j, walls.depth[j])
+        corner = virtual_wall.stored(settings, j, by_corner)
+        cross = 0.5 * abs(wall.stiffness[j] * nx * ny) * settings.passivity.cross * (now[0] - before[0]) ** 2
+        observer.growth[0] += left * (corner - start + cross)
+        observer.growth[1] += left * (end - corner - cross)
+        whole, grown = whole + ramp * end, grown + left * (end - start)
+    return grown + _yield_at_limits(settings, observer, hold, motion, walls, whole)
 
 
 @njit
-def _book_long_hold(settings, observer, motion, walls, ramp):
-    """What the walls gave over the hold of a missed tick [J], with forces up to the motor's limit.
+def _yield_at_limits(settings, observer, hold, motion, walls, whole):
+    """What the walls' stores grew beside their ways [J], as they let go of what the hand was spared at a limit.
 
-    The device's damper is theirs where there are walls; the coupling's own is the tank's business.
+    Springs that together are beyond a limit push less than their stores say, by `clipped`: what the hand need not pay
+    on the way in is not stored, and what it does not get on the way out is there again (docs/passivity.md, proof 4).
+    whole: energy [J] in walls that have let go of nothing. What they cannot let go of the device's damper takes.
     """
-    given, before, now, wall = 0.0, motion.handle_before, motion.handle, settings.wall
-    stretch = ramp * (1.0 - walls.release)
-    beyond = _beyond_limit(settings, stretch, before) or _beyond_limit(settings, stretch, now)
-    limit = settings.coupling.limit[0] if beyond else math.inf
+    kept = 0.0
     for i in range(min(2, int(settings.axes))):
-        lost = observer.damping_credit * settings.hardware.damping[i] * motion.moved[i] ** 2 / motion.elapsed
-        given += walls.force[i] * settings.hardware.scale[i] * motion.moved[i] - lost
-    for j in range(int(wall.count)):
-        stiffness = stretch * wall.stiffness[j]
-        start = max(0.0, virtual_wall.wall_depth(wall.x[j], wall.y[j], wall.offset[j], before[0], before[1]))
-        end = max(0.0, walls.depth[j])
-        grown = virtual_coupling.spring_store(stiffness, limit, end)
-        given += grown - virtual_coupling.spring_store(stiffness, limit, start)
+        kept += hold.clipped[i] * (motion.handle[i] - motion.handle_before[i])
+    if kept == 0.0:
+        return 0.0
+    most = -virtual_wall.share_left(walls) * whole
+    part = most / kept if kept < most else 1.0
+    for i in range(min(2, int(settings.axes))):
+        observer.growth[i] += part * hold.clipped[i] * (motion.handle[i] - motion.handle_before[i])
+    if whole > 0.0:
+        walls.yielded = min(1.0 - walls.release, max(0.0, walls.yielded - part * kept / whole))
+    return part * kept
+
+
+@njit
+def _book_long_hold(settings, observer, hold, motion, walls_grown):
+    """What the walls gave over the hold of a missed tick [J].
+
+    The device's damper is theirs where there are walls, but for what of it is cancelled; the coupling's own is the
+    tank's business.
+    """
+    given = walls_grown
+    for i in range(min(2, int(settings.axes))):
+        lost = (1.0 - hold.cancelling) * settings.hardware.damping[i] * motion.moved[i] ** 2 / motion.elapsed
+        given += hold.walls[i] * settings.hardware.scale[i] * motion.moved[i] - lost
     observer.missed_tick_energy = max(0.0, observer.missed_tick_energy + settings.passivity.control * given)
 
 
-@njit
-def _beyond_limit(settings, factor, position):
-    """Whether the springs of all walls, times this factor, push beyond the motor's limit here, in x or in y."""
-    push_x, push_y, wall, limit = 0.0, 0.0, settings.wall, settings.coupling.limit
-    for j in range(int(wall.count)):
-        nx, ny = wall.x[j], wall.y[j]
-        depth = max(0.0, virtual_wall.wall_depth(nx, ny, wall.offset[j], position[0], position[1]))
-        force = factor * wall.stiffness[j] * depth
-        push_x += nx * force
-        push_y += ny * force
-    return (settings.axes > 1.0 and abs(push_y) > limit[1]) or abs(push_x) > limit[0]
-
-
 @kernel
-def release_wall_energy(settings, observer, motion, walls, enable):
+def release_wall_energy(settings, observer, walls, enable):
     """What missed ticks gave beyond the budget the walls' springs pay, at once: they let go of as much.
 
-    Walls that cannot pay, or whose force is at a limit, are not there. All are whole again once the handle is off them
-    all and nothing is owed; whoever engages anew owes nothing.
+    Walls that cannot pay are not there. All are whole again once the handle is off them all and nothing is owed;
+    whoever engages anew owes nothing.
     """
     stored, touched = 0.0, 0.0
     for j in range(int(settings.wall.count)):
         if walls.depth[j] > 0.0:
             touched = 1.0
-            stored += virtual_wall.wall_store(enable.ramp * settings.wall.stiffness[j], walls.depth[j])
+            stored += enable.ramp * virtual_wall.stored(settings, j, walls.depth[j])
     if enable.ramp == 0.0:
         observer.missed_tick_energy = 0.0
     owed = max(0.0, observer.missed_tick_energy - settings.passivity.budget)
     # off them all a wall can be whole again without giving anything
     if touched == 0.0 or enable.ramp == 0.0:
         walls.release = 0.0 if owed == 0.0 else 1.0
-    elif owed > 0.0 and _beyond_limit(settings, enable.ramp * (1.0 - walls.release), motion.handle):
-        walls.release = 1.0
+        walls.yielded = 0.0
     elif owed > 0.0 and stored > 0.0:
         _pay_owed(observer, walls, owed, stored)
     walls.touched = touched
@@ -164,7 +173,7 @@ def release_wall_energy(settings, observer, motion, walls, enable):
 @njit
 def _pay_owed(observer, walls, owed, stored):
     """Releases as much of what is stored in the walls [J] as pays what is owed [J], as far as it goes."""
-    paid = min(owed, (1.0 - walls.release) * stored)
+    paid = min(owed, virtual_wall.share_left(walls) * stored)
     walls.release += paid / stored
     observer.missed_tick_energy -= paid
     for i in range(AXES):
@@ -204,16 +213,10 @@ def hold_begins(settings, observer, hold, motion, walls, output):
     measured = chosen.source == damping_compensation.MEASURED
     if motion.stale_ticks == 0.0:
         _begin_hold(settings, observer, hold, output, ratio, measured)
-    for i in range(int(settings.axes)):
-        hold.coupling[i] = output.engage * device.scale[i] * output.force_coupling[i]
-        if hold.limited[i] and not hold.mixed[i]:
-            hold.coupling[i] = output.force_on_handle[i]
     held_force.send(hold, output)
     for i in range(int(settings.axes)):
         hold.force_now[i] = output.force_on_handle[i]
         observer.springs[i] = device.scale[i] ** 2 * observer.coupled * settings.coupling.stiffness[i]
-        limit = settings.coupling.limit[i]
-        walls.force[i] = output.engage * min(limit, max(-limit, output.force_walls[i]))
         observer.pulled_to[i] = output.coupling_position[i]
         squared = device.scale[i] * device.scale[i]
         cancelled = 0.0 if measured else ratio * device.damping[i]
@@ -222,7 +225,7 @@ def hold_begins(settings, observer, hold, motion, walls, output):
     for j in range(int(wall.count)):
         nx, ny = wall.x[j], wall.y[j]
         # a damper acts inside its wall only
-        there = output.engage * (1.0 - walls.release)
+        there = output.engage * virtual_wall.share_left(walls)
         damping = there * wall.damping[j] if walls.depth[j] > 0.0 else 0.0
         stiffness, crossed = there * wall.stiffness[j], abs(nx * ny)
         observer.springs[0] += device.scale[0] ** 2 * stiffness * (nx * nx + crossed * settings.passivity.cross)
@@ -238,5 +241,5 @@ def _begin_hold(settings, observer, hold, output, ratio, measured):
     hold.cancelling = ratio
     for i in range(int(settings.axes)):
         hold.force[i], hold.change[i], hold.square[i] = output.force_on_handle[i], 0.0, 0.0
-        hold.cancellation_force[i] = output.engage * settings.hardware.scale[i] * output.force_cancellation[i]
-        observer.cancelled[i] = hold.cancellation_force[i] if measured else 0.0
+        paid = output.engage * settings.hardware.scale[i] * hold.rest_share[i] * output.force_cancellation[i]
+        hold.cancellation_force[i], observer.cancelled[i] = paid, paid if measured else 0.0

@@ -98,19 +98,23 @@ STATE = np.dtype(
         ("samples", record("count times^ x^ y^ theta^")),
         ("compensation", record("drag*")),  # damping_compensation
         # motor: what was held since the last sample, and by how much and how long it was not the first of it;
-        # written, acts: motor values on their way, and from when [ns, as samples are stamped] each acts
+        # wall_springs, wall_dampers, coupling_spring: wanted, in the world; clipped: what the limits leave out of the
+        # walls' springs; walls: what acts of all walls, both in the world; coupling: what acts of it, at the device;
+        # rest_share: of all other dampers, what acts; written, acts: motor values on their way, and from when each acts
+        # [ns, as samples are stamped]
         (
             "hold",
             record(
-                "deadline regained force* force_now* change* square* limited* mixed* newest newest_way"
-                " coupling* cancellation_force* cancelling",
+                "deadline regained force* force_now* change* square* limited* newest newest_way"
+                " wall_springs* wall_dampers* coupling_spring* clipped* walls* coupling* rest_share*"
+                " cancellation_force* cancelling",
                 acts=(HELD,),
                 written=(HELD, AXES),
                 coupling_written=(HELD, AXES),
                 ways=(HELD, AXES),
             ),
         ),
-        ("walls", record("depth# release touched force*")),  # virtual_wall; release: share of them that is gone
+        ("walls", record("depth# release yielded touched")),  # virtual_wall; shares of them that are gone
         (
             "observer",  # passivity_observer
             record(

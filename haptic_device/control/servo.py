@@ -41,9 +41,9 @@ def tick(wished, state, tick):
     # what is wanted
     settings_in_force.follow(wished, state)
     exchange_controller.move_set_point(settings, state, sensors, tool, output)
-    passivity_observer.release_wall_energy(settings, observer, motion, walls, enable)
-    virtual_wall.push(settings.wall, walls, output)
-    virtual_coupling.pull(settings, output)
+    passivity_observer.release_wall_energy(settings, observer, walls, enable)
+    virtual_wall.push(settings, walls, hold, output)
+    virtual_coupling.pull(settings, hold, output)
     damping_compensation.compensate(settings, state.compensation, motion, walls, output)
     passivity_observer.inject(settings, observer, motion, walls, output)
     # whether it may be

@@ -70,7 +70,7 @@ def pay_for_rise(now, state, output):
     if rise <= 0.0:
         return
     for j in range(int(now.wall.count)):
-        stored += virtual_wall.wall_store(now.wall.stiffness[j], state.walls.depth[j])
+        stored += virtual_wall.stored(now, j, state.walls.depth[j])
     coupled = int(now.axes) if now.exchange.method == exchange_samples.DIRECT else 0
     for i in range(coupled):
         stored += _held(now, output, i)
@@ -78,7 +78,7 @@ def pay_for_rise(now, state, output):
         return
     rise *= change_ledger.share(change_ledger.available(now, state), rise * stored)
     for j in range(int(now.wall.count)):
-        gained = rise * virtual_wall.wall_store(now.wall.stiffness[j], state.walls.depth[j])
+        gained = rise * virtual_wall.stored(now, j, state.walls.depth[j])
         change_ledger.pay_along(now, state, gained, now.wall.x[j], now.wall.y[j])
     for i in range(coupled):
         change_ledger.pay(now, state, rise * _held(now, output, i), i)
@@ -132,48 +132,63 @@ def _fallen(wished, now):
 
 @njit
 def _follow_limits(wished, now, state, share):
-    """Limits of force, by the slew; one that holds a wall back rises as far as that is paid. 1 while on their way."""
+    """Limits of force, by the slew; that of the springs rises as far as they are paid. 1 while on their way."""
     going = 0.0
     for i in range(int(now.axes)):
         reach = share * now.exchange.slew[i] * now.period
-        limit = change_ledger.toward(now.force.limit[i], wished.force.limit[i], reach)
-        rise = limit - now.force.limit[i]
-        if rise > 0.0 and state.hold.limited[i] > 0.0 and state.walls.touched > 0.0:
-            cost = rise * _way_out(now, state, i)
-            paid = change_ledger.share(change_ledger.available(now, state), cost)
-            change_ledger.pay(now, state, paid * cost, i)
-            limit = now.force.limit[i] + paid * rise
-        now.force.limit[i] = limit
-        _follow_spring_limit(min(wished.coupling.limit[i], limit), now, state, i, reach)
-        there = limit == wished.force.limit[i] and now.coupling.limit[i] == wished.coupling.limit[i]
+        # what acts is within that of the springs
+        now.force.limit[i] = change_ledger.toward(now.force.limit[i], wished.force.limit[i], reach)
+        _follow_spring_limit(min(wished.coupling.limit[i], now.force.limit[i]), now, state, i, reach)
+        there = now.force.limit[i] == wished.force.limit[i] and now.coupling.limit[i] == wished.coupling.limit[i]
         going = going if there else 1.0
     return going
 
 
 @njit
 def _follow_spring_limit(aim, now, state, i, reach):
-    """Limit of the coupling's spring; what that gains the tank pays (energy_tank.pay), the budget with `direct`."""
-    before, stretch = now.coupling.limit[i], state.observer.pulled_to[i] - state.motion.handle[i]
+    """Limit of all springs on axis i; what they gain is paid, of the coupling's by the tank (energy_tank.pay)."""
+    before = now.coupling.limit[i]
     limit = change_ledger.toward(before, aim, reach)
-    if now.exchange.method == exchange_samples.DIRECT and limit > before:
-        stiffness = now.coupling.stiffness[i]
-        gained = virtual_coupling.spring_store(stiffness, limit, stretch)
-        gained -= virtual_coupling.spring_store(stiffness, before, stretch)
-        gained *= state.observer.coupled
-        paid = change_ledger.share(change_ledger.available(now, state), gained)
-        change_ledger.pay(now, state, paid * gained, i)
-        limit = before + paid * (limit - before) if paid < 1.0 else limit
     now.coupling.limit[i] = limit
+    if limit <= before:
+        return
+    held, dearest = _held_at_limits(now, state, i), (limit - before) * _beyond_limit(now, state, i, before)
+    now.coupling.limit[i] = before
+    kept = _held_at_limits(now, state, i)
+    paid = change_ledger.share(change_ledger.available(now, state), dearest)
+    now.coupling.limit[i] = limit if paid == 1.0 else before + paid * (limit - before)
+    held = held if paid == 1.0 else _held_at_limits(now, state, i)
+    change_ledger.pay(now, state, max(0.0, held - kept), i)
 
 
 @njit
-def _way_out(now, state, i):
-    """Way [m | rad] along axis i after which no spring pushes along it any more."""
-    way = abs(state.observer.pulled_to[i] - state.motion.handle[i])
-    for j in range(int(now.wall.count)):
+def _held_at_limits(now, state, i):
+    """Energy [J] in the springs that a limit of axis i holds back, and that the tank does not pay for."""
+    energy, left = 0.0, state.enable.ramp * virtual_wall.share_left(state.walls)
+    for j in range(int(now.wall.count) if i < 2 else 0):
+        energy += left * virtual_wall.stored(now, j, state.walls.depth[j])
+    if now.exchange.method == exchange_samples.DIRECT:
+        stretch = state.observer.pulled_to[i] - state.motion.handle[i]
+        stored = virtual_coupling.spring_store(now.coupling.stiffness[i], now.coupling.limit[i], stretch)
+        energy += state.observer.coupled * stored
+    return energy
+
+
+@njit
+def _beyond_limit(now, state, i, limit):
+    """Way [m | rad] along axis i by which those springs are beyond a limit: no rise of it costs more than rise · way.
+
+    A wall's clamped store grows by (depth − L/K) dL, and L by 1/|n_i| of the limit's rise.
+    """
+    way, left = 0.0, state.enable.ramp * virtual_wall.share_left(state.walls)
+    for j in range(int(now.wall.count) if i < 2 else 0):
         lean = abs(now.wall.x[j]) if i == 0 else abs(now.wall.y[j])
-        if state.walls.depth[j] > 0.0 and i < 2 and lean > 1e-3:
-            way = max(way, state.walls.depth[j] / lean)
+        force = lean * now.wall.stiffness[j] * state.walls.depth[j]
+        if force > limit:
+            way += left * (force - limit) / (lean * lean * now.wall.stiffness[j])
+    if now.exchange.method == exchange_samples.DIRECT and now.coupling.stiffness[i] > 0.0:
+        stretch = abs(state.observer.pulled_to[i] - state.motion.handle[i])
+        way += state.observer.coupled * max(0.0, stretch - limit / now.coupling.stiffness[i])
     return way
 
 

@@ -106,14 +106,14 @@ def forget_debt(settings, tank, spring, hold, motion, waves, observer, now):
 
         min(budget, budget − G − shipped + returned − waves not yet played − what dampers owe),
 
-    G as of `_count_given`; what is above 0 is owed no more. Never above the budget, and G stays: who lets go and engages again gets
-    no second one.
+    G as of `_count_given`; what is above 0 is owed no more. Never above the budget, and G stays: who lets go and
+    engages again gets no second one.
     """
     budget = settings.exchange.budget
     if tank.level >= budget or not _is_empty(spring, hold, now):
         return
     # a slack spring stretches by the way of the hold that ends
-    level = budget - tank.given - tank.shipped + tank.returned - waves.store - stored(settings, spring, hold, motion)
+    level = budget - tank.given - tank.shipped + tank.returned - waves.store - stored(settings, spring, motion)
     for i in range(int(settings.axes)):
         level -= observer.store[i] + _remembered(settings, spring, i)
         # half of the way that ends here counts in the window that begins

@@ -30,13 +30,17 @@ def spring_store(stiffness, limit, stretch):
 
 
 @kernel
-def pull(settings, output):
-    """Force of the virtual coupling on the handle, faded; its spring gives no more than the motor can hold."""
+def pull(settings, hold, output):
+    """Force of the virtual coupling on the handle, faded; its spring gives no more than the motor can hold.
+
+    hold.coupling_spring has the spring's part.
+    """
     gains = settings.coupling
     for i in range(int(settings.axes)):
         stretch = output.coupling_position[i] - output.position[i]
         rate = output.coupling_velocity[i] - output.velocity[i]
         force = spring_force(gains.stiffness[i], gains.limit[i], stretch)
+        hold.coupling_spring[i] = output.exchange_fade * force if output.exchange_fade > 0.0 else 0.0
         # backward Euler of both: the velocities are those of this tick
         force += gains.damping[i] * rate
         output.force_coupling[i] = output.exchange_fade * force if output.exchange_fade > 0.0 else 0.0

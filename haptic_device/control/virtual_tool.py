@@ -74,7 +74,7 @@ def apart(settings, own, tool):
 
 
 @kernel
-def move_set_point(settings, own, tank, spring, hold, motion, tool, output):
+def move_set_point(settings, own, tank, spring, motion, tool, output):
     """One tick of the virtual tool: the coupling pulls to it."""
     contacts, age = own.contacts, tool.contact_age
     energy_tank.take_returned(settings, tank, tool)
@@ -84,11 +84,11 @@ def move_set_point(settings, own, tank, spring, hold, motion, tool, output):
     tool_contacts.see(settings, own, age)
     found = _solve(settings, own, motion)
     # (3), or it stays where it is, which costs nothing
-    if not found or not _pay_for_move(settings, own, tank, spring, hold, motion):
+    if not found or not _pay_for_move(settings, own, tank, spring, motion):
         own.stays += 1.0 if found else 0.0
         own.unsolved += 0.0 if found else 1.0
         tank.short = max(tank.short, STAYED)
-        _stay(settings, own, tank, spring, hold, motion, output)
+        _stay(settings, own, tank, spring, motion, output)
     else:
         _go(settings, own, spring, motion)
     tool_contacts.remember_pushes(settings.period, contacts)
@@ -164,7 +164,7 @@ def kinetic(contacts, axes, velocity):
 
 
 @njit
-def _pay_for_move(settings, own, tank, spring, hold, motion):
+def _pay_for_move(settings, own, tank, spring, motion):
     """Whether (3) holds for own.trial; the tank's books are then those of the move."""
     stored, hidden, worst, gains = 0.0, 0.0, 0.0, settings.coupling
     for i in range(int(settings.axes)):
@@ -176,7 +176,7 @@ def _pay_for_move(settings, own, tank, spring, hold, motion):
         stored += virtual_coupling.spring_store(gains.stiffness[i], gains.limit[i], stretch)
         # as the damper of pspm: the handle's worst motion
         worst += energy_tank.worst_draw(settings, tank, i, push)
-    left = tank.level + energy_tank.stored(settings, spring, hold, motion) - stored
+    left = tank.level + energy_tank.stored(settings, spring, motion) - stored
     if left - kinetic(own.contacts, settings.axes, own.trial) < hidden + worst:
         return False
     tank.level = left
@@ -197,11 +197,11 @@ def _go(settings, own, spring, motion):
 
 
 @njit
-def _stay(settings, own, tank, spring, hold, motion, output):
+def _stay(settings, own, tank, spring, motion, output):
     """The copy stays, or goes along with the handle as far as the tank asks for it."""
     for i in range(int(settings.axes)):
         spring.goal[i] = spring.set_position[i]
-    energy_tank.pay(settings, tank, spring, hold, motion, output.exchange_fade)
+    energy_tank.pay(settings, tank, spring, motion, output.exchange_fade)
     for i in range(AXES):
         own.velocity[i] = 0.0
         if i < settings.axes:

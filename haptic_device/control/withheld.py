@@ -143,6 +143,8 @@ def _is_limited(settings, hold, output):
     for i in range(int(settings.axes)):
         stretch = output.coupling_position[i] - output.position[i]
         pull = settings.coupling.stiffness[i] * abs(stretch) if output.exchange_fade > 0.0 else 0.0
-        if hold.limited[i] > 0.0 or pull > settings.coupling.limit[i]:
+        wanted = output.force_walls[i] + output.force_coupling[i] + output.force_cancellation[i]
+        wanted += output.force_passivity[i]
+        if hold.limited[i] > 0.0 or pull > settings.coupling.limit[i] or abs(wanted) > settings.force.limit[i]:
             return True
     return False

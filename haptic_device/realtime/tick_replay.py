@@ -35,7 +35,7 @@ IN_BAGS = {
         **{"samples.theta": "positions_theta"},
         **{"hold.force": "held_force", "hold.force_now": "held_now"},
         **{"hold.change": "held_change", "hold.square": "held_square"},
-        **{"walls.release": "walls_off", "walls.touched": "walls_touched", "walls.force": "walls_held"},
+        **{"walls.release": "walls_off", "walls.yielded": "walls_yielded", "walls.touched": "walls_touched"},
         **{"observer.pulled_to": "pulled", "observer.damping_credit": "credit"},
         **{"observer.observed_energy": "generated", "observer.missed_tick_energy": "late"},
         **{"enable.ramp": "engage", "fault.code": "fault", "fault.thermal_load": "warmth"},
@@ -53,7 +53,9 @@ IN_BAGS = {
     },
 }
 """group.field of a record → its name in the snapshots of bags, where that is not group_field."""
-MADE_ANEW = {"motion.handle_before", "motion.elapsed", "walls.depth", "tank.short"}
+MADE_ANEW = {"motion.handle_before", "motion.elapsed", "walls.depth", "tank.short"} | {
+    f"hold.{name}" for name in ("wall_springs", "wall_dampers", "coupling_spring", "rest_share")
+}
 """Fields that a tick fills in before it reads them, or leaves at 0: no part of a snapshot."""
 
 

@@ -143,7 +143,8 @@ def test_a_debt_that_is_not_true_is_forgotten_where_the_spring_is_let_go_and_wha
         led.memory["tank"]["given"] = given
         for _ in range(4):
             led.lead(0.0, command=word)
-        assert led.level == pytest.approx(BUDGET - given) and led.memory["tank"]["owed"][0] == 0.0
+        assert led.level == pytest.approx(BUDGET - given)
+        assert led.memory["tank"]["owed"][0] == pytest.approx(max(0.0, given - BUDGET))
 
 
 def test_a_resting_hand_gets_its_coupling_back_without_letting_go():
@@ -202,8 +203,7 @@ def late_for_a_second(moving):
 def test_where_writes_are_late_beyond_the_margin_for_a_second_the_force_is_back_half_a_second_after(moving):
     system, (well, late, _, _, after) = late_for_a_second(moving)
     assert late["margin"][-1].min() < 0.0 < min(well["margin"][-1].min(), after["margin"][-1].min())
-    strongest, paid = np.abs(well["force_coupling"][:, :2]).max(), np.sqrt(2.0 * STIFFNESS * BUDGET)
-    assert strongest > paid > 1.0
     # who moves stretches the coupling, who rests has what the budget pays for
-    assert np.abs(after["force_coupling"][:, :2]).max() > 0.8 * (strongest if moving else paid)
+    wanted = np.abs(well["force_coupling"][:, :2]).max() if moving else np.sqrt(2.0 * STIFFNESS * BUDGET)
+    assert np.abs(after["force_coupling"][:, :2]).max() > 0.8 * wanted > 2.0
     assert float(np.max(system.plant_memory["energy_given"][0])) <= BUDGET

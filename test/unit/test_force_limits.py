@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Limits of the force keep the promise of docs/passivity.md: no way of the hand gains from walls and a spring."""
+
+import math
+
+import numpy as np
+import pytest
+from examples import few
+from hypothesis import given
+from hypothesis import strategies as st
+from lockstep_systems import wall_system
+from ticks import tick
+
+from adversary import exchange_search
+from haptic_device import gain_check
+from haptic_device.control import enable_state, faults, virtual_coupling
+
+TICK = 1 / 4000.0
+COUNTS = 1e9  # per metre, of a handle whose steps are not the matter
+ROUNDING = 1e-9  # [J]
+OBLIQUE = (0.9, 0.436, 8000.0)  # normal and stiffness
+STEEP = (0.3, 0.954, 5000.0)
+HELD = {"coupling__stiffness": 3000.0, "coupling__damping": 0.0, "exchange__method": "direct"}
+
+
+class Led:
+    """A servo whose handle is led in the plane; the walls' surfaces meet at the origin, with the free side above.
+
+    share: the damping that the device has of what the gains need. given: energy [J] that the hand got at the most,
+    from the forces held and less what the device's damper took for certain; most: the largest that this ever was.
+    """
+
+    def __init__(self, walls, limit, share=1.02, damping=0.0, tool=None, **driver):
+        normals = np.array([(x, y) / np.hypot(x, y) for x, y, _ in walls])
+        given = {
+            "wall__normals": tuple(normals.ravel()),
+            "wall__offsets": (0.0,) * len(walls),
+            "wall__stiffness": tuple(stiffness for *_, stiffness in walls),
+            "wall__damping": (damping,) * len(walls),
+            "force__limit": limit,
+            "passivity__policy": "off",
+            **(HELD if tool is not None else {}),
+            **driver,
+        }
+        ample = wall_system(0.0, 0.0, physical_damping=1000.0, counts=COUNTS, **given)
+        self.damping = share * (1000.0 - gain_check.margins(ample.settings[0], 0.0)[1])
+        self.settings = wall_system(0.0, 0.0, physical_damping=self.damping, counts=COUNTS, **given).settings
+        self.memory, self.row = exchange_search.engaged()
+        self.place, self.time, self.given, self.most, self.limit = np.zeros(2), 0.0, 0.0, 0.0, limit
+        self.found, self.tool, self.forces = 0.0, tool, []
+        self.go((0.0, 0.0))
+
+    def go(self, place):
+        """Leads the handle there in one hold; the force from then on [N]."""
+        to = np.round(np.array(place) * COUNTS) / COUNTS
+        way, row = to - self.place, self.row
+        self.given += row["force_on_handle"][0, :2] @ way - self.damping * way @ way / TICK
+        self.place, self.time = to, self.time + TICK * 1e9
+        row["latched"] = row["deadline"] = self.time
+        row["command"], row["device_status"] = enable_state.ENABLE, faults.FRESH
+        row["counts"][0, :2] = np.round(to * COUNTS)
+        if self.tool is not None:
+            row["tool_age"], row["tool_position"][0, :2] = 0.001, self.tool
+        tick(self.settings, self.memory, row)
+        assert row["fault"][0] == faults.NONE
+        force = row["force_on_handle"][0, :2].copy()
+        assert np.abs(force).max() <= self.limit
+        self.most, self.found = max(self.most, self.given), max(self.found, row["generated"][0].sum())
+        self.forces.append(force)
+        return force
+
+    def follow(self, places):
+        for place in places:
+            self.go(place)
+        return self
+
+    def at_limit(self, axis):
+        return bool((np.abs(np.array(self.forces)[:, axis]) > self.limit * (1.0 - 1e-9)).any())
+
+
+def line(start, end, ticks=100):
+    return [np.array(start) + (np.array(end) - np.array(start)) * k / ticks for k in range(1, ticks + 1)]
+
+
+def loops(centre, radius, way, number=4, ticks=400):
+    """From the origin to a circle, round it as often as told, and back."""
+    turns = way * 2.0 * np.pi * np.arange(number * ticks + 1) / ticks
+    circle = np.array(centre) + radius * np.column_stack([np.cos(turns), np.sin(turns)])
+    return [*line((0.0, 0.0), circle[0]), *circle[1:], *line(circle[-1], (0.0, 0.0))]
+
+
+WAYS = pytest.mark.parametrize("way", [1, -1])
+INSIDE = (-0.0012, -0.0012)  # [m] the centre of a circle that stays in the walls
+
+
+@WAYS
+@pytest.mark.parametrize(
+    ("walls", "limit", "at", "tool"),
+    [
+        ([OBLIQUE], 15.0, (True, False), None),
+        ([STEEP], 6.0, (False, True), None),
+        ([OBLIQUE, STEEP], 9.0, (True, True), None),
+        ([OBLIQUE], 9.0, (True, True), (0.0, 0.0)),
+        ([OBLIQUE], 14.0, (True, False), (0.0, 0.0)),
+        ([STEEP], 7.0, (True, True), (0.0, 0.0)),
+        ([OBLIQUE, STEEP], 9.0, (True, True), (-0.003, 0.003)),
+    ],
+)
+def test_round_a_circle_in_walls_at_a_limit_the_hand_gains_nothing(walls, limit, at, tool, way):
+    hand = Led(walls, limit, tool=tool)
+    held = 0.5 * HELD["coupling__stiffness"] * np.sum(np.square(tool)) if tool is not None else 0.0
+    hand.follow(loops(INSIDE, 0.0012, way))
+    assert (hand.at_limit(0), hand.at_limit(1)) == at
+    assert hand.most <= held + ROUNDING
+
+
+@WAYS
+def test_a_limit_that_only_one_axis_of_an_oblique_wall_is_at_turns_no_force(way):
+    """n = (.9, .436), 8000 N/m, 15 N: 15/.9 N along the normal is the most, so that no axis is beyond its limit."""
+    hand, normal = Led([OBLIQUE], 15.0), np.array(OBLIQUE[:2]) / np.hypot(*OBLIQUE[:2])
+    for place in loops(INSIDE, 0.0012, way, 1):
+        force = min(8000.0 * max(0.0, -normal @ np.round(np.array(place) * COUNTS) / COUNTS), 15.0 / normal[0])
+        assert hand.go(place) == pytest.approx(force * normal, abs=1e-9)
+    assert hand.at_limit(0)
+
+
+@pytest.mark.parametrize(("share", "gains"), [(1.02, False), (0.97, True)])
+def test_at_the_corner_of_its_limit_a_wall_gives_energy_below_the_damping_it_needs_and_none_above(share, gains):
+    """To and fro by a tick's way along the normal, up to the depth at which the force is at its limit."""
+    hand, normal = Led([OBLIQUE], 15.0, share=share), np.array(OBLIQUE[:2]) / np.hypot(*OBLIQUE[:2])
+    corner, step = 15.0 / normal[0] / 8000.0, 1e-4
+    hand.follow(line((0.0, 0.0), -(corner - step) * normal))
+    begun = hand.given
+    for _ in range(200):
+        hand.go(-corner * normal)
+        hand.go(-(corner - step) * normal)
+    assert (hand.given > begun) == gains
+    assert (hand.found > 1e-6) == gains
+
+
+def random_walls(dice, number):
+    """Walls that lean to the same side, for which the observer's two axes are as good as both together."""
+    angles = dice.uniform(0.0, 0.5 * math.pi, number) + 0.5 * math.pi * dice.integers(0, 2)
+    return [(math.cos(a), math.sin(a), k) for a, k in zip(angles, dice.uniform(500.0, 9000.0, number), strict=True)]
+
+
+def random_way(dice, rounds=3):
+    """A closed way from the origin, the same in each round but for the speed."""
+    corners = [np.zeros(2), *dice.uniform(-0.004, 0.002, (4, 2)), np.zeros(2)]
+    for _ in range(rounds):
+        for start, end in zip(corners[:-1], corners[1:], strict=True):
+            yield from line(start, end, int(dice.integers(5, 60)))
+
+
+PLACES = st.integers(0, 10**6)
+NUMBER = st.integers(1, 4)
+LIMITS = st.floats(2.0, 15.0)
+PAID = {"exchange__method": "direct", "passivity__policy": "warn"}
+TOOLS = st.sampled_from([None, (0.0, 0.0)])
+
+
+@few(30)
+@given(seed=PLACES, number=NUMBER, limit=LIMITS, damping=st.sampled_from([0.0, 0.3]), tool=TOOLS)
+def test_no_closed_way_through_walls_at_their_limits_gains_and_the_observer_finds_nothing(
+    seed, number, limit, damping, tool
+):
+    dice = np.random.default_rng(seed)
+    hand = Led(random_walls(dice, number), limit, damping=damping, tool=tool).follow(random_way(dice))
+    assert hand.most <= ROUNDING
+    assert damping > 0.0 or hand.found <= ROUNDING  # a damper that begins at a surface is booked too dear
+
+
+@few(30)
+@given(seed=PLACES, number=NUMBER, limit=LIMITS, share=st.floats(0.2, 0.95), tool=TOOLS)
+def test_of_what_a_closed_way_gains_at_limits_below_the_damping_needed_the_observer_misses_nothing(
+    seed, number, limit, share, tool
+):
+    dice, off = np.random.default_rng(seed), {"passivity__control": False}
+    hand = Led(random_walls(dice, number), limit, share, tool=tool, **off).follow(random_way(dice))
+    assert hand.row["generated"][0].sum() >= hand.given - ROUNDING
+
+
+def test_a_walls_damper_at_a_limit_acts_along_its_normal_and_what_is_the_couplings_is_told():
+    hand, normal = Led([OBLIQUE], 12.0, damping=2.0), np.array(OBLIQUE[:2]) / np.hypot(*OBLIQUE[:2])
+    both = Led([OBLIQUE], 12.0, damping=2.0, tool=(0.0, 0.0), coupling__damping=1.0)
+    for place in random_way(np.random.default_rng(3)):
+        force = hand.go(place)
+        assert force @ (-normal[1], normal[0]) == pytest.approx(0.0, abs=1e-9) and force @ normal >= 0.0
+        whole, held = both.go(place), both.memory["hold"]
+        assert held["coupling"][0, :2] + held["walls"][0, :2] == pytest.approx(whole, abs=1e-9)
+    assert hand.at_limit(0) and both.at_limit(0) and both.at_limit(1)
+
+
+def raised(hand, limit):
+    """The hand, which stays, after a second with another limit of force wished for."""
+    for group in ("force", "coupling"):
+        hand.settings[group]["limit"][0, :2] = limit
+    hand.settings["version"] += 1
+    hand.limit = limit
+    return hand.follow([hand.place] * 4000)
+
+
+def test_a_limit_that_rises_at_a_wall_costs_what_its_clamped_spring_gains_and_waits_for_what_is_not_there():
+    """From 5 N to 6 N, 1.5 mm deep; to 15 N at 4 mm would cost 30 mJ, of which the budgets have 6 mJ."""
+    normal = np.array(OBLIQUE[:2]) / np.hypot(*OBLIQUE[:2])
+    hand = Led([OBLIQUE], 5.0, **PAID).follow(line((0.0, 0.0), -0.0015 * normal))
+    stored = [virtual_coupling.spring_store(8000.0, limit / normal[0], 0.0015) for limit in (5.0, 6.0)]
+    raised(hand, 6.0)
+    assert hand.forces[-1] == pytest.approx(6.0 / normal[0] * normal)
+    assert hand.found == pytest.approx(stored[1] - stored[0], rel=1e-6)
+    poor = Led([OBLIQUE], 5.0, **PAID).follow(line((0.0, 0.0), -0.004 * normal))
+    raised(poor, 15.0)
+    before, now = (virtual_coupling.spring_store(8000.0, n / normal[0], 0.004) for n in (5.0, poor.forces[-1][0]))
+    budgets = poor.settings["exchange"]["budget"][0] + poor.settings["passivity"]["budget"][0]
+    assert 5.1 < poor.forces[-1][0] < 14.0
+    assert now - before == pytest.approx(poor.found, rel=1e-6)
+    assert 0.99 * budgets < poor.found <= budgets + ROUNDING
+    raised(poor.follow(line(-0.004 * normal, 0.001 * normal)), 15.0).follow(line(0.001 * normal, -0.004 * normal))
+    assert poor.forces[-1] == pytest.approx(15.0 / normal[0] * normal)
