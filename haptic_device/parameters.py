@@ -222,7 +222,7 @@ class DriverTopics(Group):
 class Driver(OperatingPoint, Common):
     """haptic_driver; the fields of the last base come first."""
 
-    auto_enable: bool = fixed(False, "", "enable as soon as the device answers, as if ~/enable had been called")
+    auto_enable: bool = fixed(False, "", "enable once by itself when the device answers, unless a person stopped it")
     auto_enable_wait: float = fixed(0.0, "s", "longest that auto_enable waits for a tool's first answer", 0.0, 600.0)
     publish: DriverTopics
 
