@@ -17,13 +17,14 @@ from haptic_device import controller_config, gain_check
 from haptic_device.control import enable_state, faults, records
 from haptic_device.description import load_device
 from haptic_device.jit import ensure_compiled
+from haptic_device.nodes.diagnostics import statuses
 from haptic_device.nodes.driver_diagnostics import DriverDiagnostics
 from haptic_device.nodes.exchange_server import ExchangeServer
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.nodes.service_thread import ServiceThread
 from haptic_device.nodes.telemetry import Telemetry
-from haptic_device.parameters import DRIVER
+from haptic_device.parameters import DRIVER, DRIVER_FIGURES
 from haptic_device.realtime import scheduling
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.servo_thread import ServoThread
@@ -45,8 +46,7 @@ class DriverNode(ManagedNode):
         self._announced, self._alone_since = False, 0.0
         self._to_enable = self.values["auto_enable"]  # by itself, until a person has said otherwise
         self._watched, self.stall, self._reported = time.monotonic(), 0.0, None
-        # held while the servo comes and goes, and while it is enabled by itself: no e-stop falls in between
-        self._changing = threading.Lock()
+        self._changing = threading.Lock()  # held while the servo comes, goes or is enabled by itself: no e-stop between
         commands = {f"~/{name}": getattr(self, f"_on_{name}") for name in ("estop", "reset", "enable", "disable")}
         self._commands = ServiceThread(self, commands, "an e-stop came first")
         on_change(self, DRIVER, self._check, self._apply)
@@ -291,7 +291,8 @@ class DriverNode(ManagedNode):
         self._follow_margin()
         self.exchange.follow(self.clock.offset)
         row = self.servo.row.get()[0]
-        self.report.say(row, self.report.watched(row))
+        left_out = statuses("haptic_driver", DRIVER_FIGURES, self.telemetry.left_out(), self.values)
+        self.report.say(row, self.report.watched(row) + left_out)
 
 
 def main(args=None):

@@ -75,7 +75,7 @@ def serve(driver, **given):
             **given,
         ),
     )
-    driver.telemetry = SimpleNamespace(percentiles=lambda: np.zeros((4, 4)), cpu=0.0, window=lambda: 0.0)
+    driver.telemetry = SimpleNamespace(percentiles=lambda: np.zeros((4, 4)), cpu=0.0, window=lambda: 0.0, skipped=0)
     driver.exchange = SimpleNamespace(
         refusals=dict, refused_contacts=dict, sent=0, answered=0, round_trips=lambda: np.zeros(2)
     )
