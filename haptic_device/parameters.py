@@ -222,7 +222,7 @@ class DriverTopics(Group):
 class Driver(OperatingPoint, Common):
     """haptic_driver; the fields of the last base come first."""
 
-    auto_enable: bool = fixed(False, "", "enable as soon as the device answers, as if ~/enable had been called")
+    auto_enable: bool = fixed(False, "", "enable once by itself when the device answers, unless a person stopped it")
     auto_enable_wait: float = fixed(0.0, "s", "longest that auto_enable waits for a tool's first answer", 0.0, 600.0)
     publish: DriverTopics
 
@@ -280,6 +280,8 @@ DRIVER_FIGURES = (
     Watched("energy", "J", "energy given to the operator, as the servo books it", 0.01, 0.1),
     Watched("warmth", "", "warmth of the warmest motor; at its limit for ever: 1", 0.6, 0.9),
     Watched("stall", "s", "longest time python, which hears services, stood still", 0.2, 1.0),
+    Watched("skipped", "", "share of the samples of encoder, motor, wrench and pose that were left out", 0.1, 0.9),
+    Watched("dropped", "", "share of the trace's rows that were left out", 0.0, 0.5),
 )
 LOOPBACK_FIGURES = (
     Watched("energy", "J", "energy given to the operator, in truth", 0.01, 0.1),

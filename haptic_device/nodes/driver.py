@@ -17,13 +17,14 @@ from haptic_device import controller_config, gain_check
 from haptic_device.control import enable_state, faults, records
 from haptic_device.description import load_device
 from haptic_device.jit import ensure_compiled
+from haptic_device.nodes.diagnostics import statuses
 from haptic_device.nodes.driver_diagnostics import DriverDiagnostics
 from haptic_device.nodes.exchange_server import ExchangeServer
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.nodes.service_thread import ServiceThread
 from haptic_device.nodes.telemetry import Telemetry
-from haptic_device.parameters import DRIVER
+from haptic_device.parameters import DRIVER, DRIVER_FIGURES
 from haptic_device.realtime import scheduling
 from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.servo_thread import ServoThread
@@ -42,9 +43,10 @@ class DriverNode(ManagedNode):
         self.hardware = self.servo = self.exchange = self.telemetry = None
         self._kept = {"code": faults.NONE}
         self._version, self._said, self.margins = 0, set(), [math.inf, math.inf]
-        self._enabled_once, self._announced, self._alone_since = False, False, 0.0
+        self._announced, self._alone_since = False, 0.0
+        self._to_enable = self.values["auto_enable"]  # by itself, until a person has said otherwise
         self._watched, self.stall, self._reported = time.monotonic(), 0.0, None
-        self._changing = threading.Lock()  # held while the servo comes and goes: no e-stop falls in between
+        self._changing = threading.Lock()  # held while the servo comes, goes or is enabled by itself: no e-stop between
         commands = {f"~/{name}": getattr(self, f"_on_{name}") for name in ("estop", "reset", "enable", "disable")}
         self._commands = ServiceThread(self, commands, "an e-stop came first")
         on_change(self, DRIVER, self._check, self._apply)
@@ -77,7 +79,7 @@ class DriverNode(ManagedNode):
         settings = controller_config.settings_from(self.device, self.values, self._version)
         self._judge(settings, self.values)
         self._warn(settings, self.values)
-        self._enabled_once, self._announced, self._alone_since = False, False, 0.0
+        self._announced, self._alone_since = False, 0.0
         with self._changing:
             self.servo = ServoThread(self.hardware, settings, home, self.values["realtime"], self._kept)
         self.servo.gains.put(controller_config.gains_from(self.values))
@@ -89,6 +91,12 @@ class DriverNode(ManagedNode):
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values, self.clock.stamp)
         self.telemetry.start()
+
+    def on_deactivate(self, state):
+        """Stops; the next activation may enable by itself again, unless a person disables from now on."""
+        with self._changing:
+            self._to_enable = self.values["auto_enable"]
+        return super().on_deactivate(state)
 
     def deactivate(self):
         """Stops the servo first: the motor is zero when this returns."""
@@ -184,9 +192,11 @@ class DriverNode(ManagedNode):
             self.report.say(row)  # without figures: a rate needs its half second
         if row.fault:  # its reset takes the wish to be enabled back: here it could already be the next one
             self._say("error", f"fault {faults.name_of(row.fault)}: motor off")
-        elif self.values["auto_enable"] and not self._enabled_once and self._met(now):
-            self.servo.order(set_flags=enable_state.ENABLE)
-            self._enabled_once = True
+        elif self._to_enable and self._met(now):
+            with self._changing:
+                if self._to_enable:
+                    self.servo.order(set_flags=enable_state.ENABLE)
+                self._to_enable = False
         if self._commands.running:  # else nobody could stop it
             self.servo.attend()
 
@@ -202,10 +212,8 @@ class DriverNode(ManagedNode):
         self._said.add(sentence)
         if level == "error":
             self.get_logger().error(sentence)
-        elif level == "warning":
-            self.get_logger().warning(sentence)
         else:
-            self.get_logger().info(sentence)
+            self.get_logger().warning(sentence)
 
     def _on_enable(self, request, response):
         def refusal(servo):
@@ -215,11 +223,13 @@ class DriverNode(ManagedNode):
         return self._command(response, lambda servo: servo.order(set_flags=enable_state.ENABLE), "enabled", refusal)
 
     def _on_disable(self, request, response):
-        return self._command(response, lambda servo: servo.order(clear_flags=enable_state.ENABLE), "motor zero")
+        self._stay_disabled()
+        act, idle = lambda servo: servo.order(clear_flags=enable_state.ENABLE), "motor zero: the servo does not run"
+        return self._command(response, act, "motor zero", idle=idle)
 
     def _on_estop(self, request, response):
         with self._changing:
-            servo = self.servo
+            servo, self._to_enable = self.servo, False
             if servo is None:
                 self._kept["code"] = self._kept["code"] or faults.ESTOP
             else:
@@ -239,17 +249,26 @@ class DriverNode(ManagedNode):
         self._said = {sentence for sentence in tuple(self._said) if not sentence.startswith("fault")}
 
         def act(servo):
-            self._enabled_once |= bool(servo.row.get()[0].fault)  # after a fault a person enables
+            self._stay_disabled()
             servo.reset()
 
         return self._command(response, act, "fault cleared; ~/enable to go on")
 
-    def _command(self, response, act, done, refusal=lambda servo: ""):
-        """Gives the servo a command and answers when it has taken it; the node may be deactivated meanwhile."""
+    def _stay_disabled(self):
+        """A person has decided: nothing is enabled by itself, until after a deactivation."""
+        with self._changing:
+            self._to_enable = False
+
+    def _command(self, response, act, done, refusal=lambda servo: "", idle=""):
+        """Gives the servo a command and answers when it has taken it; the node may be deactivated meanwhile.
+
+        idle: what is true, and answered, where the servo does not run; "": the command is refused there.
+        """
         with self._changing:
             servo = self.servo
         if servo is None or not servo.running:
-            response.message = "the servo does not run: no device, or the node is not active"
+            response.success = bool(idle)
+            response.message = idle or "the servo does not run: no device, or the node is not active"
         elif sentence := refusal(servo):
             response.message = sentence
         else:
@@ -275,7 +294,8 @@ class DriverNode(ManagedNode):
         self._follow_margin()
         self.exchange.follow(self.clock.offset)
         row = self.servo.row.get()[0]
-        self.report.say(row, self.report.watched(row))
+        left_out = statuses("haptic_driver", DRIVER_FIGURES, self.telemetry.left_out(), self.values)
+        self.report.say(row, self.report.watched(row) + left_out)
 
 
 def main(args=None):

@@ -89,6 +89,7 @@ class DriverDiagnostics:
             "late_device": int(node.servo.control[servo_loop.LATE_DEVICE]),
             "torn_records": int(node.servo.control[servo_loop.TORN]),
             "trace_dropped": node.servo.ring.dropped,
+            "telemetry_skipped": node.telemetry.skipped,
             "telemetry_cpu_s": f"{node.telemetry.cpu:.3f}",
             "window_s": f"{node.telemetry.window():.1f}",
             **{f"lateness_us_{name}": f"{v:.1f}" for name, v in zip(PERCENTILES, lateness, strict=True)},

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the driver tells the world, by a thread of its own: encoder, motor, wrench, pose and the trace."""
+"""What the driver tells the world, by a thread of its own: encoder, motor, wrench, pose and the trace.
+
+On a machine that is too busy for all of it each keeps a share, and what is left out is counted: no stream takes more
+than half of the time, and the trace, whose blocks take longest, gives way first.
+"""
 
 import threading
 import time
@@ -24,10 +28,11 @@ from haptic_device.recording.layouts import (
 )
 from haptic_device.withheld_time import WithheldTime
 
-TRACE_PERIOD = 10_000_000  # [ns] between trace blocks
+TRACE_PERIOD = 10_000_000  # [ns] between trace blocks, and between looks for new settings
 SNAPSHOT_PERIOD = 1_000_000_000  # [ns] between snapshots of settings and memory, where nothing has changed
 ACKNOWLEDGED = 1.0  # [s] that readers of the trace get for its last rows
 MOST_ROWS = 256  # a block's size limit; more wait for the next
+MOST_REST = 1_000_000  # [ns] that the others of this process get the interpreter for, after work as long or longer
 FRESH_ENOUGH = 400  # ticks after which the statistics are computed anew
 WINDOW = 20000  # ticks that the statistics look back on
 
@@ -56,7 +61,8 @@ class Telemetry:
         self._judged, self._judged_at = np.full((4, 4), np.nan), -FRESH_ENOUGH
         self._ticks, self._latched, self._position = 0, 0.0, np.zeros(3)
         self.withheld = WithheldTime()
-        self._told = {"axes": 0.0, "pose": 0.0}  # deadline of the tick that was published last
+        self._told = dict.fromkeys(("axes", "pose"), (0.0, 0.0))  # deadline and number of the tick published last
+        self.skipped, self._samples, self._known = 0, 0, np.zeros((2, 2), np.int64)
         self._row, self._settings = np.zeros(1, TRACE_ROW), np.zeros(1, SETTINGS)
         self._wrench_layout, self._pose_layout = (
             StampedLayout(WRENCH, frame),
@@ -91,29 +97,53 @@ class Telemetry:
         self._judged = np.array([_percentiles(column[column >= 0.0]) for column in recent.T])
         return self._judged
 
-    def _run(self):
-        periods = [round(1e9 / self._values[f"publish.{name}"]) for name in ("rate", "pose_rate")] + [TRACE_PERIOD]
-        acts, due = (self._publish_axes, self._publish_pose, self._publish_trace), [0, 0, 0]
-        while not self._stopped:
-            now = int(clock.now_ns(self._scratch))
-            for i, act in enumerate(acts):
-                if now >= due[i]:
-                    due[i] = max(due[i] + periods[i], now - periods[i])
-                    act(now)
-            self.cpu = time.thread_time()
-            clock.sleep_until(min(due), self._scratch)
-        self._publish_trace(int(clock.now_ns(self._scratch)))
+    def left_out(self):
+        """{figure: share of what was due since the last call and is not published}: samples, and rows of the trace."""
+        counts = np.array([[self.skipped, self._samples], [self._servo.ring.dropped, self._ticks]])
+        grown, self._known = counts - self._known, counts
+        return dict(zip(("skipped", "dropped"), grown[:, 0] / np.maximum(grown.sum(axis=1), 1), strict=True))
 
-    def _look(self, teller):
-        """The newest row and settings; False where this teller has told that tick, and before the first."""
+    def _run(self):
+        periods = [round(1e9 / self._values[f"publish.{name}"]) for name in ("rate", "pose_rate")] + 2 * [TRACE_PERIOD]
+        acts = self._publish_axes, self._publish_pose, self._publish_snapshot, self._publish_trace
+        now = self._now()
+        due, rested = [now] * len(acts), [now] * len(acts)
+        while not self._stopped:
+            begin = now
+            for i, act in enumerate(acts):
+                if now >= max(due[i], rested[i]):
+                    behind = (now - due[i]) // periods[i]
+                    due[i] += (1 + behind) * periods[i]
+                    act(now, behind)
+                    began, now = now, self._now()
+                    rested[i] = now + (now - began)
+            self.cpu = time.thread_time()
+            # whoever else wants the interpreter gets it, also where something is always due
+            clock.sleep_until(max(min(map(max, due, rested)), now + min(now - begin, MOST_REST)), self._scratch)
+            now = self._now()
+        self._publish_last()
+
+    def _now(self):
+        return int(clock.now_ns(self._scratch))
+
+    def _look(self, teller, behind):
+        """The newest row and settings; False where this teller has told that tick, and before the first.
+
+        behind: times to publish that have passed unused. Where a tick was there for one, a sample was skipped.
+        """
         self._servo.row.read(self._row)
         self._servo.settings.read(self._settings)
-        told, self._told[teller] = self._told[teller], self._row["deadline"][0]
-        return self._told[teller] > told
+        (deadline, tick), told = self._told[teller], (self._row["deadline"][0], self._row["tick"][0])
+        if told[0] <= deadline:
+            return False
+        self._told[teller] = told
+        self.skipped += min(behind, int(told[1] - tick) - 1) if deadline else 0
+        self._samples += 1
+        return True
 
-    def _publish_axes(self, now):
+    def _publish_axes(self, now, behind):
         """Encoder and motor in the device's own units."""
-        if not self._look("axes"):
+        if not self._look("axes", behind):
             return
         n, position, latched = len(self._device.axes), self._device_position(), self._row["latched"][0]
         elapsed = (latched - self._latched) * 1e-9
@@ -128,9 +158,9 @@ class Telemetry:
         settings = self._settings
         return self._row["counts"][0] * settings["hardware"]["position_per_count"][0] - settings["hardware"]["zero"][0]
 
-    def _publish_pose(self, now):
+    def _publish_pose(self, now, behind):
         """The operator's side: handle on the device, and the force the motor holds there; the same as joints."""
-        if self._look("pose"):
+        if self._look("pose", behind):
             stamp = self._stamp(self._row["deadline"][0])
             force, position = self._row["force_on_handle"][0], self._device_position()
             self._wrench.publish(self._wrench_layout.pack(stamp, wrench_numbers(force)))
@@ -138,19 +168,24 @@ class Telemetry:
             velocity = self._row["velocity"][0] / self._settings["hardware"]["scale"][0]
             self._robot.publish(stamp, position, velocity, force)
 
-    def _publish_trace(self, now):
-        """Everything that waits in the ring, in blocks; stops at one that is not full, for rows never stop coming."""
-        self._publish_snapshot(now)
-        count = MOST_ROWS
-        while count == MOST_ROWS:
-            rows = self._servo.ring.take(MOST_ROWS)
-            count = len(rows)
-            if count:
-                self._remember(rows)
-            if count and self._values["publish.trace"]:
-                self._trace.publish(self._trace_layout.pack(self._stamp(rows["deadline"][0]), rows))
+    def _publish_trace(self, now, behind):
+        """The oldest rows that wait in the ring, one block; returns how many. What found no room, the ring counts."""
+        rows = self._servo.ring.take(MOST_ROWS)
+        if len(rows):
+            self._remember(rows)
+        if len(rows) and self._values["publish.trace"]:
+            self._trace.publish(self._trace_layout.pack(self._stamp(rows["deadline"][0]), rows))
+        return len(rows)
 
-    def _publish_snapshot(self, now):
+    def _publish_last(self):
+        """What waits at the end: as many blocks as a full ring has, whether or not its writer has ended."""
+        now = self._now()
+        self._publish_snapshot(now, 0)
+        for _ in range(-(-self._servo.ring.size // MOST_ROWS)):
+            if self._publish_trace(now, 0) < MOST_ROWS:
+                return
+
+    def _publish_snapshot(self, now, behind):
         """Settings and memory, each second and whenever the settings are new."""
         self._servo.settings.read(self._settings)
         version = int(self._settings["version"][0])

@@ -104,12 +104,15 @@ class ServoThread:
         The servo touches its memory from a deadline on until it has published that tick's row, and not before the next
         deadline: nothing is asked of the servo, and it never waits.
         """
+        row, state = np.zeros(1, TRACE_ROW), np.zeros(1, STATE)
         for _ in range(SNAPSHOT_ATTEMPTS):
-            settings, row, state = self.settings.get()[0], self.row.get()[0], self._state[0].copy()
+            settings = self.settings.get()[0]
+            self.row.read(row)
+            state.view(np.int64)[:] = self._state.view(np.int64)  # field by field it would take longer than a tick
             # else the servo may have begun the next tick while it was copied
-            whole = time.monotonic_ns() < int(row.deadline) + round(settings.period * SECOND)
-            if whole and row.parameter_version == settings.version:
-                return tick_replay.snapshot_of(row.tick, settings, state)
+            whole = time.monotonic_ns() < int(row["deadline"][0]) + round(settings.period * SECOND)
+            if whole and row["parameter_version"][0] == settings.version:
+                return tick_replay.snapshot_of(row["tick"][0], settings, state[0])
         return None
 
     def _run(self):

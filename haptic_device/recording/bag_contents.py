@@ -103,8 +103,8 @@ class Recording:
 
     pairs: the same instants [ns] on the system clock and on CLOCK_MONOTONIC, for `monotonic`. seconds: from the first
     message to the last. counts, skipped, lost: of each topic the messages; those that the bag lacks, by its publisher's
-    numbers; and those that never came to the recorder, None where several publish and nobody can tell. orders: of each
-    topic with stamps, whether these rise.
+    numbers; and those that were published and never came to the recorder (`left_out`: never published), None where
+    several publish and nobody can tell. orders: of each topic with stamps, whether these rise.
     """
 
     bag: Path
@@ -142,6 +142,16 @@ class Recording:
         """Ticks between first and last row of the trace that have no row."""
         steps = np.diff(self.trace["tick"])
         return int(np.sum(steps[(steps > 1) & np.isfinite(steps)] - 1))
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """What the driver could not publish since its activation, by its last diagnostics: rows of the trace that found
+        its ring full, and samples (encoder with motor, or wrench with pose and joint_states) that were skipped.
+
+        `lost` knows nothing of these: they never were messages. Empty if the driver did not say.
+        """
+        said, names = self.last_values("haptic_driver"), {"trace rows": "trace_dropped", "samples": "telemetry_skipped"}
+        return {what: int(said[name]) for what, name in names.items() if said.get(name, "").isdecimal()}
 
     def statuses(self, node: str) -> tuple[Status, ...]:
         """What the named node said on /diagnostics, oldest first; empty if it never spoke."""

@@ -9,11 +9,14 @@ import rclpy
 from lockstep_systems import device, values
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
 
 from haptic_device import controller_config, gain_check
 from haptic_device.control import enable_state, faults, records
 from haptic_device.nodes import driver as module
 from haptic_device.realtime import servo_loop
+from haptic_device.realtime.null_device import NullDevice
+from haptic_device.realtime.servo_thread import ServoThread
 from haptic_device.withheld_time import WithheldTime
 
 BEYOND = {
@@ -24,6 +27,7 @@ BEYOND = {
     "coupling.stiffness": 0.0,
     "coupling.damping": 0.0,
 }
+ALONE = ["-p", "auto_enable:=true", "-p", "auto_enable_wait:=600.0"]
 
 
 class Driver(module.DriverNode):
@@ -42,9 +46,14 @@ class Driver(module.DriverNode):
 
 @pytest.fixture
 def driver(ros_domain, monkeypatch):
-    commands = SimpleNamespace(running=True, start=lambda: None, stop=lambda: None)
-    monkeypatch.setattr(module, "ServiceThread", lambda *words: commands)
-    rclpy.init(domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
+    commands = SimpleNamespace(running=True, start=lambda: None, stop=lambda: None, answers={})
+
+    def services(node, answers, overruled):
+        commands.answers.update(answers)
+        return commands
+
+    monkeypatch.setattr(module, "ServiceThread", services)
+    rclpy.init(args=["--ros-args", *ALONE], domain_id=ros_domain, signal_handler_options=SignalHandlerOptions.NO)
     node = Driver()
     node.commands = commands
     yield node
@@ -67,7 +76,7 @@ def serve(driver, **given):
             **given,
         ),
     )
-    driver.telemetry = SimpleNamespace(percentiles=lambda: np.zeros((4, 4)), cpu=0.0, window=lambda: 0.0)
+    driver.telemetry = SimpleNamespace(percentiles=lambda: np.zeros((4, 4)), cpu=0.0, window=lambda: 0.0, skipped=0)
     driver.telemetry.withheld = WithheldTime()
     driver.exchange = SimpleNamespace(
         refusals=dict, refused_contacts=dict, sent=0, answered=0, round_trips=lambda: np.zeros(2)
@@ -103,3 +112,97 @@ def test_gains_beyond_the_damping_are_refused_said_or_taken_as_the_policy_wants(
     assert (answer.successful, answer.reason) == ((False, sentence) if policy == "enforce" else (True, ""))
     assert driver.said == [sentence] * (policy == "warn")
     assert (driver.values["wall.stiffness"] == (7000.0,)) == (policy != "enforce")
+
+
+class Waiting(ServoThread):
+    """A servo whose next tick has always been done: its row bears the last command, and a fault from an e-stop on."""
+
+    def __init__(self):
+        given = values("haptic_driver")
+        super().__init__(NullDevice(), controller_config.settings_from(device(damping=3.0), given), None, "off")
+        self.control[servo_loop.RUNNING] = 1
+
+    def order(self, **flags):
+        super().order(**flags)
+        self._tick()
+
+    def reset(self):
+        super().reset()
+        self._tick()
+
+    def _tick(self):
+        row = np.zeros(1, records.TRACE_ROW)
+        row["command"], row["fault"] = self.command, faults.ESTOP if self.command & enable_state.ESTOP else faults.NONE
+        self.row.put(row)
+
+
+@pytest.fixture
+def waiting(driver):
+    """A driver that waits for a tool to enable by itself; its servo runs."""
+    serve(driver)
+    driver.servo, driver.report = Waiting(), SimpleNamespace(say=lambda row: None)
+    return driver
+
+
+def call(driver, name):
+    """(success, message) of a service."""
+    answer = driver.commands.answers[f"~/{name}"](Trigger.Request(), Trigger.Response())
+    return answer.success, answer.message
+
+
+def enabled_when_a_tool_answers(driver):
+    """Whether it is, by itself; the driver watches before and after."""
+    driver.due[0.02]()
+    assert not driver.servo.command & enable_state.ENABLE
+    driver.exchange.answered = 1
+    driver.due[0.02]()
+    return bool(driver.servo.command & enable_state.ENABLE)
+
+
+def test_a_driver_that_was_left_alone_enables_by_itself_when_a_tool_answers(waiting):
+    assert enabled_when_a_tool_answers(waiting)
+
+
+@pytest.mark.parametrize("commands", [["disable"], ["reset"], ["estop", "reset"], ["estop", "disable", "reset"]])
+def test_who_disables_stops_or_resets_while_it_waits_is_not_overruled(waiting, commands):
+    waiting.due[0.02]()
+    assert all(call(waiting, name)[0] for name in commands)
+    assert not enabled_when_a_tool_answers(waiting)
+    assert call(waiting, "enable") == (True, "enabled") and waiting.servo.command & enable_state.ENABLE
+
+
+def test_an_estop_while_it_waits_is_not_overruled_before_its_reset_either(waiting):
+    assert call(waiting, "estop") == (True, "e-stop latched, motor zero")
+    assert not enabled_when_a_tool_answers(waiting) and waiting.servo.command & enable_state.ESTOP
+
+
+BEFORE_IT_RUNS = {
+    ("disable", True): "motor zero: the servo does not run",
+    ("disable", False): "motor zero: the servo does not run",
+    ("estop", True): "e-stop latched for the device that is not there yet",
+    ("estop", False): "e-stop latched for when the node is active again",
+}
+
+
+@pytest.mark.parametrize(("name", "active"), BEFORE_IT_RUNS)
+def test_who_disables_or_stops_before_the_servo_runs_is_told_the_truth_and_not_overruled(waiting, name, active):
+    servo, waiting.servo = waiting.servo, waiting.servo if active else None
+    servo.control[servo_loop.RUNNING] = 0
+    assert call(waiting, name) == (True, BEFORE_IT_RUNS[name, active])
+    waiting.servo, servo.control[servo_loop.RUNNING] = servo, 1
+    assert not enabled_when_a_tool_answers(waiting)
+
+
+def test_what_does_not_come_to_the_servo_is_refused_before_it_runs_and_leaves_it_to_enable_by_itself(waiting):
+    waiting.servo.control[servo_loop.RUNNING] = 0
+    refused = (False, "the servo does not run: no device, or the node is not active")
+    assert [call(waiting, name) for name in ("reset", "enable")] == [refused] * 2
+    waiting.servo.control[servo_loop.RUNNING] = 1
+    assert enabled_when_a_tool_answers(waiting)
+
+
+def test_a_disable_in_the_middle_of_enabling_by_itself_comes_before_or_after_it(waiting):
+    """Here it comes when the watch has seen the tool, and has not ordered yet."""
+    seen = waiting._met
+    waiting._met = lambda now: seen(now) and call(waiting, "disable")[0]
+    assert not enabled_when_a_tool_answers(waiting)

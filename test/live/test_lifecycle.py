@@ -79,6 +79,25 @@ def test_an_estop_outlives_a_deactivation_also_with_auto_enable(ear):
     again()
 
 
+def test_who_disables_an_inactive_driver_finds_it_idle_when_it_is_active_and_the_next_time_it_enables_by_itself(ear):
+    heard = ear.said["haptic_driver"]
+
+    def states(after):
+        """Those that were told since the last activation, once it has gone on for so many ticks."""
+        ear.change("haptic_driver", Transition.TRANSITION_ACTIVATE, ACTIVE)
+        begin = len(heard)
+        ear.until(lambda: len(heard) > begin and int(heard[-1][2]["ticks"]) > after, f"{after} ticks")
+        return [values["state"] for _, _, values in heard[begin:]]
+
+    ear.cleared()
+    ear.change("haptic_driver", Transition.TRANSITION_DEACTIVATE, INACTIVE)
+    assert ear.trigger("disable") == (True, "motor zero: the servo does not run")
+    assert set(states(after=2 * SLOW["servo__rate"])) == {"idle"}
+    ear.change("haptic_driver", Transition.TRANSITION_DEACTIVATE, INACTIVE)
+    states(after=1)
+    ear.news("haptic_driver", lambda level, message, values: values["state"] != "idle", what="enabled by itself")
+
+
 def test_deactivated_cleaned_up_and_shut_down_in_any_order_they_let_everything_go(ear):
     for name in NODES:
         ear.change(name, Transition.TRANSITION_DEACTIVATE, INACTIVE)

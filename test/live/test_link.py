@@ -361,6 +361,16 @@ def test_signals_neither_repeat_a_tick_nor_take_missed_ones_back(servo_thread):
     assert np.diff(rows["deadline"]).min() > 0 and np.diff(rows["missed"]).min() >= 0
 
 
+def test_snapshots_are_had_between_ticks_at_the_highest_rate_too(servo_thread):
+    fast = settings()
+    fast["period"] = 1e-4
+    thread = servo_thread(NullDevice(), fast)
+    thread.start()
+    until(lambda: thread.row.get()[0].tick > 0, "a tick")
+    found = [snapshot for snapshot in (thread.snapshot() for _ in range(200)) if snapshot is not None]
+    assert len(found) > 200 / 3 and np.all(np.diff([snapshot["tick"][0] for snapshot in found]) >= 0)
+
+
 def test_only_who_attends_keeps_an_enabled_servo_from_being_unattended(servo_thread):
     alone = settings()
     alone["fault"]["unattended"] = 0.2

@@ -244,6 +244,17 @@ def test_messages_lost_are_those_of_every_topic_and_unknown_where_several_publis
     assert lost == "snapshot 2, local_contacts 1, mark unknown, several publishers"
 
 
+def test_what_the_driver_could_not_publish_is_told_beside_what_was_lost(tmp_path):
+    bag = Bag(tmp_path / "busy")
+    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), cloud(swing(400)), 1, 1, 1)
+    told = diagnostics("haptic_driver", {"trace_dropped": "7", "telemetry_skipped": "30"})
+    bag.write(bag.add_topic("/diagnostics", DIAGNOSTICS, []), told, 1, 1, 1)
+    bag.close({})
+    said = sections_of(tmp_path / "busy")[0]["Recording"]
+    assert said["messages lost"] == "none" and said["rows that the servo had to drop"] == "7"
+    assert said["samples that the driver had to skip"] == "30"
+
+
 def test_stamps_that_go_back_or_stand_still_are_counted_topic_by_topic_and_those_without_one_are_not(tmp_path):
     bag = Bag(tmp_path / "stamps")
     for topic, stamps in (("handle", (5, 7, 7, 6, 8)), ("encoder", (5, 6, 7)), ("operator/target", (0, 0, 0))):

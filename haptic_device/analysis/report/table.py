@@ -179,8 +179,9 @@ def _said(run: Run) -> Entries:
 
 def _recording(run: Run) -> Entries:
     yield "rows missing from the trace", str(run.recording.trace_rows_missing) if run.traced else MISSING
-    driver = run.recording.last_values("haptic_driver")
-    yield "rows that the servo had to drop", driver.get("trace_dropped", MISSING)
+    left_out = run.recording.left_out
+    yield "rows that the servo had to drop", str(left_out.get("trace rows", MISSING))
+    yield "samples that the driver had to skip", str(left_out.get("samples", MISSING))
     begin = f"{run.recording.namespace}/"
     lost = {
         name.removeprefix(begin): UNKNOWN if count is None else count
