@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from live_demo import BUSY, HAPTIC, ROOT, children, demos, end, ends_well, pages, running, until
 from live_nodes import strange_diagnostics
-from waiting import LIMIT
+from waiting import exit_code
 
 from haptic_device.recording import load
 from haptic_sim import scene
@@ -106,7 +106,7 @@ def test_a_closed_terminal_and_a_killed_command_leave_no_process_and_no_page(tmp
             process.kill()
         os.close(control)
         control = None
-        process.wait(LIMIT)
+        exit_code(process)
         until(lambda: not running(nodes) and not pages(), "the end of every node", said=lambda: f"{nodes}, {pages()}")
     finally:
         if control is not None:

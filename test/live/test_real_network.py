@@ -12,7 +12,7 @@ import bad_link
 import numpy as np
 import pytest
 from live_nodes import command, page_path
-from waiting import until
+from waiting import exit_code, until
 
 from haptic_device.realtime import shared_memory
 from haptic_device.recording import load
@@ -97,7 +97,7 @@ def across(link, start, monkeypatch, tmp_path):
     def end():
         for process in (started[2], *started):
             process.send_signal(signal.SIGINT)
-        return [process.wait(100.0) for process in started]
+        return [exit_code(process) for process in started]
 
     return end, tmp_path / "bag"
 
