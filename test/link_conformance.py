@@ -109,7 +109,9 @@ def changes_counts_with_their_time_only(device_link):
         earlier, before = before, sample.copy()
         if sample[hardware_interface.LATCHED] != earlier[hardware_interface.LATCHED]:
             return True
-        assert np.array_equal(sample[counts], earlier[counts]), "counts changed, and the time of their latching did not"
+        assert np.array_equal(sample[counts], earlier[counts]), (
+            "counts changed and the time they were latched at did not"
+        )
         return False
 
     for _ in range(10):

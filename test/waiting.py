@@ -14,7 +14,7 @@ LIMIT = 200.0  # [s] for whatever is waited for: a node that starts on a busy ma
 SAY_AFTER = 20.0  # [s] of waiting, and after as many again
 MOST = 600  # characters of what was said last
 LOOK = 1.0  # [s] between two looks of who watches the waits that do not look themselves
-TESTS = str(Path(__file__).parent)
+TESTS = Path(__file__).parent
 _looks = [0]  # of `until`, all there were
 terminal = 2  # file descriptor; conftest.py gives the one from before pytest captures
 
@@ -82,7 +82,7 @@ def _name(process):
 
 class Watch:
     """Says where the thread that makes it stands, if that is for long: in a wait that does not go through `until`, or
-    in a look of one that does. A place is the innermost line of a test, or of what tests share."""
+    in a look of one that does."""
 
     def __init__(self):
         self._thread, self._over = threading.get_ident(), threading.Event()
@@ -105,13 +105,12 @@ class Watch:
                 told = waited
 
     def _place(self):
-        frame = sys._current_frames().get(self._thread)
-        while frame is not None and not self._shown(frame.f_code.co_filename):
+        """The innermost lines of a test and of what tests share."""
+        frame, lines = sys._current_frames().get(self._thread), {}
+        while frame is not None:
+            file = Path(frame.f_code.co_filename)
+            if file.is_relative_to(TESTS) or file.name.startswith("test_"):
+                lines.setdefault(file.name.startswith("test_"), (str(file), frame.f_lineno))
             frame = frame.f_back
-        if frame is None:  # a browser's own loop has no line of ours below it
-            return "in this test"
-        file, line = frame.f_code.co_filename, frame.f_lineno
-        return f"at {Path(file).name}:{line}, {linecache.getline(file, line).strip()!r},"
-
-    def _shown(self, file):
-        return file != __file__ and (file.startswith(TESTS) or Path(file).name.startswith("test_"))
+        told = [f"{Path(file).name}:{line}, {linecache.getline(file, line).strip()!r}" for file, line in lines.values()]
+        return f"at {', from '.join(told)}," if told else "in this test"  # a browser's own loop has no line of ours
