@@ -19,6 +19,7 @@ from haptic_device.analysis.report.summary import (
 )
 from haptic_device.recording.bag_contents import Recording
 from haptic_device.status import number
+from haptic_sim.fault_sentence import FAULTS, what_to_do
 
 GOALS = ("insertion_fraction", "arrived")  # measures that say of themselves whether the job was done
 REACHED = 0.95  # of a goal
@@ -55,14 +56,26 @@ def nothing() -> dict:
     return {"seconds": 0.0, **none, "result": {}, "result_greatest": {}, "faults": []}
 
 
-def job_done(found: dict, ended: bool, share: float = ANSWERED) -> bool:
-    """Whether the job was done: no fault, and the scene's goals reached, or where it has none a run that `ended` as
-    asked, with this share of the handle samples answered."""
-    if found["faults"] or not found["exchange"]:
-        return False
-    if goals := [found["result"][name] for name in GOALS if name in found["result"]]:
-        return min(goals) >= REACHED
-    return ended and found["exchange"]["answered"] >= max(1, share * found["exchange"]["sent"])
+def not_done(found: dict, unended: str = "", share: float = ANSWERED) -> str:
+    """Why the job was not done, a sentence with what it came to and the limit; "" if it was done.
+
+    Done is no fault, and the scene's goals reached, or where it has none a run that ended as asked (`unended`: why it
+    did not, or "") with this share of the handle samples answered.
+    """
+    if found["faults"]:
+        return unended or "; ".join(what_to_do(name) if name in FAULTS else name for name in found["faults"])
+    if not found["exchange"]:
+        return unended or "the run left no figures"
+    if goals := {name: found["result"][name] for name in GOALS if name in found["result"]}:
+        missed = {name: value for name, value in goals.items() if value < REACHED}
+        said = [f"{name} came to {value:.4g}, and {REACHED:g} is the least" for name, value in missed.items()]
+        return "; ".join(filter(None, [unended, *said])) if missed else ""
+    return unended or _unanswered(share=share, **found["exchange"])
+
+
+def _unanswered(sent: int, answered: int, share: float, **_) -> str:
+    least = max(1, math.ceil(share * sent))
+    return "" if answered >= least else f"{answered} of {sent} handle samples were answered, and {least} are the least"
 
 
 def _result(values: dict[str, str]) -> dict[str, float]:

@@ -7,6 +7,7 @@ import subprocess
 
 import hypothesis
 import pytest
+import waiting
 
 from haptic_device.jit import ensure_compiled
 from haptic_device.process import ending_with_us
@@ -26,6 +27,12 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 LAST_LINES = []
 MANY = 500  # tests before which everything is compiled
+
+
+def pytest_configure(config):
+    """What long waits say goes to the terminal, from a worker of xdist too: nothing is captured yet."""
+    waiting.terminal = os.dup(2)
+    config.add_cleanup(waiting.Watch().close)
 
 
 def pytest_runtestloop(session):

@@ -47,8 +47,7 @@ class Demo:
 
     def ended(self) -> int:
         """Its exit code, when it has ended."""
-        until(lambda: self.process.poll() is not None, "the end of the demo", said=lambda: self.progress)
-        return self.process.returncode
+        return waiting.exit_code(self.process, lambda: self.progress)
 
 
 @contextlib.contextmanager

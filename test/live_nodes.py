@@ -17,7 +17,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
 from rclpy.serialization import serialize_message
-from waiting import LIMIT
+from waiting import output, run
 
 from haptic_device.process import ending_with_us
 from haptic_device.realtime import shared_memory
@@ -57,7 +57,7 @@ def command(name, namespace="/haptic", renamed=(), **given):
 
 def refusal_of(process):
     """The last line that a node said when it refused to start."""
-    said = process.communicate(timeout=LIMIT)[1]
+    said = output(process)[1]
     assert process.returncode == 1, said
     assert "Traceback" not in said
     return said.strip().splitlines()[-1]
@@ -85,10 +85,9 @@ def refusals_of(name, arguments):
         profile.write(APART)
         profile.flush()
         environment = {**os.environ, "FASTRTPS_DEFAULT_PROFILES_FILE": profile.name}
-        said = subprocess.run(
-            ending_with_us(words), stderr=subprocess.PIPE, text=True, timeout=LIMIT, check=True, env=environment
-        ).stderr
-    runs = [run.rstrip().rpartition("\n") for run in said.split(" END\n")[:-1]]
+        done = run(ending_with_us(words), env=environment)
+    assert done.returncode == 0, done.stderr
+    runs = [one.rstrip().rpartition("\n") for one in done.stderr.split(" END\n")[:-1]]
     return [(int(code), text.strip()) for text, _, code in runs]
 
 

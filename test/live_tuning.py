@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 
-from waiting import LIMIT, until
+from waiting import output, until
 
 from haptic_sim.live.pair import running
 from haptic_sim.live.tuning import Tuning
@@ -51,7 +51,7 @@ def disturbed(pair, start, condition, act):
 
 def sentence_of(process):
     """Exit code and the one line that the command says at its end."""
-    said, complained = process.communicate(timeout=LIMIT)
+    said, complained = output(process)
     assert said == ""
     sentences = complained.strip().splitlines()
     assert len(sentences) == 1, complained

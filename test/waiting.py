@@ -1,18 +1,116 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waiting for what must come: for the thing itself, never for a time."""
+"""Waiting for what must come: for the thing itself, never for a time. A long wait says on the terminal what for."""
 
+import contextlib
+import linecache
+import os
+import subprocess
+import sys
+import threading
 import time
+from pathlib import Path
 
 LIMIT = 200.0  # [s] for whatever is waited for: a node that starts on a busy machine, or compiles first; no assertion
+SAY_AFTER = 20.0  # [s] of waiting, and after as many again
+MOST = 600  # characters of what was said last
+LOOK = 1.0  # [s] between two looks of who watches the waits that do not look themselves
+TESTS = Path(__file__).parent
+_looks = [0]  # of `until`, all there were
+terminal = 2  # file descriptor; conftest.py gives the one from before pytest captures
 
 
-def until(condition, what, look=lambda: time.sleep(0.005), said=lambda: ""):
+def until(condition, what, look=lambda: time.sleep(0.005), said=lambda: "", limit=None):
     """Does look() until condition() holds, and returns what that gives.
 
-    Raises AssertionError after LIMIT, with what was waited for and said().
+    Raises AssertionError after the limit [s], LIMIT if none is given, with what was waited for and said().
     """
-    end = time.monotonic() + LIMIT
+    began, limit, told = time.monotonic(), LIMIT if limit is None else limit, 0.0
     while not (found := condition()):
-        assert time.monotonic() < end, f"not within {LIMIT:g} s: {what}; {said()}"
+        _looks[0] += 1
+        waited = time.monotonic() - began
+        assert waited < limit, f"not within {limit:g} s: {what}; {said()}"
+        if waited - told >= SAY_AFTER:
+            tell(f"waits for {what} since {waited:.0f} s; said: {str(said())[-MOST:]}")
+            told = waited
         look()
     return found
+
+
+def exit_code(process, said=lambda: ""):
+    """Exit code of a process, when it has ended."""
+    until(lambda: process.poll() is not None, f"the end of {_name(process)}", said=said)
+    return process.returncode
+
+
+def output(process):
+    """What a process has written to its pipes when it has ended, as `communicate` has it."""
+    so_far = [b""]
+
+    def ends():
+        try:
+            return [process.communicate(timeout=0.1)]
+        except subprocess.TimeoutExpired as wait:
+            so_far[0] = (wait.output or b"") + (wait.stderr or b"")
+
+    what = f"the end of {_name(process)}"
+    return until(ends, what, lambda: None, lambda: so_far[0].decode(errors="replace"))[0]
+
+
+def run(command, **options):
+    """As subprocess.run, with the output as text; options as of Popen."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes | options) as process:
+        try:
+            said = output(process)
+        except BaseException:
+            process.kill()
+            raise
+    return subprocess.CompletedProcess(command, process.returncode, *said)
+
+
+def tell(sentence):
+    """Writes a line to the terminal, past what pytest captures."""
+    test = os.environ.get("PYTEST_CURRENT_TEST", "").rpartition(" (")[0]
+    with contextlib.suppress(OSError):
+        os.write(terminal, f"\n{test}: {sentence}\n".encode())
+
+
+def _name(process):
+    words = process.args if isinstance(process.args, str) else " ".join(map(str, process.args))
+    return words if len(words) < 200 else f"{words[:90]} … {words[-90:]}"
+
+
+class Watch:
+    """Says where the thread that makes it stands, if that is for long: in a wait that does not go through `until`, or
+    in a look of one that does."""
+
+    def __init__(self):
+        self._thread, self._over = threading.get_ident(), threading.Event()
+        self._watching = threading.Thread(target=self._watch, daemon=True)
+        self._watching.start()
+
+    def close(self):
+        self._over.set()
+        self._watching.join()
+
+    def _watch(self):
+        before, since, told = None, time.monotonic(), 0.0
+        while not self._over.wait(LOOK):
+            where = self._place()
+            if (now := (where, os.environ.get("PYTEST_CURRENT_TEST"), _looks[0])) != before:
+                before, since, told = now, time.monotonic(), 0.0
+            waited = time.monotonic() - since
+            if now[1] and waited - told >= SAY_AFTER:
+                tell(f"stands {where} since {waited:.0f} s")
+                told = waited
+
+    def _place(self):
+        """The innermost lines of a test and of what tests share."""
+        frame, lines = sys._current_frames().get(self._thread), {}
+        while frame is not None:
+            file = Path(frame.f_code.co_filename)
+            if file.is_relative_to(TESTS) or file.name.startswith("test_"):
+                lines.setdefault(file.name.startswith("test_"), (str(file), frame.f_lineno))
+            frame = frame.f_back
+        told = [f"{Path(file).name}:{line}, {linecache.getline(file, line).strip()!r}" for file, line in lines.values()]
+        return f"at {', from '.join(told)}," if told else "in this test"  # a browser's own loop has no line of ours

@@ -16,7 +16,7 @@ from haptic_device.config_files import find
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.progress import INTERRUPTED, status_line
 from haptic_sim.live.domain import isolated_domain
-from haptic_sim.live.prepare import prepare
+from haptic_sim.live.prepare import prepare, value_of
 from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible, undisturbed
 from haptic_sim.live.system import Order, Relay, programs_of
 
@@ -61,14 +61,16 @@ def _view(order, host, port):
 
 def run(order: Order, started: float, as_json: bool) -> bool:
     """Runs the order, reports, and says whether the job was done."""
-    programs, ended, found, wrong = programs_of(order), False, {}, []
+    programs, unended, found, wrong = programs_of(order), "", {}, []
     try:
-        ended = _play(order, programs)
+        ending = _play(order, programs)
+        if not ending.commanded:
+            raise ValueError(ending.why)
+        unended = ending.why
         found = _evaluate(order, started)
     except (NodeDiedError, ValueError, OSError) as error:
-        print(f"haptic demo: {error}", file=sys.stderr)
         wrong.append(str(error))
-    return _conclude(order, found, ended, wrong, as_json)
+    return _conclude(order, found, unended, wrong, as_json)
 
 
 def _order(scene, seconds, out, exchange, rate, params) -> Order:
@@ -80,11 +82,25 @@ def _order(scene, seconds, out, exchange, rate, params) -> Order:
 
 def play(order: Order) -> bool:
     """Starts the nodes of the order, follows them to the end of the run, stops them. True if the run ended as asked."""
-    return _play(order, programs_of(order))
+    return not _play(order, programs_of(order)).why
 
 
-def _play(order: Order, programs: list[Program]) -> bool:
+def _play(order: Order, programs: list[Program]):
+    """How the run ended. Where the device fell silent before the motion had begun, as on a machine that does much else,
+    this is said, and all is done once more."""
     prepare(programs)
+    ending = _once(order, programs)
+    if not _stalled(ending):
+        return ending
+    from haptic_sim.fault_sentence import fell  # it loads the compiler, as what follows the run has done
+
+    kept, fault = _set_aside(order.out), fell(ending.fault)
+    print(f"haptic demo: {fault}; all nodes are started anew, and {kept} keeps this start", file=sys.stderr)
+    ending = _once(order, programs)
+    return ending._replace(why=f"{fault} again: {_too_busy(programs)}") if _stalled(ending) else ending
+
+
+def _once(order: Order, programs: list[Program]):
     with isolated_domain(order.out / "log") as domain, Nodes(order.out / "log") as nodes:
         for program in programs:
             nodes.start(program)
@@ -92,7 +108,28 @@ def _play(order: Order, programs: list[Program]) -> bool:
         return _follow(order.seconds, domain, nodes)
 
 
-def _follow(seconds, domain, nodes) -> bool:
+def _stalled(ending) -> bool:
+    return ending.fault == "device_silent" and not ending.begun
+
+
+def _too_busy(programs: list[Program]) -> str:
+    [driver] = [program for program in programs if program.name == "haptic_driver"]
+    silence = f"fault.silence = {value_of(driver, 'fault.silence'):g} s"
+    todo = "end what else keeps the machine busy, take a lower --rate, or write a longer fault.silence into --params"
+    return f"the machine was too busy to serve the device for {silence}; {todo}"
+
+
+def _set_aside(out: Path) -> Path:
+    """Moves what a start left out of the next one's way."""
+    kept = out / "first_start"
+    kept.mkdir()
+    for name in ("bag", "log"):
+        if (out / name).exists():
+            (out / name).rename(kept / name)
+    return kept
+
+
+def _follow(seconds, domain, nodes):
     with undisturbed():  # some imports would lose a KeyboardInterrupt
         from haptic_sim.client import Client  # ROS is imported while the nodes start
         from haptic_sim.live.follow import follow
@@ -132,14 +169,16 @@ def _evaluate(order: Order, started: float) -> dict:
     return found | {"report": str(report)}
 
 
-def _conclude(order: Order, found: dict, ended: bool, wrong: list[str], as_json: bool) -> bool:
+def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json: bool) -> bool:
     from haptic_sim.cli.tables import print_outcome
-    from haptic_sim.outcome import ANSWERED, job_done, nothing
+    from haptic_sim.outcome import ANSWERED, not_done, nothing
 
     bag = order.out / "bag"
     found = nothing() | found
     found["faults"] = found["faults"] + wrong
-    done = job_done(found, ended, 0.0 if order.relay else ANSWERED)
-    found = {"scene": order.scene, "done": done, **found, "bag": str(bag) if bag.exists() else None}
+    why = not_done(found, unended, 0.0 if order.relay else ANSWERED)
+    if why:
+        print(f"haptic demo: {why}", file=sys.stderr)
+    found = {"scene": order.scene, "done": not why, "why": why, **found, "bag": str(bag) if bag.exists() else None}
     print(json_text.dumps(found)) if as_json else print_outcome(found)
-    return found["done"]
+    return not why

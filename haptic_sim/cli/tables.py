@@ -24,6 +24,8 @@ def print_outcome(found: dict) -> None:
         table.add_row(Text((FORCES | WITHHELD).get(name, name)), Text(value))
     console = Console()
     console.print(table)
+    if found["why"]:
+        console.print(Text(f"not done because {found['why']}"), soft_wrap=True)
     for name in ("bag", "report"):
         console.print(f"{name:8}{found[name] or 'none'}", soft_wrap=True, highlight=False)
 
@@ -39,7 +41,7 @@ def _lines(found: dict):
     for name, value in found.items():
         if isinstance(value, dict):
             yield from ((f"{name} {inner}", text) for inner, text in _lines(value))
-        elif name not in ("scene", "done", "bag", "report"):
+        elif name not in ("scene", "done", "why", "bag", "report"):
             yield name, _text(value)
 
 

@@ -1,63 +1,93 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Follows a run to its end."""
+"""Follows a run to its end, or to the fault that ends it."""
 
 import math
-import sys
 import time
 from collections.abc import Callable
+from typing import NamedTuple
 
-from haptic_device.control.faults import NAMES
 from haptic_device.status import number
 from haptic_sim.client import Client
+from haptic_sim.fault_sentence import FAULTS, what_to_do
 from haptic_sim.live.news import LIMIT, News
 
 NODES = ("haptic_driver", "haptic_simulation", "haptic_loopback")
-AFTER_MOTION = 0.6  # s: the nodes' diagnostics come twice a second, the last one shall be of the end
+AFTERWARDS = 0.6  # s: the nodes' diagnostics come twice a second, the last one shall be of the end
 LOOK_PERIOD = 0.05  # s
 
 
 Check = Callable[[], dict[str, str]]
 
 
-def follow(seconds: float | None, client: Client, check: Check, show: Callable[[str], None]) -> bool:
+class Ending(NamedTuple):
+    """How a run ended. why: a sentence, "" if it ended as asked; fault: what ended it, by name, or "".
+
+    commanded: whether the motor ever was; begun: whether the operator's motion had begun.
+    """
+
+    why: str
+    fault: str
+    commanded: bool
+    begun: bool
+
+
+def follow(seconds: float | None, client: Client, check: Check, show: Callable[[str], None]) -> Ending:
     """Returns when `seconds` have passed since the first motor command or, if None, when the motion has ended.
 
-    False if the motion did not end, which is said. At each look `check` is called, which may raise and gives the last
-    line that each node printed, and `show` hears how it goes. ValueError if no motor command comes.
+    A fault that is latched ends the run, for nobody will clear it. So does the end of all news (news.py); the device's
+    clock is news only when the motion has begun, or a display that never engages would be waited for without end. At
+    each look `check` is called, which may raise and gives the last line that each node printed, and `show` hears how it
+    goes.
     """
-    news = News(client, *NODES)
-    if not _wait(lambda: client.motor_commanded or _faulty(client), news.ended, client, check, show):
-        raise ValueError(f"no motor command came, and no news for {LIMIT:.0f} s: {news.last_words()}")
-    if not client.motor_commanded:
-        raise ValueError(f"no motor command came: {news.last_words()}")
+    run = _Run(client, check, show)
+    if why := run.wait(lambda: client.motor_commanded, News(client, *NODES)):
+        return Ending(f"no motor command came{why}", run.fault, False, False)
+    end = time.monotonic() + (seconds or 0.0)
     if seconds is not None:
-        _pass(seconds, client, check, show)
-        return True
-    news = News(client, *NODES, moving=True)
-    ended = _wait(lambda: client.motion_done, news.ended, client, check, show)
-    if not ended:
-        print(
-            f"haptic demo: the motion did not end, and no news for {LIMIT:.0f} s: {news.last_words()}", file=sys.stderr
-        )
-    _pass(AFTER_MOTION, client, check, show)
-    return ended
+        lack, why = f"the run did not last {seconds:g} s", run.wait(lambda: time.monotonic() >= end)
+    elif why := run.wait(lambda: run.begun or client.motion_done, News(client, *NODES)):
+        lack = "the motion did not begin"
+    else:
+        lack, why = "the motion did not end", run.wait(lambda: client.motion_done, News(client, *NODES, moving=True))
+    if why or seconds is None:
+        run.rest(AFTERWARDS)
+    return Ending(f"{lack}{why}" if why else "", run.fault, True, run.begun)
 
 
-def _pass(seconds: float, client: Client, check: Check, show) -> None:
-    end = time.monotonic() + seconds
-    _wait(lambda: False, lambda printed: time.monotonic() >= end, client, check, show)
+class _Run:
+    """A run that is looked at. fault: what ended a wait, by name; begun: whether the motion was seen to have begun."""
 
+    def __init__(self, client: Client, check: Check, show: Callable[[str], None]):
+        self.fault, self.begun = "", False
+        self._client, self._check, self._show = client, check, show
 
-def _wait(condition: Callable[[], bool], over: Callable[[dict[str, str]], bool], client, check: Check, show) -> bool:
-    """Whether the condition came true before over(what the nodes printed) did."""
-    while True:
-        client.look()
-        printed = check()
-        if condition():
-            return True
-        if over(printed):
-            return False
-        show(_line(client))
+    def wait(self, condition: Callable[[], bool], news: News | None = None) -> str:
+        """Until the condition is true; what came before that did, a fault or the end of the news, or ""."""
+        while True:
+            printed = self._look()
+            if condition():
+                return ""
+            if (said := self._client.said("haptic_driver", "fault")) in FAULTS:
+                self.fault = said
+                return f": {what_to_do(said)}"
+            if news and news.ended(printed):
+                return f", and no news for {LIMIT:.0f} s: {news.last_words()}"
+            self._pause()
+
+    def rest(self, seconds: float) -> None:
+        """So long, whatever comes."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self._look()
+            self._pause()
+
+    def _look(self) -> dict[str, str]:
+        self._client.look()
+        self.begun |= self._client.said("haptic_driver", "state") == "engaged"
+        return self._check()
+
+    def _pause(self) -> None:
+        self._show(_line(self._client))
         time.sleep(LOOK_PERIOD)
 
 
@@ -72,8 +102,3 @@ def _line(client: Client) -> str:
         if said := client.said("haptic_driver", name):
             parts.append(f"{label} {said}")
     return "   ".join(parts)
-
-
-def _faulty(client: Client) -> bool:
-    """Whether the driver waits for a person: after a fault it enables no more by itself."""
-    return client.said("haptic_driver", "fault") in NAMES

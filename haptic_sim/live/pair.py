@@ -7,13 +7,11 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from haptic_device.control.faults import TABLE
+from haptic_sim.fault_sentence import fell
 from haptic_sim.live.domain import current_domain, isolated_domain
 from haptic_sim.live.prepare import prepare
 from haptic_sim.live.processes import NAMESPACE, Nodes, Program
 from haptic_sim.live.tuning import FaultError
-
-CAUSES = {fault.name: fault.cause for fault in TABLE}
 
 
 def on_pair(domain: int | None, namespace: str | None, driver: dict, loopback: dict, work: Callable):
@@ -33,16 +31,12 @@ def on_pair(domain: int | None, namespace: str | None, driver: dict, loopback: d
     except FaultError as found:
         if domain is not None or namespace is not None:
             raise
-        print(f"{_fell(found)}; both nodes are started anew", file=sys.stderr, flush=True)
+        print(f"{fell(found.fault)}; both nodes are started anew", file=sys.stderr, flush=True)
     try:
         return once()
     except FaultError as found:
         todo = "end what else keeps the machine busy, or take a lower servo rate or less force"
-        raise ValueError(f"{_fell(found)} again: {todo}") from None
-
-
-def _fell(found: FaultError) -> str:
-    return f"haptic_driver fell into fault {found.fault} ({CAUSES[found.fault]})"
+        raise ValueError(f"{fell(found.fault)} again: {todo}") from None
 
 
 @contextlib.contextmanager

@@ -29,12 +29,12 @@ def _entries(program):
     from haptic_sim.scene import load
     from haptic_sim.simulation import kernels_of
 
-    reduced = reduce_scene(load(Path(_value(program, "scene"))), _value(program, "method"))
-    return kernels_of(reduced, _value(program, "exchange.method"))
+    reduced = reduce_scene(load(Path(value_of(program, "scene"))), value_of(program, "method"))
+    return kernels_of(reduced, value_of(program, "exchange.method"))
 
 
-def _value(program, name):
-    """What the node will find: given to it, or in its files, or by default."""
+def value_of(program: Program, name: str):
+    """The parameter that the node will find: given to it, or in its files, or by default."""
     found = {parameter.name: parameter.default for parameter in NODES[program.name]}
     for file in program.files:
         found |= read_operating_point(file, NODES, program.namespace)[program.name]

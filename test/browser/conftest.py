@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 import rclpy
+import waiting
 from chromium import OPTIONS, find
 from playwright.sync_api import sync_playwright
 from rcl_interfaces.srv import SetParametersAtomically
@@ -141,11 +142,7 @@ class Listener:
 
     def until(self, found, what, seconds=PATIENCE):
         """The first true answer of found(); what: is waited for."""
-        end = time.monotonic() + seconds
-        while not (answer := found()):
-            assert time.monotonic() < end, f"not within {seconds:g} s: {what}"
-            time.sleep(0.005)
-        return answer
+        return waiting.until(found, what, limit=seconds)
 
     def close(self):
         self._over = True
@@ -192,11 +189,13 @@ class Tab:
     def until(self, script, seconds=PATIENCE, before=lambda: None):
         """Waits until the script's expression is true on the page; calls before() ahead of each look. Playwright's own
         waiting needs eval, which the page forbids."""
-        end = time.monotonic() + seconds
-        while before() or not self.page.evaluate(f"Boolean({script})"):
-            shown = self.page.inner_text("body")[:4000] if time.monotonic() > end else None
-            assert shown is None, f"not within {seconds:g} s: {script}; {shown}"
-            self.page.wait_for_timeout(30)
+        waiting.until(
+            lambda: not before() and self.page.evaluate(f"Boolean({script})"),
+            script,
+            look=lambda: self.page.wait_for_timeout(30),
+            said=lambda: self.page.inner_text("body")[:4000],
+            limit=seconds,
+        )
 
     def until_text(self, name, pattern, seconds=PATIENCE):
         self.until(f"/{pattern}/.test(document.getElementById({name!r}).textContent)", seconds)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic demo` alive: the job is done, and no way of ending it leaves anything behind."""
 
+import contextlib
 import json
 import os
 import pty
@@ -13,11 +14,14 @@ from pathlib import Path
 import pytest
 from live_demo import BUSY, HAPTIC, ROOT, children, demos, end, ends_well, pages, running, until
 from live_nodes import strange_diagnostics
-from waiting import LIMIT
+from waiting import LIMIT, exit_code
 
 from haptic_device.recording import load
 from haptic_sim import scene
 from haptic_sim.cli import main
+from haptic_sim.client import Client
+from haptic_sim.live.processes import NAMESPACE
+from haptic_sim.questions import trigger
 from haptic_sim.recompute import verdict_on
 from haptic_sim.reduction import reduce_scene
 
@@ -106,7 +110,7 @@ def test_a_closed_terminal_and_a_killed_command_leave_no_process_and_no_page(tmp
             process.kill()
         os.close(control)
         control = None
-        process.wait(LIMIT)
+        exit_code(process)
         until(lambda: not running(nodes) and not pages(), "the end of every node", said=lambda: f"{nodes}, {pages()}")
     finally:
         if control is not None:
@@ -124,6 +128,22 @@ def test_a_dead_node_ends_the_demo_and_is_named(demo):
     assert run.ended() == 1 and "haptic_simulation ended with exit code -9" in run.progress
     assert not json.loads(run.said)["done"] and (run.bag / "metadata.yaml").exists()
     assert not running(nodes) and not pages()
+
+
+def test_a_fault_ends_a_demo_that_was_to_last_an_hour_and_its_cause_is_said(demo, ros_domain):
+    run = demo("--json", "--seconds", "3600", *BUSY, scene="free_space")
+    with contextlib.closing(Client.join("stops", ros_domain, NAMESPACE)) as client:
+
+        def moves():
+            client.look()
+            return client.said("haptic_driver", "state") == "engaged" and client.motor_commanded
+
+        until(moves, "the motor moves the handle", said=lambda: run.progress)
+        client.call(trigger("haptic_driver/estop"), patience=LIMIT)
+    assert run.ended() == 1
+    found, fell = json.loads(run.said), "haptic_driver fell into fault estop (~/estop was called)"
+    assert found["why"] == f"the run did not last 3600 s: {fell}; what clears it: ~/reset, then ~/enable"
+    assert found["faults"] == ["estop"] and not found["done"] and found["seconds"] > 0.0
 
 
 @pytest.mark.parametrize(

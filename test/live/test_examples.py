@@ -12,7 +12,7 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
-from waiting import LIMIT, until
+from waiting import exit_code, until
 
 EXAMPLE = Path(__file__).parents[2] / "examples/greatest_force.py"
 
@@ -49,5 +49,5 @@ def test_the_example_prints_each_greater_force_in_its_namespace_and_ends_on_ctrl
         for force, lines in (((3.0, -4.0), ["5.00 N"]), ((0.0, 12.0), ["5.00 N", "12.00 N"])):
             until(lambda lines=lines: said() == lines, f"{lines}", lambda force=force: push(*force))
         node.send_signal(signal.SIGINT)
-        assert node.wait(LIMIT) == 0
+        assert exit_code(node) == 0
     assert "Traceback" not in log.read_text()

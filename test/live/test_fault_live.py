@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from ear import Ear
 from live_nodes import HOLDING, command
-from waiting import LIMIT, until
+from waiting import until
 
 from haptic_device.process import ending_with_us
 from haptic_device.realtime import clock, shared_memory
@@ -74,7 +74,7 @@ class Driver:
         self._hear(b"free")
 
     def _hear(self, word):
-        assert select.select([self._heard], [], [], LIMIT)[0], f"the driver did not say {word}"
+        until(lambda: select.select([self._heard], [], [], 0.0)[0], f"the word {word} of the driver")
         assert os.read(self._heard, 4) == word
 
     def close(self):

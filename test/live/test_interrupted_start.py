@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from live_demo import HAPTIC, SCRIPTS
 from live_nodes import BESIDE, MODULES, caught, loaded
-from waiting import LIMIT, until
+from waiting import output, run, until
 
 from haptic_device.process import held
 
@@ -28,7 +28,7 @@ MOMENTS = {
 def interrupted(process, number=signal.SIGINT):
     """(exit code, what it printed) of a process that is signalled now."""
     process.send_signal(number)
-    return process.communicate(timeout=LIMIT), process.returncode
+    return output(process), process.returncode
 
 
 @pytest.mark.parametrize("moment", MOMENTS)
@@ -61,4 +61,4 @@ def test_importing_a_node_changes_no_handler_of_whoever_imports_it():
     modules = ", ".join(NODES.values())
     code = f"import signal; was = signal.getsignal(2), signal.getsignal(15); import {modules}\n"
     code += "assert (signal.getsignal(2), signal.getsignal(15)) == was"
-    assert subprocess.run([sys.executable, "-c", code], timeout=LIMIT).returncode == 0
+    assert run([sys.executable, "-c", code]).returncode == 0

@@ -14,7 +14,7 @@ from lifecycle_msgs.msg import State, Transition
 from live_nodes import MODULES, SLOW, Nodes, page_path
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
-from waiting import LIMIT, until
+from waiting import output, run, until
 
 from haptic_device.process import ending_with_us
 from haptic_sim.node.network_emulator import NetworkEmulator
@@ -148,7 +148,7 @@ for owner, name in MOMENTS:
 @pytest.mark.parametrize("name", NODES)
 def test_a_node_told_to_end_at_any_moment_of_its_start_ends_as_it_always_does(name, when):
     command = ending_with_us([sys.executable, "-c", TOLD, MODULES[name], when])
-    told = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT)
+    told = run(command)
     assert told.returncode == 0, (told.stdout, told.stderr)
     assert {*told.stdout.split("\n")[1::2]} == {"0"}, told.stdout
     assert "Traceback" not in told.stderr and "Exception" not in told.stderr, told.stderr
@@ -163,7 +163,7 @@ def test_signals_that_come_while_a_node_ends_change_nothing_of_its_end(module, s
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             node.send_signal(number)
             time.sleep(0.001)
-    said = node.communicate(timeout=LIMIT)[1]
+    said = output(node)[1]
     assert (node.returncode, "Traceback" in said) == (0, False), said
 
 

@@ -20,7 +20,7 @@ from live_nodes import Nodes, command
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
-from waiting import LIMIT, until
+from waiting import LIMIT, exit_code, output, run, until
 
 from haptic_device.process import ending_with_us
 from haptic_device.recording import load
@@ -206,7 +206,7 @@ def test_a_recorder_asked_to_end_leaves_a_complete_bag(ros_domain, start, tmp_pa
     process = start(recorder(tmp_path / "bag"), stderr=subprocess.PIPE)
     until(lambda: files(tmp_path / "bag"), "the bag")
     process.send_signal(number)
-    _, said = process.communicate(timeout=LIMIT)
+    _, said = output(process)
     assert process.returncode == 0 and "Traceback" not in said
     assert sorted(path.name for path in (tmp_path / "bag").iterdir()) == ["bag_0.mcap", "metadata.yaml"]
 
@@ -233,12 +233,12 @@ def refusals(ros_domain, tmp_path_factory):
             command = ending_with_us(recorder(bag, **given))
             started[wrong] = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         for wrong, process in started.items():
-            text = process.communicate(timeout=LIMIT)[1]
+            text = output(process)[1]
             said[wrong] = process.returncode, text
     finally:
         for process in started.values():
             process.kill()
-            process.wait(LIMIT)
+            exit_code(process)
             process.stderr.close()
     return said, used
 
@@ -271,7 +271,7 @@ def test_no_node_outlives_a_parent_that_was_killed(ros_domain, start, tmp_path):
     child = int(parent.stdout.readline())
     until(lambda: files(bag), "the bag")
     parent.kill()
-    parent.wait(LIMIT)
+    exit_code(parent)
     until(
         lambda: not psutil.pid_exists(child) or psutil.Process(child).status() == psutil.STATUS_ZOMBIE,
         "the end of the node",
@@ -287,7 +287,7 @@ def test_the_record_command_ends_on_ctrl_c_with_a_line_for_each_topic(speaker, s
     recording = start(command, stdout=subprocess.PIPE)
     speaker.publish(tmp_path / "out" / "bag", "motor", 50)
     recording.send_signal(signal.SIGINT)
-    said, _ = recording.communicate(timeout=LIMIT)
+    said, _ = output(recording)
     assert recording.returncode == 0
     count = len(kept(tmp_path / "out" / "bag", "motor"))
     assert count > 50 and re.search(rf"/haptic/motor +{count} messages, lost: 0", said)
@@ -309,7 +309,7 @@ def test_the_seconds_of_the_record_command_count_from_the_first_row_and_not_from
     first = time.monotonic()
     newcomer.until(lambda: newcomer.say("encoder", 1.0) or recording.poll() is not None, "the end of the recording")
     assert time.monotonic() - first >= 2.0
-    said, told = recording.communicate(timeout=LIMIT)
+    said, told = output(recording)
     assert recording.returncode == 0 and told.splitlines() == [f"recording to {bag}"]
     assert re.search(r"^/parameter_events +[1-9]", said, re.MULTILINE)
     assert re.search(rf"/haptic/encoder +{len(kept(bag, 'encoder'))} messages", said)
@@ -324,7 +324,7 @@ def test_the_record_command_that_is_ended_before_a_row_came_says_so(start, tmp_p
     recording = haptic_record(start, tmp_path / "out", "--namespace", "/nobody")
     until(lambda: files(tmp_path / "out" / "bag"), "the bag")
     recording.send_signal(signal.SIGINT)
-    said, told = recording.communicate(timeout=LIMIT)
+    said, told = output(recording)
     where = f"/nobody in domain {os.environ['ROS_DOMAIN_ID']}"
     assert (recording.returncode, said) == (1, "")
     assert told.split() == f"haptic: nothing was heard of {where}; is that where the nodes run?".split()
@@ -415,7 +415,7 @@ def test_each_bag_holds_the_parameters_that_a_node_has_while_it_is_written(newco
         until(lambda named=named: time.strftime("%Y%m%d-%H%M%S") > named, "the second that names the next bag")
     assert f"{STIFFNESS}: 900.0".encode() not in newest()
     process.terminate()
-    assert process.wait(LIMIT) == 0
+    assert exit_code(process) == 0
     assert len(list(tmp_path.glob("haptic_bags/*/metadata.yaml"))) == 2
 
 
@@ -455,7 +455,7 @@ def test_a_disk_that_takes_no_more_ends_the_bag_which_keeps_what_it_has(speaker,
 
     speaker.until(flooded, "the end of the recorder")
     speaker.node.destroy_publisher(publisher)
-    _, said = process.communicate(timeout=LIMIT)
+    _, said = output(process)
     assert process.returncode == 1 and "Traceback" not in said
     assert "recording stopped: the bag could not be written: No space left on device" in said
     sequence = joint(bag, "large").sequence
@@ -479,7 +479,7 @@ sys.exit(recorder.main())
 
 def test_a_disk_nearly_full_ends_the_bag(ros_domain, tmp_path):
     command = [sys.executable, "-c", _NEARLY_FULL, *ros_arguments(tmp_path / "bag")]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT)
+    ended = run(command)
     assert ended.returncode == 1 and "Traceback" not in ended.stderr
     assert "the disk has 150 MB left, disk_reserve is 200 MB" in ended.stderr and "are kept in" in ended.stderr
     assert (tmp_path / "bag" / "metadata.yaml").exists()
@@ -490,7 +490,7 @@ def test_a_bag_that_cannot_be_ended_is_said_to_be_so_and_the_recorder_has_failed
     process = start(command, stderr=subprocess.PIPE)
     until(lambda: files(tmp_path / "bag"), "the bag")
     process.send_signal(signal.SIGINT)
-    said = process.communicate(timeout=LIMIT)[1]
+    said = output(process)[1]
     assert process.returncode == 1 and "could not be ended (nobody foresaw this): haptic recover" in said, said
     assert "Traceback" not in said
 
@@ -517,6 +517,6 @@ sys.exit(recorder.main())
 def test_an_exception_that_nobody_foresaw_ends_the_recorder_and_its_bag(ros_domain, tmp_path, part):
     bag = tmp_path / "bag"
     command = [sys.executable, "-c", _FAILING, str(bag), part, *ros_arguments(bag)]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT)
+    ended = run(command)
     assert ended.returncode == 1 and "nobody foresaw this" in ended.stderr
     assert sorted(path.name for path in bag.iterdir()) == ["bag_0.mcap", "metadata.yaml"]

@@ -13,7 +13,7 @@ from handle_samples import HOME, MS, handle
 from lifecycle_msgs.msg import State, Transition
 from live_nodes import Nodes, command
 from std_srvs.srv import SetBool, Trigger
-from waiting import LIMIT
+from waiting import exit_code, output
 
 from haptic_device.control import exchange_samples
 from haptic_device.message_fields import exchange_names
@@ -89,19 +89,23 @@ class Peer(Served):
         more and more patience, so that also on a slow machine none is left to be answered later."""
         self.until(lambda: self.handle.get_subscription_count() and self._tool.get_publisher_count(), "a simulation")
         for _ in range(times):
-            patience = 0.05
-            self.send_handle(position, step)
-            while not self._answered_within(patience):
-                assert patience < LIMIT, f"no handle sample was answered; last said: {self.last()}"
-                patience *= 1.5
-                self.send_handle(position, step)
+            self._lead_once(position, step)
         return self.tools[-1]
 
-    def _answered_within(self, seconds):
-        end = time.monotonic() + seconds
-        while self.answered() != self.sequence and time.monotonic() < end:
-            self.look(0.02)
-        return self.answered() == self.sequence
+    def _lead_once(self, position, step):
+        self.send_handle(position, step)
+        sent, patience = time.monotonic(), 0.05
+
+        def answered():
+            nonlocal sent, patience
+            if self.answered() == self.sequence:
+                return True
+            if time.monotonic() > sent + patience:
+                self.send_handle(position, step)
+                sent, patience = time.monotonic(), 1.5 * patience
+            return False
+
+        self.until(answered, "an answer to a handle sample")
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +177,7 @@ def test_told_to_end_the_node_says_how_things_then_stand_and_ends_well(nodes, pe
     before = len(peer.said)
     process.send_signal(number)
     peer.until(lambda: peer.said[before:] and int(peer.said[-1][1]["answered"]) >= 5, "the last word")
-    assert process.wait(LIMIT) == 0
+    assert exit_code(process) == 0
     _, values = peer.said[-1]
     assert float(values["result.insertion_fraction"]) == pytest.approx(-0.5, abs=0.01)
     assert {"max_contact_force", "max_penetration", "refused", "rejoined", "sub_steps"} <= values.keys()
@@ -257,7 +261,7 @@ def test_told_to_end_while_a_world_is_compiled_the_node_ends_well(hooked, peer):
     peer.send(LOAD, Trigger.Request())
     peer.until(lambda: peer.call("load_scene") == SECOND, "the refusal of a second")
     hooked.send_signal(signal.SIGTERM)
-    assert hooked.wait(LIMIT) == 0
+    assert exit_code(hooked) == 0
     said = (hooked.folder / "log").read_text()
     assert "Traceback" not in said and "Exception" not in said, said
 
@@ -279,7 +283,7 @@ def test_an_exchange_that_an_exception_ends_is_said_to_have_ended_and_answers_an
     peer.until(lambda: len(told()) >= 3, "two more reports")
     assert len(peer.tools) == answers
     hooked.send_signal(signal.SIGTERM)
-    assert hooked.wait(LIMIT) == 0
+    assert exit_code(hooked) == 0
     said = (hooked.folder / "log").read_text()
     assert said.count(sentence) == 1 and "Traceback" not in said, said
 
@@ -307,7 +311,7 @@ def test_a_bad_parameter_ends_the_node_with_one_sentence(start):
     pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
     ended = [start(command("haptic_simulation", **parameters), **pipes) for parameters, _ in BAD]
     for process, (_, words) in zip(ended, BAD, strict=True):
-        said = process.communicate(timeout=LIMIT)[1].strip().splitlines()[-1]
+        said = output(process)[1].strip().splitlines()[-1]
         assert process.returncode == 1
         assert said.startswith("haptic_simulation: ")
         assert all(word in said for word in words), said

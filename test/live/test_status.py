@@ -4,12 +4,11 @@
 import contextlib
 import json
 import signal
-import subprocess
 import sys
 
 import pytest
 from live_nodes import command, strange_diagnostics
-from waiting import LIMIT, until
+from waiting import exit_code, run, until
 
 from fault_injection.listener import Listener
 from haptic_device.parameters import LOOPBACK_FIGURES
@@ -21,7 +20,7 @@ HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
 
 def test_status_shows_every_figure_of_a_running_system_and_says_by_its_exit_code_whether_one_is_bad(start, tmp_path):
     def status():
-        done = subprocess.run([*HAPTIC, "status", "--json"], capture_output=True, text=True, timeout=LIMIT)
+        done = run([*HAPTIC, "status", "--json"])
         return json.loads(done.stdout), done.returncode
 
     assert status() == ({}, 1)
@@ -36,12 +35,12 @@ def test_status_shows_every_figure_of_a_running_system_and_says_by_its_exit_code
     assert found["haptic_loopback: energy"]["level"] == 0
     assert code == int(any(said["level"] >= 2 for said in found.values()))
     node.send_signal(signal.SIGINT)
-    assert node.wait(LIMIT) == 0
+    assert exit_code(node) == 0
 
 
 def test_status_shows_strange_diagnostics_as_they_are_and_does_not_end():
     def heard(*options):
-        done = subprocess.run([*HAPTIC, "status", *options], capture_output=True, text=True, timeout=LIMIT)
+        done = run([*HAPTIC, "status", *options])
         assert done.returncode == 1 and "Traceback" not in done.stderr
         return all(name in done.stdout for name in ("seven", "all bits", "[/x]")) and done.stdout
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from waiting import LIMIT, until
+from waiting import LIMIT, exit_code, until
 
 from bench.jobs import Kept
 from bench.jobs import sweep as run_jobs
@@ -44,7 +44,7 @@ def _scheduler(log):
         yield _said(process, log, "Scheduler at:").split()[-1], process
     finally:
         process.kill()
-        process.wait(LIMIT)
+        exit_code(process)
 
 
 @pytest.fixture
@@ -101,7 +101,7 @@ def test_a_cluster_maps_the_same_to_the_bit_though_a_worker_is_killed_in_the_mid
             os.kill(workers[0].pid, signal.SIGKILL)
 
     far, near = draw_map(SMALL, 1, kill, kept), draw_map(SMALL, 2)
-    assert workers[0].wait(LIMIT) == -signal.SIGKILL
+    assert exit_code(workers[0]) == -signal.SIGKILL
     assert far.done.all()
     for one, other in zip(far.outcome, near.outcome, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -165,7 +165,7 @@ def test_processes_of_a_sweep_end_with_the_one_that_is_killed(start):
     process = start([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     worker = int(process.stdout.readline())
     process.kill()
-    process.wait(LIMIT)
+    exit_code(process)
     until(lambda: not os.path.exists(f"/proc/{worker}"), "the end of the worker")
 
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An exception that ends a thread of a node is the node's failure: said in words, the motor at zero, and its end."""
 
-import subprocess
 import sys
 
 import pytest
@@ -9,7 +8,7 @@ from ear import Ear
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState
 from live_nodes import MODULES, SLOW, Nodes, command, last_write
-from waiting import LIMIT
+from waiting import run
 
 from haptic_device.process import ending_with_us
 
@@ -56,7 +55,7 @@ def sentence(thread):
 @pytest.mark.parametrize(("name", "thread"), THREADS)
 def test_a_thread_that_fails_ends_the_node_with_a_sentence_and_code_1(ros_domain, name, thread):
     words = ending_with_us(failing(name, thread, **(SLOW if name == "haptic_driver" else {})))
-    ended = subprocess.run(words, capture_output=True, text=True, timeout=LIMIT)
+    ended = run(words)
     assert ended.returncode == 1 and "Traceback" not in ended.stderr, ended.stderr
     assert f"{name}: {sentence(thread)}" in ended.stderr.splitlines(), ended.stderr
     assert f"[/failing/{name}]" in ended.stderr or f"[failing.{name}]" in ended.stderr  # logged too

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from live_nodes import MODULES
-from waiting import LIMIT, until
+from waiting import output, until
 
 from haptic_sim.kernels import ENTRIES
 
@@ -37,7 +37,7 @@ def asking(cache_home, *names):
 def ended(process):
     """(standard output, standard error) of a process that ends well."""
     try:
-        out, error = process.communicate(timeout=LIMIT)
+        out, error = output(process)
     finally:
         process.kill()
     assert process.returncode == 0, error
@@ -70,7 +70,7 @@ def test_interrupted_in_the_middle_nothing_is_left_running_and_the_cache_still_s
     until(lambda: len(compiling(tmp_path)) >= 3, "processes that compile")
     process.send_signal(number)
     until(lambda: not compiling(tmp_path), "the end of all that compiled")
-    process.communicate(timeout=LIMIT)
+    output(process)
     assert process.returncode == -number
     ended(asking(tmp_path, SMALL))
     assert ended(asking(tmp_path, SMALL)) == ("", "")
@@ -82,7 +82,7 @@ def test_the_command_ends_at_once_by_ctrl_c_and_so_do_its_workers(tmp_path):
     process = subprocess.Popen(command, cwd=ROOT, env=environment, text=True, stderr=subprocess.PIPE)
     until(lambda: len(compiling(tmp_path)) >= 3, "processes that compile")
     process.send_signal(signal.SIGINT)
-    said = process.communicate(timeout=LIMIT)[1]
+    said = output(process)[1]
     assert process.returncode == 130 and "Traceback" not in said, said
     until(lambda: not compiling(tmp_path), "the end of all that compiled")
 
@@ -93,7 +93,7 @@ def test_a_node_told_to_end_while_its_kernels_compile_ends_well_and_so_does_all_
     node = start([sys.executable, "-m", module], env=environment, stderr=subprocess.PIPE)
     until(lambda: len(compiling(tmp_path)) >= 2, "a process that compiles")
     node.send_signal(signal.SIGTERM)
-    said = node.communicate(timeout=LIMIT)[1]
+    said = output(node)[1]
     assert node.returncode == 0 and "Traceback" not in said, said
     until(lambda: not compiling(tmp_path), "the end of all that compiled")
     assert not list(tmp_path.rglob("*.done"))

@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 from waiting import LIMIT, until
 
 from haptic_device.config_files import find
+from haptic_device.control.faults import TABLE
 from haptic_sim.live import processes
 from haptic_sim.live.domain import isolated_domain
 from haptic_sim.live.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
 from haptic_sim.live.system import Order, programs_of
-from haptic_sim.outcome import ANSWERED, GOALS, REACHED, job_done, nothing
+from haptic_sim.outcome import ANSWERED, GOALS, REACHED, not_done, nothing
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -174,20 +175,46 @@ def outcome(faults=(), result=None, sent=1000, answered=1000) -> dict:
 
 
 @pytest.mark.parametrize("goal", GOALS)
-def test_a_goal_is_reached_just_above_the_bound_and_not_just_below(goal):
-    assert job_done(outcome(result={goal: REACHED}, answered=1), ended=True)
-    assert not job_done(outcome(result={goal: REACHED - 1e-9}), ended=True)
+def test_a_goal_is_reached_just_above_the_bound_and_not_just_below_which_is_said(goal):
+    stood = "the motion did not end, and no news for 90 s"
+    assert not_done(outcome(result={goal: REACHED}, answered=1)) == ""
+    assert not_done(outcome(result={goal: REACHED}), stood) == ""
+    short = f"{goal} came to 0.94, and {REACHED:g} is the least"
+    assert not_done(outcome(result={goal: 0.94})) == short
+    assert not_done(outcome(result={goal: 0.94}), stood) == f"{stood}; {short}"
+    assert not_done(outcome(result={goal: REACHED - 1e-9}))
 
 
-def test_another_scene_is_done_if_it_ended_and_was_answered():
+def test_every_goal_that_was_missed_is_said():
+    missed = [f"{goal} came to 0, and {REACHED:g} is the least" for goal in GOALS]
+    assert not_done(outcome(result=dict.fromkeys(GOALS, 0.0))) == "; ".join(missed)
+
+
+def test_another_scene_is_done_if_it_ended_and_was_answered_and_what_it_lacks_is_said():
     just = int(ANSWERED * 1000)
-    assert job_done(outcome(answered=just), ended=True) and not job_done(outcome(answered=just - 1), ended=True)
-    assert not job_done(outcome(), ended=False) and not job_done(outcome(sent=0, answered=0), ended=True)
+    lack = f"{just - 1} of 1000 handle samples were answered, and {just} are the least"
+    assert not_done(outcome(answered=just)) == "" and not_done(outcome(answered=just - 1)) == lack
+    assert not_done(outcome(), "the motion did not end") == "the motion did not end"
 
 
-def test_nothing_is_done_with_a_fault_or_without_figures():
-    assert not job_done(outcome(faults=["velocity"], result={"insertion_fraction": 1.0}), ended=True)
-    assert not job_done(nothing(), ended=True)
+def test_behind_a_relay_one_answer_is_enough_and_none_is_said():
+    none = "0 of 1000 handle samples were answered, and 1 are the least"
+    assert not_done(outcome(answered=1), share=0.0) == "" and not_done(outcome(answered=0), share=0.0) == none
+    assert not_done(outcome(sent=0, answered=0)) == "0 of 0 handle samples were answered, and 1 are the least"
+
+
+@pytest.mark.parametrize("entry", TABLE, ids=lambda entry: entry.name)
+def test_nothing_is_done_with_a_fault_whose_cause_and_next_step_are_said(entry):
+    fell = f"haptic_driver fell into fault {entry.name} ({entry.cause}); what clears it: {entry.clear}"
+    assert not_done(outcome(faults=[entry.name], result={"insertion_fraction": 1.0})) == fell
+    unended = f"the motion did not end: {fell}"
+    assert not_done(outcome(faults=[entry.name]), unended) == unended
+
+
+def test_nothing_is_done_without_figures_and_what_went_wrong_is_said():
+    assert not_done(nothing()) == "the run left no figures"
+    died = "haptic_simulation ended with exit code -9: killed"
+    assert not_done(nothing() | {"faults": [died]}) == died
 
 
 def test_the_command_line_is_quick_to_load():
