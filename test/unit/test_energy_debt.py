@@ -172,6 +172,24 @@ def test_enabling_again_and_again_gives_one_budget_in_all(turns):
     assert BUDGET / 10.0 < work <= BUDGET
 
 
+@pytest.mark.parametrize("hold", [0.001, 0.01, 0.05])
+@pytest.mark.parametrize("speed", [0.2, FASTEST])
+def test_missed_ticks_give_no_more_beyond_the_budget_than_one_of_their_holds_can(hold, speed):
+    """A hand goes with the force for all of each hold: that gives min(F v, F²/4b) times its length, and once only."""
+    led, given, most = Led(0.0).stretched(), 0.0, 0.0
+    damping, limit = led.settings["hardware"]["damping"][0, 0], led.settings["force"]["limit"][0, 0]
+    paid = led.level + led.stored - BUDGET  # what the hand had put in, and the budget
+    for _ in range(20):
+        for time in (hold, PERIOD, PERIOD):
+            force = float(led.row["force_on_handle"][0, 0])
+            way = np.sign(force) * min(speed, abs(force) / (2.0 * damping)) * time
+            led.lead(way, time)
+            given += force * way - damping * way * way / time
+            most = max(most, given)
+    assert most <= max(0.0, paid) + BUDGET + min(limit * speed, limit**2 / (4.0 * damping)) * hold
+    assert most > 0.0
+
+
 def late_for_a_second(moving):
     """Force of the coupling, tank and margin before, at the end of a second with writes 400 µs late, and after it.
 
