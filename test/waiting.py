@@ -4,6 +4,7 @@
 import contextlib
 import linecache
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -94,6 +95,7 @@ class Watch:
         self._watching.join()
 
     def _watch(self):
+        signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())  # they are for the thread that may hold them
         before, since, told = None, time.monotonic(), 0.0
         while not self._over.wait(LOOK):
             where = self._place()
