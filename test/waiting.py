@@ -13,7 +13,7 @@ from pathlib import Path
 
 LIMIT = 200.0  # [s] for whatever is waited for: a node that starts on a busy machine, or compiles first; no assertion
 SAY_AFTER = 20.0  # [s] of waiting, and after as many again
-MOST = 600  # characters of what was said last
+MOST = 1000  # characters of what was said last
 LOOK = 1.0  # [s] between two looks of who watches the waits that do not look themselves
 TESTS = Path(__file__).parent
 _looks = [0]  # of `until`, all there were
@@ -31,7 +31,7 @@ def until(condition, what, look=lambda: time.sleep(0.005), said=lambda: "", limi
         waited = time.monotonic() - began
         assert waited < limit, f"not within {limit:g} s: {what}; {said()}"
         if waited - told >= SAY_AFTER:
-            tell(f"waits for {what} since {waited:.0f} s; said: {str(said())[-MOST:]}")
+            tell(f"waits for {what} since {waited:.0f} s; said: {' '.join(str(said()).split())[-MOST:]}")
             told = waited
         look()
     return found
