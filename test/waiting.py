@@ -4,6 +4,7 @@
 import contextlib
 import linecache
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -12,7 +13,7 @@ from pathlib import Path
 
 LIMIT = 200.0  # [s] for whatever is waited for: a node that starts on a busy machine, or compiles first; no assertion
 SAY_AFTER = 20.0  # [s] of waiting, and after as many again
-MOST = 600  # characters of what was said last
+MOST = 1000  # characters of what was said last
 LOOK = 1.0  # [s] between two looks of who watches the waits that do not look themselves
 TESTS = Path(__file__).parent
 _looks = [0]  # of `until`, all there were
@@ -30,7 +31,7 @@ def until(condition, what, look=lambda: time.sleep(0.005), said=lambda: "", limi
         waited = time.monotonic() - began
         assert waited < limit, f"not within {limit:g} s: {what}; {said()}"
         if waited - told >= SAY_AFTER:
-            tell(f"waits for {what} since {waited:.0f} s; said: {str(said())[-MOST:]}")
+            tell(f"waits for {what} since {waited:.0f} s; said: {' '.join(str(said()).split())[-MOST:]}")
             told = waited
         look()
     return found
@@ -94,6 +95,7 @@ class Watch:
         self._watching.join()
 
     def _watch(self):
+        signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())  # they are for the thread that may hold them
         before, since, told = None, time.monotonic(), 0.0
         while not self._over.wait(LOOK):
             where = self._place()

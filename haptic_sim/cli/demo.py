@@ -63,10 +63,7 @@ def run(order: Order, started: float, as_json: bool) -> bool:
     """Runs the order, reports, and says whether the job was done."""
     programs, unended, found, wrong = programs_of(order), "", {}, []
     try:
-        ending = _play(order, programs)
-        if not ending.commanded:
-            raise ValueError(ending.why)
-        unended = ending.why
+        unended = _play(order, programs)
         found = _evaluate(order, started)
     except (NodeDiedError, ValueError, OSError) as error:
         wrong.append(str(error))
@@ -81,14 +78,25 @@ def _order(scene, seconds, out, exchange, rate, params) -> Order:
 
 
 def play(order: Order) -> bool:
-    """Starts the nodes of the order, follows them to the end of the run, stops them. True if the run ended as asked."""
-    return not _play(order, programs_of(order)).why
+    """Starts the nodes of the order, follows them to the end of the run, stops them. True if the run ended as asked;
+    else it is said why. Raises NodeDiedError, ValueError if no motor command came, OSError."""
+    if unended := _play(order, programs_of(order)):
+        print(f"haptic demo: {unended}", file=sys.stderr)
+    return not unended
 
 
-def _play(order: Order, programs: list[Program]):
+def _play(order: Order, programs: list[Program]) -> str:
+    """Why the run did not end as asked, or ""."""
+    prepare(programs)
+    ending = _run_or_begin_anew(order, programs)
+    if not ending.commanded:
+        raise ValueError(ending.why)
+    return ending.why
+
+
+def _run_or_begin_anew(order: Order, programs: list[Program]):
     """How the run ended. Where the device fell silent before the motion had begun, as on a machine that does much else,
     this is said, and all is done once more."""
-    prepare(programs)
     ending = _once(order, programs)
     if not _stalled(ending):
         return ending

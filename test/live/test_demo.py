@@ -123,11 +123,36 @@ def test_a_dead_node_ends_the_demo_and_is_named(demo):
     until(run.bag.exists, "the bag", said=lambda: run.progress)
     until(lambda: len(children(run.process)) == len(NODES), "the last of the nodes", said=lambda: run.progress)
     nodes = children(run.process)
-    [victim] = [node for node in nodes if "haptic_sim.node.simulation" in node.cmdline()]
-    victim.kill()
+    node_of(run, "haptic_sim.node.simulation").kill()
     assert run.ended() == 1 and "haptic_simulation ended with exit code -9" in run.progress
     assert not json.loads(run.said)["done"] and (run.bag / "metadata.yaml").exists()
     assert not running(nodes) and not pages()
+
+
+def test_a_demo_whose_device_falls_silent_before_the_motion_begins_anew_and_does_its_job(demo, ros_domain):
+    run = demo("--json", *BUSY, scene="free_space")
+    simulation = until(lambda: node_of(run, "haptic_sim.node.simulation"), "the simulation")
+    simulation.suspend()  # the driver does not engage without it
+    loopback = node_of(run, "haptic_device.nodes.loopback")
+    with contextlib.closing(Client.join("stalls", ros_domain, NAMESPACE)) as client:
+
+        def says(name, wanted):
+            client.look()
+            return wanted(client.said("haptic_driver", name))
+
+        until(lambda: says("ticks", lambda ticks: int(ticks or 0) > 0), "the servo runs", said=lambda: run.progress)
+        loopback.suspend()
+        until(lambda: says("fault", lambda fault: fault == "device_silent"), "the fault", said=lambda: run.progress)
+        for process in (simulation, loopback):
+            process.resume()
+    assert run.ended() == 0, run.progress + run.said
+    assert "(the device answered no tick for fault.silence); all nodes are started anew" in run.progress
+    assert json.loads(run.said)["done"] and (run.out / "first_start" / "bag" / "metadata.yaml").exists()
+
+
+def node_of(run, module):
+    """Its process, once it is there."""
+    return next((node for node in children(run.process) if module in node.cmdline()), None)
 
 
 def test_a_fault_ends_a_demo_that_was_to_last_an_hour_and_its_cause_is_said(demo, ros_domain):
