@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-OVERLAP = 0.05  # [m] each wall reaches beyond the centre
 DWELL = (0.03, 0.15)  # [s] between jumps
 SMALL = 0.2  # of the full jump, at every third time: friction shows where forces are small
 STIFFNESS = (20.0, 100.0, 400.0)  # [N/m] softest, usual, stiffest of one wall
@@ -35,11 +34,13 @@ def wall_jumps(centres: Sequence[float], force: float, damping: float, period: f
     """
     rng, usual = np.random.default_rng(seed), 0.25 * damping / period
     choices = np.clip([usual / 4.0, usual], STIFFNESS[0], STIFFNESS[1:])
+    # twice the largest jump; a wall far beyond its centre would be at the force limit, and hold against nothing
+    overlap = force / (2.0 * float(choices[0]))
     while True:
         stiffness = float(rng.choice(choices))
         reach = force / (4.0 * stiffness) * (SMALL if rng.random() < 1 / 3 else 1.0)
         places = [centre + reach * rng.uniform(-1.0, 1.0) for centre in centres]
-        yield _pairs(places, stiffness, float(rng.uniform(*DWELL)))
+        yield _pairs(places, stiffness, overlap, float(rng.uniform(*DWELL)))
 
 
 class Twist(NamedTuple):
@@ -64,12 +65,12 @@ def tool_twists(
         yield Twist(centre + far * float(rng.uniform(-1.0, 1.0)), torque / stiffness, stiffness)
 
 
-def _pairs(centres: Sequence[float], stiffness: float, seconds: float) -> Jumps:
+def _pairs(centres: Sequence[float], stiffness: float, overlap: float, seconds: float) -> Jumps:
     normals: list[float] = []
     offsets: list[float] = []
     for axis, centre in enumerate(centres):
         unit = (1.0, 0.0) if axis == 0 else (0.0, 1.0)
         normals += [*unit, -unit[0], -unit[1]]
-        offsets += [OVERLAP + centre, OVERLAP - centre]
+        offsets += [overlap + centre, overlap - centre]
     count = len(offsets)
     return Jumps(tuple(v + 0.0 for v in normals), tuple(offsets), (stiffness,) * count, (0.0,) * count, seconds)

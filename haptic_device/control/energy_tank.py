@@ -87,6 +87,12 @@ def worst_draw(settings, tank, i, force):
 
 
 @kernel
+def damped_draw(settings, tank, i, force):
+    """The same where only damping bounds it (set_position.damped_draw)."""
+    return set_position.damped_draw(settings.hardware.scale[i] * force, tank.surplus[i], settings.period)
+
+
+@kernel
 def hidden_energy(settings, i, change):
     """Energy [J] of a change of force [N] over half an encoder step, by which the handle may be elsewhere."""
     return 0.5 * settings.hardware.scale[i] * abs(settings.hardware.position_per_count[i]) * abs(change)

@@ -18,7 +18,7 @@ def move_set_point(settings, tank, spring, motion, tool, output):
     for i in range(int(settings.axes)):
         spring.goal[i] = _predicted(settings, motion, tool, i)
     energy_tank.pay(settings, tank, spring, motion, output.exchange_fade)
-    worst = 0.0
+    worst = damped = 0.0
     for i in range(int(settings.axes)):
         # never faster than the tool is said to be, nor than the set position really moves
         most, least = max(0.0, tool.velocity[i]), min(0.0, tool.velocity[i])
@@ -28,7 +28,8 @@ def move_set_point(settings, tank, spring, motion, tool, output):
         velocity = set_position.slewed_velocity(spring.set_velocity[i], wanted, damping, slew, settings.period)
         spring.set_velocity[i] = velocity
         worst += energy_tank.worst_draw(settings, tank, i, damping * velocity)
-    share = set_position.damper_share(tank.level - energy_tank.reserve(settings, tank, spring), worst)
+        damped += energy_tank.damped_draw(settings, tank, i, damping * velocity)
+    share = set_position.damper_share(tank.level - energy_tank.reserve(settings, tank, spring), worst, damped)
     for i in range(int(settings.axes)):
         if share < 1.0:
             unpaid = (1.0 - share) * spring.factor * settings.coupling.damping[i] * spring.set_velocity[i]

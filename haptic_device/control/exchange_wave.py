@@ -210,8 +210,9 @@ def _move_port(settings, waves, tank, spring, motion, output, i, incoming):
 @njit
 def _felt_share(settings, tank, spring):
     """Share 0…1 that the tank covers of the dampers' forces beyond those that the waves pay for."""
-    worst = 0.0
+    worst = damped = 0.0
     for i in range(int(settings.axes)):
-        beyond = spring.set_velocity[i] - spring.own_velocity[i]
-        worst += energy_tank.worst_draw(settings, tank, i, spring.factor * settings.coupling.damping[i] * beyond)
-    return set_position.damper_share(tank.level - energy_tank.reserve(settings, tank, spring), worst)
+        force = spring.factor * settings.coupling.damping[i] * (spring.set_velocity[i] - spring.own_velocity[i])
+        worst += energy_tank.worst_draw(settings, tank, i, force)
+        damped += energy_tank.damped_draw(settings, tank, i, force)
+    return set_position.damper_share(tank.level - energy_tank.reserve(settings, tank, spring), worst, damped)

@@ -89,23 +89,31 @@ def scale_to_available_energy(available, wanted, square):
 
 
 @kernel
-def worst_draw(force, surplus, fastest, period):
-    """Most [J] that a damper's force g = B w [N] may draw from the tank in a hold, by the handle's worst motion.
-
-    g² T/4 (b − c), the maximum over Δx of g Δx − (b − c) Δx²/T, and no more than g times the way that a handle of speed
-    `fastest` [m/s] can go. surplus: b − c [N s/m].
-    """
-    most = abs(force) * fastest * period
-    return min(most, 0.25 * force * force * period / surplus) if surplus > 0.0 else most
+def damped_draw(force, surplus, period):
+    """g² T/4 (b − c) [J], the maximum over Δx of g Δx − (b − c) Δx²/T: of a damper's force g = B w [N]; b − c: surplus."""
+    if force == 0.0:
+        return 0.0
+    return 0.25 * force * force * period / surplus if surplus > 0.0 else math.inf
 
 
 @kernel
-def damper_share(tank, worst):
-    """Share 0…1 of the dampers' forces that the tank covers. worst: what all together may draw [J] (worst_draw)."""
+def worst_draw(force, surplus, fastest, period):
+    """Most [J] that a force [N] may draw from the tank in a hold, by the handle's worst motion.
+
+    damped_draw, and no more than the force times the way that a handle of speed `fastest` [m/s] can go.
+    """
+    return min(abs(force) * fastest * period, damped_draw(force, surplus, period))
+
+
+@kernel
+def damper_share(tank, worst, damped):
+    """Share 0…1 of the dampers' forces that the tank covers.
+
+    worst, damped: what all together may draw [J] (worst_draw, damped_draw); a share σ draws at most σ and σ² of them.
+    """
     if worst <= tank:
         return 1.0
-    # a share σ of a force draws at most σ of that
-    return tank / worst if tank > 0.0 else 0.0
+    return max(tank / worst, math.sqrt(tank / damped)) if tank > 0.0 else 0.0
 
 
 @kernel

@@ -90,6 +90,8 @@ def test_who_disables_an_inactive_driver_finds_it_idle_when_it_is_active_and_the
         return [values["state"] for _, _, values in heard[begin:]]
 
     ear.cleared()
+    # of what was said before, nothing is heard later
+    ear.news("haptic_driver", lambda level, message, values: values["state"] == "idle", what="it is idle")
     ear.change("haptic_driver", Transition.TRANSITION_DEACTIVATE, INACTIVE)
     assert ear.trigger("disable") == (True, "motor zero: the servo does not run")
     assert set(states(after=2 * SLOW["servo__rate"])) == {"idle"}

@@ -46,11 +46,22 @@ def test_a_shortened_stretch_holds_no_more_than_is_available_and_all_that_can_be
 @given(tank=st.floats(0.0, 0.1), force=FORCE, surplus=st.floats(1e-3, 5.0), moved=st.floats(-1e-3, 1e-3))
 def test_no_motion_draws_more_from_the_tank_than_it_has_for_the_set_positions_own_velocity(tank, force, surplus, moved):
     period = 0.25e-3
-    share = set_position.damper_share(tank, force * force / surplus, period)
+    damped = set_position.damped_draw(force, surplus, period)
+    share = set_position.damper_share(tank, damped, damped)
     assert tank - share * force * moved + surplus * moved * moved / period >= -1e-12
     worst = 0.5 * share * force * period / surplus
     if share < 1.0:
         assert tank - share * force * worst + surplus * worst**2 / period == pytest.approx(0.0, abs=1e-12)
+
+
+@given(tank=st.floats(0.0, 0.01), force=FORCE, surplus=st.floats(0.0, 5.0), way=st.floats(-1.0, 1.0))
+def test_nor_does_one_within_the_speed_limit_where_no_damping_is_left(tank, force, surplus, way):
+    period, fastest = 0.25e-3, 2.0
+    worst = set_position.worst_draw(force, surplus, fastest, period)
+    share = set_position.damper_share(tank, worst, set_position.damped_draw(force, surplus, period))
+    moved = way * fastest * period
+    assert share * force * moved - surplus * moved * moved / period <= tank + 1e-12
+    assert worst <= abs(force) * fastest * period and (surplus > 0.0 or worst == abs(force) * fastest * period)
 
 
 @given(way=st.lists(st.floats(-1e-3, 1e-3), min_size=1, max_size=16), step=st.floats(0.0, 1e-4))

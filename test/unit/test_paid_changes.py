@@ -195,3 +195,22 @@ def test_200_changes_of_walls_gains_cancellation_limit_and_clutch_under_a_hand_k
     assert system.rows[-1].fault == 0.0
     assert max(system.given) <= system.budget and system.forged <= system.budget
     assert np.max(system.beyond) <= system.slew
+
+
+@pytest.mark.parametrize("times", [{"late": 0.0005}, {"delay": 0.001}])
+def test_a_wall_stiffens_under_a_resting_hand_on_a_device_of_one_axis_where_the_tank_can_pay_it(times):
+    """From 500 to 560 N/m, 6 mm deep: 1.1 mJ, and what is late; an axis that is not there has no price."""
+    system = pressing(axes=1, exchange__method="pspm", **STIFF, **times)
+    system.wish(wall__stiffness=(560.0,))
+    assert system.go(0.5).there and system.memory["tank"]["level"][0] > 0.0
+
+
+@BOTH
+def test_an_axis_that_may_not_turn_holds_up_no_change(method):
+    """force.limit_rotational 0: its gains change at once, and those of the others as they are paid."""
+    still = {"force__limit_rotational": 0.0, "coupling__rotational_stiffness": 2.0, "exchange__method": method}
+    system = stretching(stretch=0.002, axes=3, **still)
+    for turning, pulling in ((0.5, 600.0), (1.5, 500.0)):
+        system.wish(coupling__rotational_stiffness=turning, coupling__stiffness=pulling)
+        assert system.go(0.5).there
+    assert max(row.engage for row in system.rows) == 1.0 and system.rows[-1].fault == 0.0

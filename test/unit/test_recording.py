@@ -324,7 +324,7 @@ def test_what_a_scene_measures_is_told_by_its_last_and_its_greatest_value(tmp_pa
     recording = replace(recording, joints=recording.joints | {"scene/state": shown})
     found = outcome.figures(recording, 0.0)
     assert (found["result"], found["result_greatest"]) == ({"pressed": 0.1}, {"pressed": 3.25})
-    tables.print_outcome({"scene": "wall", "done": True, **found, "bag": None, "report": None})
+    tables.print_outcome({"scene": "wall", "done": True, "why": "", **found, "bag": None, "report": None})
     said = capsys.readouterr().out
     assert "last 0.1, greatest 3.25" in said and "result_greatest" not in said
 
@@ -332,7 +332,7 @@ def test_what_a_scene_measures_is_told_by_its_last_and_its_greatest_value(tmp_pa
 def test_demo_and_report_have_the_same_words_and_numbers_for_the_strongest_forces(run, capsys):
     recording = load(run)
     figures = outcome.figures(recording, 0.0)
-    tables.print_outcome({"scene": "wall", "done": True, **figures, "bag": None, "report": None})
+    tables.print_outcome({"scene": "wall", "done": True, "why": "", **figures, "bag": None, "report": None})
     said = capsys.readouterr().out
     told = sections(read_run(run))["Contact"]
     assert figures["contact"]["max_force_n"] == 2.5 and told["strongest contact"] == "2.5 N"
