@@ -90,7 +90,7 @@ def scale_to_available_energy(available, wanted, square):
 
 @kernel
 def damped_draw(force, surplus, period):
-    """g² T/4 (b − c) [J], the maximum over Δx of g Δx − (b − c) Δx²/T: of a damper's force g = B w [N]; b − c: surplus."""
+    """g² T/4 (b − c) [J], the maximum over Δx of g Δx − (b − c) Δx²/T; g: a damper's force B w [N], b − c: surplus."""
     if force == 0.0:
         return 0.0
     return 0.25 * force * force * period / surplus if surplus > 0.0 else math.inf
