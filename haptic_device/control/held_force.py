@@ -23,6 +23,8 @@ def acted(hold, sent, i, now, elapsed):
     Summed as differences from the newest force, so that a force which stays is itself and has not changed.
     """
     end, begin, at = now, now - elapsed * 1e9, int(hold.newest)
+    if hold.acts[at] <= begin:  # on time: one force acted
+        return sent[at, i], 0.0
     newest, change, square = sent[at, i], 0.0, 0.0
     for _ in range(HELD):
         start = max(begin, hold.acts[at])

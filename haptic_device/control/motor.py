@@ -65,7 +65,7 @@ def _springs(settings, hold, i):
 def _walls_damped(settings, hold):
     """Largest share of the walls' dampers, as one vector, that fits beside the springs: so they stay dampers."""
     share = 1.0
-    for i in range(min(2, int(settings.axes))):
+    for i in range(min(2, int(settings.axes)) if settings.wall.count > 0.0 else 0):
         share = min(share, _share(_springs(settings, hold, i), hold.wall_dampers[i], settings.coupling.limit[i]))
     return share
 
