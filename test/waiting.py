@@ -103,16 +103,20 @@ class Watch:
                 before, since, told = now, time.monotonic(), 0.0
             waited = time.monotonic() - since
             if now[1] and waited - told >= SAY_AFTER:
-                tell(f"stands {where} since {waited:.0f} s")
+                tell(f"stands {_lines(where)} since {waited:.0f} s")
                 told = waited
 
     def _place(self):
-        """The innermost lines of a test and of what tests share."""
+        """File and number of the innermost lines of a test and of what tests share; it keeps no memory of them."""
         frame, lines = sys._current_frames().get(self._thread), {}
         while frame is not None:
             file = Path(frame.f_code.co_filename)
             if file.is_relative_to(TESTS) or file.name.startswith("test_"):
                 lines.setdefault(file.name.startswith("test_"), (str(file), frame.f_lineno))
             frame = frame.f_back
-        told = [f"{Path(file).name}:{line}, {linecache.getline(file, line).strip()!r}" for file, line in lines.values()]
-        return f"at {', from '.join(told)}," if told else "in this test"  # a browser's own loop has no line of ours
+        return tuple(lines.values())
+
+
+def _lines(place):
+    told = [f"{Path(file).name}:{line}, {linecache.getline(file, line).strip()!r}" for file, line in place]
+    return f"at {', from '.join(told)}," if told else "in this test"  # a browser's own loop has no line of ours

@@ -186,7 +186,7 @@ def test_force_that_is_withheld_stands_in_the_line_and_its_cause_in_the_table_of
     client.withheld = {"withheld": "tank, limit", "withheld_s": "3.2"}
     with status_line() as show:
         follow.follow(0.1, client, dict, show)
-    found = outcome.nothing() | {"scene": "wall", "done": False, "bag": None, "withheld_s": {"tank": 3.2}}
+    found = outcome.nothing() | {"scene": "wall", "done": False, "why": "", "bag": None, "withheld_s": {"tank": 3.2}}
     print_outcome(found)
     said = capsys.readouterr()
     assert "force withheld for 3.2 s: tank, limit" in said.err
