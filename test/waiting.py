@@ -15,7 +15,8 @@ LIMIT = 200.0  # [s] for whatever is waited for: a node that starts on a busy ma
 SAY_AFTER = 20.0  # [s] of waiting, and after as many again
 MOST = 1000  # characters of what was said last
 LOOK = 1.0  # [s] between two looks of who watches the waits that do not look themselves
-TESTS = Path(__file__).parent
+YOUNG = 0.25  # of SAY_AFTER, in which nobody looks where a test stands: to look at its frames costs it memory
+TESTS = str(Path(__file__).parent)
 _looks = [0]  # of `until`, all there were
 terminal = 2  # file descriptor; conftest.py gives the one from before pytest captures
 
@@ -96,23 +97,28 @@ class Watch:
 
     def _watch(self):
         signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())  # they are for the thread that may hold them
-        before, since, told = None, time.monotonic(), 0.0
+        before, since, told, test, begun = None, 0.0, 0.0, None, 0.0
         while not self._over.wait(LOOK):
-            where = self._place()
-            if (now := (where, os.environ.get("PYTEST_CURRENT_TEST"), _looks[0])) != before:
-                before, since, told = now, time.monotonic(), 0.0
-            waited = time.monotonic() - since
-            if now[1] and waited - told >= SAY_AFTER:
-                tell(f"stands {_lines(where)} since {waited:.0f} s")
-                told = waited
+            now = time.monotonic()
+            if (running := os.environ.get("PYTEST_CURRENT_TEST")) != test:
+                before, since, told, test, begun = None, now, 0.0, running, now
+            if running is None or now - begun < YOUNG * SAY_AFTER:
+                continue
+            if (place := (self._place(), _looks[0])) != before:
+                # what a young test did nobody has looked at
+                before, since, told = place, now if before else begun, 0.0
+            if now - since - told >= SAY_AFTER:
+                told = now - since
+                tell(f"stands {_lines(place[0])} since {told:.0f} s")
 
     def _place(self):
         """File and number of the innermost lines of a test and of what tests share; it keeps no memory of them."""
         frame, lines = sys._current_frames().get(self._thread), {}
         while frame is not None:
-            file = Path(frame.f_code.co_filename)
-            if file.is_relative_to(TESTS) or file.name.startswith("test_"):
-                lines.setdefault(file.name.startswith("test_"), (str(file), frame.f_lineno))
+            file = frame.f_code.co_filename
+            named = file.rpartition(os.sep)[2].startswith("test_")
+            if named or file.startswith(TESTS):
+                lines.setdefault(named, (file, frame.f_lineno))
             frame = frame.f_back
         return tuple(lines.values())
 
