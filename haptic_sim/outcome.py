@@ -63,7 +63,9 @@ def not_done(found: dict, unended: str = "", share: float = ANSWERED) -> str:
     did not, or "") with this share of the handle samples answered.
     """
     if found["faults"]:
-        return unended or "; ".join(what_to_do(name) if name in FAULTS else name for name in found["faults"])
+        said = [what_to_do(name) for name in found["faults"] if name in FAULTS and not unended]
+        said += [name for name in found["faults"] if name not in FAULTS]
+        return "; ".join(dict.fromkeys(filter(None, [unended, *said])))
     if not found["exchange"]:
         return unended or "the run left no figures"
     if goals := {name: found["result"][name] for name in GOALS if name in found["result"]}:

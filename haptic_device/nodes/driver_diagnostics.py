@@ -54,7 +54,7 @@ class DriverDiagnostics:
     def _warnings(self, row):
         """Sentences, what the hand feels first."""
         node = self._node
-        withheld = withheld_force.sentence(self._withheld(), row)
+        withheld = withheld_force.sentence(self._withheld(row), row)
         if refused := self._refused.sentence(node.exchange.refusals()):
             yield refused
         if withheld:
@@ -68,14 +68,15 @@ class DriverDiagnostics:
         if short and node.values["passivity.policy"] != "off":
             yield f"the passivity margin is not positive: {short}"
 
-    def _withheld(self):
-        """{cause: time [s]} of force that is withheld now; a servo that does not run withholds none."""
-        return self._node.telemetry.withheld.standing() if self._node.servo.running else {}
+    def _withheld(self, row):
+        """{cause: time [s]} of force that is withheld now; a servo that does not run, or is let go, withholds none."""
+        let_go = row.withheld == 0 and int(row.state) in (enable_state.IDLE, enable_state.FAULT)
+        return self._node.telemetry.withheld.standing() if self._node.servo.running and not let_go else {}
 
     def _values(self, row):
         node, exchange = self._node, self._node.exchange
         lateness, compute, age, _ = node.telemetry.percentiles() * 1e6
-        trips, standing = exchange.round_trips() * 1e-3, self._withheld()
+        trips, standing = exchange.round_trips() * 1e-3, self._withheld(row)
         return {
             "state": enable_state.STATES[int(row.state)],
             "fault": faults.name_of(row.fault),

@@ -185,8 +185,8 @@ def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json
     found = nothing() | found
     found["faults"] = found["faults"] + wrong
     why = not_done(found, unended, 0.0 if order.relay else ANSWERED)
-    if why:
-        print(f"haptic demo: {why}", file=sys.stderr)
+    if said := why or unended:
+        print(f"haptic demo: {said}", file=sys.stderr)
     found = {"scene": order.scene, "done": not why, "why": why, **found, "bag": str(bag) if bag.exists() else None}
     print(json_text.dumps(found)) if as_json else print_outcome(found)
     return not why

@@ -40,7 +40,7 @@ def follow(seconds: float | None, client: Client, check: Check, show: Callable[[
     goes.
     """
     run = _Run(client, check, show)
-    if why := run.wait(lambda: client.motor_commanded, News(client, *NODES)):
+    if why := run.wait(lambda: run.commanded, News(client, *NODES)):
         return Ending(f"no motor command came{why}", run.fault, False, False)
     end = time.monotonic() + (seconds or 0.0)
     if seconds is not None:
@@ -55,10 +55,11 @@ def follow(seconds: float | None, client: Client, check: Check, show: Callable[[
 
 
 class _Run:
-    """A run that is looked at. fault: what ended a wait, by name; begun: whether the motion was seen to have begun."""
+    """A run that is looked at. fault: what ended a wait, by name; commanded, begun: whether the motor was seen to have
+    been commanded, the motion to have begun."""
 
     def __init__(self, client: Client, check: Check, show: Callable[[str], None]):
-        self.fault, self.begun = "", False
+        self.fault, self.commanded, self.begun = "", False, False
         self._client, self._check, self._show = client, check, show
 
     def wait(self, condition: Callable[[], bool], news: News | None = None) -> str:
@@ -84,6 +85,7 @@ class _Run:
     def _look(self) -> dict[str, str]:
         self._client.look()
         self.begun |= self._client.said("haptic_driver", "state") == "engaged"
+        self.commanded |= self._client.motor_commanded or self.begun  # a fault may end it between two looks
         return self._check()
 
     def _pause(self) -> None:

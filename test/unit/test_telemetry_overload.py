@@ -104,11 +104,13 @@ def machine(request):
     """A machine that has published for SECONDS of its time, and stands still there."""
     with pytest.MonkeyPatch.context() as patch:
         machine = Machine(patch, request.param)
-        until(machine.held.is_set, "the end of its time")
-        yield machine
-        machine.serves = False
-        machine.let_go.set()
-        machine.telemetry.stop()
+        try:
+            until(machine.held.is_set, "the end of its time")
+            yield machine
+        finally:
+            machine.serves = False
+            machine.let_go.set()
+            machine.telemetry.stop()
 
 
 overloaded = pytest.mark.parametrize("machine", [BUSY], indirect=True, ids=["busy"])
