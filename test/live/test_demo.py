@@ -17,6 +17,7 @@ from live_demo import BUSY, HAPTIC, ROOT, children, demos, end, ends_well, pages
 from live_nodes import strange_diagnostics
 from waiting import LIMIT, exit_code
 
+from haptic_device.control import withheld
 from haptic_device.recording import load
 from haptic_sim import scene
 from haptic_sim.cli import main
@@ -63,7 +64,9 @@ def test_the_peg_goes_into_the_hole_every_figure_is_reported_and_no_node_compile
     assert not any("data saved to" in log for log in logs.values())
     found = json.loads(run.said.splitlines()[-1])
     assert found["done"] and found["faults"] == [] and found["result"]["insertion_fraction"] >= 0.95
-    assert flat(found) == documented()
+    # by cause, and what is withheld on a busy machine is not known
+    causes = {f"withheld_s.{cause.name}" for cause in withheld.TABLE}
+    assert flat(found) - causes == documented() - {"withheld_s.CAUSE"} and isinstance(found["withheld_s"], dict)
     assert found["simulation"] == {"method": "impulse", "why": reduce_scene(scene.load("peg_in_hole")).reasons[0]}
     assert found["exchange"]["sent"] >= found["exchange"]["answered"] > 0
     assert found["energy_j"]["given_to_operator_end"] < 0.0  # by the truth: who pushed the peg has worked

@@ -98,7 +98,7 @@ def test_without_a_simulation_the_handle_moves_in_free_space_and_diagnostics_say
     level, message, values = display.engaged()
     assert level == WARN and "no simulation: the handle is in free space" in message
     _, message, _ = display.news("haptic_driver", lambda level, message, values: values["withheld"] == "no_tool")
-    assert message.startswith("force withheld for ") and message.endswith("; start haptic_simulation")
+    assert message.startswith("force withheld for ") and "; start haptic_simulation" in message
     assert int(values["ticks"]) > 0
     begin = len(display.truths)
     display.go_to(0.03)
