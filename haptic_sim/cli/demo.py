@@ -79,7 +79,7 @@ def _order(scene, seconds, out, exchange, rate, params) -> Order:
 
 def play(order: Order) -> bool:
     """Starts the nodes of the order, follows them to the end of the run, stops them. True if the run ended as asked;
-    else it is said why. Raises NodeDiedError, ValueError if no motor command came, OSError."""
+    else it is said why. Raises NodeDiedError, ValueError if no motor command came and no fault, OSError."""
     if unended := _play(order, programs_of(order)):
         print(f"haptic demo: {unended}", file=sys.stderr)
     return not unended
@@ -89,7 +89,7 @@ def _play(order: Order, programs: list[Program]) -> str:
     """Why the run did not end as asked, or ""."""
     prepare(programs)
     ending = _run_or_begin_anew(order, programs)
-    if not ending.commanded:
+    if not (ending.commanded or ending.fault):
         raise ValueError(ending.why)
     return ending.why
 

@@ -22,7 +22,7 @@ Check = Callable[[], dict[str, str]]
 class Ending(NamedTuple):
     """How a run ended. why: a sentence, "" if it ended as asked; fault: what ended it, by name, or "".
 
-    commanded: whether the motor ever was; begun: whether the operator's motion had begun.
+    commanded: whether the motor was seen to be; begun: whether the operator's motion had begun.
     """
 
     why: str
@@ -41,7 +41,8 @@ def follow(seconds: float | None, client: Client, check: Check, show: Callable[[
     """
     run = _Run(client, check, show)
     if why := run.wait(lambda: run.commanded, News(client, *NODES)):
-        return Ending(f"no motor command came{why}", run.fault, False, False)
+        came = "was seen" if run.fault else "came"  # one between two looks, the fault after it, is in the bag alone
+        return Ending(f"no motor command {came}{why}", run.fault, False, False)
     end = time.monotonic() + (seconds or 0.0)
     if seconds is not None:
         lack, why = f"the run did not last {seconds:g} s", run.wait(lambda: time.monotonic() >= end)

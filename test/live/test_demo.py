@@ -157,7 +157,11 @@ def test_a_demo_whose_device_falls_silent_before_the_motion_begins_anew_and_does
 
 def node_of(run, module):
     """Its process, once it is there."""
-    return next((node for node in children(run.process) if module in node.cmdline()), None)
+    for node in children(run.process):
+        with contextlib.suppress(psutil.NoSuchProcess):  # one that has just ended has no words
+            if module in node.cmdline():
+                return node
+    return None
 
 
 def test_a_fault_ends_a_demo_that_was_to_last_an_hour_and_its_cause_is_said(demo, ros_domain):
@@ -172,7 +176,8 @@ def test_a_fault_ends_a_demo_that_was_to_last_an_hour_and_its_cause_is_said(demo
         client.call(trigger("haptic_driver/estop"), patience=LIMIT)
     assert run.ended() == 1
     found, fell = json.loads(run.said), "haptic_driver fell into fault estop (~/estop was called)"
-    assert found["why"] == f"the run did not last 3600 s: {fell}; what clears it: ~/reset, then ~/enable"
+    # whether the demo saw the motor between two looks, before it was stopped, is not said here
+    assert found["why"].endswith(f": {fell}; what clears it: ~/reset, then ~/enable")
     assert found["faults"] == ["estop"] and not found["done"] and found["seconds"] > 0.0
 
 

@@ -94,7 +94,7 @@ def going_on(seconds):
 
 ENGAGED = says("haptic_driver", "engaged", state="engaged")
 LACKS = {
-    "before the first command": "no motor command came",
+    "before the first command": "no motor command was seen",
     "while it engages": "the motion did not begin",
     "in the motion": "the motion did not end",
 }
@@ -113,7 +113,7 @@ def test_a_latched_fault_ends_a_run_soon_in_a_sentence_with_its_cause_and_what_c
     told = f"haptic_driver fell into fault {entry.name} ({entry.cause}); what clears it: {entry.clear}"
     before = moment == "before the first command"
     lack = "the run did not last 3600 s" if seconds else LACKS[moment]
-    assert ending.why == f"{'no motor command came' if before else lack}: {told}"
+    assert ending.why == f"{'no motor command was seen' if before else lack}: {told}"
     assert (ending.fault, ending.commanded, ending.begun) == (entry.name, not before, moment == "in the motion")
 
 
