@@ -42,7 +42,6 @@ class Joint(Part):
 
     holds: ClassVar[bool] = True
     """Whether it binds its bodies' motion; else it only pulls."""
-    keeps_angle: ClassVar[bool] = False
 
     @model_validator(mode="after")
     def _between_two_bodies_at_one_place(self) -> Self:
@@ -63,6 +62,16 @@ class Joint(Part):
     def forbidden(self, vector: Point) -> Point:
         """The part of a vector from anchor to anchor, or of its rate, at the start, that the joint does not let be."""
         return vector
+
+    @property
+    def locks(self) -> bool:
+        """Whether it leaves no coordinate: makes one of two bodies."""
+        return self.range == (0.0, 0.0)
+
+    @property
+    def keeps_angle(self) -> bool:
+        """Whether its bodies cannot turn against each other."""
+        return self.locks
 
     @property
     def reach(self) -> float:
@@ -95,10 +104,14 @@ class Joint(Part):
 
 
 class Weld(Joint):
-    """Makes one of two bodies."""
+    """Makes one of two bodies, as limits of a pin or a slider do that are both 0."""
 
     type: Literal["weld"]
-    keeps_angle = True
+
+    @property
+    def locks(self) -> bool:
+        """Whether it leaves no coordinate: makes one of two bodies."""
+        return True
 
 
 class Spring(Joint):
@@ -193,7 +206,11 @@ class Slider(LowerPair):
     axis: Direction
     friction_force: NotNegative = 0.0
     motor: LinearMotor | None = None
-    keeps_angle = True
+
+    @property
+    def keeps_angle(self) -> bool:
+        """Whether its bodies cannot turn against each other."""
+        return True
 
     @property
     def unit_axis(self) -> Point:

@@ -1,95 +1,208 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joints of a scene as Chipmunk's constraints, and the energy that their springs hold."""
+"""Joints of a scene as Chipmunk's constraints, and the energy that their springs hold.
+
+A slider. Since its bodies do not turn against each other, its guide may be held at any point, and what acts along it
+may act at any point. The point matters to Chipmunk: its groove asks for the impulse J with n · K⁻¹ (v + K J) = 0, where
+K is what an impulse at the point does to the velocity there, so that n · v = 0 only where K does not mix n with the
+axis t. With arms r_a, r_b from the mass centres, K mixes them by (r_a · n)(r_a · t)/I_a + (r_b · n)(r_b · t)/I_b, which
+is 0 wherever the bodies are if the point is level with the mass centre of b along t, and with that of a along n. The
+guide's impulses then turn a alone, so a is the one of more inertia.
+
+What acts along the axis is held by a point `REACH` behind or ahead on it: the distance of two points has no sign, but
+that to a point so far away grows with the coordinate, and its line is the axis.
+
+A damper, by backward difference, gives the impulse −h c v⁺. Chipmunk's takes the share 1 − exp(−C h/m) of the velocity
+v between its ends, m being their mass as seen there, while others push: with C = m/h ln(1 + c h/m) what is left is
+v⁺ = (v + J/m)/(1 + c h/m), which is that. It is stable for every c h/m; the same with I, c_θ.
+"""
 
 import math
+from collections.abc import Iterator
+from typing import NamedTuple
 
-import numpy as np
 import pymunk
 
-from haptic_sim.geometry import turned
+from haptic_sim.geometry import framed, turned
 from haptic_sim.reduction import ReducedScene
 from haptic_sim.reduction.model import PIN, SLIDER, SPRING
 
-REACH = 100.0
-"""m; half the length of a groove without limits."""
-STOP_BIAS = 1e-3
-"""As a space's collision_bias, for joints with a stop: Chipmunk takes a joint's error back as velocity, which stays."""
+REACH = 1e4
+"""m; how far away the point is that holds what acts along an axis. A spring of two axes errs by y²/2 REACH."""
+STOP_BIAS = 0.9
+"""As a space's collision_bias, for stops: Chipmunk takes their error back as velocity, which stays. Nearly none."""
+REACHED, BEYOND = 1e-9, -0.5e-9
+"""m | rad by which a stop is passed when it is reached: Chipmunk's acts beyond alone. The way left of a passed one."""
 MANY, MANY_BIAS = 12, 1e-20
 """For more joints than this: so many velocities are not settled within the sweeps, and a grid of 17 pins blows up."""
+OPEN_BIAS = 0.0
+"""Of joints that no loop holds, where both bodies can move: all at once. Two ends that are apart push past each other,
+and turn the two by that."""
 
 
-def add_joints(space: pymunk.Space, reduced: ReducedScene, bodies: list[pymunk.Body]) -> None:
+class Damper(NamedTuple):
+    """A Chipmunk spring, the damping that it stands for, and whether its lever arms change."""
+
+    spring: pymunk.DampedSpring | pymunk.DampedRotarySpring
+    damping: float
+    turns: bool
+
+    def set_for(self, h: float) -> None:
+        """Makes the spring damp a step of h [s] by backward difference, with the bodies as they are now."""
+        mobility = self._mobility()
+        self.spring.damping = math.log1p(h * self.damping * mobility) / (h * mobility)
+
+    def _mobility(self):
+        spring, a, b = self.spring, self.spring.a, self.spring.b
+        if isinstance(spring, pymunk.DampedRotarySpring):
+            return 1.0 / a.moment + 1.0 / b.moment
+        on_a, on_b = a.local_to_world(spring.anchor_a), b.local_to_world(spring.anchor_b)
+        line = (on_b - on_a).normalized()
+        arms = (on_a - a.position).cross(line), (on_b - b.position).cross(line)
+        return sum(1.0 / end.mass + arm * arm / end.moment for end, arm in zip((a, b), arms, strict=True))
+
+
+class Stop(NamedTuple):
+    """The limits of a joint's coordinate, and a movable body of it."""
+
+    joint: pymunk.RotaryLimitJoint | pymunk.SlideJoint
+    body: int
+
+    def ahead(self) -> tuple[float, float]:
+        """Way left to the limit that the coordinate goes to, and its rate towards it [m, m/s | rad, rad/s]."""
+        joint, a, b = self.joint, self.joint.a, self.joint.b
+        if isinstance(joint, pymunk.RotaryLimitJoint):
+            at, rate = b.angle - a.angle, b.angular_velocity - a.angular_velocity
+        else:
+            on_a, on_b = a.local_to_world(joint.anchor_a), b.local_to_world(joint.anchor_b)
+            line, at = (on_b - on_a).normalized_and_length()
+            rate = (b.velocity_at_world_point(on_b) - a.velocity_at_world_point(on_a)).dot(line)
+        return (joint.max - at, rate) if rate > 0.0 else (at - joint.min, -rate)
+
+    def time_left(self) -> float:
+        """Time [s] until the coordinate is at a limit, at its present rate; inf beyond it."""
+        way, rate = self.ahead()
+        return (way + REACHED) / rate if way > BEYOND and rate > 0.0 else math.inf
+
+
+class Added(NamedTuple):
+    """What of the joints has to be looked after."""
+
+    dampers: list[Damper]
+    stops: list[Stop]
+
+
+def add_joints(space: pymunk.Space, reduced: ReducedScene, bodies: list[pymunk.Body]) -> Added:
     """All joints of the model; `bodies` are the model's movable ones in its order."""
-    bias = MANY_BIAS if len(reduced.model.joint_kind) > MANY else space.collision_bias
-    for j in range(len(reduced.model.joint_kind)):
-        for joint in _joint(reduced.model, j, [*bodies, space.static_body]):
-            stops = np.any(np.isfinite(reduced.model.joint_limit[j]))
-            if joint.max_bias > 1e9:  # else a drive, which has no error
-                joint.error_bias = STOP_BIAS if stops else bias
+    model, added = reduced.model, Added([], [])
+    for j, ends in enumerate(model.joint_bodies.tolist()):
+        a, b = (bodies[k] if k < len(bodies) else space.static_body for k in ends)
+        for joint in _joint(model, j, a, b, _bias(space, model, j)):
             space.add(joint)
+            if isinstance(joint, pymunk.RotaryLimitJoint | pymunk.SlideJoint):
+                added.stops.append(Stop(joint, min(ends)))
+            if isinstance(joint, pymunk.DampedSpring | pymunk.DampedRotarySpring) and model.joint_spring[j, 1] > 0.0:
+                damper = Damper(joint, float(model.joint_spring[j, 1]), bool(model.joint_kind[j] == SPRING))
+                added.dampers.append(damper)
+    return added
 
 
-def _joint(model, j, bodies):
+def _bias(space, model, j):
+    """How fast the error of joint j is taken back."""
+    if len(model.joint_kind) > MANY:
+        return MANY_BIAS
+    return space.collision_bias if _has_loop(model) else OPEN_BIAS
+
+
+def _has_loop(model):
+    """Whether joints, springs left out, lead from a body back to it."""
+    held = list(range(len(model.mass)))
+    for kind, (a, b) in zip(model.joint_kind, model.joint_bodies.tolist(), strict=True):
+        if kind == SPRING:
+            continue
+        if held[a] == held[b]:
+            return True
+        held = [held[a] if there == held[b] else there for there in held]
+    return False
+
+
+def _joint(model, j, a, b, bias) -> Iterator[pymunk.Constraint]:
     """Chipmunk's constraints that make one joint of the model."""
-    a, b = (bodies[k] for k in model.joint_bodies[j])
     on_a, on_b = (tuple(anchor) for anchor in model.joint_anchor[j].tolist())
-    kind, (low, high) = model.joint_kind[j], model.joint_limit[j].tolist()
-    stiffness, damping, rest = model.joint_spring[j].tolist()
-    friction, (speed, strength), start = (
-        float(model.joint_friction[j]),
-        model.joint_motor[j].tolist(),
-        float(model.joint_angle[j]),
-    )
-    if kind == SPRING:
-        yield pymunk.DampedSpring(a, b, on_a, on_b, rest, stiffness, damping)
-        return
-    if kind == PIN:
-        yield pymunk.PivotJoint(a, b, on_a, on_b)
-        if math.isfinite(low) or math.isfinite(high):
-            yield pymunk.RotaryLimitJoint(a, b, start + low, start + high)
-        if stiffness or damping:
-            yield pymunk.DampedRotarySpring(a, b, -(start + rest), stiffness, damping)
-        if strength > 0.0 or friction > 0.0:
-            # Chipmunk's rate is that of a against b.
-            yield _bounded(pymunk.SimpleMotor(a, b, -speed), max(strength, friction))
-    if kind == SLIDER:
-        yield from _slider(a, b, on_a, on_b, model.joint_axis[j].tolist(), (low, high))
-        yield pymunk.GearJoint(a, b, start, 1.0)
-        if stiffness or damping:
-            yield pymunk.DampedSpring(a, b, on_a, on_b, rest, stiffness, damping)
-        if strength > 0.0 or friction > 0.0:
-            yield _drive(a, b, on_a, on_b, model.joint_axis[j].tolist(), speed, max(strength, friction))
-
-
-def _slider(a, b, on_a, on_b, axis, limits):
-    low, high = (max(min(limit, REACH), -REACH) for limit in limits)
-    ends = [(on_a[0] + way * axis[0], on_a[1] + way * axis[1]) for way in (low, high)]
-    yield pymunk.GrooveJoint(a, b, *ends, on_b)
-
-
-def _drive(a, b, on_a, on_b, axis, speed, most):
-    """Motor of a slider, or with speed 0 its friction: a pivot of bounded force towards a point far ahead on its axis.
-
-    What it takes back of an error is bounded by the speed. The point is fixed in a body that does not turn; if both
-    can, it is set anew in each step, one step ahead, since elsewhere it would hold b across the axis too.
-    """
-    drive = _bounded(pymunk.PivotJoint(a, b, on_a, on_b), most)
-    drive.max_bias, drive.error_bias = abs(speed), 0.0
-    ahead = math.copysign(REACH, speed) if speed else 0.0
-    if a.body_type == pymunk.Body.STATIC:
-        drive.anchor_a = on_a[0] + ahead * axis[0], on_a[1] + ahead * axis[1]
-    elif b.body_type == pymunk.Body.STATIC:
-        x, y = turned(axis, (0.0, 0.0, a.angle - b.angle))
-        drive.anchor_b = on_b[0] - ahead * x, on_b[1] - ahead * y
+    if model.joint_kind[j] == PIN:
+        yield from _pin(model, j, a, b, on_a, on_b, bias)
+    elif model.joint_kind[j] == SLIDER:
+        yield from _slider(model, j, (a, b), bias)
     else:
+        yield from _spring(model.joint_spring[j].tolist(), a, b, on_a, on_b)
 
-        def set_ahead(_drive, space):
-            way = space.current_time_step * speed
-            x, y = a.world_to_local(b.local_to_world(on_b))
-            drive.anchor_a = x + way * axis[0], y + way * axis[1]
 
-        drive.pre_solve = set_ahead
-    return drive
+def _pin(model, j, a, b, on_a, on_b, bias):
+    start, (low, high) = float(model.joint_angle[j]), model.joint_limit[j].tolist()
+    stiffness, damping, rest = model.joint_spring[j].tolist()
+    yield _biased(pymunk.PivotJoint(a, b, on_a, on_b), bias)
+    if math.isfinite(low) or math.isfinite(high):
+        yield _biased(pymunk.RotaryLimitJoint(a, b, start + low, start + high), STOP_BIAS)
+    if stiffness or damping:
+        yield pymunk.DampedRotarySpring(a, b, -(start + rest), stiffness, damping)
+    for speed, most in _drives(model, j):
+        yield _bounded(pymunk.SimpleMotor(a, b, -speed), most)  # Chipmunk's rate is that of a against b
+
+
+def _slider(model, j, bodies, bias):
+    first, on_b, behind, ahead = _ends(model, j)
+    a, b = bodies[first], bodies[1 - first]
+    low, high = model.joint_limit[j].tolist()
+    stiffness, damping, rest = model.joint_spring[j].tolist()
+    angle = float(model.joint_angle[j])
+    yield _biased(pymunk.GrooveJoint(a, b, behind, ahead, on_b), bias)
+    yield _biased(pymunk.GearJoint(a, b, -angle if first else angle, 1.0), bias)
+    if math.isfinite(low) or math.isfinite(high):
+        yield _biased(pymunk.SlideJoint(a, b, behind, on_b, REACH + max(low, -REACH), REACH + high), STOP_BIAS)
+    if stiffness or damping:
+        yield pymunk.DampedSpring(a, b, behind, on_b, REACH + rest, stiffness, damping)
+    for speed, most in _drives(model, j):
+        drive = _bounded(pymunk.PinJoint(a, b, behind if speed < 0.0 else ahead, on_b), most)
+        drive.distance, drive.max_bias, drive.error_bias = 0.0, abs(speed), 0.0  # it never gets there, at that speed
+        yield drive
+
+
+def _ends(model, j):
+    """Which of a slider's bodies has the guide; where the other is held; points of the guide far behind and ahead.
+
+    The guide is in the body of more inertia, which its impulses turn; the coordinate is the same from either.
+    """
+    ends = model.joint_bodies[j]
+    first = int(model.inertia[ends[1]] > model.inertia[ends[0]])
+    a, b = ends[first], ends[1 - first]
+    frame_a, frame_b = (tuple(model.pose[body].tolist()) for body in (a, b))
+    ux, uy = turned(model.joint_axis[j].tolist(), (0.0, 0.0, float(model.pose[ends[0], 2] - model.pose[a, 2])))
+    axis = (-ux, -uy) if first else (ux, uy)
+    x, y = framed(frame_b[:2], frame_a)
+    way = x * axis[0] + y * axis[1]
+    on_a = (x, y) if model.fixed[a] else (way * axis[0], way * axis[1])
+    behind, ahead = ((on_a[0] + far * axis[0], on_a[1] + far * axis[1]) for far in (-REACH, REACH))
+    return first, framed(turned(on_a, frame_a), frame_b), behind, ahead
+
+
+def _spring(spring, a, b, on_a, on_b):
+    """A spring along the line between its anchors; without length, one along each of two axes of a."""
+    stiffness, damping, rest = spring
+    if rest > 0.0:
+        yield pymunk.DampedSpring(a, b, on_a, on_b, rest, stiffness, damping)
+    else:
+        for x, y in ((REACH, 0.0), (0.0, REACH)):
+            yield pymunk.DampedSpring(a, b, (on_a[0] - x, on_a[1] - y), on_b, REACH, stiffness, damping)
+
+
+def _drives(model, j):
+    """Speed and greatest force of a joint's motor and of its dry friction."""
+    speed, strength = model.joint_motor[j].tolist()
+    return [pair for pair in ((speed, strength), (0.0, float(model.joint_friction[j]))) if pair[1] > 0.0]
+
+
+def _biased(joint, bias):
+    joint.error_bias = bias
+    return joint
 
 
 def _bounded(joint, most):

@@ -50,8 +50,9 @@ def _wrong_joint(path: str, joint: Joint, a: AnySolid | None, b: AnySolid | None
         yield f"{path} joins two bodies that cannot move, {_pair(joint)}; leave it out"
         return
     match joint:
-        case Weld() if TOOL in joint.bodies:
-            yield f"{path} welds {_pair(joint)}; give the tool those shapes instead"
+        case _ if joint.locks and TOOL in joint.bodies:
+            how = "welds" if isinstance(joint, Weld) else "with limits [0, 0] welds"
+            yield f"{path} {how} {_pair(joint)}; give the tool those shapes instead"
         case Spring():
             if joint.rest != 0.0 and math.dist(*joint.places(a, b)) < TOGETHER:
                 yield f"{path} has no length and so no direction; write rest: 0 or move an anchor"
@@ -64,7 +65,7 @@ def _apart(path: str, joint: Joint, a: AnySolid | None, b: AnySolid | None) -> I
     on_a, on_b = joint.places(a, b)
     (vax, vay), (vbx, vby) = _speed(on_a, a), _speed(on_b, b)
     gap = joint.forbidden((on_b[0] - on_a[0], on_b[1] - on_a[1]))
-    rate = joint.forbidden((vbx - vax, vby - vay))
+    rate = (vbx - vax, vby - vay) if joint.locks else joint.forbidden((vbx - vax, vby - vay))
     if math.hypot(*gap) > TOGETHER:
         yield (
             f"{path} cannot be met: its anchors on {_pair(joint)} are {math.hypot(*gap) * 1e3:.4g} mm "

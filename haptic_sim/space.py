@@ -9,7 +9,7 @@ import pymunk
 from pymunk import batch
 
 from haptic_sim.geometry import turned
-from haptic_sim.joints import add_joints
+from haptic_sim.joints import Added, add_joints
 from haptic_sim.protocol import Contact
 from haptic_sim.reduction import ReducedScene
 from haptic_sim.solid import TOOL
@@ -20,7 +20,7 @@ SLOP, SLOP_SHARE = 3e-6, 0.01
 """Overlap that is left alone [m], at most this share of the finest feature: keeps a resting contact alive."""
 BIAS = 1e-300
 """Chipmunk asks for the share of an overlap left after a second; less underflows to 0, which takes all back at once."""
-ASLEEP, SLOW, HEAVY = 0.2, 1e-4, 0.05
+ASLEEP, SLOW, HEAVY = 0.2, 1e-7, 0.05
 """s below m/s after which bodies at rest are left out until something touches them; gravity above which, m/s²."""
 LAYERS, OWN_KINDS = 32, 1 << 20
 """Bits of a filter; collision types from here on are ours."""
@@ -40,6 +40,7 @@ class Filled(NamedTuple):
     """In the order of the model."""
     names: dict[int, tuple[bool, int, str]]
     """Body id → its rank in the scene, and its name; of the scene's own bodies alone."""
+    joints: Added
 
 
 def slop_of(scene) -> float:
@@ -61,8 +62,7 @@ def fill(reduced: ReducedScene, h: float) -> Filled:
         space.sleep_time_threshold, space.idle_speed_threshold = ASLEEP, SLOW
     bodies = [_movable(space, model, b, h) for b in range(len(model.mass) - 1)]
     shapes, names = _add_solids(space, reduced, bodies, bits)
-    add_joints(space, reduced, bodies)
-    return Filled(space, bodies, shapes, names)
+    return Filled(space, bodies, shapes, names, add_joints(space, reduced, bodies))
 
 
 def _layer_bits(scene):

@@ -4,7 +4,7 @@
 In one step a body may come a quarter of the least width of what it can meet, at no more than 1.8 m/s, which is below
 .1 mm in 50 µs. One that would come farther is swept: the middle of each of its shapes as the disc that fits in, its
 corners as points, along straight ways. It goes to the first hit, where the next step finds the contact, and loses the
-rest of the step.
+rest of the step. So does a body that comes to a stop of its joint.
 """
 
 import math
@@ -14,9 +14,15 @@ import pymunk
 from pymunk import batch
 
 from haptic_sim.geometry import turned
+from haptic_sim.joints import BEYOND, Stop
 
 SHARE, FAST = 0.25, 1.8
 """Of the least width, that a step may take; m/s."""
+STRUCK, RINGS = 300, 4
+"""Iterations of Chipmunk's solver in the steps, that many, in which a stop is struck: what it leaves stays as speed, and
+it begins the next step with the impulse of the stroke."""
+SLOW = 0.1
+"""m/s | rad/s; whoever is slower may be struck, and gets so fast until it is looked at anew."""
 _RATES = batch.BodyFields.BODY_ID | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
 ALL = pymunk.ShapeFilter()
 
@@ -25,10 +31,20 @@ class Sweep:
     """Moves of a space's bodies, between two steps of h [s]; `moves` are the times of those that differ from h.
 
     `near` [m] is the overlap at which a hit ends a move. shapes: of the space, in the order of the model. model and
-    layout: as reduced from the scene.
+    layout: as reduced from the scene. stops: of its joints.
     """
 
-    def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body], shapes, model, layout, h: float, near: float):
+    def __init__(
+        self,
+        space: pymunk.Space,
+        bodies: list[pymunk.Body],
+        shapes,
+        model,
+        layout,
+        h: float,
+        near: float,
+        stops: list[Stop],
+    ):
         self._space, self._bodies, self._h, self._near = space, bodies, h, near
         self._points = [_points(model, b) for b in range(len(bodies))]
         met = [_met(model, layout, b) for b in range(len(bodies))]
@@ -41,7 +57,9 @@ class Sweep:
         # A body that is hit may leave with twice the speed of what hits it, and `watch` sees it some steps later.
         self._wary = 0.5 * self._limits / h
         self._tool_fast = float(self._limits.min()) / h
-        self.moves, self._fast = {}, []
+        self._stops, self.watches = stops, bool(stops) or len(bodies) > 1
+        self.moves, self._fast, self._stopping, self._struck = {}, [], [], 0
+        self._iterations = space.iterations
 
     def times(self):
         """Times of the next move [s] (n, 1)."""
@@ -50,9 +68,14 @@ class Sweep:
             times[b] = move
         return times
 
-    def watch(self, velocities: np.ndarray) -> None:
-        """Take note of who is fast: velocities (n, 3)."""
+    def watch(self, velocities: np.ndarray, time: float) -> None:
+        """Take note of who is fast, at velocities (n, 3), and who may come to a stop within a time [s]."""
         self._fast = np.flatnonzero(self._speeds(velocities) > self._wary).tolist()
+        self._stopping = []
+        for stop in self._stops:
+            way, rate = stop.ahead()
+            if BEYOND < way < 2.0 * time * max(rate, SLOW):
+                self._stopping.append(stop)
 
     def _speeds(self, velocities):
         """Of each body's fastest point, at most [m/s]."""
@@ -71,6 +94,8 @@ class Sweep:
             self._plan(self._fast)
         else:
             self.moves = {}
+        if self._stopping or self._struck:
+            self._go_to_stops()
         return self.moves.get(0, self._h)
 
     def _far(self):
@@ -99,8 +124,22 @@ class Sweep:
             (x, y), (vx, vy), angle, turn = body.position, body.velocity, body.angle, body.angular_velocity
             if h * (math.hypot(vx, vy) + abs(turn) * self._extents[b]) > self._limits[b]:
                 move = h * self._free(b, (x, y, angle), (x + h * vx, y + h * vy, angle + h * turn))
-                for other in self._linked[self._linkage[b]] if move < h else ():
-                    self.moves[other] = min(move, self.moves.get(other, h))
+                self._cut(b, move)
+
+    def _go_to_stops(self):
+        """Cuts the moves of bodies that would pass a stop, which is struck in the next step."""
+        for stop in self._stopping:
+            move = stop.time_left()
+            self._cut(stop.body, move)
+            if move < self._h:
+                self._struck = RINGS
+        self._struck = max(0, self._struck - 1)
+        self._space.iterations = STRUCK if self._struck else self._iterations
+
+    def _cut(self, b, move):
+        """Lets body b, and all that joints connect with it, move no longer than this [s]."""
+        for other in self._linked[self._linkage[b]] if move < self._h else ():
+            self.moves[other] = min(move, self.moves.get(other, self._h))
 
     def _free(self, b, here, there):
         """Share of a body's move that hits nothing: 1, or less."""

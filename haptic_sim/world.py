@@ -26,8 +26,9 @@ the next one will look; push-out of overlaps enters as x of the next step.
 
 Passivity. The work of the coupling is booked with the force of (1) and the way that the tool really came. Where push-
 out moves the tool against that force it gives energy at the port: no more than ½ m |v⁺ − v|² has lost there before,
-the rest of the overlap stays. A rebound from v₀ under a push f gives back what the port did not get unless
-v₀ ≥ 2 |f| h e/(m (1 − e²)); a slower one gets e = 0.
+the rest of the overlap stays. A rebound from v₀ under a push f of the coupling gives back what the port did not get
+unless v₀ (1 − e²) ≥ 2 (|f| h/m) e: with k = |f| h/(m v₀), the tool gets e ≤ √(1 + k²) − k, which goes to 1 − k for
+fast impacts and to 1/2k for slow ones. Gravity is no port; what the tool does not touch keeps its e.
 """
 
 import math
@@ -78,11 +79,13 @@ class PymunkWorld:
         """Everything back to the scene's start, with the same gains; what was added to the space is gone with it."""
         filled, model = fill(self._reduced, self._h), self._reduced.model
         self.space, self._bodies, self._tool = filled.space, filled.bodies, filled.bodies[0]
+        self._dampers, stops = filled.joints
+        self._turning = [damper for damper in self._dampers if damper.turns]
         self._touching, self._jointed, self._met = Touching(filled, self._h), False, 0.0
         if np.any(model.pair_restitution):
             self.space.on_collision(pre_solve=self._limit_rebound)
         near = 0.5 * slop_of(self.scene)
-        self._sweep = Sweep(self.space, self._bodies, filled.shapes, model, self._layout, self._h, near)
+        self._sweep = Sweep(self.space, self._bodies, filled.shapes, model, self._layout, self._h, near, stops)
         self._spare = 0.0  # J, lost at the tool and not yet given back by push-out
         self.position: Planar = self.scene.tool.pose
         self.velocity: Planar = self.scene.tool.velocity
@@ -114,6 +117,8 @@ class PymunkWorld:
         if count == 0:
             return StepResult(numerical=0.0)
         self._tool.activate()
+        for damper in self._turning:
+            damper.set_for(self._h)
         if self._tool.constraints and not self._jointed:
             self._jointed = True  # its change of velocity does not tell of contacts any more
             self.space.on_collision(OWN_KINDS, None, post_solve=self._note_contact)
@@ -122,8 +127,8 @@ class PymunkWorld:
         touched, whole = False, count * self.inner
         rise = [(b - a) / whole for a, b in zip(pull, last, strict=True)]
         for k in range(count):
-            if k % WATCH == 0 and len(self._bodies) > 1:
-                self._sweep.watch(self._now()[:, 3:])
+            if k % WATCH == 0 and self._sweep.watches:
+                self._sweep.watch(self._now()[:, 3:], WATCH * self.sub_step)
             work, lost, put_in, pushed, self.touching = self._sub_step(pull, rise)
             pull = [a + self.inner * b for a, b in zip(pull, rise, strict=True)]
             supplied, numerical, correction = supplied + work, numerical + lost, correction + put_in
@@ -256,27 +261,28 @@ class PymunkWorld:
         self._tool.mass = self._mass + extra
         self._less = extra * self._gravity[0], extra * self._gravity[1]  # Chipmunk's gravity pulls m_e
         self._tool.moment = self._inertia + h * rotational_damping + h * h * rotational_stiffness
+        for damper in self._dampers:
+            damper.set_for(h)
 
     def _limit_rebound(self, arbiter, _space, _data):
-        """Restitution 0 where the push over this time would make the port active, and of what touched before.
+        """Restitution 0 of what touched before; with the tool, no more than keeps the port passive under its push.
 
         Chipmunk calls it for each pair that touches.
         """
-        e = arbiter.restitution
-        if e == 0.0 or not arbiter.is_first_contact:
+        if arbiter.restitution == 0.0 or not arbiter.is_first_contact:
             arbiter.restitution = 0.0
-            return
-        normal, point = arbiter.normal, arbiter.contact_point_set.points[0].point_a
-        approach = change = 0.0
-        for body, sign in zip(arbiter.bodies, (1.0, -1.0), strict=True):
-            approach += sign * body.velocity_at_world_point(point).dot(normal)
-            change += sign * self._change(body, point).dot(normal)
-        if approach * (1.0 - e * e) < 2.0 * abs(change) * e:
-            arbiter.restitution = 0.0
+        elif self._tool in arbiter.bodies:
+            arbiter.restitution = min(arbiter.restitution, self._passive_rebound(arbiter))
 
-    def _change(self, body, point):
-        """What forces without contacts add to the velocity of a body's point over a step."""
-        if body.body_type != pymunk.Body.DYNAMIC:
-            return pymunk.Vec2d(0.0, 0.0)
-        arm, turn = point - body.position, body.torque / body.moment
-        return self._h * (self.space.gravity + body.force / body.mass + turn * arm.perpendicular())
+    def _passive_rebound(self, arbiter):
+        """Largest coefficient of restitution of a contact of the tool that the coupling's push leaves passive."""
+        normal, point = arbiter.normal, arbiter.contact_point_set.points[0].point_a
+        a, b = (body.velocity_at_world_point(point) for body in arbiter.bodies)
+        approach, tool = (a - b).dot(normal), self._tool
+        if approach <= 0.0:
+            return 0.0
+        push = pymunk.Vec2d(*tool.force) + self._less  # without gravity
+        turn = tool.torque / tool.moment
+        change = self._h * (push / tool.mass + turn * (point - tool.position).perpendicular()).dot(normal)
+        part = abs(change) / approach
+        return math.hypot(1.0, part) - part

@@ -45,7 +45,7 @@ def groups_of(scene: Scene) -> list[list[str]]:
         if body.fixed:
             join(WORLD, body.name)
     for joint in scene.joints:
-        if joint.type == "weld":
+        if joint.locks:
             join(*sorted(joint.bodies, key=list(groups).index))
     unique = list({id(group): sorted(group, key=list(groups).index) for group in groups.values()}.values())
     return [group for group in unique if WORLD not in group] + [group for group in unique if WORLD in group]
