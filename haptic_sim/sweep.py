@@ -19,7 +19,7 @@ from haptic_sim.joints import BEYOND, Stop
 SHARE, FAST = 0.25, 1.8
 """Of the least width, that a step may take; m/s."""
 STRUCK, RINGS = 300, 4
-"""Iterations of Chipmunk's solver in the steps, that many, in which a stop is struck: what it leaves stays as speed, and
+"""Iterations of the solver in the steps, that many, in which a stop is struck: what it leaves stays as speed, and
 it begins the next step with the impulse of the stroke."""
 SLOW = 0.1
 """m/s | rad/s; whoever is slower may be struck, and gets so fast until it is looked at anew."""
