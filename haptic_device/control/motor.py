@@ -73,8 +73,9 @@ def _walls_damped(settings, hold):
 @njit
 def _share(known, more, limit):
     """Largest share 0…1 of `more` with which known + share · more is within ±limit, as `known` is."""
-    room = limit - known if more > 0.0 else limit + known
-    return max(0.0, room) / abs(more) if abs(more) > room else 1.0
+    # rounding may put `known` beyond the limit
+    room = max(0.0, limit - known if more > 0.0 else limit + known)
+    return room / abs(more) if abs(more) > room else 1.0
 
 
 @njit
