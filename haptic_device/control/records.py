@@ -140,7 +140,7 @@ STATE = np.dtype(
             "tank",  # energy_tank; short: force that it did not pay for in this tick, over engage.force | engage.torque
             record(
                 "filled version level owed shipped returned tool_session tool_energy shortened"
-                " short lateness left* price* surplus* own* given"
+                " short lateness left* price* surplus* own* given followed*"
                 " midpoint* window_from* window_start window_holds counted* sample_before hold_before"
             ),
         ),

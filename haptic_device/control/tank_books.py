@@ -82,19 +82,32 @@ def _set_aside(settings, tank, hold):
 def _count_given(settings, tank, hold, motion, now, time, cut):
     """What the coupling alone has given [J], at most: by its forces that acted, less what its share of damping took.
 
-    What the tank paid for others (change_ledger.pay) and for what nobody sees counts as given where it is paid.
+    That share is taken off where the way of the midpoints shows it (_count_dissipated). What the tank paid for others
+    (change_ledger.pay) and for what nobody sees counts as given where it is paid.
     cut: the device cut the motor, some time in this hold.
     """
     if time <= 0.0:
         return
     for i in range(int(settings.axes)):
-        moved, own = motion.moved[i], tank.own[i]
+        way = _sure_way(settings, tank, motion, i)
         mean, square = held_force.acted(hold, hold.coupling_written, i, now, time)
         if cut:  # Σ (f − f̄)² τ is most where half of the time had no force
             square += 0.25 * mean * mean * time
-        work = max(0.0, mean * moved) if cut else mean * moved
-        tank.given += work - own * moved * moved / time
-        tank.given += passivity.energy_spread(square, own, settings.hardware.velocity_limit[i], time)
+        tank.given += max(0.0, mean * way) if cut else mean * way
+        tank.given += passivity.energy_spread(square, tank.own[i], settings.hardware.velocity_limit[i], time)
+
+
+@njit
+def _sure_way(settings, tank, motion, i):
+    """Way of axis i in this hold [m | rad], with half an encoder step of play: a count that flickers goes nowhere.
+
+    The force that changes with the flicker does no work on a handle that rests.
+    """
+    half, place = 0.5 * abs(settings.hardware.position_per_count[i]), motion.device_position[i]
+    start = place - motion.moved[i]
+    before = min(start + half, max(start - half, tank.followed[i]))
+    tank.followed[i] = min(place + half, max(place - half, before))
+    return tank.followed[i] - before
 
 
 @kernel
@@ -298,6 +311,7 @@ def _count_dissipated(settings, tank, spring, hold, motion, latched, damper_fill
         # (1): (b − c) ∫ v² dt, of which only the growth since the last tick
         worth = _worth(settings, tank, spring, i, damper_fills and not hold.limited[i])
         tank.level += worth * (counted - tank.counted[i])
+        tank.given -= tank.own[i] * (counted - tank.counted[i])
         tank.counted[i] = counted
 
 

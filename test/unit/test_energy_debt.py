@@ -18,15 +18,16 @@ OPEN = enable_state.ENABLE | enable_state.CLUTCH
 class Led:
     """A handle led by hand, whose display counts with this lateness [s] and whose tool stands 4 mm from its start.
 
-    force: of the spring [N] when the handle is let stand.
+    step: of the encoder [m]; force: of the spring [N] when the handle is let stand.
     """
 
-    def __init__(self, late, over=1.05, **driver):
-        self.settings = one_axis("pspm", STIFFNESS, DAMPING, PERIOD, over, **driver)
+    def __init__(self, late, over=1.05, step=1e-9, stiffness=STIFFNESS, **driver):
+        self.settings, self.step = one_axis("pspm", stiffness, DAMPING, PERIOD, over, **driver), step
         self.settings["hardware"]["velocity_limit"] = FASTEST
+        self.settings["hardware"]["position_per_count"][0, 0] = step
         gain_check.counted(self.settings, late)
         (self.memory, self.row), self.place, self.now, self.number = adversary.engaged(), 0.0, 0.0, 0
-        self.tool = self.age = 0.0
+        self.tool = self.age = self.speed = 0.0
         self.lead(0.0)
 
     def lead(self, way, time=PERIOD, command=enable_state.ENABLE):
@@ -34,9 +35,9 @@ class Led:
         row = self.row[0]
         self.place, self.now, self.number = self.place + way, self.now + time, self.number + 1
         row["latched"] = row["deadline"] = self.now * 1e9
-        row["command"], row["device_status"], row["counts"][0] = command, faults.FRESH, round(self.place * 1e9)
+        row["command"], row["device_status"], row["counts"][0] = command, faults.FRESH, round(self.place / self.step)
         row["tool_session"] = row["tool_contact"] = 1.0
-        row["tool_age"], row["tool_position"][0] = self.age, self.tool
+        row["tool_age"], row["tool_position"][0], row["tool_velocity"][0] = self.age, self.tool, self.speed
         row["tool_sequence"] = row["tool_answered"] = self.number
         tick(self.settings, self.memory, self.row)
         return self
@@ -54,6 +55,16 @@ class Led:
     @property
     def force(self):
         return float(self.memory["spring"]["force"][0, 0])
+
+    @property
+    def damping(self):
+        """Physical damping of the device [N s/m]."""
+        return float(self.settings["hardware"]["damping"][0, 0])
+
+    @property
+    def given(self):
+        """What the coupling has given at most [J], as the tank counts it."""
+        return float(self.memory["tank"]["given"][0])
 
     @property
     def stored(self):
@@ -170,6 +181,40 @@ def test_enabling_again_and_again_gives_one_budget_in_all(turns):
             led.lead(way, command=enable_state.ENABLE if k < 50 else 0)
             work += force * way - damping * way * way / PERIOD
     assert BUDGET / 10.0 < work <= BUDGET
+
+
+def with_all_given(**more):
+    """A display whose coupling has given the budget, and which is let go."""
+    led = Led(0.0, **more)
+    led.lead(0.0, command=0).lead(0.0, command=0)
+    led.memory["tank"]["level"], led.memory["tank"]["given"] = 0.0, BUDGET
+    return led
+
+
+def test_a_resting_handle_whose_encoder_flickers_by_a_step_gets_no_budget_back():
+    """20 µm to and fro in every tick would be 5 mW in the damper, were it a way."""
+    led = with_all_given(step=2e-5)
+    for k in range(4000):
+        led.lead(led.step * (-1.0) ** k, command=0)
+    assert led.level == 0.0 and led.given == pytest.approx(BUDGET)
+
+
+@pytest.mark.parametrize("speed", [0.001, 0.01, 0.1])
+def test_a_handle_that_is_let_go_gets_back_no_more_than_its_damper_takes_however_coarse_the_encoder(speed):
+    led, time = with_all_given(step=2e-5), 0.01 / speed
+    for _ in range(round(time / PERIOD)):
+        led.lead(speed * PERIOD, command=0)
+    taken = led.damping * speed**2 * time
+    assert led.level <= taken < BUDGET
+    assert speed < 0.1 or led.level > 0.3 * taken
+
+
+def test_a_stretched_coupling_gives_nothing_to_a_resting_handle_whose_encoder_flickers():
+    led = Led(0.0, step=2e-5).stretched()
+    before = led.given
+    for k in range(4000):
+        led.lead(led.step * (-1.0) ** k)
+    assert led.force > 1.0 and led.given <= before + 1e-9
 
 
 @pytest.mark.parametrize("hold", [0.001, 0.01, 0.05])
