@@ -7,9 +7,6 @@ import numpy as np
 
 from haptic_device.control import passivity, velocity_estimator
 
-SWITCHED = 2.0
-"""Times |B| that a damper may need whose velocity comes from windows of any lengths: |v̂| is at most the largest mean of
-the last steps, and the l² norm of that maximum is at most twice that of the steps (Hardy and Littlewood 1930)."""
 PRECISE = 1e-4  # of a lateness that is too much, to which the most is found
 
 
@@ -107,7 +104,7 @@ def _switched(settings):
     windows = (
         settings["velocity"]["estimator"] == velocity_estimator.ADAPTIVE_WINDOW and settings["velocity"]["window"] > 1.0
     )
-    return SWITCHED if windows else 1.0
+    return velocity_estimator.SWITCHED if windows else 1.0
 
 
 def cross(settings):

@@ -75,7 +75,16 @@ def _set_aside(settings, tank, hold):
         own = passivity.least_damping(
             stiffness, square * settings.coupling.damping[i], settings.period, settings.hardware.delay
         )
-        tank.own[i] = left + own
+        tank.own[i] = min(left + own, _not_cancelled(settings, i))
+
+
+@njit
+def _not_cancelled(settings, i):
+    """Physical damping of axis i [N s/m] that cancellation leaves wherever it acts, with an estimator of any window."""
+    damping = settings.hardware.damping[i]
+    windows = settings.velocity.estimator == velocity_estimator.ADAPTIVE_WINDOW
+    cancelled = settings.cancellation.ratio * damping * (velocity_estimator.SWITCHED if windows else 1.0)
+    return max(0.0, damping - passivity.least_damping(0.0, cancelled, settings.period, settings.passivity.lateness))
 
 
 @njit

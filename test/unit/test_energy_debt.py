@@ -217,6 +217,26 @@ def test_a_stretched_coupling_gives_nothing_to_a_resting_handle_whose_encoder_fl
     assert led.force > 1.0 and led.given <= before + 1e-9
 
 
+@pytest.mark.parametrize("turns", [1, 4])
+def test_a_handle_whose_damping_is_cancelled_gets_one_budget_in_all(turns):
+    """A tool pulls it until nothing is left; then it goes on alone, where of its damping but two fifths are there."""
+    led, work, most = Led(0.0, over=1.5, cancellation__ratio=0.6, exchange__fade=0.001), 0.0, 0.0
+    for _ in range(turns):
+        for k in range(180):
+            led.tool, led.age = led.place + 0.01, 0.0 if k < 60 else -1.0
+            force = float(led.row["force_on_handle"][0, 0])
+            way = force * PERIOD / (4.0 * led.damping) if k < 61 else 0.25 * PERIOD
+            led.lead(way)
+            work += force * way - led.damping * way * way / PERIOD
+            most = max(most, work)
+    assert BUDGET / 10.0 < most <= BUDGET
+
+
+def test_a_display_whose_gains_need_more_damping_than_it_has_counts_with_no_more_than_it_has():
+    led = Led(1e-5, over=0.5, passivity__policy="off")
+    assert led.memory["tank"]["own"][0, 0] == pytest.approx(led.damping)
+
+
 @pytest.mark.parametrize("hold", [0.001, 0.01, 0.05])
 @pytest.mark.parametrize("speed", [0.2, FASTEST])
 def test_missed_ticks_give_no_more_beyond_the_budget_than_one_of_their_holds_can(hold, speed):

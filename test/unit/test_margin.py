@@ -9,7 +9,7 @@ from lockstep_systems import device, values
 
 from adversary.switching import switched_cancellation_damping
 from haptic_device import controller_config, gain_check
-from haptic_device.control import passivity
+from haptic_device.control import passivity, velocity_estimator
 from reference import closed_forms
 
 TURNED = "coupling.rotational_stiffness 900 N m/rad with"
@@ -180,7 +180,7 @@ def windowed_work(steps, windows):
 @given(st.lists(st.tuples(st.floats(-1.0, 1.0), st.integers(1, 32)), min_size=2, max_size=80))
 def test_no_sequence_of_windows_draws_more_than_twice_the_dampers_own(pairs):
     steps, windows = (np.array(column) for column in zip(*pairs, strict=True))
-    assert windowed_work(steps, windows) <= gain_check.SWITCHED * steps @ steps + 1e-12
+    assert windowed_work(steps, windows) <= velocity_estimator.SWITCHED * steps @ steps + 1e-12
 
 
 def test_switching_windows_draw_more_than_any_one_window_does():
