@@ -196,12 +196,11 @@ def tick_ended(settings, tank, spring, motion, output, paid):
 
 @njit
 def _count_slack(settings, spring):
-    """For how many ticks now the spring has pulled on no axis."""
+    """For how many ticks now neither the spring nor the set position's velocity has pulled, on no axis."""
+    acts = False
     for i in range(int(settings.axes)):
-        if spring.force[i] != 0.0:
-            spring.slack = 0.0
-            return
-    spring.slack += 1.0
+        acts |= spring.force[i] != 0.0 or spring.push[i] != 0.0 or spring.port_push[i] != 0.0
+    spring.slack = 0.0 if acts and spring.factor > 0.0 else spring.slack + 1.0
 
 
 @kernel

@@ -148,7 +148,7 @@ def forget_debt(settings, tank, spring, hold, motion, waves, observer, now):
 
 @njit
 def _is_empty(spring, hold, now):
-    """Whether the spring was let go or slack in all commands that act at `now` [ns] or will."""
+    """Whether the coupling was let go, or slack and without a push, in all commands that act at `now` [ns] or will."""
     if spring.slack < 1.0:
         return False
     return spring.slack >= HELD or hold.acts[(int(hold.newest) + 1 - int(spring.slack)) % HELD] <= now

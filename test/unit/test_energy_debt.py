@@ -237,6 +237,21 @@ def test_a_display_whose_gains_need_more_damping_than_it_has_counts_with_no_more
     assert led.memory["tank"]["own"][0, 0] == pytest.approx(led.damping)
 
 
+def test_no_debt_is_forgotten_while_a_damper_without_a_spring_still_pushes():
+    led = Led(400e-6, stiffness=0.0, over=4.0, passivity__policy="off")
+    led.speed = 0.3
+    for _ in range(60):
+        led.tool += led.speed * PERIOD
+        led.lead(0.0)
+    assert led.memory["spring"]["push"][0, 0] > 0.1
+    led.memory["tank"]["level"] = -1.0
+    led.lead(0.0)
+    assert led.level <= -0.9  # the push of the tick before is still to act
+    for _ in range(4):
+        led.lead(0.0)
+    assert led.memory["spring"]["push"][0, 0] == 0.0 and led.level >= 0.0
+
+
 @pytest.mark.parametrize("hold", [0.001, 0.01, 0.05])
 @pytest.mark.parametrize("speed", [0.2, FASTEST])
 def test_missed_ticks_give_no_more_beyond_the_budget_than_one_of_their_holds_can(hold, speed):
