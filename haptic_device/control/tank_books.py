@@ -143,6 +143,7 @@ def forget_debt(settings, tank, spring, hold, motion, waves, observer, now):
     if level > tank.level:
         tank.level = min(budget, level)
         tank.owed = min(tank.owed, max(0.0, -tank.level))
+        spring.prepaid[:] = 0.0
         _open_window(settings, tank, motion, now)  # what was dissipated until now is in G: it fills the tank no more
 
 

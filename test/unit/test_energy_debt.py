@@ -252,6 +252,17 @@ def test_no_debt_is_forgotten_while_a_damper_without_a_spring_still_pushes():
     assert led.memory["spring"]["push"][0, 0] == 0.0 and led.level >= 0.0
 
 
+def test_what_is_forgotten_pays_no_more_for_what_walls_make():
+    """Let go where forces are late, the tank pays at once for what still acts; the observer counts that as paid."""
+    led = Led(400e-6).stretched()
+    led.lead(0.0, command=0)
+    assert led.memory["spring"]["prepaid"][0, 0] > 1e-6
+    led.memory["tank"]["level"] = -1.0
+    while led.level < 0.0:
+        led.lead(0.0, command=0)
+    assert led.memory["spring"]["prepaid"][0, 0] == 0.0
+
+
 @pytest.mark.parametrize("hold", [0.001, 0.01, 0.05])
 @pytest.mark.parametrize("speed", [0.2, FASTEST])
 def test_missed_ticks_give_no_more_beyond_the_budget_than_one_of_their_holds_can(hold, speed):
