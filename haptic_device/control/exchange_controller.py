@@ -38,6 +38,8 @@ def move_set_point(settings, state, sensors, tool, output):
             _begin_tick(settings, state, sensors, output)
             _move(settings, state, method, tool, output)
         else:
+            if state.motion.stale_ticks == 0.0:
+                _book_hold(settings, state, sensors)
             _no_place(state, tool, output)
     _report(settings, state, tool, output)
 
@@ -76,14 +78,20 @@ def _fade(settings, fade, enable, tool, output):
 @njit
 def _begin_tick(settings, state, sensors, output):
     """The factor that the spring is paid for, and the books of the hold that ends here."""
-    tank, spring, hold, motion, enable = state.tank, state.spring, state.hold, state.motion, state.enable
+    tank, spring, hold, motion = state.tank, state.spring, state.hold, state.motion
     # paid for in advance; what does not rise is paid back at the end of the tick
-    spring.factor = _most_ramp(settings, enable) * output.exchange_fade
+    spring.factor = _most_ramp(settings, state.enable) * output.exchange_fade
+    _book_hold(settings, state, sensors)
+    tank_books.forget_debt(settings, tank, spring, hold, motion, state.waves, state.observer, sensors.latched)
+
+
+@njit
+def _book_hold(settings, state, sensors):
+    tank, spring, hold, motion, enable = state.tank, state.spring, state.hold, state.motion, state.enable
     if settings.exchange.method == exchange_samples.WAVE:
         exchange_wave.hold_ended(settings, tank, spring, hold, motion, enable, sensors)
     else:
         exchange_pspm.hold_ended(settings, tank, spring, hold, motion, enable, sensors)
-    tank_books.forget_debt(settings, tank, spring, hold, motion, state.waves, state.observer, sensors.latched)
 
 
 @njit

@@ -263,6 +263,15 @@ def test_what_is_forgotten_pays_no_more_for_what_walls_make():
     assert led.memory["spring"]["prepaid"][0, 0] == 0.0
 
 
+def test_what_the_coupling_gave_until_a_tool_sample_that_is_no_number_is_counted():
+    led = Led(0.0).stretched()
+    led.memory["tank"]["given"], force, way = 0.02, led.force, 1e-5
+    led.tool = np.nan
+    led.lead(way)
+    assert led.row["fault"][0] == faults.NOT_A_NUMBER
+    assert led.given == pytest.approx(0.02 + force * way, abs=1.1 * led.damping * way**2 / PERIOD)
+
+
 @pytest.mark.parametrize("hold", [0.001, 0.01, 0.05])
 @pytest.mark.parametrize("speed", [0.2, FASTEST])
 def test_missed_ticks_give_no_more_beyond_the_budget_than_one_of_their_holds_can(hold, speed):
