@@ -87,7 +87,7 @@ def move_set_point(settings, own, tank, spring, motion, tool, output):
     if not found or not _pay_for_move(settings, own, tank, spring, motion):
         own.stays += 1.0 if found else 0.0
         own.unsolved += 0.0 if found else 1.0
-        tank.short = max(tank.short, STAYED)
+        tank.short = max(tank.short, STAYED) if found else tank.short
         _stay(settings, own, tank, spring, motion, output)
     else:
         _go(settings, own, spring, motion)

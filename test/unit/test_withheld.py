@@ -187,6 +187,19 @@ def test_a_copy_of_the_tool_that_must_stay_for_lack_of_energy_is_told():
     assert stayed.sum() > 10 and all(names(row) == {"tank"} for row in rows[stayed])
 
 
+def test_a_copy_of_the_tool_that_stays_because_its_equation_has_no_solution_is_no_lack_of_energy():
+    system = demo_system("local", "wall")
+    gains, tool = system.settings["coupling"], system.memory["virtual_tool"]
+    period = float(system.settings["period"][0])
+    before = system.run(1.0 + period)
+    assert before.local[-1] == 1.0
+    # as heavy as spring and damper are light: the equation is 0 = 0
+    tool["contacts"]["mass"] = -period * (gains["damping"][0, 0] + period * gains["stiffness"][0, 0])
+    known = float(tool["unsolved"][0])
+    row = system.run(period)[-1]
+    assert tool["unsolved"][0] > known and names(row) == set()
+
+
 @pytest.mark.parametrize("method", ["direct", "wave"])
 def test_in_lock_step_a_tool_that_comes_back_beyond_a_wall_is_told_with_its_distance(method):
     """The hand presses the wall; while no sample comes nothing holds it back, and it goes 5 mm in."""
