@@ -32,13 +32,14 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
         mean, spread = held_force.acted(hold, hold.written, i, motion.sample_time, elapsed)
         moved, damping, store = motion.moved[i], settings.hardware.damping[i], observer.store[i]
         lifted = enable.ramp * settings.hardware.gravity[i]  # compensation only carries the handle's weight
+        fastest = settings.hardware.velocity_limit[i]
         given = passivity.energy_booked(mean - lifted, moved, damping, elapsed)
-        observer.energy_given[i] += given + (spread / (4.0 * damping) if spread > 0.0 else 0.0)
+        observer.energy_given[i] += given + passivity.energy_spread(spread, damping, fastest, elapsed)
         observer.store[i] = passivity.damping_store(observer.damper[i], moved, elapsed)
         observer.store[i] += held_force.late_store(settings, observer, hold, i)
         credited = observer.damping_credit * damping
         made = passivity.energy_generated(mean - observer.cancelled[i], moved, observer.growth[i], credited, elapsed)
-        made += (spread / (4.0 * credited) if spread > 0.0 else 0.0) + observer.by_settings[i]
+        made += passivity.energy_spread(spread, credited, fastest, elapsed) + observer.by_settings[i]
         made -= _prepaid(spring, i, made, settings.passivity.lateness / settings.period)
         # never below zero: what the past has lost pays for nothing later (Hannaford & Ryu 2002)
         observer.observed_energy[i] = max(0.0, observer.observed_energy[i] + made + observer.store[i] - store)

@@ -265,6 +265,14 @@ def test_a_hand_that_goes_with_a_force_which_changes_over_old_counts_gets_no_mor
     assert display.booked()[0] == pytest.approx(display.given, rel=1e-6)
 
 
+def test_a_force_that_changes_gives_no_more_than_its_way_at_the_speed_limit_however_little_damping_there_is():
+    """±8 N over two periods, at 10 m/s at most; by damping alone it would be 0.8 J."""
+    display = OldCounts(0.01)
+    display.hold((8.0, -8.0), (1, 1), lambda forces, times: np.zeros(2))
+    given, generated = display.booked()
+    assert 0.0 < given <= 8.0 * 10.0 * 2.0 * TICK + ROUNDING and generated <= given + ROUNDING
+
+
 @given(force=st.floats(-8.0, 8.0), ways=st.lists(st.floats(-2e-4, 2e-4), min_size=1, max_size=6))
 def test_a_force_that_stays_over_old_counts_is_booked_as_in_one_hold(force, ways):
     display = OldCounts()
