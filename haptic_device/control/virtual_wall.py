@@ -26,12 +26,6 @@ def wall_force(stiffness, damping, depth, depth_rate):
 
 
 @kernel
-def wall_store(stiffness, depth):
-    """Energy in the wall's spring [J]."""
-    return 0.5 * stiffness * max(0.0, depth) ** 2
-
-
-@kernel
 def wall_limit(limits, axes, normal_x, normal_y):
     """Largest force of a wall's spring along its normal [N]: by itself it is within the limits (3) of all axes."""
     limit = limits[0] / abs(normal_x) if normal_x != 0.0 else math.inf

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from haptic_device.control import damping_compensation, velocity_estimator, virtual_wall
+from haptic_device.control import damping_compensation, velocity_estimator, virtual_coupling, virtual_wall
 
 
 class Display(NamedTuple):
@@ -56,7 +56,7 @@ def search(display, ticks, starts, seed=1, enough=np.inf):
 
 def energy_left(display, path):
     """Energy given to the operator along positions one tick apart, less the spring's store at the first."""
-    given, rate, before = -virtual_wall.wall_store(1.0, path[0]), 0.0, path[0]
+    given, rate, before = -virtual_coupling.spring_store(1.0, np.inf, max(0.0, path[0])), 0.0, path[0]
     waiting = [_force(display, path[0], 0.0)] * display.delay
     for k in range(len(path) - 1):
         rate, before = velocity_estimator.velocity_of(rate, path[k] - before, 1.0, display.lag), path[k]

@@ -3,9 +3,11 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from lockstep_systems import wall_system
 
 from haptic_device.control import (
     enable_state,
@@ -56,12 +58,10 @@ def test_depth_in_a_wall_is_the_way_back_along_its_normal(angle, offset, x, y):
 
 
 def test_a_walls_force_is_minus_the_slope_of_its_store():
-    step = 1e-6
+    settings, step = wall_system(800.0, 0.0).settings.view(np.recarray)[0], 1e-6
     for depth in (-0.01, 0.003):
-        slope = (virtual_wall.wall_store(800.0, depth + step) - virtual_wall.wall_store(800.0, depth - step)) / (
-            2 * step
-        )
-        assert slope == pytest.approx(virtual_wall.wall_force(800.0, 0.0, depth, 0.0), abs=1e-6)
+        slope = virtual_wall.stored(settings, 0, depth + step) - virtual_wall.stored(settings, 0, depth - step)
+        assert slope / (2 * step) == pytest.approx(virtual_wall.wall_force(800.0, 0.0, depth, 0.0), abs=1e-6)
 
 
 @given(st.integers(-(2**31), 2**31), st.sampled_from([1.0, -1.0]), st.floats(1.0, 1e7), number)
