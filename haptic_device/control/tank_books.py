@@ -188,7 +188,7 @@ def _count_drawn(settings, tank, spring, hold, motion, enable):
 def _charge_changes(settings, tank, hold, motion, enable, time):
     """What new gains on old counts may have given beyond the force that the books of this hold are about.
 
-    Whoever let go in such a tick owes nothing more: tank and spring are empty (`_let_go_unseen`).
+    Whoever let go in such a tick owes nothing more: tank and spring are empty (energy_tank.tick_ended_unseen).
     """
     for i in range(int(settings.axes)):
         damping = settings.hardware.damping[i]
