@@ -100,8 +100,9 @@ STATE = np.dtype(
         # motor: what was held since the last sample, and by how much and how long it was not the first of it;
         # wall_springs, wall_dampers, coupling_spring: wanted, in the world; clipped: what the limits leave out of the
         # walls' springs; walls: what acts of all walls, both in the world; coupling: what acts of it, at the device;
-        # rest_share: of all other dampers, what acts; written, acts: motor values on their way, and from when each acts
-        # [ns, as samples are stamped]
+        # rest_share: of all other dampers, what acts; cancelling: share 0…1 of the damping that is cancelled;
+        # cancellation_force: what acts of it, at the device [N | N m], along the motion; written, acts: motor values on
+        # their way, and from when each acts [ns, as samples are stamped]
         (
             "hold",
             record(
@@ -128,7 +129,9 @@ STATE = np.dtype(
         ("fault", record("code resets saturated thermal_load*")),  # faults, motor
         ("fade", record("factor let_go")),  # exchange_controller
         # the coupling's spring as the energy tank has paid for it; factor: on its force; force, push, damped: as they
-        # were in the last tick; changed: by it
+        # were in the last tick, B times the set position's velocity and the handle's [N | N m]; changed: by it;
+        # port_push: B times the port's own velocity, which the waves pay for [N | N m]; prepaid: for changes that still
+        # act late [J]; parted: 1 where it was let go within the hold; slack: ticks for which nothing of it has pulled
         (
             "spring",
             record(
@@ -137,7 +140,11 @@ STATE = np.dtype(
             ),
         ),
         (
-            "tank",  # energy_tank; short: force that it did not pay for in this tick, over engage.force | engage.torque
+            # energy_tank; short: force that it did not pay for in this tick, over engage.force | engage.torque; own:
+            # the coupling's share of the physical damping [N s/m | N m s/rad]; given: what the coupling has given to
+            # the hand at most [J], negative where the hand has lost; followed: place of the handle at the device, with
+            # half an encoder step of play [m | rad]
+            "tank",
             record(
                 "filled version level owed shipped returned tool_session tool_energy shortened"
                 " short lateness left* price* surplus* own* given followed*"

@@ -64,7 +64,7 @@ def push(settings, walls, hold, output):
     output.force_walls is what they want; hold.wall_springs has their springs, each clamped along its normal, and
     hold.wall_dampers what their dampers do beside those.
     """
-    wall = settings.wall
+    wall, left = settings.wall, share_left(walls)  # what has been let go of pushes no more
     for i in range(2):
         hold.wall_springs[i] = hold.wall_dampers[i] = 0.0
     for i in range(int(wall.count)):
@@ -73,8 +73,6 @@ def push(settings, walls, hold, output):
         nx, ny = wall.x[i], wall.y[i]
         rate = -(nx * output.velocity[0] + ny * output.velocity[1])
         force = wall_force(wall.stiffness[i], wall.damping[i], walls.depth[i], rate)
-        # what has been let go of pushes no more
-        left = share_left(walls)
         limit = wall_limit(settings.coupling.limit, settings.axes, nx, ny)
         spring = left * spring_force(wall.stiffness[i], limit, walls.depth[i])
         damper = max(-spring, left * wall.damping[i] * rate)
