@@ -13,7 +13,9 @@ from haptic_device.parameter_types import SECTION, check_value, unknown
 from haptic_device.parameters import OPERATOR
 from haptic_sim.motion import flat_motion
 from haptic_sim.node_parameters import NODES
+from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load as load_scene
+from haptic_sim.scene_promise import unkept_wish
 
 
 def problems(path: Path) -> list[str]:
@@ -25,7 +27,7 @@ def problems(path: Path) -> list[str]:
         if "axes" in document:
             return _found(load_device, path)
         if "bodies" in document or "tool" in document:
-            return [*_found(load_scene, path), *_motion(document.get("motion"))]
+            return [*_found(load_scene, path), *_motion(document.get("motion"))] or _unfit(path)
         raise ValueError(
             f"neither an operating point ({SECTION}), a device description (axes) nor a scene (bodies, tool): "
             f"it has {', '.join(document) or 'no keys'}"
@@ -34,6 +36,25 @@ def problems(path: Path) -> list[str]:
         return [error.strerror or str(error)]
     except ValueError as error:
         return [str(error).removeprefix(f"{path}: ")]
+
+
+def _unfit(path) -> list[str]:
+    """What no method, or not the one that it asks for, takes of a right scene."""
+    try:
+        reduce_scene(load_scene(path))
+    except ValueError as refusal:
+        return [str(refusal)]
+    return []
+
+
+def remark(path: Path) -> str:
+    """Sentence on what a right scene, or that of a right operating point, wishes for and will not get; or ""."""
+    document = ros_yaml.load(path)
+    if not _has_section(document):
+        return "" if "axes" in document else unkept_wish(path)
+    given = right_values(document, NODES)[0]["haptic_simulation"]
+    values = {parameter.name: parameter.default for parameter in NODES["haptic_simulation"]} | given
+    return unkept_wish(values["scene"], values["method"])
 
 
 def _found(load, path) -> list[str]:

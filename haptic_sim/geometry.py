@@ -28,7 +28,7 @@ import numpy as np
 Point = tuple[float, float]
 Pose = tuple[float, float, float]
 Vertices = tuple[Point, ...]
-HALF_PLANE = 20.0  # m, length of the piece of a half-plane that is modelled; half as deep
+HALF_PLANE = 200.0  # m, length of the piece of a half-plane that is modelled; half as deep. A gap is right to 1e-14 m
 STRAIGHT = 1e-9  # turn [rad] below which three vertices lie on one line
 TOUCHING = 1e-12
 """A separation below this, in sizes of the smaller shape, is all the gap there can be: rounding."""

@@ -6,6 +6,7 @@ by the geometric mean of their friction and of their restitution, so that like o
 """
 
 import math
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -88,6 +89,7 @@ class Scene(Part):
             *scene_validation.wrong_names(solids, self.materials, measured),
             *scene_validation.wrong_joints(solids, self.joints),
             *scene_validation.overlaps(solids, self.kept_apart),
+            *scene_validation.beyond_half_planes(solids),
         ]
         if wrong:
             raise Unfit(wrong)
@@ -102,6 +104,18 @@ class Scene(Part):
     def kept_apart(self) -> set[frozenset[str]]:
         """Pairs of bodies that do not touch since a joint that is not a spring holds them together."""
         return {frozenset(joint.bodies) for joint in self.joints if joint.holds and not joint.collide}
+
+    @property
+    def shared_layers(self) -> list[int]:
+        """Layers that more than one body is on, in their order."""
+        count = Counter(layer for solid in self.solids.values() for layer in solid.layers)
+        return sorted(layer for layer, bodies in count.items() if bodies > 1)
+
+    @property
+    def driven(self) -> bool:
+        """Whether a motor or a belt can do work."""
+        belts = any(body.surface_velocity != (0.0, 0.0) for body in self.bodies)
+        return belts or any(joint.drive[0] != 0.0 for joint in self.joints)
 
     def material(self, solid: AnySolid) -> Material:
         """Material of a body or of the tool; without one, neither friction nor restitution."""

@@ -9,13 +9,14 @@ from collections.abc import Iterable, Iterator, Sequence, Set
 
 import numpy as np
 
-from haptic_sim.geometry import overlap, turned
+from haptic_sim.geometry import HALF_PLANE, framed, overlap, turned
 from haptic_sim.joint import WORLD, Joint, Spring, Weld
-from haptic_sim.solid import TOOL, AnySolid, Point
+from haptic_sim.solid import TOOL, AnySolid, HalfPlane, Point
 
 TOUCHING = 1e-9  # overlap [m] up to which two bodies count as touching: rounding of poses, far below any feature
 TOGETHER = 1e-6  # m; anchors nearer than this count as met: a scene file rounds its poses
 APART = 1e-6  # m/s; speed up to which the start may pull a joint apart: rounding of velocities
+ALONG = HALF_PLANE / 2.0  # m; farthest from a half-plane's point, along it, that a body may start
 
 Solids = Sequence[AnySolid]
 
@@ -100,6 +101,21 @@ def overlaps(solids: Solids, apart: Set[frozenset[str]]) -> Iterator[str]:
                 f"{_path(k)} ({b.name!r}) overlaps {_path(i)} ({a.name!r}) by {depth * 1e3:.4g} mm at the start; "
                 "move one of them away by at least that"
             )
+
+
+def beyond_half_planes(solids: Solids) -> Iterator[str]:
+    """Bodies that start beside the piece of a half-plane that is modelled."""
+    for i, wall in enumerate(solids):
+        for shape in (shape for shape in wall.shapes if isinstance(shape, HalfPlane)):
+            (px, py), (nx, ny) = shape.point, shape.normal
+            for k, solid in enumerate(solids):
+                x, y = framed(solid.pose[:2], wall.pose)
+                along = abs((y - py) * nx - (x - px) * ny) / math.hypot(nx, ny)
+                if along > ALONG and not solid.fixed and solid.layers & wall.layers:
+                    yield (
+                        f"{_path(k)} ({solid.name!r}) starts {along:.4g} m along the half_plane of {_path(i)} "
+                        f"({wall.name!r}) from its point, {ALONG:g} m of it are modelled; move the point nearer"
+                    )
 
 
 def _near(solids: Solids) -> list[tuple[int, int]]:

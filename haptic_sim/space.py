@@ -12,6 +12,7 @@ from haptic_sim.geometry import turned
 from haptic_sim.joints import Added, add_joints
 from haptic_sim.protocol import Contact
 from haptic_sim.reduction import ReducedScene
+from haptic_sim.reduction.method_choice import too_many_layers
 from haptic_sim.solid import TOOL
 
 SWEEPS = 30
@@ -22,8 +23,8 @@ BIAS = 1e-300
 """Chipmunk asks for the share of an overlap left after a second; less underflows to 0, which takes all back at once."""
 ASLEEP, SLOW, HEAVY = 0.2, 1e-7, 0.05
 """s below m/s after which bodies at rest are left out until something touches them; gravity above which, m/s²."""
-LAYERS, OWN_KINDS = 32, 1 << 20
-"""Bits of a filter; collision types from here on are ours."""
+OWN_KINDS = 1 << 20
+"""Collision types from here on are ours."""
 
 _PAIR = batch.ArbiterFields
 _TOUCH = _PAIR.POINT_A_1 | _PAIR.POINT_B_1 | _PAIR.DISTANCE_1 | _PAIR.POINT_A_2 | _PAIR.POINT_B_2 | _PAIR.DISTANCE_2
@@ -66,11 +67,10 @@ def fill(reduced: ReducedScene, h: float) -> Filled:
 
 
 def _layer_bits(scene):
-    """Layer → bit of a filter."""
-    used = sorted({layer for solid in (scene.tool, *scene.bodies) for layer in solid.layers})
-    if len(used) > LAYERS:
-        raise ValueError(f"scene has {len(used)} layers; impulse takes at most {LAYERS}")
-    return {layer: 1 << bit for bit, layer in enumerate(used)}
+    """Layer → bit of a filter; none for layers of one body alone."""
+    if refusal := too_many_layers(scene):
+        raise ValueError(refusal)
+    return {layer: 1 << bit for bit, layer in enumerate(scene.shared_layers)}
 
 
 def _movable(space, model, b, h):
@@ -99,7 +99,7 @@ def _add_solids(space, reduced, bodies, bits):
             body = pymunk.Body(body_type=pymunk.Body.STATIC)
             space.add(body)
         names.setdefault(body.id, (solid.name != TOOL, rank.get(solid.name, 0), solid.name))
-        layers = sum(bits[layer] for layer in solid.layers)
+        layers = sum(bits.get(layer, 0) for layer in solid.layers)
         shapes = _add_shapes(space, scene, solid, body, place.pose, layers, kinds.get(solid.name, 0))
         made[solid.name] = iter(shapes)
     return [next(made[name]) for name in reduced.shape_names], names

@@ -42,11 +42,12 @@ from haptic_sim.joints import stored
 from haptic_sim.method.layout import lay_out
 from haptic_sim.protocol import Contact, Coupling, Planar, StepResult
 from haptic_sim.reduction import ReducedScene
+from haptic_sim.reduction.method_choice import SHORT_PER_BODY
 from haptic_sim.space import OWN_KINDS, Touching, fill, slop_of
 from haptic_sim.sweep import Sweep
 
-STEP, STEP_PER_BODY = 51e-6, 10e-6
-"""s; longest step, and the longest for each movable body where that is more: the time for them is the same."""
+STEP = 51e-6
+"""s; longest step; with many bodies `SHORT_PER_BODY` for each."""
 WATCH = 8
 """Sub-steps after which is looked anew who is fast."""
 TOUCH = 1e-12
@@ -67,7 +68,7 @@ class PymunkWorld:
     def __init__(self, reduced: ReducedScene, sub_step: float):
         self.scene, self.sub_step, self._reduced = reduced.scene, sub_step, reduced
         count = len(reduced.model.mass) - 1
-        self.inner = math.ceil(sub_step / max(STEP, count * STEP_PER_BODY) - 1e-9)
+        self.inner = math.ceil(sub_step / max(STEP, count * SHORT_PER_BODY) - 1e-9)
         self._h = sub_step / self.inner
         self._gravity, (self._mass, self._inertia, _) = self.scene.gravity, self.scene.tool.mass_properties
         self._layout = lay_out(reduced.model)

@@ -16,7 +16,7 @@ from haptic_device.config_files import find
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.progress import INTERRUPTED, status_line
 from haptic_sim.live.domain import isolated_domain
-from haptic_sim.live.prepare import prepare, value_of
+from haptic_sim.live.prepare import prepare, promise, value_of
 from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible, undisturbed
 from haptic_sim.live.system import Order, Relay, programs_of
 
@@ -88,6 +88,8 @@ def play(order: Order) -> bool:
 def _play(order: Order, programs: list[Program]) -> str:
     """Why the run did not end as asked, or ""."""
     prepare(programs)
+    if unkept := promise(programs):
+        print(f"haptic demo: {unkept}", file=sys.stderr)
     ending = _run_or_begin_anew(order, programs)
     if not (ending.commanded or ending.fault):
         raise ValueError(ending.why)

@@ -14,8 +14,9 @@ from haptic_sim.cli.progress import INTERRUPTED, progress
 from haptic_sim.live.processes import interruptible
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
-from haptic_sim.reduction.measured import of_scene, read, said, write
+from haptic_sim.reduction.measured import read, said, write
 from haptic_sim.scene import load
+from haptic_sim.scene_promise import kept_rows
 
 ALL = "all"
 _OUT = "The picture's file [NAME.png], or a file with a table in which --verify puts its rows."
@@ -82,7 +83,7 @@ def _explain(name):
 
 def _candidates(scene, name):
     """(method, what it costs and errs) of those that could have been chosen; one line for a scene not in the table."""
-    if scene.name in names("scenes") and scene == load(scene.name) and (rows := of_scene(scene.name)):
+    if rows := kept_rows(scene):
         return [(row.method, said(row)) for row in rows]
     return [("candidates", f"not measured; haptic scenes --verify {name} measures them")]
 

@@ -22,6 +22,15 @@ def prepare(programs: list[Program]) -> None:
     ensure_compiled(*(entry for program in programs for entry in _entries(program)))
 
 
+def promise(programs: list[Program]) -> str:
+    """Sentence on the `error` that the scene of a simulation among these nodes wishes for and will not get; or ""."""
+    from haptic_sim.scene_promise import unkept_wish
+
+    simulations = [program for program in programs if program.name == "haptic_simulation"]
+    said = [unkept_wish(Path(value_of(program, "scene")), value_of(program, "method")) for program in simulations]
+    return "; ".join(filter(None, said))
+
+
 def _entries(program):
     if program.name != "haptic_simulation":
         return {"haptic_driver": ("servo", "exchange"), "haptic_loopback": ("loopback",)}.get(program.name, ())

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from haptic_sim.geometry import Point, turned
 from haptic_sim.method_registry import AUTO
-from haptic_sim.reduction.method_choice import choose_method, choose_sub_step
+from haptic_sim.reduction.method_choice import choose_method, choose_sub_step, unkept_wish
 from haptic_sim.reduction.mobility import Touching, degrees_of_freedom, groups_of, moving_bodies, touching_pairs
 from haptic_sim.reduction.model import Model, Place, build
 from haptic_sim.scene import Scene
@@ -57,6 +57,8 @@ class ReducedScene(NamedTuple):
     """s"""
     reasons: tuple[str, ...]
     """Why this method and this sub-step, a sentence each."""
+    unkept: str
+    """Sentence on the scene's `error`, where this method is known to err more; or ""."""
 
 
 def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
@@ -86,7 +88,8 @@ def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
     if method in (None, AUTO):
         method, why_method = choose_method(scene, arrays, [group[0] for group in groups], needs.axes)
     sub_step, why_step = choose_sub_step(scene, arrays, method)
-    return ReducedScene(scene, arrays, places, shape_names, needs, method, sub_step, (why_method, why_step))
+    unkept = unkept_wish(scene, arrays, method, sub_step)
+    return ReducedScene(scene, arrays, places, shape_names, needs, method, sub_step, (why_method, why_step), unkept)
 
 
 def _turning_matters(scene: Scene, touching: Touching, friction: bool) -> bool:

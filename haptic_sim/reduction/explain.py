@@ -25,6 +25,7 @@ def explain(reduced: ReducedScene) -> list[tuple[str, str]]:
         ("axes", _axes(needs)),
         ("method", f"{reduced.method}: {reduced.reasons[0]}"),
         ("sub-step", f"{reduced.sub_step * 1e3:g} ms: {reduced.reasons[1]}"),
+        *([("error", reduced.unkept)] if reduced.unkept else []),
     ]
 
 

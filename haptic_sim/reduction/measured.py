@@ -16,7 +16,8 @@ class Measured(NamedTuple):
     """A method on a scene. `error` is relative to the way that the bodies come, root mean square over time.
 
     `doubt` is how far the reference may be off, in the same measure; `created` the energy created over the largest
-    about; `exchange_us` the median processor time of an exchange of 1 ms. What a method cannot do is nan.
+    about, nan where motors or belts give some; `exchange_us` the median processor time of an exchange of 1 ms. What a
+    method cannot do is nan.
     """
 
     scene: str
@@ -61,7 +62,8 @@ def said(row: Measured) -> str:
     if math.isnan(row.error):
         return row.status
     error = f"errs {row.error:.1e} of the way" + (f" (known to {row.doubt:.0e})" if row.doubt > row.error else "")
+    created = "" if math.isnan(row.created) else f"creates {row.created:.0e} of the energy about, "
     return (
-        f"step {row.step_us * 1e-3:g} ms: {error}, creates {row.created:.0e} of the energy about, overlaps "
+        f"step {row.step_us * 1e-3:g} ms: {error}, {created}overlaps "
         f"{row.overlap_m * 1e6:.2g} um, takes {row.exchange_us:.0f} us an exchange"
     )

@@ -13,6 +13,10 @@ and up a tower of n the load has come one body farther. The sweeps are counted, 
 last is an overlap, and where one body strikes another, energy. Both grow with R n; `python -m bench impulse_bounds`
 measures the bounds. A coupling is an effective mass in the tool, m + h² K: it makes a light tool heavier, by 5 mg at
 2000 N/m, and asks for nothing more.
+
+A damper c acts by backward difference, in every method that is chosen: what it holds back follows in v = F/c, however
+short its time m/c is against a step. So it asks for no shorter one. But sequential impulses settle a light body between
+a heavy one and a damper by c h/m sweeps: `GREASE` of it is solved directly.
 """
 
 import math
@@ -21,7 +25,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from haptic_sim.geometry import Outline, Point, Pose, distance
-from haptic_sim.reduction.model import PIN, Model, too_much
+from haptic_sim.reduction.model import PIN, SLIDER, Model, too_much
 from haptic_sim.scene import Scene
 
 STEPS = (1e-3, 0.5e-3, 0.25e-3, 0.2e-3, 0.125e-3, 0.1e-3, 0.05e-3, 0.025e-3)
@@ -34,6 +38,8 @@ STIFFNESS = 2000.0
 """N/m; coupling that the choice reckons with. A stiffer one is as stable, but less exact."""
 SHORT = 0.05e-3
 """s; what `impulse` steps by inside its sub-steps. It cannot keep up with shorter ones behind a port that sees each."""
+SHORT_PER_BODY = 10e-6
+"""s; with many bodies as long for each: the time for them stays the same."""
 HOLDS = 3e-3
 """Relative error that `impulse` stays below in every shipped scene with a closed form or stored reference."""
 LOAD = 60.0
@@ -41,6 +47,13 @@ LOAD = 60.0
 HIGH = 15
 """Bodies on one another up to which a tower stands: of 20 equal ones it sinks in by 1.3 mm in two of six positions
 (`python -m bench hard_cases --scenes stack_20`)."""
+GREASE = 4.0
+"""c h/m, h of `SHORT`, up to which `impulse` settles dampers: a tool of .1 or 1 kg on a plunger of 1 or 10 g errs by
+4e-5 of its way at 2.5, by up to 2e-2 at 10, by 1 at 100."""
+UNBOUNDED = None, "impulse", "closed_form"
+"""Methods that take any number of bodies."""
+LAYERS = 32
+"""Bits of a Chipmunk filter."""
 TOUCHING = 1e-5
 """m; bodies that are no farther apart at the start rest on each other."""
 
@@ -55,6 +68,10 @@ def choose_method(scene: Scene, model: Model, names: Sequence[str], axes: tuple[
             "method is 'closed_form', which needs a round tool without joints among half_planes, without "
             "friction or restitution, that are parallel or square; take another method"
         )
+    crowded = too_many_layers(scene)
+    refusal = crowded if scene.method == "impulse" else too_much(model) if scene.method not in UNBOUNDED else ""
+    if scene.method and refusal:
+        raise ValueError(f"method is {scene.method!r}, but {refusal}; take another method")
     if scene.method:
         return scene.method, "the scene asks for it"
     if axes is not None:
@@ -62,11 +79,29 @@ def choose_method(scene: Scene, model: Model, names: Sequence[str], axes: tuple[
             "closed_form",
             f"contact acts on {len(axes)} {'axis' if len(axes) == 1 else 'axes'}, each solvable by itself",
         )
-    asked = _beyond_impulse(scene, model, names)
+    asked = crowded or _beyond_impulse(scene, model, names)
     if not asked:
         return "impulse", "nothing in the scene asks for more than impulses by short steps"
     refusal = too_much(model)
+    if refusal and crowded:
+        raise ValueError(f"{crowded}, and {refusal}; take fewer layers")
     return ("impulse", f"{asked}; but {refusal}") if refusal else ("partitioned", asked)
+
+
+def unkept_wish(scene: Scene, model: Model, method: str, sub_step: float) -> str:
+    """Sentence on the `error` that a scene wishes for, where it is known beforehand that it may be more; or ""."""
+    if method not in ("impulse", "partitioned"):
+        return ""
+    step, (frequency, what) = sub_step, max(_modes(model))
+    if method == "impulse":
+        step = min(sub_step, max(SHORT, SHORT_PER_BODY * (len(model.mass) - 1)))
+    expected = max(0.5 * step * frequency, HOLDS if method == "impulse" else 0.0)
+    if expected <= scene.error * (1.0 + 1e-9):
+        return ""
+    return (
+        f"error {scene.error:g} is wanted, and {method} in steps of {step * 1e3:.4g} ms may err by {expected:.2g}: of "
+        f"{what} at {frequency:.4g} rad/s; haptic scenes --verify measures it"
+    )
 
 
 def choose_sub_step(scene: Scene, model: Model, method: str) -> tuple[float, str]:
@@ -101,15 +136,33 @@ def longest_step(model: Model, error: float) -> tuple[float, str]:
 def _modes(model: Model) -> Iterator[tuple[float, str]]:
     """(angular frequency, what) of the coupling and of the scene's own springs."""
     yield math.sqrt(STIFFNESS / model.mass[0]), f"the tool on a coupling of {STIFFNESS:g} N/m"
-    for kind, bodies, anchors, spring in zip(
-        model.joint_kind, model.joint_bodies, model.joint_anchor, model.joint_spring, strict=True
-    ):
+    for spring, mobility in zip(model.joint_spring, _mobilities(model), strict=True):
         if spring[0] > 0.0:
-            # of the spring alone, each body taken as free
-            mobility = 1.0 / model.inertia[bodies]
-            if kind != PIN:
-                mobility = 1.0 / model.mass[bodies] + np.sum(anchors**2, axis=1) / model.inertia[bodies]
-            yield math.sqrt(spring[0] * float(np.sum(mobility))), "a spring of the scene"
+            yield math.sqrt(spring[0] * mobility), "a spring of the scene"
+
+
+def _damping_rates(model: Model) -> list[float]:
+    """c/m of the scene's dampers [1/s]."""
+    return [
+        float(spring[1]) * mobility for spring, mobility in zip(model.joint_spring, _mobilities(model), strict=True)
+    ]
+
+
+def _mobilities(model: Model) -> Iterator[float]:
+    """1/m that each joint's spring-damper sees [1/kg | 1/(kg m²)], each body taken as free."""
+    for kind, bodies, anchors in zip(model.joint_kind, model.joint_bodies, model.joint_anchor, strict=True):
+        mobility = 1.0 / model.inertia[bodies]
+        if kind == SLIDER:  # whose bodies do not turn
+            mobility = 1.0 / model.mass[bodies]
+        elif kind != PIN:
+            mobility = 1.0 / model.mass[bodies] + np.sum(anchors**2, axis=1) / model.inertia[bodies]
+        yield float(np.sum(mobility))
+
+
+def too_many_layers(scene: Scene) -> str:
+    """Sentence on layers that `impulse` has no bits for; or ""."""
+    many = len(scene.shared_layers)
+    return f"bodies share {many} layers, of which impulse takes at most {LAYERS}" if many > LAYERS else ""
 
 
 def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
@@ -119,6 +172,12 @@ def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
     longest, why = longest_step(model, scene.error)
     if longest < SHORT:
         return f"{why}, and impulse cannot keep up with steps below {SHORT * 1e3:g} ms"
+    grease = SHORT * max(_damping_rates(model), default=0.0)
+    if grease > GREASE:
+        return (
+            f"a damper holds a body back within {SHORT / grease * 1e3:.2g} ms, a step of impulse is {grease:.3g} times "
+            f"as long, and it keeps up with {GREASE:g}"
+        )
     pairs = {(a, b) for a, b in model.shape_body[model.pairs].tolist() + model.joint_bodies.tolist()}
     ratio, light, heavy = max(_ratios(model, pairs), default=(1.0, 0, 0))
     height = max(1, _height(model))

@@ -179,3 +179,23 @@ def test_a_row_of_the_table_says_default_unit_range_and_meaning(parameter, row):
 def test_each_default_satisfies_its_own_declaration(node):
     for parameter in NODES[node]:
         assert check_value(parameter, parameter.default) == parameter.default
+
+
+def test_a_scene_that_wishes_for_less_error_than_its_method_has_is_told_of_and_is_right(tmp_path):
+    scene = (ROOT / "config" / "scenes" / "push_block.yaml").read_text()
+    path = broken(tmp_path, scene + "error: 1.0e-5\n")
+    point = tmp_path / "point.yaml"
+    point.write_text(f"/**/haptic_simulation: {{ros__parameters: {{scene: {path}}}}}\n")
+    done = haptic("check", path, point)
+    assert done.returncode == 0
+    for line, file in zip(done.stdout.splitlines(), (path, point), strict=True):
+        assert line.startswith(f"{file}: ok; but error 1e-05 is wanted, and partitioned in steps of")
+
+
+def test_a_scene_that_no_method_takes_is_no_right_file(tmp_path):
+    walls = [f"  - {{name: w{k}, fixed: true, pose: [1.0, {k}, 0.0], layers: [{k}], shapes: *disc}}" for k in range(90)]
+    shapes = "[{circle: {radius: 0.01}}]"
+    text = "name: crowd\ngravity: [0.0, -9.81]\nbodies:\n" + "\n".join(walls).replace("*disc", shapes)
+    text += f"\ntool: {{mass: 0.1, layers: {list(range(90))}, shapes: {shapes}}}\n"
+    [sentence] = problems(broken(tmp_path, text))
+    assert sentence.startswith("bodies share 90 layers, of which impulse takes at most 32")

@@ -11,7 +11,19 @@ from haptic_sim.method.closed_form import ClosedForm
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.measured import of_scene
-from haptic_sim.reduction.method_choice import ACTS, HIGH, HOLDS, LOAD, SHORT, SOLVED, STEPS, STIFFNESS, TOUCHING
+from haptic_sim.reduction.method_choice import (
+    ACTS,
+    GREASE,
+    HIGH,
+    HOLDS,
+    LAYERS,
+    LOAD,
+    SHORT,
+    SOLVED,
+    STEPS,
+    STIFFNESS,
+    TOUCHING,
+)
 from haptic_sim.reduction.model import PIN, SLIDER, SPRING
 from haptic_sim.scene import SceneError, load, parse
 from haptic_sim.verify import CREATED, OVERLAP, within
@@ -389,3 +401,60 @@ def test_closed_form_contacts_turn_with_the_wall():
     assert contact.force_on_a == pytest.approx(1000.0 * 0.01 * normal, rel=1e-6)
     assert contact.normal == pytest.approx(-normal)
     assert contact.point == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.95, 1.05])
+@pytest.mark.parametrize("kind", ["slider", "pin", "spring"])
+def test_a_damper_that_sweeps_do_not_settle_gets_the_direct_solver(kind, share):
+    block = {"name": "block", "mass": 0.01, "inertia": 1e-6, "shapes": [{"box": {"size": [0.02, 0.02]}}]}
+    block["pose"] = [0.1, 0.0, 0.0]
+    joint = {
+        "slider": {"type": "slider", "at": [0.1, 0.05], "axis": [1.0, 0.0]},
+        "pin": {"type": "pin", "at": [0.1, 0.05]},
+        "spring": {"type": "spring", "anchors": [[0.3, 0.0], [0.0, 0.0]]},
+    }[kind]
+    seen = 1e-6 if kind == "pin" else 0.01
+    joint |= {"bodies": ["world", "block"], "damping": share * GREASE * seen / SHORT}
+    method, why = reason(bodies=[block], joints=[joint])
+    assert method == ("partitioned" if share > 1.0 else "impulse")
+    assert ("a damper holds a body back within" in why) == (share > 1.0)
+    assert compiled(bodies=[block], joints=[joint]).sub_step == (50e-6 if share > 1.0 else 250e-6)
+
+
+def layered(count, **more):
+    """A ball on so many layers, and a wall on each of them."""
+    walls = [
+        {"name": f"w{k}", "fixed": True, "pose": [1.0, k, 0.0], "shapes": DISC["shapes"], "layers": [k + 1]}
+        for k in range(count)
+    ]
+    ball = {"name": "ball", "mass": 0.1, "pose": [0.5, 0.5, 0.0], "velocity": [1, 0, 0], "shapes": DISC["shapes"]}
+    return {"bodies": [{**ball, "layers": list(range(1, count + 1))}, *walls], **more}
+
+
+def test_more_layers_than_impulse_has_bits_for_get_the_direct_solver_if_bodies_share_them():
+    assert reason(**layered(LAYERS))[0] == "impulse"
+    method, why = reason(**layered(LAYERS + 1))
+    assert (method, why) == ("partitioned", "bodies share 33 layers, of which impulse takes at most 32")
+    scene = layered(LAYERS + 1)
+    scene["bodies"][0]["layers"] = [1, *range(100, 140)]  # which nobody else is on
+    assert reason(**scene)[0] == "impulse"
+
+
+def test_more_layers_than_any_method_takes_are_refused_before_anything_runs():
+    with pytest.raises(ValueError, match="method is 'impulse', but bodies share 33 layers"):
+        compiled(**layered(LAYERS + 1, method="impulse"))
+    with pytest.raises(
+        ValueError, match="bodies share 90 layers, of which impulse takes at most 32, and the scene has"
+    ):
+        compiled(**layered(90))
+
+
+def test_an_error_that_no_step_keeps_is_said_and_one_that_is_kept_is_not():
+    assert compiled(error=1e-5).unkept == ""  # in closed form
+    bar = {"bodies": [BAR], "joints": [PINNED]}
+    assert compiled(**bar, error=0.02).unkept == ""
+    assert (
+        "error 1e-05 is wanted, and partitioned in steps of 0.025 ms may err by" in compiled(**bar, error=1e-5).unkept
+    )
+    asked = compiled(**bar, error=0.002, method="impulse").unkept
+    assert "error 0.002 is wanted, and impulse in steps of 0.025 ms may err by 0.003:" in asked

@@ -376,3 +376,24 @@ def test_a_measure_is_zero_at_from_and_one_at_to_along_its_unit_axis():
 def test_a_measured_point_turns_with_its_body():
     measure = parse(changed(("measure", "pushed", "point"), [0, -0.1]), "here").measure["pushed"]
     assert measure.fraction((0.0, 0.0, math.pi / 2)) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize(("along", "fits"), [(99.9, True), (-99.9, True), (100.1, False), (-100.1, False)])
+def test_a_half_plane_that_a_body_starts_beside_is_refused(along, fits):
+    plane = {"half_plane": {"point": [3.0, 4.0], "normal": [0.6, 0.8]}}
+    place = [3.0 + 0.8 * along + 0.6 * 0.05, 4.0 - 0.6 * along + 0.8 * 0.05, 0.0]
+    ball = {"name": "ball", "mass": 0.1, "pose": place, "shapes": [{"circle": {"radius": 0.05}}]}
+    scene = {
+        "name": "t",
+        "bodies": [{"name": "slope", "fixed": True, "shapes": [plane]}, ball],
+        "tool": {"mass": 0.1, "pose": [3.6, 4.8, 0.0], "shapes": [{"circle": {"radius": 0.01}}]},
+    }
+    if fits:
+        assert parse(scene, "s").name == "t"
+        return
+    with pytest.raises(SceneError) as refused:
+        parse(scene, "s")
+    assert str(refused.value) == (
+        "s: bodies[1] ('ball') starts 100.1 m along the half_plane of bodies[0] ('slope') from its point, 100 m of it "
+        "are modelled; move the point nearer"
+    )

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic scenes`: the list, the pictures, the explanations, and how bad input is refused."""
 
+import math
+
 import numpy as np
 import pytest
 from in_process import haptic
@@ -139,11 +141,28 @@ def test_a_method_that_is_chosen_and_beyond_its_bounds_is_told_by_the_exit_code(
     assert "**beyond**" in done.stdout
 
 
+def test_what_a_motor_or_a_belt_gives_is_no_energy_from_nowhere(tmp_path):
+    """A sled that its motor sets going: exact to 1e-4 of its way, and all its energy is the motor's."""
+    own = tmp_path / "own.yaml"
+    own.write_text(
+        "name: own\nbodies:\n  - {name: sled, mass: 1.0, shapes: [{box: {size: [0.02, 0.02]}}]}\njoints:\n"
+        "  - {type: slider, bodies: [world, sled], at: [0.0, 0.0], axis: [1.0, 0.0], "
+        "motor: {speed: 0.1, max_force: 1.0}}\n"
+        "tool: {mass: 0.1, pose: [0.0, 0.2, 0.0], shapes: [{circle: {radius: 0.01}}]}\n"
+        "motion: {name: press_wall, start: [0.0, 0.2, 0.0], target: [0.01, 0.2, 0.0], duration: 1.0}\n"
+    )
+    done = haptic("scenes", "--verify", own)
+    assert done.returncode == 0, done.stdout
+    chosen = next(line for line in done.stdout.splitlines() if line.startswith("| own | impulse"))
+    assert "| of drives too |" in chosen and chosen.endswith("| kept |")
+
+
 @pytest.mark.parametrize(("field", "bound"), [("error", 0.02), ("created", 0.01), ("overlap_m", 1e-4)])
 def test_bounds_are_kept_up_to_each_of_them_and_not_beyond(field, bound):
     row = Measured("own", "impulse", 250.0, 0.0, 0.0, 0.0, 0.0, 100.0, "stable")
     assert within(row._replace(**{field: 0.999 * bound}), 0.02)
     assert not within(row._replace(**{field: 1.001 * bound}), 0.02)
+    assert within(row._replace(created=math.nan), 0.02)
 
 
 def test_an_error_below_the_doubt_of_its_reference_is_none_and_what_is_not_stable_keeps_nothing():

@@ -503,3 +503,67 @@ def test_travel_over_no_sub_steps_moves_nothing_and_says_that_nothing_happened()
     before = method.position, method.velocity, method.energy()
     assert method.step(held(STILL), 0)[:-1] == (0.0, False, 0.0, 0.0, 0, 0.0, 0.0)
     assert (method.position, method.velocity, method.energy()) == before
+
+
+@pytest.mark.parametrize("angle", [0.0, math.radians(37.0)])
+@pytest.mark.parametrize("method", ["impulse", "partitioned"])
+def test_a_ball_far_along_a_half_plane_lies_on_it(method, angle):
+    """45 m from its point, and 40 m of way at 20 m/s."""
+    c, s = math.cos(angle), math.sin(angle)
+    plane = {"name": "plane", "fixed": True, "shapes": [{"half_plane": {"normal": [-s, c]}}]}
+    start = 45.0 * c - 0.05 * s, 45.0 * s + 0.05 * c
+    ball = {"name": "ball", "mass": 1.0, "pose": [*start, 0.0], "velocity": [20.0 * c, 20.0 * s, 0.0]}
+    tool = {"mass": 0.1, "pose": [-5.0 * s, 5.0 * c, 0.0], "shapes": BALL}
+    scene = {"name": "t", "tool": tool, "gravity": [G * s, -G * c]}
+    scene["bodies"] = [plane, ball | {"shapes": [{"circle": {"radius": 0.05}}]}]
+    world = make(method, reduce_scene(Scene.model_validate(scene)), H)
+    run(world, round(2.0 / H), world.position)
+    x, y, _ = world.pose("ball")
+    assert (c * x + s * y, c * y - s * x) == pytest.approx((85.0, 0.05), abs=1e-5)
+
+
+@pytest.mark.parametrize("turn", [0.0, math.radians(37.0)])
+def test_a_disc_on_a_slope_of_a_hundred_thousandth_rolls_and_does_not_fall_asleep(turn):
+    """x = g sin α t²/3 of a disc that rolls."""
+    slope, time = 1e-5, 3.0
+    plane = {"name": "plane", "fixed": True, "shapes": [{"half_plane": {"normal": [-math.sin(turn), math.cos(turn)]}}]}
+    gravity = G * math.sin(turn + slope), -G * math.cos(turn + slope)
+    place = [-0.01 * math.sin(turn), 0.01 * math.cos(turn), 0.0]
+    disc = {"name": "disc", "mass": 1.0, "pose": place, "shapes": BALL}
+    method = world([plane, disc], friction=0.5, gravity=gravity, tool=FAR | {"layers": []})
+    x, y, _ = run(method, round(time / H)).pose("disc")
+    assert x * math.cos(turn) + y * math.sin(turn) == pytest.approx(G * math.sin(slope) * time**2 / 3.0, rel=2e-2)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 10.0, 37.0, 90.0])
+@pytest.mark.parametrize("gravity", [(0.0, -G), (-G, 0.0)])
+def test_a_ball_that_loses_nothing_rebounds_with_its_speed_whatever_gravity_does(degrees, gravity):
+    angle = math.radians(degrees)
+    c, s = math.cos(angle), math.sin(angle)
+    plane = {"name": "plane", "fixed": True, "shapes": [{"half_plane": {"normal": [-s, c]}}]}
+    place, speed = [-0.05 * s, 0.05 * c, 0.0], [s, -c, 0.0]
+    ball = {"name": "ball", "mass": 1.0, "pose": place, "velocity": speed, "shapes": BALL}
+    pull = [c * gravity[0] - s * gravity[1], s * gravity[0] + c * gravity[1]]
+    method = world([plane, ball], restitution=1.0, gravity=pull, tool=FAR | {"layers": []})
+    before = sum(method.energy())
+    run(method, round(0.1 / H))
+    x, y, _ = method.pose("ball")
+    vx, vy, _ = method.bodies()[1][1]
+    assert c * vy - s * vx > 0.0
+    assert sum(method.energy()) == pytest.approx(before, rel=2e-3)
+    assert c * y - s * x > 0.01
+
+
+def test_a_held_tools_rebound_grows_with_its_restitution_up_to_1_without_a_jump():
+    kept = []
+    for e in (0.0, 0.5, 0.9, 0.99, 0.999, 1.0):
+        tool = {"mass": 0.1, "pose": [-0.03, 0.0, 0.0], "velocity": [1.0, 0.0, 0.0], "shapes": BALL, "material": "m"}
+        method = world([PLATE], restitution=e, tool=tool)
+        method.couple(Coupling(2000.0, 0.0, 2.0, 0.002))
+        fastest = 0.0
+        while method.velocity[0] > 0.0 and len(kept) < 99:
+            fastest = method.velocity[0]
+            run(method, 1, (0.005, 0.0, 0.0))
+        kept.append(-method.velocity[0] / fastest)
+    assert kept == pytest.approx([0.0, 0.5, 0.9, 0.98, 0.98, 0.98], abs=0.03)
+    assert kept == sorted(kept)
