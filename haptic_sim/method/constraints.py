@@ -14,8 +14,8 @@ from haptic_sim.method.narrow_phase import evaluate_contact
 from haptic_sim.method.records import MOST_ROWS
 from haptic_sim.reduction.model import SPRING
 
-CONTACT, JOINT_LIMIT, JOINT_FRICTION = 0, 1, 2
-"""Sources of a row: a contact, a joint's limit (which side: sign), its dry friction or motor."""
+CONTACT, JOINT_LIMIT, JOINT_FRICTION, JOINT_MOTOR = 0, 1, 2, 3
+"""Sources of a row: a contact, a joint's limit (which side: sign), its dry friction, its motor."""
 
 
 @njit
@@ -42,7 +42,7 @@ def reference_rate(model, work, r):
     if rows.source[r] == CONTACT:
         surface = model.pair_surface[rows.index[r]]
         return -(rows.G[r, 3] * surface[0] + rows.G[r, 4] * surface[1])
-    return model.joint_motor[rows.index[r], 0] if model.joint_motor[rows.index[r], 1] > 0.0 else 0.0
+    return model.joint_motor[rows.index[r], 0] if rows.source[r] == JOINT_MOTOR else 0.0
 
 
 @njit
@@ -56,7 +56,7 @@ def work_of_drives(model, work, v, n):
     for r in range(n):
         if rows.source[r] == CONTACT:
             given += work.lcp.lam[r] * reference_rate(model, work, r)
-        elif rows.source[r] == JOINT_FRICTION and model.joint_motor[rows.index[r], 1] > 0.0:
+        elif rows.source[r] == JOINT_MOTOR:
             given += work.lcp.lam[r] * constraint_rate(work, v, r)
     return given
 
@@ -67,6 +67,7 @@ def add_constraint(work, r, a, b, kind, partner, mu, bound, source, index, key):
     rows = work.constraints
     rows.body_a[r], rows.body_b[r], rows.kind[r], rows.partner[r] = a, b, kind, partner
     rows.mu[r], rows.bound[r], rows.source[r], rows.index[r], rows.key[r] = mu, bound, source, index, key
+    rows.twin[r] = -1
     work.lcp.mode[r] = FREE
     return r + 1
 
@@ -101,7 +102,7 @@ def add_joint_constraints(model, layout, work, first, q, v, slack, friction_scal
         a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
         if model.joint_kind[j] == SPRING or not is_advanced(layout, work, a, b):
             continue
-        if r + 3 > MOST_ROWS:
+        if r + 4 > MOST_ROWS:
             work.counters.left_out += 1
             continue
         if model.joint_limit[j, 0] > -math.inf or model.joint_limit[j, 1] < math.inf:
@@ -112,10 +113,21 @@ def add_joint_constraints(model, layout, work, first, q, v, slack, friction_scal
             if model.joint_limit[j, 1] - at < slack:
                 work.constraints.feature[r, 3] = -1
                 r = add_constraint(work, r, a, b, NORMAL, -1, 0.0, 0.0, JOINT_LIMIT, j, -4 * j - 2)
-        most = max(model.joint_friction[j], model.joint_motor[j, 1]) * friction_scale
-        if most > 0.0:
-            r = add_constraint(work, r, a, b, FRICTION, -1, 0.0, most, JOINT_FRICTION, j, -4 * j - 3)
+        r = add_drive_constraints(model, work, r, j, friction_scale)
     return r - first
+
+
+@njit
+def add_drive_constraints(model, work, r, j, scale):
+    """The rows of joint j's motor and of its dry friction, with their bounds times `scale`; returns the next row."""
+    a, b = model.joint_bodies[j, 0], model.joint_bodies[j, 1]
+    motor, friction = model.joint_motor[j, 1] * scale, model.joint_friction[j] * scale
+    if motor > 0.0:
+        r = add_constraint(work, r, a, b, FRICTION, -1, 0.0, motor, JOINT_MOTOR, j, -4 * j - 3)
+    if friction > 0.0:
+        r = add_constraint(work, r, a, b, FRICTION, -1, 0.0, friction, JOINT_FRICTION, j, -4 * j - 4)
+        work.constraints.twin[r - 1] = r - 2 if motor > 0.0 else -1
+    return r
 
 
 @njit
@@ -234,11 +246,12 @@ def keep_constraints(work, v, n, farthest, fastest):
 
 @njit
 def move_constraint(work, r, to):
-    """Row r becomes row `to`; a friction row stays next to its normal."""
+    """Row r becomes row `to`; a friction row stays next to its normal, or to its motor."""
     rows = work.constraints
     rows.body_a[to], rows.body_b[to], rows.kind[to] = rows.body_a[r], rows.body_b[r], rows.kind[r]
     rows.source[to], rows.index[to], rows.key[to] = rows.source[r], rows.index[r], rows.key[r]
     rows.partner[to] = to - 1 if rows.partner[r] >= 0 else -1
+    rows.twin[to] = to - 1 if rows.twin[r] >= 0 else -1
     rows.mu[to], rows.bound[to], rows.gamma[to], rows.gap[to] = rows.mu[r], rows.bound[r], rows.gamma[r], rows.gap[r]
     for k in range(4):
         rows.feature[to, k] = rows.feature[r, k]

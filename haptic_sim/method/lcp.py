@@ -14,6 +14,9 @@ ends for every A in the class P; the friction of Painlevé's paradox is outside 
 and backward differences, where sliding senses are not fixed, always have a solution (Stewart & Trinkle 1996; Anitescu
 & Potra 1997): `lemke` finds it.
 
+A joint's motor and its dry friction are two rows of one rate, the second the first one's twin, with b apart by the
+motor's speed.
+
 Redundant contacts (two corners of a block) make A singular: every diagonal gains the part SOFT of itself, which picks
 the solution of least sum of squares and changes w by that part only.
 """
@@ -35,6 +38,7 @@ def principal_pivoting(work, n, share, limit):
     """
     fewest, patience = n + 1, 8
     for turn in range(limit):
+        separate_twins(work, n)
         if not solve_in_modes(work, n, share):
             return -1
         wrong, last = count_wrong_modes(work, n, share, False)
@@ -49,6 +53,16 @@ def principal_pivoting(work, n, share, limit):
         else:
             work.lcp.mode[last] = consistent_mode(work, n, share, last)
     return -1
+
+
+@njit
+def separate_twins(work, n):
+    """Motor and friction of a joint, both FREE, ask one rate for two values: now it turns, slower than the motor."""
+    mode, b = work.lcp.mode, work.lcp.b
+    for r in range(n):
+        motor = work.constraints.twin[r]
+        if motor >= 0 and mode[r] == FREE and mode[motor] == FREE:
+            mode[motor], mode[r] = (HIGH, LOW) if b[motor] < b[r] else (LOW, HIGH)
 
 
 @njit

@@ -26,7 +26,7 @@ STAGES = 12
 
 _n, _s, _v, _p, _j, _r = MOST_BODIES, MOST_SHAPES, MOST_CORNERS, MOST_PAIRS, MOST_JOINTS, MOST_ROWS
 _c, _k = 3 * MOST_LINKED, 2 * MOST_JOINTS
-_z = 2 * MOST_ROWS + 2 * MOST_JOINTS  # of two rows one is a normal; a joint may have friction alone
+_z = 2 * MOST_ROWS + 2 * MOST_JOINTS  # of two rows one is a normal; a joint may have friction and a motor alone
 
 
 def _reals(**shapes):
@@ -100,7 +100,7 @@ WORK = np.dtype(
         ),
         (
             "constraints",
-            _whole(body_a=_r, body_b=_r, kind=_r, partner=_r, source=_r, index=_r, key=_r, feature=(_r, 4))
+            _whole(body_a=_r, body_b=_r, kind=_r, partner=_r, twin=_r, source=_r, index=_r, key=_r, feature=(_r, 4))
             + _reals(mu=_r, bound=_r, G=(_r, 6), gamma=_r, gap=_r, place=(_r, 2)),
         ),
         ("warm_start", _whole(count=(), key=_r, mode=_r)),  # of constraints: modes that rows had in the last solution

@@ -68,7 +68,10 @@ class Model(NamedTuple):
     joint_friction: np.ndarray
     """(j) Coulomb friction against the joint coordinate [N m | N]."""
     joint_motor: np.ndarray
-    """(j, 2) speed wished [rad/s | m/s] and largest torque or force [N m | N]; without a motor 0, 0."""
+    """(j, 2) speed wished [rad/s | m/s] and largest torque or force [N m | N]; without a motor 0, 0.
+
+    A motor of speed 0 is a brake: its strength is added to the joint's friction, and it stands as 0, 0 here.
+    """
     joint_spring: np.ndarray
     """(j, 3) stiffness, damping, rest on the coordinate; a SPRING's is the anchors' distance, with rest 0 a vector."""
     gravity: np.ndarray
@@ -195,6 +198,9 @@ def _joint(
     on_a, on_b = joint.places(*(solids.get(name) for name in joint.bodies))
     if joint.holds:
         on_a = on_b
+    motor, friction = joint.drive, joint.friction
+    if motor[0] == 0.0:
+        motor, friction = (0.0, 0.0), friction + motor[1]
     axis = framed(joint.unit_axis, (0.0, 0.0, frames[0][2])) if isinstance(joint, Slider) else (0.0, 0.0)
     return (
         _KINDS[joint.type],
@@ -203,8 +209,8 @@ def _joint(
         axis,
         frames[1][2] - frames[0][2],
         joint.range,
-        joint.friction,
-        joint.drive,
+        friction,
+        motor,
         joint.spring(math.dist(on_a, on_b)),
     )
 

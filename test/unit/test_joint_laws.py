@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motors, dry friction and spring-dampers of joints, as the compiled methods solve them, against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from haptic_sim.method.event_driven import EventDriven
+from haptic_sim.method.partitioned import Partitioned
+from haptic_sim.protocol import Coupling, held
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.scene import Scene
+
+BOTH = [Partitioned, EventDriven]
+ANGLES = [0.0, 37.0]
+SIZES = [1.0, 0.01]
+"""Inertia [kg m²] or mass [kg] that moves, and with it the scale of torques."""
+FAR_TOOL = {"mass": 0.1, "pose": [50.0, 50.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
+SPEED = 3.0
+
+
+def world(kind, h, bodies, joints, tool=FAR_TOOL, **more):
+    scene = {"name": "t", "bodies": bodies, "joints": joints, "tool": tool, **more}
+    return kind(reduce_scene(Scene.model_validate(scene)), h)
+
+
+def run(method, count, handle=(0.0, 0.0, 0.0)):
+    method.step(held(handle), count)
+    return method
+
+
+def turned(degrees, x, y):
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return [c * x - s * y, s * x + c * y]
+
+
+def driven(kind, joint, degrees, size, motor, friction, turning=0.0, **more):
+    """A wheel on a pin or a sled on a guide, with motor (speed, strength) and dry friction, both times its inertia."""
+    body = {
+        "name": "body",
+        "mass": size,
+        "inertia": size,
+        "pose": [0.0, 0.0, math.radians(degrees)],
+        "shapes": [{"box": {"size": [0.1, 0.1]}}],
+    }
+    speed, strength = motor
+    law = {"type": joint, "bodies": ["world", "body"], "at": [0.0, 0.0]}
+    if joint == "pin":
+        body["velocity"] = [0.0, 0.0, turning]
+        law |= {"friction_torque": friction * size, "motor": {"speed": speed, "max_torque": strength * size}}
+    else:
+        body["velocity"] = [*turned(degrees, turning, 0.0), 0.0]
+        law |= {"friction_force": friction * size, "motor": {"speed": speed, "max_force": strength * size}}
+        law["axis"] = turned(degrees, 1.0, 0.0)
+    return world(kind, 1e-3, [body], [law], **more)
+
+
+def coordinate(method, degrees, joint):
+    """(coordinate, rate) of the driven body's joint."""
+    pose, rates = method.bodies()[1]
+    if joint == "pin":
+        return pose[2] - math.radians(degrees), rates[2]
+    ux, uy = turned(degrees, 1.0, 0.0)
+    return pose[0] * ux + pose[1] * uy, rates[0] * ux + rates[1] * uy
+
+
+CASES = pytest.mark.parametrize(
+    ("kind", "joint", "degrees", "size"),
+    [
+        (kind, joint, degrees, size)
+        for kind in BOTH
+        for joint in ("pin", "slider")
+        for degrees in ANGLES
+        for size in SIZES
+    ],
+)
+
+
+@CASES
+def test_a_motor_weaker_than_the_friction_of_its_joint_does_not_move_it(kind, joint, degrees, size):
+    method = run(driven(kind, joint, degrees, size, (SPEED, 0.1), 0.5), 200)
+    assert coordinate(method, degrees, joint) == pytest.approx((0.0, 0.0), abs=1e-15)
+
+
+@CASES
+@pytest.mark.parametrize("speed", [SPEED, -SPEED])
+def test_a_motor_accelerates_by_what_it_has_more_than_friction_until_its_speed(kind, joint, degrees, size, speed):
+    """I dω/dt = 15 − 7.5 until ω = 3, after .4 s."""
+    method, sign = driven(kind, joint, degrees, size, (speed, 15.0), 7.5), math.copysign(1.0, speed)
+    run(method, 200)
+    assert coordinate(method, degrees, joint) == pytest.approx((sign * 0.5 * 7.5 * 0.04, sign * 1.5), rel=1e-9)
+    run(method, 400)
+    assert coordinate(method, degrees, joint) == pytest.approx((sign * (0.6 + 0.2 * 3.0), sign * 3.0), rel=1e-9)
+
+
+@CASES
+def test_what_turns_faster_than_its_motor_is_braked_by_motor_and_friction_together(kind, joint, degrees, size):
+    """I dω/dt = −(15 + 7.5) from 6 to 3, in 2/15 s; then the motor holds its speed."""
+    method = driven(kind, joint, degrees, size, (SPEED, 15.0), 7.5, turning=6.0)
+    run(method, 100)
+    assert coordinate(method, degrees, joint)[1] == pytest.approx(6.0 - 2.25, rel=1e-9)
+    run(method, 200)
+    assert coordinate(method, degrees, joint)[1] == pytest.approx(3.0, rel=1e-12)
+
+
+@CASES
+def test_a_motor_of_no_speed_is_a_brake_beside_the_friction(kind, joint, degrees, size):
+    """I dω/dt = −(10 + 5) from 3; at rest after .2 s."""
+    method = driven(kind, joint, degrees, size, (0.0, 10.0), 5.0, turning=SPEED)
+    run(method, 100)
+    assert coordinate(method, degrees, joint) == pytest.approx((0.3 - 0.075, 1.5), rel=1e-9)
+    run(method, 200)
+    assert coordinate(method, degrees, joint) == pytest.approx((0.3, 0.0), rel=1e-9, abs=1e-12)
+
+
+def held_knob(motor, friction, degrees):
+    pin = {
+        "type": "pin",
+        "bodies": ["world", "tool"],
+        "at": [0.0, 1.0],
+        "friction_torque": friction,
+        "motor": {"speed": motor[0], "max_torque": motor[1]},
+    }
+    tool = {
+        "mass": 0.1,
+        "inertia": 1e-4,
+        "pose": [0.0, 1.0, math.radians(degrees)],
+        "shapes": [{"circle": {"radius": 0.01}}],
+    }
+    method = world(Partitioned, 1e-3, [], [pin], tool)
+    method.couple(Coupling(2000.0, 2.0, 2.0, 0.1))
+    return method
+
+
+@pytest.mark.parametrize("degrees", ANGLES)
+@pytest.mark.parametrize("speed", [5.0, -5.0])
+def test_a_motor_turns_a_held_tool_ahead_by_its_torque_less_friction_and_gives_way_by_their_sum(degrees, speed):
+    """From the handle it goes (.3 − .1)/2 rad ahead; the handle that goes back draws it from (.3 + .1)/2 ahead."""
+    method, start, sign = held_knob((speed, 0.3), 0.1, degrees), math.radians(degrees), math.copysign(1.0, speed)
+    run(method, 2000, (0.0, 1.0, start))
+    assert method.position[2] - start == pytest.approx(sign * 0.1, rel=1e-6)
+    for back in np.linspace(0.0, 0.5, 500):
+        run(method, 1, (0.0, 1.0, start - sign * back))
+    run(method, 1000, (0.0, 1.0, start - sign * 0.5))
+    assert method.position[2] - start == pytest.approx(sign * (0.2 - 0.5), abs=1e-6)
+
+
+@pytest.mark.parametrize("strength", [1.0, 1e3])
+@pytest.mark.parametrize("speed", [1e-6, -1e-6, 1e-3, 1.0])
+def test_a_held_tool_has_its_motors_speed_however_strong_motor_and_friction_are(speed, strength):
+    """To what the rows give way of themselves (REGULARIZATION), 25 nrad/s at 500 N m."""
+    method = held_knob((speed, strength), 0.5 * strength, 0.0)
+    assert run(method, 50, (0.0, 1.0, 0.0)).velocity[2] == pytest.approx(speed, rel=0.03)
+
+
+@pytest.mark.parametrize("degrees", ANGLES)
+def test_two_joints_with_motor_and_friction_in_a_row_each_keep_their_own_law(degrees):
+    """The first motor is stronger than its friction, the second weaker: both arms turn as one."""
+    arm = {"mass": 1.0, "inertia": 0.1, "shapes": [{"box": {"size": [0.2, 0.02]}}]}
+    places = [[*turned(degrees, x, 0.0), math.radians(degrees)] for x in (0.1, 0.3)]
+    arms = [{**arm, "name": name, "pose": pose} for name, pose in zip("ab", places, strict=True)]
+    pins = [
+        {
+            "bodies": ["world", "a"],
+            "at": [0.0, 0.0],
+            "friction_torque": 0.5,
+            "motor": {"speed": 2.0, "max_torque": 5.0},
+        },
+        {
+            "bodies": ["a", "b"],
+            "at": turned(degrees, 0.2, 0.0),
+            "friction_torque": 9.0,
+            "motor": {"speed": 9.0, "max_torque": 0.1},
+        },
+    ]
+    method = run(world(Partitioned, 1e-3, arms, [{"type": "pin", **pin} for pin in pins]), 1000)
+    first, second = (pose[2] for pose, _ in method.bodies()[1:])
+    assert first - second == pytest.approx(0.0, abs=1e-9) and method.bodies()[1][1][2] == pytest.approx(2.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", BOTH)
+def test_no_energy_comes_from_nowhere_where_motor_and_friction_work(kind):
+    """What the motor has given is at least the kinetic energy: 15 N m over the angle, of which friction takes half."""
+    method = driven(kind, "pin", 0.0, 1.0, (SPEED, 15.0), 7.5)
+    for _ in range(50):
+        run(method, 10)
+        angle = coordinate(method, 0.0, "pin")[0]
+        assert method.energy()[0] <= 7.5 * angle * (1.0 + 1e-9) + 1e-12
