@@ -8,7 +8,8 @@ motion itself, which is integrated anew to each guess; then the impact is solved
 
 Between events the contacts that touch, and do not part, are constraints; which of them push, stick or slide is one
 complementarity problem of the accelerations. If it has no solution (Painlevé), or events crowd, the integration gives
-up and the rest of the step is a backward difference (see `implicit_step`), which always has one.
+up and the rest of the step is a backward difference (see `implicit_step`), which always has one. So it does where
+spring-dampers are so fast that the pieces in which the explicit formulas follow them would be as many.
 """
 
 import math
@@ -40,6 +41,11 @@ from haptic_sim.method.lcp import FRICTION, HIGH, LOW, NORMAL, SLIDING, principa
 from haptic_sim.method.narrow_phase import disc_distance, signed_gap
 
 MOST_EVENTS = 400
+FOLLOWED = 1.0
+"""Rate times step up to which the explicit formulas take a spring-damper: stable to 2.8 (order 4) and 6 (order 8).
+
+Measured at 1: an error of 2e-7 of the amplitude by order 8; at 2 it is 5e-5.
+"""
 UNSOLVED, IMPACT_DUE = -1, -2
 
 
@@ -50,6 +56,8 @@ def integrate_through_events(model, layout, work, h):
         work.event_integration.advanced[i] = work.active[i]
     work.clock.state = work.clock.stage = 0.0
     left = h
+    if fastest_rate(model, layout, work) * h > FOLLOWED * MOST_EVENTS:
+        return left
     for _ in range(MOST_EVENTS):
         n = active_constraints(model, layout, work, True)
         if n == IMPACT_DUE:
@@ -202,9 +210,31 @@ def set_sliding_direction(model, work, v, r):
 
 
 @njit
+def fastest_rate(model, layout, work):
+    """Rate [1/s] at which spring-dampers of the linkages being advanced, or the coupling as a force, act at most."""
+    fastest = 0.0
+    for i in range(layout.linkages):
+        if work.active[i] > 0:
+            fastest = max(fastest, layout.rate[i])
+    if work.coupling.event_driven:
+        stiffness, damping, mass, inertia = (
+            work.coupling.stiffness,
+            work.coupling.damping,
+            model.mass[0],
+            model.inertia[0],
+        )
+        fastest = max(fastest, max(damping[0] / mass, math.sqrt(stiffness[0] / mass)))
+        fastest = max(fastest, max(damping[2] / inertia, math.sqrt(stiffness[2] / inertia)))
+    return fastest
+
+
+@njit
 def longest_safe_step(model, layout, work):
-    """Time [s] within which no two shapes can meet and be through each other again: a quarter of their widths."""
-    longest = math.inf
+    """Time [s] within which no two shapes can meet and be through each other again: a quarter of their widths.
+
+    Nor do spring-dampers, and the coupling where it is a force, act faster than the explicit formulas follow.
+    """
+    longest = FOLLOWED / max(fastest_rate(model, layout, work), 1e-300)
     for p in range(model.pair_count):
         a, b = layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]
         if not is_advanced(layout, work, a, b):

@@ -2,11 +2,12 @@
 """What the compiled methods add to a model once: edge normals, discs around shapes, bodies sorted into linkages."""
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.reduction.model import Model
+from haptic_sim.reduction.model import PIN, SPRING, Model
 
 
 class Layout(NamedTuple):
@@ -38,6 +39,8 @@ class Layout(NamedTuple):
     """Joints in the order of their linkages."""
     extent: np.ndarray
     """(n) farthest point of the body from its mass centre [m]."""
+    rate: np.ndarray
+    """(l) rate [1/s] at which a linkage's own spring-dampers act at most, each body taken as free."""
 
 
 def lay_out(model: Model) -> Layout:
@@ -63,6 +66,7 @@ def lay_out(model: Model) -> Layout:
         joint_start,
         joint_order,
         extent,
+        np.array([_rate(model, joint_order[first:end]) for first, end in pairwise(joint_start)]),
     )
 
 
@@ -75,6 +79,19 @@ def _shape(model, s):
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
     width = min(np.ptp(corners @ normal) for normal in normals)
     return list(normals), middle, np.hypot(*(corners - middle).T).max(), width
+
+
+def _rate(model, joints):
+    """max(Σ c/m, √(Σ k/m)) over the spring-dampers of these joints, 1/m what each of them moves."""
+    stiffness, damping = 0.0, 0.0
+    for j in joints:
+        bodies, turns = model.joint_bodies[j], model.joint_kind[j] == PIN
+        mobility = 1.0 / (model.inertia if turns else model.mass)[bodies]
+        if model.joint_kind[j] == SPRING or not (turns or model.fixed[bodies].any()):
+            mobility = mobility + np.sum(model.joint_anchor[j] ** 2, axis=1) / model.inertia[bodies]
+        stiffness += model.joint_spring[j, 0] * mobility.sum()
+        damping += model.joint_spring[j, 1] * mobility.sum()
+    return max(damping, math.sqrt(stiffness))
 
 
 def _linkages(model):

@@ -7,8 +7,16 @@ from haptic_device.jit import kernel, njit
 from haptic_sim.method.constrained_dynamics import coupling_force, work_at_port
 from haptic_sim.method.event_integration import integrate_through_events
 from haptic_sim.method.implicit_step import implicit_step
+from haptic_sim.method.joints import spring_row, spring_row_count
 from haptic_sim.method.narrow_phase import disc_distance, place_shapes, signed_gap
+from haptic_sim.reduction.model import PIN
 
+STIFF = 6.0
+"""Rate of a linkage's own spring-dampers times the sub-step beyond which a backward difference takes it.
+
+Up to it the motion is followed in as many pieces, to 1e-6 of its amplitude, and one costs as much as the backward
+difference (5 µs of one body); a vibration that turns by a radian a step is damped out by the latter.
+"""
 ALLOWED_ACCELERATION = 100.0
 """Acceleration [m/s²] beyond the present speeds that is allowed for when looking who can come near the tool."""
 
@@ -116,27 +124,56 @@ def activate_all(layout, work):
 
 @njit
 def activate_within_reach(model, layout, work, h):
-    """Marks as active the linkages that the coupling can act on within h, by joints or contacts; returns how many."""
+    """Marks as active the linkages that a backward difference takes; returns how many.
+
+    Those that the coupling can act on within h, by joints or contacts; those whose own spring-dampers are STIFF, and
+    whom these can touch.
+    """
+    held, pull = 0, 0.0
     for i in range(layout.linkages):
-        work.active[i] = 0
-    handle, q = work.handle, work.q
-    stiffness, damping = work.coupling.stiffness, work.coupling.damping
-    if max(max(stiffness[0], damping[0]), max(stiffness[2], damping[2])) <= 0.0:
-        return 0
-    work.active[layout.linkage[0]] = 1
-    if model.pair_count == 0:
-        return 1
-    place_shapes(model, layout, work, q)
-    stretch, velocity = math.hypot(handle.position[0] - q[0, 0], handle.position[1] - q[0, 1]), handle.velocity
-    pull = stretch + h * math.hypot(velocity[0], velocity[1])
-    if stiffness[2] + damping[2] > 0.0:
-        pull += layout.extent[0] * (abs(handle.position[2] - q[0, 2]) + h * abs(velocity[2]))
-    held, before, last = 1, 0, model.pair_count - 1
+        work.active[i] = 1 if h * layout.rate[i] > STIFF else 0
+        if work.active[i] > 0:
+            held, pull = held + 1, max(pull, way_of_springs(model, layout, work, i))
+    stiffness, damping, tool = work.coupling.stiffness, work.coupling.damping, layout.linkage[0]
+    if max(max(stiffness[0], damping[0]), max(stiffness[2], damping[2])) > 0.0:
+        held, pull = held + 1 - work.active[tool], max(pull, way_of_coupling(layout, work, h))
+        work.active[tool] = 1
+    if held == 0 or model.pair_count == 0:
+        return held
+    place_shapes(model, layout, work, work.q)
+    before, last = 0, model.pair_count - 1
     while before < held < layout.linkages:  # to and fro: a stack is followed in one sweep, whichever way it is numbered
         before = held
         for k in range(2 * model.pair_count):
             held += activate_neighbour(model, layout, work, k if k <= last else 2 * last + 1 - k, h, pull)
     return held
+
+
+@njit
+def way_of_coupling(layout, work, h):
+    """How far the coupling can draw a point of the tool within h [m]."""
+    handle, q, velocity = work.handle, work.q, work.handle.velocity
+    stretch = math.hypot(handle.position[0] - q[0, 0], handle.position[1] - q[0, 1])
+    pull = stretch + h * math.hypot(velocity[0], velocity[1])
+    if work.coupling.stiffness[2] + work.coupling.damping[2] > 0.0:
+        pull += layout.extent[0] * (abs(handle.position[2] - q[0, 2]) + h * abs(velocity[2]))
+    return pull
+
+
+@njit
+def way_of_springs(model, layout, work, i):
+    """How far the springs of linkage i can draw its bodies within a step [m]: as far as they are stretched."""
+    pull = 0.0
+    for m in range(layout.joint_start[i], layout.joint_start[i + 1]):
+        j = layout.joint_order[m]
+        if model.joint_spring[j, 0] == 0.0:
+            continue
+        for k in range(spring_row_count(model, j)):
+            stretch = abs(spring_row(model, work.q, work.v, j, k, work.joint_row))
+            if model.joint_kind[j] == PIN:
+                stretch *= max(layout.extent[model.joint_bodies[j, 0]], layout.extent[model.joint_bodies[j, 1]])
+            pull += stretch
+    return pull
 
 
 @njit

@@ -187,3 +187,156 @@ def test_no_energy_comes_from_nowhere_where_motor_and_friction_work(kind):
         run(method, 10)
         angle = coordinate(method, 0.0, "pin")[0]
         assert method.energy()[0] <= 7.5 * angle * (1.0 + 1e-9) + 1e-12
+
+
+H = 1e-3
+FAST = pytest.mark.parametrize("fast", [0.5, 2.5, 6.0, 100.0, 1e4])
+"""Rate of a joint's spring-damper times the sub-step; an explicit formula is stable up to some 6."""
+KINDS = pytest.mark.parametrize(
+    ("kind", "joint", "degrees", "size"),
+    [
+        (kind, joint, a, size)
+        for kind in BOTH
+        for joint in ("pin", "slider", "spring")
+        for a in ANGLES
+        for size in SIZES
+    ],
+)
+
+
+def sprung(kind, joint, degrees, size, stiffness, damping, stretch=0.0, push=0.0):
+    """A body whose mass or inertia is `size` on a spring-damper, `stretch` off its rest, pushed by `push` · size.
+
+    The push is gravity along the coordinate; the pin's body is a ring 1 m about its pin, whose mass centre it draws.
+    """
+    stiffness, damping, along = stiffness * size, damping * size, turned(degrees, 1.0, 0.0)
+    body = {
+        "name": "body",
+        "mass": size,
+        "inertia": 1e-12 if joint == "pin" else size,
+        "shapes": [{"circle": {"radius": 0.1}}],
+    }
+    law = {"bodies": ["world", "body"], "type": joint, "stiffness": stiffness, "damping": damping}
+    gravity = [push * along[0], push * along[1]]
+    if joint == "pin":
+        body |= {
+            "inertia": 0.5 * size,
+            "mass": 0.5 * size,
+            "pose": [*turned(degrees, 0.0, -1.0), math.radians(degrees)],
+        }
+        law |= {"at": [0.0, 0.0], "rest": -stretch}
+        gravity = [2.0 * push * along[0], 2.0 * push * along[1]]
+    elif joint == "slider":
+        law |= {"at": [0.0, 0.0], "axis": along, "rest": -stretch}
+    else:
+        body["pose"] = [*turned(degrees, stretch, 0.0), 0.0]
+        law |= {"anchors": [[0.0, 0.0], [0.0, 0.0]], "rest": 0.0}
+    return world(kind, H, [body], [law], gravity=gravity), body.get("pose", [0.0, 0.0, 0.0])
+
+
+def moved(method, joint, degrees, start):
+    """(way, rate) along the coordinate since the start."""
+    (x, y, angle), (vx, vy, turning) = method.bodies()[1]
+    if joint == "pin":
+        return angle - start[2], turning
+    ux, uy = turned(degrees, 1.0, 0.0)
+    return (x - start[0]) * ux + (y - start[1]) * uy, vx * ux + vy * uy
+
+
+@KINDS
+@FAST
+def test_in_grease_a_body_has_its_terminal_speed_and_lags_by_it_over_the_rate(kind, joint, degrees, size, fast):
+    """v → g/r and x → v (t − 1/r) with r = c/m; a pin's gravity turns with the arm by less than rounding here."""
+    rate, time = fast / H, 100
+    method, start = sprung(kind, joint, degrees, size, 0.0, rate, push=1e-6)
+    run(method, time)
+    t, v = time * H, 1e-6 / rate
+    expected = v * (t - (1.0 - math.exp(-rate * t)) / rate), v * (1.0 - math.exp(-rate * t))
+    assert moved(method, joint, degrees, start) == pytest.approx(expected, rel=1e-6)
+
+
+@KINDS
+@pytest.mark.parametrize("fast", [0.5, 2.5, 4.0])
+def test_a_damped_oscillator_swings_by_its_closed_form_up_to_some_radians_a_step(kind, joint, degrees, size, fast):
+    """x = x₀ e^(−d t) (cos w t + d/w sin w t), d a tenth of the angular frequency."""
+    frequency, x, d = fast / H, 1e-3, 0.1 * fast / H
+    w = math.sqrt(frequency**2 - d**2)
+    method, start = sprung(kind, joint, degrees, size, frequency**2, 2.0 * d, x)
+    for k in range(1, 20):
+        run(method, 1)
+        t = k * H
+        expected = x * math.exp(-d * t) * (math.cos(w * t) + d / w * math.sin(w * t)) - x
+        assert moved(method, joint, degrees, start)[0] == pytest.approx(expected, abs=1e-6 * x)
+
+
+@KINDS
+@FAST
+@pytest.mark.parametrize("damping", [0.0, 0.2, 3.0])
+def test_no_spring_damper_creates_energy_and_a_damped_one_comes_to_rest(kind, joint, degrees, size, fast, damping):
+    frequency = fast / H
+    if damping * frequency * H > 6.0:
+        frequency = fast / (damping * H)
+    method, start = sprung(kind, joint, degrees, size, frequency**2, damping * frequency, 1e-3)
+    energies = [sum(method.energy())]
+    for _ in range(50):
+        energies.append(sum(run(method, 1).energy()))
+    assert np.diff(energies).max() <= 1e-6 * energies[0]
+    if damping == 0.2 or damping == 3.0 and fast > 2.0:
+        assert moved(method, joint, degrees, start)[0] == pytest.approx(-1e-3, rel=0.01 if fast > 1.0 else 0.2)
+
+
+@pytest.mark.parametrize("degrees", ANGLES)
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("damping", [1e2, 1e4, 1e6])
+def test_what_strikes_a_plunger_in_grease_drives_it_by_its_momentum_over_the_damping(degrees, size, damping):
+    """c x = m v: all that the ball has goes into the grease, in whatever way; c h/m of the light plunger 10 to 1e5."""
+    plunger = {
+        "name": "plunger",
+        "mass": 0.01 * size,
+        "pose": [0.0, 0.0, math.radians(degrees)],
+        "shapes": [{"box": {"size": [0.02, 0.02]}}],
+    }
+    ball = {
+        "name": "ball",
+        "mass": size,
+        "pose": [*turned(degrees, -0.0217, 0.0), 0.0],
+        "shapes": [{"circle": {"radius": 0.01}}],
+    }
+    ball["velocity"] = [*turned(degrees, 0.5, 0.0), 0.0]
+    guide = {
+        "type": "slider",
+        "bodies": ["world", "plunger"],
+        "at": [0.0, 0.0],
+        "axis": turned(degrees, 1.0, 0.0),
+        "damping": damping * size,
+    }
+    method = run(world(Partitioned, H, [plunger, ball], [guide]), 500)
+    way = math.hypot(*method.pose("plunger")[:2])
+    assert way == pytest.approx(0.5 / damping, rel=2e-3)
+    assert math.hypot(*method.bodies()[2][1][:2]) < 1e-3
+
+
+KNOB = {
+    "bodies": [
+        {
+            "name": "knob",
+            "mass": 0.02,
+            "shapes": [{"circle": {"radius": 0.01}}, {"box": {"size": [0.03, 0.002], "center": [0.015, 0.0]}}],
+        }
+    ],
+    "joints": [{"type": "pin", "bodies": ["world", "knob"], "at": [0.0, 0.0], "damping": 0.5}],
+    "tool": {"mass": 0.05, "pose": [0.026, 0.0165, 0.0], "shapes": [{"circle": {"radius": 0.005}}]},
+    "gravity": [0.0, -9.81],
+}
+
+
+@pytest.mark.parametrize("kind", BOTH)
+@pytest.mark.parametrize("held_tool", [False, True])
+def test_a_small_knob_in_grease_never_has_more_energy_than_it_was_given(kind, held_tool):
+    method, supplied = world(kind, 0.1e-3, **KNOB), 0.0
+    if held_tool:
+        method.couple(Coupling(2000.0, 2.0, 2.0, 0.002))
+    start = sum(method.energy())
+    for k in range(400):
+        supplied += method.step(held((0.026, 0.0165 - 2e-5 * k, 0.0)), 1).supplied
+        assert sum(method.energy()) - start <= supplied + 1e-9
