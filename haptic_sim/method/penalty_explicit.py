@@ -12,7 +12,7 @@ from haptic_sim.reduction import ReducedScene
 
 
 class PenaltyExplicit(PlanarWorld):
-    """A scene stepped by `sub_step` [s]; `stiffness` [N/m] and `damping` [N s/m] of a contact."""
+    """A scene stepped by `sub_step` [s]; `stiffness` [N/m] and `damping` [N s/m] of a contact; without restitution."""
 
     passive = False
 

@@ -142,3 +142,30 @@ def test_an_explicit_contact_gives_back_more_than_it_took_at_some_phases_and_an_
 def test_an_implicit_contact_tends_to_a_rigid_one_as_it_stiffens():
     depths = [overlap(pressed(PenaltyImplicit, 1e-3, k), 5e-3, 2000) for k in (1e5, 1e6, 1e7)]
     assert depths == pytest.approx([5e-3 * K / (K + k) for k in (1e5, 1e6, 1e7)], rel=1e-6)
+
+
+def thrown(kind, floor, ball):
+    """A ball over a floor, of these restitutions, and a tool that nothing can reach."""
+    materials = {"of_floor": {"restitution": floor}, "of_ball": {"restitution": ball}}
+    bodies = [
+        {"name": "floor", "fixed": True, "material": "of_floor", "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]},
+        {
+            "name": "ball",
+            "mass": M,
+            "pose": [0.0, 0.1, 0.0],
+            "material": "of_ball",
+            "shapes": [{"circle": {"radius": 0.01}}],
+        },
+    ]
+    tool = {"mass": M, "pose": [0.0, 9.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
+    scene = {"name": "t", "materials": materials, "bodies": bodies, "tool": tool, "gravity": [0.0, -9.81]}
+    return kind(reduce_scene(Scene.model_validate(scene)), 1e-3)
+
+
+@pytest.mark.parametrize("kind", BOTH)
+def test_a_pair_with_restitution_is_refused_by_name_and_one_of_which_one_has_none_is_not(kind):
+    with pytest.raises(
+        ValueError, match=r"'ball' and 'floor' have a restitution of 0\.5, .* set it to 0 .* or take method"
+    ):
+        thrown(kind, 0.5, 0.5)
+    thrown(kind, 0.0, 0.5)
