@@ -7,8 +7,9 @@ The law (Moreau 1988; Glocker & Pfeiffer 1995): every contact that touches, be i
 
 Three equal discs in a row with e = 1, two of them touching, struck by the third at speed 1, leave with −1/3, 2/3, 2/3.
 It keeps momentum, since λ is mutual. It never creates energy: without friction T⁺ − T⁻ = Σ ½ (1 − e) λ_n G_n v⁻ ≤ 0
-unless some contact parts already; in that case, and with friction, `resolve_impact` gives restitution up where it would
-gain. And it invents no order of impacts, of which rigid bodies know nothing.
+unless some contact parts already; in that case, and with friction, `resolve_impact` lowers all restitutions alike where
+they would gain, to the largest share that gains nothing. And it invents no order of impacts, of which rigid bodies
+know nothing.
 
 Its limit: it is not continuous. The same discs with any gap strike one after the other and leave with 0, 0, 1. No law
 could be: as gaps vanish the outcome tends to different limits for different orders of impact (Ivanov 1995), and only
@@ -18,6 +19,7 @@ the bodies' elasticity, which is not modelled, could tell which one is right. A 
 """
 
 import math
+from typing import NamedTuple
 
 from haptic_device.jit import njit
 from haptic_sim.method.constraints import (
@@ -41,23 +43,72 @@ TOUCHING = 1e-12
 """Gap [m] below which two shapes touch."""
 RESTING = 1e-9
 """Speed [m/s | rad/s] below which a contact neither parts nor slips nor rebounds."""
+MOST_SHARES, CLOSE = 16, 1e-9
+"""Solutions in search of the share of restitution that gains no energy; what it may lose, of what is at stake."""
 
 
 @njit
 def resolve_impact(model, layout, work):
-    """Velocities after the impact at work.q; restitution is given up where, with friction, it would add energy."""
+    """Velocities after the impact at work.q; restitution is lowered where, with friction, it would add energy."""
     before = kinetic_energy(model, layout, work, work.v)
     n = impact_constraints(model, layout, work)
     if n == 0:
         return
     copy_vectors(work.v, work.trial.v, model.bodies)
-    solve_impact(model, layout, work, n, 1.0)
-    given = work_of_drives(model, work, work.v, n)
-    if kinetic_energy(model, layout, work, work.v) - given - before > 1e-12 * (before + abs(given)):
-        copy_vectors(work.trial.v, work.v, model.bodies)
-        solve_impact(model, layout, work, n, 0.0)
+    gained = energy_of_impact(model, layout, work, n, before, 1.0)
+    if gained > 0.0:
+        lower_restitution(model, layout, work, n, before, gained)
     report_impulses(work, n, 1.0)
     work.accounts.contacts += before - kinetic_energy(model, layout, work, work.v)
+
+
+class Bracket(NamedTuple):
+    """Two shares of the restitution, and what energy is gained with them [J]: none with the low one."""
+
+    low: float
+    lost: float
+    high: float
+    gained: float
+    side: int
+    """1 if the high share has changed last, −1 the low one."""
+
+
+@njit
+def share_between(bracket):
+    """Where a straight line through both passes zero."""
+    return (bracket.low * bracket.gained - bracket.high * bracket.lost) / (bracket.gained - bracket.lost)
+
+
+@njit
+def narrowed(bracket, share, gained):
+    """The bracket with this share for one of its ends; an end kept twice counts half (Illinois)."""
+    if gained > 0.0:
+        lost = 0.5 * bracket.lost if bracket.side == 1 else bracket.lost
+        return Bracket(bracket.low, lost, share, gained, 1)
+    kept = 0.5 * bracket.gained if bracket.side == -1 else bracket.gained
+    return Bracket(share, gained, bracket.high, kept, -1)
+
+
+@njit
+def lower_restitution(model, layout, work, n, before, gained):
+    """Velocities with the largest share of the restitution that gains no energy; the whole gains `gained` [J]."""
+    bracket = Bracket(0.0, energy_of_impact(model, layout, work, n, before, 0.0), 1.0, gained, 0)
+    close = CLOSE * (bracket.lost - gained)
+    for _ in range(MOST_SHARES):
+        if bracket.lost >= close:
+            break
+        share = share_between(bracket)
+        bracket = narrowed(bracket, share, energy_of_impact(model, layout, work, n, before, share))
+    energy_of_impact(model, layout, work, n, before, bracket.low)
+
+
+@njit
+def energy_of_impact(model, layout, work, n, before, share):
+    """Energy [J] beyond rounding that an impact adds to `before` with this share of the restitution."""
+    copy_vectors(work.trial.v, work.v, model.bodies)
+    solve_impact(model, layout, work, n, share)
+    given = work_of_drives(model, work, work.v, n)
+    return kinetic_energy(model, layout, work, work.v) - given - before - 1e-12 * (before + abs(given))
 
 
 @njit

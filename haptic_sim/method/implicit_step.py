@@ -22,10 +22,18 @@ the first solution runs into are added, and it is solved again.
 Contacts of a stiffness k and a damping c (`penalty_implicit`) push with λ/h = −k (gap + h w) − c w at the end of the
 step: the row's diagonal gains 1/(h (c + h k)) and its b is gap k/(c + h k), which tends to (1) as k grows.
 
-Restitution asks G_n v⁺ ≥ −e G_n v⁻ instead. An impact at speed v₀ under a push f stays passive at the port iff
-v₀ ≥ 2 |f| h e/(m (1 − e²)); the push shows as |f| h/m = |G_n (v_free − v)|. A slower one gets e = 0.
-So does a step that gains energy by it all the same, as with a coupling that is stiff against m/h².
+Restitution asks G_n v⁺ ≥ −e' G_n v⁻ instead, with e' ≤ e. A rebound from the speed v₀ to e' v₀ loses m v₀² (1 − e'²)/2
+and goes the way h e' v₀, on which the coupling is paid |f| h e' v₀ if it pushes against it with f. So it is passive at
+the port iff v₀ (1 − e'²) ≥ 2 (|f| h/m) e', and the largest such e' is
+
+    e' = min(e, √(1 + k²) − k),    k = |f| h/(m v₀) = |G_n W h f|/v₀
+
+It is continuous in e, f and v₀, and a body that is pressed comes to rest since e' → v₀ m/(2 |f| h) as v₀ → 0. Where the
+rebounds of a step gain energy all the same (other forces, a coupling that is stiff against m/h²), all of them are
+lowered alike to what gains none.
 """
+
+import math
 
 from haptic_device.jit import njit
 from haptic_sim.method.constrained_dynamics import constraint_power, work_at_port
@@ -41,7 +49,7 @@ from haptic_sim.method.constraints import (
 )
 from haptic_sim.method.continuous_collision import add_collisions, start_collision_search
 from haptic_sim.method.delassus_operator import apply_impulses, copy_vectors, delassus_operator, report_impulses
-from haptic_sim.method.impact import RESTING
+from haptic_sim.method.impact import CLOSE, MOST_SHARES, RESTING, Bracket, narrowed, share_between
 from haptic_sim.method.joints import applied_forces
 from haptic_sim.method.lcp import FREE, NORMAL, principal_pivoting
 from haptic_sim.method.lemke import lemke
@@ -73,9 +81,8 @@ def implicit_step(model, layout, work, h):
         n = found
         solve_constraints(model, layout, work, n, h, 1.0)
     move_trial(model, layout, work, h)
-    if has_rebound(model, work, n) and energy_gained(model, layout, work, n) > 0.0:
-        solve_constraints(model, layout, work, n, h, 0.0)
-        move_trial(model, layout, work, h)
+    if has_rebound(model, work, n, h):
+        lower_rebounds(model, layout, work, n, h)
     accept_trial(model, layout, work, n)
     given = work_of_drives(model, work, v, n)
     reached = energy_of_active(model, layout, work, q, v)
@@ -151,28 +158,65 @@ def approach_allowed(model, work, r, h, scale):
     left = min(max(work.constraints.gap[r], 0.0) / h, FASTEST)
     if constraint_rate(work, work.implicit_step.velocity, r) + left > 0.0:
         return left
-    back = scale * rebound_rate(model, work, r)
+    back = scale * rebound_rate(model, work, r, h)
     return -back if back > 0.0 else left
 
 
 @njit
-def rebound_rate(model, work, r):
-    """Rate −e G v⁻ [m/s] at which row r parts after an impact; 0 where it is none, or one too slow."""
+def rebound_rate(model, work, r, h):
+    """Rate −e' G v⁻ [m/s] at which row r parts after an impact; 0 where it is none."""
     rows = work.constraints
-    if rows.kind[r] != NORMAL or rows.source[r] != CONTACT:
+    if rows.kind[r] != NORMAL or rows.source[r] != CONTACT or model.pair_restitution[rows.index[r]] == 0.0:
         return 0.0
-    e, approach = model.pair_restitution[rows.index[r]], -constraint_rate(work, work.v, r)
-    change = abs(constraint_rate(work, work.implicit_step.velocity, r) + approach)
-    return e * approach if approach > RESTING and approach * (1.0 - e * e) >= 2.0 * change * e else 0.0
+    approach = -constraint_rate(work, work.v, r)
+    if approach <= RESTING:
+        return 0.0
+    k = change_by_coupling(work, r, h) / approach
+    return min(model.pair_restitution[rows.index[r]], 1.0 / (math.sqrt(1.0 + k * k) + k)) * approach
 
 
 @njit
-def has_rebound(model, work, n):
+def change_by_coupling(work, r, h):
+    """|G W h f| [m/s] by which the coupling alone changes the rate of row r within the step, if the tool goes on."""
+    handle, coupling, change = work.handle, work.coupling, 0.0
+    for k in range(3):
+        spring = coupling.stiffness[k] * (handle.position[k] - work.q[0, k] - h * work.v[0, k])
+        force = spring + coupling.damping[k] * (handle.velocity[k] - work.v[0, k])
+        change += h * force * work.delassus_operator.response[r, 0, k]
+    return abs(change)
+
+
+@njit
+def has_rebound(model, work, n, h):
     """Whether any of n rows asks for a rebound."""
     most = 0.0
     for r in range(n):
-        most = max(most, rebound_rate(model, work, r))
+        most = max(most, rebound_rate(model, work, r, h))
     return most > 0.0
+
+
+@njit
+def lower_rebounds(model, layout, work, n, h):
+    """Lowers all rebounds of the trial state alike, to the largest share by which the step gains no energy."""
+    gained = energy_gained(model, layout, work, n)
+    if gained <= 0.0:
+        return
+    bracket = Bracket(0.0, energy_gained_at(model, layout, work, n, h, 0.0), 1.0, gained, 0)
+    close = CLOSE * (bracket.lost - gained)
+    for _ in range(MOST_SHARES):
+        if bracket.lost >= close:
+            break
+        share = share_between(bracket)
+        bracket = narrowed(bracket, share, energy_gained_at(model, layout, work, n, h, share))
+    energy_gained_at(model, layout, work, n, h, bracket.low)
+
+
+@njit
+def energy_gained_at(model, layout, work, n, h, share):
+    """The same with this share of the rebounds, which becomes the trial state."""
+    solve_constraints(model, layout, work, n, h, share)
+    move_trial(model, layout, work, h)
+    return energy_gained(model, layout, work, n)
 
 
 @njit
