@@ -42,7 +42,7 @@ def add_collisions(model, layout, work, n):
             continue
         if share > 0.0:
             place_pair(model, layout, work, s, u, share)
-        for k in range(contact_features(model, work, s, u)):
+        for k in range(contact_features(model, layout, work, s, u)):
             if met[p] == APART or not has_constraint(work, n, p, features[k]):
                 n = add_contact_constraints(model, layout, work, n, p, features[k])
         met[p] = MET if share > 0.0 else TOUCHES

@@ -98,7 +98,7 @@ def pair_gap(model, layout, work, n, p):
     if not held:
         return signed_gap(model, work, s, u)
     least = math.inf
-    for k in range(contact_features(model, work, s, u)):
+    for k in range(contact_features(model, layout, work, s, u)):
         if not has_constraint(work, n, p, narrow_phase.features[k]):
             evaluate_contact(layout, work, narrow_phase.features[k])
             least = min(least, narrow_phase.contact.gap)

@@ -135,7 +135,7 @@ def add_touching_contacts(model, layout, work):
         if not is_advanced(layout, work, layout.pair_bodies[p, 0], layout.pair_bodies[p, 1]):
             continue
         if disc_distance(layout, work, s, u) <= TOUCHING and signed_gap(model, work, s, u) <= TOUCHING:
-            for k in range(contact_features(model, work, s, u)):
+            for k in range(contact_features(model, layout, work, s, u)):
                 n = add_contact_constraints(model, layout, work, n, p, work.narrow_phase.features[k])
     return n
 

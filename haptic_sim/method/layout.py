@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from haptic_sim.method.seams import covered_edges
 from haptic_sim.reduction.model import PIN, SPRING, Model
 
 
@@ -15,6 +16,10 @@ class Layout(NamedTuple):
 
     normals: np.ndarray
     """(v, 2) outward unit normal of the edge that starts at each vertex, body's frame."""
+    covered: np.ndarray
+    """(v, 2) how deep below the surface the edge that starts at a vertex, and that which ends there, is covered [m]."""
+    straight: np.ndarray
+    """(v) the larger of both, if there the surface goes straight on [m]; see `seams`."""
     disc: np.ndarray
     """(v) radius of the disc about a vertex [m], 0 for a polygon's corner."""
     middle: np.ndarray
@@ -54,6 +59,7 @@ def lay_out(model: Model) -> Layout:
         extent[b] = max(extent[b], math.hypot(*middle) + reach)
     return Layout(
         np.array(normals, dtype=float).reshape(-1, 2),
+        *covered_edges(model, np.array(normals, dtype=float).reshape(-1, 2)),
         np.repeat(model.radius, np.diff(model.shape_start)),
         np.array([shape[1] for shape in shapes]).reshape(-1, 2),
         np.array([shape[2] for shape in shapes]),

@@ -6,6 +6,10 @@ the largest such separation is their signed gap here. It is continuous in the po
 and below zero is the least way out. The edge that reached zero last is the one that was passed when they met: methods
 that stop at the time of touching read the right constraint off it, however many vertices overlap a moment later.
 
+A body of several shapes has seams: edges that begin inside or on a neighbour, and that nothing can strike. What slides
+over a seam reaches the next shape's flush surface and its hidden side at the same time, gap zero of both; so a hidden
+edge, or one that faces it, is a contact only for what overlaps the surface by more than the depth it is hidden to.
+
 A contact is a vertex (or a disc) on an edge: then the gap's own acceleration is known in closed form, with w the
 velocity of the point relative to the edge's body, w_t its part along t = z × n, ω the edge's angular velocity:
 
@@ -22,6 +26,8 @@ ON_EDGE, TWO_POINTS = 0, 1
 it is -1; or vertex `first` of a near vertex `second` of b. A disc is a vertex with a radius."""
 ROUNDING = 1e-9
 """Of an edge's length: two equal edges face each other whole."""
+HIDDEN = 1e6
+"""m; what a hidden edge counts less than one that is not."""
 FLUSH = 0.9
 """Cosine between two facing edges above which both ends are contacts."""
 
@@ -61,15 +67,9 @@ def disc_distance(layout, work, s, u):
 @njit
 def separating_edge(work, a0, a1, b0, b1):
     """(separation, edge, deepest vertex): the edge of a with the largest least distance of b's vertices from it."""
-    points, normals = work.narrow_phase.points, work.narrow_phase.normals
     best, edge, deep = -math.inf, a0, b0
     for e in range(a0, a1):
-        nx, ny, ox, oy = normals[e, 0], normals[e, 1], points[e, 0], points[e, 1]
-        least, at = math.inf, b0
-        for v in range(b0, b1):
-            d = (points[v, 0] - ox) * nx + (points[v, 1] - oy) * ny
-            if d < least:
-                least, at = d, v
+        least, at = separation(work, e, b0, b1)
         if least > best:
             best, edge, deep = least, e, at
     return best, edge, deep
@@ -108,31 +108,84 @@ def signed_gap(model, work, s, u):
 
 
 @njit
-def contact_features(model, work, s, u):
+def contact_features(model, layout, work, s, u):
     """Writes the features by which two shapes touch or come nearest into narrow_phase; returns how many, 1 or 2."""
     a0, a1, b0, b1 = model.shape_start[s], model.shape_start[s + 1], model.shape_start[u], model.shape_start[u + 1]
     ra, rb = model.radius[s], model.radius[u]
     if ra > 0.0 and rb > 0.0:
         return write_feature(work, 0, TWO_POINTS, a0, b0, 0)
     if rb > 0.0:
-        _, corner, edge = disc_to_polygon(work, b0, rb, a0, a1)
+        corner, edge = nearest_of_polygon(layout, work, b0, rb, a0, a1)
         return (
             write_feature(work, 0, ON_EDGE, b0, edge, 1)
             if corner < 0
             else write_feature(work, 0, TWO_POINTS, corner, b0, 0)
         )
     if ra > 0.0:
-        _, corner, edge = disc_to_polygon(work, a0, ra, b0, b1)
+        corner, edge = nearest_of_polygon(layout, work, a0, ra, b0, b1)
         return (
             write_feature(work, 0, ON_EDGE, a0, edge, -1)
             if corner < 0
             else write_feature(work, 0, TWO_POINTS, a0, corner, 0)
         )
-    sep_a, edge_a, deep_b = separating_edge(work, a0, a1, b0, b1)
-    sep_b, edge_b, deep_a = separating_edge(work, b0, b1, a0, a1)
+    sep_a, edge_a, deep_b = touching_edge(layout, work, a0, a1, b0, b1)
+    sep_b, edge_b, deep_a = touching_edge(layout, work, b0, b1, a0, a1)
     if sep_a >= sep_b - 1e-9 * abs(sep_b):
         return edge_features(work, edge_a, a0, a1, deep_b, b0, b1, 1)
     return edge_features(work, edge_b, b0, b1, deep_a, a0, a1, -1)
+
+
+@njit
+def touching_edge(layout, work, a0, a1, b0, b1):
+    """As `separating_edge`, but an edge that is hidden at a seam, or faces one that is, only if all are."""
+    normals = work.narrow_phase.normals
+    best, edge, deep = -math.inf, a0, b0
+    for e in range(a0, a1):
+        least, at = separation(work, e, b0, b1)
+        before = at - 1 if at > b0 else b1 - 1
+        turn_x, turn_y = normals[at, 0] - normals[before, 0], normals[at, 1] - normals[before, 1]
+        facing = at if normals[e, 0] * turn_x + normals[e, 1] * turn_y < 0.0 else before
+        if is_hidden(layout, work, e, a0, a1, b0, b1) or is_hidden(layout, work, facing, b0, b1, a0, a1):
+            least -= HIDDEN
+        if least > best:
+            best, edge, deep = least, e, at
+    return best, edge, deep
+
+
+@njit
+def separation(work, e, b0, b1):
+    """(least distance, vertex): of the other shape's vertices from edge e [m]."""
+    points, normals = work.narrow_phase.points, work.narrow_phase.normals
+    nx, ny, ox, oy = normals[e, 0], normals[e, 1], points[e, 0], points[e, 1]
+    least, at = math.inf, b0
+    for v in range(b0, b1):
+        d = (points[v, 0] - ox) * nx + (points[v, 1] - oy) * ny
+        if d < least:
+            least, at = d, v
+    return least, at
+
+
+@njit
+def is_hidden(layout, work, e, a0, a1, b0, b1):
+    """Whether the other shape overlaps the surface beside edge e by less than the depth to which that covers e."""
+    after, before = e + 1 if e + 1 < a1 else a0, e - 1 if e > a0 else a1 - 1
+    at_start, at_end = layout.covered[e, 0], layout.covered[after, 1]
+    if at_start > 0.0 and separation(work, before, b0, b1)[0] > -at_start:
+        return True
+    return at_end > 0.0 and separation(work, after, b0, b1)[0] > -at_end
+
+
+@njit
+def nearest_of_polygon(layout, work, c, radius, a0, a1):
+    """(corner or -1, edge) by which a polygon touches a disc about vertex `c`; at a seam its edge, not a corner."""
+    points, normals = work.narrow_phase.points, work.narrow_phase.normals
+    gap, corner, edge = disc_to_polygon(work, c, radius, a0, a1)
+    if corner >= 0 and layout.straight[corner] > 0.0:
+        nx, ny = normals[edge, 0], normals[edge, 1]
+        beside = (points[c, 0] - points[edge, 0]) * nx + (points[c, 1] - points[edge, 1]) * ny - radius
+        if gap - beside < layout.straight[corner]:
+            return -1, edge
+    return corner, edge
 
 
 @njit
@@ -161,9 +214,18 @@ def edge_features(work, e, a0, a1, deep, b0, b1, sign):
         if projects_into_edge(work, v, e, after):
             count = write_feature(work, count, ON_EDGE, v, e, sign)
     for v in (e, after):
-        if count < 2 and projects_into_edge(work, v, f, g):
+        if count < 2 and projects_into_edge(work, v, f, g) and not (count > 0 and is_abreast(work, v, f, g)):
             count = write_feature(work, count, ON_EDGE, v, f, -sign)
     return count if count > 0 else write_feature(work, 0, ON_EDGE, deep, e, sign)
+
+
+@njit
+def is_abreast(work, v, f, g):
+    """Whether vertex v is where the first feature's vertex is, along the edge from f to g: one point needs no two."""
+    points, known = work.narrow_phase.points, int(work.narrow_phase.features[0, 1])
+    ex, ey = points[g, 0] - points[f, 0], points[g, 1] - points[f, 1]
+    along = (points[v, 0] - points[known, 0]) * ex + (points[v, 1] - points[known, 1]) * ey
+    return abs(along) <= ROUNDING * (ex * ex + ey * ey)
 
 
 @njit

@@ -88,7 +88,7 @@ def explicit_contact_forces(model, layout, work, f, h):
     for p in range(model.pair_count):
         s, u = model.pairs[p, 0], model.pairs[p, 1]
         if disc_distance(layout, work, s, u) < 0.0 and signed_gap(model, work, s, u) < 0.0:
-            for k in range(contact_features(model, work, s, u)):
+            for k in range(contact_features(model, layout, work, s, u)):
                 n = add_contact_constraints(model, layout, work, n, p, work.narrow_phase.features[k])
     n += add_joint_constraints(model, layout, work, n, work.q, work.v, 0.0, 1.0)
     evaluate_constraints(model, layout, work, work.q, work.v, n)
@@ -119,7 +119,7 @@ def contact_energy(models, layouts, works):
         s, u = model.pairs[p, 0], model.pairs[p, 1]
         if disc_distance(layout, work, s, u) >= 0.0:
             continue
-        for k in range(contact_features(model, work, s, u)):
+        for k in range(contact_features(model, layout, work, s, u)):
             evaluate_contact(layout, work, work.narrow_phase.features[k])
             energy += 0.5 * work.contact_model.stiffness * min(work.narrow_phase.contact.gap, 0.0) ** 2
     return energy

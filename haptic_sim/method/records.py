@@ -52,7 +52,17 @@ LAYOUT = np.dtype(
     [
         *_whole(linkages=(), pair_bodies=(_p, 2), linkage=_n, place_in=_n),
         *_whole(body_start=_n + 1, order=_n, joint_start=_n + 1, joint_order=_j),
-        *_reals(normals=(_v, 2), disc=_v, middle=(_s, 2), reach=_s, thickness=_s, extent=_n, rate=_n),
+        *_reals(
+            normals=(_v, 2),
+            covered=(_v, 2),
+            straight=_v,
+            disc=_v,
+            middle=(_s, 2),
+            reach=_s,
+            thickness=_s,
+            extent=_n,
+            rate=_n,
+        ),
     ]
 )
 
