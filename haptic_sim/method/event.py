@@ -174,7 +174,10 @@ def find_zero(model, layout, work, n, high, event, value_high):
     side = 0
     at, value = high, value_high
     for _ in range(MOST_ITERATIONS):
-        at = (low * value_high - high * value_low) / (value_high - value_low)
+        if value_low < math.inf:
+            at = (low * value_high - high * value_low) / (value_high - value_low)
+        else:  # all that could touch was held: a disc that rolls from a corner onto an edge
+            at = 0.5 * (low + high)
         value = value_after(model, layout, work, n, at, event)
         if abs(value) <= ZERO or high - low <= 1e-16 * high:
             break

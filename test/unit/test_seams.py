@@ -183,7 +183,41 @@ def test_a_tool_of_two_boxes_slides_over_the_corner_of_a_table_without_friction(
     start, end = np.clip(ends, -0.15, 0.08)
     tool["pose"][0] = float(start)
     seen, method = pushed_along(degrees, size, tool, [], table, start, end, height=0.0099)
-    assert np.ptp(seen[:, 2]) < 1.0 and np.abs(seen[:, 1]).max() < 0.02
+    assert np.abs(seen[:, 2]).max() < 0.05 and np.abs(seen[:, 1]).max() < 0.1
+
+
+@pytest.mark.parametrize("degrees", ANGLES)
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("floor", FLOORS)
+@pytest.mark.parametrize("shape", [{"circle": {"radius": 0.01}}, box(-0.01, 0.01, -0.01, 0.01)])
+def test_a_tool_pressed_to_the_floor_feels_no_seam(degrees, size, floor, shape):
+    """10 N or less into it, which is 5 mm of the coupling: nothing along the floor, and it neither lifts nor turns."""
+    tool = {"mass": 0.1, "pose": [-0.03, 0.01, 0.0], "shapes": [shape]}
+    seen, _ = pushed_along(degrees, size, tool, [], FLOORS[floor], -0.03, 0.2, height=0.005)
+    assert np.abs(seen[:, 2]).max() < 1e-3
+    assert seen[:, 0] == pytest.approx(np.full(len(seen), 0.01 * size), abs=1e-8)
+    assert np.abs(seen[:, 1]).max() < 1e-6
+
+
+@EVERYWHERE
+def test_a_disc_rolls_over_a_ridge_on_its_corner(kind, degrees, size):
+    """Convex by 20°: it goes on with what it has and what it falls, without a blow: no energy is lost or gained."""
+    floor = [box(-0.4, SEAM, -0.1, 0.0), slope(1.0, -math.tan(math.radians(20.0)), 0.5)]
+    disc = {
+        "name": "disc",
+        "mass": 1.0,
+        "pose": [0.06, 0.02, 0.0],
+        "velocity": [0.15 * size, 0.0],
+        "material": "smooth",
+    }
+    disc["shapes"] = [{"circle": {"radius": 0.02}}]
+    method = made(kind, degrees, size, floor, [disc])
+    start = 0.5 * (0.15 * size) ** 2
+    for _ in range(500):
+        method.step(held((0.0, 0.0, 0.0)), 1)
+        x, y, _, vx, vy, _ = state(method, degrees)
+        assert 0.5 * (vx * vx + vy * vy) + G * (y - 0.02 * size) == pytest.approx(start, abs=1e-5 * size)
+    assert x > SEAM * size + 0.02 * size and vx > 0.15 * size
 
 
 @EVERYWHERE
