@@ -104,7 +104,8 @@ def test_implicit_contacts_stiffer_than_the_coupling_are_passive_and_softer_ones
 
 
 def test_the_adversary_finds_energy_in_contacts_that_are_stepped_explicitly():
-    method = PenaltyExplicit(reduce_scene(crowded(0.0)), H, 0.5 * 0.1 / H**2, 0.0)  # an eighth of the limit of stability
+    stiffness = 0.5 * 0.1 / H**2  # an eighth of the limit of stability
+    method = PenaltyExplicit(reduce_scene(crowded(0.0)), H, stiffness, 0.0)
     method.couple(GAINS[0])
     assert min(worst_found(method, seed) for seed in range(3)) < -1e-6
 
