@@ -116,7 +116,7 @@ def test_the_rebound_of_a_held_tool_grows_steadily_with_restitution_up_to_one(de
 @pytest.mark.parametrize("degrees", [0.0, 37.0])
 @pytest.mark.parametrize("push", [0.05, 0.5, 5.0])
 def test_a_pressed_tool_rebounds_by_the_largest_restitution_that_the_push_lets_be_passive(degrees, push):
-    """e' = √(1 + k²) − k of e = 1, k = |f| h/(m v); what the coupling's own damping takes is 2 h B/m of the speed."""
+    """e' = √(1 + k²) − k of e = 1, k = |f| h/(m v), but for what the push changes within the step, 2 h² K/m of v."""
     m, v, h = 0.1, 0.5, 1e-3
     stiffness = 200.0
     method = plane(Partitioned, degrees, 1.0, [], disc(0.01, 0.0, 0.01 + 1e-6, -v, mass=m), 0.0, h)
