@@ -5,6 +5,8 @@ In one step a body may come a quarter of the least width of what it can meet, at
 .1 mm in 50 µs. One that would come farther is swept: the middle of each of its shapes as the disc that fits in, its
 corners as points, along straight ways. It goes to the first hit, where the next step finds the contact, and loses the
 rest of the step. So does a body that comes to a stop of its joint.
+
+What somebody has added to the space is taken in between two steps: all of it is met, and dynamic bodies are swept too.
 """
 
 import math
@@ -15,6 +17,7 @@ from pymunk import batch
 
 from haptic_sim.geometry import turned
 from haptic_sim.joints import BEYOND, Stop
+from haptic_sim.swept_shapes import can_meet, connected, discs, fits, least_met, narrowest, width
 
 SHARE, FAST = 0.25, 1.8
 """Of the least width, that a step may take; m/s."""
@@ -45,37 +48,82 @@ class Sweep:
         near: float,
         stops: list[Stop],
     ):
-        self._space, self._bodies, self._h, self._near = space, bodies, h, near
-        self._points = [_points(model, b) for b in range(len(bodies))]
+        self._space, self._h, self._near, self._scene = space, h, near, bodies
         met = [_met(model, layout, b) for b in range(len(bodies))]
         self._meets = [{shapes[s] for s in others} for others, _ in met]
-        self._limits = np.array([min(SHARE * width, FAST * h) for _, width in met])
-        self._extents = layout.extent[:-1].copy()
-        self._linkage = layout.linkage.tolist()
-        self._linked = [np.flatnonzero(layout.linkage == linkage).tolist() for linkage in range(max(self._linkage) + 1)]
-        self._rates, self._ids, self._order = batch.Buffer(), None, None
-        # A body that is hit may leave with twice the speed of what hits it, and `watch` sees it some steps later.
-        self._wary = 0.5 * self._limits / h
-        self._tool_fast = float(self._limits.min()) / h
-        self._stops, self.watches = stops, bool(stops) or len(bodies) > 1
+        self._widths = dict(zip(shapes, layout.thickness.tolist(), strict=True))
+        self._added = {}  # shape → least width
+        points = [_points(model, b) for b in range(len(bodies))]
+        limits = [min(SHARE * width, FAST * h) for _, width in met]
+        self._own = list(zip(points, limits, layout.extent[:-1].tolist(), strict=True))
+        self._rates, self._stops = batch.Buffer(), stops
         self.moves, self._fast, self._stopping, self._struck = {}, [], [], 0
         self._iterations = space.iterations
+        self._sweep(bodies, *zip(*self._own, strict=True))
+        self._known = self._contents()
+
+    def _sweep(self, bodies, points, limits, extents):
+        """From now on these bodies are swept: discs that stand for each, how far a step may take it, and its size."""
+        self._bodies, self._points, self._linked = bodies, points, connected(bodies, self._space.constraints)
+        self._limits, self._extents, self._ids, self._order = np.array(limits), np.array(extents), None, None
+        # A body that is hit may leave with twice the speed of what hits it, and `watch` sees it some steps later.
+        self._wary = 0.5 * self._limits / self._h
+        self._tool_fast = float(self._limits.min()) / self._h
+        self.watches = bool(self._stops) or len(bodies) > 1
+
+    def _contents(self):
+        """What changes when something is added to the space or taken out of it."""
+        shapes = self._space.shapes
+        return len(shapes), next(reversed(shapes), None), len(self._space.constraints)
+
+    def take_in(self) -> None:
+        """Takes note of what was added to the space, or taken out of it, since the last time."""
+        contents = self._contents()
+        if contents == self._known:
+            return
+        self._known, known = contents, self._added
+        self._added = {
+            shape: known.get(shape) or width(shape)
+            for shape in self._space.shapes
+            if shape not in self._widths and not shape.sensor
+        }
+        free = [shape.body for shape in self._added if shape.body.body_type == pymunk.Body.DYNAMIC]
+        bodies = list(dict.fromkeys([*self._scene, *free]))
+        rank = {body: b for b, body in enumerate(bodies)}
+        self.moves = {rank[self._bodies[b]]: move for b, move in self.moves.items() if self._bodies[b] in rank}
+        own = self._own + [([], FAST * self._h, 0.0)] * (len(bodies) - len(self._scene))
+        narrow = narrowest(self._added), narrowest(self._added | self._widths)
+        swept = [self._with_added(body, *one, narrow) for body, one in zip(bodies, own, strict=True)]
+        self._sweep(bodies, *zip(*swept, strict=True))
+
+    def _with_added(self, body, points, limit, extent, narrow):
+        """Discs, longest way in a step and size of a body, with what was added to it and beside it."""
+        centre = body.center_of_gravity
+        more = [disc for shape in body.shapes if shape in self._added for disc in discs(shape, centre)]
+        limit = min(limit, SHARE * least_met(body, narrow[bool(more)]))
+        return [*points, *more], limit, max([extent, *(math.hypot(*place) + radius for place, radius in more)])
 
     def times(self):
-        """Times of the next move [s] (n, 1)."""
+        """Times of the next move of the scene's bodies [s] (n, 1)."""
         times = np.full((len(self._bodies), 1), self._h)
         for b, move in self.moves.items():
             times[b] = move
-        return times
+        return times[: len(self._scene)]
 
     def watch(self, velocities: np.ndarray, time: float) -> None:
-        """Take note of who is fast, at velocities (n, 3), and who may come to a stop within a time [s]."""
+        """Take note of who is fast, and who may come to a stop within a time [s]; velocities (n, 3): of the scene's."""
+        count = len(self._scene)
+        if len(self._bodies) > count:
+            velocities = self._velocities()
         self._fast = np.flatnonzero(self._speeds(velocities) > self._wary).tolist()
         self._stopping = []
         for stop in self._stops:
             way, rate = stop.ahead()
             if BEYOND < way < 2.0 * time * max(rate, SLOW):
                 self._stopping.append(stop)
+        for b in self._fast:
+            if b >= count:  # whoever added it may have put it there, or thrown it, after the last step
+                self._go(b)
 
     def _speeds(self, velocities):
         """Of each body's fastest point, at most [m/s]."""
@@ -100,14 +148,17 @@ class Sweep:
 
     def _far(self):
         """Bodies that would come farther than they may in the next step."""
+        return np.flatnonzero(self._h * self._speeds(self._velocities()) > self._limits).tolist()
+
+    def _velocities(self):
+        """Of all bodies that are swept (n, 3)."""
         self._rates.clear()
         batch.get_space_bodies(self._space, _RATES, self._rates)
         ids = bytes(self._rates.int_buf())
         if ids != self._ids:  # the order changes with who is asleep
             rank = {number: row for row, number in enumerate(memoryview(ids).cast("P").tolist())}
             self._ids, self._order = ids, [rank[body.id] for body in self._bodies]
-        velocities = np.frombuffer(self._rates.float_buf()).reshape(-1, 3)[self._order]
-        return np.flatnonzero(self._h * self._speeds(velocities) > self._limits).tolist()
+        return np.frombuffer(self._rates.float_buf()).reshape(-1, 3)[self._order]
 
     def set_out(self) -> None:
         """Puts bodies where Chipmunk's move over h takes them to the end of theirs."""
@@ -118,13 +169,18 @@ class Sweep:
 
     def _plan(self, some):
         """Fills in `moves` of some bodies, and of all that joints connect with them: else these would be torn open."""
-        self.moves, h = {}, self._h
+        self.moves = {}
         for b in some:
-            body = self._bodies[b]
-            (x, y), (vx, vy), angle, turn = body.position, body.velocity, body.angle, body.angular_velocity
-            if h * (math.hypot(vx, vy) + abs(turn) * self._extents[b]) > self._limits[b]:
-                move = h * self._free(b, (x, y, angle), (x + h * vx, y + h * vy, angle + h * turn))
-                self._cut(b, move)
+            self._go(b)
+
+    def _go(self, b):
+        """Cuts the move of body b, should it be fast and meet something."""
+        body, h = self._bodies[b], self._h
+        (x, y), (vx, vy), angle, turn = body.position, body.velocity, body.angle, body.angular_velocity
+        if h * (math.hypot(vx, vy) + abs(turn) * self._extents[b]) > self._limits[b]:
+            if b >= len(self._scene):  # those have their mass centre where it is
+                x, y = body.local_to_world(body.center_of_gravity)
+            self._cut(b, h * self._free(b, (x, y, angle), (x + h * vx, y + h * vy, angle + h * turn)))
 
     def _go_to_stops(self):
         """Cuts the moves of bodies that would pass a stop, which is struck in the next step."""
@@ -138,7 +194,7 @@ class Sweep:
 
     def _cut(self, b, move):
         """Lets body b, and all that joints connect with it, move no longer than this [s]."""
-        for other in self._linked[self._linkage[b]] if move < self._h else ():
+        for other in self._linked[b] if move < self._h else ():
             self.moves[other] = min(move, self.moves.get(other, self._h))
 
     def _free(self, b, here, there):
@@ -154,7 +210,16 @@ class Sweep:
     def _hits(self, b, start, end, radius):
         """Shares of a disc's way at which it meets what body b can meet; where it overlaps at the start is no hit."""
         found = self._space.segment_query(start, end, radius, ALL)
-        return [hit.alpha for hit in found if hit.alpha > 0.0 and hit.shape in self._meets[b]]
+        return [hit.alpha for hit in found if hit.alpha > 0.0 and self._can_meet(b, hit.shape)]
+
+    def _can_meet(self, b, shape):
+        """Whether body b can meet a shape: in the scene as was worked out before, else as pymunk says now."""
+        if not self._added:
+            return shape in self._meets[b]
+        body, added = self._bodies[b], self._added
+        if b < len(self._scene) and shape in self._meets[b]:
+            return True
+        return can_meet(body, [one for one in body.shapes if one in added or shape in added], shape)
 
 
 def _points(model, b):
@@ -166,17 +231,8 @@ def _points(model, b):
             found.append((corners[0], float(model.radius[s])))
         else:
             middle = np.mean(corners, axis=0).tolist()
-            found += [(middle, _fits(corners, middle)), *((corner, 0.0) for corner in corners)]
+            found += [(middle, fits(corners, middle)), *((corner, 0.0) for corner in corners)]
     return found
-
-
-def _fits(corners, middle):
-    """Radius of the disc about `middle` that fits into a convex polygon."""
-    edges = zip(corners, corners[1:] + corners[:1], strict=True)
-    return min(
-        abs((bx - ax) * (middle[1] - ay) - (by - ay) * (middle[0] - ax)) / math.hypot(bx - ax, by - ay)
-        for (ax, ay), (bx, by) in edges
-    )
 
 
 def _met(model, layout, b):

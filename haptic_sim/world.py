@@ -60,7 +60,8 @@ _PLACES = _BODY.BODY_ID | _BODY.POSITION | _BODY.ANGLE | _BODY.VELOCITY | _BODY.
 class PymunkWorld:
     """The scene as `space`, a pymunk.Space, stepped by `sub_step` [s]. Implements `World`.
 
-    What is added to the space moves with it: bodies, constraints, collision callbacks. `body` gives the scene's own.
+    What is added to the space moves with it, and is swept like the scene: bodies, constraints, collision callbacks.
+    `body` gives the scene's own.
     """
 
     passive = False
@@ -83,7 +84,7 @@ class PymunkWorld:
         self._dampers, stops = filled.joints
         self._turning = [damper for damper in self._dampers if damper.turns]
         self._touching, self._jointed, self._met = Touching(filled, self._h), False, 0.0
-        if np.any(model.pair_restitution):
+        if np.any(model.pair_restitution) or self.scene.material(self.scene.tool).restitution > 0.0:  # of what is added
             self.space.on_collision(pre_solve=self._limit_rebound)
         near = 0.5 * slop_of(self.scene)
         self._sweep = Sweep(self.space, self._bodies, filled.shapes, model, self._layout, self._h, near, stops)
@@ -128,14 +129,20 @@ class PymunkWorld:
         touched, whole = False, count * self.inner
         rise = [(b - a) / whole for a, b in zip(pull, last, strict=True)]
         for k in range(count):
-            if k % WATCH == 0 and self._sweep.watches:
-                self._sweep.watch(self._now()[:, 3:], WATCH * self.sub_step)
+            if k % WATCH == 0:
+                self._look_around()
             work, lost, put_in, pushed, self.touching = self._sub_step(pull, rise)
             pull = [a + self.inner * b for a, b in zip(pull, rise, strict=True)]
             supplied, numerical, correction = supplied + work, numerical + lost, correction + put_in
             touched, force = touched or self.touching, max(force, pushed)
         pressed, depth = self._touching.worst() if touched or len(self._bodies) > 1 else (0.0, 0.0)
         return StepResult(supplied, touched, max(force, pressed), depth, 0, 0.0, correction, numerical)
+
+    def _look_around(self):
+        """Takes in what was added to the space, and who is fast."""
+        self._sweep.take_in()
+        if self._sweep.watches:
+            self._sweep.watch(self._now()[:, 3:], WATCH * self.sub_step)
 
     def _pull(self, hx, hy, angle, vx, vy, turn):
         """K x_h + B v_h of each axis."""

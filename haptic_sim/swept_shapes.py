@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a sweep asks of pymunk's shapes that somebody has added to a scene's space: discs, widths, who meets whom."""
+
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import pymunk
+
+LEAST = 1e-4
+"""m; width with which a thinner shape counts: a segment may have none."""
+
+Disc = tuple[tuple[float, float], float]
+"""Place and radius [m]."""
+
+
+def discs(shape: pymunk.Shape, centre: tuple[float, float]) -> list[Disc]:
+    """Corners and middle of a shape as the discs that fit in, seen from this point of its body's frame."""
+    corners, radius = [(x - centre[0], y - centre[1]) for x, y in _corners(shape)], shape.radius
+    found = [(corner, radius) for corner in corners]
+    if len(corners) > 1:
+        middle = tuple(np.mean(corners, axis=0).tolist())
+        found.append((middle, radius + (fits(corners, middle) if len(corners) > 2 else 0.0)))
+    return found
+
+
+def fits(corners, middle) -> float:
+    """Radius of the disc about `middle` that fits into a convex polygon [m]."""
+    return min(_off(a, b, middle) for a, b in _edges(corners))
+
+
+def width(shape: pymunk.Shape) -> float:
+    """Least width of a shape [m], its radius counted, and LEAST at least."""
+    corners, across = _corners(shape), 0.0
+    if len(corners) > 2:
+        across = min(max(_off(a, b, corner) for corner in corners) for a, b in _edges(corners))
+    return max(LEAST, across + 2.0 * shape.radius)
+
+
+def narrowest(widths: Mapping[pymunk.Shape, float]) -> dict[pymunk.ShapeFilter, float]:
+    """The least of these widths [m] for each filter there is: of many shapes few differ in it."""
+    found: dict[pymunk.ShapeFilter, float] = {}
+    for shape, one in widths.items():
+        found[shape.filter] = min(one, found.get(shape.filter, math.inf))
+    return found
+
+
+def least_met(body: pymunk.Body, narrow: Mapping[pymunk.ShapeFilter, float]) -> float:
+    """The least of these widths [m] that a body's filters let it meet; inf if they let it meet none."""
+    own = {shape.filter for shape in body.shapes}
+    return min((one for given, one in narrow.items() if _accepted(own, given)), default=math.inf)
+
+
+def can_meet(body: pymunk.Body, own: Iterable[pymunk.Shape], other: pymunk.Shape) -> bool:
+    """Whether one of these shapes of a body collides with a shape, as the two are now."""
+    if other.sensor or other.body is body:
+        return False
+    joints = body.space.constraints  # a body's own view keeps those that were taken out
+    if any(not joint.collide_bodies and other.body in (joint.a, joint.b) for joint in body.constraints & joints):
+        return False
+    return _accepted({shape.filter for shape in own if not shape.sensor}, other.filter)
+
+
+def connected(bodies: list[pymunk.Body], joints: Iterable[pymunk.Constraint]) -> list[list[int]]:
+    """For each body the numbers of all that constraints connect with it, its own among them."""
+    groups = {body: [b] for b, body in enumerate(bodies)}
+    for joint in joints:
+        one, other = groups.get(joint.a), groups.get(joint.b)
+        if one and other and one is not other:
+            one += other
+            groups |= dict.fromkeys((bodies[b] for b in other), one)
+    return [groups[body] for body in bodies]
+
+
+def _accepted(own, given):
+    return any(not one.rejects_collision(given) for one in own)
+
+
+def _corners(shape):
+    if isinstance(shape, pymunk.Circle):
+        return [shape.offset]
+    return [shape.a, shape.b] if isinstance(shape, pymunk.Segment) else shape.get_vertices()
+
+
+def _edges(corners):
+    return list(zip(corners, [*corners[1:], corners[0]], strict=True))
+
+
+def _off(a, b, point):
+    """Distance of a point from the line through a and b."""
+    (ax, ay), (bx, by) = a, b
+    return abs((bx - ax) * (point[1] - ay) - (by - ay) * (point[0] - ax)) / math.hypot(bx - ax, by - ay)
