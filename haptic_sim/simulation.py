@@ -6,8 +6,9 @@ sub-steps, and carries the remainder in integer nanoseconds. Within it the handl
 the newest sample.
 """
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from haptic_sim.local_contacts import LocalContacts
 from haptic_sim.method_registry import METHODS, make
@@ -17,6 +18,8 @@ from haptic_sim.reduction import ReducedScene
 from haptic_sim.tool_port import DirectPort, Port, port_of
 
 SECOND = 1_000_000_000
+Added = Callable[[Any], object]
+"""Puts bodies into the `space` of a `haptic_sim.world.PymunkWorld`."""
 
 
 class HandleSample(NamedTuple):
@@ -138,7 +141,8 @@ class Simulation:
 
     `sub_step` [s] is as reduced from the scene unless given. A handle sample that comes more than
     `max_catch_up` [s] after the one before, or before it, starts a new time base: the world waits where it is, and
-    nothing is made up for the time in between.
+    nothing is made up for the time in between. `added` puts bodies of one's own into the method's `space`: it is called
+    with the method at the start and after each reset. ValueError if the method has no space.
     """
 
     def __init__(
@@ -147,6 +151,7 @@ class Simulation:
         sub_step: float | None = None,
         max_catch_up: float = 0.02,
         port: Port | None = None,
+        added: Added | None = None,
     ):
         sub_step = reduced.sub_step if sub_step is None else sub_step
         self.scene, self.port, self._reduced = reduced.scene, port or DirectPort(), reduced
@@ -156,19 +161,26 @@ class Simulation:
         if not 0 < self.sub_step_ns <= self.max_catch_up_ns:
             raise ValueError(f"sub_step is {sub_step} s; it must be above 0 and at most max_catch_up, {max_catch_up} s")
         self.method = make(reduced.method, reduced, self.sub_step_ns / SECOND)
-        self._coupled = None
+        if added is not None and not hasattr(self.method, "space"):
+            raise ValueError(
+                f"scene {self.scene.name!r} gets the method {reduced.method}, which takes no bodies of your own: "
+                "write method: impulse in the scene, or start the node with method:=impulse"
+            )
+        self._coupled, self._added = None, added
         self.reset()
 
     @classmethod
-    def by_parameters(cls, reduced: ReducedScene, values: dict) -> "Simulation":
+    def by_parameters(cls, reduced: ReducedScene, values: dict, added: Added | None = None) -> "Simulation":
         """As the parameters of haptic_simulation say, at a port of its own."""
         limits = Limits(*(values[f"port_{name}"] for name in Limits._fields))
         port = port_of(values["exchange.method"], values["port_budget"], limits)
-        return cls(reduced, values["sub_step"] or None, values["max_catch_up"], port)
+        return cls(reduced, values["sub_step"] or None, values["max_catch_up"], port, added)
 
     def reset(self) -> None:
         """The scene's start again: bodies, energy and counters; the next handle sample starts a new time base."""
         self.method.reset()
+        if self._added is not None:
+            self._added(self.method)
         self.ledger = Ledger(*self.method.energy())
         self.counters = Counters()
         self.rejoin()

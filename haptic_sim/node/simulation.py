@@ -10,6 +10,7 @@ import statistics
 import sys
 import threading
 import time
+from functools import partial
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
@@ -27,16 +28,20 @@ from haptic_sim.node.parameters import FIGURES, PARAMETERS
 from haptic_sim.node.scene_publisher import ScenePublisher
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
-from haptic_sim.simulation import Simulation, kernels_of
+from haptic_sim.simulation import Added, Simulation, kernels_of
 
 MIDDLEWARE_PRIORITY = 65  # above the exchange, which must never wait for the middleware's own threads
 GIL_SWITCH = 0.2e-3  # s, longest time the executor keeps the exchange thread from running; python's own is 5 ms
 
 
 class SimulationNode(ManagedNode):
-    """Configured it has a scene, active it answers: by a thread of its own, which alone touches the world meanwhile."""
+    """Configured it has a scene, active it answers: by a thread of its own, which alone touches the world meanwhile.
 
-    def __init__(self):
+    added: puts bodies of one's own into each new world, which is a PymunkWorld: also after a reset and another scene.
+    """
+
+    def __init__(self, added: Added | None = None):
+        self._added = added
         super().__init__("haptic_simulation", PARAMETERS)
         self.exchange: ExchangeEndpoint | None = None
         self.simulation: Simulation | None = None
@@ -133,7 +138,7 @@ class SimulationNode(ManagedNode):
         """A simulation as these parameters say."""
         reduced = reduce_scene(load(values["scene"]), values["method"])
         ensure_compiled(*kernels_of(reduced, values["exchange.method"]), told=self.told)
-        world = Simulation.by_parameters(reduced, values)
+        world = Simulation.by_parameters(reduced, values, self._added)
         if values["exchange.method"] == "local":
             world.local_contacts.look(0.0)  # compiled here, not in the first exchange
         return world
@@ -229,6 +234,6 @@ def _values(exchange, world):
     }
 
 
-def main(args: list[str] | None = None) -> int:
-    """Runs haptic_simulation until SIGINT, SIGTERM or SIGHUP. Exit code 1 on a refusal."""
-    return run(SimulationNode, "haptic_simulation", args)
+def main(args: list[str] | None = None, added: Added | None = None) -> int:
+    """Runs haptic_simulation until SIGINT, SIGTERM or SIGHUP; added: as of SimulationNode. Exit code 1 on a refusal."""
+    return run(partial(SimulationNode, added), "haptic_simulation", args)

@@ -5,10 +5,12 @@ import math
 
 import pymunk
 import pytest
+from handle_samples import MS
 
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene
+from haptic_sim.scene import Scene, load
+from haptic_sim.simulation import HandleSample, Simulation
 from haptic_sim.world import PymunkWorld
 
 H, THIN, FAST = 0.25e-3, 0.5e-3, 60.0
@@ -225,3 +227,37 @@ def test_an_elastic_plate_that_was_added_throws_the_tool_back_as_one_of_the_scen
         one.couple(Coupling(2000.0))
         one.step(held((0.01, 0.0, 0.0)), 1)
     assert worlds[0].velocity == pytest.approx(worlds[1].velocity, rel=1e-9)
+
+
+def flap(world):
+    """A ball that hangs in the world, once for each space."""
+    world.mine = ball(world.space, 0.0, 0.05, 0.0)
+
+
+def test_what_was_added_comes_back_with_each_reset_and_with_it_the_same_bits():
+    simulation = Simulation(reduce_scene(load("push_block"), "impulse"), added=flap)
+
+    def led():
+        tools = [
+            simulation.exchange(HandleSample(k * MS, (1e-4 * k, 0.015, 0.0), (0.1, 0.0, 0.0), 2000.0, 2.0, 2.0, 0.002))
+            for k in range(100)
+        ]
+        return tools, simulation.method.mine
+
+    first, ball_before = led()
+    simulation.reset()
+    second, ball_after = led()
+    assert first == second
+    assert ball_after is not ball_before and ball_after in simulation.method.space.bodies
+    assert ball_before not in simulation.method.space.bodies
+
+
+@pytest.mark.parametrize(("name", "method"), [("wall", "closed_form"), ("push_block", "partitioned")])
+def test_a_method_without_a_pymunk_world_takes_no_bodies_of_ones_own_and_says_what_to_do(name, method):
+    with pytest.raises(ValueError) as refusal:
+        Simulation(reduce_scene(load(name), method), added=flap)
+    assert str(refusal.value) == (
+        f"scene {name!r} gets the method {method}, which takes no bodies of your own: write method: impulse in the "
+        "scene, or start the node with method:=impulse"
+    )
+    Simulation(reduce_scene(load(name), method))
