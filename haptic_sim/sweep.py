@@ -73,8 +73,8 @@ class Sweep:
 
     def _contents(self):
         """What changes when something is added to the space or taken out of it."""
-        shapes = self._space.shapes
-        return len(shapes), next(reversed(shapes), None), len(self._space.constraints)
+        space, shapes = self._space, self._space.shapes
+        return len(shapes), next(reversed(shapes), None), len(space.bodies), len(space.constraints)
 
     def take_in(self) -> None:
         """Takes note of what was added to the space, or taken out of it, since the last time."""
@@ -87,8 +87,8 @@ class Sweep:
             for shape in self._space.shapes
             if shape not in self._widths and not shape.sensor
         }
-        free = [shape.body for shape in self._added if shape.body.body_type == pymunk.Body.DYNAMIC]
-        bodies = list(dict.fromkeys([*self._scene, *free]))
+        there = (shape.body for shape in self._added if shape.body in self._space.bodies)
+        bodies = list(dict.fromkeys([*self._scene, *(body for body in there if body.body_type == pymunk.Body.DYNAMIC)]))
         rank = {body: b for b, body in enumerate(bodies)}
         self.moves = {rank[self._bodies[b]]: move for b, move in self.moves.items() if self._bodies[b] in rank}
         own = self._own + [([], FAST * self._h, 0.0)] * (len(bodies) - len(self._scene))
@@ -157,7 +157,8 @@ class Sweep:
         ids = bytes(self._rates.int_buf())
         if ids != self._ids:  # the order changes with who is asleep
             rank = {number: row for row, number in enumerate(memoryview(ids).cast("P").tolist())}
-            self._ids, self._order = ids, [rank[body.id] for body in self._bodies]
+            # One that a callback has taken out is left with somebody's until the next look.
+            self._ids, self._order = ids, [rank.get(body.id, 0) for body in self._bodies]
         return np.frombuffer(self._rates.float_buf()).reshape(-1, 3)[self._order]
 
     def set_out(self) -> None:
@@ -219,7 +220,8 @@ class Sweep:
         body, added = self._bodies[b], self._added
         if b < len(self._scene) and shape in self._meets[b]:
             return True
-        return can_meet(body, [one for one in body.shapes if one in added or shape in added], shape)
+        own = [one for one in body.shapes if one in added or shape in added]
+        return can_meet(body, own, shape, self._space.constraints)
 
 
 def _points(model, b):

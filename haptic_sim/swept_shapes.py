@@ -2,7 +2,7 @@
 """What a sweep asks of pymunk's shapes that somebody has added to a scene's space: discs, widths, who meets whom."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 
 import numpy as np
 import pymunk
@@ -51,11 +51,13 @@ def least_met(body: pymunk.Body, narrow: Mapping[pymunk.ShapeFilter, float]) -> 
     return min((one for given, one in narrow.items() if _accepted(own, given)), default=math.inf)
 
 
-def can_meet(body: pymunk.Body, own: Iterable[pymunk.Shape], other: pymunk.Shape) -> bool:
-    """Whether one of these shapes of a body collides with a shape, as the two are now."""
+def can_meet(body: pymunk.Body, own: Iterable[pymunk.Shape], other: pymunk.Shape, joints: Set) -> bool:
+    """Whether one of these shapes of a body collides with a shape, as the two are now; joints: all of the space.
+
+    A body itself remembers joints that were taken out too.
+    """
     if other.sensor or other.body is body:
         return False
-    joints = body.space.constraints  # a body's own view keeps those that were taken out
     if any(not joint.collide_bodies and other.body in (joint.a, joint.b) for joint in body.constraints & joints):
         return False
     return _accepted({shape.filter for shape in own if not shape.sensor}, other.filter)

@@ -208,6 +208,22 @@ def test_what_is_taken_out_is_passed_and_the_rest_still_met():
     assert 0.0 < method.pose("shot")[0] < 0.05 and other.position.x < 0.05
 
 
+def test_what_a_callback_takes_out_when_a_fast_tool_strikes_it_is_gone_and_the_rest_goes_on():
+    method = world(tool=shot(0.0, -0.02))
+    hit = ball(method.space, 0.0, 0.0, 0.0, collision_type=1)
+    left, behind = ball(method.space, 0.0, -0.4), box(method.space, 0.0)
+    behind.position = 0.05, 0.0
+    method.space.reindex_shapes_for_body(behind)
+    method.space.on_collision(1, None, post_solve=lambda pair, space, _: space.remove(hit, *hit.shapes))
+    run(method, 2)
+    for _ in range(10):
+        method.step(held((0.0, 0.0, 0.0)), 8)
+        assert max(method.position[0], left.position.x) < 0.05
+    assert hit not in method.space.bodies and method.position[0] > 0.04
+    method.space.remove(left)  # its shape stays behind, as pymunk lets it
+    run(method, 2)
+
+
 def test_a_shape_that_was_added_to_a_body_of_the_scene_is_swept_with_it():
     for start in starts():
         method = world(shot(0.0, start - 0.02, name="shot"))
