@@ -12,7 +12,7 @@ from haptic_sim.geometry import turned
 from haptic_sim.joints import Added, add_joints
 from haptic_sim.protocol import Contact
 from haptic_sim.reduction import ReducedScene
-from haptic_sim.reduction.method_choice import too_many_layers
+from haptic_sim.reduction.method_choice import LAYERS, too_many_layers
 from haptic_sim.solid import TOOL
 
 SWEEPS = 30
@@ -67,10 +67,11 @@ def fill(reduced: ReducedScene, h: float) -> Filled:
 
 
 def _layer_bits(scene):
-    """Layer → bit of a filter; none for layers of one body alone."""
+    """Layer → bit of a filter; layers of one body alone, which what one adds can meet, as far as there are bits."""
     if refusal := too_many_layers(scene):
         raise ValueError(refusal)
-    return {layer: 1 << bit for bit, layer in enumerate(scene.shared_layers)}
+    used = sorted({layer for solid in scene.solids.values() for layer in solid.layers} - set(scene.shared_layers))
+    return {layer: 1 << bit for bit, layer in enumerate([*scene.shared_layers, *used][:LAYERS])}
 
 
 def _movable(space, model, b, h):
