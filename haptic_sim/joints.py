@@ -20,6 +20,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
 import pymunk
 
 from haptic_sim.geometry import framed, turned
@@ -35,8 +36,8 @@ REACHED, BEYOND = 1e-9, -0.5e-9
 MANY, MANY_BIAS = 12, 1e-20
 """For more joints than this: so many velocities are not settled within the sweeps, and a grid of 17 pins blows up."""
 OPEN_BIAS = 0.0
-"""Of joints that no loop holds, where both bodies can move: all at once. Two ends that are apart push past each other,
-and turn the two by that."""
+"""Of joints without a loop, all at once, where both bodies can move or a stop is struck: ends that are apart push past
+each other, and what that turns bodies by stays."""
 
 
 class Damper(NamedTuple):
@@ -110,7 +111,8 @@ def _bias(space, model, j):
     """How fast the error of joint j is taken back."""
     if len(model.joint_kind) > MANY:
         return MANY_BIAS
-    return space.collision_bias if _has_loop(model) else OPEN_BIAS
+    turns = not model.fixed[model.joint_bodies[j]].any() or np.isfinite(model.joint_limit).any()
+    return OPEN_BIAS if turns and not _has_loop(model) else space.collision_bias
 
 
 def _has_loop(model):
