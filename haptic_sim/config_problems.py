@@ -11,9 +11,11 @@ from haptic_device.device import loopback_config, operator_hand
 from haptic_device.parameter_files import file_problems, operating_point_problems, right_values
 from haptic_device.parameter_types import SECTION, check_value, unknown
 from haptic_device.parameters import OPERATOR
+from haptic_sim.method_registry import AUTO
 from haptic_sim.motion import flat_motion
 from haptic_sim.node_parameters import NODES
 from haptic_sim.reduction import reduce_scene
+from haptic_sim.reduction.method_choice import refusal
 from haptic_sim.scene import load as load_scene
 from haptic_sim.scene_promise import unkept_wish
 
@@ -27,7 +29,7 @@ def problems(path: Path) -> list[str]:
         if "axes" in document:
             return _found(load_device, path)
         if "bodies" in document or "tool" in document:
-            return [*_found(load_scene, path), *_motion(document.get("motion"))] or _unfit(path)
+            return [*_found(load_scene, path), *_motion(document.get("motion"))] or _unfit(load_scene(path))
         raise ValueError(
             f"neither an operating point ({SECTION}), a device description (axes) nor a scene (bodies, tool): "
             f"it has {', '.join(document) or 'no keys'}"
@@ -38,13 +40,13 @@ def problems(path: Path) -> list[str]:
         return [str(error).removeprefix(f"{path}: ")]
 
 
-def _unfit(path) -> list[str]:
-    """What no method, or not the one that it asks for, takes of a right scene."""
+def _unfit(scene, method=AUTO) -> list[str]:
+    """What no method, or not the one that is asked for, takes of a right scene."""
     try:
-        reduce_scene(load_scene(path))
-    except ValueError as refusal:
-        return [str(refusal)]
-    return []
+        reduced = reduce_scene(scene, method)
+    except ValueError as refused:
+        return [str(refused)]
+    return [refused] if (refused := refusal(scene, reduced.model, reduced.method)) else []
 
 
 def remark(path: Path) -> str:
@@ -77,7 +79,7 @@ def _together(document, path) -> Iterator[str]:
     named = (
         ("haptic_driver", "device", load_device, _driver),
         ("haptic_loopback", "device", load_device, _hand),
-        ("haptic_simulation", "scene", load_scene, None),
+        ("haptic_simulation", "scene", load_scene, _simulation),
     )
     for node, name, load, judge in named:
         if name in wrong[node] or any(sentence.startswith(f"{node}: {name} ") for sentence in missing):
@@ -87,8 +89,7 @@ def _together(document, path) -> Iterator[str]:
         except (OSError, ValueError) as error:
             yield str(error)
             continue
-        if judge:
-            yield from judge(content, values[node], wrong[node])
+        yield from judge(content, values[node], wrong[node])
 
 
 def _driver(device, values, wrong) -> Iterator[str]:
@@ -107,6 +108,12 @@ def _driver(device, values, wrong) -> Iterator[str]:
     if values["passivity.policy"] == "enforce":
         lateness = float(settings["hardware"]["delay"])
         yield from (f"{sentence}{told}" for sentence in gain_check.refusals(settings, lateness))
+
+
+def _simulation(scene, values, wrong) -> Iterator[str]:
+    """What of a scene the method of these values does not take."""
+    if "method" not in wrong:
+        yield from (f"scene {scene.name!r}: {sentence}" for sentence in _unfit(scene, values["method"]))
 
 
 def _hand(device, values, wrong) -> Iterator[str]:

@@ -29,15 +29,15 @@ from haptic_sim.reduction.model import PIN, SLIDER, SPRING
 
 REACH = 1e4
 """m; how far away the point is that holds what acts along an axis. A spring of two axes errs by y²/2 REACH."""
-STOP_BIAS = 0.9
-"""As a space's collision_bias, for stops: Chipmunk takes their error back as velocity, which stays. Nearly none."""
+STOP_BIAS = 1e-3
+"""As a space's collision_bias, for joints with a stop: Chipmunk takes their error back as velocity, which stays."""
 REACHED, BEYOND = 1e-9, -0.5e-9
 """m | rad by which a stop is passed when it is reached: Chipmunk's acts beyond alone. The way left of a passed one."""
 MANY, MANY_BIAS = 12, 1e-20
 """For more joints than this: so many velocities are not settled within the sweeps, and a grid of 17 pins blows up."""
-OPEN_BIAS = 0.0
-"""Of joints without a loop, all at once, where both bodies can move or a stop is struck: ends that are apart push past
-each other, and what that turns bodies by stays."""
+ALONE_BIAS = 0.0
+"""All at once, of the only joint of two free bodies, or of one with a stop: ends that are apart push past each other,
+and what that turns bodies by stays. In a chain it would blow up."""
 
 
 class Damper(NamedTuple):
@@ -63,7 +63,7 @@ class Damper(NamedTuple):
 
 
 class Stop(NamedTuple):
-    """The limits of a joint's coordinate, and a movable body of it."""
+    """The limits of a joint's coordinate, and a movable body of it, which no other joint holds."""
 
     joint: pymunk.RotaryLimitJoint | pymunk.SlideJoint
     body: int
@@ -99,7 +99,7 @@ def add_joints(space: pymunk.Space, reduced: ReducedScene, bodies: list[pymunk.B
         a, b = (bodies[k] if k < len(bodies) else space.static_body for k in ends)
         for joint in _joint(model, j, a, b, _bias(space, model, j)):
             space.add(joint)
-            if isinstance(joint, pymunk.RotaryLimitJoint | pymunk.SlideJoint):
+            if isinstance(joint, pymunk.RotaryLimitJoint | pymunk.SlideJoint) and _is_alone(model, j):
                 added.stops.append(Stop(joint, min(ends)))
             if isinstance(joint, pymunk.DampedSpring | pymunk.DampedRotarySpring) and model.joint_spring[j, 1] > 0.0:
                 damper = Damper(joint, float(model.joint_spring[j, 1]), bool(model.joint_kind[j] == SPRING))
@@ -108,23 +108,18 @@ def add_joints(space: pymunk.Space, reduced: ReducedScene, bodies: list[pymunk.B
 
 
 def _bias(space, model, j):
-    """How fast the error of joint j is taken back."""
-    if len(model.joint_kind) > MANY:
-        return MANY_BIAS
-    turns = not model.fixed[model.joint_bodies[j]].any() or np.isfinite(model.joint_limit).any()
-    return OPEN_BIAS if turns and not _has_loop(model) else space.collision_bias
+    """How fast the errors of joint j are taken back."""
+    stopped = np.isfinite(model.joint_limit[j]).any()
+    if _is_alone(model, j) and (stopped or not model.fixed[model.joint_bodies[j]].any()):
+        return ALONE_BIAS
+    return STOP_BIAS if stopped else MANY_BIAS if len(model.joint_kind) > MANY else space.collision_bias
 
 
-def _has_loop(model):
-    """Whether joints, springs left out, lead from a body back to it."""
-    held = list(range(len(model.mass)))
-    for kind, (a, b) in zip(model.joint_kind, model.joint_bodies.tolist(), strict=True):
-        if kind == SPRING:
-            continue
-        if held[a] == held[b]:
-            return True
-        held = [held[a] if there == held[b] else there for there in held]
-    return False
+def _is_alone(model, j):
+    """Whether no other joint than joint j, springs left out, holds one of its bodies that can move."""
+    held = {body for body in model.joint_bodies[j].tolist() if not model.fixed[body]}
+    others = np.delete(model.joint_bodies, j, axis=0)[np.delete(model.joint_kind, j) != SPRING]
+    return not held & set(others.flatten().tolist())
 
 
 def _joint(model, j, a, b, bias) -> Iterator[pymunk.Constraint]:

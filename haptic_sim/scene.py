@@ -115,7 +115,7 @@ class Scene(Part):
     def driven(self) -> bool:
         """Whether a motor or a belt can do work."""
         belts = any(body.surface_velocity != (0.0, 0.0) for body in self.bodies)
-        return belts or any(joint.drive[0] != 0.0 for joint in self.joints)
+        return belts or any(joint.drive[0] != 0.0 and not joint.locks for joint in self.joints)
 
     def material(self, solid: AnySolid) -> Material:
         """Material of a body or of the tool; without one, neither friction nor restitution."""

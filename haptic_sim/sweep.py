@@ -73,8 +73,8 @@ class Sweep:
 
     def _contents(self):
         """What changes when something is added to the space or taken out of it."""
-        space, shapes = self._space, self._space.shapes
-        return len(shapes), next(reversed(shapes), None), len(space.bodies), len(space.constraints)
+        kinds = self._space.shapes, self._space.bodies, self._space.constraints
+        return [(len(kind), next(reversed(kind), None)) for kind in kinds]
 
     def take_in(self) -> None:
         """Takes note of what was added to the space, or taken out of it, since the last time."""

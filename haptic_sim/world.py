@@ -26,9 +26,13 @@ the next one will look; push-out of overlaps enters as x of the next step.
 
 Passivity. The work of the coupling is booked with the force of (1) and the way that the tool really came. Where push-
 out moves the tool against that force it gives energy at the port: no more than ½ m |v⁺ − v|² has lost there before,
-the rest of the overlap stays. A rebound from v₀ under a push f of the coupling gives back what the port did not get
-unless v₀ (1 − e²) ≥ 2 (|f| h/m) e: with k = |f| h/(m v₀), the tool gets e ≤ √(1 + k²) − k, which goes to 1 − k for
-fast impacts and to 1/2k for slow ones. Gravity is no port; what the tool does not touch keeps its e.
+the rest of the overlap stays. A rebound from v₀ gives back what the port did not get unless, by (1) and with the push f
+of the coupling before it and μ = m_e/m − 1,
+
+    e² (½ + μ) + e (k + μ) ≤ ½,     k = f h/(m v₀):                                                       (3)
+
+the tool gets no larger e, which goes to 1 − k for fast impacts and to 1/2k for slow ones where μ is small. Gravity is
+no port; what the tool does not touch keeps its e.
 """
 
 import math
@@ -283,14 +287,40 @@ class PymunkWorld:
             arbiter.restitution = min(arbiter.restitution, self._passive_rebound(arbiter))
 
     def _passive_rebound(self, arbiter):
-        """Largest coefficient of restitution of a contact of the tool that the coupling's push leaves passive."""
-        normal, point = arbiter.normal, arbiter.contact_point_set.points[0].point_a
-        a, b = (body.velocity_at_world_point(point) for body in arbiter.bodies)
-        approach, tool = (a - b).dot(normal), self._tool
+        """Largest coefficient of restitution of a contact of the tool that the coupling leaves passive."""
+        tool, point = self._tool, arbiter.contact_point_set.points[0].point_a
+        a, b = arbiter.bodies
+        normal, other = (arbiter.normal, b) if a is tool else (-arbiter.normal, a)  # from the tool
+        approach = (tool.velocity_at_world_point(point) - other.velocity_at_world_point(point)).dot(normal)
         if approach <= 0.0:
             return 0.0
-        push = pymunk.Vec2d(*tool.force) + self._less  # without gravity
-        turn = tool.torque / tool.moment
-        change = self._h * (push / tool.mass + turn * (point - tool.position).perpendicular()).dot(normal)
-        part = abs(change) / approach
-        return math.hypot(1.0, part) - part
+        arm = (point - tool.position).cross(normal)
+        row = np.array((normal.x, normal.y, arm))
+        push = self._h * np.array(
+            (tool.force.x + self._less[0], tool.force.y + self._less[1], tool.torque)
+        )  # no gravity
+        softness = 1.0 / np.array((tool.mass, tool.mass, tool.moment))
+        true = np.array((self._mass, self._mass, self._inertia)) * softness**2
+        others = 0.0
+        if other.body_type == pymunk.Body.DYNAMIC:
+            others = 1.0 / other.mass + (point - other.position).cross(normal) ** 2 / other.moment
+        return passive_rebound(
+            approach,
+            row @ (softness * push),
+            row**2 @ softness + others,
+            (push @ (true * push), row @ (true * push), row**2 @ true + others),
+        )
+
+
+def passive_rebound(approach, pushed, mobility, loss):
+    """Largest restitution e with which an impact at this rate of approach u [m/s] gives nothing at the port.
+
+    pushed [m/s]: rate by which the coupling's push alone closes the gap in the step. mobility w [1/kg]: what an impulse
+    does to the rate. loss: of the kinetic energy (a₀ − 2 a₁ λ + a₂ λ²)/2 that the step's backward difference has taken
+    with an impulse λ = ((1 + e) u + pushed)/w. The port got less than that exactly if λ e u ≤ loss, a quadratic in e.
+    """
+    at_0, slope, square = (approach + pushed) / mobility, approach / mobility, loss[2]
+    a = slope * approach - 0.5 * square * slope**2
+    b = at_0 * approach + loss[1] * slope - square * at_0 * slope
+    c = -0.5 * loss[0] + loss[1] * at_0 - 0.5 * square * at_0**2
+    return (math.sqrt(max(b * b - 4.0 * a * c, 0.0)) - b) / (2.0 * a)

@@ -88,7 +88,7 @@ def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
     if method in (None, AUTO):
         method, why_method = choose_method(scene, arrays, [group[0] for group in groups], needs.axes)
     sub_step, why_step = choose_sub_step(scene, arrays, method)
-    unkept = unkept_wish(scene, arrays, method, sub_step)
+    unkept = unkept_wish(scene, arrays, [group[0] for group in groups], method, sub_step)
     return ReducedScene(scene, arrays, places, shape_names, needs, method, sub_step, (why_method, why_step), unkept)
 
 

@@ -48,8 +48,8 @@ HIGH = 15
 """Bodies on one another up to which a tower stands: of 20 equal ones it sinks in by 1.3 mm in two of six positions
 (`python -m bench hard_cases --scenes stack_20`)."""
 GREASE = 4.0
-"""c h/m, h of `SHORT`, up to which `impulse` settles dampers: a tool of .1 or 1 kg on a plunger of 1 or 10 g errs by
-4e-5 of its way at 2.5, by up to 2e-2 at 10, by 1 at 100."""
+"""c h/m, h the step inside, up to which `impulse` settles dampers: a tool of .1 or 1 kg on a plunger of 1 or 10 g errs
+by 4e-5 of its way at 2.5, by up to 2e-2 at 10, by 1 at 100."""
 UNBOUNDED = None, "impulse", "closed_form"
 """Methods that take any number of bodies."""
 LAYERS = 32
@@ -69,9 +69,8 @@ def choose_method(scene: Scene, model: Model, names: Sequence[str], axes: tuple[
             "friction or restitution, that are parallel or square; take another method"
         )
     crowded = too_many_layers(scene)
-    refusal = crowded if scene.method == "impulse" else too_much(model) if scene.method not in UNBOUNDED else ""
-    if scene.method and refusal:
-        raise ValueError(f"method is {scene.method!r}, but {refusal}; take another method")
+    if scene.method and (refused := refusal(scene, model, scene.method)):
+        raise ValueError(refused)
     if scene.method:
         return scene.method, "the scene asks for it"
     if axes is not None:
@@ -82,20 +81,30 @@ def choose_method(scene: Scene, model: Model, names: Sequence[str], axes: tuple[
     asked = crowded or _beyond_impulse(scene, model, names)
     if not asked:
         return "impulse", "nothing in the scene asks for more than impulses by short steps"
-    refusal = too_much(model)
-    if refusal and crowded:
-        raise ValueError(f"{crowded}, and {refusal}; take fewer layers")
-    return ("impulse", f"{asked}; but {refusal}") if refusal else ("partitioned", asked)
+    beyond = too_much(model)
+    if beyond and crowded:
+        raise ValueError(f"{crowded}, and {beyond}; take fewer layers")
+    return ("impulse", f"{asked}; but {beyond}") if beyond else ("partitioned", asked)
 
 
-def unkept_wish(scene: Scene, model: Model, method: str, sub_step: float) -> str:
+def refusal(scene: Scene, model: Model, method: str) -> str:
+    """Sentence on what of a scene a method that is asked for cannot take; or ""."""
+    beyond = too_many_layers(scene) if method == "impulse" else too_much(model) if method not in UNBOUNDED else ""
+    if method.startswith("penalty") and np.any(model.pair_restitution):
+        beyond = "contacts of springs and dampers keep no restitution, and a pair has some"
+    return f"method is {method!r}, but {beyond}; take another method" if beyond else ""
+
+
+def unkept_wish(scene: Scene, model: Model, names: Sequence[str], method: str, sub_step: float) -> str:
     """Sentence on the `error` that a scene wishes for, where it is known beforehand that it may be more; or ""."""
     if method not in ("impulse", "partitioned"):
         return ""
+    if method == "impulse" and (asked := _beyond_impulse(scene, model, names)):
+        return f"{asked}; haptic scenes --verify measures what it errs"
     step, (frequency, what) = sub_step, max(_modes(model))
     if method == "impulse":
-        step = min(sub_step, max(SHORT, SHORT_PER_BODY * (len(model.mass) - 1)))
-    expected = max(0.5 * step * frequency, HOLDS if method == "impulse" else 0.0)
+        step = min(sub_step, _step_inside(model))
+    expected = 0.5 * step * frequency
     if expected <= scene.error * (1.0 + 1e-9):
         return ""
     return (
@@ -165,6 +174,11 @@ def too_many_layers(scene: Scene) -> str:
     return f"bodies share {many} layers, of which impulse takes at most {LAYERS}" if many > LAYERS else ""
 
 
+def _step_inside(model: Model) -> float:
+    """Step [s] that `impulse` takes inside its sub-step."""
+    return max(SHORT, SHORT_PER_BODY * (len(model.mass) - 1))
+
+
 def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
     """What the scene asks for beyond `impulse`, in words; "" if nothing. `names`: of the bodies of the model."""
     if scene.error < HOLDS:
@@ -172,10 +186,11 @@ def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
     longest, why = longest_step(model, scene.error)
     if longest < SHORT:
         return f"{why}, and impulse cannot keep up with steps below {SHORT * 1e3:g} ms"
-    grease = SHORT * max(_damping_rates(model), default=0.0)
+    rate = max(_damping_rates(model), default=0.0)
+    grease = _step_inside(model) * rate
     if grease > GREASE:
         return (
-            f"a damper holds a body back within {SHORT / grease * 1e3:.2g} ms, a step of impulse is {grease:.3g} times "
+            f"a damper holds a body back within {1e3 / rate:.2g} ms, a step of impulse is {grease:.3g} times "
             f"as long, and it keeps up with {GREASE:g}"
         )
     pairs = {(a, b) for a, b in model.shape_body[model.pairs].tolist() + model.joint_bodies.tolist()}

@@ -199,3 +199,21 @@ def test_a_scene_that_no_method_takes_is_no_right_file(tmp_path):
     text += f"\ntool: {{mass: 0.1, layers: {list(range(90))}, shapes: {shapes}}}\n"
     [sentence] = problems(broken(tmp_path, text))
     assert sentence.startswith("bodies share 90 layers, of which impulse takes at most 32")
+
+
+def test_an_operating_point_whose_method_does_not_take_its_scene_is_told(tmp_path):
+    scene = tmp_path / "ball.yaml"
+    scene.write_text(
+        "name: ball\nmaterials: {rubber: {restitution: 0.5}}\ngravity: [0.0, -9.81]\nbodies:\n"
+        "  - {name: ball, mass: 1.0, material: rubber, pose: [0.0, 1.0, 0.0], shapes: [{circle: {radius: 0.1}}]}\n"
+        "  - {name: floor, fixed: true, material: rubber, shapes: [{half_plane: {normal: [0.0, 1.0]}}]}\n"
+        "tool: {mass: 0.1, pose: [2.0, 1.0, 0.0], shapes: [{circle: {radius: 0.01}}]}\n"
+    )
+    for name, method, sentence in (
+        ("gravel", "partitioned", "scene 'gravel': method is 'partitioned', but the scene has 102 bodies"),
+        (scene, "penalty_implicit", "scene 'ball': method is 'penalty_implicit', but contacts of springs and dampers"),
+        (scene, "impulse", None),
+    ):
+        text = f"/**/haptic_simulation: {{ros__parameters: {{scene: {name}, method: {method}}}}}\n"
+        found = problems(broken(tmp_path, text))
+        assert [line[: len(sentence)] for line in found] == [sentence] if sentence else found == []

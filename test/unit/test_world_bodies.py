@@ -5,6 +5,7 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from scipy.special import ellipk
 
@@ -567,3 +568,22 @@ def test_a_held_tools_rebound_grows_with_its_restitution_up_to_1_without_a_jump(
         kept.append(-method.velocity[0] / fastest)
     assert kept == pytest.approx([0.0, 0.5, 0.9, 0.98, 0.98, 0.98], abs=0.03)
     assert kept == sorted(kept)
+
+
+@pytest.mark.parametrize(("mass", "damping"), [(0.1, 2.0), (0.1, 20.0), (0.01, 20.0), (0.002, 20.0)])
+@pytest.mark.parametrize("e", [0.5, 0.9, 0.99, 1.0])
+@pytest.mark.parametrize("off", [0.0, 0.006])
+def test_a_tool_that_a_damped_coupling_drives_into_a_wall_gives_nothing_at_the_port(off, e, damping, mass):
+    """The handle goes with the tool at 1 m/s, and on into the plate; off its middle the tool turns too."""
+    shapes = [{"circle": {"radius": 0.01, "center": [0.0, off]}}]
+    tool = {"mass": mass, "pose": [-0.02, 0.0, 0.0], "velocity": [1.0, 0.0, 0.0], "shapes": shapes, "material": "m"}
+    method = world([PLATE], restitution=e, tool=tool)
+    method.couple(Coupling(2000.0, damping, 0.5, 0.001))
+    start, supplied, x = sum(method.energy()), 0.0, -0.02
+    rebounds = 0.0
+    for _ in range(200):
+        rows = np.array([(x, 0.0, 0.0, 1.0, 0.0, 0.0), (x + H, 0.0, 0.0, 1.0, 0.0, 0.0)])
+        supplied, x = supplied + method.step(rows, 1).supplied, x + H
+        rebounds = min(rebounds, method.velocity[0])
+        assert sum(method.energy()) - start - supplied < 1e-9
+    assert rebounds < -0.2 or e < 0.9 or damping > 2.0

@@ -280,3 +280,69 @@ def test_a_tool_on_a_guide_meets_its_stop_under_the_coupling_with_the_couplings_
         world.step(held((0.03, 0.01, 0.0)), 1)
     assert world.position == pytest.approx((0.02, 0.01, 0.0), abs=1e-6)
     assert world.force_on_tool[0] == pytest.approx(2000.0 * 0.01, rel=1e-3)
+
+
+def two_links(ratio, turn=0.0, **joint):
+    """Two links of 30 mm, the second so many times as heavy as the first of 20 g, let go level."""
+    links = [
+        block("l0", turn, (0.015, 0.0), size=(0.03, 0.006), mass=0.02),
+        block("l1", turn, (0.045, 0.0), size=(0.03, 0.006), mass=0.02 * ratio),
+    ]
+    pins = [
+        {"type": "pin", "bodies": [a, b], "at": at(turn, x, 0.0), **joint}
+        for a, b, x in (("world", "l0", 0.0), ("l0", "l1", 0.03))
+    ]
+    return links, pins
+
+
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("ratio", [1.0, 50.0])
+@pytest.mark.parametrize("stop", [False, True])
+def test_a_double_pendulum_keeps_its_energy_and_its_pins_whatever_else_has_a_stop(stop, ratio, turn):
+    """The direct method, exact to rounding, is where it is after .1 s."""
+    links, pins = two_links(ratio, turn)
+    drawer = [block("drawer", turn, (2.0, 0.0))] if stop else []
+    stops = [guide(turn, "world", "drawer", (2.0, 0.0), limits=[-0.01, 0.05])] if stop else []
+    ends = []
+    for method in ("impulse", "partitioned"):
+        world = made([*links, *drawer], [*pins, *stops], gravity=at(turn, 0.0, -G), method=method)
+        before = sum(world.energy())
+        run(world, 0.1)
+        assert sum(world.energy()) == pytest.approx(before, abs=2e-3 * 0.02 * (1.0 + ratio) * G * 0.06)
+        ends.append([seen(world, name, turn)[2] for name in ("l0", "l1")])
+    assert ends[0] == pytest.approx(ends[1], abs=5e-3)
+
+
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("ratio", [1.0, 50.0])
+def test_an_arm_that_hangs_on_the_stops_of_its_pins_comes_to_rest(ratio, turn):
+    links, pins = two_links(ratio, turn, limits=[-0.1, 0.1])
+    world = run(made(links, pins, gravity=at(turn, 0.0, -G)), 2.0)
+    fastest = 0.0
+    for _ in range(100):
+        run(world, 1e-3)
+        fastest = max(fastest, *(abs(rates[2]) for _, rates in world.bodies()[1:]))
+    assert fastest < 1e-3
+    angles = [seen(world, name, turn)[2] for name in ("l0", "l1")]
+    assert angles == pytest.approx([-0.1, -0.2], abs=1e-4)
+
+
+@pytest.mark.parametrize("speed", [0.2, 1.0])
+def test_a_drawer_that_the_tool_pushes_passes_its_stop_by_no_more_than_a_step_of_its_way(speed):
+    tool = {"mass": 0.1, "pose": [-0.0255, 0.0, 0.0], "shapes": [{"circle": {"radius": 0.005}}]}
+    drawer = block("drawer", 0.0, mass=0.05) | {"layers": [0]}
+    scene = {
+        "name": "t",
+        "tool": tool,
+        "bodies": [drawer],
+        "joints": [guide(0.0, "world", "drawer", limits=[-0.1, 0.02])],
+    }
+    world = make("impulse", reduce_scene(Scene.model_validate(scene)), H)
+    world.couple(Coupling(2000.0, 2.0, 2.0, 0.002))
+    farthest, x = 0.0, -0.0255
+    for _ in range(round(0.05 / speed / H)):
+        x = min(x + speed * H, 0.0)
+        world.step(held((x, 0.0, 0.0)), 1)
+        farthest = max(farthest, world.pose("drawer")[0])
+    assert 0.02 - 1e-6 < farthest < 0.02 + 1.5 * speed * 51e-6
+    assert world.pose("drawer")[0] == pytest.approx(0.02, abs=1.5 * speed * 51e-6)
