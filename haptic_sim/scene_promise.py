@@ -23,6 +23,8 @@ def unkept_wish(name: str | Path, method: str = AUTO) -> str:
     scene = load(name)
     reduced = reduce_scene(scene, method)
     row = next((row for row in kept_rows(scene) if row.method == reduced.method), None)
-    if not reduced.unkept and row and row.error > scene.error + row.doubt:
-        return f"error {scene.error:g} is wanted, and {row.method} was measured to err by {row.error:.2g}"
-    return reduced.unkept
+    if not row:
+        return reduced.unkept
+    if row.error <= scene.error + row.doubt:
+        return ""
+    return f"error {scene.error:g} is wanted, and {row.method} was measured to err by {row.error:.2g}"

@@ -97,13 +97,13 @@ def test_a_bag_costs_memory_for_the_index_of_its_present_file_and_for_nothing_el
 
     tracemalloc.start()
     try:
-        before = chunks(0, 200)
-        assert chunks(200, 1200) - before < 1000 * 2500
-        assert chunks(1200, 2201) - before < 20_000  # bytes: a new file, of 200 chunks too
+        before = chunks(0, 2201)  # a second file, of 200 chunks
+        assert chunks(2201, 3201) - before < 1000 * 2500
+        assert chunks(3201, 4202) - before < 20_000  # bytes: a third file, of 200 chunks too
     finally:
         tracemalloc.stop()
     bag.close({})
-    assert [len(mcap_summary(tmp_path / "bag" / f"bag_{i}.mcap").chunk_indexes) for i in (0, 1)] == [2001, 200]
+    assert [len(mcap_summary(tmp_path / "bag" / f"bag_{i}.mcap").chunk_indexes) for i in (0, 1, 2)] == [2001, 2001, 200]
 
 
 def test_metadata_has_no_anchors_which_not_every_reader_knows(tmp_path):

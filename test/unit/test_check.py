@@ -13,6 +13,9 @@ from haptic_device.parameter_types import Parameter, check_value
 from haptic_sim.cli.docs import markdown
 from haptic_sim.config_problems import problems
 from haptic_sim.node_parameters import NODES
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.scene import load
+from haptic_sim.scene_promise import kept_rows, unkept_wish
 
 ROOT = Path(__file__).resolve().parents[2]
 SHIPPED = sorted((ROOT / "config").rglob("*.yaml"))
@@ -217,3 +220,12 @@ def test_an_operating_point_whose_method_does_not_take_its_scene_is_told(tmp_pat
         text = f"/**/haptic_simulation: {{ros__parameters: {{scene: {name}, method: {method}}}}}\n"
         found = problems(broken(tmp_path, text))
         assert [line[: len(sentence)] for line in found] == [sentence] if sentence else found == []
+
+
+def test_of_a_shipped_scene_what_was_measured_counts_before_what_is_reckoned(monkeypatch):
+    rows = {row.method: row for row in kept_rows(load("gravel"))}
+    assert reduce_scene(load("gravel")).unkept.startswith("tool is 142.9 times as heavy as stone_47")
+    assert unkept_wish("gravel") == ""
+    far = rows["impulse"]._replace(error=0.7, doubt=0.1)
+    monkeypatch.setattr("haptic_sim.scene_promise.of_scene", lambda name: [far])
+    assert unkept_wish("gravel") == "error 0.02 is wanted, and impulse was measured to err by 0.7"
