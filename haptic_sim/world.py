@@ -26,13 +26,7 @@ the next one will look; push-out of overlaps enters as x of the next step.
 
 Passivity. The work of the coupling is booked with the force of (1) and the way that the tool really came. Where push-
 out moves the tool against that force it gives energy at the port: no more than ½ m |v⁺ − v|² has lost there before,
-the rest of the overlap stays. A rebound from v₀ gives back what the port did not get unless, by (1) and with the push f
-of the coupling before it and μ = m_e/m − 1,
-
-    e² (½ + μ) + e (k + μ) ≤ ½,     k = f h/(m v₀):                                                       (3)
-
-the tool gets no larger e, which goes to 1 − k for fast impacts and to 1/2k for slow ones where μ is small. Gravity is
-no port; what the tool does not touch keeps its e.
+the rest of the overlap stays. How far the tool rebounds: `rebound`.
 """
 
 import math
@@ -45,6 +39,7 @@ from haptic_sim.geometry import turned
 from haptic_sim.joints import stored
 from haptic_sim.method.layout import lay_out
 from haptic_sim.protocol import Contact, Coupling, Planar, StepResult
+from haptic_sim.rebound import passive_rebound
 from haptic_sim.reduction import ReducedScene
 from haptic_sim.reduction.method_choice import SHORT_PER_BODY
 from haptic_sim.space import OWN_KINDS, Touching, fill, slop_of
@@ -296,9 +291,7 @@ class PymunkWorld:
             return 0.0
         arm = (point - tool.position).cross(normal)
         row = np.array((normal.x, normal.y, arm))
-        push = self._h * np.array(
-            (tool.force.x + self._less[0], tool.force.y + self._less[1], tool.torque)
-        )  # no gravity
+        push = self._h * np.array((*(tool.force + self._less), tool.torque))  # without gravity
         softness = 1.0 / np.array((tool.mass, tool.mass, tool.moment))
         true = np.array((self._mass, self._mass, self._inertia)) * softness**2
         others = 0.0
@@ -310,17 +303,3 @@ class PymunkWorld:
             row**2 @ softness + others,
             (push @ (true * push), row @ (true * push), row**2 @ true + others),
         )
-
-
-def passive_rebound(approach, pushed, mobility, loss):
-    """Largest restitution e with which an impact at this rate of approach u [m/s] gives nothing at the port.
-
-    pushed [m/s]: rate by which the coupling's push alone closes the gap in the step. mobility w [1/kg]: what an impulse
-    does to the rate. loss: of the kinetic energy (a₀ − 2 a₁ λ + a₂ λ²)/2 that the step's backward difference has taken
-    with an impulse λ = ((1 + e) u + pushed)/w. The port got less than that exactly if λ e u ≤ loss, a quadratic in e.
-    """
-    at_0, slope, square = (approach + pushed) / mobility, approach / mobility, loss[2]
-    a = slope * approach - 0.5 * square * slope**2
-    b = at_0 * approach + loss[1] * slope - square * at_0 * slope
-    c = -0.5 * loss[0] + loss[1] * at_0 - 0.5 * square * at_0**2
-    return (math.sqrt(max(b * b - 4.0 * a * c, 0.0)) - b) / (2.0 * a)
