@@ -46,7 +46,7 @@ def _unfit(scene, method=AUTO) -> list[str]:
         reduced = reduce_scene(scene, method)
     except ValueError as refused:
         return [str(refused)]
-    return [refused] if (refused := refusal(scene, reduced.model, reduced.method)) else []
+    return [refused] if (refused := refusal(scene, reduced.model, reduced.shape_names, reduced.method)) else []
 
 
 def remark(path: Path) -> str:

@@ -85,26 +85,26 @@ class Stop(NamedTuple):
         return (way + REACHED) / rate if way > BEYOND and rate > 0.0 else math.inf
 
 
-class Added(NamedTuple):
+class Tended(NamedTuple):
     """What of the joints has to be looked after."""
 
     dampers: list[Damper]
     stops: list[Stop]
 
 
-def add_joints(space: pymunk.Space, reduced: ReducedScene, bodies: list[pymunk.Body]) -> Added:
+def add_joints(space: pymunk.Space, reduced: ReducedScene, bodies: list[pymunk.Body]) -> Tended:
     """All joints of the model; `bodies` are the model's movable ones in its order."""
-    model, added = reduced.model, Added([], [])
+    model, tended = reduced.model, Tended([], [])
     for j, ends in enumerate(model.joint_bodies.tolist()):
         a, b = (bodies[k] if k < len(bodies) else space.static_body for k in ends)
         for joint in _joint(model, j, a, b, _bias(space, model, j)):
             space.add(joint)
             if isinstance(joint, pymunk.RotaryLimitJoint | pymunk.SlideJoint) and _is_alone(model, j):
-                added.stops.append(Stop(joint, min(ends)))
+                tended.stops.append(Stop(joint, min(ends)))
             if isinstance(joint, pymunk.DampedSpring | pymunk.DampedRotarySpring) and model.joint_spring[j, 1] > 0.0:
                 damper = Damper(joint, float(model.joint_spring[j, 1]), bool(model.joint_kind[j] == SPRING))
-                added.dampers.append(damper)
-    return added
+                tended.dampers.append(damper)
+    return tended
 
 
 def _bias(space, model, j):

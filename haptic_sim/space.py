@@ -9,7 +9,7 @@ import pymunk
 from pymunk import batch
 
 from haptic_sim.geometry import turned
-from haptic_sim.joints import Added, add_joints
+from haptic_sim.joints import Tended, add_joints
 from haptic_sim.protocol import Contact
 from haptic_sim.reduction import ReducedScene
 from haptic_sim.reduction.method_choice import LAYERS, too_many_layers
@@ -41,7 +41,7 @@ class Filled(NamedTuple):
     """In the order of the model."""
     names: dict[int, tuple[bool, int, str]]
     """Body id → its rank in the scene, and its name; of the scene's own bodies alone."""
-    joints: Added
+    joints: Tended
 
 
 def slop_of(scene) -> float:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_sim.method.seams import covered_edges
-from haptic_sim.reduction.model import PIN, SPRING, Model
+from haptic_sim.reduction.model import Model, mobilities
 
 
 class Layout(NamedTuple):
@@ -89,14 +89,8 @@ def _shape(model, s):
 
 def _rate(model, joints):
     """max(Σ c/m, √(Σ k/m)) over the spring-dampers of these joints, 1/m what each of them moves."""
-    stiffness, damping = 0.0, 0.0
-    for j in joints:
-        bodies, turns = model.joint_bodies[j], model.joint_kind[j] == PIN
-        mobility = 1.0 / (model.inertia if turns else model.mass)[bodies]
-        if model.joint_kind[j] == SPRING or not (turns or model.fixed[bodies].any()):
-            mobility = mobility + np.sum(model.joint_anchor[j] ** 2, axis=1) / model.inertia[bodies]
-        stiffness += model.joint_spring[j, 0] * mobility.sum()
-        damping += model.joint_spring[j, 1] * mobility.sum()
+    moved = np.array(list(mobilities(model)))[joints]
+    stiffness, damping = moved @ model.joint_spring[joints, 0], moved @ model.joint_spring[joints, 1]
     return max(damping, math.sqrt(stiffness))
 
 

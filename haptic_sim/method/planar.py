@@ -10,6 +10,7 @@ from haptic_sim.method.penalty_kernel import contact_energy
 from haptic_sim.method.records import records
 from haptic_sim.protocol import Contact, Coupling, Planar, StepResult, held
 from haptic_sim.reduction import ReducedScene
+from haptic_sim.reduction.method_choice import elastic_pair
 
 RESULTS = [
     *(("port", name) for name in ("supplied", "touched", "largest_force", "deepest_overlap")),
@@ -33,8 +34,8 @@ class PlanarWorld:
         self.scene, self.sub_step, self._reduced = reduced.scene, sub_step, reduced
         self._advance, self._contact = advance, (stiffness, damping)
         self._gains = Coupling()
-        if stiffness > 0.0:
-            _refuse_restitution(reduced)
+        if stiffness > 0.0 and (refused := elastic_pair(reduced.model, reduced.shape_names)):
+            raise ValueError(refused)
         self.reset()
         self.step(held(self.position), 0)  # compiled here, not in the second exchange, which then took 20 s
 
@@ -121,14 +122,3 @@ class PlanarWorld:
         )
         force = -px / self.sub_step, -py / self.sub_step
         return Contact(a, b, tuple(place), tuple(normal), force, max(overlap, 0.0))
-
-
-def _refuse_restitution(reduced):
-    """ValueError if there is any: what a spring and a damper give back depends on the mass, not on a coefficient."""
-    for (first, second), restitution in zip(reduced.model.pairs, reduced.model.pair_restitution, strict=True):
-        if restitution > 0.0:
-            a, b = reduced.shape_names[first], reduced.shape_names[second]
-            raise ValueError(
-                f"{a!r} and {b!r} have a restitution of {restitution:g}, which contacts of springs and dampers do not "
-                "keep; set it to 0 in the material of one of them, or take method impulse, partitioned or event_driven"
-            )

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from haptic_sim.geometry import Point, turned
 from haptic_sim.method_registry import AUTO
-from haptic_sim.reduction.method_choice import choose_method, choose_sub_step, unkept_wish
+from haptic_sim.reduction.method_choice import choose_method, choose_sub_step, refusal, unkept_wish
 from haptic_sim.reduction.mobility import Touching, degrees_of_freedom, groups_of, moving_bodies, touching_pairs
 from haptic_sim.reduction.model import Model, Place, build
 from haptic_sim.scene import Scene
@@ -87,6 +87,8 @@ def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
     why_method = ASKED
     if method in (None, AUTO):
         method, why_method = choose_method(scene, arrays, [group[0] for group in groups], needs.axes)
+        if scene.method and (refused := refusal(scene, arrays, shape_names, method)):
+            raise ValueError(refused)
     sub_step, why_step = choose_sub_step(scene, arrays, method)
     unkept = unkept_wish(scene, arrays, [group[0] for group in groups], method, sub_step)
     return ReducedScene(scene, arrays, places, shape_names, needs, method, sub_step, (why_method, why_step), unkept)

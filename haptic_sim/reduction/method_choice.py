@@ -22,10 +22,8 @@ a heavy one and a damper by c h/m sweeps: `GREASE` of it is solved directly.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-import numpy as np
-
 from haptic_sim.geometry import Outline, Point, Pose, distance
-from haptic_sim.reduction.model import PIN, SLIDER, Model, too_much
+from haptic_sim.reduction.model import Model, mobilities, too_much
 from haptic_sim.scene import Scene
 
 STEPS = (1e-3, 0.5e-3, 0.25e-3, 0.2e-3, 0.125e-3, 0.1e-3, 0.05e-3, 0.025e-3)
@@ -69,8 +67,6 @@ def choose_method(scene: Scene, model: Model, names: Sequence[str], axes: tuple[
             "friction or restitution, that are parallel or square; take another method"
         )
     crowded = too_many_layers(scene)
-    if scene.method and (refused := refusal(scene, model, scene.method)):
-        raise ValueError(refused)
     if scene.method:
         return scene.method, "the scene asks for it"
     if axes is not None:
@@ -87,12 +83,24 @@ def choose_method(scene: Scene, model: Model, names: Sequence[str], axes: tuple[
     return ("impulse", f"{asked}; but {beyond}") if beyond else ("partitioned", asked)
 
 
-def refusal(scene: Scene, model: Model, method: str) -> str:
+def refusal(scene: Scene, model: Model, shape_names: Sequence[str], method: str) -> str:
     """Sentence on what of a scene a method that is asked for cannot take; or ""."""
+    if method.startswith("penalty") and (elastic := elastic_pair(model, shape_names)):
+        return elastic
     beyond = too_many_layers(scene) if method == "impulse" else too_much(model) if method not in UNBOUNDED else ""
-    if method.startswith("penalty") and np.any(model.pair_restitution):
-        beyond = "contacts of springs and dampers keep no restitution, and a pair has some"
     return f"method is {method!r}, but {beyond}; take another method" if beyond else ""
+
+
+def elastic_pair(model: Model, shape_names: Sequence[str]) -> str:
+    """Sentence on a pair with restitution, or "": what springs and dampers give back depends on the mass instead."""
+    for (first, second), restitution in zip(model.pairs, model.pair_restitution, strict=True):
+        if restitution > 0.0:
+            return (
+                f"{shape_names[first]!r} and {shape_names[second]!r} have a restitution of {restitution:g}, which "
+                "contacts of springs and dampers do not keep; set it to 0 in the material of one of them, or take "
+                "method impulse, partitioned or event_driven"
+            )
+    return ""
 
 
 def unkept_wish(scene: Scene, model: Model, names: Sequence[str], method: str, sub_step: float) -> str:
@@ -145,27 +153,14 @@ def longest_step(model: Model, error: float) -> tuple[float, str]:
 def _modes(model: Model) -> Iterator[tuple[float, str]]:
     """(angular frequency, what) of the coupling and of the scene's own springs."""
     yield math.sqrt(STIFFNESS / model.mass[0]), f"the tool on a coupling of {STIFFNESS:g} N/m"
-    for spring, mobility in zip(model.joint_spring, _mobilities(model), strict=True):
+    for spring, mobility in zip(model.joint_spring, mobilities(model), strict=True):
         if spring[0] > 0.0:
             yield math.sqrt(spring[0] * mobility), "a spring of the scene"
 
 
 def _damping_rates(model: Model) -> list[float]:
     """c/m of the scene's dampers [1/s]."""
-    return [
-        float(spring[1]) * mobility for spring, mobility in zip(model.joint_spring, _mobilities(model), strict=True)
-    ]
-
-
-def _mobilities(model: Model) -> Iterator[float]:
-    """1/m that each joint's spring-damper sees [1/kg | 1/(kg m²)], each body taken as free."""
-    for kind, bodies, anchors in zip(model.joint_kind, model.joint_bodies, model.joint_anchor, strict=True):
-        mobility = 1.0 / model.inertia[bodies]
-        if kind == SLIDER:  # whose bodies do not turn
-            mobility = 1.0 / model.mass[bodies]
-        elif kind != PIN:
-            mobility = 1.0 / model.mass[bodies] + np.sum(anchors**2, axis=1) / model.inertia[bodies]
-        yield float(np.sum(mobility))
+    return [float(spring[1]) * mobility for spring, mobility in zip(model.joint_spring, mobilities(model), strict=True)]
 
 
 def too_many_layers(scene: Scene) -> str:

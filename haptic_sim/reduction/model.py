@@ -6,7 +6,7 @@ A body's frame has its origin in the mass centre, and the axes of the (first) bo
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -213,6 +213,17 @@ def _joint(
         motor,
         joint.spring(math.dist(on_a, on_b)),
     )
+
+
+def mobilities(model: Model) -> Iterator[float]:
+    """1/m that each joint's spring-damper sees [1/kg | 1/(kg m²)], each body taken as free."""
+    for kind, bodies, anchors in zip(model.joint_kind, model.joint_bodies, model.joint_anchor, strict=True):
+        mobility = 1.0 / model.inertia[bodies]
+        if kind == SLIDER:  # whose bodies do not turn
+            mobility = 1.0 / model.mass[bodies]
+        elif kind != PIN:
+            mobility = 1.0 / model.mass[bodies] + np.sum(anchors**2, axis=1) / model.inertia[bodies]
+        yield float(np.sum(mobility))
 
 
 def too_much(model: Model) -> str:

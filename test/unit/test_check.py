@@ -214,7 +214,7 @@ def test_an_operating_point_whose_method_does_not_take_its_scene_is_told(tmp_pat
     )
     for name, method, sentence in (
         ("gravel", "partitioned", "scene 'gravel': method is 'partitioned', but the scene has 102 bodies"),
-        (scene, "penalty_implicit", "scene 'ball': method is 'penalty_implicit', but contacts of springs and dampers"),
+        (scene, "penalty_implicit", "scene 'ball': 'ball' and 'floor' have a restitution of 0.5, which contacts"),
         (scene, "impulse", None),
     ):
         text = f"/**/haptic_simulation: {{ros__parameters: {{scene: {name}, method: {method}}}}}\n"
