@@ -112,6 +112,7 @@ class EnergyTankPort(abc.ABC):
             tool_side_tank.worst(eased * turning, turning_damping, sub_step),
             *(force, torque),
             *(slew * sub_step, slew * sub_step * torque / force),
+            *(sub_step / inner, inner),
         )
 
 
@@ -123,6 +124,10 @@ class PspmPort(EnergyTankPort):
 
     def __init__(self, budget: float = BUDGET, limits: Limits = LIMITS):
         super().__init__(limits)
+        way, still = np.zeros((2, 6)), (0.0, 0.0, 0.0)
+        tool_side_tank.covers(self.rules, self.memory, way, still, 2)
+        tool_side_tank.went(self.rules, self.memory, way, still)
+        self.memory[:] = 0.0
         self.budget = self.memory[tool_side_tank.TANK] = budget
         self.returned = 0.0
         self._known, self._gains = None, None
@@ -154,6 +159,15 @@ class PspmPort(EnergyTankPort):
             self._gains = gains
             self._rule(gains, sub_step, inner)
         return gains
+
+    def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
+        """All at once where the tank covers the worst of it and no limit is near; else sub-step by sub-step."""
+        if n < 2 or not tool_side_tank.covers(self.rules, self.memory, target, world.position, n):
+            return super().step(world, target, n)
+        made = world.step(target, n)
+        tool_side_tank.went(self.rules, self.memory, target, world.position)
+        self.memory[tool_side_tank.TANK] -= made.supplied
+        return made
 
     def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
         """What the coupling supplied leaves the tank."""

@@ -9,6 +9,20 @@ by d = slew · h a sub-step, takes no more than W a³/3d on top (the sum of W (a
     W a² (1 + a/3d) ≤ E
 
 is what a pull may be: then it can be let go slowly whatever comes. Limits: d → ∞ asks for the tank alone.
+
+Over sub-steps in a row, N steps h of the world in all, the handle goes a way that is known beforehand. Let a_j be the
+pull at rest of step j were the tool still where it began, d_j the move h v⁺ that its force is taken for, and θ_j d_j,
+0 ≤ θ_j ≤ 1, as much of it as the world lets the tool make. What is supplied is then
+
+    Σ [a_j − K Σ_{k<j} θ_k d_k − (K + B/h) d_j] d_j.
+
+With Σ_{k<j} θ_k d_k d_j = ½ Σ_{k<j} (2 θ_k − 1) d_k d_j + ¼ [(Σ d_j)² − Σ d_j²], where |2 θ_k − 1| ≤ 1 and
+Σ_{k<j} |d_k d_j| ≤ ½ (N − 1) Σ d_j², the sum is ≥ −¼ N Σ d_j². So no more than
+
+    Σ (a_j d_j − λ d_j²) ≤ Σ a_j²/4λ ≤ N max a_j²/4λ,      λ = K (1 − N/4) + B/h,
+
+is supplied whatever the tool does, if λ > 0: that is, if the steps together take less than about 4 B/K. Where the tank
+holds that much and what letting go takes, and no limit is near, the whole way is made at once.
 """
 
 import math
@@ -17,7 +31,9 @@ from haptic_device.control import set_position
 from haptic_device.jit import kernel, njit
 
 DAMPER_SLEW = 0.25  # share of the slew that the handle's velocity may make on top of it, where there is a spring too
-STIFFNESS, DAMPING, WORST, LIMIT, STEP, RULES = 0, 3, 6, 8, 10, 12  # gains by axis; W, limit and d of x-y and of theta
+AT_ONCE = 0.75  # share of a limit up to which a way is made at once: what the tool does meanwhile comes on top
+STIFFNESS, DAMPING, WORST, LIMIT, STEP = 0, 3, 6, 8, 10  # gains by axis; W, limit and d of x-y and of theta
+TIME, INNER, RULES = 12, 13, 14  # step of the world [s], and how many are a sub-step
 TANK, AIM, SPEED, PAST, JOINED, PULL, SHARE, MEMORY = 0, 1, 4, 7, 10, 11, 13, 14
 
 
@@ -54,6 +70,62 @@ def drive(rules, memory, handle, rate, tool):
     _draw(memory, tool, 1, nearer_line)
     _draw(memory, tool, 2, nearer_turn)
     memory[PULL], memory[PULL + 1] = nearer_line * line, nearer_turn * turn
+
+
+@kernel
+def covers(rules, memory, way, tool, count):
+    """Whether the handle may go its whole way of `count` sub-steps as it is, the tool being there: drive would let it.
+
+    way: (2, 6) array, position and velocity before and after. Nothing of the memory is changed.
+    """
+    if memory[JOINED] == 0.0:
+        return False
+    for i in range(3):
+        step, aim, speed = rules[STEP + i // 2], memory[AIM + i], memory[SPEED + i]
+        if rules[STIFFNESS + i] * _fastest(way[0, i], way[1, i], aim, count) > step:
+            return False
+        step *= DAMPER_SLEW if rules[STIFFNESS + i] > 0.0 else 1.0
+        if rules[DAMPING + i] * _fastest(way[0, 3 + i], way[1, 3 + i], speed, count) > step:
+            return False
+    line = turn = 0.0  # a pull that changes evenly is largest at an end
+    for row in range(2):
+        x, y = _pull_on_way(rules, way, tool, row, 0), _pull_on_way(rules, way, tool, row, 1)
+        line, turn = max(line, math.hypot(x, y)), max(turn, abs(_pull_on_way(rules, way, tool, row, 2)))
+    return _needed(rules, 0, line, count) + _needed(rules, 1, turn, count) <= memory[TANK]
+
+
+@njit
+def _fastest(start, end, known, count):
+    """Largest change in a sub-step of what is `known` now and then goes from start to end in `count` of them."""
+    each = (end - start) / count
+    return max(abs(each), abs(start + each - known))
+
+
+@njit
+def _pull_on_way(rules, way, tool, row, i):
+    return rules[STIFFNESS + i] * (way[row, i] - tool[i]) + rules[DAMPING + i] * way[row, 3 + i]
+
+
+@njit
+def _needed(rules, group, pull, count):
+    """Energy [J] that `count` sub-steps of at most this pull, and letting go of it, can take; inf where no bound is."""
+    steps, stiffness, damping = count * rules[INNER], rules[STIFFNESS + 2 * group], rules[DAMPING + 2 * group]
+    held = stiffness * (1.0 - 0.25 * steps) + damping / rules[TIME]
+    if pull == 0.0 and stiffness == 0.0:
+        return 0.0
+    if held <= 0.0 or pull > AT_ONCE * rules[LIMIT + group]:
+        return math.inf
+    return steps * pull * pull / (4.0 * held) + _kept(rules, group, pull)
+
+
+@kernel
+def went(rules, memory, way, tool):
+    """The memory after the handle has gone its whole way as it is, and the tool has come there."""
+    for i in range(3):
+        memory[AIM + i], memory[SPEED + i], memory[PAST + i] = way[1, i], way[1, 3 + i], tool[i]
+    memory[SHARE] = 1.0
+    memory[PULL] = math.hypot(_pull(rules, memory, tool, 0), _pull(rules, memory, tool, 1))
+    memory[PULL + 1] = abs(_pull(rules, memory, tool, 2))
 
 
 @njit
