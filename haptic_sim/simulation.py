@@ -74,7 +74,7 @@ class Counters(NamedTuple):
 
 
 class Energy(NamedTuple):
-    """Balance at the end of an exchange [J]; all but `kinetic` and `potential` since the start."""
+    """Balance as things stand [J]; all but `kinetic` and `potential` since the start."""
 
     kinetic: float
     potential: float
@@ -96,7 +96,7 @@ class Energy(NamedTuple):
 
 
 class Ledger:
-    """Energy of the simulated world [J], booked sub-step by sub-step, closed exchange by exchange.
+    """Energy of the simulated world [J], booked exchange by exchange; energy() says what is stored, kinetic, potential.
 
     Work supplied at the tool port is Σ force_on_tool · Δx, with the force really applied over a sub-step and the
     displacement over that same sub-step; positive goes into the world. What is neither kinetic nor potential has been
@@ -107,27 +107,26 @@ class Ledger:
         supplied = Δkinetic + Δpotential + dissipated,      dissipated = contacts + numerical − correction
     """
 
-    def __init__(self, kinetic: float, potential: float):
-        self._stored_at_start = kinetic + potential
-        self.supplied = self.contacts = self.correction = 0.0
+    def __init__(self, energy: Callable[[], tuple[float, float]]):
+        self._energy, self._stored_at_start = energy, sum(energy())
+        self.supplied = self._contacts = self._correction = 0.0
         self._lost = None
-        self.balance = Energy(kinetic, potential, 0.0, 0.0, 0.0, 0.0)
 
     def book(self, supplied: float, contacts: float, correction: float, numerical: float | None = None) -> None:
         """What some sub-steps say of themselves [J]; with `numerical` said, contacts have taken what else is gone."""
         self.supplied += supplied
-        self.contacts += contacts
-        self.correction += correction
+        self._contacts += contacts
+        self._correction += correction
         if numerical is not None:
             self._lost = (self._lost or 0.0) + numerical
 
-    def close(self, kinetic: float, potential: float) -> Energy:
-        """Balance with the energies now stored [J]."""
+    @property
+    def balance(self) -> Energy:
+        """Balance with what is stored now."""
+        kinetic, potential = self._energy()
         dissipated = self.supplied - (kinetic + potential - self._stored_at_start)
-        if self._lost is not None:
-            self.contacts = dissipated + self.correction - self._lost
-        self.balance = Energy(kinetic, potential, self.supplied, self.contacts, self.correction, dissipated)
-        return self.balance
+        contacts = self._contacts if self._lost is None else dissipated + self._correction - self._lost
+        return Energy(kinetic, potential, self.supplied, contacts, self._correction, dissipated)
 
 
 def kernels_of(reduced: ReducedScene, exchange_method: str) -> tuple[str, ...]:
@@ -181,7 +180,7 @@ class Simulation:
         self.method.reset()
         if self._added is not None:
             self._added(self.method)
-        self.ledger = Ledger(*self.method.energy())
+        self.ledger = Ledger(self.method.energy)
         self.counters = Counters()
         self.rejoin()
         self.port.restart()
@@ -206,7 +205,6 @@ class Simulation:
         count = self._sub_steps_until(handle.time_ns)
         touched = self._advance(handle, count)
         self._last = handle
-        self.ledger.close(*self.method.energy())
         exchanges, sub_steps, *others = self.counters
         self.counters = Counters(exchanges + 1, sub_steps + count, *others)
         return self._sample(touched)

@@ -27,8 +27,9 @@ OWN_KINDS = 1 << 20
 """Collision types from here on are ours."""
 
 _PAIR = batch.ArbiterFields
-_TOUCH = _PAIR.POINT_A_1 | _PAIR.POINT_B_1 | _PAIR.DISTANCE_1 | _PAIR.POINT_A_2 | _PAIR.POINT_B_2 | _PAIR.DISTANCE_2
-_FIELDS = _PAIR.BODY_A_ID | _PAIR.BODY_B_ID | _PAIR.CONTACT_COUNT | _PAIR.TOTAL_IMPULSE | _PAIR.NORMAL | _TOUCH
+_WORST = _PAIR.BODY_A_ID | _PAIR.BODY_B_ID | _PAIR.CONTACT_COUNT | _PAIR.TOTAL_IMPULSE
+_WORST |= _PAIR.DISTANCE_1 | _PAIR.DISTANCE_2
+_FIELDS = _WORST | _PAIR.NORMAL | _PAIR.POINT_A_1 | _PAIR.POINT_B_1 | _PAIR.POINT_A_2 | _PAIR.POINT_B_2
 
 
 class Filled(NamedTuple):
@@ -140,22 +141,28 @@ class Touching:
 
     def worst(self) -> tuple[float, float]:
         """Largest force [N], and the depth [m] of the deepest."""
-        whole, real = self._rows()
+        whole, push, real = self._read(_WORST)
         if not len(whole):
             return 0.0, 0.0
-        distances = np.where(whole[:, 2] > 1, np.minimum(real[:, 8], real[:, 13]), real[:, 8])
-        return math.sqrt(np.square(real[:, :2]).sum(axis=1).max()) / self._h, -float(distances.min())
+        first, second = real[:, 2], real[:, 3]
+        distances = np.where(whole[:, 2] > 1, np.minimum(first, second), first)
+        return math.sqrt(push.max()) / self._h, -float(distances.min(where=push > 0.0, initial=0.0))
 
     def _rows(self):
         """Numbers of the contacts: (n, 3) whole, (n, 14) real."""
+        whole, push, real = self._read(_FIELDS)
+        return whole[push > 0.0], real[push > 0.0]
+
+    def _read(self, fields):
+        """Of all pairs: whole numbers (n, 3), the square of the impulse [N² s²] or 0 if not ours (n), real numbers."""
         self._buffer.clear()
-        batch.get_space_arbiters(self._space, _FIELDS, self._buffer)
+        batch.get_space_arbiters(self._space, fields, self._buffer)
         whole = np.frombuffer(self._buffer.int_buf(), dtype=np.uintp).reshape(-1, 3)
-        real = np.frombuffer(self._buffer.float_buf()).reshape(-1, 14)
-        own = (whole[:, 2] > 0) & real[:, :2].any(axis=1)
+        real = np.frombuffer(self._buffer.float_buf()).reshape(max(1, len(whole)), -1)[: len(whole)]
+        push = np.square(real[:, :2]).sum(axis=1) * (whole[:, 2] > 0)
         if len(self._space.bodies) > len(self._names):  # somebody has added some
-            own &= np.isin(whole[:, :2], list(self._names)).all(axis=1)
-        return whole[own], real[own]
+            push *= np.isin(whole[:, :2], list(self._names)).all(axis=1)
+        return whole, push, real
 
     def _contact(self, whole, real):
         body_a, body_b, count = whole

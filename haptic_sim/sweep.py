@@ -33,6 +33,9 @@ ALL = pymunk.ShapeFilter()
 class Sweep:
     """Moves of a space's bodies, between two steps of h [s]; `moves` are the times of those that differ from h.
 
+    Unless `busy`, and while no point of the tool, `extent` [m] about its mass centre, is faster than `tool_fast` [m/s],
+    there is nothing to `look` for.
+
     `near` [m] is the overlap at which a hit ends a move. shapes: of the space, in the order of the model. model and
     layout: as reduced from the scene. stops: of its joints.
     """
@@ -60,7 +63,7 @@ class Sweep:
         self.moves, self._fast, self._stopping, self._struck = {}, [], [], 0
         self._iterations = space.iterations
         self._sweep(bodies, *zip(*self._own, strict=True))
-        self._known = self._contents()
+        self._known, self.busy = self._contents(), False
 
     def _sweep(self, bodies, points, limits, extents):
         """From now on these bodies are swept: discs that stand for each, how far a step may take it, and its size."""
@@ -68,7 +71,7 @@ class Sweep:
         self._limits, self._extents, self._ids, self._order = np.array(limits), np.array(extents), None, None
         # A body that is hit may leave with twice the speed of what hits it, and `watch` sees it some steps later.
         self._wary = 0.5 * self._limits / self._h
-        self._tool_fast = float(self._limits.min()) / self._h
+        self.extent, self.tool_fast = float(self._extents[0]), float(self._limits.min()) / self._h
         self.watches = bool(self._stops) or len(bodies) > 1
 
     def _contents(self):
@@ -95,6 +98,7 @@ class Sweep:
         narrow = narrowest(self._added), narrowest(self._added | self._widths)
         swept = [self._with_added(body, *one, narrow) for body, one in zip(bodies, own, strict=True)]
         self._sweep(bodies, *zip(*swept, strict=True))
+        self._note_busy()
 
     def _with_added(self, body, points, limit, extent, narrow):
         """Discs, longest way in a step and size of a body, with what was added to it and beside it."""
@@ -124,6 +128,7 @@ class Sweep:
         for b in self._fast:
             if b >= count:  # whoever added it may have put it there, or thrown it, after the last step
                 self._go(b)
+        self._note_busy()
 
     def _speeds(self, velocities):
         """Of each body's fastest point, at most [m/s]."""
@@ -134,7 +139,7 @@ class Sweep:
 
         Returns the time of the tool's own move [s].
         """
-        if abs(vx) + abs(vy) + abs(turn) * self._extents[0] > self._tool_fast:
+        if abs(vx) + abs(vy) + abs(turn) * self.extent > self.tool_fast:
             if struck:
                 self._fast = sorted({*self._fast, *self._far()})
             self._plan({0, *self._fast})
@@ -144,7 +149,11 @@ class Sweep:
             self.moves = {}
         if self._stopping or self._struck:
             self._go_to_stops()
+        self._note_busy()
         return self.moves.get(0, self._h)
+
+    def _note_busy(self):
+        self.busy = bool(self.moves or self._fast or self._stopping or self._struck)
 
     def _far(self):
         """Bodies that would come farther than they may in the next step."""

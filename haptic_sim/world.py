@@ -156,65 +156,73 @@ class PymunkWorld:
         """
         h, tool, sweep, space_step = self._h, self._tool, self._sweep, self.space.step
         stiff, damping, turning, turning_damping = self._gains
-        mass, inertia, (gx, gy), (less_x, less_y) = self._mass, self._inertia, self._gravity, self._less
-        spring, rotor = h * stiff + damping, h * turning + turning_damping
+        mass, inertia, heavy, hard_to_turn = self._mass, self._inertia, tool.mass, tool.moment
+        (gx, gy), (less_x, less_y) = self._gravity, self._less
+        fall_x, fall_y, weight_x, weight_y = h * heavy * gx, h * heavy * gy, mass * gx, mass * gy
+        spring, rotor, half, half_turn = h * stiff + damping, h * turning + turning_damping, 0.5 * mass, 0.5 * inertia
         (pull_x, pull_y, pull_t), (rise_x, rise_y, rise_t) = pull, rise
         (x, y, angle), (vx, vy, w) = self.position, self.velocity
         supplied = numerical = correction = sum_x = sum_y = sum_t = push_x = push_y = 0.0
-        touched, least = False, TOUCH * (1.0 + mass * (abs(vx) + abs(vy)))
+        touched, spare, least = False, self._spare, TOUCH * (1.0 + mass * (abs(vx) + abs(vy)))
         for _ in range(self.inner):
             pull_x, pull_y, pull_t = pull_x + rise_x, pull_y + rise_y, pull_t + rise_t
-            # K (x_h - x) + B v_h
-            rest_x, rest_y, rest_t = pull_x - stiff * x, pull_y - stiff * y, pull_t - turning * angle
-            tool.force, tool.torque = (rest_x - spring * vx - less_x, rest_y - spring * vy - less_y), rest_t - rotor * w
+            # K (x_h - x) + B v_h - (h K + B) v, and what Chipmunk's gravity pulls too much
+            fx = pull_x - stiff * x - spring * vx - less_x
+            fy = pull_y - stiff * y - spring * vy - less_y
+            torque = pull_t - turning * angle - rotor * w
+            tool.force, tool.torque = (fx, fy), torque
             if sweep.moves:
                 sweep.set_out()
             space_step(h)
             (ux, uy), turn = tool.velocity, tool.angular_velocity
-            fx, fy, torque = rest_x - spring * ux, rest_y - spring * uy, rest_t - rotor * turn
             ax, ay, aw = ux - vx, uy - vy, turn - w
-            lost = 0.5 * (mass * (ax * ax + ay * ay) + inertia * aw * aw)
-            jx, jy, jw = mass * (ax - h * gx) - h * fx, mass * (ay - h * gy) - h * fy, inertia * aw - h * torque
+            jx, jy, jw = heavy * ax - h * fx - fall_x, heavy * ay - h * fy - fall_y, hard_to_turn * aw - h * torque
+            fx, fy, torque = fx + less_x - spring * ax, fy + less_y - spring * ay, torque - rotor * aw
+            lost = half * (ax * ax + ay * ay) + half_turn * aw * aw
             struck = abs(jx) + abs(jy) > least or abs(jw) > least
             if struck:
                 touched, push_x, push_y = True, push_x + jx, push_y + jy
                 numerical += lost if self._jointed else 0.0
-                self._spare += max(0.0, lost - max(0.0, jx * ux + jy * uy + jw * turn))
+                spare += max(0.0, lost - max(0.0, jx * ux + jy * uy + jw * turn))
             else:
                 numerical += lost
-                self._spare += lost
+                spare += lost
             (px, py), to = tool.position, tool.angle
             if px != x or py != y or to != angle:
-                px, py, to = self._push_out((x, y, angle), (px, py, to), (fx, fy, torque))
-                correction -= (fx + mass * gx) * (px - x) + (fy + mass * gy) * (py - y) + torque * (to - angle)
-            move = sweep.look(ux, uy, turn, struck)
+                (px, py, to), spare = self._push_out((x, y, angle), (px, py, to), (fx, fy, torque), spare)
+                correction -= (fx + weight_x) * (px - x) + (fy + weight_y) * (py - y) + torque * (to - angle)
+            move = h
+            if sweep.busy or abs(ux) + abs(uy) + abs(turn) * sweep.extent > sweep.tool_fast:
+                move = sweep.look(ux, uy, turn, struck)
             px, py, to = px + move * ux, py + move * uy, to + move * turn
             supplied += fx * (px - x) + fy * (py - y) + torque * (to - angle)
             if move < h:  # the way that is lost was paid for
                 supplied += max(0.0, (h - move) * (fx * ux + fy * uy + torque * turn))
             sum_x, sum_y, sum_t = sum_x + fx, sum_y + fy, sum_t + torque
             x, y, angle, vx, vy, w = px, py, to, ux, uy, turn
-        self.position, self.velocity, self._state = (x, y, angle), (vx, vy, w), None
+        self.position, self.velocity, self._state, self._spare = (x, y, angle), (vx, vy, w), None, spare
         self.force_on_tool = sum_x / self.inner, sum_y / self.inner, sum_t / self.inner
-        pushed = math.hypot(push_x, push_y)
+        push = math.hypot(push_x, push_y)
         if self._jointed:
-            touched, pushed, self._met = self._met > 0.0, self._met, 0.0
-        return supplied, numerical, correction, pushed / self.sub_step, touched
+            touched, push, self._met = self._met > 0.0, self._met, 0.0
+        return supplied, numerical, correction, push / self.sub_step, touched
 
     def _note_contact(self, arbiter, _space, _data):
         """Adds up what contacts push a jointed tool by [N s]; called by Chipmunk for each that does."""
         self._met += abs(arbiter.total_impulse)
 
-    def _push_out(self, wanted, found, force):
-        """Where the tool is left that Chipmunk has pushed out to `found`: it gives no more at the port than it lost."""
+    def _push_out(self, wanted, found, force, spare):
+        """Where the tool is left that Chipmunk has pushed out to `found`: it gives no more at the port than is spare.
+
+        Returns that place, and what is spare then [J].
+        """
         out = [b - a for a, b in zip(wanted, found, strict=True)]
         gives = -sum(f * d for f, d in zip(force, out, strict=True))
-        if gives > self._spare:
-            share, gives = self._spare / gives, self._spare
+        if gives > spare:
+            share, gives = spare / gives, spare
             found = tuple(a + share * d for a, d in zip(wanted, out, strict=True))
             self._tool.position, self._tool.angle = found[:2], found[2]
-        self._spare -= max(0.0, gives)
-        return found
+        return found, spare - max(0.0, gives)
 
     def contacts(self) -> list[Contact]:
         """Contacts of the last step, sorted by bodies and place; bodies asleep have none."""
