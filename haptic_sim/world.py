@@ -15,10 +15,10 @@ with I, K_θ, B_θ; the grip is the mass centre, so the two do not mix. Limits: 
 m v̇ = m g + K (x_h − x) + B (v_h − v) + f_contact; h²K ≫ m gives x⁺ = x_h⁺. Over a step (1) loses ½ m |v⁺ − v|²: the
 price of first order, ω h/2 of a mode ω, and what makes it passive at the port for every K, B, h.
 
-Short steps. Chipmunk sees a contact only where shapes overlap. A sub-step is taken in equal steps of at most `STEP`,
-so that an overlap is no deeper than the way of one, and the error of (1) shrinks with it. Equal, because Chipmunk
-scales the impulses that it remembers by the ratio of two steps, which creates energy. Only what is so fast that it
-would come through something within a step is swept.
+Short steps. Chipmunk sees a contact only where shapes overlap. A sub-step is taken in equal steps, as short as
+the scene asks for (reduction/method_choice.py): an overlap is no deeper than the way of one, and the error of (1)
+shrinks with it. Equal, because Chipmunk scales the impulses that it remembers by the ratio of two steps, which creates
+energy. Only what is so fast that it would come through something within a step is swept.
 
 Chipmunk's own order. `Space.step` first moves bodies with the velocity of the step before (and its push-out velocity),
 then finds contacts there, then updates velocities, then solves. The end of our step, x⁺ = x + h v⁺, is therefore where
@@ -41,12 +41,9 @@ from haptic_sim.method.layout import lay_out
 from haptic_sim.protocol import Contact, Coupling, Planar, StepResult
 from haptic_sim.rebound import passive_rebound
 from haptic_sim.reduction import ReducedScene
-from haptic_sim.reduction.method_choice import SHORT_PER_BODY
 from haptic_sim.space import OWN_KINDS, Touching, fill, slop_of
 from haptic_sim.sweep import Sweep
 
-STEP = 51e-6
-"""s; longest step; with many bodies `SHORT_PER_BODY` for each."""
 WATCH = 8
 """Sub-steps after which is looked anew who is fast."""
 TOUCH = 1e-12
@@ -67,8 +64,7 @@ class PymunkWorld:
 
     def __init__(self, reduced: ReducedScene, sub_step: float):
         self.scene, self.sub_step, self._reduced = reduced.scene, sub_step, reduced
-        count = len(reduced.model.mass) - 1
-        self.inner = math.ceil(sub_step / max(STEP, count * SHORT_PER_BODY) - 1e-9)
+        self.inner = math.ceil(sub_step / reduced.inside - 1e-9)
         self._h = sub_step / self.inner
         self._gravity, (self._mass, self._inertia, _) = self.scene.gravity, self.scene.tool.mass_properties
         self._layout = lay_out(reduced.model)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from haptic_sim.geometry import Point, turned
 from haptic_sim.method_registry import AUTO
-from haptic_sim.reduction.method_choice import choose_method, choose_sub_step, refusal, unkept_wish
+from haptic_sim.reduction.method_choice import choose_method, choose_sub_step, refusal, step_inside, unkept_wish
 from haptic_sim.reduction.mobility import Touching, degrees_of_freedom, groups_of, moving_bodies, touching_pairs
 from haptic_sim.reduction.model import Model, Place, build
 from haptic_sim.scene import Scene
@@ -55,6 +55,8 @@ class ReducedScene(NamedTuple):
     method: str
     sub_step: float
     """s"""
+    inside: float
+    """s; longest step that `impulse` takes inside its sub-step."""
     reasons: tuple[str, ...]
     """Why this method and this sub-step, a sentence each."""
     unkept: str
@@ -91,7 +93,8 @@ def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
             raise ValueError(refused)
     sub_step, why_step = choose_sub_step(scene, arrays, method)
     unkept = unkept_wish(scene, arrays, [group[0] for group in groups], method, sub_step)
-    return ReducedScene(scene, arrays, places, shape_names, needs, method, sub_step, (why_method, why_step), unkept)
+    inside, why = step_inside(arrays, scene.error), (why_method, why_step)
+    return ReducedScene(scene, arrays, places, shape_names, needs, method, sub_step, inside, why, unkept)
 
 
 def _turning_matters(scene: Scene, touching: Touching, friction: bool) -> bool:

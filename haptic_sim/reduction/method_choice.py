@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which method and which sub-step serve a scene, and why.
 
-Inside a sub-step `impulse` takes steps of at most `SHORT`, so its sub-step is but how often a port that stays passive
-acts; `partitioned` takes its sub-step whole, and so one as short.
+Inside a sub-step `impulse` takes steps of its own, so its sub-step is but how often a port that is short of energy
+acts; `partitioned` takes its sub-step whole.
 
 Backward difference gives a mode of angular frequency w the damping ratio w h / 2 that it does not have: after one
 radian its amplitude is short by that share. With h = 2 error / w that is the error allowed. The mode is the tool on its
-coupling at `STIFFNESS`, or a spring of the scene that is faster.
+coupling at `STIFFNESS`, or a spring of the scene that is faster. Inside, `impulse` takes half of that, between `SHORT`
+and `LONG`: what is struck is found a step late at most, and in no shipped scene that adds more than the other half
+(docs/methods.md has the table). Overlaps grow with the square of the step, so a load beyond `EASY` gets `SHORT`; so do
+joints, at what rate they swing is not known beforehand.
 
 Sequential impulses pass a load on from contact to contact: of two bodies with mass ratio R a sweep leaves R/(1 + R),
 and up a tower of n the load has come one body farther. The sweeps are counted, so what is left of the load after the
@@ -34,8 +37,11 @@ SOLVED = 6e-6
 """s of step for each body: a direct solve costs some 2 us a body, and is to take a third of its step."""
 STIFFNESS = 2000.0
 """N/m; coupling that the choice reckons with. A stiffer one is as stable, but less exact."""
-SHORT = 0.05e-3
-"""s; what `impulse` steps by inside its sub-steps. It cannot keep up with shorter ones behind a port that sees each."""
+SHORT, LONG = 0.05e-3, 0.125e-3
+"""s; between these `impulse` steps inside its sub-steps. It cannot keep up with shorter ones; longer ones overlap by
+more than 10 um in shipped scenes, and create more than a third of a percent of the energy."""
+EASY = 6.0
+"""Mass ratio times bodies on one another up to which steps may be longer than `SHORT`."""
 SHORT_PER_BODY = 10e-6
 """s; with many bodies as long for each: the time for them stays the same."""
 HOLDS = 3e-3
@@ -111,7 +117,7 @@ def unkept_wish(scene: Scene, model: Model, names: Sequence[str], method: str, s
         return f"{asked}; haptic scenes --verify measures what it errs"
     step, (frequency, what) = sub_step, max(_modes(model))
     if method == "impulse":
-        step = min(sub_step, _step_inside(model))
+        step = min(sub_step, step_inside(model, scene.error))
     expected = 0.5 * step * frequency
     if expected <= scene.error * (1.0 + 1e-9):
         return ""
@@ -169,9 +175,12 @@ def too_many_layers(scene: Scene) -> str:
     return f"bodies share {many} layers, of which impulse takes at most {LAYERS}" if many > LAYERS else ""
 
 
-def _step_inside(model: Model) -> float:
-    """Step [s] that `impulse` takes inside its sub-step."""
-    return max(SHORT, SHORT_PER_BODY * (len(model.mass) - 1))
+def step_inside(model: Model, error: float) -> float:
+    """Longest step [s] that `impulse` takes inside its sub-step, where this error is allowed."""
+    ratio, _, _, height = _load(model)
+    jointed, wanted = len(model.joint_kind) > 0, error / max(_modes(model))[0]
+    step = SHORT if jointed or ratio * height > EASY else min(LONG, max(SHORT, wanted))
+    return max(step, SHORT_PER_BODY * (len(model.mass) - 1))
 
 
 def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
@@ -182,15 +191,13 @@ def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
     if longest < SHORT:
         return f"{why}, and impulse cannot keep up with steps below {SHORT * 1e3:g} ms"
     rate = max(_damping_rates(model), default=0.0)
-    grease = _step_inside(model) * rate
+    grease = step_inside(model, scene.error) * rate
     if grease > GREASE:
         return (
             f"a damper holds a body back within {1e3 / rate:.2g} ms, a step of impulse is {grease:.3g} times "
             f"as long, and it keeps up with {GREASE:g}"
         )
-    pairs = {(a, b) for a, b in model.shape_body[model.pairs].tolist() + model.joint_bodies.tolist()}
-    ratio, light, heavy = max(_ratios(model, pairs), default=(1.0, 0, 0))
-    height = max(1, _height(model))
+    ratio, light, heavy, height = _load(model)
     if height > HIGH:
         return f"{height} bodies stand on one another, and impulse carries {HIGH}"
     if ratio * height > LOAD:
@@ -200,6 +207,13 @@ def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
             + f": a load of {ratio * height:.4g}, of which impulse carries {LOAD:g}"
         )
     return ""
+
+
+def _load(model: Model) -> tuple[float, int, int, int]:
+    """Largest mass ratio of two that can meet, the light one and the heavy one, and how many stand on one another."""
+    pairs = {(a, b) for a, b in model.shape_body[model.pairs].tolist() + model.joint_bodies.tolist()}
+    ratio, light, heavy = max(_ratios(model, pairs), default=(1.0, 0, 0))
+    return ratio, light, heavy, max(1, _height(model))
 
 
 def _ratios(model: Model, pairs: Iterable[tuple[int, int]]) -> Iterator[tuple[float, int, int]]:
