@@ -170,7 +170,7 @@ def test_the_pull_goes_on_from_one_way_of_making_an_exchange_to_the_other_no_fas
 def test_where_energy_is_there_the_tool_goes_as_with_a_port_that_minds_none(method):
     minded, free = (Simulation(reduce_scene(load("peg_in_hole"), method), port=port_of(p)) for p in ("pspm", "direct"))
     x, y, angle = free.scene.tool.pose
-    for number in range(400):
+    for number in range(150):
         gone = 1e-3 * max(0, number - 2)  # s; the first exchange, sub-step by sub-step, at rest
         place, rate = (x + 0.02 * gone**2, y - 0.2 * gone**2, angle), (0.04 * gone, -0.4 * gone, 0.0)
         told = HandleSample(number * MS, place, rate, *GAINS, (0.0, 0.0, 0.0), 1e-3 * number)
