@@ -8,11 +8,13 @@ After a change of the world and while it is paused the endpoint says nothing: th
 and in again once it is answered; meanwhile the world stands still, and its own coupling returns from zero gains.
 """
 
+import math
 import secrets
 import time
 from collections import deque
 from collections.abc import Iterable
 from functools import cache
+from statistics import median
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -21,7 +23,8 @@ from haptic_device.control import exchange_samples
 from haptic_device.message_fields import COMMON, LOCAL_CONTACT, MOST, exchange_names
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.recording.layouts import CloudLayout, JointLayout
-from haptic_sim.simulation import HandleSample, Planar, Simulation, ToolSample
+from haptic_sim.left_out_time import SHARE
+from haptic_sim.simulation import Counters, HandleSample, Planar, Simulation, ToolSample
 
 DEVICE_SILENCE_NS = 500_000_000
 """A second device is listened to only after the first has been silent this long."""
@@ -34,14 +37,18 @@ LAYOUTS = {axes: JointLayout(exchange_names(axes)) for axes in (1, 2, 3)}
 AXES_OF = {layout.size: axes for axes, layout in LAYOUTS.items()}
 KEPT = 512  # answers whose time is known when the device names them
 TIMES_KEPT = 4096
+MEDIAN = 5  # exchanges whose median counts: two of them may have been interrupted
 GAINS = slice(exchange_samples.GAIN_0, exchange_samples.GAIN_0 + 4)
 
 
 class Answerer(Protocol):
     """What answers handle samples: a Simulation, or what stands in for one."""
 
-    def exchange(self, handle: HandleSample) -> ToolSample:
-        """The tool sample that answers this handle sample."""
+    sub_step_ns: int
+    counters: Counters
+
+    def exchange(self, handle: HandleSample, most: int | None = None) -> ToolSample:
+        """The tool sample that answers this handle sample, after at most so many sub-steps."""
 
     def rejoin(self) -> None:
         """The next handle sample starts a new time base."""
@@ -56,11 +63,59 @@ class Question(NamedTuple):
     new_session: bool
 
 
+class Pace:
+    """Sub-steps that a world with this `sub_step_ns` may make in one answer.
+
+    A world that makes up all that has passed, and takes longer for it than that, has the more to make up next time. So
+    it makes up what fits into the period of the handle samples, and the rest is left out.
+
+    period_ns: of the handle samples, 0 as long as there is none; load: time that the world takes for a second of its
+    own [s], NaN as long as it is not known.
+    """
+
+    def __init__(self, sub_step_ns: int):
+        self._sub_step_ns = sub_step_ns
+        self._periods: deque[float] = deque(maxlen=MEDIAN)
+        self._costs: deque[float] = deque(maxlen=MEDIAN)
+        self._heard: tuple[float, int] | None = None
+        self.period_ns, self.load = 0.0, math.nan
+
+    def heard(self, sequence: float, time_ns: int, new_session: bool) -> None:
+        """A handle sample is accepted; a session has a period of its own."""
+        if new_session:
+            self._heard = None
+            self._periods.clear()
+        before, self._heard = self._heard, (sequence, time_ns)
+        if before is not None and time_ns > before[1] and sequence > before[0]:
+            self._periods.append((time_ns - before[1]) / (sequence - before[0]))
+            self.period_ns = median(self._periods)
+
+    def took(self, sub_steps: int, time_ns: int) -> None:
+        """An answer's sub-steps have taken this time; of none nothing is learned."""
+        if sub_steps > 0:
+            self._costs.append(max(1, time_ns) / sub_steps)
+            self.load = median(self._costs) / self._sub_step_ns
+
+    def most(self) -> int:
+        """What fits into a period, at least half of the period's own: also a cost that does not depend on the number
+        must leave the world some motion. As long as the cost is not known, those of one period."""
+        wanted = self.period_ns / self._sub_step_ns
+        if len(self._costs) < MEDIAN:
+            return max(1, math.ceil(wanted))
+        return max(1, math.ceil(0.5 * wanted), int(SHARE * wanted / self.load))
+
+    @property
+    def dear(self) -> bool:
+        """Whether the world takes longer than it has."""
+        return self.load > SHARE
+
+
 class ExchangeEndpoint:
     """Judges handle samples of one device at a time and has them answered. Times `now_ns` are of one monotonic clock.
 
     home: the tool's pose at the start; method: the exchange method, which the device must share. answered: samples so
-    far; refused: {reason: samples}; compute_ns: what the last answers took; position: of the handle answered last.
+    far; refused: {reason: samples}; compute_ns: what the last answers took; position: of the handle answered last;
+    pace: what this world may make up in one answer.
     """
 
     def __init__(self, simulation: Answerer, home: Planar, method: str = "pspm"):
@@ -70,6 +125,7 @@ class ExchangeEndpoint:
         self.refused = dict.fromkeys(exchange_samples.REFUSALS[1:], 0)
         self.compute_ns: deque[int] = deque(maxlen=TIMES_KEPT)
         self.position: Planar | None = None
+        self.pace = Pace(simulation.sub_step_ns)
         self._question: Question | None = None  # answered last
         self._times: deque[tuple[int, int]] = deque(maxlen=KEPT)  # (own sequence, time of the sample answered [ns])
         self._near = np.zeros(MOST, LOCAL_CONTACT)
@@ -86,10 +142,11 @@ class ExchangeEndpoint:
         questions = [one for data in messages if (one := self._question_in(data, now_ns)) is not None]
         if not questions:
             return None
-        if any(one.new_session for one in questions):
+        if new_session := any(one.new_session for one in questions):
             self.simulation.rejoin()
         question = questions[-1]
-        tool = self.exchange(question.handle, now_ns)
+        self.pace.heard(question.tail[exchange_samples.SEQUENCE], question.handle.time_ns, new_session)
+        tool = self._in_time(question.handle, now_ns)
         if tool is None:
             return None
         self._question, self.position = question, question.handle.position
@@ -97,13 +154,14 @@ class ExchangeEndpoint:
         self.compute_ns.append(time.perf_counter_ns() - began)
         return answer
 
-    def exchange(self, handle: HandleSample, now_ns: int) -> ToolSample | None:
-        """The world's answer to an accepted handle sample; None in a silence, after which a new time base begins."""
+    def exchange(self, handle: HandleSample, now_ns: int, most: int | None = None) -> ToolSample | None:
+        """The world's answer to an accepted handle sample, after at most so many sub-steps; None in a silence, after
+        which a new time base begins."""
         if self.paused or now_ns < self._silent_until_ns:
             self._returned_ns = now_ns + RETURN_NS
             self.simulation.rejoin()
             return None
-        tool = self.simulation.exchange(self._faded(handle, now_ns))
+        tool = self.simulation.exchange(self._faded(handle, now_ns), most)
         self.answered += 1
         return tool
 
@@ -128,6 +186,7 @@ class ExchangeEndpoint:
         """Go on with another world, from its own home; it takes over the tool's port."""
         simulation.attach(self.simulation.port)  # not before: the world that runs pulls by it
         self.simulation, self.home = simulation, simulation.scene.tool.pose
+        self.pace = Pace(simulation.sub_step_ns)
         self.scene += 1
         self._fall_silent(now_ns)
 
@@ -147,6 +206,13 @@ class ExchangeEndpoint:
             return exchange_samples.OLD
         self._peer_session, self._peer_sequence, self._accepted_ns = session, sequence, now_ns
         return exchange_samples.ACCEPTED
+
+    def _in_time(self, handle, now_ns):
+        """The world's answer, after no more sub-steps than it has time for."""
+        before, began = self.simulation.counters.sub_steps, time.perf_counter_ns()
+        tool = self.exchange(handle, now_ns, self.pace.most())
+        self.pace.took(self.simulation.counters.sub_steps - before, time.perf_counter_ns() - began)
+        return tool
 
     def _fall_silent(self, now_ns):
         self._silent_until_ns = now_ns + SILENCE_NS

@@ -2,7 +2,8 @@
 """What came of a run: its figures from the bag, and whether its job was done."""
 
 import math
-from itertools import chain
+from itertools import chain, pairwise
+from statistics import median
 
 import numpy as np
 
@@ -15,11 +16,13 @@ from haptic_device.analysis.report.summary import (
     first_command,
     residual_figures,
     servo_figures,
+    waited_time,
     withheld_figures,
 )
 from haptic_device.recording.bag_contents import Recording
 from haptic_device.status import number
 from haptic_sim.fault_sentence import FAULTS, what_to_do
+from haptic_sim.left_out_time import CHEAPER, NOTICED, QUIETER, SHARE, takes
 
 GOALS = ("insertion_fraction", "arrived")  # measures that say of themselves whether the job was done
 REACHED = 0.95  # of a goal
@@ -27,18 +30,21 @@ ANSWERED = 0.9  # of the handle samples sent, for scenes without a goal of their
 _NOTHING = ("servo", "exchange", "simulation", "withheld_s", "energy_j", "contact", "report", "startup_s")
 
 
-def figures(recording: Recording, started: float) -> dict:
+def figures(recording: Recording, started: float, lossy: bool = False) -> dict:
     """Everything that `--json` reports of a recorded run; `started` is the command's start on CLOCK_MONOTONIC [s].
 
+    lossy: a relay loses handle samples, or has one overtake another, so that nobody else is to blame for it.
     Raises ValueError if the bag lacks what the figures are read from.
     """
     rows = engaged_rows(recording.trace)
+    servo, exchange, waited = servo_figures(rows), exchange_figures(recording, rows), waited_time(recording)
+    seconds = float(rows["deadline"][-1] - rows["deadline"][0]) * 1e-9
     driver, simulation = (recording.last_values(node) for node in ("haptic_driver", "haptic_simulation"))
     return {
-        "seconds": float(rows["deadline"][-1] - rows["deadline"][0]) * 1e-9,
-        "servo": servo_figures(rows) | {"realtime": driver.get("realtime")},
-        "exchange": exchange_figures(recording, rows),
-        "simulation": {name: simulation.get(name) for name in ("method", "why")},
+        "seconds": seconds,
+        "servo": servo | {"realtime": driver.get("realtime")},
+        "exchange": exchange | {"cause": "" if lossy else cause(servo, exchange, _load(recording), waited, seconds)},
+        "simulation": {name: simulation.get(name) for name in ("method", "why")} | {"waited_s": waited},
         "withheld_s": {name: total for name, (total, _) in (withheld_figures(recording) or {}).items()},
         "energy_j": energy_figures(recording, rows),
         "contact": contact_figures(recording, rows),
@@ -54,6 +60,25 @@ def nothing() -> dict:
     """The same keys for a run that left no figures."""
     none = {**dict.fromkeys(_NOTHING), "residual": None}
     return {"seconds": 0.0, **none, "result": {}, "result_greatest": {}, "faults": []}
+
+
+def cause(servo: dict, exchange: dict, load: float, waited: float | None, seconds: float) -> str:
+    """Why handle samples stayed unanswered or the world left time out, a sentence; "" if it is not worth a word.
+
+    load: time that the world takes for a second of its own [s], NaN where it is not known; waited: time left out [s].
+    """
+    sent, answered, waited = exchange["sent"], exchange["answered"], waited or 0.0
+    if answered >= (1.0 - NOTICED) * sent and waited <= NOTICED * seconds:
+        return ""
+    came = f"{answered} of {sent} handle samples were answered and the world left out {waited:.2f} s"
+    said = takes(load, 1.0 / exchange["rate_hz"])
+    if load > SHARE:
+        return f"the world is too dear: {came}, {said}; {CHEAPER}"
+    late, missed = servo["lateness_us"], servo["missed"]
+    servo_said = (
+        f"the servo woke up {late['p99']:.0f} µs late (99 %; at most {late['max']:.0f}) and missed {missed} ticks"
+    )
+    return f"the machine was late: {came}, {said}; {servo_said}; {QUIETER}"
 
 
 def not_done(found: dict, unended: str = "", share: float = ANSWERED) -> str:
@@ -78,6 +103,17 @@ def not_done(found: dict, unended: str = "", share: float = ANSWERED) -> str:
 def _unanswered(sent: int, answered: int, share: float, **_) -> str:
     least = max(1, math.ceil(share * sent))
     return "" if answered >= least else f"{answered} of {sent} handle samples were answered, and {least} are the least"
+
+
+def _load(recording: Recording) -> float:
+    """What the world took for a second of its own [s]: median of what the simulation said when time had been left out,
+    or of all that it said; NaN if it has not."""
+    names = ("world_load", "waited_s")
+    values = [status.values for status in recording.statuses("haptic_simulation")]
+    said = [tuple(number(each.get(name, "")) for name in names) for each in values]
+    grown = [load for (_, before), (load, waited) in pairwise(said) if waited > before and not math.isnan(load)]
+    known = grown or [load for load, _ in said if not math.isnan(load)]
+    return median(known) if known else math.nan
 
 
 def _result(values: dict[str, str]) -> dict[str, float]:

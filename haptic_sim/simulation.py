@@ -3,7 +3,7 @@
 
 Simulated time follows the handle's stamps: an exchange advances by the difference to the sample before, in whole
 sub-steps, and carries the remainder in integer nanoseconds. Within it the handle moves on a straight line that ends at
-the newest sample.
+the newest sample. Of more sub-steps than it may make the rest is left out: the world waits for so long, and says so.
 """
 
 from collections.abc import Callable
@@ -63,6 +63,7 @@ class Counters(NamedTuple):
     """What happened since the last reset; the contact force [N] is the largest of one pair of shapes.
 
     `left_out` counts contacts beyond what the method can solve for at once: above 0 the motion is not to be trusted.
+    `waited_ns` is the time between handle samples that the world did not make up.
     """
 
     exchanges: int = 0
@@ -71,6 +72,7 @@ class Counters(NamedTuple):
     max_contact_force: float = 0.0
     max_penetration: float = 0.0
     left_out: int = 0
+    waited_ns: int = 0
 
 
 class Energy(NamedTuple):
@@ -196,13 +198,16 @@ class Simulation:
         self._remainder_ns = 0
         self.port.rejoin()
 
-    def exchange(self, handle: HandleSample) -> ToolSample:
-        """Advance to the handle's time and answer. ValueError if a gain is negative or not finite."""
+    def exchange(self, handle: HandleSample, most: int | None = None) -> ToolSample:
+        """Advance to the handle's time, by at most so many sub-steps, and answer. What is beyond them is left out.
+
+        ValueError if a gain is negative or not finite.
+        """
         gains = self.port.receive(handle, self.sub_step_ns / SECOND, self.method.inner)
         if gains != self._coupled:
             self.method.couple(gains)
             self._coupled = gains
-        count = self._sub_steps_until(handle.time_ns)
+        count = self._sub_steps_until(handle.time_ns, most)
         touched = self._advance(handle, count)
         self._last = handle
         exchanges, sub_steps, *others = self.counters
@@ -218,16 +223,22 @@ class Simulation:
         """What the scene reports: name → fraction."""
         return {name: measure.fraction(self.method.pose(measure.body)) for name, measure in self.scene.measure.items()}
 
-    def _sub_steps_until(self, time_ns):
+    def _sub_steps_until(self, time_ns, most):
         if self._last is None:
             return 0
         passed = time_ns - self._last.time_ns
         if not 0 <= passed <= self.max_catch_up_ns:
-            self._remainder_ns = 0
-            self.counters = self.counters._replace(rejoined=self.counters.rejoined + 1)
+            self._leave_out(max(0, passed + self._remainder_ns), rejoined=self.counters.rejoined + 1)
             return 0
         count, self._remainder_ns = divmod(passed + self._remainder_ns, self.sub_step_ns)
-        return count
+        if most is None or count <= most:
+            return count
+        self._leave_out((count - most) * self.sub_step_ns + self._remainder_ns)
+        return most
+
+    def _leave_out(self, time_ns, **counted):
+        self._remainder_ns = 0
+        self.counters = self.counters._replace(waited_ns=self.counters.waited_ns + time_ns, **counted)
 
     def _advance(self, handle, count):
         if count == 0:

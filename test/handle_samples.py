@@ -4,7 +4,7 @@
 from haptic_device.control import exchange_samples
 from haptic_device.message_fields import TAIL, exchange_names
 from haptic_device.recording.layouts import JointLayout
-from haptic_sim.simulation import ToolSample
+from haptic_sim.simulation import Counters, ToolSample
 
 HOME = (0.001, 0.11, 0.02)
 GAINS = [2000.0, 2.0, 2.0, 0.002]
@@ -15,10 +15,12 @@ TOOL = ToolSample((0.1, 0.2, 0.3), (0.4, 0.5, 0.6), (7.0, 8.0, 9.0), True, 0.25)
 class Recording:
     """In place of a Simulation: keeps the handle samples that it was asked with, and counts new time bases."""
 
+    sub_step_ns, counters = MS, Counters()  # it makes none
+
     def __init__(self, local_contacts=None):
         self.asked, self.rejoined, self.local_contacts = [], 0, local_contacts
 
-    def exchange(self, handle):
+    def exchange(self, handle, most=None):
         self.asked.append(handle)
         return TOOL
 

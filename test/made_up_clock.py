@@ -3,13 +3,16 @@
 
 
 class Clock:
-    """`monotonic` and `sleep` of a module that is given this in place of `time`."""
+    """`monotonic`, `perf_counter_ns` and `sleep` of a module that is given this in place of `time`."""
 
     def __init__(self):
         self.now = 1000.0
 
     def monotonic(self):
         return self.now
+
+    def perf_counter_ns(self):
+        return round(self.now * 1e9)
 
     def sleep(self, seconds):
         self.now += seconds

@@ -174,7 +174,8 @@ def _evaluate(order: Order, started: float) -> dict:
     for note in (*recording.notes, *([f"{missing} ticks are missing from the trace"] if missing else [])):
         print(f"haptic demo: {note}", file=sys.stderr)
     report = order.out / "report.png"
-    found = figures(recording, started)
+    lossy = order.relay is not None and (order.relay.loss > 0.0 or order.relay.jitter > 0.0)
+    found = figures(recording, started, lossy)
     draw_picture(Run(recording, order.scene), report)
     return found | {"report": str(report)}
 
@@ -189,6 +190,8 @@ def _conclude(order: Order, found: dict, unended: str, wrong: list[str], as_json
     why = not_done(found, unended, 0.0 if order.relay else ANSWERED)
     if said := why or unended:
         print(f"haptic demo: {said}", file=sys.stderr)
+    if cause := (found["exchange"] or {}).get("cause"):
+        print(f"haptic demo: {cause}", file=sys.stderr)
     found = {"scene": order.scene, "done": not why, "why": why, **found, "bag": str(bag) if bag.exists() else None}
     print(json_text.dumps(found)) if as_json else print_outcome(found)
     return not why

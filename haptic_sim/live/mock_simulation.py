@@ -8,7 +8,7 @@ from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.recording.layouts import JOINTS
 from haptic_sim.endpoint import ExchangeEndpoint
 from haptic_sim.protocol import STILL
-from haptic_sim.simulation import ToolSample
+from haptic_sim.simulation import Counters, ToolSample
 
 
 class MockSimulation:
@@ -16,10 +16,12 @@ class MockSimulation:
     bounded wherever the handle is. `angle` [rad]: where the tool wants to be; `leash` [rad]: its largest distance.
     """
 
+    sub_step_ns, counters = 1_000_000, Counters()  # it makes none
+
     def __init__(self):
         self.angle = self.leash = 0.0
 
-    def exchange(self, handle):
+    def exchange(self, handle, most=None):
         """The tool where it is told to be, as far as the leash lets it."""
         x, y, theta = handle.position
         theta = min(theta + self.leash, max(theta - self.leash, self.angle))

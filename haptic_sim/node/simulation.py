@@ -23,6 +23,7 @@ from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.realtime.scheduling import go_realtime, lift_threads, spare_collections
 from haptic_sim.endpoint import ExchangeEndpoint
+from haptic_sim.left_out_time import left_out_sentence
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.parameters import FIGURES, PARAMETERS
 from haptic_sim.node.scene_publisher import ScenePublisher
@@ -65,6 +66,7 @@ class SimulationNode(ManagedNode):
     def activate(self) -> None:
         """Starts answering."""
         self._refused, self._rejoined = Refusals("handle"), self.simulation.counters.rejoined
+        self._waited = self.simulation.counters.waited_ns, time.monotonic()
         self._scene, self._result = ScenePublisher(self), self.simulation.measure()
         home, method = self.simulation.scene.tool.pose, self.values["exchange.method"]
         self.exchange = ExchangeEndpoint(self.simulation, home, method)
@@ -115,7 +117,7 @@ class SimulationNode(ManagedNode):
     def _verdict(self):
         counters = self.simulation.counters
         known, self._rejoined = self._rejoined, counters.rejoined
-        rejoined = self._rejoined - known
+        rejoined, late = self._rejoined - known, self._late()
         if self._thread.ended:
             return "error", self._thread.ended
         if self.exchange.paused:
@@ -129,10 +131,17 @@ class SimulationNode(ManagedNode):
             return "warn", refused
         if not self.exchange.answered:
             return "warn", "no handle sample has come yet"
-        if rejoined > 0:
-            late = self.values["max_catch_up"] * 1e3
-            return "warn", f"the world waited {rejoined} times: handle samples over {late:g} ms apart, or going back"
-        return "ok", "answering"
+        if rejoined > 0 and not self.exchange.pace.dear:
+            limit = self.values["max_catch_up"] * 1e3
+            return "warn", f"the world waited {rejoined} times: handle samples over {limit:g} ms apart, or going back"
+        return ("warn", late) if late else ("ok", "answering")
+
+    def _late(self):
+        """What is to be said of the time left out since the last report."""
+        known, now, pace = self._waited, time.monotonic(), self.exchange.pace
+        self._waited = self.simulation.counters.waited_ns, now
+        seconds = 1e-9 * (self._waited[0] - known[0])
+        return left_out_sentence(seconds, now - known[1], pace.load, 1e-9 * pace.period_ns)
 
     def _world(self, values):
         """A simulation as these parameters say."""
@@ -223,6 +232,8 @@ def _values(exchange, world):
         "refused": sum(refused.values()),
         **{f"refused.{reason}": count for reason, count in refused.items() if count},
         "rejoined": world.counters.rejoined,
+        "waited_s": 1e-9 * world.counters.waited_ns,
+        "world_load": exchange.pace.load,
         "sub_steps": world.counters.sub_steps,
         "compute_us_p50": statistics.median(times) / 1e3,
         "compute_us_p99": times[int(0.99 * (len(times) - 1))] / 1e3,

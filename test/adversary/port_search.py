@@ -43,17 +43,18 @@ class Supplied(NamedTuple):
     path: np.ndarray
 
 
-def oversupply(port, sample, path, sub_step, inner=1):
+def oversupply(port, sample, path, sub_step, inner=1, limits=(SUB_STEPS,)):
     """Most energy supplied beyond what was shipped [J]. sample(number, position, velocity, effort, energy).
 
-    inner: steps in which the world takes a sub-step, the tool's velocity the same in all.
+    inner: steps in which the world takes a sub-step, the tool's velocity the same in all; limits: most sub-steps that
+    are made in the exchanges, in turns: the rest is left out.
     """
     world, supplied, shipped, effort, first, most = Puppet(sub_step, inner), 0.0, 0.0, 0.0, 0.0, 0.0
     for number, (place, rate, energy, wave, *moves) in enumerate((path * SCALE).tolist()):
         shipped, effort = shipped + abs(energy), effort + wave
         first = shipped if number == 0 else first
         world.gains = port.receive(sample(number, place, rate, effort, shipped), sub_step, inner)
-        for world.velocity in moves:
+        for world.velocity in moves[: limits[number % len(limits)]]:
             supplied += port.step(world, held((place, 0.0, 0.0), (rate, 0.0, 0.0)), 1).supplied
             most = max(most, supplied - (shipped - first))
         port.send(world.force_on_tool, supplied)
@@ -81,13 +82,16 @@ def _pulls(port, sample, path, sub_step):
             yield world.force_on_tool[0]
 
 
-def search(port_of, sample, sub_step=0.25e-3, exchanges=12, evaluations=500, seed=0, inner=1):
-    """Evolution strategy with one parent and one child against ports made by port_of(). Returns Supplied."""
+def search(port_of, sample, sub_step=0.25e-3, exchanges=12, evaluations=500, seed=0, **given):
+    """Evolution strategy with one parent and one child against ports made by port_of(). Returns Supplied.
+
+    given: of `oversupply`.
+    """
     random = np.random.default_rng(seed)
     best, score, size = np.zeros((exchanges, len(SCALE))), -np.inf, 0.5
     for _ in range(evaluations):
         child = np.clip(best + size * random.normal(size=best.shape) * (random.random(best.shape) < 0.2), -3.0, 3.0)
-        value = oversupply(port_of(), sample, child, sub_step, inner)
+        value = oversupply(port_of(), sample, child, sub_step, **given)
         better = value > score
         size = min(2.0, max(0.02, size * (1.5 if better else 0.97)))
         best, score = (child, value) if better else (best, score)

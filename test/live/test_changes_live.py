@@ -27,7 +27,7 @@ HAND = {"motion.name": "follow", "motor_watchdog": 2.0, "motion.lag": 0.05}
 class Standing(MockSimulation):
     """A tool that stands where it is, so that the coupling is stretched."""
 
-    def exchange(self, handle):
+    def exchange(self, handle, most=None):
         return ToolSample(STILL, STILL, STILL, True, 0.0)
 
 

@@ -12,7 +12,7 @@ from ticks import tick
 from adversary import exchange_search as adversary
 from adversary import port_search
 from bench.exchange import stalling
-from haptic_device.control import enable_state, faults, tool_side_tank, virtual_coupling
+from haptic_device.control import enable_state, exchange_wave, faults, tool_side_tank, virtual_coupling
 from haptic_device.parameters import POLICIES
 from haptic_sim.lockstep import Network
 from haptic_sim.port_limits import BUDGET, Limits
@@ -162,17 +162,21 @@ def test_no_samples_and_no_path_give_more_than_the_budget(method, genes, repeats
     method=st.sampled_from(PASSIVE),
     way=st.lists(st.tuples(st.floats(-0.02, 0.03), st.floats(-1.0, 1.0), st.floats(0.0, 0.003)), min_size=2),
     waves=st.lists(st.floats(-0.02, 0.02), min_size=100, max_size=100),
+    gaps=st.lists(st.integers(0, 25), min_size=100, max_size=100),
+    limits=st.lists(st.sampled_from([None, 0, 1, 2, 3, 5, 20]), min_size=100, max_size=100),
 )
-def test_the_tool_port_supplies_no_more_than_was_shipped_and_its_budget(scene, method, way, waves):
-    """In closed form, and in pymunk's world, which takes a sub-step in several steps."""
+@example("wall", "wave", [(0.02, 1.0, 0.003)] * 60, [0.02] * 100, [20] * 100, [1] * 100)
+@example("push_block", "pspm", [(0.02, 1.0, 0.003), (-0.02, -1.0, 0.0)] * 30, [0.0] * 100, [20] * 100, [1] * 100)
+def test_the_tool_port_supplies_no_more_than_was_shipped_and_its_budget(scene, method, way, waves, gaps, limits):
+    """In closed form, and in pymunk's world, which takes a sub-step in several steps; whatever time is left out."""
     simulation = Simulation(reduce_scene(load(scene), None if scene == "wall" else "impulse"), port=port_of(method))
     at = simulation.scene.tool.pose
-    gains, shipped, effort, first = tuple(GAINS.values()), 0.0, 0.0, None
-    for number, ((x, v, energy), wave) in enumerate(zip(way, waves, strict=False)):
-        shipped, effort = shipped + energy, effort + wave
+    gains, shipped, effort, first, time_ns = tuple(GAINS.values()), 0.0, 0.0, None, 0
+    for (x, v, energy), wave, gap, most in zip(way, waves, gaps, limits, strict=False):
+        shipped, effort, time_ns = shipped + energy, effort + wave, time_ns + gap * 1_000_000
         first = shipped if first is None else first
         port = ((at[0] + x, at[1] - x, at[2] + 10.0 * x), (v, 0.0, 0.0))
-        simulation.exchange(HandleSample(number * 1_000_000, *port, *gains, (effort, 0.0, 0.0), shipped))
+        simulation.exchange(HandleSample(time_ns, *port, *gains, (effort, 0.0, 0.0), shipped), most)
         budget = BUDGET if method == "pspm" else 0.0
         assert simulation.ledger.supplied <= shipped - first + budget + 1e-9
 
@@ -225,6 +229,42 @@ def test_a_world_of_several_steps_a_sub_step_draws_the_budget_at_most_and_more_w
         for made in (PspmPort, Deaf)
     )
     assert 0.9 * budget < told.energy <= budget * (1.0 + 1e-9) < deaf.energy
+
+
+def most_drawn(method, budget):
+    """The most [J] that a search finds against worlds that leave time out, each in its way."""
+    every = [(1,), (0, 4), (2, 4, 1), (3, 0, 0, 1)]
+    searches = (port_search.search(lambda: port_of(method, budget), handle, 0.25e-3, limits=each) for each in every)
+    return max(found.energy for found in searches)
+
+
+@pytest.mark.parametrize("budget", [1e-6, 1e-4])
+def test_a_world_that_leaves_time_out_draws_the_budget_at_most(budget):
+    assert 0.5 * budget < most_drawn("pspm", budget) <= budget * (1.0 + 1e-9)
+
+
+def test_a_world_that_leaves_time_out_draws_no_more_than_the_waves_have_brought():
+    assert most_drawn("wave", 0.0) <= 1e-12
+
+
+def wave_samples(times, force=1.0):
+    """Of a device that sends an even wave [N], and its energy, each millisecond."""
+    z, gains = exchange_wave.impedance(GAINS["coupling__stiffness"]), tuple(GAINS.values())
+    for k in range(times):
+        shipped = (1e-3 * force * k, 0.0, 0.0), 1e-3 * exchange_wave.power(force, z) * k
+        yield HandleSample(k * 1_000_000, (0.0,) * 3, (0.0,) * 3, *gains, *shipped)
+
+
+@pytest.mark.parametrize("most", [1, 2, 3])
+def test_waves_that_time_was_left_out_of_are_played_later_and_move_the_tool_no_farther(most):
+    slow, whole = (Simulation(reduce_scene(load("free_space")), port=port_of("wave")) for _ in range(2))
+    for sample in wave_samples(400):
+        slow.exchange(sample, most)
+        whole.exchange(sample)
+        assert abs(slow.method.force_on_tool[0]) <= Limits().force
+        assert slow.ledger.supplied <= sample.energy + 1e-12
+        assert 0.0 <= slow.method.position[0] <= whole.method.position[0] + 1e-9
+    assert slow.counters.sub_steps == most * 399 and slow.method.position[0] > 0.25 * whole.method.position[0]
 
 
 def test_the_direct_tool_port_supplies_more_than_the_budget_in_one_sample():

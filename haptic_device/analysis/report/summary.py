@@ -78,6 +78,12 @@ def energy_figures(recording: Recording, rows: Records) -> dict[str, Any]:
     }
 
 
+def waited_time(recording: Recording) -> float | None:
+    """Time [s] between handle samples that the world left out; None where the simulation has not said it."""
+    said = number(recording.last_values("haptic_simulation").get("waited_s", ""))
+    return None if np.isnan(said) else said
+
+
 def contact_figures(recording: Recording, rows: Records | None) -> dict[str, float | None]:
     """The simulation's strongest contact [N] and deepest overlap [m], and the strongest force on the hand in x, y [N].
 

@@ -81,6 +81,8 @@ def _exchange(run: Run) -> Entries:
     yield "handle samples", f"{found['sent']} at {found['rate_hz']:.0f} Hz"
     yield "answered", f"{found['answered']} ({100 * found['answered'] / max(1, found['sent']):.2f} %)"
     yield "age p50, p99, max", _three(found["age_ms"], "ms")
+    waited = summary.waited_time(run.recording)
+    yield "time that the world left out", MISSING if waited is None else f"{waited:.3g} s"
     yield "handle to tool, RMS, largest", _told("{:.3g}, {:.3g} mm", *_apart(run))
 
 
