@@ -74,11 +74,10 @@ def cause(servo: dict, exchange: dict, load: float, waited: float | None, second
     said = takes(load, 1.0 / exchange["rate_hz"])
     if load > SHARE:
         return f"the world is too dear: {came}, {said}; {CHEAPER}"
-    late, missed = servo["lateness_us"], servo["missed"]
-    servo_said = (
-        f"the servo woke up {late['p99']:.0f} µs late (99 %; at most {late['max']:.0f}) and missed {missed} ticks"
-    )
-    return f"the machine was late: {came}, {said}; {servo_said}; {QUIETER}"
+    late, age, missed = servo["lateness_us"], exchange["age_ms"], servo["missed"]
+    woke = f"the servo woke up {late['p99']:.0f} µs late (99 %; at most {late['max']:.0f}) and missed {missed} ticks"
+    old = f"tool samples were {age['p99']:.3g} ms old (99 %; at most {age['max']:.3g})"
+    return f"the machine was late: {came}, {said}; {woke}, {old}; {QUIETER}"
 
 
 def not_done(found: dict, unended: str = "", share: float = ANSWERED) -> str:

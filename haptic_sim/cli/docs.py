@@ -43,7 +43,8 @@ WITHHELD_FORCE = f"""
 
 Generated from `control/withheld.py: TABLE`. No fault: the motor goes on, with less force than is wished for. Each is
 told once it has stood for more than {LASTS:g} s, without a break of more than {BREAK * 1e3:g} ms: on `/diagnostics`,
-on the page, by `haptic status`, `haptic demo` and `haptic report`. `test/unit/test_withheld.py` provokes each.
+on the page, by `haptic status`, `haptic demo` and `haptic report`. `test/unit/test_withheld.py` provokes each. Time
+that the world leaves out withholds no force; the simulation warns of it by itself (exchange.md, "Age, cuts, rates").
 
 | bit | name | what keeps the force back | what to do |
 |---|---|---|---|

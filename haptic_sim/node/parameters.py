@@ -24,7 +24,13 @@ class Simulation(Group):
         AUTO, "", "simulation method; auto: as the scene asks, or as fits it; ~/load_scene takes it"
     )
     sub_step: float = fixed(0.0, "s", "step of the simulated world; 0: as the scene asks, or as fits it", 0.0, 2e-3)
-    max_catch_up: float = fixed(0.02, "s", "gap between handle samples beyond which the world waits", 2e-3, 1.0)
+    max_catch_up: float = fixed(
+        0.02,
+        "s",
+        "gap between handle samples beyond which the world makes up nothing; below, what fits in a period",
+        2e-3,
+        1.0,
+    )
     exchange: Method
     port_budget: float = fixed(BUDGET, "J", "energy the tool port may supply before any was shipped", 0.0, 10.0)
     port_force: float = fixed(LIMITS.force, "N", "largest pull on the tool", 0.1, 1000.0)

@@ -20,7 +20,7 @@ SERVO = {"lateness_us": {"p50": 8.0, "p99": 321.0, "max": 4567.0}, "missed": 12}
 
 
 def cause(answered=600, load=0.15, waited=0.0, sent=1000, seconds=1.0):
-    exchange = {"sent": sent, "answered": answered, "rate_hz": 1000.0}
+    exchange = {"sent": sent, "answered": answered, "rate_hz": 1000.0, "age_ms": {"p50": 1.5, "p99": 4.5, "max": 10.75}}
     return outcome.cause(SERVO, exchange, load, waited, seconds)
 
 
@@ -36,7 +36,7 @@ def test_a_machine_that_was_late_is_the_cause_where_the_world_has_time_and_it_is
     said = cause(load=0.15, waited=0.34)
     assert said.startswith("the machine was late: 600 of 1000 handle samples were answered")
     assert "a period of 1 ms takes it 0.15 ms" in said and said.endswith(QUIETER)
-    assert "the servo woke up 321 µs late (99 %; at most 4567) and missed 12 ticks" in said
+    assert "the servo woke up 321 µs late (99 %; at most 4567) and missed 12 ticks, tool samples were 4.5 ms" in said
 
 
 @pytest.mark.parametrize(("load", "word"), [(SHARE, "the machine was late"), (SHARE + 1e-9, "the world is too dear")])
