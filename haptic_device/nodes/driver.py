@@ -30,7 +30,8 @@ from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.servo_thread import ServoThread
 from haptic_device.realtime.shared_memory import file_name
 
-MIDDLEWARE_PRIORITY = 65  # below the servo, above the exchange
+MIDDLEWARE_PRIORITY = 65  # below the servo, above the exchange; the thread of the commands has it too
+INTERPRETER_PRIORITY = 59  # of those that hold the lock which the commands need; below all that moves the handle
 PATIENCE = 1.0  # [s] that a service waits for the servo to have taken a command
 NOT_TAKEN = f"the servo did not take it within {PATIENCE} s"
 
@@ -46,6 +47,7 @@ class DriverNode(ManagedNode):
         self._announced, self._alone_since = False, 0.0
         self._to_enable = self.values["auto_enable"]  # by itself, until a person has said otherwise
         self._watched, self.stall, self._reported = time.monotonic(), 0.0, None
+        self._lifted = []
         self._changing = threading.Lock()  # held while the servo comes, goes or is enabled by itself: no e-stop between
         commands = {f"~/{name}": getattr(self, f"_on_{name}") for name in ("estop", "reset", "enable", "disable")}
         self._commands = ServiceThread(self, commands, "an e-stop came first")
@@ -91,6 +93,7 @@ class DriverNode(ManagedNode):
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values, self.clock.stamp)
         self.telemetry.start()
+        self._lifted = scheduling.lift_interpreter(self.values["realtime"], INTERPRETER_PRIORITY)
 
     def on_deactivate(self, state):
         """Stops; the next activation may enable by itself again, unless a person disables from now on."""
@@ -103,6 +106,8 @@ class DriverNode(ManagedNode):
         for part in (self.servo, self.exchange, self.telemetry):
             if part is not None:
                 part.stop()
+        scheduling.put_back(self._lifted)
+        self._lifted = []
         if self.telemetry is not None:
             self.diagnose()
         with self._changing:

@@ -58,10 +58,43 @@ def lift_threads(wish, priority):
     # the caller keeps what it has
     for thread in os.listdir("/proc/self/task"):
         if int(thread) != threading.get_native_id():
-            try:
-                os.sched_setscheduler(int(thread), os.SCHED_RR, os.sched_param(priority))
-            except (PermissionError, ProcessLookupError):
-                continue
+            _give(int(thread), os.SCHED_RR, priority)
+
+
+def lift_interpreter(wish, priority):
+    """Gives every ordinary thread of Python in this process SCHED_RR at priority, where permitted and wished.
+
+    Meant for a process of which a real-time thread, above this priority, needs the interpreter: it would otherwise wait
+    for the interpreter's lock, which an ordinary thread holds while ordinary load keeps it from running (priority
+    inversion). What these threads start later is ordinary: a thread or process that computes for seconds must not keep
+    a core from everybody. Returns what put_back takes.
+    """
+    threads = [thread.native_id for thread in threading.enumerate()] if wish != "off" else []
+    ordinary = [thread for thread in threads if _is_ordinary(thread)]
+    return [thread for thread in ordinary if _give(thread, os.SCHED_RR | os.SCHED_RESET_ON_FORK, priority)]
+
+
+def put_back(lifted):
+    """Makes the threads that lift_interpreter has lifted ordinary again."""
+    # the number of one that has ended may be another process's by now
+    for thread in {thread.native_id for thread in threading.enumerate()} & set(lifted):
+        _give(thread, os.SCHED_OTHER, 0)
+
+
+def _is_ordinary(thread):
+    try:
+        return os.sched_getscheduler(thread) & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
+    except ProcessLookupError:
+        return False
+
+
+def _give(thread, policy, priority):
+    """Whether the thread has it now: it may have ended, or it is not permitted."""
+    try:
+        os.sched_setscheduler(thread, policy, os.sched_param(priority))
+    except (PermissionError, ProcessLookupError):
+        return False
+    return True
 
 
 def stay_on_one_core(has):

@@ -21,7 +21,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.messages import LATEST, STREAM, JointState, PointCloud2
 from haptic_device.nodes.polled_subscription import PolledSubscription
-from haptic_device.realtime.scheduling import go_realtime
+from haptic_device.realtime.scheduling import go_realtime, lift_interpreter
 from haptic_sim.node.parameters import NETWORK_EMULATOR
 
 LONGEST_WAIT_NS = 20_000_000
@@ -101,6 +101,7 @@ class NetworkEmulator(ManagedNode):
 
     def _run(self):
         go_realtime("prefer", PRIORITY)
+        lift_interpreter("prefer", PRIORITY - 1)
         wait_set = rclpy_implementation.WaitSet(3, 0, 0, 0, 0, 0, self.context.handle)
         while not self._stop.is_set():
             now = time.monotonic_ns()

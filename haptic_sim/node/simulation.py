@@ -21,7 +21,7 @@ from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.lifecycle import ManagedNode, run, sentence_of
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
-from haptic_device.realtime.scheduling import go_realtime, lift_threads, spare_collections
+from haptic_device.realtime.scheduling import go_realtime, lift_interpreter, lift_threads, put_back, spare_collections
 from haptic_sim.endpoint import ExchangeEndpoint
 from haptic_sim.left_out_time import left_out_sentence
 from haptic_sim.node.exchange_thread import ExchangeThread
@@ -47,7 +47,7 @@ class SimulationNode(ManagedNode):
         self.exchange: ExchangeEndpoint | None = None
         self.simulation: Simulation | None = None
         self.scheduling, self._thread, self._result = "", None, {}
-        self._loading = False
+        self._loading, self._lifted = False, []
         self._rates = diagnostics.Rates()
         self._tool = self.create_publisher(messages.JointState, "tool", messages.LATEST)
         local = self.values["exchange.method"] == "local"
@@ -79,6 +79,7 @@ class SimulationNode(ManagedNode):
         if self.exchange is None:
             return
         self._thread.stop()
+        put_back(self._lifted)
         self._scene.close()
         try:
             if not self._thread.ended:
@@ -171,7 +172,10 @@ class SimulationNode(ManagedNode):
     def _prepare(self):
         sys.setswitchinterval(GIL_SWITCH)
         spare_collections()
-        return go_realtime(self.values["realtime"], self.values["realtime_priority"])
+        wish, priority = self.values["realtime"], self.values["realtime_priority"]
+        has = go_realtime(wish, priority)
+        self._lifted = lift_interpreter(wish, max(1, priority - 1))  # this thread, which has more, needs their lock
+        return has
 
     def _on_reset_scene(self, request, response):
         if self.exchange is not None:

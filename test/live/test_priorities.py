@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the threads of driver and simulation have while these are active: nobody who holds a lock can be put off."""
+
+import os
+from pathlib import Path
+
+import pytest
+from ear import Ear
+from lifecycle_msgs.msg import State, Transition
+from live_nodes import SLOW, Nodes
+
+from haptic_device.nodes import driver
+from haptic_device.nodes.exchange_server import PRIORITY as EXCHANGE
+from haptic_device.realtime.machine import checks
+
+pytestmark = pytest.mark.timeout(600)
+
+SPACE = "/lifted"
+NODES = "haptic_driver", "haptic_simulation"
+PERMITTED = next(check.good for check in checks(EXCHANGE) if check.name == "real-time priority")
+LIFTED = (os.SCHED_RR, driver.INTERPRETER_PRIORITY)
+ORDINARY = (os.SCHED_OTHER, 0)
+
+
+@pytest.fixture(params=["prefer", "off"])
+def display(request, ros_domain, tmp_path):
+    """(what was wished for, processes by name, who hears them) of nodes that exchange samples."""
+    ear = Ear(ros_domain, SPACE)
+    with Nodes(tmp_path) as nodes:
+        nodes.start("haptic_loopback", namespace=SPACE)
+        given = {"namespace": SPACE, "realtime": request.param}
+        processes = {
+            "haptic_simulation": nodes.start("haptic_simulation", scene="free_space", **given),
+            "haptic_driver": nodes.start("haptic_driver", **given, **SLOW),
+        }
+        ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 0, "an answer")
+        yield request.param, processes, ear
+    ear.close()
+
+
+def threads(process):
+    """[(policy, priority)] of the middleware's threads and of all others of a process, the first of these its main."""
+    found = {True: [], False: []}
+    for task in sorted(Path(f"/proc/{process.pid}/task").iterdir(), key=lambda task: int(task.name)):
+        thread = int(task.name)
+        has = os.sched_getscheduler(thread) & ~os.SCHED_RESET_ON_FORK, os.sched_getparam(thread).sched_priority
+        found[(task / "comm").read_text().startswith("dds.")].append(has)
+    return found[True], found[False]
+
+
+def test_where_it_is_permitted_and_wished_the_executor_is_lifted_and_else_it_is_ordinary(display):
+    wish, processes, _ = display
+    lifted = PERMITTED and wish == "prefer"
+    for name, process in processes.items():
+        _, ours = threads(process)
+        assert ours[0] == (LIFTED if lifted else ORDINARY), name
+        assert (EXCHANGE in [priority for _, priority in ours]) == lifted, name
+
+
+def test_middleware_is_above_the_exchange_and_that_above_who_holds_the_interpreter(display):
+    wish, processes, _ = display
+    for process in processes.values():
+        of_middleware, _ = threads(process)
+        expected = driver.MIDDLEWARE_PRIORITY if PERMITTED and wish == "prefer" else 0
+        assert of_middleware and max(priority for _, priority in of_middleware) == expected
+    assert driver.MIDDLEWARE_PRIORITY > EXCHANGE > driver.INTERPRETER_PRIORITY
+
+
+def test_of_nodes_that_are_not_active_any_more_python_is_ordinary(display):
+    _, processes, ear = display
+    for name in NODES:
+        ear.change(name, Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
+        _, ours = threads(processes[name])
+        assert ours[0] == ORDINARY, name
