@@ -49,7 +49,9 @@ def loopback_plant():
     """The loopback's loop around the plant."""
     words, control = np.zeros(shared_memory.WORDS, np.int64), np.zeros(simulated_device.CONTROLS, np.int64)
     truth = np.zeros(1, simulated_device.TRUTH)
-    _compile(simulated_device.serve, words, control, SeqLock(simulated_device.TRUTH).words, 1, *_hand(), truth)
+    mail = SeqLock(simulated_device.TRUTH).words
+    _compile(simulated_device.serve, words, control, mail, 1, *_hand(), truth)
+    _compile(simulated_device.gather, mail, control, 1, 1, truth.view(np.int64).reshape(1, -1), clock.scratch())
 
 
 def exchange_of_the_driver():

@@ -180,6 +180,23 @@ def _tell(mail, memory, motion, truth, driven):
 
 
 @kernel
+def gather(mail, control, period, deadline, rows, scratch):
+    """Takes the truth at `deadline` and each period after it into the rows, until they are full or control[STOP].
+
+    deadline, period: [ns]. rows: words of TRUTH (count, words), zeros where there is none. Returns the next deadline.
+    """
+    for k in range(rows.shape[0]):
+        stopped = atomic.load(control, STOP) != 0
+        if not stopped:
+            clock.sleep_until(deadline, scratch)
+            deadline = max(deadline + period, clock.now_ns(scratch))
+        if stopped or atomic.collect(mail, 0, seqlock.FIRST, rows[k]) < 0:
+            for i in range(rows.shape[1]):
+                rows[k, i] = 0
+    return deadline
+
+
+@kernel
 def run_lockstep(settings, state, rows, tool, body, body_state, motion, start, first, write_delay, word):
     """rows.size ticks without clock, the first of number `first` at time start [ns], against the plant itself.
 

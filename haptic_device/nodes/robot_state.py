@@ -24,7 +24,7 @@ class RobotState:
         """Tells the joints at a stamp [ns]: position [m | rad], velocity, the motor's effort [N | N m], one an axis."""
         n = self._layout.count
         self._joints.publish(self._layout.pack(stamp_ns, position[:n], velocity[:n], effort[:n]))
-        ways = [tuple(position[i] if i == axis else 0.0 for i in range(3)) for axis in range(n)]
+        ways = (tuple(position[i] if i == axis else 0.0 for i in range(3)) for axis in range(n))
         self._transforms.publish(stamp_ns, zip(self._frames, self._frames[1:], ways, strict=False))
 
     def close(self):

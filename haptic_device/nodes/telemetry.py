@@ -33,8 +33,11 @@ SNAPSHOT_PERIOD = 1_000_000_000  # [ns] between snapshots of settings and memory
 ACKNOWLEDGED = 1.0  # [s] that readers of the trace get for its last rows
 MOST_ROWS = 256  # a block's size limit; more wait for the next
 MOST_REST = 1_000_000  # [ns] that the others of this process get the interpreter for, after work as long or longer
+BLOCKS = 8  # that go into the statistics at once: for each alone it took longer than to publish it
 FRESH_ENOUGH = 400  # ticks after which the statistics are computed anew
 WINDOW = 20000  # ticks that the statistics look back on
+JUDGED = "lateness", "compute", "tool_age", "write_delay", "deadline", "withheld"
+HARDWARE = "position_per_count", "zero", "scale"
 
 
 class Telemetry:
@@ -59,11 +62,12 @@ class Telemetry:
         self._node, self._stopped, self._scratch = node, False, clock.scratch()
         self._recent = np.zeros((WINDOW, 4))  # lateness, compute, age, write delay [s] of the last ticks
         self._judged, self._judged_at = np.full((4, 4), np.nan), -FRESH_ENOUGH
-        self._ticks, self._latched, self._position = 0, 0.0, np.zeros(3)
-        self.withheld = WithheldTime()
+        self._ticks, self._latched, self._position = 0, 0.0, [0.0] * 3
+        self.withheld, self._blocks = WithheldTime(), []
         self._told = dict.fromkeys(("axes", "pose"), (0.0, 0.0))  # deadline and number of the tick published last
         self.skipped, self._samples, self._known = 0, 0, np.zeros((2, 2), np.int64)
-        self._row, self._settings = np.zeros(1, TRACE_ROW), np.zeros(1, SETTINGS)
+        self._row, self._settings, self._looked = np.zeros(1, TRACE_ROW), np.zeros(1, SETTINGS), False
+        self._hardware = {}
         self._wrench_layout, self._pose_layout = (
             StampedLayout(WRENCH, frame),
             StampedLayout(POSE, frame),
@@ -109,7 +113,7 @@ class Telemetry:
         now = self._now()
         due, rested = [now] * len(acts), [now] * len(acts)
         while not self._stopped:
-            begin = now
+            begin, self._looked = now, False
             for i, act in enumerate(acts):
                 if now >= max(due[i], rested[i]):
                     behind = (now - due[i]) // periods[i]
@@ -127,15 +131,19 @@ class Telemetry:
         return int(clock.now_ns(self._scratch))
 
     def _look(self, teller, behind):
-        """The newest row and settings; False where this teller has told that tick, and before the first.
+        """The newest row of this turn; False where this teller has told that tick, and before the first.
 
         behind: times to publish that have passed unused. Where a tick was there for one, a sample was skipped.
         """
-        self._servo.row.read(self._row)
-        self._servo.settings.read(self._settings)
-        (deadline, tick), told = self._told[teller], (self._row["deadline"][0], self._row["tick"][0])
+        if not self._looked:
+            self._servo.row.read(self._row)
+            self._looked = True
+        (deadline, tick), told = self._told[teller], (float(self._row["deadline"][0]), float(self._row["tick"][0]))
         if told[0] <= deadline:
             return False
+        if not deadline:
+            self._servo.settings.read(self._settings)  # with the home, which stays what it was at the first tick
+            self._hardware = {name: self._settings["hardware"][name][0].tolist() for name in HARDWARE}
         self._told[teller] = told
         self.skipped += min(behind, int(told[1] - tick) - 1) if deadline else 0
         self._samples += 1
@@ -145,27 +153,29 @@ class Telemetry:
         """Encoder and motor in the device's own units."""
         if not self._look("axes", behind):
             return
-        n, position, latched = len(self._device.axes), self._device_position(), self._row["latched"][0]
+        row, n, position = self._row[0], len(self._device.axes), self._device_position()
+        latched = float(row["latched"])
         elapsed = (latched - self._latched) * 1e-9
-        velocity = (position - self._position) / elapsed if elapsed > 0.0 else np.zeros(3)
+        moved = [now - before for now, before in zip(position, self._position, strict=True)]
+        velocity = [way / elapsed if elapsed > 0.0 else 0.0 for way in moved]
         self._latched, self._position = latched, position
-        stamp, none = self._stamp(self._row["deadline"][0]), np.zeros(n)
-        motor, force = self._row["motor"][0], self._row["force_on_handle"][0]
+        stamp, none = self._stamp(row["deadline"]), [0.0] * n
+        motor, force = row["motor"].tolist(), row["force_on_handle"].tolist()
         self._encoder.publish(self._layout.pack(stamp, position[:n], velocity[:n], none))
         self._motor.publish(self._layout.pack(stamp, motor[:n], none, force[:n]))
 
     def _device_position(self):
-        settings = self._settings
-        return self._row["counts"][0] * settings["hardware"]["position_per_count"][0] - settings["hardware"]["zero"][0]
+        counts, (per_count, zero, _) = self._row["counts"][0].tolist(), self._hardware.values()
+        return [count * each - at for count, each, at in zip(counts, per_count, zero, strict=True)]
 
     def _publish_pose(self, now, behind):
         """The operator's side: handle on the device, and the force the motor holds there; the same as joints."""
         if self._look("pose", behind):
-            stamp = self._stamp(self._row["deadline"][0])
-            force, position = self._row["force_on_handle"][0], self._device_position()
+            row, position = self._row[0], self._device_position()
+            stamp, force = self._stamp(row["deadline"]), row["force_on_handle"].tolist()
             self._wrench.publish(self._wrench_layout.pack(stamp, wrench_numbers(force)))
             self._pose.publish(self._pose_layout.pack(stamp, pose_numbers(position)))
-            velocity = self._row["velocity"][0] / self._settings["hardware"]["scale"][0]
+            velocity = [each / by for each, by in zip(row["velocity"].tolist(), self._hardware["scale"], strict=True)]
             self._robot.publish(stamp, position, velocity, force)
 
     def _publish_trace(self, now, behind):
@@ -183,7 +193,8 @@ class Telemetry:
         self._publish_snapshot(now, 0)
         for _ in range(-(-self._servo.ring.size // MOST_ROWS)):
             if self._publish_trace(now, 0) < MOST_ROWS:
-                return
+                break
+        self._judge()
 
     def _publish_snapshot(self, now, behind):
         """Settings and memory, each second and whenever the settings are new."""
@@ -197,12 +208,21 @@ class Telemetry:
             self._snapshot.publish(self._snapshot_layout.pack(self._stamp(now), snapshot))
 
     def _remember(self, rows):
-        index = np.arange(self._ticks, self._ticks + len(rows)) % WINDOW
-        self._recent[index] = np.stack(
-            [rows["lateness"], rows["compute"], rows["tool_age"], rows["write_delay"]], axis=1
-        )
-        self._ticks += len(rows)
-        self.withheld.add(rows["deadline"], rows["withheld"])
+        self._blocks.append(rows)
+        if len(self._blocks) >= BLOCKS or sum(map(len, self._blocks)) >= FRESH_ENOUGH:
+            self._judge()
+
+    def _judge(self):
+        """Takes what is remembered into the statistics."""
+        blocks, self._blocks = self._blocks, []
+        if not blocks:
+            return
+        told = {name: np.concatenate([rows[name] for rows in blocks]) for name in JUDGED}
+        deadlines, withheld = told.pop("deadline"), told.pop("withheld")
+        index = np.arange(self._ticks, self._ticks + len(deadlines)) % WINDOW
+        self._recent[index] = np.stack(list(told.values()), axis=1)
+        self._ticks += len(deadlines)
+        self.withheld.add(deadlines, withheld)
 
 
 def _percentiles(numbers):

@@ -11,10 +11,8 @@ import numpy as np
 from numba import types
 
 from haptic_device.jit import kernel
-from haptic_device.realtime import atomic, clock, exchange_step
+from haptic_device.realtime import answer_looks, atomic, clock, exchange_step
 
-LOOK, POLL = 10_000, 100_000  # [ns] between looks for an answer: while it is due, and else
-DUE = 300_000  # [ns] from a handle sample on, until its answer has come
 ROOM = 65536  # bytes for a message that comes in; librcl makes it larger for a larger one
 MOST = 64  # messages taken at a look: a flood that never ends must not hold up the handle samples
 
@@ -87,14 +85,15 @@ def run_exchange(
     of one each. Without local contacts near_subscription and all after it are None, and nothing of theirs is compiled.
     """
     scratch = np.zeros(2, np.int64)
-    deadline, due = clock.now_ns(scratch), np.int64(0)
+    deadline = clock.now_ns(scratch)
+    # a set of local contacts comes behind the answer, and nobody says when
+    idle = answer_looks.IDLE if near_subscription is None else answer_looks.POLL
     while atomic.load(watch, exchange_step.STOP) == 0:
         now = clock.now_ns(scratch)
         if now >= deadline and exchange_step.next_handle(frame, state, row_mail, gains_mail, row, gains, scratch):
             deadline += period * (1 + (now - deadline) // period)  # by whole periods: what was missed is left out
             _publish(publisher, outbox.ctypes.data, 0)
             watch[exchange_step.SENT] += 1
-            due = now + DUE
         # all that wait, oldest first: one that is refused hides no answer behind or before it
         for _ in range(MOST):
             if _take(subscription, inbox.ctypes.data, 0, 0) != 0:
@@ -102,7 +101,6 @@ def run_exchange(
             size = inbox[1]  # of what came; what is longer than ours is refused by its size, and cut here
             _memcpy(frame.incoming.ctypes.data, inbox[0], min(size, frame.incoming.size))
             exchange_step.take_in(frame, size, state[0], watch, gains[0], tool, tool_mail, clock.now_ns(scratch))
-            due = np.int64(0) if state[0].peer_answered == state[0].sequence else due
         if near_subscription is not None:
             for _ in range(MOST):
                 if _take(near_subscription, inbox.ctypes.data, 0, 0) != 0:
@@ -110,7 +108,8 @@ def run_exchange(
                 size = inbox[1]
                 _memcpy(near_frame.incoming.ctypes.data, inbox[0], min(size, near_frame.incoming.size))
                 exchange_step.take_in_contacts(near_frame, size, state[0], watch, near, near_mail)
-        now = clock.now_ns(scratch)  # looking less often while nothing is due leaves the core to others
-        look = now + (LOOK if now < due else POLL)
-        clock.sleep_until(look if deadline <= now else min(deadline, look), scratch)  # past: the servo has no new row
+        now = clock.now_ns(scratch)
+        look = exchange_step.look_after(state[0], now, idle)
+        # a deadline that has passed: the servo has no new row
+        clock.sleep_until(min(look, deadline if deadline > now else now + answer_looks.POLL), scratch)
     return watch[exchange_step.SENT]

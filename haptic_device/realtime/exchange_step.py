@@ -12,7 +12,7 @@ import numpy as np
 from haptic_device.control import contact_model, exchange_samples
 from haptic_device.jit import kernel, njit
 from haptic_device.message_fields import COMMON, EACH, LOCAL_CONTACT, MOST
-from haptic_device.realtime import atomic, clock, seqlock
+from haptic_device.realtime import answer_looks, atomic, clock, seqlock
 
 STOP, SENT, ANSWERED, REFUSED, SEEN, UNSEEN, WATCHES = 0, 1, 2, 3, 16, 17, 32
 # words of the watch: refusals by reason from REFUSED on, of local contacts from UNSEEN on
@@ -26,6 +26,8 @@ STATE = np.dtype(
     + [(name, "f8") for name in ("near_session", "near_answered", "near_scene")]
     + [("peer_accepted", "i8"), ("clock_offset", "i8"), ("told", "f8"), ("sent", "i8", (REMEMBERED,))]
     + [("composed", "i8", (REMEMBERED,)), ("turns", "i8"), ("round_trip", "i8", (REMEMBERED,))]
+    # when to look for answers (answer_looks): the last look, the law's two times, and whether it goes by them
+    + [(name, "i8") for name in ("looked", "first_look", "last_look", "in_time")]
 )
 
 
@@ -98,6 +100,7 @@ def _aligned(size):
 def compose_handle(frame, state, row, gains, scratch):
     """Writes the next handle sample into frame.outgoing, from the servo's newest row."""
     axes, position, velocity, effort = int(state.axes), frame.first[0], frame.first[1], frame.first[2]
+    state.in_time = 1 if is_answered(state) else 0
     state.sequence += 1.0  # a float64, as all in the message: whole numbers up to 2**53, which no session reaches
     state.sent[int(state.sequence) % REMEMBERED] = np.int64(row.deadline)
     state.composed[int(state.sequence) % REMEMBERED] = clock.now_ns(scratch)
@@ -161,10 +164,30 @@ def take_in(frame, size, state, watch, gains, tool, tool_mail, now):
         record.velocity[i] = frame.received[velocity + i]
         record.effort[i] = frame.received[effort + i]
     state.peer_session, state.peer_answered, state.peer_accepted = record.session, record.answered, now
-    state.round_trip[state.turns % REMEMBERED] = now - state.composed[int(record.answered) % REMEMBERED]
+    composed = state.composed[int(record.answered) % REMEMBERED]
+    state.round_trip[state.turns % REMEMBERED] = now - composed
     state.turns += 1
+    if is_answered(state) and state.in_time:
+        state.first_look = answer_looks.first_after(state.first_look, state.looked < composed + state.first_look)
+        state.last_look = answer_looks.last_after(state.last_look, now - composed)
     atomic.publish(tool_mail, 0, seqlock.FIRST, atomic.words_of(tool))
     return verdict
+
+
+@njit
+def is_answered(state):
+    """Whether the newest handle sample has its answer."""
+    return state.peer_answered == state.sequence
+
+
+@njit
+def look_after(state, now, idle):
+    """Remembers a look at `now` [ns]; returns the time of the next, at most `idle` [ns] later while nothing is due."""
+    state.looked = now
+    if is_answered(state):
+        return now + idle
+    sent = state.composed[int(state.sequence) % REMEMBERED]
+    return answer_looks.next_look(now, sent, state.first_look, state.last_look, state.in_time != 0)
 
 
 @njit

@@ -19,7 +19,7 @@ class SeqLock:
     def __init__(self, dtype):
         self.dtype = dtype
         self.words = np.zeros(FIRST + dtype.itemsize // 8, np.int64)
-        self._whole = np.zeros(1, dtype)
+        self._whole = np.zeros(dtype.itemsize // 8, np.int64)  # as words: a record is copied field by field
 
     def put(self, record):
         """Writes a record: array of one of dtype."""
@@ -36,10 +36,11 @@ class SeqLock:
 
     def read(self, record):
         """As get, into an array of one; for who reads a thousand times a second."""
-        if atomic.collect(self.words, 0, FIRST, record.view(np.int64)) >= 0:
-            self._whole[:] = record
+        words = record.view(np.int64)
+        if atomic.collect(self.words, 0, FIRST, words) >= 0:
+            self._whole[:] = words
         else:
-            record[:] = self._whole
+            words[:] = self._whole
 
 
 class Ring:
