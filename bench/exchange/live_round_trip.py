@@ -2,9 +2,9 @@
 """Round trip of the exchange on live nodes against a bare ping-pong by the same receive path, in turns.
 
 Both are what the driver's exchange measures at 1 kHz in free space, from composing a handle sample to its answer, which
-it looks for every 10 us (realtime/exchange_loop.py: LOOK). The share of servo ticks whose tool sample is younger than
-3 ms is counted in the trace. The bare answerer waits for bytes as the simulation does, and sends them back with the few
-numbers that make them an answer.
+it looks for when that can be there (realtime/answer_looks.py). The share of servo ticks whose tool sample is younger
+than 3 ms is counted in the trace. The bare answerer waits for bytes as the simulation does, and sends them back with
+the few numbers that make them an answer.
 """
 
 import atexit

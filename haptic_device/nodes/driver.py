@@ -32,6 +32,7 @@ from haptic_device.realtime.shared_memory import file_name
 
 MIDDLEWARE_PRIORITY = 65  # below the servo, above the exchange; the thread of the commands has it too
 INTERPRETER_PRIORITY = 59  # of those that hold the lock which the commands need; below all that moves the handle
+WATCH_PERIOD = 0.05  # [s] a look of the executor at all that may wake it costs a millisecond
 PATIENCE = 1.0  # [s] that a service waits for the servo to have taken a command
 NOT_TAKEN = f"the servo did not take it within {PATIENCE} s"
 
@@ -52,7 +53,7 @@ class DriverNode(ManagedNode):
         commands = {f"~/{name}": getattr(self, f"_on_{name}") for name in ("estop", "reset", "enable", "disable")}
         self._commands = ServiceThread(self, commands, "an e-stop came first")
         on_change(self, DRIVER, self._check, self._apply)
-        self.create_timer(0.02, self._watch)
+        self.create_timer(WATCH_PERIOD, self._watch)
         self._commands.start()
 
     def destroy_node(self):

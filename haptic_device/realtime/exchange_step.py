@@ -26,8 +26,8 @@ STATE = np.dtype(
     + [(name, "f8") for name in ("near_session", "near_answered", "near_scene")]
     + [("peer_accepted", "i8"), ("clock_offset", "i8"), ("told", "f8"), ("sent", "i8", (REMEMBERED,))]
     + [("composed", "i8", (REMEMBERED,)), ("turns", "i8"), ("round_trip", "i8", (REMEMBERED,))]
-    # when to look for answers (answer_looks): the last look, the law's two times, and whether it goes by them
-    + [(name, "i8") for name in ("looked", "first_look", "last_look", "in_time")]
+    # when to look for answers (answer_looks): the last look, the law's time, and whether it goes by that
+    + [(name, "i8") for name in ("looked", "first_look", "in_time")]
 )
 
 
@@ -169,7 +169,6 @@ def take_in(frame, size, state, watch, gains, tool, tool_mail, now):
     state.turns += 1
     if is_answered(state) and state.in_time:
         state.first_look = answer_looks.first_after(state.first_look, state.looked < composed + state.first_look)
-        state.last_look = answer_looks.last_after(state.last_look, now - composed)
     atomic.publish(tool_mail, 0, seqlock.FIRST, atomic.words_of(tool))
     return verdict
 
@@ -187,7 +186,7 @@ def look_after(state, now, idle):
     if is_answered(state):
         return now + idle
     sent = state.composed[int(state.sequence) % REMEMBERED]
-    return answer_looks.next_look(now, sent, state.first_look, state.last_look, state.in_time != 0)
+    return answer_looks.next_look(now, sent, state.first_look, state.in_time != 0)
 
 
 @njit

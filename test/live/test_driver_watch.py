@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A driver's node in this process: what it does fifty times a second beside its commands, and which gains it takes."""
+"""A driver's node in this process: what it does by itself beside its commands, and which gains it takes."""
 
 from types import SimpleNamespace
 
@@ -88,7 +88,7 @@ def serve(driver, **given):
 def test_a_driver_whose_commands_nobody_hears_any_more_attends_no_longer(driver, heard):
     attended, driver.commands.running = [], heard
     serve(driver, attend=lambda: attended.append(True))
-    driver.due[0.02]()
+    driver.due[module.WATCH_PERIOD]()
     assert attended == [True] * heard
 
 
@@ -96,7 +96,7 @@ def test_a_fault_that_was_reset_meanwhile_takes_no_new_enable_back(driver):
     """Here the row is still as it was before the reset and the enable after it."""
     orders = []
     serve(driver, attend=lambda: None, order=lambda **flags: orders.append(flags))
-    driver.due[0.02]()
+    driver.due[module.WATCH_PERIOD]()
     assert orders == []
 
 
@@ -152,10 +152,10 @@ def call(driver, name):
 
 def enabled_when_a_tool_answers(driver):
     """Whether it is, by itself; the driver watches before and after."""
-    driver.due[0.02]()
+    driver.due[module.WATCH_PERIOD]()
     assert not driver.servo.command & enable_state.ENABLE
     driver.exchange.answered = 1
-    driver.due[0.02]()
+    driver.due[module.WATCH_PERIOD]()
     return bool(driver.servo.command & enable_state.ENABLE)
 
 
@@ -165,7 +165,7 @@ def test_a_driver_that_was_left_alone_enables_by_itself_when_a_tool_answers(wait
 
 @pytest.mark.parametrize("commands", [["disable"], ["reset"], ["estop", "reset"], ["estop", "disable", "reset"]])
 def test_who_disables_stops_or_resets_while_it_waits_is_not_overruled(waiting, commands):
-    waiting.due[0.02]()
+    waiting.due[module.WATCH_PERIOD]()
     assert all(call(waiting, name)[0] for name in commands)
     assert not enabled_when_a_tool_answers(waiting)
     assert call(waiting, "enable") == (True, "enabled") and waiting.servo.command & enable_state.ENABLE
