@@ -31,7 +31,6 @@ from haptic_device.realtime.servo_thread import ServoThread
 from haptic_device.realtime.shared_memory import file_name
 
 MIDDLEWARE_PRIORITY = 65  # below the servo, above the exchange; the thread of the commands has it too
-INTERPRETER_PRIORITY = 59  # of those that hold the lock which the commands need; below all that moves the handle
 WATCH_PERIOD = 0.05  # [s] a look of the executor at all that may wake it costs a millisecond
 PATIENCE = 1.0  # [s] that a service waits for the servo to have taken a command
 NOT_TAKEN = f"the servo did not take it within {PATIENCE} s"
@@ -94,7 +93,7 @@ class DriverNode(ManagedNode):
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values, self.clock.stamp)
         self.telemetry.start()
-        self._lifted = scheduling.lift_interpreter(self.values["realtime"], INTERPRETER_PRIORITY)
+        self._lifted = scheduling.lift_interpreter(self.values["realtime"])  # whose lock the commands need
 
     def on_deactivate(self, state):
         """Stops; the next activation may enable by itself again, unless a person disables from now on."""

@@ -7,6 +7,7 @@ import os
 import resource
 import threading
 
+INTERPRETER_PRIORITY = 5  # above all load, below the recorder, which loses messages below telemetry
 PR_SET_TIMERSLACK = 29
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 
@@ -61,7 +62,7 @@ def lift_threads(wish, priority):
             _give(int(thread), os.SCHED_RR, priority)
 
 
-def lift_interpreter(wish, priority):
+def lift_interpreter(wish, priority=INTERPRETER_PRIORITY):
     """Gives every ordinary thread of Python in this process SCHED_RR at priority, where permitted and wished.
 
     Meant for a process of which a real-time thread, above this priority, needs the interpreter: it would otherwise wait

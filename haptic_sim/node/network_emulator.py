@@ -101,7 +101,7 @@ class NetworkEmulator(ManagedNode):
 
     def _run(self):
         go_realtime("prefer", PRIORITY)
-        lift_interpreter("prefer", PRIORITY - 1)
+        lift_interpreter("prefer")
         wait_set = rclpy_implementation.WaitSet(3, 0, 0, 0, 0, 0, self.context.handle)
         while not self._stop.is_set():
             now = time.monotonic_ns()

@@ -174,7 +174,7 @@ class SimulationNode(ManagedNode):
         spare_collections()
         wish, priority = self.values["realtime"], self.values["realtime_priority"]
         has = go_realtime(wish, priority)
-        self._lifted = lift_interpreter(wish, max(1, priority - 1))  # this thread, which has more, needs their lock
+        self._lifted = lift_interpreter(wish)  # this thread needs their lock
         return has
 
     def _on_reset_scene(self, request, response):

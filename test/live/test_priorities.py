@@ -11,6 +11,8 @@ from live_nodes import SLOW, Nodes
 
 from haptic_device.nodes import driver
 from haptic_device.nodes.exchange_server import PRIORITY as EXCHANGE
+from haptic_device.nodes.recorder import PRIORITY as RECORDER
+from haptic_device.realtime import scheduling
 from haptic_device.realtime.machine import checks
 
 pytestmark = pytest.mark.timeout(600)
@@ -18,7 +20,7 @@ pytestmark = pytest.mark.timeout(600)
 SPACE = "/lifted"
 NODES = "haptic_driver", "haptic_simulation"
 PERMITTED = next(check.good for check in checks(EXCHANGE) if check.name == "real-time priority")
-LIFTED = (os.SCHED_RR, driver.INTERPRETER_PRIORITY)
+LIFTED = (os.SCHED_RR, scheduling.INTERPRETER_PRIORITY)
 ORDINARY = (os.SCHED_OTHER, 0)
 
 
@@ -57,13 +59,13 @@ def test_where_it_is_permitted_and_wished_the_executor_is_lifted_and_else_it_is_
         assert (EXCHANGE in [priority for _, priority in ours]) == lifted, name
 
 
-def test_middleware_is_above_the_exchange_and_that_above_who_holds_the_interpreter(display):
+def test_middleware_is_above_the_exchange_and_who_holds_the_interpreter_below_the_recorder(display):
     wish, processes, _ = display
     for process in processes.values():
         of_middleware, _ = threads(process)
         expected = driver.MIDDLEWARE_PRIORITY if PERMITTED and wish == "prefer" else 0
         assert of_middleware and max(priority for _, priority in of_middleware) == expected
-    assert driver.MIDDLEWARE_PRIORITY > EXCHANGE > driver.INTERPRETER_PRIORITY
+    assert driver.MIDDLEWARE_PRIORITY > EXCHANGE > RECORDER > scheduling.INTERPRETER_PRIORITY
 
 
 def test_of_nodes_that_are_not_active_any_more_python_is_ordinary(display):

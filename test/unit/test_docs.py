@@ -12,7 +12,7 @@ from haptic_device.control import enable_state, records
 from haptic_device.message_fields import TAIL
 from haptic_device.nodes import driver, exchange_server, loopback, recorded_topics, recorder
 from haptic_device.parameters import EXCHANGE_METHODS
-from haptic_device.realtime import servo_thread
+from haptic_device.realtime import scheduling, servo_thread
 from haptic_device.ros_yaml import load as load_yaml
 from haptic_sim.cli.docs import fault_table
 from haptic_sim.cli.main import COMMANDS
@@ -86,6 +86,7 @@ def test_priorities_on_the_platform_page_are_those_of_the_threads():
         "middleware": driver.MIDDLEWARE_PRIORITY,
         "exchange": exchange_server.PRIORITY,
         "recorder": recorder.PRIORITY,
+        "interpreter": scheduling.INTERPRETER_PRIORITY,
     }
     assert driver.MIDDLEWARE_PRIORITY == simulation.MIDDLEWARE_PRIORITY
     assert {row.default for row in simulation.PARAMETERS if row.name == "realtime_priority"} == {listed["exchange"]}
