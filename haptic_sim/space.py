@@ -43,6 +43,8 @@ class Filled(NamedTuple):
     names: dict[int, tuple[bool, int, str]]
     """Body id → its rank in the scene, and its name; of the scene's own bodies alone."""
     joints: Tended
+    restitution: dict[pymunk.Shape, float]
+    """Root of each shape's coefficient: two that meet have the product, in the step in which they do; later 0."""
 
 
 def slop_of(scene) -> float:
@@ -64,7 +66,9 @@ def fill(reduced: ReducedScene, h: float) -> Filled:
         space.sleep_time_threshold, space.idle_speed_threshold = ASLEEP, SLOW
     bodies = [_movable(space, model, b, h) for b in range(len(model.mass) - 1)]
     shapes, names = _add_solids(space, reduced, bodies, bits)
-    return Filled(space, bodies, shapes, names, add_joints(space, reduced, bodies))
+    solids = (scene.solids[name] for name in reduced.shape_names)
+    restitution = {shape: math.sqrt(scene.material(of).restitution) for shape, of in zip(shapes, solids, strict=True)}
+    return Filled(space, bodies, shapes, names, add_joints(space, reduced, bodies), restitution)
 
 
 def _layer_bits(scene):
@@ -113,8 +117,8 @@ def _add_shapes(space, scene, solid, body, pose, layers, kind):
     for vertices, radius in solid.outlines:
         placed = [turn @ vertex for vertex in vertices]
         shape = pymunk.Circle(body, radius, placed[0]) if radius > 0.0 else pymunk.Poly(body, placed)
-        # Chipmunk multiplies the two coefficients of a pair: the roots make it their geometric mean.
-        shape.friction, shape.elasticity = math.sqrt(material.friction), math.sqrt(material.restitution)
+        # Chipmunk multiplies the two coefficients of a pair: roots make it their geometric mean. Elasticity stays 0.
+        shape.friction = math.sqrt(material.friction)
         shape.filter = pymunk.ShapeFilter(categories=layers, mask=layers)
         if solid.name != TOOL:
             shape.surface_velocity = turned(solid.surface_velocity, (0.0, 0.0, solid.pose[2]))
@@ -141,22 +145,24 @@ class Touching:
 
     def worst(self) -> tuple[float, float]:
         """Largest force [N], and the depth [m] of the deepest."""
-        whole, push, real = self._read(_WORST)
-        if not len(whole):
+        self._buffer.clear()
+        batch.get_space_arbiters(self._space, _WORST, self._buffer)
+        if not len(self._buffer.int_buf()):
             return 0.0, 0.0
+        whole, push, real = self._numbers()
         first, second = real[:, 2], real[:, 3]
         distances = np.where(whole[:, 2] > 1, np.minimum(first, second), first)
         return math.sqrt(push.max()) / self._h, -float(distances.min(where=push > 0.0, initial=0.0))
 
     def _rows(self):
         """Numbers of the contacts: (n, 3) whole, (n, 14) real."""
-        whole, push, real = self._read(_FIELDS)
+        self._buffer.clear()
+        batch.get_space_arbiters(self._space, _FIELDS, self._buffer)
+        whole, push, real = self._numbers()
         return whole[push > 0.0], real[push > 0.0]
 
-    def _read(self, fields):
+    def _numbers(self):
         """Of all pairs: whole numbers (n, 3), the square of the impulse [N² s²] or 0 if not ours (n), real numbers."""
-        self._buffer.clear()
-        batch.get_space_arbiters(self._space, fields, self._buffer)
         whole = np.frombuffer(self._buffer.int_buf(), dtype=np.uintp).reshape(-1, 3)
         real = np.frombuffer(self._buffer.float_buf()).reshape(max(1, len(whole)), -1)[: len(whole)]
         push = np.square(real[:, :2]).sum(axis=1) * (whole[:, 2] > 0)

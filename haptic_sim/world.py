@@ -44,10 +44,11 @@ from haptic_sim.reduction import ReducedScene
 from haptic_sim.space import OWN_KINDS, Touching, fill, slop_of
 from haptic_sim.sweep import Sweep
 
-WATCH = 8
+WATCH = 4
 """Sub-steps after which is looked anew who is fast."""
 TOUCH = 1e-12
 """N s; impulse on the tool that is more than rounding."""
+SET_FORCE, SET_TORQUE = pymunk.Body.force.fset, pymunk.Body.torque.fset  # in half the time of an assignment
 
 _BODY = batch.BodyFields
 _PLACES = _BODY.BODY_ID | _BODY.POSITION | _BODY.ANGLE | _BODY.VELOCITY | _BODY.ANGULAR_VELOCITY
@@ -79,10 +80,12 @@ class PymunkWorld:
         self._dampers, stops = filled.joints
         self._turning = [damper for damper in self._dampers if damper.turns]
         self._touching, self._jointed, self._met = Touching(filled, self._h), False, 0.0
+        self._restitution = filled.restitution
         if np.any(model.pair_restitution) or self.scene.material(self.scene.tool).restitution > 0.0:  # of what is added
-            self.space.on_collision(pre_solve=self._limit_rebound)
+            self.space.on_collision(begin=self._begin_rebound)
         near = 0.5 * slop_of(self.scene)
         self._sweep = Sweep(self.space, self._bodies, filled.shapes, model, self._layout, self._h, near, stops)
+        self._unwatched = WATCH  # sub-steps
         self._spare = 0.0  # J, lost at the tool and not yet given back by push-out
         self.position: Planar = self.scene.tool.pose
         self.velocity: Planar = self.scene.tool.velocity
@@ -114,41 +117,37 @@ class PymunkWorld:
         if count == 0:
             return StepResult(numerical=0.0)
         self._tool.activate()
+        self._sweep.take_in()
+        if self._sweep.added:  # whoever did may have thrown it since
+            self._unwatched = WATCH
         for damper in self._turning:
             damper.set_for(self._h)
         if self._tool.constraints and not self._jointed:
             self._jointed = True  # its change of velocity does not tell of contacts any more
             self.space.on_collision(OWN_KINDS, None, post_solve=self._note_contact)
         pull, last = self._pull(*start), self._pull(*end)
-        supplied = numerical = correction = force = 0.0
-        touched, whole = False, count * self.inner
-        rise = [(b - a) / whole for a, b in zip(pull, last, strict=True)]
-        for k in range(count):
-            if k % WATCH == 0:
-                self._look_around()
-            work, lost, put_in, pushed, self.touching = self._sub_step(pull, rise)
-            pull = [a + self.inner * b for a, b in zip(pull, rise, strict=True)]
-            supplied, numerical, correction = supplied + work, numerical + lost, correction + put_in
-            touched, force = touched or self.touching, max(force, pushed)
+        rise = [(b - a) / (count * self.inner) for a, b in zip(pull, last, strict=True)]
+        supplied, numerical, correction, push, touched = self._sub_steps(pull, rise, count)
         pressed, depth = self._touching.worst() if touched or len(self._bodies) > 1 else (0.0, 0.0)
-        return StepResult(supplied, touched, max(force, pressed), depth, 0, 0.0, correction, numerical)
+        return StepResult(supplied, touched, max(push / self.sub_step, pressed), depth, 0, 0.0, correction, numerical)
 
     def _look_around(self):
         """Takes in what was added to the space, and who is fast."""
+        self._unwatched = 0
         self._sweep.take_in()
         if self._sweep.watches:
-            self._sweep.watch(self._now()[:, 3:], WATCH * self.sub_step)
+            self._sweep.watch(WATCH * self.sub_step)
 
     def _pull(self, hx, hy, angle, vx, vy, turn):
         """K x_h + B v_h of each axis."""
         stiff, damping, turning, turning_damping = self._gains
         return stiff * hx + damping * vx, stiff * hy + damping * vy, turning * angle + turning_damping * turn
 
-    def _sub_step(self, pull, rise):
-        """Equal steps of one sub-step; `pull` of the handle before it, and by how much it changes in a step.
+    def _sub_steps(self, pull, rise, count):
+        """Equal steps of `count` sub-steps; `pull` of the handle before them, and by how much it changes in a step.
 
         Returns what the coupling supplied, what it lost by backward difference while nothing else pushed the tool, what
-        push-out put in [J], the contacts' mean force on the tool [N], and whether there was any.
+        push-out put in [J], the largest impulse of contacts on the tool in a sub-step [N s], and whether there was any.
         """
         h, tool, sweep, space_step = self._h, self._tool, self._sweep, self.space.step
         stiff, damping, turning, turning_damping = self._gains
@@ -158,50 +157,59 @@ class PymunkWorld:
         spring, rotor, half, half_turn = h * stiff + damping, h * turning + turning_damping, 0.5 * mass, 0.5 * inertia
         (pull_x, pull_y, pull_t), (rise_x, rise_y, rise_t) = pull, rise
         (x, y, angle), (vx, vy, w) = self.position, self.velocity
-        supplied = numerical = correction = sum_x = sum_y = sum_t = push_x = push_y = 0.0
-        touched, spare, least = False, self._spare, TOUCH * (1.0 + mass * (abs(vx) + abs(vy)))
-        for _ in range(self.inner):
-            pull_x, pull_y, pull_t = pull_x + rise_x, pull_y + rise_y, pull_t + rise_t
-            # K (x_h - x) + B v_h - (h K + B) v, and what Chipmunk's gravity pulls too much
-            fx = pull_x - stiff * x - spring * vx - less_x
-            fy = pull_y - stiff * y - spring * vy - less_y
-            torque = pull_t - turning * angle - rotor * w
-            tool.force, tool.torque = (fx, fy), torque
-            if sweep.moves:
-                sweep.set_out()
-            space_step(h)
-            (ux, uy), turn = tool.velocity, tool.angular_velocity
-            ax, ay, aw = ux - vx, uy - vy, turn - w
-            jx, jy, jw = heavy * ax - h * fx - fall_x, heavy * ay - h * fy - fall_y, hard_to_turn * aw - h * torque
-            fx, fy, torque = fx + less_x - spring * ax, fy + less_y - spring * ay, torque - rotor * aw
-            lost = half * (ax * ax + ay * ay) + half_turn * aw * aw
-            struck = abs(jx) + abs(jy) > least or abs(jw) > least
-            if struck:
-                touched, push_x, push_y = True, push_x + jx, push_y + jy
-                numerical += lost if self._jointed else 0.0
-                spare += max(0.0, lost - max(0.0, jx * ux + jy * uy + jw * turn))
-            else:
-                numerical += lost
-                spare += lost
-            (px, py), to = tool.position, tool.angle
-            if px != x or py != y or to != angle:
-                (px, py, to), spare = self._push_out((x, y, angle), (px, py, to), (fx, fy, torque), spare)
-                correction -= (fx + weight_x) * (px - x) + (fy + weight_y) * (py - y) + torque * (to - angle)
-            move = h
-            if sweep.busy or abs(ux) + abs(uy) + abs(turn) * sweep.extent > sweep.tool_fast:
-                move = sweep.look(ux, uy, turn, struck)
-            px, py, to = px + move * ux, py + move * uy, to + move * turn
-            supplied += fx * (px - x) + fy * (py - y) + torque * (to - angle)
-            if move < h:  # the way that is lost was paid for
-                supplied += max(0.0, (h - move) * (fx * ux + fy * uy + torque * turn))
-            sum_x, sum_y, sum_t = sum_x + fx, sum_y + fy, sum_t + torque
-            x, y, angle, vx, vy, w = px, py, to, ux, uy, turn
-        self.position, self.velocity, self._state, self._spare = (x, y, angle), (vx, vy, w), None, spare
+        supplied = numerical = correction = largest = 0.0
+        touched, spare, steps = False, self._spare, range(self.inner)
+        for _ in range(count):
+            if self._unwatched >= WATCH:
+                self._look_around()
+            self._unwatched += 1
+            sum_x = sum_y = sum_t = push_x = push_y = 0.0
+            touching, least = False, TOUCH * (1.0 + mass * (abs(vx) + abs(vy)))
+            for _ in steps:
+                pull_x, pull_y, pull_t = pull_x + rise_x, pull_y + rise_y, pull_t + rise_t
+                # K (x_h - x) + B v_h - (h K + B) v, and what Chipmunk's gravity pulls too much
+                fx = pull_x - stiff * x - spring * vx - less_x
+                fy = pull_y - stiff * y - spring * vy - less_y
+                torque = pull_t - turning * angle - rotor * w
+                SET_FORCE(tool, (fx, fy))
+                SET_TORQUE(tool, torque)
+                if sweep.moves:
+                    sweep.set_out()
+                space_step(h)
+                (ux, uy), turn = tool.velocity, tool.angular_velocity
+                ax, ay, aw = ux - vx, uy - vy, turn - w
+                jx, jy, jw = heavy * ax - h * fx - fall_x, heavy * ay - h * fy - fall_y, hard_to_turn * aw - h * torque
+                fx, fy, torque = fx + less_x - spring * ax, fy + less_y - spring * ay, torque - rotor * aw
+                lost = half * (ax * ax + ay * ay) + half_turn * aw * aw
+                struck = abs(jx) + abs(jy) > least or abs(jw) > least
+                if struck:
+                    touching, push_x, push_y = True, push_x + jx, push_y + jy
+                    numerical += lost if self._jointed else 0.0
+                    spare += max(0.0, lost - max(0.0, jx * ux + jy * uy + jw * turn))
+                else:
+                    numerical += lost
+                    spare += lost
+                (px, py), to = tool.position, tool.angle
+                if px != x or py != y or to != angle:
+                    (px, py, to), spare = self._push_out((x, y, angle), (px, py, to), (fx, fy, torque), spare)
+                    correction -= (fx + weight_x) * (px - x) + (fy + weight_y) * (py - y) + torque * (to - angle)
+                move = h
+                if sweep.busy or abs(ux) + abs(uy) + abs(turn) * sweep.extent > sweep.tool_fast:
+                    move = sweep.look(ux, uy, turn, struck)
+                px, py, to = px + move * ux, py + move * uy, to + move * turn
+                supplied += fx * (px - x) + fy * (py - y) + torque * (to - angle)
+                if move < h:  # the way that is lost was paid for
+                    supplied += max(0.0, (h - move) * (fx * ux + fy * uy + torque * turn))
+                sum_x, sum_y, sum_t = sum_x + fx, sum_y + fy, sum_t + torque
+                x, y, angle, vx, vy, w = px, py, to, ux, uy, turn
+            push = math.hypot(push_x, push_y)
+            if self._jointed:
+                touching, push, self._met = self._met > 0.0, self._met, 0.0
+            touched, largest = touched or touching, max(largest, push)
+        self.position, self.velocity, self._state = (x, y, angle), (vx, vy, w), None
+        self._spare, self.touching = spare, touching
         self.force_on_tool = sum_x / self.inner, sum_y / self.inner, sum_t / self.inner
-        push = math.hypot(push_x, push_y)
-        if self._jointed:
-            touched, push, self._met = self._met > 0.0, self._met, 0.0
-        return supplied, numerical, correction, push / self.sub_step, touched
+        return supplied, numerical, correction, largest, touched
 
     def _note_contact(self, arbiter, _space, _data):
         """Adds up what contacts push a jointed tool by [N s]; called by Chipmunk for each that does."""
@@ -275,15 +283,16 @@ class PymunkWorld:
         for damper in self._dampers:
             damper.set_for(h)
 
-    def _limit_rebound(self, arbiter, _space, _data):
-        """Restitution 0 of what touched before; with the tool, no more than keeps the port passive under its push.
+    def _begin_rebound(self, arbiter, _space, _data):
+        """Restitution of two that meet: with the tool, no more than keeps the port passive under its push.
 
-        Chipmunk calls it for each pair that touches.
+        Chipmunk calls it in the step in which they do; from the next on it has 0 again.
         """
-        if arbiter.restitution == 0.0 or not arbiter.is_first_contact:
-            arbiter.restitution = 0.0
-        elif self._tool in arbiter.bodies:
-            arbiter.restitution = min(arbiter.restitution, self._passive_rebound(arbiter))
+        first, second = (self._restitution.get(shape, shape.elasticity) for shape in arbiter.shapes)
+        wanted = first * second
+        if wanted > 0.0 and self._tool in arbiter.bodies:
+            wanted = min(wanted, self._passive_rebound(arbiter))
+        arbiter.restitution = wanted
 
     def _passive_rebound(self, arbiter):
         """Largest coefficient of restitution of a contact of the tool that the coupling leaves passive."""

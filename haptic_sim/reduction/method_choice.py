@@ -41,7 +41,7 @@ SHORT, LONG = 0.05e-3, 0.125e-3
 """s; between these `impulse` steps inside its sub-steps. It cannot keep up with shorter ones; longer ones overlap by
 more than 10 um in shipped scenes, and create more than a third of a percent of the energy."""
 EASY = 6.0
-"""Mass ratio times bodies on one another up to which steps may be longer than `SHORT`."""
+"""Mass ratio times bodies on one another up to which steps may be longer than `SHORT`: below 20 um then."""
 SHORT_PER_BODY = 10e-6
 """s; with many bodies as long for each: the time for them stays the same."""
 HOLDS = 3e-3
@@ -179,8 +179,13 @@ def step_inside(model: Model, error: float) -> float:
     """Longest step [s] that `impulse` takes inside its sub-step, where this error is allowed."""
     ratio, _, _, height = _load(model)
     jointed, wanted = len(model.joint_kind) > 0, error / max(_modes(model))[0]
-    step = SHORT if jointed or ratio * height > EASY else min(LONG, max(SHORT, wanted))
-    return max(step, SHORT_PER_BODY * (len(model.mass) - 1))
+    short = short_step(model)
+    return short if jointed or ratio * height > EASY else max(short, min(LONG, wanted))
+
+
+def short_step(model: Model) -> float:
+    """Shortest step [s] that `impulse` takes inside a sub-step of that length or more."""
+    return max(SHORT, SHORT_PER_BODY * (len(model.mass) - 1))
 
 
 def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
