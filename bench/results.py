@@ -90,7 +90,7 @@ def _round_trip(found):
         where = f"{one['rate']:g} Hz, {one['answerer']}"
         lines.append(Figure(f"round trip p50, {where}", one["p50_us"], "µs"))
         if one["answerer"] == "simulation":
-            lines.append(Figure(f"round trip p50 to the bare one's, {one['rate']:g} Hz", one["ratio"], "×"))
+            lines.append(Figure(f"round trip p50 to the bare one's, {one['rate']:g} Hz", one["ratio"], "×", "≤ 1.35"))
             cores = sum(one[f"{node}_cores"] for node in ("loopback", "simulation", "driver"))
             lines.append(Figure(f"device, simulation and driver, {where}", cores, "cores"))
     return lines
@@ -99,6 +99,11 @@ def _round_trip(found):
 def _costs(found):
     lines = [Figure(f"{one['what']}: one more {one['grows_with']}", one["slope"], "µs") for one in found["costs"]]
     cell = next(one for one in found["costs"] if one["grows_with"] == "cell")
+    for one in found["ports"]:
+        what = f"an exchange of {one['scene']}, {one['method']}"
+        lines.append(Figure(f"{what}: behind pspm to direct", one["pspm"] / one["direct"], "×", "≤ 1.2"))
+        if one["bare"]:
+            lines.append(Figure(f"{what}: to its bare steps", one["direct"] / one["bare"], "×", "≤ 2.2"))
     return [
         *lines,
         Figure("map off a straight line by at most", 100.0 * cell["apart"], "%", "≤ 10 %"),

@@ -23,15 +23,18 @@ from haptic_device.realtime.machine import cores
 from haptic_sim.live.lateness import COMMON, values
 from haptic_sim.lockstep import Lockstep
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.rollout import Exchanged, hand, rollout
+from haptic_sim.rollout import EXCHANGE_NS, GAINS, Exchanged, hand, rollout, way
 from haptic_sim.scene import load
-from haptic_sim.simulation import Simulation
+from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.tool_port import port_of
 
 REPEATS = 7  # of which the fastest counts
 EXCHANGES = 600  # of which the first third is not counted
 SUB_STEPS = (1e-3, 0.5e-3, 0.25e-3, 0.125e-3)  # [s]
 BLOCKS = (1, 2, 4, 6, 8)
 METHODS = ("partitioned", "impulse")
+LED, TURNS, SHIPPED = ("peg_in_hole", "wall"), 3, 1.0
+"""Scenes behind a port, led by their own motion; runs of each port in turn; J/s that the hand ships."""
 
 
 class Cost(NamedTuple):
@@ -47,11 +50,24 @@ class Cost(NamedTuple):
     microseconds: list
 
 
+class Behind(NamedTuple):
+    """Median time of an exchange of 1 ms [us]: behind a port that minds no energy, behind one that does, and of the
+    bare calls of `Space.step` in it, if it makes such."""
+
+    scene: str
+    method: str
+    direct: float
+    pspm: float
+    bare: float | None
+
+
 def main(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ) -> None:
     """What a tick, an exchange, a sub-step and a cell cost, and how each grows with axes, walls, blocks, contacts."""
-    found = {"costs": [one._asdict() for one in measure()], "two_cores": efficiency(2) if cores() > 1 else None}
+    ports = [behind(scene, method)._asdict() for method in METHODS for scene in LED]
+    shared = efficiency(2) if cores() > 1 else None
+    found = {"costs": [one._asdict() for one in measure()], "ports": ports, "two_cores": shared}
     typer.echo(json.dumps(found) if as_json else table(found))
 
 
@@ -64,6 +80,13 @@ def table(found: dict) -> str:
     for one in found["costs"]:
         numbers = f"{one['base']:.3g} | {one['slope']:.3g} | {one['grows_with']}"
         lines.append(f"| {one['what']} | {numbers} | {100.0 * one['apart']:.1f} % |")
+    lines += ["", "| an exchange of | `direct` [us] | `pspm` [us] | ratio | bare steps [us] | ratio |"]
+    lines.append("| --- | --- | --- | --- | --- | --- |")
+    for one in found["ports"]:
+        direct, pspm, bare = one["direct"], one["pspm"], one["bare"]
+        of_steps = "| |" if bare is None else f"| {bare:.0f} | {direct / bare:.2f} |"
+        told = f"{direct:.0f} | {pspm:.0f} | {pspm / direct:.2f} {of_steps}"
+        lines.append(f"| {one['scene']}, {one['method']} | {told}")
     shared = found["two_cores"]
     said = "one core only: no efficiency" if shared is None else f"two cores do {2.0 * shared:.2f} times the map of one"
     return "\n".join([*lines, "", said])
@@ -178,6 +201,50 @@ def exchange(scene, method: str, sub_step: float) -> float:
     path[:, :3] = [lead(k * scene.motion["duration"] / EXCHANGES) for k in range(EXCHANGES)]
     spent = rollout(Exchanged(Simulation(reduce_scene(scene, method), sub_step), path[0]), path).spent
     return 1e6 * float(np.median(spent[EXCHANGES // 3 :]))
+
+
+def behind(scene: str, method: str) -> Behind:
+    """The scene led by its motion in real time, behind each port in turn."""
+    spent, steps = {"direct": [], "pspm": []}, []
+    for _ in range(TURNS):
+        for port, times in spent.items():
+            simulation = Simulation(reduce_scene(load(scene), method), port=port_of(port))
+            times += _lead(simulation)
+            if port == "direct" and method == "impulse":
+                simulation.reset()
+                timed = simulation.method.space = Timed(simulation.method.space)
+                steps += _lead(simulation, timed)
+    direct, pspm = (1e6 * float(np.median(times)) for times in spent.values())
+    return Behind(scene, method, direct, pspm, 1e6 * float(np.median(steps)) if steps else None)
+
+
+class Timed:
+    """A space whose steps are timed: `spent` [s] since somebody set it to 0."""
+
+    def __init__(self, space):
+        self._space, self.spent = space, 0.0
+
+    def step(self, h):
+        """As the space's own."""
+        began = time.thread_time()
+        self._space.step(h)
+        self.spent += time.thread_time() - began
+
+    def __getattr__(self, name):
+        return getattr(self._space, name)
+
+
+def _lead(simulation, timed=None):
+    """Time of each exchange [s], or of the steps in it."""
+    lead, spent = hand(simulation.scene), []
+    for k, row in enumerate(way(lead, np.arange(round(simulation.scene.motion["duration"] * 1e3)) * 1e-3).tolist()):
+        told = HandleSample(k * EXCHANGE_NS, tuple(row[:3]), tuple(row[3:]), *GAINS, energy=SHIPPED * k * 1e-3)
+        if timed is not None:
+            timed.spent = 0.0
+        began = time.thread_time()
+        simulation.exchange(told)
+        spent.append(time.thread_time() - began if timed is None else timed.spent)
+    return spent
 
 
 def stack(blocks: int):
