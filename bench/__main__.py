@@ -33,6 +33,7 @@ COMMANDS = {  # name: (module with a `main`, what it measures)
     "hard_cases": ("bench.methods.hard_cases", "which method and which peer survives which hard scene"),
     "hashes": ("bench.methods.hashes", "hashes of every scene by each method, to compare two commits by"),
     "impulse_bounds": ("bench.methods.impulse_bounds", "what `impulse` carries: towers of blocks, light tools"),
+    "inner_steps": ("bench.methods.inner_steps", "error against cost of the steps inside a sub-step of `impulse`"),
     "late_forces": ("bench.exchange.late_forces", "what a late force costs: stiffness, drag and age at each delay"),
     "late_ticks": ("bench.exchange.late_ticks", "energy given where ticks are missed"),
     "live_against_lockstep": ("bench.exchange.live_against_lockstep", "a recorded demo played again in lock-step"),

@@ -11,7 +11,7 @@ import numpy as np
 
 from haptic_sim.judged import LOST, STABLE, UNSTABLE, Case, Reference, error_of, judge, longest_way, solution
 from haptic_sim.method_registry import make
-from haptic_sim.reduction import reduce_scene
+from haptic_sim.reduction import ReducedScene, reduce_scene
 from haptic_sim.reduction.measured import Measured
 from haptic_sim.rollout import GAINS, Exchanged, rollout
 from haptic_sim.scene import Scene, load
@@ -37,7 +37,7 @@ def case_of(name: str) -> Case:
 
 def verify(case: Case, known: Reference | None = None) -> list[Measured]:
     """What the candidates do in a case, each at the step it would get, against what is known of it."""
-    known, reduced = known or _converged(case), reduce_scene(case.scene)
+    known, reduced = known or converged(case), reduce_scene(case.scene)
     methods = CANDIDATES if reduced.needs.axes is not None else CANDIDATES[1:]
     return [_measured(case, known, method) for method in dict.fromkeys((*methods, reduced.method))]
 
@@ -48,7 +48,7 @@ def within(row: Measured, error: float) -> bool:
     return row.status == STABLE and close and not row.created > CREATED
 
 
-def _converged(case):
+def converged(case: Case) -> Reference:
     """A reference made here, and how far twice its step is from it, root mean square [m]."""
     for method, steps in FINE.items():
         try:
@@ -81,12 +81,12 @@ def _measured(case, known, method):
         doubt,
         created,
         found.penetration,
-        _exchange(case, reduced),
+        exchange_time(case, reduced),
         STABLE if found.error < LOST else UNSTABLE,
     )
 
 
-def _exchange(case, reduced):
+def exchange_time(case: Case, reduced: ReducedScene) -> float:
     """Median processor time of an exchange of 1 ms [us], sub-steps and answer."""
     path = case._replace(moving=True).path()
     world = Exchanged(Simulation(reduced), path[0], case.gains)

@@ -13,12 +13,15 @@ from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.measured import of_scene
 from haptic_sim.reduction.method_choice import (
     ACTS,
+    EASY,
     GREASE,
     HIGH,
     HOLDS,
     LAYERS,
     LOAD,
+    LONG,
     SHORT,
+    SHORT_PER_BODY,
     SOLVED,
     STEPS,
     STIFFNESS,
@@ -325,6 +328,41 @@ def test_the_direct_solver_takes_steps_as_short_as_those_inside_impulse_unless_b
 def test_impulse_is_asked_no_more_often_than_it_can_keep_up_with_while_its_own_steps_keep_the_error(error, step):
     """On 1 kg the coupling allows 0.89 ms for 0.02; 0.206, 0.197, 0.054 and 0.049 ms for the others."""
     assert compiled(method="impulse", error=error, **on_each_other(2)).sub_step == step
+
+
+@pytest.mark.parametrize(
+    ("error", "inside"), [(0.02, LONG), (0.018, LONG), (0.01, 0.01), (0.0071, 0.0071), (0.004, SHORT)]
+)
+def test_inside_a_sub_step_impulse_takes_half_of_what_the_error_allows_the_fastest_mode_but_no_extremes(error, inside):
+    """0.1 kg on 2000 N/m: error/141.4 1/s of the step is half of the error."""
+    inside = inside if inside in (LONG, SHORT) else inside / math.sqrt(STIFFNESS / 0.1)
+    assert compiled(error=error, bodies=[WALL, {**BAR, "mass": 0.1}]).inside == pytest.approx(inside, rel=1e-12)
+
+
+def test_a_scene_with_a_joint_keeps_the_short_step():
+    loose = {"bodies": [{**BAR, "mass": 0.1}]}
+    assert compiled(**loose).inside == LONG and compiled(**loose, joints=[PINNED]).inside == SHORT
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_a_load_that_longer_steps_would_let_sink_in_keeps_the_short_step(share):
+    found = compiled(tool=DISC | {"mass": 1.0}, bodies=[{**BAR, "mass": 1.0 / (share * EASY)}])
+    assert found.inside == (LONG if share < 1.0 else SHORT)
+
+
+def test_many_bodies_get_longer_steps_whatever_they_ask_for():
+    for count in (4, 20):
+        short = max(SHORT, SHORT_PER_BODY * (count + 1))
+        assert compiled(error=0.002, **on_each_other(count)).inside == pytest.approx(short)
+
+
+@pytest.mark.parametrize("fall", [0.5e-3, 10e-3, 50e-3])
+def test_what_falls_on_a_block_in_long_steps_lies_in_it_no_deeper_than_in_short_ones(fall):
+    parts = on_each_other(2)
+    parts["bodies"][2]["pose"][1] += fall
+    scene = parse({"name": "fall", "tool": {**DISC, "mass": 1.0}, "method": "impulse", **parts}, "here")
+    found = [attempt(scene.model_copy(update={"error": error}), 0.2) for error in (0.02, 0.003)]
+    assert max(one.overlap for one in found) < 9e-5
 
 
 def test_the_parameter_method_wins_over_what_the_scene_needs_or_asks_for_and_says_so():
