@@ -11,6 +11,7 @@ from haptic_device.control.exchange_samples import COUPLING_GAINS
 from haptic_device.parameters import MOST_WALLS, OPERATING_POINT
 
 MOST_LATE = records.HELD - 4  # periods: motor values on their way are remembered, and a write may be late too
+ATTENDED_EVERY, LEAST_UNATTENDED = 0.05, 0.2  # [s] the driver says that it is there; the least to wait for it
 ARM = 0.05  # [m] between grip and tip, which turns accelerations into angular ones
 SAME = {
     (group, name)
@@ -47,6 +48,11 @@ def settings_from(device, values, version=0):
     if late > MOST_LATE:
         raise ValueError(
             f"the device's delays are {late:g} periods at servo.rate {rate:g} Hz; the limit is {MOST_LATE}"
+        )
+    if 0.0 < (alone := values["fault.unattended"]) < LEAST_UNATTENDED:
+        raise ValueError(
+            f"fault.unattended is {alone:g} s, and the driver says each {ATTENDED_EVERY:g} s that it is there: "
+            f"take 0 (never), or {LEAST_UNATTENDED:g} s and more"
         )
     for parameter in OPERATING_POINT:
         group, _, name = parameter.name.partition(".")

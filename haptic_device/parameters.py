@@ -142,7 +142,7 @@ class Fault(Group):
     unattended: float = fixed(
         5.0,
         "s",
-        "longest standstill of the thread that serves the node; beyond it unattended is latched; 0: never",
+        "longest standstill, at least 0.2, of the thread that serves the node; then unattended is latched; 0: never",
         0.0,
         3600.0,
     )

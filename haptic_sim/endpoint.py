@@ -98,11 +98,10 @@ class Pace:
 
     def most(self) -> int:
         """What fits into a period, at least half of the period's own: also a cost that does not depend on the number
-        must leave the world some motion. As long as the cost is not known, those of one period."""
+        must leave the world some motion. As long as the cost is not known, or just fits, those of one period."""
         wanted = self.period_ns / self._sub_step_ns
-        if len(self._costs) < MEDIAN:
-            return max(1, math.ceil(wanted))
-        return max(1, math.ceil(0.5 * wanted), int(SHARE * wanted / self.load))
+        load = self.load if len(self._costs) == MEDIAN else 1.0
+        return max(1, math.ceil(wanted if load <= 1.0 else 0.5 * wanted), int(SHARE * wanted / load))
 
     @property
     def dear(self) -> bool:

@@ -15,6 +15,7 @@ from haptic_sim.method_registry import METHODS, make
 from haptic_sim.port_limits import Limits
 from haptic_sim.protocol import Coupling, Planar, along
 from haptic_sim.reduction import ReducedScene
+from haptic_sim.reduction.method_choice import short_step
 from haptic_sim.tool_port import DirectPort, Port, port_of
 
 SECOND = 1_000_000_000
@@ -124,7 +125,7 @@ class Ledger:
 
     @property
     def balance(self) -> Energy:
-        """Balance with what is stored now."""
+        """Balance with what is stored now; of the thread that steps the world."""
         kinetic, potential = self._energy()
         dissipated = self.supplied - (kinetic + potential - self._stored_at_start)
         contacts = self._contacts if self._lost is None else dissipated + self._correction - self._lost
@@ -161,6 +162,8 @@ class Simulation:
         self.max_catch_up_ns = round(max_catch_up * SECOND)
         if not 0 < self.sub_step_ns <= self.max_catch_up_ns:
             raise ValueError(f"sub_step is {sub_step} s; it must be above 0 and at most max_catch_up, {max_catch_up} s")
+        if added is not None:  # what is added, nobody knows
+            reduced = reduced._replace(inside=short_step(reduced.model))
         self.method = make(reduced.method, reduced, self.sub_step_ns / SECOND)
         if added is not None and not hasattr(self.method, "space"):
             raise ValueError(

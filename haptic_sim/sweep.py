@@ -119,16 +119,14 @@ class Sweep:
 
     def watch(self, time: float) -> None:
         """Take note of who is fast, and who may come to a stop within a time [s]."""
-        count = len(self._scene)
         self._fast = np.flatnonzero(self._speeds(self._velocities()) > self._wary).tolist()
         self._stopping = []
         for stop in self._stops:
             way, rate = stop.ahead()
             if BEYOND < way < 2.0 * time * max(rate, SLOW):
                 self._stopping.append(stop)
-        for b in self._fast:
-            if b >= count:  # whoever added it may have put it there, or thrown it, after the last step
-                self._go(b)
+        for b in self._fast:  # somebody may have put it there, or thrown it, after the last step
+            self._go(b)
         self._note_busy()
 
     def _speeds(self, velocities):

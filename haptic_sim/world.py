@@ -80,8 +80,8 @@ class PymunkWorld:
         self._dampers, stops = filled.joints
         self._turning = [damper for damper in self._dampers if damper.turns]
         self._touching, self._jointed, self._met = Touching(filled, self._h), False, 0.0
-        self._restitution = filled.restitution
-        if np.any(model.pair_restitution) or self.scene.material(self.scene.tool).restitution > 0.0:  # of what is added
+        self._restitution, self._calms = filled.restitution, False
+        if any(filled.restitution.values()):
             self.space.on_collision(begin=self._begin_rebound)
         near = 0.5 * slop_of(self.scene)
         self._sweep = Sweep(self.space, self._bodies, filled.shapes, model, self._layout, self._h, near, stops)
@@ -118,8 +118,9 @@ class PymunkWorld:
             return StepResult(numerical=0.0)
         self._tool.activate()
         self._sweep.take_in()
-        if self._sweep.added:  # whoever did may have thrown it since
-            self._unwatched = WATCH
+        if self._sweep.added:
+            self._unwatched = WATCH  # whoever did may have thrown it since
+            self._calm()
         for damper in self._turning:
             damper.set_for(self._h)
         if self._tool.constraints and not self._jointed:
@@ -286,13 +287,19 @@ class PymunkWorld:
     def _begin_rebound(self, arbiter, _space, _data):
         """Restitution of two that meet: with the tool, no more than keeps the port passive under its push.
 
-        Chipmunk calls it in the step in which they do; from the next on it has 0 again.
+        Chipmunk calls it in the step in which they do; from the next on the scene's own shapes have 0 again.
         """
         first, second = (self._restitution.get(shape, shape.elasticity) for shape in arbiter.shapes)
         wanted = first * second
         if wanted > 0.0 and self._tool in arbiter.bodies:
             wanted = min(wanted, self._passive_rebound(arbiter))
         arbiter.restitution = wanted
+
+    def _calm(self):
+        """Where the scene's shapes rebound, added ones rebound as they do: in the step alone in which two meet."""
+        if not self._calms and any(self._restitution.values()) and any(one.elasticity for one in self._sweep.added):
+            self._calms = True
+            self.space.on_collision(begin=self._begin_rebound, pre_solve=_rest)
 
     def _passive_rebound(self, arbiter):
         """Largest coefficient of restitution of a contact of the tool that the coupling leaves passive."""
@@ -316,3 +323,9 @@ class PymunkWorld:
             row**2 @ softness + others,
             (push @ (true * push), row @ (true * push), row**2 @ true + others),
         )
+
+
+def _rest(arbiter, _space, _data):
+    """Restitution 0 of what touched before."""
+    if not arbiter.is_first_contact:
+        arbiter.restitution = 0.0

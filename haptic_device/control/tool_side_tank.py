@@ -21,8 +21,10 @@ With Σ_{k<j} θ_k d_k d_j = ½ Σ_{k<j} (2 θ_k − 1) d_k d_j + ¼ [(Σ d_j)²
 
     Σ (a_j d_j − λ d_j²) ≤ Σ a_j²/4λ ≤ N max a_j²/4λ,      λ = K (1 − N/4) + B/h,
 
-is supplied whatever the tool does, if λ > 0: that is, if the steps together take less than about 4 B/K. Where the tank
-holds that much and what letting go takes, and no limit is near, the whole way is made at once.
+is supplied whatever the tool does, if λ > 0: that is, if the steps together take less than about 4 B/K. Of a step that
+takes from the tool only what is made counts; a whole move as long would take less. Not in it is the way by which
+overlaps are taken back, some µm. Where the tank holds that much and what letting go takes, and no limit is near, the
+whole way is made at once.
 """
 
 import math

@@ -31,7 +31,7 @@ from haptic_device.realtime.servo_thread import ServoThread
 from haptic_device.realtime.shared_memory import file_name
 
 MIDDLEWARE_PRIORITY = 65  # below the servo, above the exchange; the thread of the commands has it too
-WATCH_PERIOD = 0.05  # [s] a look of the executor at all that may wake it costs a millisecond
+WATCH_PERIOD = controller_config.ATTENDED_EVERY  # a look of the executor at all that may wake it costs a millisecond
 PATIENCE = 1.0  # [s] that a service waits for the servo to have taken a command
 NOT_TAKEN = f"the servo did not take it within {PATIENCE} s"
 

@@ -70,7 +70,8 @@ def lift_interpreter(wish, priority=INTERPRETER_PRIORITY):
     inversion). What these threads start later is ordinary: a thread or process that computes for seconds must not keep
     a core from everybody. Returns what put_back takes.
     """
-    threads = [thread.native_id for thread in threading.enumerate()] if wish != "off" else []
+    # one that is being started has no number yet
+    threads = [thread.native_id for thread in threading.enumerate() if thread.native_id] if wish != "off" else []
     ordinary = [thread for thread in threads if _is_ordinary(thread)]
     return [thread for thread in ordinary if _give(thread, os.SCHED_RR | os.SCHED_RESET_ON_FORK, priority)]
 
@@ -79,7 +80,7 @@ def put_back(lifted):
     """Makes the threads that lift_interpreter has lifted ordinary again."""
     # the number of one that has ended may be another process's by now
     for thread in {thread.native_id for thread in threading.enumerate()} & set(lifted):
-        _give(thread, os.SCHED_OTHER, 0)
+        _give(thread, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, 0)  # to take the flag back is not permitted to all
 
 
 def _is_ordinary(thread):

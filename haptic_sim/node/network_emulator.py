@@ -21,7 +21,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.messages import LATEST, STREAM, JointState, PointCloud2
 from haptic_device.nodes.polled_subscription import PolledSubscription
-from haptic_device.realtime.scheduling import go_realtime, lift_interpreter
+from haptic_device.realtime.scheduling import go_realtime, lift_interpreter, put_back
 from haptic_sim.node.parameters import NETWORK_EMULATOR
 
 LONGEST_WAIT_NS = 20_000_000
@@ -69,6 +69,7 @@ class NetworkEmulator(ManagedNode):
     def __init__(self):
         super().__init__("haptic_relay", NETWORK_EMULATOR)
         self._stop, self._thread, self._ways = threading.Event(), None, []
+        self._lifted: list[int] = []
 
     def configure(self):
         """Both ways."""
@@ -92,6 +93,8 @@ class NetworkEmulator(ManagedNode):
             self._thread.join()
         self._stop.clear()
         self._thread = None
+        put_back(self._lifted)
+        self._lifted = []
 
     def cleanup(self):
         """Ends both ways."""
@@ -101,7 +104,7 @@ class NetworkEmulator(ManagedNode):
 
     def _run(self):
         go_realtime("prefer", PRIORITY)
-        lift_interpreter("prefer")
+        self._lifted = lift_interpreter("prefer")
         wait_set = rclpy_implementation.WaitSet(3, 0, 0, 0, 0, 0, self.context.handle)
         while not self._stop.is_set():
             now = time.monotonic_ns()

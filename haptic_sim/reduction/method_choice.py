@@ -8,8 +8,8 @@ Backward difference gives a mode of angular frequency w the damping ratio w h / 
 radian its amplitude is short by that share. With h = 2 error / w that is the error allowed. The mode is the tool on its
 coupling at `STIFFNESS`, or a spring of the scene that is faster. Inside, `impulse` takes half of that, between `SHORT`
 and `LONG`: what is struck is found a step late at most, and in no shipped scene that adds more than the other half
-(docs/methods.md has the table). Overlaps grow with the square of the step, so a load beyond `EASY` gets `SHORT`; so do
-joints, at what rate they swing is not known beforehand.
+(docs/methods.md has the table). Turning is not looked at. Overlaps grow with the square of the step, so a load beyond
+`EASY` gets `SHORT`; so do joints, at what rate they swing is not known beforehand.
 
 Sequential impulses pass a load on from contact to contact: of two bodies with mass ratio R a sweep leaves R/(1 + R),
 and up a tower of n the load has come one body farther. The sweeps are counted, so what is left of the load after the
@@ -37,15 +37,15 @@ SOLVED = 6e-6
 """s of step for each body: a direct solve costs some 2 us a body, and is to take a third of its step."""
 STIFFNESS = 2000.0
 """N/m; coupling that the choice reckons with. A stiffer one is as stable, but less exact."""
-SHORT, LONG = 0.05e-3, 0.125e-3
-"""s; between these `impulse` steps inside its sub-steps. It cannot keep up with shorter ones; longer ones overlap by
-more than 10 um in shipped scenes, and create more than a third of a percent of the energy."""
+SHORT, LONG = 0.05e-3, 0.084e-3
+"""s; between these `impulse` steps inside its sub-steps. It cannot keep up with shorter ones; in longer ones what is
+fast and swept loses too much (`handle_jump` errs by 3e-2 in steps of 0.125 ms, by 3e-3 in these)."""
 EASY = 6.0
 """Mass ratio times bodies on one another up to which steps may be longer than `SHORT`: below 20 um then."""
 SHORT_PER_BODY = 10e-6
 """s; with many bodies as long for each: the time for them stays the same."""
 HOLDS = 3e-3
-"""Relative error that `impulse` stays below in every shipped scene with a closed form or stored reference."""
+"""Relative error that `impulse` at `SHORT` stays below in shipped scenes with a closed form or stored reference."""
 LOAD = 60.0
 """Mass ratio times bodies on one another up to which it overlaps below 0.1 mm and creates below 1 % of the energy."""
 HIGH = 15

@@ -245,6 +245,36 @@ def test_an_elastic_plate_that_was_added_throws_the_tool_back_as_one_of_the_scen
     assert worlds[0].velocity == pytest.approx(worlds[1].velocity, rel=1e-9)
 
 
+def test_an_elastic_ball_that_was_added_rebounds_from_the_scene_also_where_the_tool_does_not():
+    floor = {"name": "floor", "fixed": True, "material": "m", "shapes": [{"half_plane": {"normal": [-1.0, 0.0]}}]}
+    method = world(floor, tool=FAR | {"pose": [-5.0, 0.0, 0.0]}, materials={"m": {"restitution": 0.64}})
+    falls = ball(method.space, 0.0, -0.02, 1.0)
+    next(iter(falls.shapes)).elasticity = 1.0
+    run(method, 200)
+    assert falls.velocity.x == pytest.approx(-0.8, rel=1e-3)
+
+
+def test_two_elastic_shapes_that_were_added_rebound_when_they_meet_and_rest_on_each_other():
+    method = world(
+        shot(0.0, -1.0, 0.0, name="shot", material="m"), materials={"m": {"restitution": 1.0}}, gravity=[9.81, 0.0]
+    )
+    box(method.space, 0.0, elasticity=0.5)
+    falls = ball(method.space, 0.0, -0.02, 0.0)
+    next(iter(falls.shapes)).elasticity = 1.0
+    run(method, 4000)
+    assert abs(falls.velocity.x) < 1e-3 and falls.position.x < 0.0
+
+
+def test_a_body_of_the_scene_that_is_thrown_between_two_exchanges_passes_nothing_either():
+    for start in starts():
+        method = world(shot(0.0, start, 0.0, name="shot"))
+        box(method.space, 0.0)
+        method.step(held((0.0, 0.0, 0.0)), 4)
+        method.body("shot").velocity = (FAST, 0.0)
+        method.step(held((0.0, 0.0, 0.0)), 20)
+        assert method.pose("shot")[0] < 0.0, start
+
+
 def flap(world):
     """A ball that hangs in the world, once for each space."""
     world.mine = ball(world.space, 0.0, 0.05, 0.0)

@@ -177,3 +177,20 @@ def test_where_energy_is_there_the_tool_goes_as_with_a_port_that_minds_none(meth
         answers = [one.exchange(told) for one in (minded, free)]
         assert answers[0].position == pytest.approx(answers[1].position, abs=1e-12)
         assert answers[0].velocity == pytest.approx(answers[1].velocity, abs=1e-9)
+
+
+@few(60)
+@given(
+    moves=st.lists(st.floats(-2e-3, 2e-3), min_size=160, max_size=160),
+    made=st.lists(st.sampled_from([0.0, 1.0]), min_size=160, max_size=160),
+    damping=st.sampled_from([0.25, 2.0]),
+    inner=st.sampled_from([2, 5, 16, 20]),
+)
+def test_sub_step_by_sub_step_no_more_is_taken_either_however_many_steps_a_sub_step_has(moves, made, damping, inner):
+    """Where the damping is enough for a bound: λ > 0."""
+    if 2000.0 * (1.0 - inner / 4.0) + damping * inner / H > 0.0:
+        port, world = PspmPort(1e-3, WIDE), Willing(inner, moves, made)
+        for number in range(8):
+            world.gains = port.receive(sample(number, 2e-3, 0.0, (2000.0, damping, 0.0, 0.0), 0.0), H, inner)
+            port.step(world, along(((2e-3, 0.0, 0.0), STILL), ((2e-3, 0.0, 0.0), STILL)), 1)
+            assert port.tank >= -1e-12

@@ -4,6 +4,7 @@
 All figures are of the ticks with the motor engaged (`engage` > 0).
 """
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -79,9 +80,14 @@ def energy_figures(recording: Recording, rows: Records) -> dict[str, Any]:
 
 
 def waited_time(recording: Recording) -> float | None:
-    """Time [s] between handle samples that the world left out; None where the simulation has not said it."""
-    said = number(recording.last_values("haptic_simulation").get("waited_s", ""))
-    return None if np.isnan(said) else said
+    """Time [s] between handle samples that the world left out; None where the simulation has not said it.
+
+    A world counts from its start: what the one before a reset or another scene had left out is added.
+    """
+    said = [number(status.values.get("waited_s", "")) for status in recording.statuses("haptic_simulation")]
+    known = [0.0, *(value for value in said if not np.isnan(value))]
+    grown = [after - before if after >= before else after for before, after in pairwise(known)]
+    return float(sum(grown)) if grown else None
 
 
 def contact_figures(recording: Recording, rows: Records | None) -> dict[str, float | None]:
