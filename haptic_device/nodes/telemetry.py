@@ -36,7 +36,7 @@ MOST_REST = 1_000_000  # [ns] that the others of this process get the interprete
 BLOCKS = 8  # that go into the statistics at once: for each alone it took longer than to publish it
 FRESH_ENOUGH = 400  # ticks after which the statistics are computed anew
 WINDOW = 20000  # ticks that the statistics look back on
-JUDGED = "lateness", "compute", "tool_age", "write_delay", "deadline", "withheld"
+JUDGED = "lateness", "compute", "tool_age", "write_delay"
 HARDWARE = "position_per_count", "zero", "scale"
 
 
@@ -208,6 +208,7 @@ class Telemetry:
             self._snapshot.publish(self._snapshot_layout.pack(self._stamp(now), snapshot))
 
     def _remember(self, rows):
+        self.withheld.add(rows["deadline"], rows["withheld"])
         self._blocks.append(rows)
         if len(self._blocks) >= BLOCKS or sum(map(len, self._blocks)) >= FRESH_ENOUGH:
             self._judge()
@@ -218,11 +219,9 @@ class Telemetry:
         if not blocks:
             return
         told = {name: np.concatenate([rows[name] for rows in blocks]) for name in JUDGED}
-        deadlines, withheld = told.pop("deadline"), told.pop("withheld")
-        index = np.arange(self._ticks, self._ticks + len(deadlines)) % WINDOW
+        index = np.arange(self._ticks, self._ticks + len(told["lateness"])) % WINDOW
         self._recent[index] = np.stack(list(told.values()), axis=1)
-        self._ticks += len(deadlines)
-        self.withheld.add(deadlines, withheld)
+        self._ticks += len(index)
 
 
 def _percentiles(numbers):

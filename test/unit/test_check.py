@@ -229,3 +229,10 @@ def test_of_a_shipped_scene_what_was_measured_counts_before_what_is_reckoned(mon
     far = rows["impulse"]._replace(error=0.7, doubt=0.1)
     monkeypatch.setattr("haptic_sim.scene_promise.of_scene", lambda name: [far])
     assert unkept_wish("gravel") == "error 0.02 is wanted, and impulse was measured to err by 0.7"
+
+
+@pytest.mark.parametrize(("seconds", "taken"), [("0.0", True), ("0.2", True), ("0.19", False), ("0.01", False)])
+def test_a_driver_that_is_attended_every_twentieth_of_a_second_is_not_asked_to_miss_it_sooner(tmp_path, seconds, taken):
+    text = f"/**/haptic_driver: {{ros__parameters: {{fault: {{unattended: {seconds}}}}}}}"
+    sentence = f"fault.unattended is {float(seconds):g} s, and the driver says each 0.05 s that it is there"
+    assert [one.startswith(sentence) for one in problems(broken(tmp_path, text))] == ([] if taken else [True])
