@@ -47,7 +47,6 @@ class DriverNode(ManagedNode):
         self._announced, self._alone_since = False, 0.0
         self._to_enable = self.values["auto_enable"]  # by itself, until a person has said otherwise
         self._watched, self.stall, self._reported = time.monotonic(), 0.0, None
-        self._lifted = []
         self._changing = threading.Lock()  # held while the servo comes, goes or is enabled by itself: no e-stop between
         commands = {f"~/{name}": getattr(self, f"_on_{name}") for name in ("estop", "reset", "enable", "disable")}
         self._commands = ServiceThread(self, commands, "an e-stop came first")
@@ -93,7 +92,6 @@ class DriverNode(ManagedNode):
         self.servo.start()
         self.telemetry = Telemetry(self, self.servo, self.device, self.values, self.clock.stamp)
         self.telemetry.start()
-        self._lifted = scheduling.lift_interpreter(self.values["realtime"])  # whose lock the commands need
 
     def on_deactivate(self, state):
         """Stops; the next activation may enable by itself again, unless a person disables from now on."""
@@ -106,8 +104,6 @@ class DriverNode(ManagedNode):
         for part in (self.servo, self.exchange, self.telemetry):
             if part is not None:
                 part.stop()
-        scheduling.put_back(self._lifted)
-        self._lifted = []
         if self.telemetry is not None:
             self.diagnose()
         with self._changing:

@@ -50,13 +50,13 @@ def threads(process):
     return found[True], found[False]
 
 
-def test_where_it_is_permitted_and_wished_the_executor_is_lifted_and_else_it_is_ordinary(display):
+def test_where_it_is_permitted_and_wished_the_executor_that_the_exchange_waits_for_is_lifted_and_else_none(display):
     wish, processes, _ = display
-    lifted = PERMITTED and wish == "prefer"
+    permitted = PERMITTED and wish == "prefer"
     for name, process in processes.items():
         _, ours = threads(process)
-        assert ours[0] == (LIFTED if lifted else ORDINARY), name
-        assert (EXCHANGE in [priority for _, priority in ours]) == lifted, name
+        assert ours[0] == (LIFTED if permitted and name == "haptic_simulation" else ORDINARY), name
+        assert (EXCHANGE in [priority for _, priority in ours]) == permitted, name
 
 
 def test_middleware_is_above_the_exchange_and_who_holds_the_interpreter_below_the_recorder(display):
