@@ -18,12 +18,15 @@ COLCON = """#!/bin/sh
 [ "$3" = build ] && mkdir -p install && touch install/local_setup.bash
 """
 ROS2 = """#!/bin/sh
+case "$* " in
+  *--show-args*|*perhaps*|*nowhere*|run\\ haptic_display\\ haptic\\ *) stays=no ;;
+  run\\ *|launch\\ *) stays=yes; echo $$ >>"$RUNNING" ;;  # first of all: it may be ended at once
+esac
 echo "$ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE $*" >>"$SAID_TO"
 cat "$ANSWERS"
-case "$* " in
-  *--show-args*|*perhaps*|*nowhere*|run\\ haptic_display\\ haptic\\ *) exit 0 ;;
-  run\\ *|launch\\ *) mkdir -p haptic_bags/one; echo $$ >>"$RUNNING"; exec sleep 600 ;;
-esac
+[ "$stays" = yes ] || exit 0
+mkdir -p haptic_bags/one
+exec sleep 600
 """
 ANSWERS = """peg_in_hole
 my_setup.yaml: ok
