@@ -196,7 +196,7 @@ def _beyond_impulse(scene: Scene, model: Model, names: Sequence[str]) -> str:
     if longest < SHORT:
         return f"{why}, and impulse cannot keep up with steps below {SHORT * 1e3:g} ms"
     rate = max(_damping_rates(model), default=0.0)
-    grease = step_inside(model, scene.error) * rate
+    grease = short_step(model) * rate  # a damper is a joint's
     if grease > GREASE:
         return (
             f"a damper holds a body back within {1e3 / rate:.2g} ms, a step of impulse is {grease:.3g} times "
