@@ -17,7 +17,8 @@ from haptic_device.config_files import find
 from haptic_sim.lockstep import PERFECT, Network
 
 PRESS = {"start": [0.03, 0.0, 0.0], "target": [0.005, 0.0, 0.0], "duration": 8.0}
-LATE, LIMITS = (1, 5, 20, 100), (0.156, 0.283, 0.749, 3.145)  # [mm] published for the same task
+LATE = 1, 5, 20, 100  # samples each way
+SPEED = 0.02  # [m/s] mean of the path, which ends at the wall
 
 
 def cut(method):
@@ -48,10 +49,10 @@ def main() -> None:
             flush=True,
         )
     for method in ("pspm", "wave"):
-        for late, limit in zip(LATE, LIMITS, strict=True):
+        for late in LATE:
             error, taken = reference(method, late)
             print(
-                f"{method} {late:3d} samples each way: mean error {error * 1e3:.3f} mm (reference {limit:.3f}), "
+                f"{method} {late:3d} samples each way: mean error {error * 1e3:.3f} mm (of the delay alone: {late * SPEED:.3f}), "
                 f"taken from the hand {taken:.3f} J",
                 flush=True,
             )
