@@ -62,7 +62,7 @@ def _application(wanted):
     """The typer application with the wanted subcommand, or with all of them if it is none of them, as for --help."""
     import typer  # here, where a signal is heard
 
-    app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+    app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     app.callback(help="Haptic display of tool use: run it, check its files, compute its bounds.")(lambda: None)
     for name in set(wanted) & set(COMMANDS) or COMMANDS:
         module, function = COMMANDS[name].split(":")

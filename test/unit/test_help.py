@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `haptic COMMAND --help` and docs/cli.md say of a command is all that there is to it."""
+
+import importlib
+import inspect
+import re
+import typing
+from pathlib import Path
+
+import pytest
+from in_process import haptic
+
+from haptic_sim.cli.main import COMMANDS
+
+PAGE = (Path(__file__).parents[2] / "docs/cli.md").read_text(encoding="utf-8")
+
+
+def function(name):
+    module, attribute = COMMANDS[name].split(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+def told(name):
+    """(name of the argument, help text) of each argument of a command."""
+    hints = typing.get_type_hints(function(name), include_extras=True)
+    return [(argument, hints[argument].__metadata__[0]) for argument in inspect.signature(function(name)).parameters]
+
+
+def squeezed(text):
+    """Without what a terminal's width adds."""
+    return "".join(text.split())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_keeps_every_word_of_every_option_its_units_in_brackets_too(name):
+    shown = squeezed(haptic(name, "--help").stdout)
+    for _, option in told(name):
+        assert squeezed(option.help) in shown
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_page_of_commands_has_each_command_with_each_option(name):
+    sections = re.findall(rf"^## `haptic {name}.*?(?=^## |\Z)", PAGE, re.DOTALL | re.MULTILINE)
+    assert len(sections) == 1
+    kind = {argument: option for argument, option in told(name) if type(option).__name__ == "OptionInfo"}
+    for argument, option in kind.items():
+        named = (name for name in (option.default, *(option.param_decls or ())) if str(name).startswith("--"))
+        flag = next(named, f"--{argument.replace('_', '-')}")
+        assert f"`{flag}" in sections[0], flag
