@@ -108,7 +108,7 @@ class Exchange(Group):
     horizon: float = live(0.06, "s", "longest time over which the tool's motion is predicted", 0.0, 0.5)
     slew: float = live(400.0, "N/s", "fastest change of force by the tool's samples alone", 1.0, 1e6)
     agility: float = live(20.0, "m/s^2", "acceleration that a free tool is given credit for", 0.0, 10000.0)
-    fade: float = live(0.14, "s", "time over which the coupling lets go after exchange.hold, and returns", 0.001, 5.0)
+    fade: float = live(0.14, "s", "time over which the coupling fades out after exchange.hold, and in again", 0.001, 5.0)
 
 
 class Local(Group):
@@ -138,7 +138,7 @@ class Fault(Group):
     silence: float = fixed(0.02, "s", "time without an answer of the device which latches device_silent", 0.001, 1.0)
     saturation: float = live(1.0, "s", "time of wanting more than the motor limit before saturation", 0.01, 60.0)
     duty: float = live(1.0, "", "share of the motor limit that may be held for ever; more latches duty", 0.01, 1.0)
-    duty_time: float = live(20.0, "s", "time constant of a motor's warmth", 0.01, 3600.0)
+    duty_time: float = live(20.0, "s", "time constant of a motor's thermal load", 0.01, 3600.0)
     unattended: float = fixed(
         5.0,
         "s",
@@ -278,7 +278,7 @@ DRIVER_FIGURES = (
     Watched("age", "s", "age of the tool sample in use, 99 %", 0.01, 0.06),
     Watched("loss", "", "share of the handle samples that were not answered", 0.1, 0.5),
     Watched("energy", "J", "energy given to the operator, as the servo books it", 0.01, 0.1),
-    Watched("warmth", "", "warmth of the warmest motor; at its limit for ever: 1", 0.6, 0.9),
+    Watched("warmth", "", "greatest thermal load of a motor; at its limit for ever: 1", 0.6, 0.9),
     Watched("stall", "s", "longest time python, which hears services, stood still", 0.2, 1.0),
     Watched("skipped", "", "share of the samples of encoder, motor, wrench and pose that were left out", 0.1, 0.9),
     Watched("dropped", "", "share of the trace's rows that were left out", 0.0, 0.5),

@@ -27,4 +27,4 @@ def unkept_wish(name: str | Path, method: str = AUTO) -> str:
         return reduced.unkept
     if row.error <= scene.error + row.doubt:
         return ""
-    return f"error {scene.error:g} is wanted, and {row.method} was measured to err by {row.error:.2g}"
+    return f"error {scene.error:g} is wanted, and {row.method} was measured to have a relative error of {row.error:.2g}"

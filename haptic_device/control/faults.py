@@ -64,7 +64,7 @@ TABLE = (
     Fault(
         DUTY,
         "duty",
-        "a motor's warmth rose above fault.duty",
+        "a motor's thermal load rose above fault.duty",
         "zero in the next tick",
         "let it cool, ~/reset",
     ),

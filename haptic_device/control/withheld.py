@@ -60,7 +60,7 @@ TABLE = (
     Withheld(
         RELEASED,
         "released_walls",
-        "walls have let go of what missed ticks gave",
+        "walls push less, to take back the energy that missed ticks gave",
         "they push with {walls:.3g} N",
         "lead the handle out of all walls: then they are whole again",
     ),

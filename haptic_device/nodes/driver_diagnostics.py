@@ -62,7 +62,7 @@ class DriverDiagnostics:
         elif row.tool_age < 0.0 and not refused:
             yield "no simulation: the handle is in free space"
         elif row.tool_age > node.values["exchange.hold"]:
-            yield f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling is let go"
+            yield f"the tool sample is {row.tool_age * 1e3:.0f} ms old: the coupling fades out"
         settings = node.settings()[0]
         short = gain_check.shortfall(settings, float(settings["passivity"]["lateness"]))  # as the servo counts with it
         if short and node.values["passivity.policy"] != "off":

@@ -12,7 +12,7 @@ from haptic_sim.config_problems import problems, remark
 def check(files: Annotated[list[Path], typer.Argument(help="Operating points, device descriptions or scenes (YAML).")]):
     """Check configuration files: prints ok or one sentence for each thing that is wrong; exit code 1 if any is.
 
-    Of a scene that is right it says where its method errs more than the scene allows.
+    Of a scene that is right it says where the error of its method is greater than the scene allows.
     """
     wrong = 0
     for path in files:

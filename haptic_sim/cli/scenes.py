@@ -30,7 +30,7 @@ def scenes(
     ] = None,
     measured: Annotated[
         str | None,
-        typer.Option("--verify", help="Measure what each method costs and errs on this scene, or on `all` ones."),
+        typer.Option("--verify", help="Measure what each method costs on this scene, and its error, or on `all` ones."),
     ] = None,
     gallery: Annotated[Path | None, typer.Option(help="Write a page with all scenes into this folder.")] = None,
 ):
@@ -54,13 +54,13 @@ def scenes(
 
 def _list():
     table = Table(title="scenes; haptic scenes --draw NAME, --explain NAME, haptic demo --scene NAME")
-    for column in ("name", "what", "freedoms", "method", "sub-step"):
-        table.add_column(column, justify="right" if column in ("freedoms", "sub-step") else "left")
+    for column in ("name", "what", "DOF", "method", "sub-step"):
+        table.add_column(column, justify="right" if column in ("DOF", "sub-step") else "left")
     for name in names("scenes"):
         scene = load(name)
         reduced = reduce_scene(scene)
         table.add_row(
-            name, scene.description, str(reduced.needs.freedoms), reduced.method, f"{reduced.sub_step * 1e3:g} ms"
+            name, scene.description, str(reduced.needs.dof), reduced.method, f"{reduced.sub_step * 1e3:g} ms"
         )
     Console(width=None if Console().is_terminal else 120).print(table)
 
@@ -82,7 +82,7 @@ def _explain(name):
 
 
 def _candidates(scene, name):
-    """(method, what it costs and errs) of those that could have been chosen; one line for a scene not in the table."""
+    """(method, what it costs, its error) of those that could have been chosen; one line for a scene not in the table."""
     if rows := kept_rows(scene):
         return [(row.method, said(row)) for row in rows]
     return [("candidates", f"not measured; haptic scenes --verify {name} measures them")]

@@ -29,7 +29,7 @@ class Needs(NamedTuple):
     """Bodies that can move, the tool first."""
     at_rest: tuple[str, ...]
     """Dynamic bodies that nothing can ever move."""
-    freedoms: int
+    dof: int
     """Degrees of freedom left by the joints at the start."""
     touching: tuple[tuple[str, str], ...]
     """Pairs of bodies that can ever touch."""
@@ -60,7 +60,7 @@ class ReducedScene(NamedTuple):
     reasons: tuple[str, ...]
     """Why this method and this sub-step, a sentence each."""
     unkept: str
-    """Sentence on the scene's `error`, where this method is known to err more; or ""."""
+    """Sentence on the scene's `error`, where this method is known to be greater; or ""."""
 
 
 def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
@@ -78,7 +78,7 @@ def reduce_scene(scene: Scene, method: str | None = None) -> ReducedScene:
     needs = Needs(
         moving=tuple(name for group in groups[:-1] for name in group),
         at_rest=tuple(at_rest),
-        freedoms=degrees_of_freedom(arrays),
+        dof=degrees_of_freedom(arrays),
         touching=touching.names,
         apart=touching.apart,
         friction=friction,

@@ -17,7 +17,7 @@ def explain(reduced: ReducedScene) -> list[tuple[str, str]]:
             f"{len(model.mass) - 1} of {bodies} can move: {_few(needs.moving)}"
             + (f"; nothing ever moves {_few(needs.at_rest)}" if needs.at_rest else ""),
         ),
-        ("freedoms", _freedoms(needs, model)),
+        ("DOF", _dof(needs, model)),
         ("contacts", _contacts(needs, model)),
         ("friction", "matters" if needs.friction else "no pair that can touch has any"),
         ("restitution", "matters" if needs.restitution else "no pair that can touch has any"),
@@ -29,11 +29,11 @@ def explain(reduced: ReducedScene) -> list[tuple[str, str]]:
     ]
 
 
-def _freedoms(needs: Needs, model: Model) -> str:
+def _dof(needs: Needs, model: Model) -> str:
     free = 3 * (len(model.mass) - 1)
-    if needs.freedoms == free:
+    if needs.dof == free:
         return f"{free}, three each"
-    return f"{needs.freedoms} of {free}; joints take the rest"
+    return f"{needs.dof} of {free}; joints take the rest"
 
 
 def _contacts(needs: Needs, model: Model) -> str:

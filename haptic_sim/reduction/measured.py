@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each method that a shipped scene could have costs and errs: a table kept with the package.
+"""What each method that a shipped scene could have costs, and its error: a table kept with the package.
 
 `python -m bench chosen --out haptic_sim/reduction/measured.csv`, in a clone of the sources, measures it anew.
 """
@@ -61,7 +61,7 @@ def said(row: Measured) -> str:
     """A row in words."""
     if math.isnan(row.error):
         return row.status
-    error = f"errs {row.error:.1e} of the way" + (f" (known to {row.doubt:.0e})" if row.doubt > row.error else "")
+    error = f"relative error {row.error:.1e}" + (f" (known to {row.doubt:.0e})" if row.doubt > row.error else "")
     created = "" if math.isnan(row.created) else f"creates {row.created:.0e} of the energy about, "
     return (
         f"step {row.step_us * 1e-3:g} ms: {error}, {created}overlaps "

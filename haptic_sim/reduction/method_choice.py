@@ -114,7 +114,7 @@ def unkept_wish(scene: Scene, model: Model, names: Sequence[str], method: str, s
     if method not in ("impulse", "partitioned"):
         return ""
     if method == "impulse" and (asked := _beyond_impulse(scene, model, names)):
-        return f"{asked}; haptic scenes --verify measures what it errs"
+        return f"{asked}; haptic scenes --verify measures the relative error"
     step, (frequency, what) = sub_step, max(_modes(model))
     if method == "impulse":
         step = min(sub_step, step_inside(model, scene.error))
@@ -122,7 +122,7 @@ def unkept_wish(scene: Scene, model: Model, names: Sequence[str], method: str, s
     if expected <= scene.error * (1.0 + 1e-9):
         return ""
     return (
-        f"error {scene.error:g} is wanted, and {method} in steps of {step * 1e3:.4g} ms may err by {expected:.2g}: of "
+        f"error {scene.error:g} is wanted, and {method} in steps of {step * 1e3:.4g} ms may have a relative error of {expected:.2g}: of "
         f"{what} at {frequency:.4g} rad/s; haptic scenes --verify measures it"
     )
 

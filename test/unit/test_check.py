@@ -228,7 +228,7 @@ def test_of_a_shipped_scene_what_was_measured_counts_before_what_is_reckoned(mon
     assert unkept_wish("gravel") == ""
     far = rows["impulse"]._replace(error=0.7, doubt=0.1)
     monkeypatch.setattr("haptic_sim.scene_promise.of_scene", lambda name: [far])
-    assert unkept_wish("gravel") == "error 0.02 is wanted, and impulse was measured to err by 0.7"
+    assert unkept_wish("gravel") == "error 0.02 is wanted, and impulse was measured to have a relative error of 0.7"
 
 
 @pytest.mark.parametrize(("seconds", "taken"), [("0.0", True), ("0.2", True), ("0.19", False), ("0.01", False)])

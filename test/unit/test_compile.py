@@ -88,7 +88,7 @@ def place(pose, point):
 )
 def test_degrees_of_freedom_are_what_a_textbook_counts(name, count):
     """A four-bar has one, and its knob another; twelve of body coordinates less eight of four pins less two."""
-    assert reduce_scene(load(name)).needs.freedoms == count
+    assert reduce_scene(load(name)).needs.dof == count
 
 
 @pytest.mark.parametrize(("where", "apart"), [(0.2003, True), (0.2002, False)])
@@ -492,10 +492,10 @@ def test_an_error_that_no_step_keeps_is_said_and_one_that_is_kept_is_not():
     bar = {"bodies": [BAR], "joints": [PINNED]}
     assert compiled(**bar, error=0.02).unkept == ""
     assert (
-        "error 1e-05 is wanted, and partitioned in steps of 0.025 ms may err by" in compiled(**bar, error=1e-5).unkept
+        "error 1e-05 is wanted, and partitioned in steps of 0.025 ms may have a relative error of" in compiled(**bar, error=1e-5).unkept
     )
     asked = compiled(**bar, error=0.002, method="impulse").unkept
-    assert asked == "error 0.002 is wanted; impulse holds 0.003; haptic scenes --verify measures what it errs"
+    assert asked == "error 0.002 is wanted; impulse holds 0.003; haptic scenes --verify measures the relative error"
 
 
 def test_a_damper_counts_with_the_step_of_impulse_among_many_bodies_and_is_told_where_nothing_else_takes_them():

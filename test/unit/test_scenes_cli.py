@@ -91,7 +91,7 @@ def test_the_wall_is_explained_as_one_axis_in_closed_form():
         ),
     ],
 )
-def test_an_explanation_says_freedoms_contacts_and_method(name, words):
+def test_an_explanation_says_dof_contacts_and_method(name, words):
     scene = load(name)
     said = " ".join(answer for _, answer in explain(reduce_scene(scene)))
     assert all(word in said for word in words), said
@@ -101,7 +101,7 @@ def test_an_explanation_ends_with_what_each_candidate_costs_and_errs():
     said = haptic("scenes", "--explain", "wall").stdout.splitlines()[-3:]
     assert [line.split()[0] for line in said] == ["closed_form", "impulse", "partitioned"]
     for line, row in zip(said, of_scene("wall"), strict=True):
-        assert f"errs {row.error:.1e} of the way" in line
+        assert f"relative error {row.error:.1e}" in line
         assert f"takes {row.exchange_us:.0f} us an exchange" in line
 
 
