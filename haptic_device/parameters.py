@@ -108,7 +108,7 @@ class Exchange(Group):
     horizon: float = live(0.06, "s", "longest time over which the tool's motion is predicted", 0.0, 0.5)
     slew: float = live(400.0, "N/s", "fastest change of force by the tool's samples alone", 1.0, 1e6)
     agility: float = live(20.0, "m/s^2", "acceleration that a free tool is given credit for", 0.0, 10000.0)
-    fade: float = live(0.14, "s", "time over which the coupling fades out after exchange.hold, and in again", 0.001, 5.0)
+    fade: float = live(0.14, "s", "time in which the coupling fades out after exchange.hold, and in", 0.001, 5.0)
 
 
 class Local(Group):

@@ -10,7 +10,8 @@ from haptic_sim.scene import load
 HEAD = """# Scenes
 
 Written by `haptic scenes --gallery docs/scenes`. Grey is fixed, blue can move, orange is the tool (cross: the grip);
-circles are pins, squares sliders, the dotted line is the way suggested for the handle.
+circles are pins, squares sliders; green zigzags and spirals are springs (dashed: a damper alone); red arrows with a
+speed are motors, belts and bodies that move at the start. The dotted line is the way suggested for the handle.
 """
 
 
@@ -21,11 +22,11 @@ def write_gallery(folder) -> None:
     for name in names("scenes"):
         scene = load(name)
         save(scene, folder / f"{name}.png")
-        sections.append(_section(scene))
+        sections.append(_section(name, scene))
     (folder / "README.md").write_text("\n".join(sections), encoding="utf-8")
 
 
-def _section(scene):
+def _section(name, scene):
     rows = "\n".join(f"| {question} | {answer} |" for question, answer in explain(reduce_scene(scene)))
-    picture = f"![{scene.name}]({scene.name}.png)"
-    return f"## {scene.name}\n\n{scene.description}.\n\n{picture}\n\n| | |\n|---|---|\n{rows}\n"
+    picture = f"![{name}]({name}.png)"
+    return f"## {name}\n\n{scene.description}.\n\n{picture}\n\n| | |\n|---|---|\n{rows}\n"

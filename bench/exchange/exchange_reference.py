@@ -52,8 +52,8 @@ def main() -> None:
         for late in LATE:
             error, taken = reference(method, late)
             print(
-                f"{method} {late:3d} samples each way: mean error {error * 1e3:.3f} mm (of the delay alone: {late * SPEED:.3f}), "
-                f"taken from the hand {taken:.3f} J",
+                f"{method} {late:3d} samples each way: mean error {error * 1e3:.3f} mm "
+                f"(of the delay alone: {late * SPEED:.3f}), taken from the hand {taken:.3f} J",
                 flush=True,
             )
     given = yaml.safe_load(find("", "demo").read_text())

@@ -59,9 +59,7 @@ def _list():
     for name in names("scenes"):
         scene = load(name)
         reduced = reduce_scene(scene)
-        table.add_row(
-            name, scene.description, str(reduced.needs.dof), reduced.method, f"{reduced.sub_step * 1e3:g} ms"
-        )
+        table.add_row(name, scene.description, str(reduced.needs.dof), reduced.method, f"{reduced.sub_step * 1e3:g} ms")
     Console(width=None if Console().is_terminal else 120).print(table)
 
 
@@ -69,7 +67,7 @@ def _draw(name, out):
     from haptic_sim.draw import save
 
     scene = load(name)
-    path = out or Path(f"{scene.name}.png")
+    path = out or Path(f"{Path(name).stem}.png")
     save(scene, path)
     typer.echo(path)
 
@@ -82,7 +80,7 @@ def _explain(name):
 
 
 def _candidates(scene, name):
-    """(method, what it costs, its error) of those that could have been chosen; one line for a scene not in the table."""
+    """(method, cost and error) of those that could have been chosen; one line for a scene not in the table."""
     if rows := kept_rows(scene):
         return [(row.method, said(row)) for row in rows]
     return [("candidates", f"not measured; haptic scenes --verify {name} measures them")]

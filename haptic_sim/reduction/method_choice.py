@@ -122,8 +122,8 @@ def unkept_wish(scene: Scene, model: Model, names: Sequence[str], method: str, s
     if expected <= scene.error * (1.0 + 1e-9):
         return ""
     return (
-        f"error {scene.error:g} is wanted, and {method} in steps of {step * 1e3:.4g} ms may have a relative error of {expected:.2g}: of "
-        f"{what} at {frequency:.4g} rad/s; haptic scenes --verify measures it"
+        f"error {scene.error:g} is wanted, and {method} in steps of {step * 1e3:.4g} ms may have a relative error of "
+        f"{expected:.2g}: of {what} at {frequency:.4g} rad/s; haptic scenes --verify measures it"
     )
 
 

@@ -492,7 +492,8 @@ def test_an_error_that_no_step_keeps_is_said_and_one_that_is_kept_is_not():
     bar = {"bodies": [BAR], "joints": [PINNED]}
     assert compiled(**bar, error=0.02).unkept == ""
     assert (
-        "error 1e-05 is wanted, and partitioned in steps of 0.025 ms may have a relative error of" in compiled(**bar, error=1e-5).unkept
+        "error 1e-05 is wanted, and partitioned in steps of 0.025 ms may have a relative error of"
+        in compiled(**bar, error=1e-5).unkept
     )
     asked = compiled(**bar, error=0.002, method="impulse").unkept
     assert asked == "error 0.002 is wanted; impulse holds 0.003; haptic scenes --verify measures the relative error"

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from haptic_device.config_files import find, names
-from haptic_sim.draw import draw, handle_way
+from haptic_sim.draw import DRIVEN, SPRUNG, draw, handle_way
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
 from haptic_sim.reduction.measured import Measured, of_scene, read
-from haptic_sim.scene import load
+from haptic_sim.scene import load, parse
 from haptic_sim.verify import within
 
 LIBRARY = {
@@ -50,6 +50,81 @@ def test_a_drawn_scene_is_a_picture_with_tool_and_wall_in_it(tmp_path):
     grey = (np.ptp(pixels, axis=2) < 0.01) & (abs(pixels[..., 0] - 0.79) < 0.03)
     assert orange.sum() > 1000
     assert grey.sum() > 1000
+
+
+def glyphs(joint=None, belt=None):
+    """Labels and curves, by colour, of a picture of one block on that joint, or of a belt that runs at `belt`."""
+    block = {"name": "block", "mass": 1.0, "shapes": [{"box": {"size": [0.02, 0.02]}}]}
+    floor = {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"point": [0.0, -0.05], "normal": [0.0, 1.0]}}]}
+    tool = {"mass": 0.1, "pose": [0.05, 0.05, 0.0], "shapes": [{"circle": {"radius": 0.005}}]}
+    bodies = [block, floor | ({"surface_velocity": belt} if belt else {})]
+    joints = [{"bodies": ["world", "block"], "at": [0.0, 0.0], **joint}] if joint else []
+    axes = Figure().subplots()
+    draw(parse({"name": "one", "bodies": bodies, "tool": tool, "joints": joints}, "here"), axes)
+    curves = {line.get_color(): line for line in axes.lines}
+    return [text.get_text() for text in axes.texts], curves
+
+
+def direction(curve):
+    """Where the arrow of a motor or a belt points [rad]; counter-clockwise of an arrow that turns: 1."""
+    points = curve.get_marker().vertices
+    if len(points) < 10:
+        return math.atan2(*reversed(points[1] - points[0]))
+    before, behind = points[:2]
+    return math.copysign(1.0, before[0] * behind[1] - before[1] * behind[0])
+
+
+@pytest.mark.parametrize("speed", [0.1, -0.1])
+def test_the_arrow_of_a_slider_s_motor_points_where_it_drives_the_body(speed):
+    guide = {"type": "slider", "axis": [1.0, 1.0], "motor": {"speed": speed, "max_force": 1.0}}
+    labels, curves = glyphs(guide)
+    assert labels == [f"{speed:g} m/s"]
+    assert direction(curves[DRIVEN]) == pytest.approx(math.pi / 4.0 if speed > 0.0 else -0.75 * math.pi)
+
+
+@pytest.mark.parametrize("speed", [2.0, -2.0])
+def test_the_arrow_of_a_pin_s_motor_turns_as_the_motor_does(speed):
+    labels, curves = glyphs({"type": "pin", "motor": {"speed": speed, "max_torque": 1.0}})
+    assert labels == [f"{speed:g} rad/s"]
+    assert direction(curves[DRIVEN]) == math.copysign(1.0, speed)
+
+
+def test_a_motor_that_brakes_has_no_direction():
+    labels, curves = glyphs({"type": "pin", "motor": {"speed": 0.0, "max_torque": 1.0}})
+    assert labels == ["0 rad/s"]
+    assert DRIVEN not in curves
+
+
+def test_the_arrow_of_a_belt_points_where_its_surface_runs():
+    labels, curves = glyphs(belt=[-0.2, 0.0])
+    assert labels == ["0.2 m/s"]
+    assert abs(direction(curves[DRIVEN])) == pytest.approx(math.pi)
+
+
+def test_a_spring_is_a_zigzag_between_its_anchors_and_a_damper_alone_a_dashed_line():
+    ends = {"type": "spring", "at": None, "anchors": [[0.0, 0.1], [0.0, 0.0]]}
+    _, sprung = glyphs({**ends, "stiffness": 100.0, "damping": 1.0})
+    _, damped = glyphs({**ends, "damping": 1.0})
+    zigzag, dashed = sprung[SPRUNG].get_xydata(), damped[SPRUNG].get_xydata()
+    assert np.ptp(zigzag[:, 0]) > 5.0 and np.ptp(dashed[:, 0]) == 0.0
+    assert zigzag[[0, -1]] == pytest.approx(np.array([[0.0, 100.0], [0.0, 0.0]]), abs=1e-9)
+    assert damped[SPRUNG].get_linestyle() == "--"
+
+
+@pytest.mark.parametrize("joint", [{"type": "pin"}, {"type": "slider", "axis": [1.0, 0.0]}])
+def test_a_joint_s_own_spring_is_drawn_at_it(joint):
+    assert SPRUNG in glyphs({**joint, "stiffness": 1.0})[1]
+    assert SPRUNG not in glyphs(joint)[1]
+
+
+def test_two_scene_files_of_one_name_get_two_pictures(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = find("scenes", "wall").read_text(encoding="utf-8")
+    for name in ("near", "far"):
+        (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
+    drawn = [haptic("scenes", "--draw", f"{name}.yaml").stdout.strip() for name in ("near", "far")]
+    assert drawn == ["near.png", "far.png"]
+    assert all((tmp_path / name).read_bytes().startswith(PNG) for name in drawn)
 
 
 @pytest.mark.parametrize("name", names("scenes"))
