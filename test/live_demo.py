@@ -103,6 +103,6 @@ def ends_well(run, number):
     run.process.send_signal(number)
     assert run.ended() == 130 and nodes, run.progress
     until(lambda: not running(nodes) and not pages(), "the end of every node", said=lambda: f"{nodes}, {pages()}")
-    assert not run.bag.exists() or (run.bag / "metadata.yaml").exists()
+    assert not run.bag.exists() or (run.bag / "metadata.yaml").exists() and f"is {run.bag}" in run.progress
     said = [run.progress, *(log.read_text() for log in (run.out / "log").glob("*.log"))]
     assert not any("Traceback" in text for text in said), said

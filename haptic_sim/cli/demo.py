@@ -40,7 +40,7 @@ def demo(
     port: Annotated[int, typer.Option(min=0, max=65535, help="Its TCP port; 0: any that is free.")] = 0,
 ) -> None:
     """Run loopback device, driver, simulation and recorder on a scene. Exit code 0 only if the job was done."""
-    started = time.monotonic() - (time.time() - psutil.Process().create_time())
+    started, order = time.monotonic() - (time.time() - psutil.Process().create_time()), None
     try:
         with interruptible():
             order = _order(scene, seconds, out, exchange, rate, params)
@@ -48,15 +48,23 @@ def demo(
             order = order._replace(relay=relay if any(relay) else None)
             done = _view(order, host, port) if view else run(order, started, json)
     except KeyboardInterrupt:
-        print("haptic demo: interrupted; all nodes have ended", file=sys.stderr, flush=True)
+        print(f"haptic demo: interrupted; all nodes have ended{_kept(order)}", file=sys.stderr, flush=True)
         os._exit(INTERRUPTED)  # an interrupt that struck inside exec() would otherwise end python by SIGINT
     raise typer.Exit(0 if done else 1)
+
+
+def _kept(order: Order | None) -> str:
+    """Where the recording of a run is that was interrupted; "" before there is any."""
+    bag = order and order.out / "bag"
+    return f"; the recording is {bag}" if bag and bag.exists() else ""
 
 
 def _view(order, host, port):
     from haptic_sim.live.node_manager import play
 
-    return play(order, {"host": host, "port": port})
+    done = play(order, {"host": host, "port": port})
+    print(f"haptic demo: all nodes have ended{_kept(order)}", file=sys.stderr, flush=True)
+    return done
 
 
 def run(order: Order, started: float, as_json: bool) -> bool:
