@@ -16,9 +16,12 @@ _DEVICE = "Take m, b, friction, encoder step and delays from this device's x axi
 
 _LIVE = "Raise the wall's stiffness on driver and loopback until it shakes, instead of drawing the map of a model."
 _DOMAIN = "With --live: ROS domain of nodes that run already, the hand's motion being follow."
+LIVE_ONLY = "damping", "domain", "namespace"
+EITHER = "device", "period", "stiffness_max", "as_json"
 
 
 def zwidth(
+    context: typer.Context,
     device: Annotated[str | None, typer.Option(help=_DEVICE)] = None,
     mass: Annotated[float | None, typer.Option(help="Moving mass m (kg) [0.1].")] = None,
     physical_damping: Annotated[float | None, typer.Option(help="Physical damping b (N s/m) [0.5].")] = None,
@@ -50,6 +53,7 @@ def zwidth(
     given = {"mass": mass, "physical_damping": physical_damping, "delay_samples": delay_samples, "coulomb": coulomb}
     given = {name: value for name, value in {**given, "resolution": resolution}.items() if value is not None}
     try:
+        _refuse_options_of_the_other_mode(context, live)
         if live:
             found = _measure(device or "desktop", period, damping, stiffness_max, domain, namespace)
         else:
@@ -65,6 +69,13 @@ def zwidth(
         raise typer.Exit(INTERRUPTED) from None
     show = _show_live if live else _show
     typer.echo(json.dumps(found)) if as_json else show(found)
+
+
+def _refuse_options_of_the_other_mode(context: typer.Context, live: bool):
+    sources = {name: context.get_parameter_source(name) for name in context.params if name not in (*EITHER, "live")}
+    given = [name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"]
+    if wrong := ", ".join(f"--{name.replace('_', '-')}" for name in given if (name in LIVE_ONLY) is not live):
+        raise ValueError(f"with --live, {wrong} has no meaning" if live else f"{wrong} needs --live")
 
 
 def _draw(device, given, cells, lateness, out, workers, scheduler):

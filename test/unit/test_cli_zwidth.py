@@ -16,7 +16,7 @@ from haptic_sim.cli.zwidth import zwidth
 
 def haptic(folder, *words, **options):
     """Run the subcommand on a small map, with options changed or added."""
-    given = {"points": 12, "seconds": 0.2, "out": folder, **options}
+    given = ({} if "--live" in words else {"points": 12, "seconds": 0.2, "out": folder}) | options
     app = typer.Typer()
     app.command()(zwidth)
     named = [word for name, value in given.items() for word in (f"--{name.replace('_', '-')}", str(value))]
@@ -60,6 +60,8 @@ def test_a_device_description_gives_the_values_that_are_not_given(tmp_path):
         ({"device": "nowhere"}, "nowhere"),
         ({"seconds": 0}, "seconds is 0 s"),
         ({"physical_damping": "nan"}, "physical_damping is nan N s/m"),
+        ({"damping": 3}, "--damping needs --live"),
+        ({"domain": 3, "namespace": "/a"}, "--domain, --namespace needs --live"),
     ],
 )
 def test_bad_input_ends_in_one_sentence_and_exit_code_2(tmp_path, options, sentence):
@@ -68,6 +70,11 @@ def test_bad_input_ends_in_one_sentence_and_exit_code_2(tmp_path, options, sente
     assert sentence in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
     assert result.stdout == ""
+
+
+def test_live_refuses_what_only_a_map_takes(tmp_path):
+    result = haptic(tmp_path, "--live", mass=1.0, out=tmp_path)
+    assert result.exit_code == 2 and "with --live, --mass, --out has no meaning" in result.stderr
 
 
 def test_interrupted_it_keeps_the_rows_that_were_done_and_says_where(tmp_path, monkeypatch):

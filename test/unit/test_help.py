@@ -21,9 +21,10 @@ def function(name):
 
 
 def told(name):
-    """(name of the argument, help text) of each argument of a command."""
+    """(name, what typer knows of it) of each argument of a command."""
     hints = typing.get_type_hints(function(name), include_extras=True)
-    return [(argument, hints[argument].__metadata__[0]) for argument in inspect.signature(function(name)).parameters]
+    there = (argument for argument in inspect.signature(function(name)).parameters if argument != "context")
+    return [(argument, hints[argument].__metadata__[0]) for argument in there]
 
 
 def squeezed(text):
