@@ -2,6 +2,8 @@
 """The web server: static files, a websocket a page, the operating point as a file. Everything behind a token."""
 
 import asyncio
+import os
+import socket
 from pathlib import Path
 
 from aiohttp import web
@@ -28,7 +30,7 @@ class Server:
         self._runner = self._listener = self._limit = None
 
     async def start(self) -> None:
-        """Listens. OSError if the address is taken."""
+        """Listens. ValueError, one sentence, if the address is taken or there is none of this name."""
         app = web.Application(middlewares=[self._guarded])
         app.router.add_get("/{token}/socket", self._open_socket)
         app.router.add_get("/{token}/operating_point.yaml", self._operating_point)
@@ -36,7 +38,11 @@ class Server:
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, keepalive_timeout=HANDSHAKE)
         await self._runner.setup()
         self._limit = ConnectionLimit(self._runner.server)
-        self._listener = await asyncio.get_running_loop().create_server(self._limit, self._host, self._port)
+        try:
+            self._listener = await asyncio.get_running_loop().create_server(self._limit, self._host, self._port)
+        except OSError as error:  # its text is that of the library, for a taken port with a number in brackets
+            why = error.strerror if isinstance(error, socket.gaierror) else os.strerror(error.errno)
+            raise ValueError(f"no page can be served on host {self._host!r}, port {self._port}: {why}") from None
         self._port = self._listener.sockets[0].getsockname()[1]
 
     async def stop(self) -> None:

@@ -5,8 +5,9 @@ import asyncio
 import contextlib
 import json
 import math
+import re
 import types
-from socket import gethostname
+from socket import create_server, gethostname
 
 import aiohttp
 import pytest
@@ -658,3 +659,12 @@ def test_the_page_fetches_nothing_from_elsewhere():
         text = file.read_text(encoding="utf-8")
         assert "https://" not in text, file.name
         assert [word for word in text.split() if "http://" in word] in ([], ['xmlns="http://www.w3.org/2000/svg"'])
+
+
+@pytest.mark.parametrize("host", ["a b", "192.0.2.1", "127.0.0.1"])  # no name, another machine's, a taken port
+def test_an_address_that_cannot_be_served_is_refused_by_its_name(host):
+    with create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(ValueError) as refusal:
+            asyncio.run(Server(host, port, None, None, None).start())
+    assert re.fullmatch(rf"no page can be served on host '{host}', port {port}: [A-Z][\w ,]+", str(refusal.value))
