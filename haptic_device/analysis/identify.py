@@ -68,10 +68,13 @@ def trace_of(rows: npt.NDArray[np.void], axis: int, position_per_count: float) -
     return Trace(time, written, rows["counts"][:, axis] * position_per_count, rows["force_on_handle"][:, axis].copy())
 
 
-def identify(trace: Trace, mass: float, damping: float) -> Identified:
+def identify(trace: Trace, mass: float, damping: float, units: tuple[str, str, str] = ("m", "N", "kg")) -> Identified:
     """Identified axis; mass and damping are where the search begins, a factor of five off is near enough.
 
-    Raises ValueError, one sentence, if the trace is too short or the handle was not moved by the motor.
+    units: of the trace's positions and forces and of the mass, for the sentence of a refusal.
+
+    Raises ValueError, one sentence, if the trace is too short, or the motor did not move the handle enough to tell its
+    mass, as one that is blocked.
     """
     begins = _segments(trace)
     _refuse_rest(trace)
@@ -85,7 +88,9 @@ def identify(trace: Trace, mass: float, damping: float) -> Identified:
     found = least_squares(
         fit.residual, first, fit.jacobian, (low, high), x_scale="jac", xtol=1e-8, ftol=1e-7, max_nfev=60
     )
-    return _with_confidence(found, begins)
+    identified = _with_confidence(found, begins)
+    _refuse_unknown(identified.mass, trace, units)
+    return identified
 
 
 def resolution_of(counts: npt.ArrayLike, position_per_count: float) -> float:
@@ -140,17 +145,16 @@ class _Fit:
 
 
 def _segments(trace: Trace) -> npt.NDArray[np.intp]:
+    lasts = float(np.ptp(trace.time)) if trace.time.size else 0.0
+    if lasts < FEWEST * SEGMENT:
+        raise ValueError(f"the trace lasts {lasts:.3g} s; {FEWEST * SEGMENT:g} s are the least to identify from")
     length = round(SEGMENT / _tick(trace))
-    count = len(trace.time) // max(length, 1)
-    if count < FEWEST:
-        raise ValueError(
-            f"the trace lasts {trace.time[-1]:.3g} s; {FEWEST * SEGMENT:g} s are the least to identify from"
-        )
-    return np.arange(count + 1) * length
+    return np.arange(trace.time.size // length + 1) * length
 
 
 def _tick(trace: Trace) -> float:
-    return float(np.median(np.diff(trace.time)))
+    """Of the servo [s]: a device that latches more slowly gives one time to several ticks."""
+    return float(trace.time[-1] - trace.time[0]) / (trace.time.size - 1)
 
 
 def _velocities(trace: Trace, begins: npt.NDArray[np.intp]) -> Array:
@@ -163,6 +167,16 @@ def _refuse_rest(trace: Trace) -> None:
         raise ValueError("the motor force never changed, so nothing can be told from this trace")
     if np.ptp(trace.position) == 0.0:
         raise ValueError("the handle never moved, so nothing can be told from this trace")
+
+
+def _refuse_unknown(mass: Estimate, trace: Trace, units: tuple[str, str, str]) -> None:
+    if not mass.confidence < mass.value:
+        way, force, unit = units
+        raise ValueError(
+            f"the handle moved by {np.ptp(trace.position):.2g} {way} under forces {np.ptp(trace.force):.2g} {force} "
+            f"apart, which leaves its mass unknown, {mass.value:.2g} ± {mass.confidence:.2g} {unit}; is it blocked, or "
+            "the force too small?"
+        )
 
 
 def _with_confidence(found: OptimizeResult, begins: npt.NDArray[np.intp]) -> Identified:

@@ -54,8 +54,11 @@ def fit(
 
     None where there are too few samples, or the axis hardly moved. Samples that are not finite are left out.
     """
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if not step > 0.0:
+        return None
     columns = np.stack([_derivative(time, velocity, groups), velocity, position, force], axis=1)
-    width = max(1, round(HAND / float(np.median(np.diff(time))))) if len(time) > 1 else 1
+    width = max(1, round(HAND / step))
     columns, begins = _means(columns.astype(float), width)
     if len(begins) < LEAST:
         return None

@@ -7,10 +7,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy import signal
 
-from haptic_device.analysis.quantity import Array
+from haptic_device.analysis.quantity import Array, within
 
 WINDOW = 0.5  # [s] of one spectrum
 LOWEST = 15.0  # [Hz]; below it is the hand
+SLOWEST = 50.0  # [Hz] rate of a force whose spectrum has lines above LOWEST
 STANDS_OUT = 100.0  # times the median of its neighbourhood; noise reaches 25 once in an hour
 LEAST_FORCE = 0.02  # [N] RMS; a hand does not feel less
 _NEIGHBOURS = 2.0 ** np.array([-1.0, 1.0])
@@ -40,8 +41,12 @@ def spectrum_of(force: Array, rate: float, known: float = 0.0) -> Spectrum:
     """Spectrum of a force (samples, axes) at this rate [Hz], all axes together.
 
     known: frequency [Hz] whose multiples are no oscillation, such as the exchange's, which makes the force a stair.
-    Samples that are not finite count as 0. Raises ValueError if it is shorter than one window.
+    Samples that are not finite count as 0. Raises ValueError if it is shorter than one window, has no axis, or if the
+    rate leaves no frequency above LOWEST.
     """
+    within("rate", rate, SLOWEST, np.inf, "Hz")
+    if np.ndim(force) != 2 or not np.size(force, 1):
+        raise ValueError(f"a force of shape {np.shape(force)} has no spectrum; (samples, axes) is needed")
     length = int(WINDOW * rate)
     if len(force) < length:
         raise ValueError(f"a force of {len(force) / rate:.2g} s is too short for a spectrum; {WINDOW} s are needed")

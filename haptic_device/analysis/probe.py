@@ -104,6 +104,8 @@ def apparent_damping(truth: GroundTruth, began: float) -> float:
     along the circle, so that the three can be told apart. Raises ValueError if the handle hardly moved, or too little
     of it came.
     """
+    if truth.time.size < 2:
+        raise ValueError(f"the truth came {truth.time.size} times; is the loopback running?")
     edges = np.arange(began + BEGIN, began + CIRCLE, WINDOW)
     at = np.unique(np.searchsorted(truth.time, edges[edges < truth.time[-1]]))
     square = truth.velocity_x**2 + truth.velocity_y**2

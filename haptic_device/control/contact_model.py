@@ -137,7 +137,9 @@ def judge_table(table):
             return NOT_A_CONTACT
         if one[MOBILITY] < 0.0 or one[SLIP_MOBILITY] < 0.0 or one[RADIUS] < 0.0 or one[TOOL_RADIUS] < 0.0:
             return NOT_A_CONTACT
-        if abs(one[POINT_X]) > LARGEST or abs(one[POINT_Y]) > LARGEST or abs(one[VELOCITY_X]) > LARGEST:
+        if abs(one[POINT_X]) > LARGEST or abs(one[POINT_Y]) > LARGEST:
+            return NOT_FINITE
+        if abs(one[VELOCITY_X]) > LARGEST or abs(one[VELOCITY_Y]) > LARGEST:
             return NOT_FINITE
     return _judge_room(table)
 

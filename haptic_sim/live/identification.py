@@ -76,9 +76,13 @@ def _torque(device, torque):
 
 
 def estimate(rows, index, axis):
-    """Figures of one axis: name → (value, confidence or None)."""
+    """Figures of one axis: name → (value, confidence or None). Raises ValueError, one sentence with the axis's name."""
     per_count = axis.encoder_sign / axis.counts_per_unit
-    found = identify(trace_of(rows, index, per_count), axis.mass, axis.damping)
+    units = ("rad", "N m", "kg m²") if axis.name == "theta" else ("m", "N", "kg")
+    try:
+        found = identify(trace_of(rows, index, per_count), axis.mass, axis.damping, units)
+    except ValueError as refusal:
+        raise ValueError(f"axis {axis.name}: {refusal}") from None
     step = resolution_of(rows["counts"][:, index], per_count)
     values = {name: tuple(getattr(found, name)) for name in ("mass", "damping", "coulomb", "bias", "delay")}
     return values | {"resolution": (step, None), "residual": (found.residual, None)}

@@ -89,6 +89,7 @@ def test_of_a_group_the_plane_with_the_largest_gap_counts():
         ({"kind": 4.0}, contact_model.NOT_A_CONTACT),
         ({"gap": math.nan}, contact_model.NOT_FINITE),
         ({"point_x": math.inf}, contact_model.NOT_FINITE),
+        *(({name: 1e14}, contact_model.NOT_FINITE) for name in ("point_x", "point_y", "velocity_x", "velocity_y")),
     ],
 )
 def test_what_is_no_contact_is_refused(given, verdict):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is read off a motion: the impedance felt, an oscillation, contacts; against data whose truth is known."""
 
+import math
+
 import numpy as np
 import pytest
 from examples import few
@@ -10,6 +12,7 @@ from scipy.signal import lfilter
 
 from haptic_device.analysis.impedance import fit
 from haptic_device.analysis.oscillation import LEAST_FORCE, spectrum_of
+from haptic_device.analysis.probe import GroundTruth, apparent_damping
 from haptic_device.analysis.wall_contacts import contacts, touching
 
 MASS, DAMPING, STIFFNESS = 0.1, 4.0, 1500.0
@@ -131,6 +134,32 @@ def test_a_line_too_weak_to_be_felt_and_the_stair_of_the_exchange_are_no_oscilla
         assert (spectrum_of(force, 4000.0).oscillation is not None) is there
     stair = np.stack([0.5 * np.sin(2 * np.pi * 998.5 * time), 0 * time], axis=1)
     assert spectrum_of(stair, 4000.0).oscillation and spectrum_of(stair, 4000.0, 1000.0).oscillation is None
+
+
+@pytest.mark.parametrize(
+    ("shape", "rate", "sentence"),
+    [
+        ((4000, 0), 1000.0, "a force of shape (4000, 0) has no spectrum; (samples, axes) is needed"),
+        ((4000,), 1000.0, "a force of shape (4000,) has no spectrum"),
+        ((1, 2), 1.0, "rate is 1 Hz"),
+        ((400, 2), 8.0, "rate is 8 Hz"),
+        ((400, 2), math.nan, "rate is nan Hz"),
+        ((0, 2), 1000.0, "a force of 0 s is too short for a spectrum"),
+        ((1, 2), 1000.0, "a force of 0.001 s is too short for a spectrum"),
+    ],
+)
+def test_what_has_no_spectrum_is_refused_in_a_sentence(shape, rate, sentence):
+    with pytest.raises(ValueError) as refusal:
+        spectrum_of(np.zeros(shape), rate)
+    assert sentence in str(refusal.value)
+
+
+@pytest.mark.parametrize("count", range(4))
+def test_a_few_samples_have_no_impedance_and_show_no_damping(count):
+    none = np.zeros(count)
+    assert fit(none, none, none, none) is None
+    with pytest.raises(ValueError, match="the truth came|the handle hardly moved"):
+        apparent_damping(GroundTruth(*[none] * 5), 0.0)
 
 
 def test_a_force_shorter_than_one_window_has_no_spectrum():

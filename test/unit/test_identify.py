@@ -20,7 +20,7 @@ from haptic_device.realtime import servo_loop
 from haptic_device.status import Status
 from haptic_sim.cli.identify import identify as command
 from haptic_sim.live.excitation import shake_handle, unbroken
-from haptic_sim.live.identification import write_description
+from haptic_sim.live.identification import estimate, write_description
 from haptic_sim.live.tuning import refuse_other_device
 
 
@@ -201,8 +201,43 @@ def test_a_trace_that_tells_nothing_is_refused_in_a_sentence():
         identify(still._replace(force=np.sin(time)), 0.1, 1.0)
     with pytest.raises(ValueError, match="the trace lasts 0.5 s; 1.6 s are the least"):
         identify(Trace(*(column[:501] for column in still)), 0.1, 1.0)
+    with pytest.raises(ValueError, match="the trace lasts 0 s; 1.6 s are the least"):
+        identify(Trace(*(column[:0] for column in still)), 0.1, 1.0)
     with pytest.raises(ValueError, match="the counts never changed"):
         resolution_of(np.zeros(9), 1e-5)
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 1e6, 1e9])  # [N/m] of what blocks it: moved by some steps, by two, by none
+def test_a_blocked_handle_is_refused_with_how_little_it_moved(stiffness):
+    trace = trace_of(shaken(), 0, 5e-6)
+    blocked = trace._replace(position=np.round(trace.force / stiffness / 5e-6) * 5e-6)
+    with pytest.raises(ValueError, match="is it blocked|the handle never moved") as refusal:
+        identify(blocked, 0.05, 1.0)
+    assert stiffness == 1e9 or f"moved by {np.ptp(blocked.position):.2g} m" in str(refusal.value)
+
+
+def test_of_a_handle_that_stood_still_flicker_of_its_encoder_tells_nothing():
+    trace = trace_of(shaken(), 0, 5e-6)
+    flicker = trace._replace(position=np.random.default_rng(1).integers(0, 2, trace.time.size) * 5e-6)
+    with pytest.raises(ValueError, match="moved by 5e-06 m under forces .* which leaves its mass unknown"):
+        identify(flicker, 0.05, 1.0)
+
+
+def test_a_device_that_latches_at_a_quarter_of_the_rate_is_recognized():
+    trace = trace_of(shaken(), 0, 5e-6)
+    slow = trace._replace(
+        **{name: getattr(trace, name)[::4].repeat(4)[: trace.time.size] for name in ("time", "position")}
+    )
+    identified = identify(slow, 0.05, 1.0)
+    assert identified.mass.value == pytest.approx(0.1, rel=1e-3)
+    assert identified.damping.value == pytest.approx(3.0, rel=1e-3)
+
+
+def test_a_refusal_names_the_axis():
+    rows = shaken().copy()
+    rows["counts"] = 0
+    with pytest.raises(ValueError, match="^axis x: the handle never moved"):
+        estimate(rows, 0, axis(0.1, 3.0, 0.02, 5e-6))
 
 
 def test_a_trace_with_gaps_is_refused():
