@@ -2,7 +2,6 @@
 """`haptic compile`: kernels into the cache, so that no later start compiles any."""
 
 import contextlib
-import fcntl
 import multiprocessing
 import os
 import signal
@@ -28,8 +27,7 @@ def compile(entries: Annotated[list[str] | None, typer.Argument(help="Some only;
         raise ValueError(f"no kernels are called {', '.join(strangers)}; there are {', '.join(ENTRIES)}")
     if jit.note():
         print(jit.note(), file=sys.stderr, flush=True)
-    with open(jit.folder() / "compiling", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # what one process compiles another need not
+    with jit.alone(jit.folder()):  # what one process compiles another need not
         wrong = _compile(jit.missing([name for name in ENTRIES if name in (entries or ENTRIES)]))
     if wrong:
         raise ValueError(f"not compiled: {'; '.join(wrong)}")
@@ -50,6 +48,8 @@ def _compile(names):
                 done, left = wait(left, EACH_SECOND, FIRST_COMPLETED)
                 failed = [(names[one], error) for one in done if (error := one.exception())]
                 wrong += [f"{name} ({type(error).__name__}: {error})" for name, error in failed]
+                if good := [names[one] for one in done if not one.exception()]:
+                    jit.record(good)
                 show(len(names) - len(left), time.monotonic() - began)
         except BaseException:  # interrupted: at once, also in the middle of LLVM; the cache has whole files only
             for worker in multiprocessing.active_children():
@@ -68,7 +68,6 @@ def _entry(name):
     from haptic_sim.kernels import ENTRIES
 
     ENTRIES[name]()
-    jit.mark(name).touch()
 
 
 @contextlib.contextmanager

@@ -11,6 +11,7 @@ import pytest
 from live_nodes import MODULES
 from waiting import output, until
 
+from haptic_device.jit import RECORD
 from haptic_sim.kernels import ENTRIES
 
 pytestmark = pytest.mark.timeout(1800)
@@ -96,7 +97,7 @@ def test_a_node_told_to_end_while_its_kernels_compile_ends_well_and_so_does_all_
     said = output(node)[1]
     assert node.returncode == 0 and "Traceback" not in said, said
     until(lambda: not compiling(tmp_path), "the end of all that compiled")
-    assert not list(tmp_path.rglob("*.done"))
+    assert not list(tmp_path.rglob(RECORD))
 
 
 def test_what_two_entries_keep_they_keep_for_the_same_types(tmp_path):

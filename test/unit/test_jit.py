@@ -137,6 +137,40 @@ def test_who_needs_kernels_that_are_not_there_has_them_compiled_in_sight_and_the
     assert python(ask, tmp_path, **known) == (["[]"], "")
 
 
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """A cache that holds one entry, to be copied."""
+    cache = tmp_path_factory.mktemp("compiled")
+    python(f"from haptic_device import jit; jit.ensure_compiled('{SMALL}')", XDG_CACHE_HOME=str(cache))
+    return cache
+
+
+DAMAGE = {
+    "cut": lambda file: file.write_bytes(file.read_bytes()[: file.stat().st_size // 2]),
+    "empty": lambda file: file.write_bytes(b""),
+    "foreign": lambda file: file.write_bytes(b"\x80 is no pickle, nor is this a kernel"),
+}
+
+
+@pytest.mark.parametrize(("damage", "suffix"), [("cut", "nbc"), ("empty", "nbi"), ("foreign", "nbc")])
+def test_a_damaged_file_of_the_cache_is_said_in_one_line_and_compiled_anew(compiled, tmp_path, damage, suffix):
+    cache = tmp_path / "cache"
+    shutil.copytree(compiled, cache)
+    file = next(cache.rglob(f"axis_rerun.run_segments*.{suffix}"))
+    DAMAGE[damage](file)
+    ask = f"""
+        from haptic_sim.kernels import ENTRIES
+        from haptic_device import jit
+        jit.ensure_compiled('{SMALL}')
+        ENTRIES['{SMALL}']()
+    """
+    _, said = python(ask, XDG_CACHE_HOME=str(cache))
+    first, *progress = said.splitlines()
+    assert first == f"{file}, of the compiled kernels, is damaged; it is compiled anew"
+    assert progress and all(line.startswith("compiling, once for this machine") for line in progress)
+    assert python(ask, XDG_CACHE_HOME=str(cache)) == ([], "")
+
+
 def test_kernels_that_do_not_exist_are_refused_in_a_sentence():
     command = [sys.executable, "-m", "haptic_sim.cli.main", "compile", "servo", "serfo"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
@@ -177,7 +211,7 @@ def test_a_disk_without_room_for_the_kernels_is_refused_before_anything_is_compi
 
 def test_kernels_that_are_there_already_serve_though_the_disk_is_full_now(tmp_path, monkeypatch):
     folder = jit.made(tmp_path, "digest")
-    (folder / "servo.done").touch()
+    (folder / jit.RECORD).touch()
     monkeypatch.setattr(jit, "ROOM", 2**62)
     assert jit.made(tmp_path, "digest") == folder
 
