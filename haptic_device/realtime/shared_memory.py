@@ -82,6 +82,7 @@ class SharedMemory:
         alone = not self.peer_present()
         self.stale = alone and os.fstat(self._file).st_size > 0
         os.ftruncate(self._file, 8 * WORDS)
+        self._reserve()
         self._map = mmap.mmap(self._file, 8 * WORDS)
         words = np.frombuffer(self._map, np.int64)
         if alone:
@@ -92,6 +93,16 @@ class SharedMemory:
                 f"page {self.path} has layout version {words[1]}, this program speaks {LAYOUT_VERSION}"
             )
         return words
+
+    def _reserve(self):
+        """Has the memory set aside now: to write where there is none would end the process (SIGBUS)."""
+        try:
+            os.posix_fallocate(self._file, 0, 8 * WORDS)
+        except OSError as error:
+            if not self.peer_present() and self._still_there():
+                self.path.unlink()
+            needed = f"page {self.path} needs {8 * WORDS} bytes of {FOLDER}"
+            raise SharedMemoryError(f"{needed}, which cannot be had: {error.strerror}") from None
 
     def peer_present(self):
         """Whether a process holds the other role now."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The device page: two sides that come and go in any order, and nothing left behind."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -29,6 +30,25 @@ def name():
     name = f"haptic_display.test.{uuid.uuid4().hex}"
     yield name
     (shared_memory.FOLDER / name).unlink(missing_ok=True)
+
+
+@pytest.mark.parametrize("role", [DEVICE, SERVO])
+def test_a_full_memory_is_refused_in_a_sentence_and_leaves_no_file(name, role, monkeypatch):
+    """Written to all the same, the process would end with SIGBUS."""
+
+    def none_left(*of):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as full:
+        full.setattr(os, "posix_fallocate", none_left)
+        with pytest.raises(SharedMemoryError) as refused:
+            SharedMemory(name, role)
+    path = shared_memory.FOLDER / name
+    assert (
+        str(refused.value) == f"page {path} needs 512 bytes of /dev/shm, which cannot be had: No space left on device"
+    )
+    assert not path.exists()
+    SharedMemory(name, role).close()
 
 
 @pytest.fixture
