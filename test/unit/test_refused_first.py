@@ -5,10 +5,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from in_process import haptic
 
 from bench import jobs
 from haptic_sim.cli.compare import compare
 from haptic_sim.cli.replay import As, replay
+from haptic_sim.live import processes
 
 BAG = Path("no such bag")
 
@@ -33,6 +35,26 @@ def test_what_a_mode_of_replay_does_not_take_is_refused_by_name(given, option, m
     plain = {"as_": As.target, "check": False, "live": False, "params": None, "delay": 0.0, "out": None}
     with pytest.raises(ValueError, match=f"replay --{mode} takes no {option}:"):
         replay(BAG, **plain | {mode: True} | given, namespace=None)
+
+
+BAD = {
+    "a name": ("coupling: {stifness: 1.0}", "coupling.stifness is not a parameter of haptic_driver; did you mean"),
+    "a value": ("coupling: {stiffness: -1.0}", "coupling.stiffness is -1.0 N/m; at least 0.0 N/m is needed"),
+    "a device": ("device: nowhere", "haptic_driver: device 'nowhere' is neither the file"),
+    "no YAML": ("coupling: [", "is not YAML"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+@pytest.mark.parametrize("view", [False, True])
+def test_a_demo_refuses_a_bad_file_before_it_starts_a_node_or_makes_a_folder(tmp_path, kind, view, monkeypatch):
+    monkeypatch.setattr(processes.Nodes, "start", lambda nodes, program: pytest.fail(f"{program.name} was started"))
+    given, sentence = BAD[kind]
+    file = tmp_path / "bad.yaml"
+    file.write_text(f"/**/haptic_driver:\n  ros__parameters:\n    {given}\n")
+    done = haptic("demo", "--params", file, "--out", tmp_path / "run", *(["--view"] if view else []))
+    assert done.returncode == 1 and done.stderr.startswith(f"haptic: {file}: ") and sentence in done.stderr
+    assert not (tmp_path / "run").exists()
 
 
 class Row(NamedTuple):
