@@ -27,12 +27,22 @@ def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], names
     return values
 
 
+def section_keys(path) -> list[str]:
+    """Keys of the sections in the ROS 2 parameter file at path, in its order. Raises as `ros_yaml.load`."""
+    return [key for key, _ in _sections(_load(path))]
+
+
+def reaches(key: str, name: str) -> bool:
+    """Whether a section with this key is for the node of this full name."""
+    return _pattern(key).fullmatch(name) is not None
+
+
 def right_values(document: dict, nodes: Mapping[str, tuple[Parameter, ...]], namespace: str = "/haptic"):
     """Of each node the values that are right, {node: {name: value}}, and the names of those that are not."""
     values, wrong = {node: {} for node in nodes}, {node: set() for node in nodes}
     for key, given in _sections(document):
         for node in nodes:
-            if not _pattern(key).fullmatch(f"{namespace.rstrip('/')}/{node}"):
+            if not reaches(key, f"{namespace.rstrip('/')}/{node}"):
                 continue
             for parameter in nodes[node]:
                 if parameter.name in given:

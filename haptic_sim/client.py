@@ -28,11 +28,12 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.signals import SignalHandlerOptions
 
+from haptic_device import ros_environment
 from haptic_device.message_fields import AXES, truth_names
 from haptic_device.nodes.messages import LATEST, STREAM, JointState, statuses_of
 from haptic_device.nodes.polled_subscription import PolledSubscription, Untouched
+from haptic_device.nodes.ros import begin_ros, made
 from haptic_device.recording.layouts import DIAGNOSTICS, JOINTS, JointLayout
 from haptic_device.status import Status, of_namespace
 from haptic_sim.questions import Question, kind_of
@@ -63,10 +64,11 @@ class Client:
 
     @classmethod
     def join(cls, name: str, domain: int, namespace: str, every_truth: bool = False) -> "Client":
-        """On a node of its own, which leaves the network with `close`."""
+        """On a node of its own, which leaves the network with `close`. ValueError if ROS does not start."""
         context = Context()
-        rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-        node = rclpy.create_node(name, namespace=namespace, context=context, start_parameter_services=False)
+        begin_ros([], context=context, domain_id=domain)
+        how = {"namespace": namespace, "context": context, "start_parameter_services": False}
+        node = made(lambda: rclpy.create_node(name, **how))
         client = cls(node, every_truth)
         client._own = context
         return client
@@ -237,7 +239,8 @@ class Asking:
         node, _, service = self.question.service.rpartition("/")
         if self._shown or self._service.met:
             return f"{node} did not answer ~/{service} within {self._patience:g} s"
-        return f"{node} offers no ~/{service} in {self._namespace}; does it run in this domain?"
+        why = ros_environment.discovery() or "does it run in this domain?"
+        return f"{node} offers no ~/{service} in {self._namespace}; {why}"
 
 
 def _by_name(layout: JointLayout, data: bytes) -> dict[str, tuple[float, float, float]]:

@@ -2,7 +2,6 @@
 """What all nodes have in common: a managed node that starts by itself, says how it is, and ends well."""
 
 import atexit
-import re
 import signal
 import sys
 import threading
@@ -13,11 +12,11 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import Node, TransitionCallbackReturn
-from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 
+from haptic_device import ros_environment
 from haptic_device.nodes import messages
 from haptic_device.nodes.participant_id import own_participant_id
+from haptic_device.nodes.ros import begin_ros, made, refuse_files_of_others
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.parameter_types import Parameter
 from haptic_device.process import ENDING, hear
@@ -173,31 +172,6 @@ def _autostart(node):
             raise ValueError(node.refusal)
 
 
-def begin_ros(args):
-    """rclpy.init without signal handlers; ValueError, one sentence, for arguments or a file that ROS cannot read."""
-    try:
-        left = remove_ros_args(args=sys.argv if args is None else args)[1 if args is None else 0 :]
-        if left:
-            raise ValueError(f"{left[0]} is no argument of a node; ROS arguments begin with --ros-args")
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # rcl's own kinds are nowhere public; their text ends with places in its source
-        raise ValueError(f"ROS does not take these arguments: {_plain(error)}") from None
-
-
-def _plain(error):
-    """The text of one of rcl's errors without the places in its source."""
-    heads = "failed to initialize rcl|Failed to parse ROS arguments|error creating node"
-    return " ".join(re.sub(rf",? at \S+:\d+|^({heads}): ", "", str(error)).split())
-
-
-def _made(make_node):
-    """The node; ValueError, one sentence, where ROS makes none (a middleware without security is asked for it)."""
-    try:
-        return make_node()
-    except RuntimeError as error:
-        raise ValueError(f"ROS makes no node: {_plain(error)}") from None
-
-
 def hear_the_end():
     """From now on SIGINT, SIGTERM and SIGHUP are put into the list that is returned, and do nothing else."""
     told = []
@@ -226,7 +200,10 @@ def run(make_node, name, args=None):
     try:
         with own_participant_id(name):
             begin_ros(args)
-            node = _made(make_node)
+            node = made(make_node)
+        refuse_files_of_others(node, name, args)
+        if said := ros_environment.discovery():
+            node.get_logger().info(said)
         node.told = told
         executor = SingleThreadedExecutor()
         executor.add_node(node)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from haptic_sim.live.domain import current_domain
+from haptic_device import ros_environment
 from haptic_sim.live.processes import NAMESPACE
 
 PATIENCE = 10.0  # [s] to find the recorder, and again for its acknowledgement
@@ -21,7 +21,7 @@ def mark(
     """Set a marker in the bag that is being recorded, at this moment. Exit code 1 if nobody records."""
     from haptic_sim.client import Client
 
-    with contextlib.closing(Client.join("haptic_mark", current_domain(), namespace)) as client:
+    with contextlib.closing(Client.join("haptic_mark", ros_environment.domain(), namespace)) as client:
         _send(client.node, text)
 
 
@@ -34,7 +34,8 @@ def _send(node, text: str) -> None:
     end = time.monotonic() + PATIENCE
     while not _heard(node, publisher):
         if time.monotonic() > end:
-            raise ValueError(f"no {RECORDER} listens on {publisher.topic_name}; start haptic record first")
+            why = ros_environment.discovery() or "start haptic record first"
+            raise ValueError(f"no {RECORDER} listens on {publisher.topic_name}; {why}")
         time.sleep(0.02)
     publisher.publish(String(data=text))
     if not publisher.wait_for_all_acked(Duration(seconds=PATIENCE)):

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from haptic_device import ros_environment
 from haptic_device.nodes import FIRST_ROW
-from haptic_sim.live.domain import current_domain
 from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible
 
 LOOK_PERIOD = 0.05  # s
@@ -29,6 +29,7 @@ def record(
     split_duration: Annotated[float | None, typer.Option(min=0.0, help="New file after this time [s].")] = None,
 ) -> None:
     """Record all topics of a running system to a rosbag2 folder (MCAP). Ctrl-C is the normal end."""
+    ros_environment.check()
     out = (out or Path("haptic_bags") / time.strftime("%Y%m%d-%H%M%S")).absolute()
     bag = out / "bag"
     given = {
@@ -56,7 +57,8 @@ def record(
         reason = "it was ended before it began, or is to be repaired by haptic recover"
         raise ValueError(f"no whole bag is in {bag}: {reason}; the log is in {out / 'log'}")
     if FIRST_ROW not in nodes.printed(RECORDER):
-        raise ValueError(f"nothing was heard of {namespace} in domain {current_domain()}; is that where the nodes run?")
+        why = ros_environment.discovery() or "is that where the nodes run?"
+        raise ValueError(f"nothing was heard of {namespace} in domain {ros_environment.domain()}; {why}")
     _print_counts(bag)
 
 

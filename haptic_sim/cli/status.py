@@ -10,9 +10,9 @@ from typing import Annotated
 
 import typer
 
+from haptic_device import ros_environment
 from haptic_device.status import LEVELS
 from haptic_sim.cli.keys import ESTOP, keys
-from haptic_sim.live.domain import current_domain
 from haptic_sim.live.processes import NAMESPACE
 
 STYLES = ("green", "yellow", "bold red", "magenta")
@@ -32,13 +32,15 @@ def status(
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     from haptic_sim.client import Client
 
-    domain = current_domain() if domain is None else domain
+    domain = ros_environment.domain() if domain is None else domain
     with contextlib.closing(Client.join("haptic_status", domain, namespace)) as client:
         if json or not (sys.stdin.isatty() and sys.stdout.isatty()):
             found = _listen(client)
             print(json_text.dumps(found)) if json else _print(found, domain)
         else:
             found = _watch(client, domain)
+    if not found and (why := ros_environment.discovery()):
+        print(f"haptic status: nothing was heard; {why}", file=sys.stderr)
     raise typer.Exit(0 if found and max(entry["level"] for entry in found.values()) < LEVELS.index("ERROR") else 1)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS domain that is set, and one for a run: on the loopback interface alone, with nodes that meet at once.
+"""A ROS domain for a run: on the loopback interface alone, with nodes that meet at once.
 
 On the loopback interface Fast DDS, in its default settings, lets a node that starts later than half a second after
 another often wait up to 3 s for it, until the next announcement. Here they announce themselves every 0.1 s.
@@ -11,6 +11,8 @@ import random
 import socket
 from collections.abc import Iterator
 from pathlib import Path
+
+from haptic_device import ros_environment
 
 _PORT_BASE = 32768  # the port whose owner owns the domain, as ROS 2's domain_coordinator has it
 _DOMAINS = range(1, 101)
@@ -26,21 +28,17 @@ _QUICK = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-def current_domain() -> int:
-    """The domain that the environment names."""
-    return int(os.environ.get("ROS_DOMAIN_ID", "0") or "0")
-
-
 @contextlib.contextmanager
 def isolated_domain(folder: Path) -> Iterator[int]:
     """Sets the environment for this process and its children, yields the domain's number, and puts all back.
 
     ROS_DOMAIN_ID and Fast DDS profiles given by the environment are kept. `folder` gets the profile file. Raises
-    OSError if every domain is taken.
+    OSError if every domain is taken, ValueError if ROS would not start here.
     """
+    ros_environment.check()
     with contextlib.ExitStack() as stack:
         given = os.environ.get("ROS_DOMAIN_ID")
-        domain = int(given) if given else stack.enter_context(_claimed_domain())
+        domain = ros_environment.domain() if given else stack.enter_context(_claimed_domain())
         settings = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": str(domain)}
         if _PROFILES not in os.environ:
             settings[_PROFILES] = _write_profile(folder)

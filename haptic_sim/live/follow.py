@@ -9,7 +9,7 @@ from typing import NamedTuple
 from haptic_device.status import number
 from haptic_sim.client import Client
 from haptic_sim.fault_sentence import FAULTS, what_to_do
-from haptic_sim.live.news import LIMIT, News
+from haptic_sim.live.news import News
 
 NODES = ("haptic_driver", "haptic_simulation", "haptic_loopback")
 AFTERWARDS = 0.6  # s: the nodes' diagnostics come twice a second, the last one shall be of the end
@@ -73,7 +73,7 @@ class _Run:
                 self.fault = said
                 return f": {what_to_do(said)}"
             if news and news.ended(printed):
-                return f", and no news for {LIMIT:.0f} s: {news.last_words()}"
+                return f", and {news.last_words()}"
             self._pause()
 
     def rest(self, seconds: float) -> None:

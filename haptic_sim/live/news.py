@@ -8,9 +8,11 @@ printed. Numbers in words are none, lest a count that grows be waited for withou
 import re
 import time
 
+from haptic_device import ros_environment
 from haptic_sim.live.system import TOGETHER
 
 LIMIT = 2.0 * TOGETHER  # [s] without news
+UNSERVED = 15.0  # [s] likewise, where nodes that print are not heard of, and only a discovery server lets them be
 
 
 class News:
@@ -26,11 +28,18 @@ class News:
         if self._moves() or not self._facts() <= self._known:
             self._known |= self._facts()
             self._newest = now
-        return now - self._newest >= LIMIT
+        return now - self._newest >= self._limit()
 
     def last_words(self) -> str:
-        """What each node said last."""
-        return "; ".join(map(self._last_word, self._nodes))
+        """That there was no news, for how long, and what each node said last."""
+        why = f"{ros_environment.discovery()}; " if self._unheard() else ""
+        return f"no news for {self._limit():g} s: {why}{'; '.join(map(self._last_word, self._nodes))}"
+
+    def _limit(self):
+        return UNSERVED if self._unheard() else LIMIT
+
+    def _unheard(self):
+        return ros_environment.discovery() and not self._client.statuses
 
     def _facts(self):
         said = self._client.statuses.items()

@@ -7,8 +7,9 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from haptic_device import ros_environment
 from haptic_sim.fault_sentence import fell
-from haptic_sim.live.domain import current_domain, isolated_domain
+from haptic_sim.live.domain import isolated_domain
 from haptic_sim.live.prepare import prepare
 from haptic_sim.live.processes import NAMESPACE, Nodes, Program
 from haptic_sim.live.tuning import FaultError
@@ -46,7 +47,7 @@ def running(domain: int | None, namespace: str | None, driver: dict, loopback: d
     check() raises if a node of the pair has ended, and gives the last line that each node of it printed.
     """
     if domain is not None or namespace is not None:
-        yield current_domain() if domain is None else domain, namespace or NAMESPACE, dict
+        yield ros_environment.domain() if domain is None else domain, namespace or NAMESPACE, dict
         return
     with contextlib.ExitStack() as stack:
         logs = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="haptic_")))

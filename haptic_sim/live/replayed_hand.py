@@ -4,9 +4,9 @@
 import contextlib
 import time
 
+from haptic_device import ros_environment
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim.client import Client
-from haptic_sim.live.domain import current_domain
 from haptic_sim.played import PlayedTarget
 
 PATIENCE = 10.0  # [s] for the loopback device to listen
@@ -17,7 +17,7 @@ def play(target: PlayedTarget, axes: tuple[str, ...], scale: tuple[float, ...], 
 
     axes: those of the device; scale: world metres (radians) per metre (radian) of each.
     """
-    with contextlib.closing(Client.join("haptic_replay", current_domain(), namespace)) as client:
+    with contextlib.closing(Client.join("haptic_replay", ros_environment.domain(), namespace)) as client:
         _await_listener(client.target)
         return publish(target, client.target, JointLayout(axes), scale)
 

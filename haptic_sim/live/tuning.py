@@ -17,7 +17,7 @@ from haptic_device.recording.layouts import CLOUD
 from haptic_device.status import Status, number
 from haptic_sim.client import Client
 from haptic_sim.live.mock_simulation import MockAnswerer, MockSimulation
-from haptic_sim.live.news import LIMIT, News
+from haptic_sim.live.news import News
 from haptic_sim.live.processes import undisturbed
 from haptic_sim.questions import Question, RefusedError, get_parameters, set_parameters, trigger
 
@@ -108,7 +108,7 @@ class Tuning:
                 return
             if news.ended(printed):
                 todo = "" if printed else f"; {todo}"
-                raise ValueError(f"{lack}, and no news for {LIMIT:g} s: {news.last_words()}{todo}")
+                raise ValueError(f"{lack}, and {news.last_words()}{todo}")
             time.sleep(0.02)
 
     def recover(self) -> None:

@@ -16,7 +16,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from haptic_device.config_files import names
-from haptic_device.nodes.lifecycle import begin_ros, hear_the_end
+from haptic_device.nodes.lifecycle import hear_the_end
+from haptic_device.nodes.ros import begin_ros, made, refuse_files_of_others
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.realtime.scheduling import spare_collections
 from haptic_sim.client import Client
@@ -190,7 +191,8 @@ def serve(args: list[str] | None, told, nodes=None) -> None:
     node = None
     try:
         begin_ros(args)
-        node = Node("haptic_viewer")
+        node = made(lambda: Node("haptic_viewer"))
+        refuse_files_of_others(node, "haptic_viewer", args)
         asyncio.run(Viewer(node, declare(node, PARAMETERS), nodes).run(told))
     finally:
         if node is not None:

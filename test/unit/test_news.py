@@ -50,6 +50,15 @@ def test_a_driver_that_starts_slowly_is_waited_for_while_there_is_news(waited):
         waited(lambda t: {"state": "engaged" if t > 1.1 * news.LIMIT else "disabled"})
 
 
+def test_nodes_that_only_a_discovery_server_lets_us_hear_are_not_waited_for_long_and_it_is_named(waited, monkeypatch):
+    monkeypatch.setenv("ROS_DISCOVERY_SERVER", "127.0.0.1:11811")
+    cause = "ROS_DISCOVERY_SERVER is '127.0.0.1:11811': nodes hear of each other only if that server runs"
+    with pytest.raises(ValueError, match=f"and no news for {news.UNSERVED:g} s: {cause}; nothing was heard of"):
+        waited(lambda t: {}, lambda: {"haptic_driver": "[INFO] [1.5]: servo at 4000 Hz"})
+    steps = ("disabled", "engaged")
+    waited(lambda t: {"state": steps[t > 2.0 * news.UNSERVED]})
+
+
 def test_a_line_that_comes_again_with_other_numbers_is_no_news(waited):
     count = itertools.count()
     with pytest.raises(ValueError, match="and no news for"):

@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Variables of the environment that ROS obeys, checked before it dies of them, or goes elsewhere without a word."""
+
+import os
+import re
+from pathlib import Path
+
+MOST = 232  # the highest domain whose ports exist
+_DISCOVERY_SERVER = "ROS_DISCOVERY_SERVER"
+
+
+def domain() -> int:
+    """The ROS domain that the environment names. Raises ValueError, one sentence, if it names none."""
+    given = os.environ.get("ROS_DOMAIN_ID") or "0"
+    if not re.fullmatch("0|[1-9][0-9]{0,2}", given) or int(given) > MOST:
+        raise ValueError(f"ROS_DOMAIN_ID is {given!r}; a whole number from 0 to {MOST} is needed")
+    return int(given)
+
+
+def check() -> None:
+    """Raises ValueError, one sentence, where ROS would not start, or, asked for domain −1, would go to domain 0."""
+    domain()
+    folder = _log_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        why = f"ROS keeps its log in {folder}, which cannot be made ({error.strerror})"
+        raise ValueError(f"{why}; let ROS_LOG_DIR name another folder") from None
+
+
+def discovery() -> str:
+    """Sentence on whom this process can hear of at all; "" where nodes find each other without a server."""
+    given = os.environ.get(_DISCOVERY_SERVER)
+    return f"{_DISCOVERY_SERVER} is {given!r}: nodes hear of each other only if that server runs" if given else ""
+
+
+def _log_folder():
+    if given := os.environ.get("ROS_LOG_DIR"):
+        return Path(given)
+    if given := os.environ.get("ROS_HOME"):
+        return Path(given) / "log"
+    if given := os.environ.get("HOME"):
+        return Path(given) / ".ros/log"
+    raise ValueError("HOME is not set, below which ROS keeps its log; set it, or ROS_LOG_DIR")
