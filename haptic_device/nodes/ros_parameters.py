@@ -2,7 +2,7 @@
 """Parameter declarations as ROS 2 parameters: descriptors, refusal of unknown names, live changes as one record."""
 
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sized
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -37,16 +37,28 @@ def on_change(
     """Calls check with all values, wished ones merged in, before a live change, and apply with those in force after it.
 
     check changes nothing; its ValueError refuses the request, all of it. apply must take what check let pass. A request
-    of more than MOST_AT_ONCE entries is refused before any of them is looked at.
+    of more than MOST_AT_ONCE entries is refused before any of them is looked at. Integers are taken for doubles, as
+    `ros2 param set` sends 1500 for 1500.0.
     """
     declared = {parameter.name: parameter for parameter in parameters}
+    owner = f"a parameter of {node.get_name()}"
+
+    def why_not(change):
+        """The sentence that refuses one change by itself, in place of rclpy's; "" if there is none."""
+        if change.name not in declared:
+            return "" if ROS_OWN.fullmatch(change.name) else unknown(change.name or "''", owner, declared)
+        try:
+            check_value(declared[change.name], change.value)
+        except ValueError as error:
+            return str(error)
+        return ""
 
     def decide(changes):
         wished = {change.name: change.value for change in changes if change.name in declared}
         try:
-            for change in changes:  # rclpy itself lets the empty name pass
-                if change.name not in declared and not ROS_OWN.fullmatch(change.name):
-                    raise ValueError(unknown(repr(change.name), f"a parameter of {node.get_name()}", declared))
+            for change in changes:
+                if change.name not in declared and (sentence := why_not(change)):  # rclpy lets the empty name pass
+                    raise ValueError(sentence)
             if wished:
                 check(_merged(node, declared, wished))
         except ValueError as error:
@@ -57,11 +69,44 @@ def on_change(
         if any(change.name in declared for change in changes):
             apply(_merged(node, declared, {}))
 
+    def typed(changes):
+        return [_typed(change, declared.get(change.name)) for change in changes]
+
+    node.add_pre_set_parameters_callback(typed)
     node.add_on_set_parameters_callback(decide)
     node.add_post_set_parameters_callback(take)
     for service in node.services:
         if service.srv_type in (SetParameters, SetParametersAtomically):
-            service.callback = _bounded(service.callback)
+            service.callback = _explained(_bounded(service.callback), lambda change: why_not(*typed([change])))
+
+
+def _typed(change, parameter):
+    """The change with doubles for integers, and an empty list of the declared kind, which a list does not show."""
+    default = parameter.default if parameter else None
+    if isinstance(default, float) and change.type_ == RosParameter.Type.INTEGER:
+        return RosParameter(change.name, RosParameter.Type.DOUBLE, float(change.value))
+    if isinstance(default, tuple) and isinstance(change.value, Sized) and len(change.value) == 0:
+        return RosParameter(change.name, _array_type(parameter), [])
+    if isinstance(default, tuple) and change.type_ == RosParameter.Type.INTEGER_ARRAY:
+        return RosParameter(change.name, RosParameter.Type.DOUBLE_ARRAY, [float(item) for item in change.value])
+    return change
+
+
+def _explained(serve, why_not):
+    """Refusals of rclpy's own in the sentences of why_not(change)."""
+
+    def decide(request, response):
+        response = serve(request, response)
+        reasons = [why_not(RosParameter.from_parameter_msg(each)) for each in request.parameters]
+        if isinstance(response, SetParameters.Response):
+            answers = zip(response.results, reasons, strict=True)
+        else:
+            answers = [(response.result, next(filter(None, reasons), ""))]
+        for result, reason in answers:
+            result.reason = reason if reason and not result.successful else result.reason
+        return response
+
+    return decide
 
 
 def _bounded(serve):
@@ -117,12 +162,16 @@ def _declare(node, parameter, value):
 
 def _declare_empty(node, parameter, descriptor):
     """rclpy takes an empty list for bytes: first the type is declared, then the value set, and then made read-only."""
-    text = bool(parameter.default) and isinstance(parameter.default[0], str)
-    kind = RosParameter.Type.STRING_ARRAY if text else RosParameter.Type.DOUBLE_ARRAY
+    kind = _array_type(parameter)
     node.declare_parameter(parameter.name, kind, ParameterDescriptor(), ignore_override=True)
     node.set_parameters([RosParameter(parameter.name, kind, [])])
     descriptor.type = kind.value
     node.set_descriptor(parameter.name, descriptor)
+
+
+def _array_type(parameter):
+    text = bool(parameter.default) and isinstance(parameter.default[0], str)
+    return RosParameter.Type.STRING_ARRAY if text else RosParameter.Type.DOUBLE_ARRAY
 
 
 def _descriptor(parameter):

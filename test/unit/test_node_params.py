@@ -7,12 +7,15 @@ from types import SimpleNamespace
 import pytest
 import rclpy
 from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from haptic_device import ros_yaml
+from haptic_device.nodes.ros import KINDS, refuse_files_of_others
 from haptic_device.nodes.ros_parameters import declare, on_change
 from haptic_device.parameter_types import Parameter
+from haptic_sim.node_parameters import NODES
 
 STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", low=0.0, high=5000.0, live=True)
 RATE = Parameter("rate", 4000, "Hz", "servo rate", low=1000, high=10000)
@@ -38,6 +41,7 @@ def make_node(tmp_path):
         made.append((node, context))
         return node
 
+    make.path = tmp_path / "parameters.yaml"
     yield make
     for node, context in made:
         node.destroy_node()
@@ -118,6 +122,37 @@ def test_a_name_of_another_node_in_a_shared_section_is_refused(make_node):
         declare(make_node("/**: {ros__parameters: {scene: wall}}"), PARAMETERS)
 
 
+@pytest.mark.parametrize("keys", [["/**/haptic_driver"], ["/*/haptic_driver"], ["/right/haptic_driver", "/**"]])
+def test_a_file_with_a_section_for_this_node_is_for_it(make_node, keys):
+    refuse_files_of_others(make_node(sections(keys)), "haptic_driver", given(make_node))
+
+
+def test_a_file_for_other_kinds_of_nodes_alone_may_be_given_to_all(make_node):
+    node = make_node(sections(["/**/haptic_loopback", "/**/haptic_simulation"]))
+    refuse_files_of_others(node, "haptic_driver", given(make_node))
+    assert set(KINDS) == set(NODES)
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [["/**/haptic_driver", "/**/haptic_loopback"], ["/right/haptic_driver"], ["/**/other_driver"], ["haptic_driver"]],
+)
+def test_a_file_that_is_for_a_driver_and_misses_it_is_refused_with_the_names_that_it_has(make_node, keys):
+    node = make_node(sections(keys), "-r", "__node:=left_driver")
+    with pytest.raises(ValueError) as refused:
+        refuse_files_of_others(node, "haptic_driver", given(make_node))
+    [_, file] = given(make_node)
+    assert str(refused.value) == f"{file} has nothing for /haptic/left_driver, it is for {', '.join(keys)}"
+
+
+def sections(keys):
+    return "".join(f"{key}: {{ros__parameters: {{safety: {{force: 3.0}}}}}}\n" for key in keys)
+
+
+def given(make_node):
+    return ["--params-file", str(make_node.path)]
+
+
 @pytest.fixture
 def taker(make_node):
     """A node that refuses stiff walls; checked and applied are what it was given to check and to apply."""
@@ -155,7 +190,7 @@ def test_a_refused_change_leaves_the_value_and_gives_the_sentence(taker):
 
 @pytest.mark.parametrize(
     "refused",
-    [{"wall__stiffness": 2000.5}, {"wall__stiffness": 300}, {"rate": 2000}, {"wall__offsets": [0]}],
+    [{"wall__stiffness": 2000.5}, {"wall__stiffness": "300"}, {"rate": 2000}, {"wall__offsets": ["0"]}],
 )
 @pytest.mark.parametrize("last", [True, False])
 def test_of_a_request_with_one_refused_parameter_nothing_is_taken(taker, refused, last):
@@ -185,12 +220,42 @@ def test_what_is_applied_is_what_the_node_says_it_has(taker):
     assert said == {**taker.start, "wall.stiffness": 1500.0, "wall.offsets": (0.1, 0.2)}
 
 
-@pytest.mark.parametrize("value", [300, 5000.1, math.nan, math.inf, "stiff"])
+@pytest.mark.parametrize("value", [5001, 5000.1, math.nan, math.inf, "stiff"])
 def test_a_bad_live_value_never_reaches_the_node(taker, value):
     assert not change(taker.node, "wall.stiffness", value).successful
     assert not change(taker.node, "wall.offsets", [math.nan]).successful
     assert taker.checked == taker.applied == []
     assert taker.node.get_parameter("wall.stiffness").value == 1000.0
+
+
+@pytest.mark.parametrize(("sent", "taken"), [([1, 2], [1.0, 2.0]), ([], [])])
+def test_integers_as_ros_tools_send_them_are_taken_for_doubles_and_an_empty_list_for_its_kind(taker, sent, taken):
+    assert set_at_once(taker.node, wall__stiffness=1500, wall__offsets=sent).successful
+    assert taker.applied[-1] == {**taker.start, "wall.stiffness": 1500.0, "wall.offsets": tuple(taken)}
+    stiffness, offsets = (taker.node.get_parameter(name) for name in ("wall.stiffness", "wall.offsets"))
+    assert (stiffness.type_, offsets.type_) == (RosParameter.Type.DOUBLE, RosParameter.Type.DOUBLE_ARRAY)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("wall.stifness", 300.0, "wall.stifness is not a parameter of haptic_driver; did you mean wall.stiffness?"),
+        ("", 300.0, "'' is not a parameter of haptic_driver"),
+        ("wall.stiffness", 5001, "wall.stiffness is 5001.0 N/m; at most 5000.0 N/m is allowed"),
+        ("wall.stiffness", "stiff", "wall.stiffness is 'stiff' (text); a number with a decimal point in N/m is needed"),
+        ("wall.offsets", 1.0, "wall.offsets is 1.0; write a list: [1.0]"),
+        ("rate", 2000, "Trying to set a read-only parameter: rate."),
+    ],
+)
+@pytest.mark.parametrize("service", [SetParameters, SetParametersAtomically])
+def test_a_refused_change_is_answered_with_the_sentence_of_its_parameter(taker, service, name, value, sentence):
+    [serving] = [one for one in taker.node.services if one.srv_type is service]
+    changes = [RosParameter("wall.stiffness", value=300.0), RosParameter(name, value=value)]
+    request = service.Request(parameters=[change.to_parameter_msg() for change in changes])
+    answer = serving.callback(request, service.Response())
+    results = answer.results if service is SetParameters else [answer.result]
+    assert [result.successful for result in results] == [True, False][-len(results) :]
+    assert results[-1].reason == sentence
 
 
 SCALARS = """
