@@ -7,8 +7,11 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from functools import partial
 
 import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import Node, TransitionCallbackReturn
@@ -25,6 +28,11 @@ from haptic_device.realtime.session_clock import SessionClock
 LOOK_UP = 0.05  # [s] longest time a signal waits
 DIAGNOSTICS_PERIOD = 0.5  # [s]
 LAST_WORD = Duration(seconds=0.2)  # longest time that the end of a node waits for those who hear its diagnostics
+TRANSITIONS = {
+    number: name.removeprefix("TRANSITION_").lower()
+    for name, number in vars(Transition).items()
+    if name.startswith("TRANSITION_") and isinstance(number, int)
+}
 MOST_SAID = 20  # different exceptions that are logged; all are counted
 
 
@@ -45,6 +53,8 @@ class ManagedNode(Node):
         self.clock = SessionClock()
         self._diagnostics = self.create_publisher(messages.DiagnosticArray, "/diagnostics", 10)
         self.create_timer(DIAGNOSTICS_PERIOD, self._follow_and_diagnose)
+        [service] = [one for one in self.services if one.srv_type is ChangeState]
+        service.callback = partial(self._on_change_state, service.callback)
         threading.excepthook = self.thread_ended  # one process, one node
 
     def destroy_node(self):
@@ -95,6 +105,17 @@ class ManagedNode(Node):
         """After a transition that failed as nobody foresaw: stops and lets everything go, unconfigured again."""
         self.finish()
         return TransitionCallbackReturn.SUCCESS
+
+    def _on_change_state(self, change, request, response):
+        """Answers also where the node's state has no such transition, as a second `activate` of an active node."""
+        before = self._state_machine.current_state[1]
+        try:
+            return change(request, response)
+        except RuntimeError:  # RCLError, which rclpy lets pass: nobody would be answered
+            wanted = request.transition.label or TRANSITIONS.get(request.transition.id, request.transition.id)
+            self.get_logger().error(f"{self.get_name()} is {before}; there is no transition {wanted} from there")
+            response.success = False
+            return response
 
     def _follow_and_diagnose(self):
         self.clock.follow()
