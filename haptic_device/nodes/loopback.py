@@ -43,7 +43,7 @@ class LoopbackNode(ManagedNode):
         on_change(self, LOOPBACK, lambda values: None, self._apply)
 
     def configure(self):
-        """Reads device and script, and takes the shared memory."""
+        """Reads device and script, which may be refused, and takes the shared memory."""
         ensure_compiled("loopback", told=self.told)
         self.device = load_device(self.values["device"])
         self.plant, self.memory, self.motion = loopback_config.hand_from(self.device, self.values)
@@ -53,7 +53,8 @@ class LoopbackNode(ManagedNode):
             self.get_logger().warning(f"took over the stale page {self.shared.path} of a process that had died")
 
     def activate(self):
-        """Starts plant and telemetry."""
+        """Starts plant and telemetry, the handle and its script at their beginning: nothing went on without them."""
+        self.plant, self.memory, self.motion = loopback_config.hand_from(self.device, self.values)
         self._control[:], self._refused = 0, None
         self._control[simulated_device.WATCHDOG] = round(1e9 * self.values["motor_watchdog"])
         self._ready = threading.Event()
