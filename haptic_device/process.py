@@ -87,7 +87,14 @@ def start(module: str) -> int:
 
     Told to end while it imports, the process ends at once with exit code 0: nothing has begun that is to be ended.
     """
+    from haptic_device.ros_environment import check_room  # this file also runs where nothing else is found
+
     hear(lambda number, frame: os._exit(0))
+    try:
+        check_room()
+    except (ValueError, OSError) as refusal:
+        print(f"{module}: {refusal}", file=sys.stderr)
+        return 1
     return importlib.import_module(module).main()
 
 

@@ -3,9 +3,12 @@
 
 import os
 import re
+import shutil
 from pathlib import Path
 
 MOST = 232  # the highest domain whose ports exist
+SHARED = Path("/dev/shm")
+ROOM = 64 * 2**10  # bytes of it for what is written there with no way out: LTTng's pages and the device's
 _DISCOVERY_SERVER = "ROS_DISCOVERY_SERVER"
 
 
@@ -26,6 +29,15 @@ def check() -> None:
     except OSError as error:
         why = f"ROS keeps its log in {folder}, which cannot be made ({error.strerror})"
         raise ValueError(f"{why}; let ROS_LOG_DIR name another folder") from None
+
+
+def check_room() -> None:
+    """Raises ValueError, one sentence, where loading ROS may end the process by SIGBUS: to be asked before.
+
+    For its own queues, some MB, Fast DDS looks itself, and sends over the network where there is no room.
+    """
+    if (free := shutil.disk_usage(SHARED).free) < ROOM:
+        raise ValueError(f"{SHARED} has {free >> 10} kB free; ROS and the device's page need {ROOM >> 10} kB there")
 
 
 def discovery() -> str:

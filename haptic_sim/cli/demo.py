@@ -12,7 +12,6 @@ from typing import Annotated
 import psutil
 import typer
 
-from haptic_device import ros_environment
 from haptic_device.config_files import find
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.progress import INTERRUPTED, status_line
@@ -80,7 +79,6 @@ def run(order: Order, started: float, as_json: bool) -> bool:
 
 
 def _order(scene, seconds, out, exchange, rate, params) -> Order:
-    ros_environment.check()
     out = out or Path("haptic_runs") / f"{Path(scene).stem}-{time.strftime('%Y%m%d-%H%M%S')}"
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ValueError(f"--out {out} exists already and is not empty; name a new folder")

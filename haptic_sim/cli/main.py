@@ -6,6 +6,7 @@ import importlib
 import os
 import sys
 
+from haptic_device import ros_environment
 from haptic_device.process import handling
 from haptic_sim.cli.progress import INTERRUPTED
 
@@ -28,6 +29,7 @@ COMMANDS = {
     "view": "haptic_sim.cli.view:view",
     "zwidth": "haptic_sim.cli.zwidth:zwidth",
 }
+STARTING = ("demo", "record", "view")  # nodes, or a page, before ROS is loaded
 BENCH = "measurements are no part of what is installed; python -m bench, in a clone of the sources, lists and runs them"
 ROS_MISSING = "ROS 2 Jazzy is missing: pip install '.[ros]' in the clone, or source an installed ROS 2 first"
 
@@ -71,8 +73,14 @@ def _application(wanted):
 
 
 def _prepare(words):
-    """Kernels that a command calls itself; those of nodes are for who starts the nodes."""
-    if words and words[0] in ("compare", "identify", "replay", "zwidth") and "--help" not in words:
+    """Refuses what ROS would not survive; has kernels that a command calls itself, those of nodes are for who starts
+    them."""
+    if not words or "--help" in words:
+        return
+    if words[0] in STARTING:
+        ros_environment.check()
+        ros_environment.check_room()
+    if words[0] in ("compare", "identify", "replay", "zwidth"):
         from haptic_device.jit import ensure_compiled
         from haptic_sim.live.prepare import COMMANDS
 

@@ -29,7 +29,6 @@ def record(
     split_duration: Annotated[float | None, typer.Option(min=0.0, help="New file after this time [s].")] = None,
 ) -> None:
     """Record all topics of a running system to a rosbag2 folder (MCAP). Ctrl-C is the normal end."""
-    ros_environment.check()
     out = (out or Path("haptic_bags") / time.strftime("%Y%m%d-%H%M%S")).absolute()
     bag = out / "bag"
     given = {

@@ -12,7 +12,7 @@ from haptic_device import ros_environment
 from haptic_sim.live.system import TOGETHER
 
 LIMIT = 2.0 * TOGETHER  # [s] without news
-UNSERVED = 15.0  # [s] likewise, where nodes that print are not heard of, and only a discovery server lets them be
+UNSERVED = 10.0  # [s] likewise, where nodes that print are not heard of, and only a discovery server lets them be
 
 
 class News:

@@ -2,14 +2,17 @@
 """Variables of the environment that ROS would die of, or obey without a word: refused in one sentence."""
 
 import os
+import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
+from in_process import haptic
 from live_demo import HAPTIC
 from live_nodes import MODULES
 
-from haptic_device import ros_environment
+from haptic_device import process, ros_environment
 
 
 @pytest.mark.parametrize(("given", "domain"), [(None, 0), ("", 0), ("0", 0), ("7", 7), ("232", 232)])
@@ -39,6 +42,18 @@ def test_ros_without_a_folder_for_its_log_is_refused(monkeypatch, tmp_path):
         ros_environment.check()
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
     ros_environment.check()
+
+
+def test_a_shared_memory_without_room_is_refused_before_ros_writes_there(monkeypatch, capsys):
+    sizes = {"free": ros_environment.ROOM}
+    monkeypatch.setattr(ros_environment.shutil, "disk_usage", lambda where: SimpleNamespace(**sizes))
+    ros_environment.check_room()
+    sizes["free"] -= 1
+    with process.handling(signal.SIG_DFL):
+        assert process.start("no_such_module") == 1
+    sentence = "/dev/shm has 63 kB free; ROS and the device's page need 64 kB there"
+    assert capsys.readouterr().err == f"no_such_module: {sentence}\n"
+    assert haptic("demo").stderr == f"haptic: {sentence}\n"
 
 
 RECORDER = [sys.executable, "-m", "haptic_device.nodes.recorder"]
