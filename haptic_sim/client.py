@@ -48,7 +48,8 @@ LAYOUTS = tuple(JointLayout(truth_names(axes)) for axes in (1, 2, 3))
 class Client:
     """`statuses`: the last diagnostics by name; `heard`: when each came [s of CLOCK_MONOTONIC]; `truth`: the loopback's
     last one as {name: (position, velocity, effort)}, which came at `truth_heard`; `truths`: all of them, oldest first,
-    if `every_truth`, for its owner to shorten."""
+    if `every_truth`, for its owner to shorten; `elsewhere`: of other namespaces {namespace: {name: (last diagnostics,
+    when they came)}}."""
 
     def __init__(self, node: Node, every_truth: bool = False):
         self.node, self._own = node, None
@@ -57,6 +58,7 @@ class Client:
         self._services: dict[str, Service] = {}
         self.statuses: dict[str, Status] = {}
         self.heard: dict[str, float] = {}
+        self.elsewhere: dict[str, dict[str, tuple[Status, float]]] = {}
         self.truth: dict[str, tuple[float, float, float]] = {}
         self.truth_heard = float("-inf")
         self.truths: list[dict] = []
@@ -96,6 +98,10 @@ class Client:
             if of_namespace(found.values(), self.node.get_namespace()):
                 self.statuses |= found
                 self.heard |= dict.fromkeys(found, time.monotonic())
+            else:
+                where = next(filter(None, (one.values.get("namespace") for one in found.values())), "/")
+                told = {name: (one, time.monotonic()) for name, one in found.items()}
+                self.elsewhere[where] = self.elsewhere.get(where, {}) | told
 
     def said(self, node: str, entry: str, otherwise: str = "") -> str:
         """Last value of a node's diagnostic entry."""

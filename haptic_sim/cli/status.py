@@ -25,7 +25,7 @@ NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation", "haptic_record
 
 def status(
     domain: Annotated[int | None, typer.Option(min=0, max=232, help="ROS domain [ROS_DOMAIN_ID, or 0].")] = None,
-    namespace: Annotated[str, typer.Option(help="Namespace of the system.")] = NAMESPACE,
+    namespace: Annotated[str | None, typer.Option(help="Namespace of one display; else every one is shown.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Listen for 2 s, print one JSON object, end.")] = False,
 ) -> None:
     """Show all nodes and figures with their levels, live; space is the e-stop. Exit code 1 for ERROR or silence."""
@@ -33,27 +33,36 @@ def status(
     from haptic_sim.client import Client
 
     domain = ros_environment.domain() if domain is None else domain
-    with contextlib.closing(Client.join("haptic_status", domain, namespace)) as client:
+    with contextlib.closing(Client.join("haptic_status", domain, namespace or NAMESPACE)) as client:
         if json or not (sys.stdin.isatty() and sys.stdout.isatty()):
-            found = _listen(client)
+            found = _listen(client, namespace is None)
             print(json_text.dumps(found)) if json else _print(found, domain)
         else:
-            found = _watch(client, domain)
+            found = _watch(client, domain, namespace is None)
     if not found and (why := ros_environment.discovery()):
         print(f"haptic status: nothing was heard; {why}", file=sys.stderr)
     raise typer.Exit(0 if found and max(entry["level"] for entry in found.values()) < LEVELS.index("ERROR") else 1)
 
 
-def newest(client) -> dict:
-    """{name: {level, message, values}} of every status; a node that was heard of and is silent now is STALE."""
-    now = time.monotonic()
-    found = {}
-    for name, said in sorted(client.statuses.items(), key=_order):
-        stale = now - client.heard[name] > STALE
-        level = LEVELS.index("STALE") if stale else said.level
-        message = f"nothing heard for {now - client.heard[name]:.0f} s" if stale else said.message
-        found[name] = {"level": level, "message": message, "values": said.values}
-    return found
+def newest(client, everywhere: bool = False) -> dict:
+    """{name: {level, message, values}} of every status; a node that was heard of and is silent now is STALE.
+
+    everywhere: of the displays in other namespaces too; where there are several, each name begins with its namespace.
+    """
+    said = {name: (one, client.heard[name]) for name, one in client.statuses.items()}
+    displays = {client.node.get_namespace(): said, **(client.elsewhere if everywhere else {})}
+    several = sum(any("namespace" in one.values for one, _ in said.values()) for said in displays.values()) > 1
+    return {
+        f"{where.rstrip('/')}/{name}" if several else name: _status(one, time.monotonic() - when)
+        for where, said in sorted(displays.items())
+        for name, (one, when) in sorted(said.items(), key=_order)
+    }
+
+
+def _status(said, age) -> dict:
+    if age > STALE:
+        return {"level": LEVELS.index("STALE"), "message": f"nothing heard for {age:.0f} s", "values": said.values}
+    return {"level": said.level, "message": said.message, "values": said.values}
 
 
 def _order(item):
@@ -61,38 +70,63 @@ def _order(item):
     return NODES.index(node) if node in NODES else len(NODES), node, ":" in item[0]
 
 
-def _listen(client) -> dict:
+def _listen(client, everywhere) -> dict:
     end = time.monotonic() + LISTENING
     while time.monotonic() < end:
         client.look()
         time.sleep(0.02)
-    return newest(client)
+    return newest(client, everywhere)
 
 
-def _watch(client, domain) -> dict:
+def _watch(client, domain, everywhere) -> dict:
     """Until q or Ctrl-C; a key's answer is shown below the table."""
     from rich.console import Group
     from rich.live import Live
     from rich.text import Text
 
-    from haptic_sim.questions import trigger
-
-    answer, questions = "", {key: trigger(f"haptic_driver/{service}") for key, service in KEYS.items()}
-    client.prepare(*(question.service for question in questions.values()))
+    answer = ""
     with contextlib.suppress(KeyboardInterrupt), keys() as pressed, Live(auto_refresh=False) as display:
         while (key := pressed()) != "q":
-            if key in questions:
-                answer = _answer(client, questions[key])
+            drivers = _drivers(client, everywhere)
+            client.prepare(*(f"{driver}/{service}" for driver in drivers for service in KEYS.values()))
+            if key in KEYS:
+                answer = _answers(client, drivers, KEYS[key])
             client.look()
-            display.update(Group(table(newest(client), domain, client.motor_force), HELP, Text(answer)), refresh=True)
+            motor = client.motor_force if client.truth else None
+            shown = table(newest(client, everywhere), domain, motor)
+            display.update(Group(shown, HELP, Text(answer)), refresh=True)
             time.sleep(0.05)
-    return newest(client)
+    return newest(client, everywhere)
 
 
-def _answer(client, question) -> str:
-    name = question.service.rpartition("/")[2]
+def _drivers(client, everywhere) -> list[str]:
+    """Full names of the drivers that are heard; that of the client's namespace while there is none."""
+    own = client.node.get_namespace().rstrip("/")
+    heard = [own] if "haptic_driver" in client.statuses else []
+    if everywhere:
+        heard += [where.rstrip("/") for where, said in client.elsewhere.items() if "haptic_driver" in said]
+    return [f"{where}/haptic_driver" for where in heard or [own]]
+
+
+def _answers(client, drivers, service) -> str:
+    """What the drivers answer; of several, all get an e-stop, and nothing else, which is meant for one."""
+    from haptic_sim.questions import trigger
+
+    if len(drivers) > 1 and service != KEYS[ESTOP]:
+        return f"{service} refused: {len(drivers)} displays are here; name one by --namespace"
+    services = [f"{driver}/{service}" for driver in drivers]
+    for each in services[1:]:  # none of them waits for the answer of another
+        with client.ask(trigger(each)) as asking:
+            asking.poll()
+    return "; ".join(_answer(client, each) for each in services)
+
+
+def _answer(client, service) -> str:
+    from haptic_sim.questions import trigger
+
+    name = service.rpartition("/")[2]
     try:
-        return f"{name}: {client.call(question)}"
+        return f"{name}: {client.call(trigger(service))}"
     except ValueError as refusal:
         return f"{name} refused: {refusal}"
 
