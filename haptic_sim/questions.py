@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter, parameter_value_to_python
 from std_srvs.srv import SetBool, Trigger
 
@@ -13,6 +13,7 @@ KINDS = {  # of services that are no Trigger
     "pause": SetBool,
     "set_parameters": SetParameters,
     "get_parameters": GetParameters,
+    "list_parameters": ListParameters,
     "set_parameters_atomically": SetParametersAtomically,
     "get_state": GetState,
     "change_state": ChangeState,
@@ -42,6 +43,11 @@ def trigger(service: str) -> Question:
     return Question(service, Trigger.Request(), read)
 
 
+def list_parameters(node: str) -> Question:
+    """Gives the names of a node's parameters, in the order of their declaration."""
+    return Question(f"{node}/list_parameters", ListParameters.Request(), lambda answer: list(answer.result.names))
+
+
 def get_parameters(node: str, names: Iterable[str]) -> Question:
     """Gives {name: value} of a node's parameters, arrays as tuples, without those that it does not have."""
     names = list(names)
@@ -54,7 +60,7 @@ def get_parameters(node: str, names: Iterable[str]) -> Question:
 
 
 def set_parameters(node: str, values: dict) -> Question:
-    """Sets {name: value} of a node, all or none; lists and tuples are arrays of doubles."""
+    """Sets {name: value} of a node, all or none; lists and tuples are arrays of doubles, or of texts."""
 
     def read(answer):
         if not answer.result.successful:
@@ -91,6 +97,8 @@ def _plain(value):
 
 
 def _parameter(name: str, value):
-    array = isinstance(value, list | tuple)
-    kind = Parameter.Type.DOUBLE_ARRAY if array else None
-    return Parameter(name, kind, list(value) if array else value).to_parameter_msg()
+    if not isinstance(value, list | tuple):
+        return Parameter(name, value=value).to_parameter_msg()
+    if any(not isinstance(item, int | float) or isinstance(item, bool) for item in value):
+        return Parameter(name, Parameter.Type.STRING_ARRAY, [str(item) for item in value]).to_parameter_msg()
+    return Parameter(name, Parameter.Type.DOUBLE_ARRAY, [float(item) for item in value]).to_parameter_msg()

@@ -27,9 +27,9 @@ until = functools.partial(waiting.until, look=lambda: time.sleep(0.05))  # a loo
 class Demo:
     """`haptic demo` as a process; what it says goes into files."""
 
-    def __init__(self, folder: Path, *options: str, scene: str = "peg_in_hole"):
+    def __init__(self, folder: Path, *options: str, scene: str | None = "peg_in_hole"):
         self.out, self._folder = folder / "run", folder
-        command = [*HAPTIC, "demo", "--scene", scene, "--out", str(self.out), *options]
+        command = [*HAPTIC, "demo", *(["--scene", scene] if scene else []), "--out", str(self.out), *options]
         with open(folder / "stdout", "wb") as stdout, open(folder / "stderr", "wb") as stderr:
             self.process = subprocess.Popen(ending_with_us(command), cwd=ROOT, stdout=stdout, stderr=stderr)
 

@@ -13,19 +13,22 @@ import psutil
 import typer
 
 from haptic_device.config_files import find
+from haptic_device.parameter_files import read_operating_point
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.progress import INTERRUPTED, status_line
 from haptic_sim.live.domain import isolated_domain
 from haptic_sim.live.prepare import prepare, promise, value_of
 from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible, undisturbed
 from haptic_sim.live.system import Order, Relay, programs_of
+from haptic_sim.node_parameters import NODES
 
 _DELAY = "Round trip added between driver and simulation by a relay [ms]."
+_SCENE = "A name in config/scenes or a YAML file [that of --params, or peg_in_hole]."
 _SECONDS = "Length from the first motor command on; without it the run ends with the operator's motion."
 
 
 def demo(
-    scene: Annotated[str, typer.Option(help="A name in config/scenes or a YAML file.")] = "peg_in_hole",
+    scene: Annotated[str | None, typer.Option(help=_SCENE)] = None,
     seconds: Annotated[float | None, typer.Option(min=0.5, max=3600.0, help=_SECONDS)] = None,
     out: Annotated[Path | None, typer.Option(help="New folder of the run [haptic_runs/SCENE-TIME].")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output, no table.")] = False,
@@ -79,10 +82,12 @@ def run(order: Order, started: float, as_json: bool) -> bool:
 
 
 def _order(scene, seconds, out, exchange, rate, params) -> Order:
+    point = find("", params).absolute()
+    scene = scene or read_operating_point(point, NODES)["haptic_simulation"].get("scene", "peg_in_hole")
     out = out or Path("haptic_runs") / f"{Path(scene).stem}-{time.strftime('%Y%m%d-%H%M%S')}"
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ValueError(f"--out {out} exists already and is not empty; name a new folder")
-    return Order(scene, seconds, out.absolute(), exchange, rate, find("", params).absolute())
+    return Order(scene, seconds, out.absolute(), exchange, rate, point)
 
 
 def play(order: Order) -> bool:

@@ -17,8 +17,12 @@ HEAD = """# Parameters
 
 Generated from the declarations by `haptic docs --out docs/parameters.md`; do not edit.
 
-A *live* parameter may be changed while the node runs (`ros2 param set`); the others are fixed at start. Numbers must be
-written as their type: `300.0`, not `300`, for a decimal number. `haptic check FILE` tests a file against this table.
+A *live* parameter may be changed while the node runs (`haptic set`, `ros2 param set`), where `300` serves for `300.0`;
+the others are fixed at start. In a file numbers must be written as their type: `300.0`, not `300`, for a decimal
+number. `haptic check FILE` tests a file against this table; `haptic save FILE` writes one of what runs.
+
+A node refuses a file that has a section for its kind, or for a name that no node has, and none that reaches it: it
+would run with its defaults. A file that names other kinds of nodes alone may be given to all.
 
 `device` and `scene` in a file are names in `config/devices` and `config/scenes`, or paths. A path is relative to the
 folder of the file that has it, for every `haptic` command; plain `ros2 run … --params-file` takes it relative to the

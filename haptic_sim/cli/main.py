@@ -17,6 +17,7 @@ COMMANDS = {
     "demo": "haptic_sim.cli.demo:demo",
     "docs": "haptic_sim.cli.docs:docs",
     "doctor": "haptic_sim.cli.doctor:doctor",
+    "get": "haptic_sim.cli.parameters:get",
     "identify": "haptic_sim.cli.identify:identify",
     "mark": "haptic_sim.cli.mark:mark",
     "passivity": "haptic_sim.cli.passivity:passivity",
@@ -24,7 +25,9 @@ COMMANDS = {
     "recover": "haptic_sim.cli.recover:recover",
     "replay": "haptic_sim.cli.replay:replay",
     "report": "haptic_sim.cli.report:report",
+    "save": "haptic_sim.cli.parameters:save",
     "scenes": "haptic_sim.cli.scenes:scenes",
+    "set": "haptic_sim.cli.parameters:set_value",
     "status": "haptic_sim.cli.status:status",
     "view": "haptic_sim.cli.view:view",
     "zwidth": "haptic_sim.cli.zwidth:zwidth",
@@ -68,7 +71,8 @@ def _application(wanted):
     app.callback(help="Haptic display of tool use: run it, check its files, compute its bounds.")(lambda: None)
     for name in set(wanted) & set(COMMANDS) or COMMANDS:
         module, function = COMMANDS[name].split(":")
-        app.command(name)(getattr(importlib.import_module(module), function))
+        negative = {"ignore_unknown_options": name == "set"}  # -1.0 is a value
+        app.command(name, context_settings=negative)(getattr(importlib.import_module(module), function))
     return app
 
 

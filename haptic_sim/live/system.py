@@ -48,7 +48,8 @@ def programs_of(order: Order) -> list[Program]:
 
     said = read_operating_point(order.params, NODES)
     scene = find("scenes", order.scene).absolute()
-    motion = {f"motion.{key}": value for key, value in load(scene).motion.items()}
+    suggested = {f"motion.{key}": value for key, value in load(scene).motion.items()}
+    motion = {} if _moved_by_file(said, scene) else suggested
     driver = {"servo.rate": order.rate, "exchange.method": order.exchange}
     driver |= {"auto_enable": True, "auto_enable_wait": TOGETHER}
     given = {
@@ -64,6 +65,13 @@ def programs_of(order: Order) -> list[Program]:
     programs = [_program(name, values, NODES[name], order.params) for name, values in given.items()]
     far = FAR if order.relay else {}
     return [program._replace(renamed=far if program.name == "haptic_simulation" else {}) for program in programs]
+
+
+def _moved_by_file(said: dict[str, dict], scene: Path) -> bool:
+    """Whether an operating point names this scene and a motion in it, which then goes before the scene's suggestion."""
+    named = said["haptic_simulation"].get("scene")
+    moves = any(name.startswith("motion.") for name in said["haptic_loopback"])
+    return moves and named is not None and find("scenes", named).absolute() == scene
 
 
 def _stated(values: dict) -> dict:

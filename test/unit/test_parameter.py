@@ -13,6 +13,7 @@ from pydantic import Field
 from haptic_device import ros_yaml
 from haptic_device.parameter_files import operating_point_problems, read_operating_point
 from haptic_device.parameter_types import Group, Parameter, check_value, fixed, live, parameters_of
+from haptic_sim.cli import parameters
 from haptic_sim.node_parameters import NODES as ALL_NODES
 
 STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", low=0.0, high=5000.0, live=True)
@@ -262,3 +263,11 @@ def test_any_text_is_either_read_or_refused_in_one_line(text):
         assert "\n" not in str(error)
     else:
         assert all("\n" not in sentence for sentence in operating_point_problems(document, NODES))
+
+
+@pytest.mark.parametrize(
+    "value", [-1.5, 3, True, "off", 'two\nlines "so"', "", (0.5, 1e-9), (), ("y", "a=b"), 1e300, -0.0]
+)
+def test_a_value_that_is_written_is_read_as_it_was(value):
+    found = parameters.read_value(parameters.text_of(value))
+    assert (tuple(found) if isinstance(found, list) else found) == value

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic get`, `set`, `save` and `status` on one running display, and beside it another; a loopback begun anew."""
+
+import json
+import signal
+
+import numpy as np
+import pytest
+from ear import Ear
+from in_process import haptic
+from lifecycle_msgs.msg import State, Transition
+from live_demo import demos
+from live_nodes import SLOW, Nodes
+
+from haptic_device import ros_yaml
+from haptic_device.parameters import DRIVER
+from haptic_sim.questions import change_state
+
+pytestmark = pytest.mark.timeout(600)
+
+CIRCLE = {"motion__name": "circle", "motion__radius": 0.04, "motion__duration": 60.0, "motion__turns": 60.0}
+NODES = {"haptic_loopback": CIRCLE, "haptic_driver": SLOW, "haptic_simulation": {"scene": "free_space"}}
+FASTEST = 1.0  # [m/s] that a hand which keeps to its script stays below
+
+
+@pytest.fixture(scope="module")
+def nodes(ros_domain, tmp_path_factory):
+    with Nodes(tmp_path_factory.mktemp("nodes")) as nodes:
+        for name, given in NODES.items():
+            nodes.start(name, **given)
+        yield nodes
+
+
+@pytest.fixture(scope="module")
+def ear(ros_domain, nodes):
+    ear = Ear(ros_domain)
+    for name in NODES:
+        ear.until(lambda name=name: ear.state(name) == State.PRIMARY_STATE_ACTIVE, f"{name} is active")
+    yield ear
+    ear.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "printed"),
+    [
+        ("coupling.stiffness", "900", "900.0"),
+        ("coupling.stiffness", "9e2", "900.0"),
+        ("clutch.open", "off", "false"),
+        ("diagnostics.energy.warn", "-1", "-1.0"),
+    ],
+)
+def test_a_value_is_set_as_a_parameter_file_has_it_and_got_back(ear, name, value, printed):
+    done = haptic("set", "haptic_driver", name, value)
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{printed}\n", "")
+    assert haptic("get", "haptic_driver", name).stdout == f"{printed}\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (
+            ("set", "haptic_driver", "coupling.stifness", "900"),
+            "coupling.stifness is not a parameter of haptic_driver; ",
+        ),
+        (
+            ("get", "haptic_driver", "coupling.stifness"),
+            "coupling.stifness is not a parameter of haptic_driver; did you",
+        ),
+        (("set", "haptic_driver", "coupling.stiffness", "-1.0"), "coupling.stiffness is -1.0 N/m; at least 0.0 N/m is"),
+        (
+            ("set", "haptic_driver", "coupling.stiffness", "stiff"),
+            "coupling.stiffness is 'stiff' (text); a number with",
+        ),
+        (("set", "haptic_driver", "coupling.stiffness", "90000"), "coupling.stiffness 90000 N/m with coupling.damping"),
+        (("set", "haptic_driver", "coupling.stiffness", "{a: 1}"), "'{a: 1}' is no value of one parameter"),
+        (("set", "haptic_driver", "coupling.stiffness", "["), "line 1 is not YAML"),
+        (("set", "haptic_driver", "servo.rate", "2000"), "Trying to set a read-only parameter: servo.rate."),
+        (("set", "haptic_driver", "wall.offsets", "[0, 0.1]"), "wall.normals has 0 numbers; 2 walls need"),
+        (("get", "haptic_drivr"), "haptic_drivr offers no ~/list_parameters in /haptic; does it run in this domain?"),
+        (("save", "new.yaml", "--namespace", "/nowhere"), "no node of a display is found in /nowhere; does it run in"),
+    ],
+)
+def test_what_is_refused_is_said_in_the_nodes_own_sentence(ear, words, sentence):
+    done = haptic(*words)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith(f"haptic: {sentence}") and done.stderr.count("\n") == 1
+
+
+def test_without_a_name_all_parameters_are_printed_as_a_file_has_them(ear):
+    found = ros_yaml.loads(haptic("get", "haptic_driver").stdout)
+    assert set(found) == {parameter.name for parameter in DRIVER}
+    assert found["servo.rate"] == SLOW["servo__rate"] and found["wall.offsets"] == []
+
+
+def test_who_activates_an_active_node_is_answered(ear, nodes):
+    assert ear.told(change_state("haptic_loopback", Transition.TRANSITION_ACTIVATE))[0] is False
+    said = "haptic_loopback is active; there is no transition activate from there"
+    assert said in nodes.running["haptic_loopback"].log.read_text()
+
+
+def test_a_loopback_activated_again_begins_its_script_anew_and_the_hand_does_not_jump(ear):
+    def away(truth):
+        return np.abs(truth.position[3:5]).max() > CIRCLE["motion__radius"]
+
+    ear.cleared()
+    ear.engaged()
+    ear.truth(away, what="the hand is on its circle")
+    assert ear.trigger("disable")[0]  # else it would begin at once, by the last word of the driver
+    ear.change("haptic_loopback", Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
+    begin = len(ear.truths)
+    ear.change("haptic_loopback", Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE)
+    first = ear.truth(lambda truth: True)
+    assert np.abs(first.position[:6]).max() < 1e-6
+    ear.cleared()
+    ear.engaged()
+    ear.truth(away, what="the hand is on its circle again")
+    assert max(np.abs(truth.velocity[:2]).max() for truth in ear.truths[begin:]) < FASTEST
+
+
+def test_what_is_saved_passes_check_is_not_overwritten_and_a_demo_starts_from_it(ear, tmp_path):
+    assert haptic("set", "haptic_driver", "coupling.stiffness", "950").returncode == 0
+    file = tmp_path / "point.yaml"
+    done = haptic("save", file)
+    assert done.stdout == f"{file} holds the parameters of haptic_driver, haptic_loopback, haptic_simulation\n", done
+    assert haptic("check", file).stdout == f"{file}: ok\n"
+    again = haptic("save", file)
+    assert (again.returncode, again.stderr) == (1, f"haptic: {file} exists already; name a new file\n")
+    saved = {key.rpartition("/")[2]: section["ros__parameters"] for key, section in ros_yaml.load(file).items()}
+    assert saved["haptic_driver"]["coupling.stiffness"] == 950.0
+    assert saved["haptic_simulation"]["scene"] == "free_space" and saved["haptic_loopback"]["motion.name"] == "circle"
+    with pytest.MonkeyPatch.context() as alone, demos(tmp_path) as start:
+        alone.delenv("ROS_DOMAIN_ID")
+        run = start("--params", str(file), "--seconds", "1", "--json", scene=None)
+        assert run.ended() == 0, run.progress
+        assert json.loads(run.said)["scene"] == "free_space"
+
+
+def test_status_shows_the_displays_of_every_namespace_or_of_one(ear, nodes):
+    def status(*words):
+        return set(json.loads(haptic("status", "--json", *words).stdout))
+
+    assert {"haptic_driver", "haptic_loopback"} <= status()
+    nodes.end("haptic_loopback", signal.SIGINT)
+    nodes.start("haptic_loopback", namespace="/left")
+    ear.until(lambda: "/left/haptic_loopback" in status(), "the other display")
+    assert {"/haptic/haptic_driver", "/left/haptic_loopback"} <= status()
+    assert "haptic_loopback" in (left := status("--namespace", "/left")) and "haptic_driver" not in left
