@@ -93,7 +93,7 @@ def start(module: str) -> int:
     try:
         check_room()
     except (ValueError, OSError) as refusal:
-        print(f"{module}: {refusal}", file=sys.stderr)
+        print(f"haptic_{module.rpartition('.')[2]}: {refusal}", file=sys.stderr)
         return 1
     return importlib.import_module(module).main()
 

@@ -50,9 +50,9 @@ def test_a_shared_memory_without_room_is_refused_before_ros_writes_there(monkeyp
     ros_environment.check_room()
     sizes["free"] -= 1
     with process.handling(signal.SIG_DFL):
-        assert process.start("no_such_module") == 1
+        assert process.start("haptic_device.nodes.driver") == 1
     sentence = "/dev/shm has 63 kB free; ROS and the device's page need 64 kB there"
-    assert capsys.readouterr().err == f"no_such_module: {sentence}\n"
+    assert capsys.readouterr().err == f"haptic_driver: {sentence}\n"
     assert haptic("demo").stderr == f"haptic: {sentence}\n"
 
 
