@@ -1,38 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """Device description: what a haptic device is made of, in SI, read from YAML."""
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
+from haptic_device import yaml_reader
 from haptic_device.config_files import ConfigError, find
-from haptic_device.parameter_types import unknown
+from haptic_device.refusal import Part, Unit, sentences
 
 Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False, strict=True)]
 NotNegative = Annotated[float, Field(ge=0.0, le=1e9, allow_inf_nan=False, strict=True)]
 Number = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False, strict=True)]
 Sign = Literal[1, -1]
-_Error = TypeVar("_Error", bound=Mapping[str, Any])  # as pydantic tells it
 AXES = ("x", "y", "theta")
 SUB_STEP = 50_000  # [ns] longest step of the simulated device's exact motion
 MOST_STIFF = 1.0 / (SUB_STEP * 1e-9)  # [1/s] damping over mass up to which the plant's series converges fast
 
 
-class Part(BaseModel):
-    """Frozen, no unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
 class DragSensor(Part):
     """Sensor of the physical damper's drag: bandwidth [Hz] (0 = unlimited), bias and noise (σ) [N | N m]."""
 
-    bandwidth: NotNegative = 0.0
-    bias: Number = 0.0
-    noise: NotNegative = 0.0
+    bandwidth: Annotated[NotNegative, Unit("Hz")] = 0.0
+    bias: Annotated[Number, Unit("N | N m")] = 0.0
+    noise: Annotated[NotNegative, Unit("N | N m")] = 0.0
 
 
 class Axis(Part):
@@ -44,17 +36,17 @@ class Axis(Part):
     """
 
     name: Literal["x", "y", "theta"]
-    counts_per_unit: Positive
+    counts_per_unit: Annotated[Positive, Unit("counts/m | counts/rad")]
     encoder_sign: Sign = 1
-    zero: Number = 0.0
-    motor_constant: Positive = 1.0
+    zero: Annotated[Number, Unit("m | rad")] = 0.0
+    motor_constant: Annotated[Positive, Unit("N per motor unit | N m per motor unit")] = 1.0
     motor_sign: Sign = 1
-    motor_limit: Positive
-    workspace: tuple[Number, Number]
-    velocity_limit: Positive
-    mass: Positive
-    damping: Positive
-    coulomb: NotNegative = 0.0
+    motor_limit: Annotated[Positive, Unit("N | N m")]
+    workspace: Annotated[tuple[Number, Number], Unit("m | rad")]
+    velocity_limit: Annotated[Positive, Unit("m/s | rad/s")]
+    mass: Annotated[Positive, Unit("kg | kg m²")]
+    damping: Annotated[Positive, Unit("N s/m | N m s/rad")]
+    coulomb: Annotated[NotNegative, Unit("N | N m")] = 0.0
 
     @model_validator(mode="after")
     def _sensible(self) -> Self:
@@ -80,10 +72,10 @@ class Device(Part):
 
     name: str
     axes: Annotated[tuple[Axis, ...], Field(min_length=1, max_length=3)]
-    gravity: tuple[Number, Number] = (0.0, 0.0)
+    gravity: Annotated[tuple[Number, Number], Unit("m/s²")] = (0.0, 0.0)
     gravity_compensation: bool = True
-    sensing_delay: Annotated[NotNegative, Field(le=0.1)] = 0.0
-    actuation_delay: Annotated[NotNegative, Field(le=0.04)] = 0.0
+    sensing_delay: Annotated[NotNegative, Field(le=0.1), Unit("s")] = 0.0
+    actuation_delay: Annotated[NotNegative, Field(le=0.04), Unit("s")] = 0.0
     scale: tuple[Positive, Positive] = (1.0, 1.0)
     homing: Literal["absolute", "at_start"] = "absolute"
     home: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
@@ -104,40 +96,13 @@ class Device(Part):
 def load_device(name: str | Path) -> Device:
     """The device of this name (config/devices) or file. Raises ConfigError or FileNotFoundError, one sentence."""
     path = find("devices", name)
+    return parse(yaml_reader.load(path), str(path))
+
+
+def parse(content: Any, source: str) -> Device:
+    """A device from a mapping; `source` names it in the sentence of a ConfigError."""
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-        if not isinstance(content, dict):
-            raise ConfigError(f"{path}: the file holds no mapping of names to values")
         return Device.model_validate(content)
     except ValidationError as error:
-        found = _sentences(error)
-        raise ConfigError(f"{path}: {found[0]}", found) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
-
-
-def _sentences(errors: ValidationError) -> list[str]:
-    """Each problem of a validation: where, what was given, what is wanted."""
-    return [_sentence(error) for error in without_echoes(errors.errors())]
-
-
-def without_echoes(errors: Sequence[_Error]) -> list[_Error]:
-    """Without what pydantic calls too short only because the items that it had were wrong."""
-    places = [error["loc"] for error in errors]
-
-    def echo(error: _Error) -> bool:
-        own = error["loc"]
-        return error["type"] == "too_short" and any(place != own and place[: len(own)] == own for place in places)
-
-    return [error for error in errors if not echo(error)]
-
-
-def _sentence(error: Mapping[str, Any]) -> str:
-    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error["loc"]).lstrip(".")
-    if error["type"] == "extra_forbidden":
-        known = {**Axis.model_fields, **Device.model_fields, **DragSensor.model_fields}
-        last = str(error["loc"][-1])
-        return where.removesuffix(last) + unknown(last, "a key of a device description", known)
-    reason = error["msg"].removeprefix("Value error, ")
-    given = "" if isinstance(error["input"], dict) else f"{where} is {error['input']!r}: "
-    return f"{given or where + ': '}{reason[0].lower()}{reason[1:]}"
+        found = sentences(error, Device, lambda place: place[:2] == ("axes", 2))
+        raise ConfigError(f"{source}: {found[0]}", found) from None

@@ -3,9 +3,8 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
-from haptic_device import ros_yaml
+from haptic_device import yaml_reader
 from haptic_device.config_files import find_beside
 from haptic_device.parameter_types import ROS_OWN, SECTION, Parameter, check_value, shown, unknown
 
@@ -18,9 +17,9 @@ def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], names
 
     Returns {node: {name: value}} with the values written in the file only; later sections win, as in ROS 2. Paths
     (PLACES) are relative to the file's folder and come back absolute. Raises ValueError with the first sentence of
-    operating_point_problems or file_problems, and OSError if the file cannot be read.
+    operating_point_problems or file_problems, and ConfigError if the file cannot be read.
     """
-    document = _load(path)
+    document = yaml_reader.load(path, ros=True)
     values, _ = right_values(document, nodes, namespace)
     for sentence in (*operating_point_problems(document, nodes), *file_problems(values, path)):
         raise ValueError(f"{path}: {sentence}")
@@ -28,7 +27,7 @@ def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], names
 
 
 def section_keys(path) -> list[str]:
-    """Keys of the sections in the ROS 2 parameter file at path, in its order. Raises as `ros_yaml.load`."""
+    """Keys of the sections in the ROS 2 parameter file at path, in its order. Raises as `yaml_reader.load`."""
     return [key for key, _ in _sections(_load(path))]
 
 
@@ -82,13 +81,6 @@ def operating_point_problems(document: dict, nodes: Mapping[str, tuple[Parameter
             continue
         for name, value in given.items():
             yield from (f"{key}: {sentence}" for sentence in _entry_problems(name, value, owners))
-
-
-def _load(path):
-    try:
-        return ros_yaml.load(Path(path))
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
 def _sections(document, path=""):

@@ -4,7 +4,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from haptic_device import controller_config, gain_check, ros_yaml
+from haptic_device import controller_config, gain_check, yaml_reader
 from haptic_device.config_files import ConfigError
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand
@@ -23,8 +23,9 @@ from haptic_sim.scene_promise import unkept_wish
 def problems(path: Path) -> list[str]:
     """Sentences for what is wrong in the file; which kind of file it is shows in its top-level keys."""
     try:
-        document = ros_yaml.load(path)
+        document = yaml_reader.load(path)
         if _has_section(document):
+            document = yaml_reader.load(path, ros=True)
             return [*operating_point_problems(document, NODES), *dict.fromkeys(_together(document, path))]
         if "axes" in document:
             return _found(load_device, path)
@@ -34,8 +35,8 @@ def problems(path: Path) -> list[str]:
             f"neither an operating point ({SECTION}), a device description (axes) nor a scene (bodies, tool): "
             f"it has {', '.join(document) or 'no keys'}"
         )
-    except OSError as error:
-        return [error.strerror or str(error)]
+    except ConfigError as error:
+        return list(error.found)
     except ValueError as error:
         return [str(error).removeprefix(f"{path}: ")]
 
@@ -51,9 +52,10 @@ def _unfit(scene, method=AUTO) -> list[str]:
 
 def remark(path: Path) -> str:
     """Sentence on what a right scene, or that of a right operating point, wishes for and will not get; or ""."""
-    document = ros_yaml.load(path)
+    document = yaml_reader.load(path)
     if not _has_section(document):
         return "" if "axes" in document else unkept_wish(path)
+    document = yaml_reader.load(path, ros=True)
     given = right_values(document, NODES)[0]["haptic_simulation"]
     values = {parameter.name: parameter.default for parameter in NODES["haptic_simulation"]} | given
     return unkept_wish(values["scene"], values["method"])

@@ -10,8 +10,9 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
+from haptic_device.refusal import Part, Unit
 from haptic_sim.geometry import turned
-from haptic_sim.solid import Direction, NotNegative, Number, Part, Point, Positive, Solid, Unit
+from haptic_sim.solid import Direction, NotNegative, Number, Point, Positive, Solid
 
 WORLD = "world"
 """Name of what does not move, for joints; its frame is the plane's."""
@@ -121,8 +122,8 @@ class Spring(Joint):
     """
 
     type: Literal["spring"]
-    stiffness: NotNegative = 0.0
-    damping: NotNegative = 0.0
+    stiffness: Annotated[NotNegative, Unit("N/m")] = 0.0
+    damping: Annotated[NotNegative, Unit("N s/m")] = 0.0
     rest: Annotated[NotNegative, Unit("m")] | None = None
     holds = False
 
@@ -145,7 +146,7 @@ class Spring(Joint):
 class Motor(Part):
     """Moves body b against body a at `speed` [rad/s | m/s] along the joint's coordinate, as hard as it can."""
 
-    speed: Number
+    speed: Annotated[Number, Unit("m/s | rad/s")]
 
 
 class RotaryMotor(Motor):
@@ -167,8 +168,8 @@ class LowerPair(Joint):
     """
 
     limits: Limits | None = None
-    stiffness: NotNegative = 0.0
-    damping: NotNegative = 0.0
+    stiffness: Annotated[NotNegative, Unit("N/m | N m/rad")] = 0.0
+    damping: Annotated[NotNegative, Unit("N s/m | N m s/rad")] = 0.0
     rest: Number = 0.0
 
     @property
@@ -185,7 +186,7 @@ class Pin(LowerPair):
     """Lets body b turn about the anchor, against `friction_torque` [N m]."""
 
     type: Literal["pin"]
-    friction_torque: NotNegative = 0.0
+    friction_torque: Annotated[NotNegative, Unit("N m")] = 0.0
     motor: RotaryMotor | None = None
 
     @property
@@ -204,7 +205,7 @@ class Slider(LowerPair):
 
     type: Literal["slider"]
     axis: Direction
-    friction_force: NotNegative = 0.0
+    friction_force: Annotated[NotNegative, Unit("N")] = 0.0
     motor: LinearMotor | None = None
 
     @property

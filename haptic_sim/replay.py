@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import yaml
 
+from haptic_device import description, yaml_reader
+from haptic_device.config_files import ConfigError
 from haptic_device.description import Device, load_device
 from haptic_device.parameter_types import SECTION, Parameter, check_value
 from haptic_device.recording import load
@@ -125,8 +126,7 @@ def _simulation(point):
 
 def _values(recording, node, parameters) -> dict:
     """A node's values as the bag has them; the defaults for what it does not say."""
-    attached = recording.attachments.get(f"parameters/{node}.yaml", b"")
-    content = yaml.safe_load(attached) or {}
+    content = _attached(recording, f"parameters/{node}.yaml", ros=True) or {}
     found = next((section.get(SECTION, {}) for section in content.values()), {})
     known = {parameter.name: parameter for parameter in parameters}
     taken = {name: check_value(known[name], value) for name, value in found.items() if name in known}
@@ -134,13 +134,22 @@ def _values(recording, node, parameters) -> dict:
 
 
 def _device(recording, name) -> Device:
-    attached = recording.attachments.get(f"device/{Path(name).stem}.yaml")
-    return load_device(name) if attached is None else Device.model_validate(yaml.safe_load(attached))
+    content = _attached(recording, file := f"device/{Path(name).stem}.yaml")
+    return load_device(name) if content is None else description.parse(content, f"{file} of {recording.bag}")
 
 
 def _scene(recording, name) -> Scene | None:
-    attached = recording.attachments.get(f"scene/{Path(name).stem}.yaml")
-    if attached is not None:
-        return parse(yaml.safe_load(attached), f"scene of {recording.bag}")
+    content = _attached(recording, file := f"scene/{Path(name).stem}.yaml")
+    if content is not None:
+        return parse(content, f"{file} of {recording.bag}")
     there = "tool_age" in recording.trace.dtype.names and (recording.trace["tool_age"] >= 0).any()
     return load_scene(name) if there else None
+
+
+def _attached(recording, file, ros=False) -> dict | None:
+    """The mapping in a file that the bag has; None if it has no such file."""
+    content = recording.attachments.get(file)
+    try:
+        return yaml_reader.loads(content, ros) if content is not None else None
+    except ValueError as error:
+        raise ConfigError(f"{file} of {recording.bag}: {error}") from None

@@ -10,17 +10,18 @@ from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-import yaml
 from pydantic import Field, ValidationError, field_validator, model_validator
 
+from haptic_device import yaml_reader
 from haptic_device.config_files import ConfigError, find
+from haptic_device.refusal import Part, Unit
 from haptic_sim import scene_validation
 from haptic_sim.geometry import finest_feature
 from haptic_sim.joint import AnyJoint
 from haptic_sim.method_registry import offered
 from haptic_sim.motion import flat_motion
-from haptic_sim.scene_refusal import Unfit, is_unfit, sentences, with_stand_ins
-from haptic_sim.solid import TOOL, AnySolid, Body, Direction, Material, Number, Part, Point, Positive, Tool, Unit
+from haptic_sim.scene_refusal import Unfit, found_wrong, is_unfit, with_stand_ins
+from haptic_sim.solid import TOOL, AnySolid, Body, Direction, Material, Number, Point, Positive, Tool
 
 
 class SceneError(ConfigError):
@@ -131,13 +132,11 @@ def load(name: str | Path) -> Scene:
     """The scene called `name`, or in the YAML file at that path; SceneError says in one sentence what is wrong."""
     try:
         path = find("scenes", str(name))
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml_reader.load(path)
     except FileNotFoundError as missing:
         raise SceneError(str(missing)) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{name} cannot be read: {error}") from None
-    except yaml.YAMLError as error:
-        raise SceneError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    except ConfigError as error:
+        raise SceneError(str(error), error.found) from None
     return parse(content, str(path))
 
 
@@ -146,7 +145,7 @@ def parse(content: Any, source: str) -> Scene:
     try:
         return Scene.model_validate(content)
     except ValidationError as error:
-        found = [*sentences(error, Scene), *_unfit_rest(content, error)]
+        found = [*found_wrong(error, Scene), *_unfit_rest(content, error)]
         raise SceneError(f"{source}: {found[0]}", found) from None
 
 
@@ -157,5 +156,5 @@ def _unfit_rest(content: Any, error: ValidationError) -> list[str]:
     try:
         Scene.model_validate(with_stand_ins(content, [found["loc"] for found in error.errors()]))
     except ValidationError as rest:
-        return sentences(rest, Scene) if is_unfit(rest) else []
+        return found_wrong(rest, Scene) if is_unfit(rest) else []
     return []

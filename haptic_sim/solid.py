@@ -7,9 +7,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Discriminator,
     Field,
     SerializerFunctionWrapHandler,
@@ -18,17 +16,14 @@ from pydantic import (
     model_validator,
 )
 
+from haptic_device.refusal import Part, Unit
 from haptic_sim.geometry import Outline, combined, convex, half_plane, rectangle
 
 TOOL = "tool"
 
 
-class Unit(str):
-    """Unit of a number, for the sentence that says its limit."""
-
-
 def _number(value: Any) -> Any:
-    if isinstance(value, bool):
+    if isinstance(value, bool | str):
         raise ValueError("must be a number")
     return value
 
@@ -48,12 +43,6 @@ Inertia = Annotated[Positive, Unit("kg m²")]
 Point = tuple[Number, Number]
 Pose = tuple[Number, Number, Number]
 Direction = Annotated[Point, AfterValidator(_somewhere)]
-
-
-class Part(BaseModel):
-    """A mapping of the language: no key but its own."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Shape(Part, abc.ABC):
@@ -82,6 +71,8 @@ class Polygon(Shape):
 
 class KeyedShape(Shape):
     """A shape that is written as a mapping under its key."""
+
+    under_key = True
 
     @model_validator(mode="before")
     @classmethod

@@ -6,12 +6,11 @@ does it, one transition after the other; `false`: they stay unconfigured for `ro
 configure` and its like.
 
 It runs in the Python of `ros2`, which may not see the libraries of a virtual environment: of ours it takes
-`config_files` and `motion` only, which need none.
+`config_files`, `yaml_reader` and `motion` only, which need none but PyYAML.
 """
 
 from pathlib import Path
 
-import yaml
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction, RegisterEventHandler
 from launch.conditions import IfCondition
@@ -25,6 +24,7 @@ from launch_ros.utilities import prefix_namespace
 from lifecycle_msgs.msg import Transition
 
 from haptic_device.config_files import find
+from haptic_device.yaml_reader import load
 from haptic_sim.motion import flat_motion
 
 RVIZ = Path(__file__).parents[1] / "config/layouts/haptic.rviz"
@@ -92,11 +92,7 @@ def _own(given, on):
 
 def _motion(scene):
     """The motion of the hand that a scene suggests; what is wrong in the rest of it, the simulation says."""
-    try:
-        content = yaml.safe_load(scene.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{scene} is not YAML: {' '.join(str(error).split())}") from None
-    motion = content.get("motion") if isinstance(content, dict) else None
+    motion = load(scene).get("motion")
     try:
         return flat_motion(motion) if isinstance(motion, dict) else {}
     except ValueError as error:

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from haptic_device import ros_environment, ros_yaml
+from haptic_device import ros_environment, yaml_reader
 from haptic_device.parameter_types import ROS_OWN, SECTION, unknown
 from haptic_sim.live.processes import NAMESPACE, parameter_text
 
@@ -75,7 +75,7 @@ def save(
 
 def read_value(text: str) -> Any:
     """What a parameter file means by this text. Raises ValueError, one sentence, if it is no value of a parameter."""
-    found = ros_yaml.loads(f"value: {text}")
+    found = yaml_reader.loads(f"value: {text}", ros=True)
     if len(found) > 1 or isinstance(found["value"], dict):
         raise ValueError(f"{text!r} is no value of one parameter; write a number, true, false, a text, or [a, list]")
     return found["value"]

@@ -12,7 +12,7 @@ from lifecycle_msgs.msg import State, Transition
 from live_demo import demos
 from live_nodes import SLOW, Nodes
 
-from haptic_device import ros_yaml
+from haptic_device import yaml_reader
 from haptic_device.parameters import DRIVER
 from haptic_sim.questions import change_state
 
@@ -87,7 +87,7 @@ def test_what_is_refused_is_said_in_the_nodes_own_sentence(ear, words, sentence)
 
 
 def test_without_a_name_all_parameters_are_printed_as_a_file_has_them(ear):
-    found = ros_yaml.loads(haptic("get", "haptic_driver").stdout)
+    found = yaml_reader.loads(haptic("get", "haptic_driver").stdout, ros=True)
     assert set(found) == {parameter.name for parameter in DRIVER}
     assert found["servo.rate"] == SLOW["servo__rate"] and found["wall.offsets"] == []
 
@@ -125,7 +125,7 @@ def test_what_is_saved_passes_check_is_not_overwritten_and_a_demo_starts_from_it
     assert haptic("check", file).stdout == f"{file}: ok\n"
     again = haptic("save", file)
     assert (again.returncode, again.stderr) == (1, f"haptic: {file} exists already; name a new file\n")
-    saved = {key.rpartition("/")[2]: section["ros__parameters"] for key, section in ros_yaml.load(file).items()}
+    saved = {key.rpartition("/")[2]: section["ros__parameters"] for key, section in yaml_reader.load(file, ros=True).items()}
     assert saved["haptic_driver"]["coupling.stiffness"] == 950.0
     assert saved["haptic_simulation"]["scene"] == "free_space" and saved["haptic_loopback"]["motion.name"] == "circle"
     with pytest.MonkeyPatch.context() as alone, demos(tmp_path) as start:

@@ -64,8 +64,8 @@ MISTAKES = [
     (("homing",), "never", ["homing is 'never'", "absolute"]),
     (("scale",), [0.0, 1.0], ["scale[0] is 0.0"]),
     (("drag_sensor",), {"noise": -1.0}, ["drag_sensor.noise is -1.0"]),
-    (("axes", 0, "dampin"), 3.0, ["axes[0].dampin is not a key of a device description; did you mean damping?"]),
-    (("sensing_dely",), 0.0, ["sensing_dely is not a key", "did you mean sensing_delay?"]),
+    (("axes", 0, "dampin"), 3.0, ["axes[0]: has no key 'dampin'; did you mean 'damping'?"]),
+    (("sensing_dely",), 0.0, ["has no key 'sensing_dely'; did you mean 'sensing_delay'?"]),
 ]
 
 

@@ -13,7 +13,7 @@ from haptic_device.message_fields import TAIL
 from haptic_device.nodes import driver, exchange_server, loopback, recorded_topics, recorder
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import scheduling, servo_thread
-from haptic_device.ros_yaml import load as load_yaml
+from haptic_device.yaml_reader import load as load_yaml
 from haptic_sim.cli.docs import fault_table
 from haptic_sim.cli.main import COMMANDS
 from haptic_sim.config_problems import problems

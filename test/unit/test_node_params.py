@@ -11,7 +11,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from haptic_device import ros_yaml
+from haptic_device import yaml_reader
 from haptic_device.nodes.ros import KINDS, refuse_files_of_others
 from haptic_device.nodes.ros_parameters import declare, on_change
 from haptic_device.parameter_types import Parameter
@@ -267,7 +267,7 @@ y N Off on true True tRue ~ null .inf -.INF .nan nan inf infinity 2020-01-01 '3'
 def test_scalars_mean_to_us_what_they_mean_to_ros(make_node):
     """Our reading of a file against rcl's own parser, value by value."""
     text = "/**:\n  ros__parameters:\n" + "".join(f"    p{i}: {scalar}\n" for i, scalar in enumerate(SCALARS.split()))
-    ours = ros_yaml.loads(text)["/**"]["ros__parameters"]
+    ours = yaml_reader.loads(text, ros=True)["/**"]["ros__parameters"]
     theirs = {name: value.value for name, value in make_node(text)._parameter_overrides.items()}
     for i, scalar in enumerate(SCALARS.split()):
         mine, yours = ours[f"p{i}"], theirs[f"p{i}"]

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
 
-from haptic_device import ros_yaml
+from haptic_device import yaml_reader
 from haptic_device.parameter_files import operating_point_problems, read_operating_point
 from haptic_device.parameter_types import Group, Parameter, check_value, fixed, live, parameters_of
 from haptic_sim.cli import parameters
@@ -40,7 +40,7 @@ def operating_point(folder, text, **options):
 
 
 def problems(text):
-    return list(operating_point_problems(ros_yaml.loads(text), NODES))
+    return list(operating_point_problems(yaml_reader.loads(text, ros=True), NODES))
 
 
 class Wall(Group):
@@ -252,13 +252,13 @@ def test_every_mistake_is_listed_and_reading_stops_at_the_first(tmp_path):
 )
 def test_a_file_that_is_no_plain_mapping_is_refused_with_its_line(text, sentence):
     with pytest.raises(ValueError, match="^" + sentence):
-        ros_yaml.loads(text)
+        yaml_reader.loads(text, ros=True)
 
 
 @given(st.text())
 def test_any_text_is_either_read_or_refused_in_one_line(text):
     try:
-        document = ros_yaml.loads(text)
+        document = yaml_reader.loads(text, ros=True)
     except ValueError as error:
         assert "\n" not in str(error)
     else:

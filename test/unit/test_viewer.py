@@ -16,7 +16,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from yarl import URL
 
-from haptic_device.ros_yaml import load as load_yaml
+from haptic_device.yaml_reader import load as load_yaml
 from haptic_sim.config_problems import problems
 from haptic_sim.node.scene_publisher import CONTACT, state_names
 from haptic_sim.node_parameters import NODES

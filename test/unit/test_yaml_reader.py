@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One reader for every file that people write: what is one for the check is one for the demo, the nodes and launch."""
+
+import pytest
+
+from haptic_device.config_files import find
+from haptic_device.description import load_device
+from haptic_device.parameter_files import read_operating_point
+from haptic_device.yaml_reader import MOST, loads
+from haptic_sim.config_problems import problems
+from haptic_sim.node_parameters import NODES
+from haptic_sim.scene import load
+
+TWICE = "name: twice\ntool: {mass: 0.1, mass: 5.0, shapes: [{circle: {radius: 0.005}}]}\n"
+FLOORLESS = """name: floorless
+bodies: [{name: floor, fixed: true, shapes: [{half_plane: {point: [0.0, -0.02], normal: [0.0, 1.0]}}]}]
+tool: {mass: 0.1, shapes: [{circle: {radius: 0.005}}]}
+bodies: []
+"""
+ALIAS = """name: alias
+bodies:
+  - &base {name: a, mass: 1.0, pose: [0.1, 0.0, 0.0], shapes: [{box: {size: [0.01, 0.02]}}]}
+  - {<<: *base, name: b, pose: [-0.1, 0.0, 0.0]}
+tool: {mass: 0.1, shapes: [{circle: {radius: 0.005}}]}
+"""
+MOTOR = "velocity_limit: 3.0, mass: 0.1, damping: 3.0}"
+DEVICE = f"""name: twins
+axes:
+  - &x {{name: x, counts_per_unit: 2e5, motor_limit: 15.0, workspace: [-0.12, 0.12], {MOTOR}
+  - {{<<: *x, name: y}}
+"""
+
+
+def written(tmp_path, text, name="mine.yaml"):
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize(("text", "key"), [(TWICE, "mass"), (FLOORLESS, "bodies")])
+def test_a_scene_with_a_key_twice_is_refused_by_the_check_and_by_who_runs_it(tmp_path, text, key):
+    path = written(tmp_path, text)
+    [sentence] = problems(path)
+    assert sentence.startswith(f"{key} is written twice, the second time in line ")
+    with pytest.raises(ValueError, match=f"mine.yaml: {key} is written twice"):
+        load(path)
+
+
+def test_a_device_with_a_key_twice_is_refused_by_the_check_and_by_who_runs_it(tmp_path):
+    path = written(tmp_path, find("devices", "desktop").read_text() + "name: other\n")
+    assert problems(path)[0].startswith("name is written twice")
+    with pytest.raises(ValueError, match=r"mine\.yaml: name is written twice"):
+        load_device(path)
+
+
+def test_a_scene_and_a_device_with_anchors_and_merge_keys_are_taken_by_both(tmp_path):
+    scene, device = written(tmp_path, ALIAS), written(tmp_path, DEVICE, "device.yaml")
+    assert problems(scene) == problems(device) == []
+    assert [body.pose[0] for body in load(scene).bodies] == [0.1, -0.1]
+    assert [axis.mass for axis in load_device(device).axes] == [0.1, 0.1]
+
+
+def test_an_operating_point_with_an_alias_is_refused_as_ros_refuses_it(tmp_path):
+    rate = "/**/haptic_driver: {ros__parameters: {servo: {rate: &r 4000.0}, exchange: {rate: *r}}}\n"
+    path = written(tmp_path, rate)
+    assert problems(path) == ["line 1 is not YAML: ROS 2 parameter files have no aliases (*name)"]
+    with pytest.raises(ValueError, match=r"mine\.yaml: line 1 is not YAML: ROS 2 parameter files have no aliases"):
+        read_operating_point(path, NODES)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1:30", "1:30"),
+        ("1e3", 1000.0),
+        ("1.5e-1", 0.15),
+        ("1_000", "1_000"),
+        ("010", 8),
+        ("2001-01-01", "2001-01-01"),
+        ("off", False),
+        ("'off'", "off"),
+        ("!!str 1", "1"),
+    ],
+)
+def test_a_plain_value_is_the_same_in_every_file(text, value):
+    assert loads(f"a: {text}") == loads(f"a: {text}", ros=True) == {"a": value}
+
+
+@pytest.mark.parametrize(
+    ("text", "plain", "ros"), [("y", "y", True), ("n", "n", False), ("~", None, "~"), ("", None, "")]
+)
+def test_only_these_differ_where_ros_reads_them(text, plain, ros):
+    assert (loads(f"a: {text}"), loads(f"a: {text}", ros=True)) == ({"a": plain}, {"a": ros})
+
+
+def test_a_number_of_sixty_to_the_power_is_no_mass(tmp_path):
+    path = written(tmp_path, "name: n\ntool: {mass: 1:30, shapes: [{circle: {radius: 0.01}}]}\n")
+    assert problems(path) == ["tool.mass is '1:30': must be a number"]
+
+
+@pytest.mark.parametrize(
+    ("text", "merged"),
+    [
+        ("a: &a {k: 1, l: 2}\nb: {<<: *a, l: 3}", {"k": 1, "l": 3}),
+        ("a: &a {k: 1}\nc: &c {k: 2, m: 4}\nb: {<<: [*a, *c]}", {"k": 1, "m": 4}),
+        ("b: {'<<': 1}", {"<<": 1}),
+    ],
+)
+def test_a_merge_key_brings_in_what_is_not_there(text, merged):
+    assert loads(text)["b"] == merged
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("a: 1\nb: {<<: 3}", "line 2: << needs a mapping or a list of mappings"),
+        ("a: &a [*a]", "an alias stands within what it names"),
+        ("a: &a {<<: *a}", "an alias stands within what it names"),
+        ("a: *b", "line 1 is not YAML: found undefined alias"),
+        ("a: " + "[" * 100 + "]" * 100, "line 1 is nested 101 deep; the limit is 100"),
+        ("a: " + "[" * 100_000 + "]" * 100_000, "line 1 is nested 101 deep; the limit is 100"),
+        ("a: \x00", "this is not a YAML text: "),
+    ],
+)
+def test_what_no_file_may_hold_is_refused_in_one_sentence(text, sentence):
+    with pytest.raises(ValueError) as refused:
+        loads(text)
+    assert str(refused.value).startswith(sentence) and "\n" not in str(refused.value)
+
+
+def test_aliases_within_aliases_end_at_a_limit():
+    text = "a0: &a0 [1, 1]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 60))
+    with pytest.raises(ValueError, match=f"the file holds more than {MOST} values, its aliases followed"):
+        loads(text)
+
+
+@pytest.mark.parametrize("read", [load, lambda path: read_operating_point(path, NODES)])
+def test_a_file_that_cannot_be_read_is_named_with_the_reason(tmp_path, read):
+    path = tmp_path / "scene.yaml"
+    path.symlink_to(path)  # a loop
+    with pytest.raises(ValueError) as refused:
+        read(path)
+    assert "[Errno" not in str(refused.value) and str(path) in str(refused.value)
