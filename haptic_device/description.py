@@ -23,8 +23,8 @@ class DragSensor(Part):
     """Sensor of the physical damper's drag: bandwidth [Hz] (0 = unlimited), bias and noise (σ) [N | N m]."""
 
     bandwidth: Annotated[NotNegative, Unit("Hz")] = 0.0
-    bias: Annotated[Number, Unit("N | N m")] = 0.0
-    noise: Annotated[NotNegative, Unit("N | N m")] = 0.0
+    bias: Annotated[Number, Unit("N or N m")] = 0.0
+    noise: Annotated[NotNegative, Unit("N or N m")] = 0.0
 
 
 class Axis(Part):

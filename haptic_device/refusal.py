@@ -13,11 +13,9 @@ LISTED, MAPPED = "it should be a list", "it should be a mapping of names to valu
 SAID = {
     "greater_than": "it should be greater than {gt:g}",
     "greater_than_equal": "it should be greater than or equal to {ge:g}",
-    "less_than": "it should be less than {lt:g}",
     "less_than_equal": "it should be less than or equal to {le:g}",
     "finite_number": "it should be a finite number",
     "float_type": NUMBER,
-    "float_parsing": NUMBER,
     "int_type": WHOLE,
     "int_parsing": WHOLE,
     "int_from_float": WHOLE,
@@ -35,9 +33,9 @@ SAID = {
     "union_tag_invalid": "it should be one of {expected_tags}",
 }
 """Each kind of pydantic's errors that scenes and devices can make, as it is said; others have words of their own."""
-MEASURED = "greater_than", "greater_than_equal", "less_than", "less_than_equal"
+MEASURED = "greater_than", "greater_than_equal", "less_than_equal"
 """Those that a unit belongs behind."""
-COUNTED = "finite_number", "float_type", "float_parsing"
+COUNTED = "finite_number", "float_type"
 """Those that `in` and a unit belong behind."""
 
 

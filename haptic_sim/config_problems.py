@@ -88,8 +88,8 @@ def _together(document, path) -> Iterator[str]:
             continue
         try:
             content = load(values[node][name])
-        except (OSError, ValueError) as error:
-            yield str(error)
+        except ConfigError as error:
+            yield from (f"{name} {values[node][name]}: {sentence}" for sentence in error.found)
             continue
         yield from judge(content, values[node], wrong[node])
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from haptic_device.config_files import find
+from haptic_device.description import load_device
 from haptic_device.parameter_files import PLACES, read_operating_point
 from haptic_device.parameter_types import check_value, unknown
 from haptic_sim.live.processes import Program
@@ -62,6 +63,7 @@ def programs_of(order: Order) -> list[Program]:
     # ROS would take a path in the file as relative to where we are
     files = {name: {key: said[name][key] for key in PLACES if key in said[name]} for name in given}
     given = {name: files[name] | _stated(values) | order.given.get(name, {}) for name, values in given.items()}
+    _refuse_bad_devices(given, order.params)
     programs = [_program(name, values, NODES[name], order.params) for name, values in given.items()]
     far = FAR if order.relay else {}
     return [program._replace(renamed=far if program.name == "haptic_simulation" else {}) for program in programs]
@@ -72,6 +74,15 @@ def _moved_by_file(said: dict[str, dict], scene: Path) -> bool:
     named = said["haptic_simulation"].get("scene")
     moves = any(name.startswith("motion.") for name in said["haptic_loopback"])
     return moves and named is not None and find("scenes", named).absolute() == scene
+
+
+def _refuse_bad_devices(given: dict[str, dict], params: Path) -> None:
+    """Before any node starts. Raises ValueError, one sentence: of which node, by which operating point, which file."""
+    for node in ("haptic_driver", "haptic_loopback"):
+        try:
+            load_device(given[node].get("device", "desktop"))
+        except (ValueError, OSError) as error:
+            raise ValueError(f"{params}: {node}: device {error}") from None
 
 
 def _stated(values: dict) -> dict:

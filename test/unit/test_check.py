@@ -236,3 +236,36 @@ def test_a_driver_that_is_attended_every_twentieth_of_a_second_is_not_asked_to_m
     text = f"/**/haptic_driver: {{ros__parameters: {{fault: {{unattended: {seconds}}}}}}}"
     sentence = f"fault.unattended is {float(seconds):g} s, and the driver says each 0.05 s that it is there"
     assert [one.startswith(sentence) for one in problems(broken(tmp_path, text))] == ([] if taken else [True])
+
+
+BAD_DEVICE = (
+    "name: bad\naxes: [{name: x, counts_per_unit: 1e5, motor_limit: 15.0, workspace: [-0.1, 0.1], mass: 0.1}]\n"
+)
+BAD_SCENE = "name: bad\ntool: {mass: 0, shapes: [{circle: {radius: 0}}]}\n"
+
+
+@pytest.mark.parametrize(
+    ("node", "name", "text", "sentences"),
+    [
+        ("haptic_driver", "device", BAD_DEVICE, ["velocity_limit is missing", "damping is missing"]),
+        ("haptic_loopback", "device", BAD_DEVICE, ["velocity_limit is missing", "damping is missing"]),
+        ("haptic_simulation", "scene", BAD_SCENE, ["tool.shapes[0].circle.radius is 0", "tool.mass is 0"]),
+    ],
+)
+def test_an_operating_point_names_the_bad_file_that_it_names(tmp_path, node, name, text, sentences):
+    (tmp_path / "bad.yaml").write_text(text)
+    found = problems(broken(tmp_path, f"/**/{node}: {{ros__parameters: {{{name}: ./bad.yaml}}}}"))
+    assert len(found) == len(sentences)
+    for sentence, words in zip(found, sentences, strict=True):
+        assert sentence.startswith(f"{name} {tmp_path}/bad.yaml: ") and words in sentence
+
+
+@pytest.mark.parametrize("node", ["haptic_driver", "haptic_loopback"])
+def test_a_demo_with_a_bad_device_begins_no_node_and_names_the_file(tmp_path, node):
+    (tmp_path / "bad.yaml").write_text(BAD_DEVICE)
+    point = broken(tmp_path, f"/**/{node}: {{ros__parameters: {{device: ./bad.yaml}}}}")
+    done = haptic("demo", "--scene", "wall", "--params", point, "--out", tmp_path / "run")
+    assert done.returncode == 1 and not (tmp_path / "run").exists()
+    assert done.stderr.strip() == (
+        f"haptic: {point}: {node}: device {tmp_path}/bad.yaml: axes[0].velocity_limit is missing; add it"
+    )
