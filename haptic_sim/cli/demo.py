@@ -15,6 +15,7 @@ import typer
 from haptic_device.config_files import find
 from haptic_device.parameter_files import read_operating_point
 from haptic_sim.cli.keys import ESTOP, keys
+from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED, status_line
 from haptic_sim.live.domain import isolated_domain
 from haptic_sim.live.prepare import prepare, promise, value_of
@@ -24,23 +25,25 @@ from haptic_sim.node_parameters import NODES
 
 _DELAY = "Round trip added between driver and simulation by a relay [ms]."
 _SCENE = "A name in config/scenes or a YAML file [that of --params, or peg_in_hole]."
+_JITTER = "Uniform ± of that round trip [ms]."
+_LOSS = "Share of the messages lost, either way."
 _SECONDS = "Length from the first motor command on; without it the run ends with the operator's motion."
 
 
 def demo(
     scene: Annotated[str | None, typer.Option(help=_SCENE)] = None,
-    seconds: Annotated[float | None, typer.Option(min=0.5, max=3600.0, help=_SECONDS)] = None,
+    seconds: Annotated[float | None, number("--seconds", "s", 0.5, 3600.0, help=_SECONDS)] = None,
     out: Annotated[Path | None, typer.Option(help="New folder of the run [haptic_runs/SCENE-TIME].")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output, no table.")] = False,
     exchange: Annotated[str | None, typer.Option(help="Exchange method between driver and simulation.")] = None,
-    rate: Annotated[float | None, typer.Option(help="Servo rate [Hz].")] = None,
+    rate: Annotated[float | None, number("--rate", "Hz", 500.0, 10000.0, help="Servo rate [Hz].")] = None,
     params: Annotated[str, typer.Option(help="Operating point: a name in config or a YAML file.")] = "demo",
-    delay: Annotated[float, typer.Option(min=0.0, max=2000.0, help=_DELAY)] = 0.0,
-    jitter: Annotated[float, typer.Option(min=0.0, max=2000.0, help="Uniform ± of that round trip [ms].")] = 0.0,
-    loss: Annotated[float, typer.Option(min=0.0, max=1.0, help="Share of the messages lost, either way.")] = 0.0,
+    delay: Annotated[float, number("--delay", "ms", 0.0, 2000.0, help=_DELAY)] = 0.0,
+    jitter: Annotated[float, number("--jitter", "ms", 0.0, 2000.0, help=_JITTER)] = 0.0,
+    loss: Annotated[float, number("--loss", "", 0.0, 1.0, help=_LOSS)] = 0.0,
     view: Annotated[bool, typer.Option("--view", help="Open a web page on which the mouse is the hand.")] = False,
     host: Annotated[str, typer.Option(help="Address of that page; beyond this machine it warns.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Its TCP port; 0: any that is free.")] = 0,
+    port: Annotated[int, whole("--port", 0, 65535, help="Its TCP port; 0: any that is free.")] = 0,
 ) -> None:
     """Run loopback device, driver, simulation and recorder on a scene. Exit code 0 only if the job was done."""
     started, order = time.monotonic() - (time.time() - psutil.Process().create_time()), None

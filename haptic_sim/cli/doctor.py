@@ -6,9 +6,13 @@ from typing import Annotated
 
 import typer
 
+from haptic_sim.cli.numbers import number
+
 
 def doctor(
-    seconds: Annotated[float, typer.Option(min=0.2, max=60.0, help="Length of the trial at each servo rate.")] = 1.0,
+    seconds: Annotated[
+        float, number("--seconds", "s", 0.2, 60.0, help="Length of the trial at each servo rate.")
+    ] = 1.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ) -> None:
     """What this machine can hold: scheduling, cores, clock; servo and exchange rate to choose; how to get more."""

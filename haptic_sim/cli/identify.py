@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED
 
 _DEVICE = "Device description that the driver has, the beginning of the search (a name in config/devices or a file)."
@@ -19,11 +20,13 @@ def identify(
     out: Annotated[Path, typer.Option(help="Device description to write.")] = Path("identified.yaml"),
     device: Annotated[str, typer.Option(help=_DEVICE)] = "desktop",
     loopback: Annotated[str | None, typer.Option(help=_LOOPBACK)] = None,
-    seconds: Annotated[float, typer.Option(min=3.0, max=600.0, help="How long it is shaken (s).")] = 8.0,
-    force: Annotated[float, typer.Option(help="Largest force of the shaking on each axis (N).")] = 3.0,
-    torque: Annotated[float | None, typer.Option(help=_TORQUE)] = None,
-    rate: Annotated[float, typer.Option(help="Servo rate of a driver that is started here (Hz).")] = 4000.0,
-    domain: Annotated[int | None, typer.Option(min=0, max=232, help=_DOMAIN)] = None,
+    seconds: Annotated[float, number("--seconds", "s", 3.0, 600.0, help="How long it is shaken (s).")] = 8.0,
+    force: Annotated[float, number("--force", "N", help="Largest force of the shaking on each axis (N).")] = 3.0,
+    torque: Annotated[float | None, number("--torque", "N m", help=_TORQUE)] = None,
+    rate: Annotated[
+        float, number("--rate", "Hz", 500.0, 10000.0, help="Servo rate of a driver that is started here (Hz).")
+    ] = 4000.0,
+    domain: Annotated[int | None, whole("--domain", 0, 232, help=_DOMAIN)] = None,
     namespace: Annotated[str | None, typer.Option(help="Namespace of the running driver.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ):

@@ -14,12 +14,13 @@ import typer
 
 from haptic_device import ros_environment, yaml_reader
 from haptic_device.parameter_types import ROS_OWN, SECTION, unknown
+from haptic_sim.cli.numbers import whole
 from haptic_sim.live.processes import NAMESPACE, parameter_text
 
 LISTENING = 2.0  # [s] in which nodes that are there are found
 OF_A_START = {"autostart", "bag"}  # parameters that whoever starts a node gives
 Node = Annotated[str, typer.Argument(help="Name of the node, such as haptic_driver.")]
-Domain = Annotated[int | None, typer.Option(min=0, max=232, help="ROS domain [ROS_DOMAIN_ID, or 0].")]
+Domain = Annotated[int | None, whole("--domain", 0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")]
 Namespace = Annotated[str, typer.Option(help="Namespace of the system.")]
 
 

@@ -11,18 +11,29 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_device.analysis.assessment import Display, advise, assess
+from haptic_sim.cli.numbers import number
 
 
 def passivity(
-    stiffness: Annotated[float, typer.Option(help="Stiffness K of the wall or coupling (N/m).")],
-    damping: Annotated[float, typer.Option(help="Its virtual damping B, of either sign (N s/m).")],
-    physical_damping: Annotated[float, typer.Option(help="Physical damping b of the device (N s/m).")],
-    period: Annotated[float, typer.Option(help="Servo period T (s).")],
-    mass: Annotated[float, typer.Option(help="Moving mass m of the device (kg); only stability needs it.")] = 0.1,
-    delay_samples: Annotated[float, typer.Option(help="Loop delay in periods, fractions allowed.")] = 0.0,
-    velocity_lag: Annotated[float, typer.Option(help="Time constant of the velocity filter (s).")] = 0.0,
-    resolution: Annotated[float, typer.Option(help="Encoder step (m); 0 leaves quantization out.")] = 0.0,
-    coulomb: Annotated[float, typer.Option(help="Coulomb friction of the device (N).")] = 0.0,
+    stiffness: Annotated[float, number("--stiffness", "N/m", help="Stiffness K of the wall or coupling (N/m).")],
+    damping: Annotated[float, number("--damping", "N s/m", help="Its virtual damping B, of either sign (N s/m).")],
+    physical_damping: Annotated[
+        float, number("--physical-damping", "N s/m", help="Physical damping b of the device (N s/m).")
+    ],
+    period: Annotated[float, number("--period", "s", help="Servo period T (s).")],
+    mass: Annotated[
+        float, number("--mass", "kg", help="Moving mass m of the device (kg); only stability needs it.")
+    ] = 0.1,
+    delay_samples: Annotated[
+        float, number("--delay-samples", "periods", help="Loop delay in periods, fractions allowed.")
+    ] = 0.0,
+    velocity_lag: Annotated[
+        float, number("--velocity-lag", "s", help="Time constant of the velocity filter (s).")
+    ] = 0.0,
+    resolution: Annotated[
+        float, number("--resolution", "m", help="Encoder step (m); 0 leaves quantization out.")
+    ] = 0.0,
+    coulomb: Annotated[float, number("--coulomb", "N", help="Coulomb friction of the device (N).")] = 0.0,
     plot: Annotated[Path | None, typer.Option(help="Write the K-B plane to this PNG file.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ):

@@ -9,6 +9,7 @@ import typer
 
 from haptic_device import ros_environment
 from haptic_device.nodes import FIRST_ROW
+from haptic_sim.cli.numbers import number
 from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible
 
 LOOK_PERIOD = 0.05  # s
@@ -19,14 +20,18 @@ RECORDER = "haptic_recorder"
 def record(
     out: Annotated[Path | None, typer.Option(help="New folder for the bag and its log [haptic_bags/TIME].")] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.1, help="Length from the first row; else until Ctrl-C.")
+        float | None, number("--seconds", "s", 0.1, 1e7, help="Length from the first row; else until Ctrl-C.")
     ] = None,
     namespace: Annotated[str, typer.Option(help="Namespace of the system to record.")] = NAMESPACE,
     participant: Annotated[str, typer.Option(help="Code of the participant.")] = "",
     condition: Annotated[str, typer.Option(help="Experimental condition.")] = "",
     field: Annotated[list[str] | None, typer.Option(help="Further fact of the trial, name=value; repeatable.")] = None,
-    split_size: Annotated[float | None, typer.Option(min=0.0, help="New file from this size on [MB]; 0 never.")] = None,
-    split_duration: Annotated[float | None, typer.Option(min=0.0, help="New file after this time [s].")] = None,
+    split_size: Annotated[
+        float | None, number("--split-size", "MB", 0.0, 1e6, help="New file from this size on [MB]; 0 never.")
+    ] = None,
+    split_duration: Annotated[
+        float | None, number("--split-duration", "s", 0.0, 1e6, help="New file after this time [s].")
+    ] = None,
 ) -> None:
     """Record all topics of a running system to a rosbag2 folder (MCAP). Ctrl-C is the normal end."""
     out = (out or Path("haptic_bags") / time.strftime("%Y%m%d-%H%M%S")).absolute()

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from haptic_sim.cli.numbers import number
+
 
 class As(StrEnum):
     """What the recorded hand is in the replay."""
@@ -22,7 +24,7 @@ def replay(
     check: Annotated[bool, typer.Option("--check", help="Compute the recorded ticks again, bit for bit.")] = False,
     live: Annotated[bool, typer.Option("--live", help="Move the hand of a running loopback device instead.")] = False,
     params: Annotated[str | None, typer.Option(help="Operating point in place of the bag's own values.")] = None,
-    delay: Annotated[float, typer.Option(min=0.0, help="Delay of the exchange there and back [s].")] = 0.0,
+    delay: Annotated[float, number("--delay", "s", 0.0, 10.0, help="Delay of the exchange there and back [s].")] = 0.0,
     out: Annotated[Path | None, typer.Option(help="New bag of the replay [haptic_bags/replay-TIME].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Where the bag holds several devices.")] = None,
 ) -> None:

@@ -13,6 +13,7 @@ import typer
 from haptic_device import ros_environment
 from haptic_device.status import LEVELS
 from haptic_sim.cli.keys import ESTOP, keys
+from haptic_sim.cli.numbers import whole
 from haptic_sim.live.processes import NAMESPACE
 
 STYLES = ("green", "yellow", "bold red", "magenta")
@@ -24,7 +25,7 @@ NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation", "haptic_record
 
 
 def status(
-    domain: Annotated[int | None, typer.Option(min=0, max=232, help="ROS domain [ROS_DOMAIN_ID, or 0].")] = None,
+    domain: Annotated[int | None, whole("--domain", 0, 232, help="ROS domain [ROS_DOMAIN_ID, or 0].")] = None,
     namespace: Annotated[str | None, typer.Option(help="Namespace of one display; else every one is shown.")] = None,
     json: Annotated[bool, typer.Option("--json", help="Listen for 2 s, print one JSON object, end.")] = False,
 ) -> None:

@@ -5,13 +5,14 @@ from typing import Annotated
 
 import typer
 
+from haptic_sim.cli.numbers import whole
 from haptic_sim.live.processes import NAMESPACE, ros_arguments
 
 
 def view(
     namespace: Annotated[str, typer.Option(help="Namespace of the system.")] = NAMESPACE,
     host: Annotated[str, typer.Option(help="Address to listen on; beyond this machine it warns.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port; 0: any that is free.")] = 0,
+    port: Annotated[int, whole("--port", 0, 65535, help="TCP port; 0: any that is free.")] = 0,
 ) -> None:
     """Show a running system on a local web page, where the mouse is the hand. Ctrl-C is the normal end."""
     from haptic_sim.viewer.viewer import main

@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER, progress
 from haptic_sim.live.processes import NodeDiedError, interruptible
 
@@ -23,29 +24,41 @@ EITHER = "device", "period", "stiffness_max", "as_json"
 def zwidth(
     context: typer.Context,
     device: Annotated[str | None, typer.Option(help=_DEVICE)] = None,
-    mass: Annotated[float | None, typer.Option(help="Moving mass m (kg) [0.1].")] = None,
-    physical_damping: Annotated[float | None, typer.Option(help="Physical damping b (N s/m) [0.5].")] = None,
-    period: Annotated[float, typer.Option(help="Servo period T (s).")] = 0.001,
-    delay_samples: Annotated[float | None, typer.Option(help="Loop delay in periods [0].")] = None,
-    velocity_lag: Annotated[float, typer.Option(help="Time constant of the velocity filter (s).")] = 0.0,
-    resolution: Annotated[float | None, typer.Option(help="Encoder step (m) [0].")] = None,
-    coulomb: Annotated[float | None, typer.Option(help="Coulomb friction (N) [0].")] = None,
+    mass: Annotated[float | None, number("--mass", "kg", help="Moving mass m (kg) [0.1].")] = None,
+    physical_damping: Annotated[
+        float | None, number("--physical-damping", "N s/m", help="Physical damping b (N s/m) [0.5].")
+    ] = None,
+    period: Annotated[float, number("--period", "s", help="Servo period T (s).")] = 0.001,
+    delay_samples: Annotated[
+        float | None, number("--delay-samples", "periods", help="Loop delay in periods [0].")
+    ] = None,
+    velocity_lag: Annotated[
+        float, number("--velocity-lag", "s", help="Time constant of the velocity filter (s).")
+    ] = 0.0,
+    resolution: Annotated[float | None, number("--resolution", "m", help="Encoder step (m) [0].")] = None,
+    coulomb: Annotated[float | None, number("--coulomb", "N", help="Coulomb friction (N) [0].")] = None,
     lateness: Annotated[
-        float, typer.Option(help="Also draw: writes late by anything up to this (s), at most T/2.")
+        float, number("--lateness", "s", help="Also draw: writes late by anything up to this (s), at most T/2.")
     ] = 0.0,
     operator: Annotated[
         str, typer.Option(help="none, light, firm, or worst of a grid of masses and springs.")
     ] = "none",
-    stiffness_max: Annotated[float | None, typer.Option(help="Largest K of the map (N/m) [by theory].")] = None,
-    damping_max: Annotated[float | None, typer.Option(help="Largest B of the map (N s/m) [4 b].")] = None,
-    points: Annotated[int, typer.Option(min=2, max=1000, help="Cells along each axis.")] = 100,
-    seconds: Annotated[float, typer.Option(help="Simulated time of a cell (s).")] = 1.0,
+    stiffness_max: Annotated[
+        float | None, number("--stiffness-max", "N/m", help="Largest K of the map (N/m) [by theory].")
+    ] = None,
+    damping_max: Annotated[
+        float | None, number("--damping-max", "N s/m", help="Largest B of the map (N s/m) [4 b].")
+    ] = None,
+    points: Annotated[int, whole("--points", 2, 1000, help="Cells along each axis.")] = 100,
+    seconds: Annotated[float, number("--seconds", "s", help="Simulated time of a cell (s).")] = 1.0,
     out: Annotated[Path, typer.Option(help="Folder for map.csv and map.png.")] = Path("zwidth"),
-    workers: Annotated[int | None, typer.Option(min=1, max=1024, help="Threads [one a core].")] = None,
+    workers: Annotated[int | None, whole("--workers", 1, 1024, help="Threads [one a core].")] = None,
     scheduler: Annotated[str, typer.Option(help=SCHEDULER)] = "",
     live: Annotated[bool, typer.Option("--live", help=_LIVE)] = False,
-    damping: Annotated[float, typer.Option(help="With --live: virtual damping B of the wall (N s/m).")] = 0.0,
-    domain: Annotated[int | None, typer.Option(min=0, max=232, help=_DOMAIN)] = None,
+    damping: Annotated[
+        float, number("--damping", "N s/m", help="With --live: virtual damping B of the wall (N s/m).")
+    ] = 0.0,
+    domain: Annotated[int | None, whole("--domain", 0, 232, help=_DOMAIN)] = None,
     namespace: Annotated[str | None, typer.Option(help="With --live: namespace of nodes that run already.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ):
