@@ -13,6 +13,7 @@ from matplotlib.path import Path
 from matplotlib.transforms import Affine2D
 
 from haptic_device.device import operator_hand
+from haptic_device.os_errors import naming
 from haptic_device.parameters import OPERATOR
 from haptic_sim.geometry import turned
 from haptic_sim.joint import WORLD, Slider
@@ -39,7 +40,8 @@ def save(scene: Scene, path) -> None:
     """Write the picture as PNG; OSError if the file cannot be written."""
     figure = Figure(figsize=(5.0, 4.6), layout="constrained")
     draw(scene, figure.subplots())
-    figure.savefig(path, dpi=110, format="png")
+    with naming(path):
+        figure.savefig(path, dpi=110, format="png")
 
 
 def draw(scene: Scene, axes) -> None:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from haptic_device.analysis.assessment import Assessment, Display
 from haptic_device.analysis.delay import largest_passive_stiffness
 from haptic_device.analysis.stability import largest_stable_stiffness
+from haptic_device.os_errors import naming
 
 POINTS = 61
 
@@ -23,7 +24,8 @@ def save_map(display: Display, assessment: Assessment, path: Path) -> None:
     axes.plot(display.damping, display.stiffness / 1e3, "o", color=colour, label="this display", zorder=3)
     axes.set_ylim(0.0, 1.15 * max(axes.get_ylim()[1], display.stiffness / 1e3))
     axes.legend()
-    figure.savefig(path, dpi=120, format="png")
+    with naming(path):
+        figure.savefig(path, dpi=120, format="png")
 
 
 def draw_map(axes: Axes, display: Display) -> None:

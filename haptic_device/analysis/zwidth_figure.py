@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 
 from haptic_device.analysis.zwidth import NAMES, theory
 from haptic_device.analysis.zwidth_map import Plane, Request
+from haptic_device.os_errors import naming
 
 COLOURS = ("#d9ead3", "#f9d9a8", "#e8a7a1")
 LINES = {
@@ -24,7 +25,8 @@ def save_map(request: Request, plane: Plane, lateness: float, path: Path) -> Non
     """Writes the figure as PNG; OSError if the file cannot be written."""
     figure = Figure(figsize=(7.5, 5.5), layout="constrained")
     draw_cells(figure.subplots(), request, plane, lateness)
-    figure.savefig(path, dpi=120, format="png")
+    with naming(path):
+        figure.savefig(path, dpi=120, format="png")
 
 
 def draw_cells(axes: Axes, request: Request, plane: Plane, lateness: float = 0.0) -> None:

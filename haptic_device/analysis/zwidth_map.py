@@ -12,6 +12,7 @@ import numpy as np
 from haptic_device.analysis.quantity import Array, Flags, finite, not_negative
 from haptic_device.analysis.sweep import spread
 from haptic_device.analysis.zwidth import SHAKING, Outcome, Setup, check_setup, operators_of, run_cells, theory
+from haptic_device.os_errors import naming
 
 
 class Request(NamedTuple):
@@ -83,7 +84,8 @@ def write_csv(path: Path, request: Request, plane: Plane) -> None:
     columns = [column[plane.done].ravel() for column in (damping, stiffness, *plane.outcome)]
     head = "damping_ns_per_m,stiffness_n_per_m,verdict,energy_given_j,growth"
     beside = path.with_name(path.name + ".part")  # no half file is ever under its name
-    np.savetxt(beside, np.column_stack(columns), "%.10g", ",", header=head, comments="")
+    with naming(path):
+        np.savetxt(beside, np.column_stack(columns), "%.10g", ",", header=head, comments="")
     os.replace(beside, path)
 
 

@@ -21,6 +21,7 @@ from haptic_device.nodes import messages
 from haptic_device.nodes.participant_id import own_participant_id
 from haptic_device.nodes.ros import begin_ros, made, refuse_files_of_others
 from haptic_device.nodes.ros_parameters import declare
+from haptic_device.os_errors import in_words
 from haptic_device.parameter_types import Parameter
 from haptic_device.process import ENDING, hear
 from haptic_device.realtime.session_clock import SessionClock
@@ -165,7 +166,7 @@ class ManagedNode(Node):
         try:
             action()
         except (ValueError, OSError) as refusal:
-            self.refusal = str(refusal)
+            self.refusal = in_words(refusal)
             self.get_logger().error(self.refusal)
             undo()
             return TransitionCallbackReturn.FAILURE
@@ -178,7 +179,7 @@ class ManagedNode(Node):
 
 def sentence_of(error):
     """Kind and text of an exception on one line."""
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+    return f"{type(error).__name__}: {in_words(error)}"
 
 
 def _autostart(node):
@@ -234,7 +235,7 @@ def run(make_node, name, args=None):
             if node.failure:
                 node.end_failed()
     except (ValueError, OSError) as refusal:
-        print(f"{name}: {' '.join(str(refusal).split())}", file=sys.stderr)
+        print(f"{name}: {in_words(refusal)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:  # of jit.ensure_compiled, which was waiting
         return 0

@@ -22,6 +22,7 @@ from haptic_device.nodes.parameter_client import ParameterClient
 from haptic_device.nodes.polled_subscription import Sample
 from haptic_device.nodes.recorded_topics import RecordedTopics, Track
 from haptic_device.nodes.ros_parameters import on_change
+from haptic_device.os_errors import in_words
 from haptic_device.parameters import RECORDER
 from haptic_device.realtime import scheduling
 from haptic_device.recording.metadata import dump
@@ -63,7 +64,7 @@ class Recorder(ManagedNode):
         try:
             self.bag = self._open()
         except (ValueError, OSError) as error:
-            self.failure = f"cannot record: {error}"
+            self.failure = f"cannot record: {in_words(error)}"
             raise ValueError(self.failure) from None
         self.topics.skip()  # a bag begins when it is opened
         self._parameter_client.again()  # parameters and scene may be others than in the bag before

@@ -8,6 +8,8 @@ from typing import Any
 
 import yaml
 
+from haptic_device.os_errors import naming
+
 METADATA = "metadata.yaml"
 
 
@@ -86,7 +88,8 @@ def dump(content: Any) -> str:
 def write_metadata(folder: Path, content: dict[str, Any]) -> None:
     """Writes metadata.yaml into the bag's folder."""
     half = folder / f"{METADATA}.part"
-    half.write_text(dump({"rosbag2_bagfile_information": content}), encoding="utf-8")
+    with naming(half):
+        half.write_text(dump({"rosbag2_bagfile_information": content}), encoding="utf-8")
     os.replace(half, folder / METADATA)
 
 

@@ -15,6 +15,7 @@ import yaml
 from mcap.records import Attachment, Channel, McapRecord, Message, Schema
 from mcap.writer import Writer
 
+from haptic_device.os_errors import naming
 from haptic_device.recording.metadata import METADATA, FileSpan, information, said_in, topic_metadata, write_metadata
 from haptic_device.recording.reader import Records, files
 from haptic_device.recording.writer import CHUNK_BYTES, RESERVE
@@ -91,7 +92,7 @@ def _rewritten(path: Path) -> Path:
     names = (path.with_name(f"{path.name}.damaged{number or ''}") for number in count())
     kept = next(name for name in names if not name.exists())
     try:
-        with open(path, "rb") as source, open(half, "wb") as target:
+        with naming(half), open(path, "rb") as source, open(half, "wb") as target:
             writer = Writer(target, CHUNK_BYTES)
             numbers: dict[tuple[type, int], int] = {}
             writer.start("ros2", "haptic_display")

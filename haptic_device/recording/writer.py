@@ -12,6 +12,7 @@ from typing import Any, BinaryIO, cast
 
 from mcap.writer import Writer
 
+from haptic_device.os_errors import naming
 from haptic_device.recording.layouts import types
 from haptic_device.recording.metadata import FileSpan, dump, information, topic_metadata, write_metadata
 
@@ -78,7 +79,8 @@ class Bag:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             raise ValueError(f"bag folder {folder} is not empty; name a new one")
-        (folder / RESERVE).write_bytes(bytes(RESERVE_BYTES))
+        with naming(folder / RESERVE):
+            (folder / RESERVE).write_bytes(bytes(RESERVE_BYTES))
         self._begin_file()
 
     @property

@@ -13,6 +13,7 @@ import psutil
 import typer
 
 from haptic_device.config_files import find
+from haptic_device.os_errors import in_words
 from haptic_device.parameter_files import read_operating_point
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.numbers import number, whole
@@ -80,7 +81,7 @@ def run(order: Order, started: float, as_json: bool) -> bool:
         unended = _play(order, programs)
         found = _evaluate(order, started)
     except (NodeDiedError, ValueError, OSError) as error:
-        wrong.append(str(error))
+        wrong.append(in_words(error))
     return _conclude(order, found, unended, wrong, as_json)
 
 

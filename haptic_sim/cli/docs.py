@@ -9,6 +9,7 @@ import typer
 
 from haptic_device.control.faults import TABLE
 from haptic_device.control.withheld import TABLE as WITHHELD
+from haptic_device.os_errors import naming
 from haptic_device.parameter_types import Parameter
 from haptic_device.withheld_time import BREAK, LASTS
 from haptic_sim.node_parameters import NODES
@@ -64,7 +65,8 @@ def docs(
     if out is None:
         typer.echo(text, nl=False)
     else:
-        out.write_text(text, encoding="utf-8")
+        with naming(out):
+            out.write_text(text, encoding="utf-8")
 
 
 def fault_table() -> str:

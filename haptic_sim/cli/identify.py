@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from haptic_device.os_errors import in_words
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED
 
@@ -40,7 +41,7 @@ def identify(
             found, described = identify_device(device, loopback, seconds, force, torque, rate, domain, namespace)
         write_description(out, described, found)
     except (ValueError, OSError, NodeDiedError) as error:
-        typer.echo(f"haptic identify: {error}", err=True)
+        typer.echo(f"haptic identify: {in_words(error)}", err=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
         typer.echo("haptic identify: interrupted; the gains are as they were", err=True)

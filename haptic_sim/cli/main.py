@@ -7,6 +7,7 @@ import os
 import sys
 
 from haptic_device import ros_environment
+from haptic_device.os_errors import in_words
 from haptic_device.process import handling
 from haptic_sim.cli.progress import INTERRUPTED
 
@@ -56,7 +57,7 @@ def ending_in_a_sentence(name: str):
     except KeyboardInterrupt:
         sys.exit(INTERRUPTED)
     except (ValueError, OSError) as error:
-        _refuse(name, error)
+        _refuse(name, in_words(error))
     except ModuleNotFoundError as error:
         if error.name != "rclpy":
             raise

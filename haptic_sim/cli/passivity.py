@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from haptic_device.analysis.assessment import Display, advise, assess
+from haptic_device.os_errors import in_words
 from haptic_sim.cli.numbers import number
 
 
@@ -46,7 +47,7 @@ def passivity(
         if plot is not None:
             _save(display, assessment, plot)
     except (ValueError, OSError) as error:
-        typer.echo(f"haptic passivity: {error}", err=True)
+        typer.echo(f"haptic passivity: {in_words(error)}", err=True)
         raise typer.Exit(2) from None
     if as_json:
         typer.echo(json.dumps(_report(display, assessment)))

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from haptic_device.os_errors import in_words
+
 
 def report(
     bags: Annotated[list[Path], typer.Argument(help="Bag folders or .mcap files, shown side by side.")],
@@ -46,5 +48,6 @@ def _read(bags: list[Path], namespace: str | None):
         try:
             runs.append(read_run(bag, namespace))
         except (ValueError, OSError) as error:
-            reasons.append(str(error) if str(bag) in str(error) else f"{bag}: {error}")
+            said = in_words(error)
+            reasons.append(said if str(bag) in said else f"{bag}: {said}")
     return runs, reasons

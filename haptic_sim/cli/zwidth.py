@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from haptic_device.os_errors import in_words
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER, progress
 from haptic_sim.live.processes import NodeDiedError, interruptible
@@ -74,7 +75,7 @@ def zwidth(
             cells = operator, stiffness_max, damping_max, points
             found = _draw(device, given, cells, lateness, out, workers or len(os.sched_getaffinity(0)), scheduler)
     except (ValueError, OSError, NodeDiedError) as error:
-        typer.echo(f"haptic zwidth: {error}", err=True)
+        typer.echo(f"haptic zwidth: {in_words(error)}", err=True)
         raise typer.Exit(2) from None
     except KeyboardInterrupt:
         kept = "the gains are as they were" if live else f"rows that were done are in {out / 'map.csv'}"

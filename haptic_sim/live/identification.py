@@ -9,6 +9,7 @@ from haptic_device.analysis.identify import identify, resolution_of, trace_of
 from haptic_device.analysis.quantity import positive
 from haptic_device.config_files import find
 from haptic_device.description import load_device
+from haptic_device.os_errors import naming
 from haptic_sim.live.excitation import record_excitation
 from haptic_sim.live.pair import on_pair
 
@@ -99,7 +100,8 @@ def write_description(path, described, found):
     lines = [f"#   {axis}: {_line(axis, values)}" for axis, values in found.items()]
     head = "# Identified by haptic identify, ± 95 % confidence. Only the sum of both delays can be told: it stands as\n"
     head += "# actuation_delay.\n"
-    path.write_text(head + "\n".join(lines) + "\n" + yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    with naming(path):
+        path.write_text(head + "\n".join(lines) + "\n" + yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
 
 
 def _weighted(estimates):

@@ -21,6 +21,7 @@ from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.lifecycle import ManagedNode, run, sentence_of
 from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
+from haptic_device.os_errors import in_words
 from haptic_device.realtime.scheduling import go_realtime, lift_interpreter, lift_threads, put_back, spare_collections
 from haptic_sim.endpoint import ExchangeEndpoint
 from haptic_sim.left_out_time import left_out_sentence
@@ -158,7 +159,7 @@ class SimulationNode(ManagedNode):
         try:
             world = self._world(values)
         except (ValueError, OSError) as refusal:
-            world = str(refusal)
+            world = in_words(refusal)
         except KeyboardInterrupt:
             world = "the node ends"
         except Exception as error:

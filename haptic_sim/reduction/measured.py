@@ -9,6 +9,8 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
+from haptic_device.os_errors import naming
+
 KEPT = Path(__file__).with_suffix(".csv")
 
 
@@ -51,7 +53,7 @@ def of_scene(name: str) -> list[Measured]:
 
 def write(rows: list[Measured], path: Path) -> None:
     """Writes a table, in the order of the rows."""
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with naming(path), path.open("w", newline="", encoding="utf-8") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(Measured._fields)
         out.writerows([f"{value:.3g}" if isinstance(value, float) else value for value in row] for row in rows)

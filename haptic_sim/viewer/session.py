@@ -9,6 +9,7 @@ import time
 
 from aiohttp import WSMsgType, web
 
+from haptic_device.os_errors import in_words
 from haptic_sim.viewer.messages import Aim, Seen, parse
 
 MOST_PER_SECOND = 300  # messages that are taken
@@ -111,7 +112,7 @@ class Session:
         try:
             sentence, done = await self._do(message, self), True
         except (ValueError, OSError) as refusal:
-            sentence, done = str(refusal), False
+            sentence, done = in_words(refusal), False
         if not isinstance(message, Aim):
             answer = {"to": message.model_dump(), "done": done, "sentence": sentence}
             self.tell(f"{ANSWER}{next(self._numbers)}", answer)

@@ -18,6 +18,7 @@ import tempfile
 from asyncio.subprocess import PIPE
 
 from haptic_device.device import operator_hand
+from haptic_device.os_errors import in_words
 from haptic_device.process import ending_with_us, own_environment, running_module
 
 LONGEST = 0.1  # s of motion computed at once; a longer silence is left out
@@ -182,7 +183,7 @@ def main() -> int:
             state = shadow.move(content["time"], content["target"]) if "time" in content else shadow.state()
             print(json.dumps(state, allow_nan=False), flush=True)
         except (ValueError, OSError) as refusal:
-            print(json.dumps({"refusal": str(refusal)}), flush=True)
+            print(json.dumps({"refusal": in_words(refusal)}), flush=True)
             return 1
     return 0
 

@@ -19,6 +19,7 @@ from haptic_device.config_files import names
 from haptic_device.nodes.lifecycle import hear_the_end
 from haptic_device.nodes.ros import begin_ros, made, refuse_files_of_others
 from haptic_device.nodes.ros_parameters import declare
+from haptic_device.os_errors import in_words
 from haptic_device.realtime.scheduling import spare_collections
 from haptic_sim.client import Client
 from haptic_sim.method_registry import AUTO, offered
@@ -206,6 +207,6 @@ def main(args: list[str] | None = None) -> int:
     try:
         serve(args, lambda: told)
     except (ValueError, OSError) as refusal:
-        print(f"haptic_viewer: {refusal}", file=sys.stderr)
+        print(f"haptic_viewer: {in_words(refusal)}", file=sys.stderr)
         return 1
     return 0

@@ -501,7 +501,7 @@ YAML = {
     "beyond damping": ({"coupling.stiffness": "90000.0"}, ["coupling.stiffness 90000 N/m", "the device has 3"]),
     "walls": ({"wall.offsets": "[0.0]"}, ["wall.normals has 0 numbers; 1 walls need 2"]),
     "mixed list": ({"wall.offsets": "[0, 1.5]"}, ["ROS does not take these arguments", "same type"]),
-    "no yaml": ({"coupling": "["}, ["ROS does not take these arguments"]),
+    "no yaml": ({"coupling": "["}, ["no yaml.yaml: line 5 is not YAML: "]),
 }
 
 

@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from haptic_device.analysis.report import panel
 from haptic_device.analysis.report.run import Run
 from haptic_device.analysis.report.table import MISSING, sections
+from haptic_device.os_errors import naming
 
 matplotlib.use("Agg")
 from matplotlib import pyplot  # noqa: E402  (the backend is chosen first)
@@ -75,7 +76,8 @@ def draw_picture(run: Run, picture: Path) -> None:
         shown.suptitle(_heading(run, 110), fontsize=10)
         for figure, axes in zip(figures, grid, strict=True):
             _try(figure, [axes], run)
-        shown.savefig(picture, dpi=110)
+        with naming(picture):
+            shown.savefig(picture, dpi=110)
     finally:
         pyplot.close(shown)
 
@@ -94,7 +96,8 @@ def write_report(runs: list[Run], folder: Path, left_out: Sequence[str] = ()) ->
         _draw(figure, runs, picture)
         parts.append(_figure(figure, picture))
     page = folder / "report.html"
-    page.write_text("\n".join([*parts, "</body></html>\n"]), encoding="utf-8")
+    with naming(page):
+        page.write_text("\n".join([*parts, "</body></html>\n"]), encoding="utf-8")
     return page
 
 
@@ -108,7 +111,8 @@ def _draw(figure: Figure, runs: list[Run], picture: Path) -> None:
             part = list(grid[0, number * figure.wide : (number + 1) * figure.wide])
             part[0].set_title(_heading(run, 72), fontsize=8, loc="left")
             _try(figure, part, run)
-        shown.savefig(picture, dpi=DPI)
+        with naming(picture):
+            shown.savefig(picture, dpi=DPI)
     finally:
         pyplot.close(shown)
 
