@@ -78,6 +78,8 @@ def _together(document, path) -> Iterator[str]:
         node: {parameter.name: parameter.default for parameter in declared} | given[node]
         for node, declared in NODES.items()
     }
+    yield from _two_methods(values, wrong)
+    loaded = {}
     named = (
         ("haptic_driver", "device", load_device, _driver),
         ("haptic_loopback", "device", load_device, _hand),
@@ -91,7 +93,51 @@ def _together(document, path) -> Iterator[str]:
         except ConfigError as error:
             yield from (f"{name} {values[node][name]}: {sentence}" for sentence in error.found)
             continue
+        loaded[node] = content
         yield from judge(content, values[node], wrong[node])
+    yield from _two_devices(loaded, given, values)
+    if given["haptic_simulation"].get("scene") and {"haptic_simulation", "haptic_loopback"} <= set(loaded):
+        yield from _scene_beyond(loaded["haptic_simulation"], loaded["haptic_loopback"], values["haptic_loopback"])
+
+
+def _two_methods(values, wrong) -> Iterator[str]:
+    """Whether driver and simulation would refuse each other's samples."""
+    name, sides = "exchange.method", ("haptic_driver", "haptic_simulation")
+    ours, theirs = (values[node][name] for node in sides)
+    if ours != theirs and not any(name in wrong[node] for node in sides):
+        yield f"{name} is {ours!r} of haptic_driver and {theirs!r} of haptic_simulation; both must have the same"
+
+
+def _two_devices(loaded, given, values) -> Iterator[str]:
+    """Whether the loopback would be another device than the driver takes it for; a driver alone has hardware."""
+    sides = "haptic_driver", "haptic_loopback"
+    if not all(given[node] and node in loaded for node in sides):
+        return
+    ours, theirs = (loaded[node] for node in sides)
+    if ours != theirs:
+        names = " and ".join(f"{values[node]['device']!r} of {node}" for node in sides)
+        yield f"device is {names}, which differ in {_differences(ours, theirs)}; both must have the same"
+
+
+def _differences(one, other) -> str:
+    """Keys of two device descriptions that have not the same value, as they are written."""
+    keys = [
+        key
+        for key in type(one).model_fields
+        if key not in ("name", "axes") and getattr(one, key) != getattr(other, key)
+    ]
+    if len(one.axes) != len(other.axes):
+        return ", ".join(["axes", *keys])
+    for i, (a, b) in enumerate(zip(one.axes, other.axes, strict=True)):
+        keys += [f"axes[{i}].{key}" for key in type(a).model_fields if getattr(a, key) != getattr(b, key)]
+    return ", ".join(keys or ["name"])
+
+
+def _scene_beyond(scene, device, values) -> Iterator[str]:
+    """What of the motion that a scene suggests lies outside the workspace of the loopback's device."""
+    motion = values | {f"motion.{key}": value for key, value in scene.motion.items()}
+    if not _motion(scene.motion):
+        yield from (f"scene {scene.name!r}: {sentence}" for sentence in loopback_config.outside(device, motion))
 
 
 def _driver(device, values, wrong) -> Iterator[str]:
@@ -122,7 +168,7 @@ def _hand(device, values, wrong) -> Iterator[str]:
     """What of a loopback's values does not fit its device."""
     if not _any(wrong, "motion."):
         try:
-            loopback_config.hand_from(device, values)
+            yield from loopback_config.outside(device, values)
         except ValueError as error:
             yield str(error)
 

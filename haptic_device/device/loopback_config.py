@@ -7,6 +7,8 @@ import numpy as np
 
 from haptic_device.device import operator_hand, plant
 
+ROUNDED = 1e-12  # [m | rad] by which sums of a motion's numbers may miss the workspace
+
 
 def hand_from(device, values):
     """Loopback's records of these parameter values: PLANT with its hand, PLANT_MEMORY at the start, MOTION.
@@ -16,19 +18,47 @@ def hand_from(device, values):
     """
     body, memory, motion = plant_of(device), np.zeros(1, plant.PLANT_MEMORY), operator_hand.script(values)
     operator_hand.grip_by(body, values)
-    scale = np.array([device.scale[0], device.scale[0], device.scale[1]])
+    scale = _scale(device)
     motion["points"] /= scale
     motion["radius"] /= device.scale[0]
     there = np.arange(3) < len(device.axes)
     start = np.where(there, values["motion.start"], 0.0) / scale
-    for axis, position in zip(device.axes, start, strict=False):
-        low, high = axis.workspace
-        unit = "rad" if axis.name == "theta" else "m"
-        if not low <= position <= high:
-            given = f"motion.start {axis.name} is at {position:g} {unit} of the device"
-            raise ValueError(f"{given}; its workspace is {low:g} to {high:g} {unit}")
+    for sentence in _outside(device, "motion.start", start):
+        raise ValueError(sentence)
     memory["position"] = memory["target"] = start
     return body, memory, motion
+
+
+def outside(device, values):
+    """One sentence for each place of the motion that these values name, axis by axis, outside the device's workspace.
+
+    A hand that aims there pulls the handle to where the driver latches a fault.
+    """
+    motion, name, scale = operator_hand.script(values)[0], values["motion.name"], _scale(device)
+    radius, start = values["motion.radius"], np.array(values["motion.start"], float)
+    if name == "waypoints":
+        places = {f"motion.waypoints {i}": motion["points"][i] for i in range(1, int(motion["count"]))}
+    elif name == "circle":
+        reach = {"leftmost": (-2.0, 0.0), "topmost": (-1.0, 1.0), "lowest": (-1.0, -1.0)}
+        places = {f"motion.radius, {where},": start + [x * radius, y * radius, 0.0] for where, (x, y) in reach.items()}
+    else:
+        places = {"motion.target": values["motion.target"]} if int(motion["count"]) > 2 else {}
+    for where, place in {"motion.start": start, **places}.items():
+        yield from _outside(device, where, np.asarray(place) / scale)
+
+
+def _outside(device, where, place):
+    for axis, position in zip(device.axes, place, strict=False):
+        low, high = axis.workspace
+        unit = "rad" if axis.name == "theta" else "m"
+        if not low - ROUNDED <= position <= high + ROUNDED:
+            given = f"{where} {axis.name} is at {position:g} {unit} of the device"
+            yield f"{given}; its workspace is {low:g} to {high:g} {unit}"
+
+
+def _scale(device):
+    """World units per device unit of x, y and theta."""
+    return np.array([device.scale[0], device.scale[0], device.scale[1]])
 
 
 def plant_of(device):

@@ -269,3 +269,75 @@ def test_a_demo_with_a_bad_device_begins_no_node_and_names_the_file(tmp_path, no
     assert done.stderr.strip() == (
         f"haptic: {point}: {node}: device {tmp_path}/bad.yaml: axes[0].velocity_limit is missing; add it"
     )
+
+
+def point(**nodes):
+    return "".join(f"/**/haptic_{node}: {{ros__parameters: {{{given}}}}}\n" for node, given in nodes.items())
+
+
+WITHIN = "; its workspace is -0.12 to 0.12 m"
+METHODS = "exchange.method is 'wave' of haptic_driver and 'pspm' of haptic_simulation; both must have the same"
+TOGETHER = [
+    (point(driver="exchange: {method: wave}"), METHODS),
+    (point(driver="exchange: {method: wave}", simulation="exchange: {method: pspm}"), METHODS),
+    (
+        point(driver="device: undamped, coupling: {stiffness: 100.0, damping: 0.0}", loopback="device: desktop"),
+        "device is 'undamped' of haptic_driver and 'desktop' of haptic_loopback, which differ in axes[0].damping, "
+        "axes[1].damping; both must have the same",
+    ),
+    (
+        point(loopback="motion: {name: press_wall, target: [0.13, 0.0, 0.0]}"),
+        f"motion.target x is at 0.13 m of the device{WITHIN}",
+    ),
+    (
+        point(loopback="motion: {name: tap, target: [0.0, 0.17, 0.0]}"),
+        "motion.target y is at 0.17 m of the device; its workspace is -0.12 to 0.16 m",
+    ),
+    (
+        point(loopback="motion: {name: waypoints, waypoints: [0.0, 0.0, 0.0, -0.2, 0.0, 0.0]}"),
+        f"motion.waypoints 2 x is at -0.2 m of the device{WITHIN}",
+    ),
+    (
+        point(loopback="motion: {name: circle, start: [0.11, 0.0, 0.0], radius: 0.14}"),
+        f"motion.radius, leftmost, x is at -0.17 m of the device{WITHIN}",
+    ),
+    (
+        point(loopback="motion: {name: let_go, target: [0.0, 0.0, 12.5]}"),
+        "motion.target theta is at 12.5 rad of the device; its workspace is -12 to 12 rad",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "sentence"), TOGETHER)
+def test_an_operating_point_whose_parts_cannot_run_together_is_refused(tmp_path, text, sentence):
+    assert problems(broken(tmp_path, text))[0] == sentence
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        point(driver="exchange: {method: wave}", simulation="exchange: {method: wave}"),
+        point(driver="device: undamped, coupling: {stiffness: 100.0, damping: 0.0}"),  # hardware, and no loopback
+        point(loopback="motion: {name: press_wall, target: [0.12, 0.0, 12.0]}"),
+        point(loopback="motion: {name: hold, target: [9.0, 0.0, 0.0]}"),  # which hold does not go to
+        point(loopback="motion: {name: circle, start: [0.11, 0.0, 0.0], radius: 0.115}"),
+    ],
+)
+def test_an_operating_point_whose_parts_just_run_together_is_right(tmp_path, text):
+    assert problems(broken(tmp_path, text)) == []
+
+
+@pytest.mark.parametrize(("x", "fits"), [("0.12", True), ("0.121", False)])
+def test_the_motion_of_a_scene_that_an_operating_point_names_stays_in_the_workspace(tmp_path, x, fits):
+    scene = (ROOT / "config/scenes/wall.yaml").read_text().replace("start: [0.03, 0.0, 0.0]", f"start: [{x}, 0.0, 0.0]")
+    (tmp_path / "far.yaml").write_text(re.sub(r"target: \[[^,]*,", f"target: [{x},", scene))
+    found = problems(broken(tmp_path, point(simulation="scene: ./far.yaml")))
+    told = [f"scene 'wall': motion.{name} x is at 0.121 m of the device{WITHIN}" for name in ("start", "target")]
+    assert found == ([] if fits else told)
+
+
+@pytest.mark.parametrize("path", [path for path in SHIPPED if path.parent.name == "scenes"], ids=lambda path: path.stem)
+def test_of_the_shipped_scenes_only_a_wrench_turned_ten_times_is_beyond_the_shipped_device(tmp_path, path):
+    turns = "motion.target theta is at 62.8319 rad of the device; its workspace is -12 to 12 rad"
+    beyond = [f"scene 'spinning_wrench': {turns}"] if path.stem == "spinning_wrench" else []
+    assert problems(broken(tmp_path, point(simulation=f"scene: {path.stem}"))) == beyond
