@@ -36,14 +36,16 @@ def outside(device, values):
     """
     motion, name, scale = operator_hand.script(values)[0], values["motion.name"], _scale(device)
     radius, start = values["motion.radius"], np.array(values["motion.start"], float)
+    began = list(_outside(device, "motion.start", start / scale))
+    yield from began
     if name == "waypoints":
         places = {f"motion.waypoints {i}": motion["points"][i] for i in range(1, int(motion["count"]))}
-    elif name == "circle":
+    elif name == "circle" and not began:  # else all of it is elsewhere
         reach = {"leftmost": (-2.0, 0.0), "topmost": (-1.0, 1.0), "lowest": (-1.0, -1.0)}
         places = {f"motion.radius, {where},": start + [x * radius, y * radius, 0.0] for where, (x, y) in reach.items()}
     else:
         places = {"motion.target": values["motion.target"]} if int(motion["count"]) > 2 else {}
-    for where, place in {"motion.start": start, **places}.items():
+    for where, place in places.items():
         yield from _outside(device, where, np.asarray(place) / scale)
 
 
