@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether the device's own damping covers all gains together, and what is left of it."""
 
+import functools
 import math
 
 import numpy as np
@@ -120,12 +121,15 @@ def refusal(settings, lateness=0.0):
     return next(refusals(settings, lateness), "")
 
 
-def refusals(settings, lateness=0.0):
-    """A sentence for each wall and axis whose gains the device's damping does not cover, or one for all together."""
+def refusals(settings, lateness=0.0, other=None):
+    """A sentence for each wall and axis whose gains the device's damping does not cover, or one for all together.
+
+    other: a lateness [s] for which each says the most stiffness too.
+    """
     if min(margins(settings, lateness)[1:]) > 0.0:
         return
     alone = False
-    for sentence in filter(None, _blames(settings, lateness)):
+    for sentence in filter(None, _blames(settings, lateness, other)):
         alone = True
         yield sentence
     if not alone:
@@ -159,16 +163,17 @@ def most_lateness(settings, beyond):
     return low
 
 
-def _blames(settings, lateness):
+def _blames(settings, lateness, other=None):
     """A sentence for each wall and each axis of the coupling that alone needs more than there is."""
     for j in range(int(settings["wall"]["count"])):
         normal = settings["hardware"]["scale"] * (settings["wall"]["x"][j], settings["wall"]["y"][j], 0.0)
         has = slice(int(settings["axes"]))  # a normal may lean by rounding towards an axis that is not there
         there = 1.0 / np.sum(normal[has] ** 2 / settings["hardware"]["damping"][has])
         gains = settings["wall"]["stiffness"][j], settings["wall"]["damping"][j]
-        price = _switch_price(settings, normal, lateness)
+        price = functools.partial(_switch_price, settings, normal)
         which = f" of wall {j}" if settings["wall"]["count"] > 1 else ""
-        yield _blame("wall.stiffness", passivity.least_damping, *gains, there, settings, lateness, price, which=which)
+        late = lateness, other
+        yield _blame("wall.stiffness", passivity.least_damping, *gains, there, settings, late, price, which=which)
     for i in range(int(settings["axes"])):
         there = settings["hardware"]["damping"][i] / settings["hardware"]["scale"][i] ** 2
         yield _blame_cancellation(settings, i, lateness)
@@ -179,28 +184,41 @@ def _blames(settings, lateness):
         if counted > abs(settings["coupling"]["damping"][i]):
             told += f" and cancellation.ratio {settings['cancellation']['ratio']:g}"
         need, stiffness = passivity.coupling_damping, settings["coupling"]["stiffness"][i]
-        yield _blame(f"{name}stiffness", need, stiffness, counted, there, settings, lateness, told=told)
+        yield _blame(f"{name}stiffness", need, stiffness, counted, there, settings, (lateness, other), told=told)
 
 
-def _blame(name, needed, stiffness, damping, there, settings, lateness, price=1.0, told="", which=""):
-    """needed: of a wall or a coupling; told: which gains make the damping that counts, if it is not the wall's own;
-    which: of several walls.
+def _blame(name, needed, stiffness, damping, there, settings, late, priced=lambda lateness: 1.0, told="", which=""):
+    """needed: of a wall or a coupling; late: the lateness, and another for which the most is said too, or None; told:
+    which gains make the damping that counts, if it is not the wall's own; which: of several walls.
     """
-    period, counted = float(settings["period"]), damping * _switched(settings)
+    (lateness, other), period, counted = late, float(settings["period"]), damping * _switched(settings)
+    price = priced(lateness)
     need = price * needed(stiffness, counted, period, lateness)
     if need < there:
         return ""
     unit, damping_unit = ("N m/rad", "N m s/rad") if "rotational" in name else ("N/m", "N s/m")
-    per_stiffness = needed(1.0, 0.0, period, lateness)
-    most = max(0.0, there / price - needed(0.0, counted, period, lateness)) / per_stiffness
+
+    def most(late):
+        left = max(0.0, there / priced(late) - needed(0.0, counted, period, late))
+        return f"{math.floor(left / needed(1.0, 0.0, period, late)):g} {unit}"
+
     twice = " (twice, for adaptive_window)" if counted > damping else ""
     late = f", {lateness * 1e3:.3g} ms late" if lateness > 0.0 else ""
     late += ", cancellation.band being narrower than a tick's travel" if price > 1.0 else ""
     return (
         f"{name} {stiffness:.6g} {unit}{which} with {told or f'damping {damping:.4g} {damping_unit}'}{twice} "
         f"needs b > {need:.4g} {damping_unit} at T = {period * 1e3:.4g} ms{late}; the device has {there:.4g}: "
-        f"at most {math.floor(most):g} {unit}{', or more with a shorter delay' if lateness > 0.0 else ''}"
+        f"at most {most(lateness)}{_elsewhere(lateness, other, most)}"
     )
+
+
+def _elsewhere(lateness, other, most):
+    """What the most stiffness is at another lateness."""
+    if other is not None and other > lateness:
+        return f", and {most(other)} where forces act {other * 1e3:.3g} ms late, as they do here"
+    if other is not None and other < lateness:
+        return f", and {most(other)} on time"
+    return ", or more with a shorter delay" if lateness > 0.0 else ""
 
 
 def _blame_cancellation(settings, axis, lateness):

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is wrong in a configuration file, all of it: an operating point, a device description or a scene."""
 
-from collections.abc import Iterator
+import functools
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from haptic_device import controller_config, gain_check, yaml_reader
 from haptic_device.config_files import ConfigError
@@ -19,14 +21,24 @@ from haptic_sim.reduction.method_choice import refusal
 from haptic_sim.scene import load as load_scene
 from haptic_sim.scene_promise import unkept_wish
 
+Measure = Callable[[dict[str, Any]], float | None]
+"""How late [s] a machine's writes are, 99 % of them, with these values of the driver; None where it cannot be known."""
 
-def problems(path: Path) -> list[str]:
-    """Sentences for what is wrong in the file; which kind of file it is shows in its top-level keys."""
+
+def _unknown(driver: dict[str, Any]) -> None:
+    return None
+
+
+def problems(path: Path, measure: Measure = _unknown) -> list[str]:
+    """Sentences for what is wrong in the file; which kind of file it is shows in its top-level keys.
+
+    measure: of the machine that the gains are to run on; a gain that is too stiff is told what it may be there, too.
+    """
     try:
         document = yaml_reader.load(path)
         if _has_section(document):
             document = yaml_reader.load(path, ros=True)
-            return [*operating_point_problems(document, NODES), *dict.fromkeys(_together(document, path))]
+            return [*operating_point_problems(document, NODES), *dict.fromkeys(_together(document, path, measure))]
         if "axes" in document:
             return _found(load_device, path)
         if "bodies" in document or "tool" in document:
@@ -50,15 +62,30 @@ def _unfit(scene, method=AUTO) -> list[str]:
     return [refused] if (refused := refusal(scene, reduced.model, reduced.shape_names, reduced.method)) else []
 
 
-def remark(path: Path) -> str:
-    """Sentence on what a right scene, or that of a right operating point, wishes for and will not get; or ""."""
+def remark(path: Path, measure: Measure = _unknown) -> str:
+    """Sentence on what a right scene, or that of a right operating point, wishes for and will not get, or on gains that
+    are passive on time and not at the lateness of this machine; or ""."""
     document = yaml_reader.load(path)
     if not _has_section(document):
         return "" if "axes" in document else unkept_wish(path)
     document = yaml_reader.load(path, ros=True)
     given = right_values(document, NODES)[0]["haptic_simulation"]
     values = {parameter.name: parameter.default for parameter in NODES["haptic_simulation"]} | given
-    return unkept_wish(values["scene"], values["method"])
+    said = unkept_wish(values["scene"], values["method"])
+    return "; ".join(filter(None, (said, _too_late(document, path, measure))))
+
+
+def _too_late(document, path, measure) -> str:
+    """Why the gains of a right operating point leave no damping over where the writes are as late as here."""
+    given = right_values(document, NODES)[0]
+    list(file_problems(given, path))
+    values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]} | given["haptic_driver"]
+    if values["passivity.policy"] != "enforce" or (late := measure(values)) is None:
+        return ""
+    settings = controller_config.settings_from(load_device(values["device"]), values)[0]
+    delays = float(settings["hardware"]["delay"])
+    sentence = next(gain_check.refusals(settings, delays + late, delays), "")
+    return f"99 % of the writes here are within {late * 1e3:.3g} ms, and {sentence}" if sentence else ""
 
 
 def _found(load, path) -> list[str]:
@@ -69,7 +96,7 @@ def _found(load, path) -> list[str]:
     return []
 
 
-def _together(document, path) -> Iterator[str]:
+def _together(document, path, measure) -> Iterator[str]:
     """What is wrong with values that are right one by one: names, walls that do not fit, gains beyond the device."""
     given, wrong = right_values(document, NODES)
     missing = list(file_problems(given, path))
@@ -81,7 +108,7 @@ def _together(document, path) -> Iterator[str]:
     yield from _two_methods(values, wrong)
     loaded = {}
     named = (
-        ("haptic_driver", "device", load_device, _driver),
+        ("haptic_driver", "device", load_device, functools.partial(_driver, measure)),
         ("haptic_loopback", "device", load_device, _hand),
         ("haptic_simulation", "scene", load_scene, _simulation),
     )
@@ -140,7 +167,7 @@ def _scene_beyond(scene, device, values) -> Iterator[str]:
         yield from (f"scene {scene.name!r}: {sentence}" for sentence in loopback_config.outside(device, motion))
 
 
-def _driver(device, values, wrong) -> Iterator[str]:
+def _driver(measure, device, values, wrong) -> Iterator[str]:
     """What of a driver's values does not fit its device; where some are wrong, their defaults count."""
     walls = [] if _any(wrong, "wall.") else list(controller_config.wall_problems(len(device.axes), values))
     yield from walls
@@ -155,7 +182,11 @@ def _driver(device, values, wrong) -> Iterator[str]:
         return
     if values["passivity.policy"] == "enforce":
         lateness = float(settings["hardware"]["delay"])
-        yield from (f"{sentence}{told}" for sentence in gain_check.refusals(settings, lateness))
+        if not gain_check.refusal(settings, lateness):
+            return
+        late = measure(values)
+        other = None if late is None else lateness + late
+        yield from (f"{sentence}{told}" for sentence in gain_check.refusals(settings, lateness, other))
 
 
 def _simulation(scene, values, wrong) -> Iterator[str]:

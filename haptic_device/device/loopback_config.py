@@ -41,8 +41,12 @@ def outside(device, values):
     if name == "waypoints":
         places = {f"motion.waypoints {i}": motion["points"][i] for i in range(1, int(motion["count"]))}
     elif name == "circle" and not began:  # else all of it is elsewhere
-        reach = {"leftmost": (-2.0, 0.0), "topmost": (-1.0, 1.0), "lowest": (-1.0, -1.0)}
-        places = {f"motion.radius, {where},": start + [x * radius, y * radius, 0.0] for where, (x, y) in reach.items()}
+        reach = (("topmost", 0.25, -1.0, 1.0), ("leftmost", 0.5, -2.0, 0.0), ("lowest", 0.75, -1.0, -1.0))
+        places = {
+            f"motion.radius, {where},": start + [x * radius, y * radius, 0.0]
+            for where, turns, x, y in reach
+            if values["motion.turns"] >= turns
+        }
     else:
         places = {"motion.target": values["motion.target"]} if int(motion["count"]) > 2 else {}
     for where, place in places.items():

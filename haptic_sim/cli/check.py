@@ -1,25 +1,44 @@
 # SPDX-License-Identifier: Apache-2.0
 """`haptic check FILE...`: says whether configuration files are right, before anything moves."""
 
+import functools
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from haptic_sim.cli.numbers import number
 from haptic_sim.config_problems import problems, remark
 
+_LATENESS = "Lateness of the machine's writes that gains are judged by; measured for half a second by default."
 
-def check(files: Annotated[list[Path], typer.Argument(help="Operating points, device descriptions or scenes (YAML).")]):
+
+def check(
+    files: Annotated[list[Path], typer.Argument(help="Operating points, device descriptions or scenes (YAML).")],
+    lateness: Annotated[float | None, number("--lateness", "ms", 0.0, 100.0, help=_LATENESS)] = None,
+) -> None:
     """Check configuration files: prints ok or one sentence for each thing that is wrong; exit code 1 if any is.
 
-    Of a scene that is right it says where the error of its method is greater than the scene allows.
+    Of a scene that is right it says where the error of its method is greater than the scene allows, and of gains that
+    are right where this machine is too late for them.
     """
     wrong = 0
+
+    def measure(driver: dict[str, Any]) -> float | None:
+        return _measured(driver["servo.rate"], driver["realtime"]) if lateness is None else lateness * 1e-3
+
     for path in files:
-        sentences = problems(path)
+        sentences = problems(path, measure)
         wrong += len(sentences)
         if not sentences:
-            said = remark(path)
+            said = remark(path, measure)
             sentences = [f"ok; but {said}" if said else "ok"]
         typer.echo("\n".join(f"{path}: {sentence}" for sentence in sentences))
     raise typer.Exit(1 if wrong else 0)
+
+
+@functools.cache
+def _measured(rate: float, realtime: str) -> float | None:
+    from haptic_sim.live.lateness import write_delay  # loads the compiler, which no other check needs
+
+    return write_delay(rate, realtime)

@@ -11,7 +11,7 @@ from in_process import haptic
 
 from haptic_device.parameter_types import Parameter, check_value
 from haptic_sim.cli.docs import markdown
-from haptic_sim.config_problems import problems
+from haptic_sim.config_problems import problems, remark
 from haptic_sim.node_parameters import NODES
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene import load
@@ -33,7 +33,7 @@ def test_every_file_that_is_shipped_is_right(path):
 
 
 def test_the_command_says_ok_and_exits_with_zero():
-    done = haptic("check", *SHIPPED)
+    done = haptic("check", "--lateness", "0", *SHIPPED)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.splitlines() == [f"{path}: ok" for path in SHIPPED]
 
@@ -321,6 +321,7 @@ def test_an_operating_point_whose_parts_cannot_run_together_is_refused(tmp_path,
         point(loopback="motion: {name: press_wall, target: [0.12, 0.0, 12.0]}"),
         point(loopback="motion: {name: hold, target: [9.0, 0.0, 0.0]}"),  # which hold does not go to
         point(loopback="motion: {name: circle, start: [0.11, 0.0, 0.0], radius: 0.115}"),
+        point(loopback="motion: {name: circle, start: [0.11, 0.0, 0.0], radius: 0.14, turns: 0.49}"),
     ],
 )
 def test_an_operating_point_whose_parts_just_run_together_is_right(tmp_path, text):
@@ -341,3 +342,53 @@ def test_of_the_shipped_scenes_only_a_wrench_turned_ten_times_is_beyond_the_ship
     turns = "motion.target theta is at 62.8319 rad of the device; its workspace is -12 to 12 rad"
     beyond = [f"scene 'spinning_wrench': {turns}"] if path.stem == "spinning_wrench" else []
     assert problems(broken(tmp_path, point(simulation=f"scene: {path.stem}"))) == beyond
+
+
+def stiff(stiffness, policy="enforce"):
+    gains = f"coupling: {{stiffness: {stiffness}, damping: 1.0}}, passivity: {{policy: {policy}}}"
+    return point(driver=f"servo: {{rate: 4000.0}}, {gains}")
+
+
+def most(sentence, words):
+    return float(re.search(rf"([\d.e+]+) N/m{words}", sentence)[1])
+
+
+def test_a_gain_too_stiff_is_told_what_it_may_be_on_time_and_as_late_as_this_machine(tmp_path):
+    [alone] = problems(path := broken(tmp_path, stiff("50000.0")))
+    [sentence] = problems(path, lambda driver: 2e-4)
+    assert sentence == f"{alone}, and {most(sentence, ' where'):g} N/m where forces act 0.2 ms late, as they do here"
+    on_time, late = most(alone, "$"), most(sentence, " where")
+    assert late < on_time
+    for stiffness, lateness in ((on_time, 0.0), (late, 2e-4)):
+        for step, fits in ((-1.0, True), (1.0, False)):
+            path = broken(tmp_path, stiff(stiffness + step))
+            assert (problems(path) == [] and remark(path, lambda driver, late=lateness: late) == "") == fits
+
+
+def test_gains_that_only_this_machine_is_too_late_for_are_right_and_told_of(tmp_path):
+    path = broken(tmp_path, stiff("3000.0"))
+    assert problems(path, lambda driver: 1e-3) == []
+    done = haptic("check", "--lateness", "1", path)
+    begin = f"{path}: ok; but 99 % of the writes here are within 1 ms, and coupling.stiffness 3000 N/m with "
+    assert done.returncode == 0 and done.stdout.startswith(begin) and " 1 ms late" in done.stdout
+    assert most(done.stdout, ", and") < 3000.0 < most(done.stdout, " on time")
+    assert haptic("check", "--lateness", "0", path).stdout == f"{path}: ok\n"
+
+
+@pytest.mark.parametrize("policy", ["warn", "'off'"])
+def test_where_gains_are_not_enforced_nothing_is_measured(tmp_path, policy):
+    path = broken(tmp_path, stiff("3000.0", policy))
+    assert problems(path, None) == [] and remark(path, None) == ""
+
+
+def test_where_nothing_can_be_measured_the_limit_on_time_is_told_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr("haptic_device.jit.missing", lambda entries: list(entries))
+    done = haptic("check", path := broken(tmp_path, stiff("50000.0")))
+    assert done.returncode == 1 and done.stdout == f"{path}: {problems(path)[0]}\n"
+
+
+@pytest.mark.parametrize("file", [SHIPPED[0], ROOT / "config/scenes/wall.yaml"], ids=lambda file: file.stem)
+def test_lateness_is_measured_for_an_operating_point_alone(file):
+    asked = []
+    assert problems(file, asked.append) == [] and remark(file, asked.append) == ""
+    assert [driver["servo.rate"] for driver in asked] == ([4000.0] if file.stem == "demo" else [])
