@@ -28,7 +28,7 @@ def read_operating_point(path, nodes: Mapping[str, tuple[Parameter, ...]], names
 
 def section_keys(path) -> list[str]:
     """Keys of the sections in the ROS 2 parameter file at path, in its order. Raises as `yaml_reader.load`."""
-    return [key for key, _ in _sections(_load(path))]
+    return [key for key, _ in _sections(yaml_reader.load(path, ros=True))]
 
 
 def reaches(key: str, name: str) -> bool:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Variables of the environment that ROS obeys, checked before it dies of them, or goes elsewhere without a word."""
+"""Where ROS is to go: variables of the environment and namespaces, checked before it dies of them, or goes elsewhere."""
 
 import os
 import re
@@ -38,6 +38,12 @@ def check_room() -> None:
     """
     if (free := shutil.disk_usage(SHARED).free) < ROOM:
         raise ValueError(f"{SHARED} has {free >> 10} kB free; ROS and the device's page need {ROOM >> 10} kB there")
+
+
+def check_namespace(given: str) -> None:
+    """Raises ValueError, one sentence, for what is no namespace of ROS."""
+    if not re.fullmatch(r"/|/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", given, re.ASCII):
+        raise ValueError(f"namespace is {given!r}; words of letters, digits and _ are needed, such as /haptic")
 
 
 def discovery() -> str:

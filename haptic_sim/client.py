@@ -67,6 +67,7 @@ class Client:
     @classmethod
     def join(cls, name: str, domain: int, namespace: str, every_truth: bool = False) -> "Client":
         """On a node of its own, which leaves the network with `close`. ValueError if ROS does not start."""
+        ros_environment.check_namespace(namespace)
         context = Context()
         begin_ros([], context=context, domain_id=domain)
         how = {"namespace": namespace, "context": context, "start_parameter_services": False}

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from haptic_device import ros_environment
 from haptic_device.process import ending_with_us, handling, held, own_environment, running_module
 
 NAMESPACE = "/haptic"
@@ -41,7 +42,8 @@ def ros_arguments(
     namespace: str, parameters: dict, files: tuple[Path, ...] = (), renamed: dict[str, str] | None = None
 ) -> list[str]:
     """Arguments of a node's main; values in `parameters` go before those in the files. What a node prints is kept by
-    who starts it, so that it writes no log of its own."""
+    who starts it, so that it writes no log of its own. Raises ValueError for what is no namespace."""
+    ros_environment.check_namespace(namespace)
     given = [word for file in files for word in ("--params-file", str(file))]
     given += [word for key, value in parameters.items() for word in ("-p", f"{key}:={parameter_text(value)}")]
     given += [word for old, new in (renamed or {}).items() for word in ("-r", f"{old}:={new}")]

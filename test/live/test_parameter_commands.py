@@ -125,7 +125,9 @@ def test_what_is_saved_passes_check_is_not_overwritten_and_a_demo_starts_from_it
     assert haptic("check", file).stdout == f"{file}: ok\n"
     again = haptic("save", file)
     assert (again.returncode, again.stderr) == (1, f"haptic: {file} exists already; name a new file\n")
-    saved = {key.rpartition("/")[2]: section["ros__parameters"] for key, section in yaml_reader.load(file, ros=True).items()}
+    saved = {
+        key.rpartition("/")[2]: section["ros__parameters"] for key, section in yaml_reader.load(file, ros=True).items()
+    }
     assert saved["haptic_driver"]["coupling.stiffness"] == 950.0
     assert saved["haptic_simulation"]["scene"] == "free_space" and saved["haptic_loopback"]["motion.name"] == "circle"
     with pytest.MonkeyPatch.context() as alone, demos(tmp_path) as start:
