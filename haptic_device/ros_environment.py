@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where ROS is to go: variables of the environment and namespaces, checked before it dies of them, or goes elsewhere."""
+"""Where ROS goes: variables of the environment and namespaces, looked at before it dies of them or goes elsewhere."""
 
 import os
 import re
