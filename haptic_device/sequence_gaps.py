@@ -38,4 +38,4 @@ def counted(sequence: np.ndarray) -> SequenceGaps:
     """`SequenceGaps.count` of all these numbers, at once."""
     steps = np.diff(sequence)
     gaps, back = (steps > 1) & (sequence[:-1] > 0), (steps <= 0) & (sequence[1:] > 0)
-    return SequenceGaps(int(sequence[-1]), int(np.sum(steps[gaps] - 1)), int(np.sum(back)))
+    return SequenceGaps(int(sequence[-1]) if len(sequence) else 0, int(np.sum(steps[gaps] - 1)), int(np.sum(back)))

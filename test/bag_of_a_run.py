@@ -11,7 +11,7 @@ from haptic_device.recording.writer import Bag
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 JOINTS, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+DIAGNOSTICS, STRING = "diagnostic_msgs/msg/DiagnosticArray", "std_msgs/msg/String"
 AXES = ("x", "y", "theta")
 SAID = {"max_contact_force": "2.5", "max_penetration": "3e-5", "tool_port_energy": "0.125"}
 STIFFNESS, DAMPING = 1000.0, 2.0

@@ -57,7 +57,7 @@ def load(bag: Path | str, namespace: str | None = None, only: Mapping[str, Any] 
         {name: len(topic) for name, topic in topics.items()},
         skipped,
         _lost(bag, skipped),
-        {name: topic.order for name, topic in topics.items() if topic.order.stamped},
+        {name: order for name, topic in topics.items() if (order := topic.order).stamped},
         _length(topics.values()),
         _pairs(
             found["trace"].collector if "trace" in found else None, clouds.get("trace"), joints.get("operator/state")

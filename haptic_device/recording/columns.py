@@ -42,6 +42,12 @@ class JointColumns:
             _make_room(part, self._count)
             part[before : self._count] = piece
 
+    def reorder(self, order: npt.NDArray[np.intp]) -> None:
+        """Puts all messages into this order."""
+        kept = self.kept
+        rows = (np.cumsum(kept) - 1)[order][kept[order]]
+        self._parts, self._kept = [part[rows] for part in self._parts], kept[order].tolist()
+
     @property
     def kept(self) -> npt.NDArray[np.bool_]:
         """Which messages are in the arrays."""
@@ -66,8 +72,8 @@ class JointColumns:
 class CloudColumns:
     """Records of a PointCloud2 topic: with the columns and types of a structured type, or all as they are.
 
-    others: messages of another layout than the first, which are left out. Of the messages taken: stamps [ns], and
-    begins, the index of each one's first record. A column that the messages lack is NaN and stands in `missing`.
+    Of the messages taken: stamps [ns], and begins, the index of each one's first record. A column that the messages
+    lack is NaN and stands in `missing`.
     """
 
     def __init__(self, columns: np.dtype[np.void] | None = None) -> None:
@@ -76,7 +82,8 @@ class CloudColumns:
         self._layout: Any = None  # of the first message
         self.stamps: list[int] = []
         self.begins: list[int] = []
-        self._count = self.others = 0
+        self._count = 0
+        self._kept: list[bool] = []
         self.missing: list[str] = []
 
     def add(self, data: list[bytes]) -> None:
@@ -86,8 +93,8 @@ class CloudColumns:
             self._rows = np.empty(0, self._layout.record if self._wanted is None else self._subset(self._wanted))
         pieces, before = [], self._count
         for message in data:
-            if not self._layout.matches(message):
-                self.others += 1
+            self._kept.append(self._layout.matches(message))
+            if not self._kept[-1]:
                 continue
             pieces.append(self._layout.records(message))
             self.stamps.append(stamp_of(message))
@@ -95,6 +102,22 @@ class CloudColumns:
             self._count += len(pieces[-1]) // self._layout.record.itemsize
         _make_room(self._rows, self._count)
         self._fill(self._rows[before : self._count], np.frombuffer(b"".join(pieces), self._layout.record))
+
+    def reorder(self, order: npt.NDArray[np.intp]) -> None:
+        """Puts all messages into this order."""
+        kept = np.array(self._kept)
+        blocks = (np.cumsum(kept) - 1)[order][kept[order]]
+        begins = np.array([*self.begins, self._count])
+        rows = [np.arange(begins[block], begins[block + 1]) for block in blocks]
+        self._rows = self._rows[np.concatenate([np.empty(0, np.intp), *rows])]
+        self.begins = np.cumsum([0, *map(len, rows)])[:-1].tolist()
+        self.stamps = [self.stamps[block] for block in blocks]
+        self._kept = kept[order].tolist()
+
+    @property
+    def others(self) -> int:
+        """Messages of another layout than the first, which are left out."""
+        return len(self._kept) - len(self.begins)
 
     def records(self) -> npt.NDArray[np.void]:
         """All records as one structured array."""

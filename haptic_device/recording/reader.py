@@ -1,119 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages and attachments out of an MCAP bag, complete, cut off or damaged in the middle; needs no ROS.
+"""Messages and attachments of a bag, topic by topic, in the order in which they came; needs no ROS.
 
-https://mcap.dev/spec: a file is magic, records (1 byte opcode, 8 bytes length, content), magic. The `mcap` library
-parses the records; here they are found also where a file ends too early or one of them is damaged. Each topic's
-messages go to a collector in batches, so that a bag of gigabytes is read with the memory of what is kept of it.
+Each topic's messages go to a collector in batches, so that a bag of gigabytes is read with the memory of what is kept
+of it.
 """
 
-import io
-import struct
-import zlib
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
-from mcap.writer import MCAP0_MAGIC
-from zstandard import ZstdError
+from mcap.records import Attachment, Channel, Message, Schema
 
+from haptic_device.recording.bag_files import files_of
 from haptic_device.recording.layouts import HEADED, STAMP_END, stamp_of
+from haptic_device.recording.mcap_records import Records
 
-LARGEST = 256 * 2**20  # bytes; a damaged length must not ask for the whole memory
-_RECORD = struct.Struct("<BQ")
-_FOOTER = struct.Struct("<BQQQI8s")  # opcode, length, begin of the summary, of its offsets, checksum, magic
 _BATCH = 2**20  # bytes of one topic's messages that are decoded together
-_PARTS: dict[int, Any] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: Channel, Opcode.ATTACHMENT: Attachment}
-_DAMAGE = (ValueError, struct.error, OverflowError, MemoryError, RuntimeError, McapError, ZstdError)
-
-
-class Records:
-    """Iterates over schemas, channels, messages and attachments of an open file, up to its end of data.
-
-    What the summary at the end describes comes first: the chunk that says it too may be damaged, and without it the
-    messages of all later ones mean nothing. Afterwards `damaged` counts the records that cannot be read, and `wrong`
-    says why the file is not whole, "" if it is. Raises ValueError if the file does not begin as MCAP files do.
-    """
-
-    def __init__(self, stream: BinaryIO) -> None:
-        self._stream, self._described = stream, described(stream)
-        self.damaged, self.wrong = 0, "ends without its index"
-        if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-            raise ValueError("it is no MCAP file")
-
-    def __iter__(self) -> Iterator[McapRecord]:
-        yield from self._described
-        ended = False
-        for opcode, content in self._framed():
-            ended = ended or opcode == Opcode.DATA_END
-            if not ended:
-                try:
-                    found = _parsed(opcode, content)
-                except _DAMAGE:
-                    self.damaged += 1
-                    continue
-                yield from found
-
-    def _framed(self) -> Iterator[tuple[int, bytes]]:
-        """(opcode, content) of each whole record."""
-        at = len(MCAP0_MAGIC)
-        while len(head := self._stream.read(_RECORD.size)) == _RECORD.size:
-            opcode, length = _RECORD.unpack(head)
-            if length > LARGEST or opcode == 0:
-                self.wrong = f"is damaged at byte {at}"
-                return
-            content = self._stream.read(length)
-            if len(content) < length:
-                return
-            at += len(head) + length
-            yield opcode, content
-            if opcode == Opcode.FOOTER:
-                self.wrong = "" if self._stream.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC else self.wrong
-                return
-
-
-def _parsed(opcode: int, content: bytes) -> list[McapRecord]:
-    stream = ReadDataStream(io.BytesIO(content))
-    if opcode == Opcode.CHUNK:
-        chunk = Chunk.read(stream)
-        if chunk.uncompressed_size > LARGEST:
-            raise ValueError(f"it claims {chunk.uncompressed_size} bytes")
-        return breakup_chunk(chunk, validate_crc=True)
-    if opcode == Opcode.MESSAGE:  # of a file without chunks
-        return [Message.read(stream, len(content))]
-    return [_PARTS[opcode].read(stream)] if opcode in _PARTS else []
-
-
-def described(stream: BinaryIO) -> list[McapRecord]:
-    """What the summary holds; nothing if the file has no whole one. Leaves the stream at its beginning."""
-    end = stream.seek(0, io.SEEK_END) - _FOOTER.size
-    stream.seek(max(0, end))
-    tail = stream.read(_FOOTER.size)  # no more: a file that is still written may have grown by now
-    opcode, _, begin, _, checksum, magic = _FOOTER.unpack(tail.ljust(_FOOTER.size))
-    data = b""
-    if opcode == Opcode.FOOTER and magic == MCAP0_MAGIC and 0 < begin <= end <= begin + LARGEST:
-        stream.seek(begin)
-        data = stream.read(end - begin) + tail
-    stream.seek(0)
-    try:
-        whole = data and checksum in (0, zlib.crc32(data[: -len(MCAP0_MAGIC) - 4]))
-        return list(StreamReader(io.BytesIO(data), skip_magic=True).records) if whole else []
-    except _DAMAGE:
-        return []
 
 
 class Collector(Protocol):
-    """Takes batches of one topic's serialized messages, in the order of the file."""
+    """Takes batches of one topic's serialized messages, in the order of the files."""
 
     def add(self, data: list[bytes]) -> None:
         """Takes the next messages. Raises ValueError if they are not what it can take."""
+
+    def reorder(self, order: npt.NDArray[np.intp]) -> None:
+        """Puts all that were taken into another order; order: of each place, which message belongs there."""
 
 
 class Keep:
@@ -125,6 +40,10 @@ class Keep:
     def add(self, data: list[bytes]) -> None:
         """Keeps them."""
         self.data += data
+
+    def reorder(self, order: npt.NDArray[np.intp]) -> None:
+        """Puts them into this order."""
+        self.data = [self.data[place] for place in order]
 
 
 Choice = Callable[[str, str], Collector | None]
@@ -148,40 +67,50 @@ class StampOrder(NamedTuple):
 
 
 class Topic:
-    """One topic as it is read: its type, its times, the order of its stamps, its collector (None: only counted), and
-    why that took no more."""
+    """One topic as it is read: its type, its times, the stamps of its messages, its collector (None: only counted), and
+    why that took no more. After `end` all is in the order in which the messages came.
+    """
 
     def __init__(self, type_name: str, collector: Collector | None) -> None:
         self.type_name, self.collector, self.refused = type_name, collector, ""
-        self.order, self._stamp, self._headed = StampOrder(), 0, type_name in HEADED
-        self._times, self._bytes = array("Q"), 0
+        self._headed, self._stamps = type_name in HEADED, array("q")
+        self._taken, self._bytes = array("Q"), 0
         self._waiting: list[bytes] = []
 
-    @property
-    def times(self) -> Times:
-        """Times and sequences of all messages."""
-        return Times(*np.array(self._times).reshape(-1, 3).T.astype(np.int64, "C"))
-
     def __len__(self) -> int:
-        return len(self._times) // 3
+        return len(self._taken) // 3
 
     def take(self, message: Message) -> None:
         """The next message."""
-        self._times.extend((message.log_time, message.publish_time, message.sequence))
-        if self._headed and len(message.data) >= STAMP_END and (stamp := stamp_of(message.data)):
-            stamped, back, same = self.order
-            again = stamped > 0
-            self.order = StampOrder(
-                stamped + 1, back + (again and stamp < self._stamp), same + (again and stamp == self._stamp)
-            )
-            self._stamp = stamp
+        self._taken.extend((message.log_time, message.publish_time, message.sequence))
+        if self._headed:
+            self._stamps.append(stamp_of(message.data) if len(message.data) >= STAMP_END else 0)
         if self.collector is not None:
             self._waiting.append(message.data)
             self._bytes += len(message.data)
             if self._bytes >= _BATCH:
-                self.hand_on()
+                self._hand_on()
 
-    def hand_on(self) -> None:
+    def end(self) -> None:
+        """All is there: the rest goes to the collector, and all into its order."""
+        self._hand_on()
+        self.times = Times(*np.array(self._taken).reshape(-1, 3).T.astype(np.int64, "C"))
+        self._order = _order_of(self.times)
+        if self._order is not None:
+            self.times = Times(*(column[self._order] for column in self.times))
+            if self.collector is not None and not self.refused:
+                self.collector.reorder(self._order)
+
+    @property
+    def order(self) -> StampOrder:
+        """Whether the stamps rise; a message that has none does not count."""
+        stamps = np.array(self._stamps)
+        if self._order is not None and self._headed:
+            stamps = stamps[self._order]
+        steps = np.diff(stamps := stamps[stamps != 0])
+        return StampOrder(len(stamps), int(np.sum(steps < 0)), int(np.sum(steps == 0)))
+
+    def _hand_on(self) -> None:
         """Hands what waits to the collector, unless that has refused before."""
         waiting, self._waiting, self._bytes = self._waiting, [], 0
         if self.collector is not None and waiting and not self.refused:
@@ -189,6 +118,18 @@ class Topic:
                 self.collector.add(waiting)
             except ValueError as error:
                 self.refused = str(error)
+
+
+def _order_of(times: Times) -> npt.NDArray[np.intp] | None:
+    """Indices of the messages in the order in which they came, None if that is the one that they have.
+
+    Numbers that rise are that order, whatever the clock of who received did meanwhile. Else it is that of the times
+    received, as for every reader of bags.
+    """
+    if np.all(np.diff(times.sequence) > 0):
+        return None
+    order = np.lexsort((times.sequence, times.published, times.received))
+    return None if np.array_equal(order, np.arange(len(order))) else order
 
 
 class Contents(NamedTuple):
@@ -204,33 +145,22 @@ def read(bag: Path, collector: Choice) -> Contents:
 
     Raises FileNotFoundError or ValueError when there is nothing to read.
     """
-    contents, refused = Contents({}, {}, []), []
-    for file in files(bag):
+    files, refused = files_of(bag), []
+    contents = Contents({}, {}, files.notes)
+    for file in files.paths:
         try:
             with open(file, "rb") as stream:
                 _read_file(file.name, Records(stream), contents, collector)
         except ValueError as error:
             refused.append(f"{file}: {error} ({file.stat().st_size} bytes)")
     for name, topic in list(contents.topics.items()):
-        topic.hand_on()
+        topic.end()
         if not len(topic):
             del contents.topics[name]
     contents.notes.extend(refused)
     if not contents.topics:
         raise ValueError(f"bag {bag} holds no message" + "".join(f"; {note}" for note in contents.notes))
     return contents
-
-
-def files(bag: Path) -> list[Path]:
-    """The MCAP files of a bag folder in their order, or the one file given."""
-    if bag.is_file():
-        return [bag]
-    if not bag.is_dir():
-        raise FileNotFoundError(f"bag {bag} does not exist")
-    found = sorted(bag.glob("*.mcap"), key=lambda path: (len(path.name), path.name))
-    if not found:
-        raise ValueError(f"folder {bag} holds no .mcap file, so it is no bag of this kind")
-    return found
 
 
 def _read_file(name: str, records: Records, contents: Contents, collector: Choice) -> None:

@@ -16,20 +16,21 @@ from mcap.records import Attachment, Channel, McapRecord, Message, Schema
 from mcap.writer import Writer
 
 from haptic_device.os_errors import naming
+from haptic_device.recording.bag_files import files_of
+from haptic_device.recording.mcap_records import Records
 from haptic_device.recording.metadata import METADATA, FileSpan, information, said_in, topic_metadata, write_metadata
-from haptic_device.recording.reader import Records, files
+from haptic_device.recording.reader import Topic
 from haptic_device.recording.writer import CHUNK_BYTES, RESERVE
-from haptic_device.sequence_gaps import SequenceGaps
+from haptic_device.sequence_gaps import counted
 
 
 @dataclass
 class Found:
-    """What can be read of the bag's files: their spans, and by topic its metadata, its messages, what was skipped."""
+    """What can be read of the bag's files: their spans, and by topic its metadata, and the times of its messages."""
 
     spans: list[FileSpan] = field(default_factory=list)
-    topics: dict[str, dict[str, Any]] = field(default_factory=dict)
-    counts: dict[str, int] = field(default_factory=dict)
-    skipped: dict[str, SequenceGaps] = field(default_factory=dict)
+    described: dict[str, dict[str, Any]] = field(default_factory=dict)
+    topics: dict[str, Topic] = field(default_factory=dict)
     renewed: bool = False
 
     def take(self, path: Path) -> str:
@@ -41,15 +42,12 @@ class Found:
                 if isinstance(record, Schema):
                     types[record.id] = record.name
                 elif isinstance(record, Channel):
-                    channels[record.id] = record.topic
-                    self._describe(record, types.get(record.schema_id, ""))
+                    channels[record.id] = self._topic(record, types.get(record.schema_id, ""))
                 elif isinstance(record, Message) and record.channel_id not in channels:
                     strangers += 1
                 elif isinstance(record, Message):
-                    topic = channels[record.channel_id]
                     span.count(record.log_time)
-                    self.counts[topic] += 1
-                    self.skipped[topic].count(record.sequence)
+                    channels[record.channel_id].take(record)
         self.spans.append(span)
         lost = {"damaged records": records.damaged, "messages of channels that it does not describe": strangers}
         said = [f"{number} {what} are passed over" for what, number in lost.items() if number]
@@ -59,22 +57,29 @@ class Found:
             done += f", written anew (as it was: {_rewritten(path).name})"
         return f"{path.name}: {done}; {span.messages} messages"
 
-    def _describe(self, channel: Channel, type_name: str) -> None:
+    def lost(self) -> dict[str, str]:
+        """Of each topic how many messages were lost, as text, by the numbers of their publishers."""
+        for topic in self.topics.values():
+            topic.end()
+        gaps = {name: counted(topic.times.sequence) for name, topic in self.topics.items()}
+        return {name: found.told(name) for name, found in gaps.items()}
+
+    def _topic(self, channel: Channel, type_name: str) -> Topic:
         name, said = channel.topic, channel.metadata
         qos = yaml.safe_load(said.get("offered_qos_profiles", "[]"))
         type_hash = said.get("topic_type_hash", "")
-        self.topics[name] = topic_metadata(name, type_name, channel.message_encoding, qos, type_hash)
-        self.counts.setdefault(name, 0)
-        self.skipped.setdefault(name, SequenceGaps())
+        self.described[name] = topic_metadata(name, type_name, channel.message_encoding, qos, type_hash)
+        return self.topics.setdefault(name, Topic(type_name, None))
 
 
 def recovered(bag: Path) -> Iterator[str]:
     """Makes the bag whole, and says of each file what was done. Raises FileNotFoundError, OSError, ValueError.
 
-    A file that is empty or no MCAP file is left alone and out of metadata.yaml.
+    A file that is empty, no MCAP file or none of the bag's is left alone and out of metadata.yaml.
     """
-    found = Found()
-    for path in files(bag):
+    found, files = Found(), files_of(bag)
+    yield from files.notes
+    for path in files.paths:
         try:
             yield found.take(path)
         except ValueError as error:
@@ -130,10 +135,9 @@ def _metadata(bag: Path, found: Found) -> str:
     named = before.get("relative_file_paths") == [span.name for span in found.spans]
     if named and not found.renewed:
         return f"{METADATA} is there"
-    lost = {name: skipped.told(name) for name, skipped in found.skipped.items()}
-    custom = _with_losses(before.get("custom_data"), lost)
-    write_metadata(bag, information(found.spans, list(found.topics.values()), list(found.counts.values()), custom))
-    return f"{METADATA} is written: {sum(found.counts.values())} messages in {len(found.spans)} files"
+    custom, counts = _with_losses(before.get("custom_data"), found.lost()), [len(one) for one in found.topics.values()]
+    write_metadata(bag, information(found.spans, list(found.described.values()), counts, custom))
+    return f"{METADATA} is written: {sum(counts)} messages in {len(found.spans)} files"
 
 
 def _with_losses(before: Any, lost: dict[str, str]) -> dict[str, str]:

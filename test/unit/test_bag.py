@@ -20,7 +20,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from rosbags.highlevel import AnyReader
 
 from haptic_device.recording import load, recover, writer
-from haptic_device.recording.reader import described
+from haptic_device.recording.mcap_records import described
 from haptic_device.recording.recover import recovered
 from haptic_device.recording.writer import RESERVE, RESERVE_BYTES, Bag
 

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One bag stored in fourteen ways and more: the same to the bit, or refused in a sentence, for all who read bags."""
+
+import re
+import shutil
+from dataclasses import fields
+
+import numpy as np
+import pytest
+import stored_bags
+import yaml
+from bag_of_a_run import STRING, TYPES, swing, write_run
+from stored_bags import REFUSED, WHOLE, change_metadata
+
+from haptic_device.analysis.report.reading import read_run
+from haptic_device.recording import load
+from haptic_device.recording.metadata import METADATA
+from haptic_device.recording.recover import recovered
+
+TICKS = 4000
+
+
+@pytest.fixture(scope="module")
+def original(tmp_path_factory):
+    return write_run(tmp_path_factory.mktemp("original") / "run", swing(TICKS))
+
+
+@pytest.fixture
+def bag(original, tmp_path):
+    return shutil.copytree(original, tmp_path / "run")
+
+
+def assert_same(one, other):
+    """The same recording to the bit, whatever its bag and its notes are."""
+    for name in {field.name for field in fields(one)} - {"bag", "notes", "joints", "clouds", "pairs"}:
+        assert getattr(one, name) == getattr(other, name), name
+    assert one.clouds.keys() == other.clouds.keys() and one.joints.keys() == other.joints.keys()
+    assert all(one.clouds[name].tobytes() == other.clouds[name].tobytes() for name in one.clouds)
+    for name, joints in one.joints.items():
+        assert joints.names == other.joints[name].names
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(joints[1:], other.joints[name][1:], strict=True))
+    assert all(np.array_equal(a, b) for a, b in zip(one.pairs, other.pairs, strict=True))
+
+
+@pytest.mark.parametrize("way", WHOLE)
+def test_a_bag_is_the_same_to_the_bit_however_it_is_stored(original, bag, way):
+    store, notes = WHOLE[way]
+    store(bag)
+    assert_same(load(bag), load(original))
+    assert load(bag).notes == tuple(read_run(bag).notes[: len(notes)]) == notes
+
+
+@pytest.mark.parametrize("way", WHOLE)
+def test_recovery_takes_the_files_of_the_bag_and_no_other(original, bag, way):
+    store, notes = WHOLE[way]
+    store(bag)
+    own = {path.name for path in bag.glob("*.mcap")} - {note.split()[0] for note in notes}
+    said = list(recovered(bag))
+    assert tuple(said[: len(notes)]) == notes
+    information = yaml.safe_load((bag / METADATA).read_text())["rosbag2_bagfile_information"]
+    assert set(information["relative_file_paths"]) == own
+    assert_same(load(bag), load(original))
+    lost = {name: text for name, text in information["custom_data"].items() if name.startswith("lost ")}
+    assert set(lost.values()) <= {"0"}
+
+
+@pytest.mark.parametrize("named", [True, False], ids=["metadata", "no metadata"])
+@pytest.mark.parametrize("way", REFUSED)
+def test_a_bag_that_is_not_read_is_refused_by_how_it_is_stored(bag, way, named):
+    store, words = REFUSED[way]
+    store(bag)
+    if not named:
+        (bag / METADATA).unlink()
+        words = words.removeprefix("is ").split(r" \(storage")[0]
+    for read in (load, read_run):
+        with pytest.raises(ValueError, match=words) as refusal:
+            read(bag)
+        assert "\n" not in str(refusal.value)
+    before, said = sorted(bag.iterdir()), []
+    with pytest.raises(ValueError, match="is compressed|is stored|no file that could be repaired") as refusal:
+        said.extend(recovered(bag))
+    assert re.search(words, f"{said} {refusal.value}") and sorted(bag.iterdir()) == before
+
+
+@pytest.mark.parametrize("way", REFUSED)
+def test_a_single_file_of_such_a_bag_is_refused_by_the_same_word(bag, way):
+    REFUSED[way][0](bag)
+    file = next(path for path in bag.iterdir() if path.name != METADATA)
+    with pytest.raises(ValueError, match="compressed|sqlite3"):
+        load(file)
+
+
+def test_a_file_that_metadata_names_and_that_is_missing_is_said_and_the_others_are_read(original, bag):
+    stored_bags.file_missing(bag)
+    found, whole = load(bag), load(original)
+    assert found.notes == ("run_1.mcap is missing, which metadata.yaml names",)
+    assert 0 < len(found.trace) < TICKS
+    assert np.all(np.isin(found.trace["tick"], whole.trace["tick"])) and np.all(np.diff(found.trace["tick"]) > 0)
+    assert list(recovered(bag))[0] == found.notes[0]
+    assert load(bag).notes == () and len(load(bag).trace) == len(found.trace)
+
+
+def test_a_bag_none_of_whose_files_is_there_is_refused_with_the_names(bag):
+    (bag / "run_0.mcap").rename(bag / "other.mcap")
+    with pytest.raises(
+        ValueError, match=r"none of the files that its metadata.yaml names \(run_0.mcap\); it has other"
+    ):
+        load(bag)
+    assert len(load(bag / "other.mcap").trace) == TICKS
+
+
+def test_without_metadata_the_files_of_a_bag_bear_its_name(original, bag):
+    """As its recorder left it when it was killed, and as somebody copied a file of it afterwards."""
+    stored_bags.copy_beside(bag)
+    (bag / METADATA).unlink()
+    note = "copy.mcap is left out: without metadata.yaml, run_N.mcap are the bag's"
+    assert_same(load(bag), load(original))
+    assert load(bag).notes == (note,) and list(recovered(bag))[0] == note
+    assert yaml.safe_load((bag / METADATA).read_text())["rosbag2_bagfile_information"]["relative_file_paths"] == [
+        "run_0.mcap"
+    ]
+
+
+def test_marks_and_diagnostics_of_a_shuffled_bag_stand_in_their_order(tmp_path):
+    from haptic_device.recording.writer import Bag
+
+    bag = Bag(tmp_path / "run")
+    channel = bag.add_topic("/haptic/mark", STRING, [])
+    for number in range(100):
+        text = TYPES.serialize_cdr(TYPES.types[STRING](f"mark {number}"), STRING)
+        bag.write(channel, bytes(text), number + 1, number + 1, 1)  # by a button's node of its own each
+    bag.close({})
+    stored_bags.in_order(stored_bags.shuffled)(tmp_path / "run")
+    assert [mark.text for mark in load(tmp_path / "run").marks] == [f"mark {number}" for number in range(100)]
+
+
+def test_a_clock_that_was_set_back_while_it_recorded_changes_no_order(original, bag):
+    """The numbers of the one publisher say it; the times received would put later ticks between earlier ones."""
+    file = bag / "run_0.mcap"
+    messages, attachments = stored_bags.records_of(file)
+    for _, channel, message in messages:
+        if channel.topic == "/haptic/trace" and message.sequence > 20:
+            message.log_time -= 300_000_000
+    stored_bags.write(file, messages, attachments)
+    assert np.array_equal(load(bag).trace["tick"], np.arange(TICKS))
+
+
+def test_metadata_that_says_nothing_is_as_none(original, bag):
+    change_metadata(bag, relative_file_paths=[])
+    assert_same(load(bag), load(original))
