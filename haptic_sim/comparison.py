@@ -20,8 +20,13 @@ def given_at(params: str | None) -> dict[str, dict]:
     return {} if params is None else read_operating_point(find("", params), NODES)
 
 
-def replayed(bag: Path, namespace: str | None, as_device: bool, given: dict, delay: float, out: Path) -> None:
-    """Plays the bag's hand at the given operating point into the new bag `out`."""
+def replayed(
+    bag: Path, namespace: str | None, as_device: bool, given: dict, delay: float, out: Path
+) -> tuple[str, ...]:
+    """Plays the bag's hand at the given operating point into the new bag `out`; what was wrong with the first one.
+
+    Raises ValueError, one sentence, for an operating point that the driver would refuse.
+    """
     from haptic_sim import replay
     from haptic_sim.lockstep import Network
     from haptic_sim.node_parameters import NODES
@@ -31,6 +36,7 @@ def replayed(bag: Path, namespace: str | None, as_device: bool, given: dict, del
     given = {node: values for node, values in given.items() if node in declared}
     point = replay.recorded_point(recording, declared, given)
     replay.replay(replay.hand_of(recording, as_device), point, Network(delay), out)
+    return recording.notes
 
 
 def figures_of(run: Run) -> dict[str, str]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device import description, yaml_reader
+from haptic_device import controller_config, description, gain_check, yaml_reader
 from haptic_device.config_files import ConfigError
 from haptic_device.description import Device, load_device
 from haptic_device.parameter_types import SECTION, Parameter, check_value
@@ -103,8 +103,10 @@ def recorded_point(recording: Recording, declared: dict[str, tuple[Parameter, ..
 def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
     """Runs the hand at the operating point into a new bag; returns the processor's time for a second of it [s].
 
-    The first step does not count for that: in it functions are compiled.
+    The first step does not count for that: in it functions are compiled. Raises ValueError, one sentence, for an
+    operating point that the driver would refuse.
     """
+    _judge(point)
     simulation = _simulation(point) if point.scene else None
     system = Lockstep(point.device, point.driver, point.loopback, simulation, network, hand=hand.played)
     hand.played.begin(system)
@@ -118,6 +120,14 @@ def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
     share = sum(costs[1:]) / max(STEP, (ticks - step) * system.period / SECOND)
     written.close({"cpu_share": f"{share:.4f}"})
     return share
+
+
+def _judge(point) -> None:
+    """As the driver judges an operating point before it runs."""
+    settings = controller_config.settings_from(point.device, point.driver)
+    refused = gain_check.refusal(settings[0], float(settings["hardware"]["delay"][0]))
+    if refused and point.driver["passivity.policy"] == "enforce":
+        raise ValueError(refused)
 
 
 def _simulation(point):

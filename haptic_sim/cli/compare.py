@@ -22,7 +22,7 @@ def compare(
     """Play the same motion at each operating point, in lock-step; a table, a bag of each, and a report of all."""
     from haptic_device.analysis.report.page import MOST, write_report
     from haptic_device.analysis.report.reading import read_run
-    from haptic_sim.cli.tables import print_comparison
+    from haptic_sim.cli.tables import print_comparison, print_notes
     from haptic_sim.comparison import figures_of, given_at, replayed
 
     if len(points) > MOST:
@@ -30,7 +30,8 @@ def compare(
     out = out or Path("haptic_bags") / time.strftime("compare-%Y%m%d-%H%M%S")
     given = {f"{number}-{Path(point).stem}": given_at(point) for number, point in enumerate(points, 1)}
     for name, values in given.items():
-        replayed(bag, namespace, as_ is As.device, values, delay, out / name)
+        notes = replayed(bag, namespace, as_ is As.device, values, delay, out / name)
+    print_notes(bag, notes)
     runs = [read_run(out / name) for name in given]
     print_comparison({run.name: figures_of(run) for run in runs})
     typer.echo(write_report(runs, out / "report"))

@@ -44,11 +44,11 @@ def replay(
         _play(bag, namespace)
         return
     from haptic_device.analysis.report.reading import read_run
-    from haptic_sim.cli.tables import print_comparison
+    from haptic_sim.cli.tables import print_comparison, print_notes
     from haptic_sim.comparison import figures_of, given_at, replayed
 
     out = out or Path("haptic_bags") / time.strftime("replay-%Y%m%d-%H%M%S")
-    replayed(bag, namespace, as_ is As.device, given_at(params), delay, out)
+    print_notes(bag, replayed(bag, namespace, as_ is As.device, given_at(params), delay, out))
     print_comparison({"recorded": figures_of(read_run(bag, namespace)), "replayed": figures_of(read_run(out))})
     typer.echo(f"bag {out}")
 
@@ -60,10 +60,12 @@ def _refuse(mode: str, given: dict[str, bool]) -> None:
 
 def _play(bag: Path, namespace: str | None) -> None:
     from haptic_sim import replay
+    from haptic_sim.cli.tables import print_notes
     from haptic_sim.live.replayed_hand import play
     from haptic_sim.node_parameters import NODES
 
     recording = replay.recorded(bag, namespace)
+    print_notes(bag, recording.notes)
     declared = {node: NODES[node] for node in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
     device = replay.recorded_point(recording, declared, {}).device
     target, scale = replay.hand_of(recording, False).played, (device.scale[0], *device.scale)
@@ -73,9 +75,11 @@ def _play(bag: Path, namespace: str | None) -> None:
 
 def _check(bag: Path, namespace: str | None) -> None:
     from haptic_device.recording import load
+    from haptic_sim.cli.tables import print_notes
     from haptic_sim.recompute import verdict_on
 
     recording = load(bag, namespace, dict.fromkeys(("trace", "snapshot", "local_contacts")))
+    print_notes(bag, recording.notes)
     if "snapshot" not in recording.clouds:
         raise ValueError(f"bag {bag} has no snapshot of the servo's settings: its ticks cannot be computed again")
     found = verdict_on(recording.trace, recording.clouds["snapshot"], recording.clouds.get("local_contacts"))

@@ -20,6 +20,7 @@ def report(
     A bag that cannot be shown is left out, which is said too; the exit code is then 1.
     """
     from haptic_device.analysis.report.page import MOST, write_report
+    from haptic_sim.cli.tables import print_notes
 
     if len(bags) > MOST:
         raise ValueError(f"{len(bags)} bags are given; at most {MOST} stand side by side")
@@ -30,8 +31,7 @@ def report(
     said = [f"left out: {reason}" for reason in left_out]
     page = write_report(runs, out, said)
     for run in runs:
-        for note in run.notes:
-            typer.echo(f"{run.name}: {note}", err=True)
+        print_notes(run.name, run.notes)
     typer.echo(page)
     for sentence in said:
         typer.echo(sentence, err=True)

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables that commands print: what came of a run, and runs side by side."""
 
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text  # what nodes have said may look like markup
@@ -53,6 +57,12 @@ def _text(value) -> str:
     if isinstance(value, list):
         return ", ".join(value) or "none"
     return "unknown" if value is None else str(value)
+
+
+def print_notes(bag: Path | str, notes: Iterable[str]) -> None:
+    """Prints what is wrong with a bag on standard error, a line each."""
+    for note in notes:
+        print(f"{bag}: {note}", file=sys.stderr)
 
 
 def print_comparison(figures: dict[str, dict[str, str]]) -> None:

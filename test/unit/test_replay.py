@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recorded ticks computed again to the bit, and a recorded hand on the same and on other gains, in lock-step."""
 
+import shutil
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from in_process import haptic
 from lockstep_systems import device, values
 from typer.testing import CliRunner
 
-from haptic_device import controller_config
+from haptic_device import controller_config, gain_check
 from haptic_device.analysis.report.reading import read_run
 from haptic_device.control import records
 from haptic_device.device import operator_hand
@@ -208,6 +210,46 @@ def test_the_stiffness_that_the_hand_then_feels_is_the_one_that_was_set(bag, tmp
     run = again(bag, tmp_path / "softer", False, coupling__stiffness=stiffness)
     found = run.impedances["contact", "x"]
     assert found.explained > 0.99 and found.stiffness.value == pytest.approx(stiffness, rel=0.02)
+
+
+@pytest.fixture
+def beside(bag, tmp_path):
+    """The bag with a copy of its file beside."""
+    folder = shutil.copytree(bag, tmp_path / "recorded")
+    shutil.copy(folder / "recorded_0.mcap", folder / "copy.mcap")
+    return folder
+
+
+@pytest.mark.parametrize("words", [["replay"], ["replay", "--check"], ["report"]])
+def test_what_is_left_out_of_a_bag_is_said_by_every_command_that_reads_it(beside, tmp_path, words):
+    out = [] if "--check" in words else ["--out", tmp_path / "out"]
+    done = haptic(words[0], beside, *words[1:], *out)
+    assert done.returncode == 0 and done.stderr.count("copy.mcap is left out") == 1, done.stderr
+    assert "--check" not in words or "10000 ticks" in done.stdout
+
+
+def stiff(tmp_path, policy):
+    """An operating point beyond the damping of the device of the bag."""
+    gains = "coupling: {stiffness: 90000.0, damping: 0.0}"
+    point = tmp_path / "stiff.yaml"
+    point.write_text(f"/**/haptic_driver:\n  ros__parameters:\n    {gains}\n    passivity: {{policy: {policy}}}\n")
+    return point
+
+
+@pytest.mark.parametrize("command", ["replay", "compare"])
+def test_gains_that_the_driver_refuses_are_refused_in_its_sentence_and_nothing_is_written(bag, tmp_path, command):
+    point, out = stiff(tmp_path, "enforce"), tmp_path / "out"
+    given = ["--params", point] if command == "replay" else [point]
+    done = haptic(command, bag, *given, "--out", out)
+    wished = values("haptic_driver", **COUPLED | {"coupling__stiffness": 90000.0, "coupling__damping": 0.0})
+    sentence = gain_check.refusal(controller_config.settings_from(device(damping=4.0, axes=3), wished)[0])
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"haptic: {sentence}\n")
+    assert "coupling.stiffness 90000 N/m" in sentence and not out.exists()
+
+
+def test_gains_that_the_driver_only_warns_of_are_replayed(bag, tmp_path):
+    done = haptic("replay", bag, "--params", stiff(tmp_path, "warn"), "--out", tmp_path / "out")
+    assert done.returncode == 0 and (tmp_path / "out" / "metadata.yaml").exists()
 
 
 def test_compare_prints_a_line_for_each_operating_point_and_leaves_a_report(bag, tmp_path):

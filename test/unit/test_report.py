@@ -4,6 +4,7 @@
 import contextlib
 import re
 
+import bag_of_a_run
 import numpy as np
 import pytest
 import typer
@@ -11,6 +12,7 @@ from bag_of_a_run import CLOUD, DIAGNOSTICS, JOINTS, PERIOD_NS, TYPES, cloud, di
 from matplotlib import pyplot
 from matplotlib.image import imread
 from mcap.reader import make_reader
+from stored_bags import change_metadata
 
 from haptic_device.analysis.report import page as pages
 from haptic_device.analysis.report import panel
@@ -142,11 +144,14 @@ def test_a_few_ticks_that_are_no_numbers_take_no_figure_with_them(tmp_path, colu
     assert "nan" not in "".join(figures_of(read_run(tmp_path / "some")).values())
 
 
-def test_of_two_runs_in_one_folder_the_first_is_shown_and_the_other_said(tmp_path):
-    later, earlier = swing(4000), swing(4000)
-    later["deadline"] += 100e9
-    folder = write_run(tmp_path / "two", later)
-    (write_run(tmp_path / "other", earlier) / "other_0.mcap").rename(folder / "two_1.mcap")
+def test_of_two_runs_in_one_bag_the_first_is_shown_and_the_other_said(tmp_path, monkeypatch):
+    """The machine was started anew in between, and its monotonic clock with it."""
+    rows = swing(4000)
+    rows["deadline"] += 100e9
+    folder = write_run(tmp_path / "two", rows)
+    monkeypatch.setattr(bag_of_a_run, "BOOT_TO_EPOCH", bag_of_a_run.BOOT_TO_EPOCH + 200_000_000_000)
+    (write_run(tmp_path / "other", swing(4000)) / "other_0.mcap").rename(folder / "two_1.mcap")
+    change_metadata(folder, relative_file_paths=["two_0.mcap", "two_1.mcap"])
     found, notes = sections_of(folder)
     assert "after 4000 ticks the trace goes back in time: the other 4000 are left out" in notes
     assert found["What ran"]["length"] == "1.000 s, 4000 ticks"
