@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A lock-step run as a bag like the live nodes' ones, so that one report, one reader and one player serve both."""
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,9 @@ class LockstepBag:
         self._write("handle", self._handle(), EPOCH)
 
     def add(self, rows: np.ndarray) -> None:
-        """The next rows, and the plant as they have left it."""
+        """The next rows, and the plant as they have left it. Raises OSError once the disk is full."""
+        if self._bag.full:
+            raise self._bag.full
         self._rows.append(rows.view(np.ndarray))
         self._waiting += len(rows)
         if self._waiting >= BLOCK:
@@ -48,6 +51,11 @@ class LockstepBag:
         if self._system.plant_memory["time"][0] > 0:
             now = int(rows["deadline"][-1]) + EPOCH
             self._write("operator/state", self._truth(now), now)
+
+    def break_off(self) -> None:
+        """Ends the bag with what it has, as far as the disk takes that."""
+        with contextlib.suppress(OSError):
+            self._bag.close({"namespace": NAMESPACE, "lockstep": "true"})
 
     def close(self, facts: dict[str, str]) -> None:
         """Writes the rest, what the nodes would say at the end, and `facts` of the replay itself."""

@@ -104,7 +104,8 @@ def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
     """Runs the hand at the operating point into a new bag; returns the processor's time for a second of it [s].
 
     The first step does not count for that: in it functions are compiled. Raises ValueError, one sentence, for an
-    operating point that the driver would refuse.
+    operating point that the driver would refuse, OSError where the disk takes no more: the bag then ends with what it
+    has.
     """
     _judge(point)
     simulation = _simulation(point) if point.scene else None
@@ -112,13 +113,17 @@ def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
     hand.played.begin(system)
     written, costs = LockstepBag(bag, system, point), []
     step, ticks = (round(seconds * SECOND / system.period) for seconds in (STEP, hand.seconds))
-    for done in range(0, ticks, step):
-        began = time.process_time()
-        rows = system.run(min(step, ticks - done) * system.period / SECOND)
-        costs.append(time.process_time() - began)
-        written.add(rows)
-    share = sum(costs[1:]) / max(STEP, (ticks - step) * system.period / SECOND)
-    written.close({"cpu_share": f"{share:.4f}"})
+    try:
+        for done in range(0, ticks, step):
+            began = time.process_time()
+            rows = system.run(min(step, ticks - done) * system.period / SECOND)
+            costs.append(time.process_time() - began)
+            written.add(rows)
+        share = sum(costs[1:]) / max(STEP, (ticks - step) * system.period / SECOND)
+        written.close({"cpu_share": f"{share:.4f}"})
+    except BaseException:  # a full disk, or Ctrl-C: what there is stays
+        written.break_off()
+        raise
     return share
 
 

@@ -106,7 +106,7 @@ class Recorder(ManagedNode):
                 self.bag.flush()
                 self._watch_disk()
         except OSError as error:
-            self._end(f"the bag could not be written: {error.strerror}")
+            self._end(f"the bag could not be written: {in_words(error)}")
 
     def _close_bag(self, reason: str = "") -> None:
         """Ends the bag, if one is open, with everything that has arrived; reason as of `_end`."""
@@ -116,7 +116,7 @@ class Recorder(ManagedNode):
             for track in self.topics.tracks.values():
                 self._take(track)
         except OSError as error:
-            reason = f"the bag could not be written: {error.strerror}"
+            reason = f"the bag could not be written: {in_words(error)}"
         except Exception as error:  # what has been taken is in the bag, which ends well without the rest
             reason = sentence_of(error)
         self._end(reason)
@@ -152,8 +152,7 @@ class Recorder(ManagedNode):
             bag.close(facts)
             kept = f"{bag.messages} messages are kept in {bag.folder}"
         except Exception as error:
-            why = getattr(error, "strerror", None) or error
-            kept = f"{bag.folder} could not be ended ({why}): haptic recover {bag.folder}"
+            kept = f"{bag.folder} could not be ended ({in_words(error)}): haptic recover {bag.folder}"
             reason = reason or "its end failed"
         finally:
             for track in self.topics.tracks.values():

@@ -88,8 +88,12 @@ def dump(content: Any) -> str:
 def write_metadata(folder: Path, content: dict[str, Any]) -> None:
     """Writes metadata.yaml into the bag's folder."""
     half = folder / f"{METADATA}.part"
-    with naming(half):
-        half.write_text(dump({"rosbag2_bagfile_information": content}), encoding="utf-8")
+    try:
+        with naming(half):
+            half.write_text(dump({"rosbag2_bagfile_information": content}), encoding="utf-8")
+    except OSError:
+        half.unlink(missing_ok=True)
+        raise
     os.replace(half, folder / METADATA)
 
 

@@ -20,7 +20,7 @@ from haptic_device.recording.bag_files import files_of
 from haptic_device.recording.mcap_records import Records
 from haptic_device.recording.metadata import METADATA, FileSpan, information, said_in, topic_metadata, write_metadata
 from haptic_device.recording.reader import Topic
-from haptic_device.recording.writer import CHUNK_BYTES, RESERVE
+from haptic_device.recording.writer import CHUNK_BYTES
 from haptic_device.sequence_gaps import counted
 
 
@@ -87,7 +87,6 @@ def recovered(bag: Path) -> Iterator[str]:
     if not found.spans:
         raise ValueError(f"bag {bag} has no file that could be repaired")
     if bag.is_dir():
-        (bag / RESERVE).unlink(missing_ok=True)
         yield _metadata(bag, found)
 
 

@@ -6,7 +6,9 @@ clock: log time = received, publish time = as stamped by the publisher's middlew
 Each file holds all schemas, channels and attachments, so that it can be read alone.
 """
 
+import contextlib
 import os
+import tempfile
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
@@ -17,21 +19,37 @@ from haptic_device.recording.layouts import types
 from haptic_device.recording.metadata import FileSpan, dump, information, topic_metadata, write_metadata
 
 CHUNK_BYTES = 256 * 2**10
-RESERVE = ".reserve"
 RESERVE_BYTES = 16 * 2**20  # given back when the disk is full: a chunk, and the index of some two hours at 4 kHz
 _UINT32 = 0xFFFFFFFF
+
+
+class Reserve:
+    """Room on the disk that is given back when there is no other; its file has no name, and ends with the process."""
+
+    def __init__(self, folder: Path) -> None:
+        """Takes it. Raises OSError, with the folder's name, if the disk has not so much."""
+        with naming(folder), contextlib.ExitStack() as undone:
+            self._file = undone.enter_context(tempfile.TemporaryFile(dir=folder, buffering=0))
+            left = memoryview(bytes(RESERVE_BYTES))
+            while left:
+                left = left[self._file.write(left) :]
+            undone.pop_all()
+
+    def give_back(self) -> None:
+        """Lets it go; once is enough."""
+        self._file.close()
 
 
 class _Disk:
     """A new file as the MCAP writer sees it: nothing waits in it for a later write.
 
-    full: what the disk said when it took no more; from then on, what was held in reserve takes the rest. If even that
-    does not help, the last record is torn, and every later write is refused.
+    full: what the disk said when it took no more, with the file's name; from then on, what was held in reserve takes
+    the rest. If even that does not help, the last record is torn, and every later write is refused.
     """
 
-    def __init__(self, path: Path, reserve: Path) -> None:
+    def __init__(self, path: Path, reserve: Reserve) -> None:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        self._reserve, self._size = reserve, 0
+        self._path, self._reserve, self._size = path, reserve, 0
         self.full: OSError | None = None
         self._torn: OSError | None = None
 
@@ -41,13 +59,14 @@ class _Disk:
         left = memoryview(data)
         while left:
             try:
-                count = os.write(self._descriptor, left)
+                with naming(self._path):
+                    count = os.write(self._descriptor, left)
             except OSError as error:
                 if self.full:
                     self._torn = error
                     raise
                 self.full = error
-                self._reserve.unlink(missing_ok=True)
+                self._reserve.give_back()
             else:
                 self._size, left = self._size + count, left[count:]
 
@@ -68,7 +87,10 @@ class Bag:
     """One bag being written; what has been flushed survives the death of the process."""
 
     def __init__(self, folder: Path, split_bytes: int = 0, split_seconds: float = 0.0) -> None:
-        """Creates `folder` and its first file; 0 never splits. Raises ValueError if the folder holds something."""
+        """Creates `folder` and its first file; 0 never splits.
+
+        Raises ValueError if the folder holds something, OSError with a name if the disk is full.
+        """
         self.folder = folder
         self._split_bytes, self._split_ns = split_bytes, int(split_seconds * 1e9)
         self._topics: list[dict[str, Any]] = []
@@ -79,9 +101,17 @@ class Bag:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             raise ValueError(f"bag folder {folder} is not empty; name a new one")
-        with naming(folder / RESERVE):
-            (folder / RESERVE).write_bytes(bytes(RESERVE_BYTES))
-        self._begin_file()
+        self._reserve = Reserve(folder)
+        try:
+            self._begin_file()
+        except BaseException:
+            self._reserve.give_back()
+            raise
+
+    @property
+    def full(self) -> OSError | None:
+        """What the disk said when it took no more; None as long as it does."""
+        return self._disk.full
 
     @property
     def messages(self) -> int:
@@ -131,7 +161,7 @@ class Bag:
 
         Raises OSError if that finds no room even in what was held in reserve.
         """
-        (self.folder / RESERVE).unlink(missing_ok=True)
+        self._reserve.give_back()
         content = information(self._files, self._topics, self._counts, custom_data)
         if not self._ended:  # else a split has ended the last file, and could begin no other
             self._end_file({"rosbag2": {"serialized_metadata": dump(content)}})
@@ -139,7 +169,7 @@ class Bag:
 
     def _begin_file(self) -> None:
         name = f"{self.folder.name}_{len(self._files)}.mcap"
-        self._disk = _Disk(self.folder / name, self.folder / RESERVE)
+        self._disk = _Disk(self.folder / name, self._reserve)
         self._files.append(FileSpan(name))
         self._ended = False
         self._writer = Writer(cast(BinaryIO, self._disk), CHUNK_BYTES)

@@ -422,13 +422,13 @@ def test_each_bag_holds_the_parameters_that_a_node_has_while_it_is_written(newco
 # On a disk that takes so many bytes of a bag, and more only where its reserve was given back.
 _FULL = """
 import errno, os, sys
-from pathlib import Path
 from haptic_device.nodes import recorder
-from haptic_device.recording.writer import RESERVE
-reserve, limit, written, write = Path(sys.argv.pop(1)) / RESERVE, int(sys.argv.pop(1)), 0, os.write
+from haptic_device.recording.writer import Reserve
+limit, written, write, given, give_back = int(sys.argv.pop(1)), 0, os.write, [], Reserve.give_back
+Reserve.give_back = lambda reserve: (given.append(True), give_back(reserve))
 def filling(descriptor, data):
     global written
-    if written > limit and reserve.exists():
+    if written > limit and not given:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     count = write(descriptor, data)
     written += count
@@ -440,7 +440,7 @@ sys.exit(recorder.main())
 
 def test_a_disk_that_takes_no_more_ends_the_bag_which_keeps_what_it_has(speaker, start, tmp_path):
     bag, limit = tmp_path / "bag", 6 * 2**20
-    command = [sys.executable, "-c", _FULL, str(bag), str(limit), *ros_arguments(bag)]
+    command = [sys.executable, "-c", _FULL, str(limit), *ros_arguments(bag)]
     process = start(command, stderr=subprocess.PIPE)
     speaker.meet(bag, "encoder")
     message, random = JointState(name=[f"n{i}" for i in range(1000)]), np.random.default_rng(1)
@@ -457,7 +457,8 @@ def test_a_disk_that_takes_no_more_ends_the_bag_which_keeps_what_it_has(speaker,
     speaker.node.destroy_publisher(publisher)
     _, said = output(process)
     assert process.returncode == 1 and "Traceback" not in said
-    assert "recording stopped: the bag could not be written: No space left on device" in said
+    assert f"recording stopped: the bag could not be written: {bag / 'bag_0.mcap'}: No space left on device" in said
+    assert sorted(path.name for path in bag.iterdir()) == ["bag_0.mcap", "metadata.yaml"]
     sequence = joint(bag, "large").sequence
     assert np.all(np.diff(sequence) >= 1) and 2 * files(bag)[0].stat().st_size > limit
     with AnyReader([bag]) as reader:

@@ -5,7 +5,10 @@ import errno
 import io
 import os
 import resource
+import subprocess
+import sys
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +25,7 @@ from rosbags.highlevel import AnyReader
 from haptic_device.recording import load, recover, writer
 from haptic_device.recording.mcap_records import described
 from haptic_device.recording.recover import recovered
-from haptic_device.recording.writer import RESERVE, RESERVE_BYTES, Bag
+from haptic_device.recording.writer import RESERVE_BYTES, Bag, Reserve
 
 SECOND = 1_000_000_000
 
@@ -113,13 +116,20 @@ def test_metadata_has_no_anchors_which_not_every_reader_knows(tmp_path):
     assert "&id" not in (tmp_path / "bag/metadata.yaml").read_text()
 
 
-def fills_at(capacity, folder, monkeypatch):
+def fills_at(capacity, monkeypatch):
     """From now on the disk takes so many bytes of files of a bag, and the reserve's more once that is given back."""
-    real, written = os.write, 0
+    real, written, given = os.write, 0, []
+    give_back = Reserve.give_back
+
+    def give(reserve):
+        given[:] = [RESERVE_BYTES]
+        give_back(reserve)
+
+    monkeypatch.setattr(Reserve, "give_back", give)
 
     def write(descriptor, data):
         nonlocal written
-        room = capacity + (0 if (folder / RESERVE).exists() else RESERVE_BYTES) - written
+        room = capacity + sum(given) - written
         if room <= 0:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         count = real(descriptor, data[:room])
@@ -135,13 +145,13 @@ def test_a_full_disk_keeps_every_message_in_a_bag_that_opens(tmp_path_factory, c
     folder = tmp_path_factory.mktemp("disk") / "bag"
     bag = Bag(folder)
     with pytest.MonkeyPatch.context() as monkeypatch:
-        fills_at(capacity, folder, monkeypatch)
-        with pytest.raises(OSError, match="No space left"):
+        fills_at(capacity, monkeypatch)
+        with pytest.raises(OSError, match="No space left on device.*bag_0.mcap"):
             fill(bag, 2000)
         bag.close({"namespace": "/haptic"})
     kept = bag.messages
     assert kept >= 50 and information(folder)["message_count"] == kept
-    assert not (folder / RESERVE).exists()
+    assert sorted(path.name for path in folder.iterdir()) == ["bag_0.mcap", "metadata.yaml"]
     assert values_by_rosbags(folder) == list(range(kept))
     assert mcap_summary(folder / "bag_0.mcap").statistics.message_count == kept
 
@@ -165,6 +175,45 @@ def test_a_file_that_may_not_grow_is_said_and_recovery_keeps_every_whole_chunk(t
     assert 2 * (folder / "bag_0.mcap").stat().st_size > limit
 
 
+@pytest.mark.parametrize("limit", [0, 1000, RESERVE_BYTES // 2])
+def test_a_bag_that_finds_no_room_for_its_reserve_names_the_folder_and_leaves_nothing(tmp_path, limit):
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, before[1]))
+    try:
+        with pytest.raises(OSError, match="File too large") as refused:
+            Bag(tmp_path / "bag")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert refused.value.filename == str(tmp_path / "bag") and not any((tmp_path / "bag").iterdir())
+    Bag(tmp_path / "bag").close({})  # once there is room
+
+
+def test_a_writer_that_is_killed_leaves_no_reserve_behind(tmp_path, start):
+    code = "import sys, pathlib; from haptic_device.recording.writer import Bag; bag = Bag(pathlib.Path(sys.argv[1]))"
+    ending = "; print('begun', flush=True); sys.stdin.read()"
+    writer = start(
+        [sys.executable, "-c", code + ending, str(tmp_path / "bag")], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    assert writer.stdout.readline() == "begun\n"
+    writer.kill()
+    writer.wait()
+    assert [path.name for path in (tmp_path / "bag").iterdir()] == ["bag_0.mcap"]
+
+
+def test_metadata_that_finds_no_room_leaves_no_half_of_it(tmp_path, monkeypatch):
+    bag = numbered(tmp_path / "bag", {"/haptic/encoder": (1, 2)})
+
+    def refuse(path, *given, **named):
+        path.write_bytes(b"half")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as full:
+        full.setattr(Path, "write_text", refuse)
+        with pytest.raises(OSError, match="No space left on device.*metadata.yaml"):
+            bag.close({})
+    assert [path.name for path in bag.folder.iterdir()] == ["bag_0.mcap"]
+
+
 def as_a_file_is_ended(begin, monkeypatch):
     """From the end of a file on, the disk does what `begin` makes it do."""
     finish = writer.Writer.finish
@@ -185,7 +234,7 @@ def test_a_split_that_meets_a_full_disk_or_can_open_no_file_ends_the_bag_whole(t
 
     with monkeypatch.context() as failing:
         if trouble == "No space left":
-            as_a_file_is_ended(lambda: fills_at(0, bag.folder, failing), failing)
+            as_a_file_is_ended(lambda: fills_at(0, failing), failing)
         else:
             failing.setattr(writer.os, "open", refuse)
         with pytest.raises(OSError, match=trouble):

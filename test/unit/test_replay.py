@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recorded ticks computed again to the bit, and a recorded hand on the same and on other gains, in lock-step."""
 
+import errno
+import os
 import shutil
 from types import SimpleNamespace
 
@@ -15,7 +17,7 @@ from haptic_device.analysis.report.reading import read_run
 from haptic_device.control import records
 from haptic_device.device import operator_hand
 from haptic_device.realtime import tick_replay
-from haptic_device.recording import load
+from haptic_device.recording import load, writer
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim import replay
 from haptic_sim.lockstep import PERFECT, Lockstep
@@ -245,6 +247,27 @@ def test_gains_that_the_driver_refuses_are_refused_in_its_sentence_and_nothing_i
     sentence = gain_check.refusal(controller_config.settings_from(device(damping=4.0, axes=3), wished)[0])
     assert (done.returncode, done.stdout, done.stderr) == (1, "", f"haptic: {sentence}\n")
     assert "coupling.stiffness 90000 N/m" in sentence and not out.exists()
+
+
+@pytest.mark.parametrize("trouble", [OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), KeyboardInterrupt()])
+def test_a_replay_that_is_broken_off_keeps_what_it_has_in_a_bag_that_opens(bag, tmp_path, monkeypatch, trouble):
+    real, left = os.write, 200_000
+
+    def write(descriptor, data):
+        nonlocal left
+        left -= len(data)
+        if -(len(data)) < left <= 0:  # once: what was held in reserve takes the rest
+            raise trouble
+        return real(descriptor, data)
+
+    with monkeypatch.context() as full:
+        full.setattr(writer.os, "write", write)
+        done = haptic("replay", bag, "--out", tmp_path / "out")
+    kept = load(tmp_path / "out")
+    assert done.returncode == (130 if isinstance(trouble, KeyboardInterrupt) else 1)
+    assert "No space left on device" in done.stderr or isinstance(trouble, KeyboardInterrupt)
+    assert kept.notes == () and 0 < len(kept.trace) < 10_000 and np.all(np.diff(kept.trace["tick"]) == 1)
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["metadata.yaml", "out_0.mcap"]
 
 
 def test_gains_that_the_driver_only_warns_of_are_replayed(bag, tmp_path):
