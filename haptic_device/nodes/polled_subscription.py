@@ -50,7 +50,7 @@ class PolledSubscription:
         self._subscription = node.create_subscription(
             self._class, topic, lambda message: None, qos, callback_group=Untouched(), raw=raw
         )
-        self.topic, self.type_name = self._subscription.topic_name, type_name
+        self.topic, self.type_name, self.qos = self._subscription.topic_name, type_name, qos
         self.handle = self._subscription.handle
 
     def take(self) -> Iterator[Sample]:
@@ -61,6 +61,11 @@ class PolledSubscription:
             yield Sample(
                 message, info["source_timestamp"], info["received_timestamp"], info["publication_sequence_number"]
             )
+
+    @property
+    def matched(self) -> int:
+        """How many publishers reach it: those of its type whose QoS fits."""
+        return self._subscription.get_publisher_count()
 
     def latest(self) -> Sample | None:
         """The newest message waiting, or None; older ones are thrown away."""

@@ -2,12 +2,13 @@
 """The recorded topics: which there are, what never came of each, and the QoS that joins its publishers."""
 
 from collections import deque
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from haptic_device.nodes.messages import STATE, TRACE
-from haptic_device.nodes.polled_subscription import PolledSubscription
+from haptic_device.nodes.polled_subscription import PolledSubscription, Sample
 from haptic_device.nodes.transforms import TFMessage
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, POSE, STRING, WRENCH
 from haptic_device.sequence_gaps import UNKNOWN, SequenceGaps
@@ -41,17 +42,42 @@ _SECOND = 1_000_000_000
 @dataclass
 class Track:
     """A topic's subscription, whether its last messages are kept for late joiners, its channel in the bag (0: none
-    yet), and the gaps in its publisher's numbers."""
+    yet), and the gaps in its publisher's numbers.
+
+    stranger: the sentence on publishers of another type, whose messages cannot be recorded; "" if there were none.
+    """
 
     subscription: PolledSubscription
     latched: bool = False
     channel: int = 0
     publishers: int = 0
     gaps: SequenceGaps = field(default_factory=SequenceGaps)
+    stranger: str = ""
+    _left: deque[Sample] = field(default_factory=deque)
+    _joined_again: bool = False
+
+    def take(self) -> Iterator[Sample]:
+        """Everything that waits, oldest first."""
+        while self._left:
+            yield self._left.popleft()
+        yield from self.subscription.take()
+
+    def count(self, sequence: int) -> None:
+        """Counts what was lost before this message, by the number that its publisher gave it."""
+        if self._joined_again and sequence:  # a publisher that is new begins with 1
+            self.gaps.lost, self.gaps.last = self.gaps.lost + sequence - 1, 0
+        self._joined_again = False
+        self.gaps.count(sequence)
+
+    def join_again(self, join: Callable[[], PolledSubscription]) -> None:
+        """Goes on with another subscription; what waits in this one is kept."""
+        self._left.extend(self.subscription.take())
+        self.subscription.close()
+        self.subscription, self._joined_again = join(), self.gaps.last > 0
 
     def restart(self) -> None:
         """Makes it ready for another bag."""
-        self.channel, self.gaps = 0, SequenceGaps()
+        self.channel, self.gaps, self._joined_again = 0, SequenceGaps(), False
 
     @property
     def losses(self) -> str:
@@ -78,12 +104,14 @@ class RecordedTopics:
             self._join(topic, type_name, QoSProfile(depth=depth, reliability=reliability, durability=durability))
 
     def discover(self, depth: int) -> None:
-        """Joins what else there is by now, and counts the publishers of each."""
+        """Joins what else there is by now, and joins again where a publisher does not reach us; counts publishers."""
         node = self._node
         for topic, type_names in node.get_topic_names_and_types():
             if topic in self.tracks:
-                track = self.tracks[topic]
-                track.publishers = max(track.publishers, node.count_publishers(topic))
+                track, publishers = self.tracks[topic], node.count_publishers(topic)
+                track.publishers = max(track.publishers, publishers)
+                if publishers > track.subscription.matched:
+                    self._reach(topic, track, depth)
                 continue
             new = topic.startswith(self._prefix) and topic not in self.refused
             if new and (publishers := node.get_publishers_info_by_topic(topic)):
@@ -106,13 +134,34 @@ class RecordedTopics:
         """Passes over what waits, but for what is kept for late joiners."""
         for track in self.tracks.values():
             if not track.latched:
-                deque(track.subscription.take(), maxlen=0)
+                deque(track.take(), maxlen=0)
 
     def close(self) -> None:
         """Leaves all."""
         for track in self.tracks.values():
             track.subscription.close()
         self.tracks.clear()
+
+    def _reach(self, topic, track, depth):
+        """Joins a topic again where the QoS of a publisher does not fit; says where one has another type."""
+        publishers = self._node.get_publishers_info_by_topic(topic)
+        ours = [info for info in publishers if info.topic_type == track.subscription.type_name]
+        others = sorted({info.topic_type for info in publishers} - {track.subscription.type_name})
+        if others and not track.stranger:
+            track.stranger = f"{', '.join(others)} is not recorded: the topic is {track.subscription.type_name}"
+            self._node.get_logger().warning(f"topic {topic}: {track.stranger}")
+        if any(not _fits(info.qos_profile, track.subscription.qos) for info in ours):
+            self._join_again(topic, track, joining_qos(ours, depth))
+
+    def _join_again(self, topic, track, qos):
+        type_name = track.subscription.type_name
+        track.join_again(lambda: PolledSubscription(self._node, topic, type_name, qos, raw=True))
+        track.latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        kind = f"{qos.reliability.name} {qos.durability.name}".lower().replace("_", " ")
+        self._node.get_logger().warning(
+            f"topic {topic} has a publisher of another QoS now and is joined again, {kind}: "
+            "what was published before that is not in the bag"
+        )
 
     def _join(self, topic, type_name, qos):
         subscription = PolledSubscription(self._node, topic, type_name, qos, raw=True)
@@ -123,6 +172,13 @@ class RecordedTopics:
             self._join(topic, type_name, qos)
         except (ImportError, AttributeError, ValueError) as error:
             self.refuse(topic, f"topic {topic} is not recorded: its type {type_name} is not installed ({error})")
+
+
+def _fits(offered: QoSProfile, wanted: QoSProfile) -> bool:
+    """Whether a publisher of the one reaches a subscription of the other."""
+    reliable = offered.reliability == ReliabilityPolicy.RELIABLE or wanted.reliability != ReliabilityPolicy.RELIABLE
+    latched = offered.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    return reliable and (latched or wanted.durability != DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def joining_qos(publishers: list, depth: int) -> QoSProfile:

@@ -8,7 +8,7 @@ if __name__ == "__main__":  # before the imports, which take seconds
 
 import shutil
 import time
-from itertools import islice
+from itertools import count, islice
 from pathlib import Path
 
 from std_srvs.srv import Trigger
@@ -60,12 +60,12 @@ class Recorder(ManagedNode):
         self.topics.join_known(self.values["queue"])
 
     def activate(self) -> None:
-        """Opens a new bag; refuses a folder that holds something, and a disk that is nearly full."""
+        """Opens a new bag; refuses a folder that holds something, and a disk that is nearly full: it stays inactive."""
+        self.refusal = ""
         try:
             self.bag = self._open()
         except (ValueError, OSError) as error:
-            self.failure = f"cannot record: {in_words(error)}"
-            raise ValueError(self.failure) from None
+            raise ValueError(f"cannot record: {in_words(error)}") from None
         self.topics.skip()  # a bag begins when it is opened
         self._parameter_client.again()  # parameters and scene may be others than in the bag before
         self._next_discovery, self._heard = 0, False
@@ -166,7 +166,9 @@ class Recorder(ManagedNode):
         return {"namespace": self.get_namespace(), **trial_of(self.values), **self._losses()}
 
     def _losses(self) -> dict[str, str]:
-        return {f"lost {topic}": track.losses for topic, track in self.topics.tracks.items() if track.channel}
+        tracks = self.topics.tracks.items()
+        others = {f"not recorded {topic}": track.stranger for topic, track in tracks if track.stranger}
+        return {f"lost {topic}": track.losses for topic, track in tracks if track.channel} | others
 
     def _apply(self, values: dict) -> None:
         self.values = values
@@ -186,7 +188,7 @@ class Recorder(ManagedNode):
         self._marks += 1
         response.success, response.message = self.bag is not None, f"mark {self._marks}"
         if self.bag is None:
-            response.message = self.failure or "not recording"
+            response.message = self.failure or self.refusal or "not recording"
         else:
             self._mark.publish(String(data=f"mark {self._marks}"))
         return response
@@ -194,20 +196,26 @@ class Recorder(ManagedNode):
     def diagnose(self) -> None:
         """Says whether it records, and what was lost."""
         lossy = any(track.gaps.lost and track.publishers <= 1 for track in self.topics.tracks.values())
-        state = f"recording to {self.bag.folder}" if self.bag else "not recording"
+        strangers = any(track.stranger for track in self.topics.tracks.values())
+        state = f"recording to {self.bag.folder}" if self.bag else self.refusal or "not recording"
         values = {
             "messages": self.bag.messages if self.bag else 0,
             "cpu_s": f"{time.process_time():.3f}",
             "realtime": self._realtime,
             **self._losses(),
         }
-        self.say_status("warn" if lossy else "ok", state, values)
+        self.say_status("warn" if lossy or strangers or self.refusal else "ok", state, values)
 
     def _folder(self) -> Path:
-        return Path(self.values["bag"] or time.strftime("haptic_bags/%Y%m%d-%H%M%S")).absolute()
+        """As named; else by the time, with a number behind it where that second has a bag already."""
+        if self.values["bag"]:
+            return Path(self.values["bag"]).absolute()
+        first = Path(time.strftime("haptic_bags/%Y%m%d-%H%M%S")).absolute()
+        names = (first if number == 1 else first.with_name(f"{first.name}-{number}") for number in count(1))
+        return next(folder for folder in names if not folder.exists())
 
     def _take(self, track: Track, most: int | None = None) -> None:
-        for sample in islice(track.subscription.take(), most):
+        for sample in islice(track.take(), most):
             if self.bag is None or track.subscription.topic in self.topics.refused:
                 continue
             track.channel = track.channel or self._channel(track.subscription)
@@ -215,7 +223,7 @@ class Recorder(ManagedNode):
                 self._write(track, sample)
 
     def _write(self, track: Track, sample: Sample) -> None:
-        track.gaps.count(sample.sequence)
+        track.count(sample.sequence)
         self.bag.write(track.channel, sample.message, sample.received, sample.published, sample.sequence)
         if not self._heard and self.topics.is_of_the_system(track.subscription.topic):
             self._heard = True

@@ -411,12 +411,80 @@ def test_each_bag_holds_the_parameters_that_a_node_has_while_it_is_written(newco
         newcomer.until(lambda wanted=wanted: wanted in newest(), f"{STIFFNESS} {value} in the newest bag")
         newcomer.change("haptic_recorder", Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
         assert wanted in newest()
-        named = max(path.name for path in tmp_path.glob("haptic_bags/*"))
-        until(lambda named=named: time.strftime("%Y%m%d-%H%M%S") > named, "the second that names the next bag")
     assert f"{STIFFNESS}: 900.0".encode() not in newest()
     process.terminate()
     assert exit_code(process) == 0
     assert len(list(tmp_path.glob("haptic_bags/*/metadata.yaml"))) == 2
+
+
+def custom_data(bag):
+    return yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]["custom_data"]
+
+
+RELIABLE = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+
+
+@pytest.mark.parametrize("topic", ["own_topic", "joint_states"])  # one that was discovered, one joined beforehand
+def test_a_publisher_that_comes_back_as_best_effort_is_joined_again(newcomer, nodes, tmp_path, topic):
+    bag, node = tmp_path / "bag", newcomer.node
+    begun(nodes, bag)
+    newcomer.publish(bag, "encoder", 1)  # by which the bag is known to be one of ours
+    newcomer._publishers[topic] = node.create_publisher(JointState, topic, RELIABLE)
+    newcomer.publish(bag, topic, 20)
+    node.destroy_publisher(newcomer._publishers.pop(topic))
+    sent = 0
+
+    def heard():
+        """One message more of the publisher that is new."""
+        nonlocal sent
+        sent += 1
+        newcomer.say(topic, 1000 + sent)
+        return np.any(kept(bag, topic) > 1000)
+
+    newcomer.until(heard, f"a message of the new publisher of {topic}")
+    newcomer.say(topic, *range(2000, 2020))
+    newcomer.until(lambda: 2019.0 in kept(bag, topic), "the last message")
+    well(nodes)
+    assert nodes.end("haptic_recorder") == 0
+    assert np.array_equal([x for x in kept(bag, topic) if 0.0 <= x < 1000.0], np.arange(20))
+    lost = custom_data(bag)[f"lost /haptic/{topic}"]
+    after = [x for x in kept(bag, topic) if 1000.0 < x < 2000.0]
+    assert lost in (str(sent - len(after)), "unknown, several publishers"), (lost, sent, after)
+
+
+def test_a_publisher_that_comes_back_as_another_type_is_said_in_the_bag(speaker, newcomer, nodes, tmp_path):
+    from std_msgs.msg import String
+
+    bag = tmp_path / "bag"
+    process = begun(nodes, bag)
+    newcomer.publish(bag, "encoder", 1)
+    newcomer.publish(bag, "own_topic", 20)
+    newcomer.node.destroy_publisher(newcomer._publishers.pop("own_topic"))
+    other = speaker.node.create_publisher(String, "own_topic", RELIABLE)  # of a node that knows no other type
+    sentence = "std_msgs/msg/String is not recorded: the topic is sensor_msgs/msg/JointState"
+    newcomer.until(lambda: sentence in process.log.read_text(), "the warning")
+    other.publish(String(data="lost"))
+    well(nodes)
+    assert nodes.end("haptic_recorder") == 0
+    speaker.node.destroy_publisher(other)
+    assert custom_data(bag)["not recorded /haptic/own_topic"] == sentence
+    assert process.log.read_text().count(sentence) == 1 and np.array_equal(numbers(bag, "own_topic"), np.arange(20))
+
+
+def test_a_named_bag_that_is_there_is_refused_and_the_recorder_stays_inactive(newcomer, nodes, tmp_path):
+    bag = tmp_path / "bag"
+    begun(nodes, bag)
+    newcomer.publish(bag, "encoder", 20)
+    newcomer.change("haptic_recorder", Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
+    before = sorted(path.name for path in bag.iterdir())
+    with pytest.raises(AssertionError):
+        newcomer.change("haptic_recorder", Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_INACTIVE)
+    well(nodes)
+    marked, said = newcomer.trigger("mark", "haptic_recorder")
+    assert not marked and said == f"cannot record: bag folder {bag} is not empty; name a new one"
+    assert newcomer.state("haptic_recorder") == State.PRIMARY_STATE_INACTIVE
+    assert sorted(path.name for path in bag.iterdir()) == before
+    assert nodes.end("haptic_recorder") == 0
 
 
 # On a disk that takes so many bytes of a bag, and more only where its reserve was given back.

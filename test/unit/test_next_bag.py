@@ -175,3 +175,15 @@ def test_nodes_are_asked_once_and_anew_by_the_same_clients_for_the_next_bag():
     inquiry.again()
     inquiry.look()
     assert told == [("haptic_driver", 100.0), ("haptic_driver", 200.0)] and len(graph.clients) == 2
+
+
+def test_a_bag_without_a_name_gets_a_number_where_its_second_has_one_already(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(module, "time", SimpleNamespace(strftime=lambda form: "haptic_bags/20260101-120000"))
+    recorder = Deaf()
+    recorder.values["bag"] = ""
+    names = []
+    for _ in range(3):
+        names.append(recorder._folder().name)
+        recorder._folder().mkdir(parents=True)
+    assert names == ["20260101-120000", "20260101-120000-2", "20260101-120000-3"]
