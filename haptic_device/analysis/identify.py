@@ -8,6 +8,7 @@ bias from it, as there is in a regression on differentiated counts. Confidence: 
 as one independent draw, which a coloured residual does not fool.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ from haptic_device.device.axis_rerun import run_segments
 
 SEGMENT = 0.2  # [s]
 FEWEST = 8  # segments that a confidence can rest on
+LEAST_STEPS = 10  # of the encoder that the handle moves in a segment that tells anything
+LONGEST_PAUSE = 0.5 * SEGMENT  # [s] between two latches
 MOST_DELAY = 0.02  # [s]
 NAMES = ("mass", "damping", "coulomb", "bias", "delay")
 TINY, HUGE = 1e-3, 1e3  # times mass and damping of the beginning: where the search ends
@@ -77,7 +80,7 @@ def identify(trace: Trace, mass: float, damping: float, units: tuple[str, str, s
     mass, as one that is blocked.
     """
     begins = _segments(trace)
-    _refuse_rest(trace)
+    _refuse_rest(trace, begins, units)
     most = np.max(np.abs(trace.force))
     begin = np.array([mass, damping, 0.01 * most, 0.0, 0.5 * _tick(trace)])
     fit = _Fit(trace, begins, np.array([mass, damping, 0.01 * most, 0.01 * most]))
@@ -162,11 +165,21 @@ def _velocities(trace: Trace, begins: npt.NDArray[np.intp]) -> Array:
     return np.array([np.polyfit(trace.time[i : i + reach], trace.position[i : i + reach], 1)[0] for i in begins[:-1]])
 
 
-def _refuse_rest(trace: Trace) -> None:
+def _refuse_rest(trace: Trace, begins: npt.NDArray[np.intp], units: tuple[str, str, str]) -> None:
     if np.ptp(trace.force) == 0.0:
         raise ValueError("the motor force never changed, so nothing can be told from this trace")
     if np.ptp(trace.position) == 0.0:
         raise ValueError("the handle never moved, so nothing can be told from this trace")
+    if (pause := float(np.diff(trace.time).max())) > LONGEST_PAUSE:
+        raise ValueError(f"the device latched nothing for {pause:.3g} s; {LONGEST_PAUSE:g} s is the longest pause")
+    steps = np.abs(np.diff(trace.position))
+    least = LEAST_STEPS * float(steps[steps > 0.0].min())
+    ways = np.array([np.ptp(trace.position[i:k]) for i, k in pairwise(begins.tolist())])
+    if (moved := int((ways > 0.999 * least).sum())) < FEWEST:  # of a grid that is only as exact as its numbers
+        raise ValueError(
+            f"the handle moved by {least:.2g} {units[0]}, {LEAST_STEPS} steps of its encoder, in {moved} of the "
+            f"{len(ways)} stretches of {SEGMENT:g} s; {FEWEST} are needed: is it blocked, or the force too small?"
+        )
 
 
 def _refuse_unknown(mass: Estimate, trace: Trace, units: tuple[str, str, str]) -> None:
@@ -174,8 +187,7 @@ def _refuse_unknown(mass: Estimate, trace: Trace, units: tuple[str, str, str]) -
         way, force, unit = units
         raise ValueError(
             f"the handle moved by {np.ptp(trace.position):.2g} {way} under forces {np.ptp(trace.force):.2g} {force} "
-            f"apart, which leaves its mass unknown, {mass.value:.2g} ± {mass.confidence:.2g} {unit}; is it blocked, or "
-            "the force too small?"
+            f"apart, which leaves its mass unknown, {mass.value:.2g} ± {mass.confidence:.2g} {unit}"
         )
 
 

@@ -82,9 +82,9 @@ def estimate(rows, index, axis):
     units = ("rad", "N m", "kg m²") if axis.name == "theta" else ("m", "N", "kg")
     try:
         found = identify(trace_of(rows, index, per_count), axis.mass, axis.damping, units)
+        step = resolution_of(rows["counts"][:, index], per_count)
     except ValueError as refusal:
         raise ValueError(f"axis {axis.name}: {refusal}") from None
-    step = resolution_of(rows["counts"][:, index], per_count)
     values = {name: tuple(getattr(found, name)) for name in ("mass", "damping", "coulomb", "bias", "delay")}
     return values | {"resolution": (step, None), "residual": (found.residual, None)}
 
