@@ -14,8 +14,8 @@ from haptic_device.parameter_types import SECTION
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import tick_replay
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, CloudLayout, JointLayout, types
-from haptic_device.recording.metadata import dump
 from haptic_device.recording.writer import Bag
+from haptic_device.yaml_reader import dump
 
 NAMESPACE = "/haptic"
 FRAME = frame_id(NAMESPACE, "base_link")

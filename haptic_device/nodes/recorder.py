@@ -25,8 +25,8 @@ from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.os_errors import in_words
 from haptic_device.parameters import RECORDER
 from haptic_device.realtime import scheduling
-from haptic_device.recording.metadata import dump
 from haptic_device.recording.writer import RESERVE_BYTES, Bag
+from haptic_device.yaml_reader import dump
 
 _DISCOVERY_PERIOD = 0.5  # s
 _SERVE_PERIOD = 0.1  # s

@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from haptic_device.os_errors import naming
+from haptic_device.yaml_reader import dump
 
 METADATA = "metadata.yaml"
 
@@ -71,18 +72,6 @@ def _times(span: FileSpan) -> dict[str, Any]:
         "starting_time": {"nanoseconds_since_epoch": span.first},
         "message_count": span.messages,
     }
-
-
-class _Plain(yaml.SafeDumper):
-    """Repeats what occurs twice, without an anchor: not every reader of metadata.yaml knows anchors."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
-
-
-def dump(content: Any) -> str:
-    """YAML text without anchors, in the order given."""
-    return yaml.dump(content, Dumper=_Plain, sort_keys=False, allow_unicode=True)
 
 
 def write_metadata(folder: Path, content: dict[str, Any]) -> None:

@@ -16,7 +16,8 @@ from mcap.writer import Writer
 
 from haptic_device.os_errors import naming
 from haptic_device.recording.layouts import types
-from haptic_device.recording.metadata import FileSpan, dump, information, topic_metadata, write_metadata
+from haptic_device.recording.metadata import FileSpan, information, topic_metadata, write_metadata
+from haptic_device.yaml_reader import dump
 
 CHUNK_BYTES = 256 * 2**10
 RESERVE_BYTES = 16 * 2**20  # given back when the disk is full: a chunk, and the index of some two hours at 4 kHz

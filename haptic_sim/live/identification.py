@@ -3,13 +3,12 @@
 
 from pathlib import Path
 
-import yaml
-
 from haptic_device.analysis.identify import identify, resolution_of, trace_of
 from haptic_device.analysis.quantity import positive
 from haptic_device.config_files import find
 from haptic_device.description import load_device
 from haptic_device.os_errors import naming
+from haptic_device.yaml_reader import dump
 from haptic_sim.live.excitation import record_excitation
 from haptic_sim.live.pair import on_pair
 
@@ -101,7 +100,7 @@ def write_description(path, described, found):
     head = "# Identified by haptic identify, ± 95 % confidence. Only the sum of both delays can be told: it stands as\n"
     head += "# actuation_delay.\n"
     with naming(path):
-        path.write_text(head + "\n".join(lines) + "\n" + yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        path.write_text(head + "\n".join(lines) + "\n" + dump(content), encoding="utf-8")
 
 
 def _weighted(estimates):

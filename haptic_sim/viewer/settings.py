@@ -3,10 +3,9 @@
 
 import math
 
-import yaml
-
 from haptic_device.parameter_types import SECTION, Parameter
 from haptic_device.parameters import NODES as DEVICE_NODES
+from haptic_device.yaml_reader import dump
 from haptic_sim.node.parameters import PARAMETERS as SIMULATION_PARAMETERS
 
 DRIVER, LOOPBACK, SIMULATION = "haptic_driver", "haptic_loopback", "haptic_simulation"
@@ -52,7 +51,7 @@ def operating_point(namespace: str, values: dict[str, dict]) -> str:
     given = {node: _differing(NODES[node], values.get(node, {})) for node in NODES}
     document = {f"{namespace.rstrip('/')}/{node}": {SECTION: found} for node, found in given.items() if found}
     head = "# Operating point saved by haptic_viewer; parameters not named here have their defaults.\n"
-    return head + (yaml.safe_dump(document, sort_keys=False, default_flow_style=None) if document else "")
+    return head + (dump(document, flow=True) if document else "")
 
 
 def _shown(parameter):

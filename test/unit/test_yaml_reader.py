@@ -2,11 +2,15 @@
 """One reader for every file that people write: what is one for the check is one for the demo, the nodes and launch."""
 
 import pytest
+import yaml
+from examples import few
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from haptic_device.config_files import find
 from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
-from haptic_device.yaml_reader import MOST, loads
+from haptic_device.yaml_reader import MOST, dump, loads
 from haptic_sim.config_problems import problems
 from haptic_sim.node_parameters import NODES
 from haptic_sim.scene import load
@@ -141,3 +145,21 @@ def test_a_file_that_cannot_be_read_is_named_with_the_reason(tmp_path, read):
     with pytest.raises(ValueError) as refused:
         read(path)
     assert "[Errno" not in str(refused.value) and str(path) in str(refused.value)
+
+
+TEXT = st.text(st.characters(codec="utf-8", exclude_categories=("Cs", "Cc")))
+
+
+@few(100)
+@given(st.recursive(TEXT, st.lists))
+@example("y")
+@example("1e3")
+@example("010")
+@example("1_000")
+@example("~")
+@example("<<")
+def test_text_that_is_written_is_read_as_text_again(content):
+    for flow in (False, True):
+        written = dump({"name": content, "number": 1e3, "count": 3}, flow)
+        assert loads(written, ros=True) == {"name": content, "number": 1000.0, "count": 3}
+        assert yaml.safe_load(written) == {"name": content, "number": 1000.0, "count": 3}
