@@ -112,14 +112,11 @@ def test_a_parameter_of_no_known_type_ends_no_node(exchanging, ear):
     survived(ear, lambda node: ear.send(f"{node}/set_parameters", request))
 
 
-def test_a_transition_that_does_not_exist_or_does_not_fit_ends_no_node(exchanging, ear):
-    def nonsense(node):
-        for number in (250, Transition.TRANSITION_CONFIGURE):
-            ear.send(f"{node}/change_state", ChangeState.Request(transition=Transition(id=number)))
-
-    survived(ear, nonsense)
-    label = ChangeState.Request(transition=Transition(id=0, label="explode"))
-    assert not any(ear.ask(f"{node}/change_state", label).success for node in NODES)
+def test_a_transition_that_does_not_exist_or_does_not_fit_is_answered_and_ends_no_node(exchanging, ear):
+    configure = Transition(id=Transition.TRANSITION_CONFIGURE)
+    for wanted in (Transition(id=250), configure, Transition(id=0, label="explode")):
+        request = ChangeState.Request(transition=wanted)
+        assert not any(ear.ask(f"{node}/change_state", request).success for node in NODES)
 
 
 def refusals(values):
