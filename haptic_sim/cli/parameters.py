@@ -76,8 +76,11 @@ def save(
 
 def read_value(text: str) -> Any:
     """What a parameter file means by this text. Raises ValueError, one sentence, if it is no value of a parameter."""
-    found = yaml_reader.loads(f"value: {text}", ros=True)
-    if len(found) > 1 or isinstance(found["value"], dict):
+    try:
+        found = yaml_reader.loads(f"value: {text}", ros=True)
+    except ValueError:
+        found = {}
+    if found.keys() != {"value"} or isinstance(found["value"], dict):
         raise ValueError(f"{text!r} is no value of one parameter; write a number, true, false, a text, or [a, list]")
     return found["value"]
 

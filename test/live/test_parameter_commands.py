@@ -73,7 +73,7 @@ def test_a_value_is_set_as_a_parameter_file_has_it_and_got_back(ear, name, value
         ),
         (("set", "haptic_driver", "coupling.stiffness", "90000"), "coupling.stiffness 90000 N/m with coupling.damping"),
         (("set", "haptic_driver", "coupling.stiffness", "{a: 1}"), "'{a: 1}' is no value of one parameter"),
-        (("set", "haptic_driver", "coupling.stiffness", "["), "line 1 is not YAML"),
+        (("set", "haptic_driver", "coupling.stiffness", "["), "'[' is no value of one parameter"),
         (("set", "haptic_driver", "servo.rate", "2000"), "Trying to set a read-only parameter: servo.rate."),
         (("set", "haptic_driver", "wall.offsets", "[0, 0.1]"), "wall.normals has 0 numbers; 2 walls need"),
         (("get", "haptic_drivr"), "haptic_drivr offers no ~/list_parameters in /haptic; does it run in this domain?"),
