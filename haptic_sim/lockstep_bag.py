@@ -53,7 +53,9 @@ class LockstepBag:
             self._write("operator/state", self._truth(now), now)
 
     def break_off(self) -> None:
-        """Ends the bag with what it has, as far as the disk takes that."""
+        """Ends the bag with all that was played, as far as the disk takes that."""
+        with contextlib.suppress(OSError):
+            self._write_rows()
         with contextlib.suppress(OSError):
             self._bag.close({"namespace": NAMESPACE, "lockstep": "true"})
 
@@ -87,9 +89,9 @@ class LockstepBag:
     def _write_rows(self) -> None:
         if self._rows:
             rows = np.concatenate(self._rows)
+            self._rows, self._waiting = [], 0  # first: an interrupt in the next lines writes nothing twice
             first, last = (EPOCH + int(rows["deadline"][i]) for i in (0, -1))
             self._write("trace", CloudLayout(rows.dtype, FRAME).pack(first, rows), last)
-            self._rows, self._waiting = [], 0
 
     def _truth(self, now: int) -> bytes:
         memory, n = self._system.plant_memory[0], len(self._axes)

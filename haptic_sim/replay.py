@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recorded hand on other gains: what a bag says of its run, made into a lock-step system, and run into a new bag."""
 
+import sys
 import time
 from pathlib import Path
 from typing import NamedTuple
@@ -105,7 +106,7 @@ def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
 
     The first step does not count for that: in it functions are compiled. Raises ValueError, one sentence, for an
     operating point that the driver would refuse, OSError where the disk takes no more: the bag then ends with what it
-    has.
+    has, and standard error says where it is.
     """
     _judge(point)
     simulation = _simulation(point) if point.scene else None
@@ -123,6 +124,7 @@ def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
         written.close({"cpu_share": f"{share:.4f}"})
     except BaseException:  # a full disk, or Ctrl-C: what there is stays
         written.break_off()
+        print(f"broken off: what was played is in {bag}", file=sys.stderr)
         raise
     return share
 

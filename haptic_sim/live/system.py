@@ -79,8 +79,9 @@ def _moved_by_file(said: dict[str, dict], scene: Path) -> bool:
 def _refuse_bad_devices(given: dict[str, dict], params: Path) -> None:
     """Before any node starts. Raises ValueError, one sentence: of which node, by which operating point, which file."""
     for node in ("haptic_driver", "haptic_loopback"):
+        [default] = [parameter.default for parameter in NODES[node] if parameter.name == "device"]
         try:
-            load_device(given[node].get("device", "desktop"))
+            load_device(given[node].get("device", default))
         except (ValueError, OSError) as error:
             raise ValueError(f"{params}: {node}: device {error}") from None
 

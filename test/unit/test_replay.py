@@ -21,6 +21,7 @@ from haptic_device.recording import load, writer
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim import replay
 from haptic_sim.lockstep import PERFECT, Lockstep
+from haptic_sim.lockstep_bag import BLOCK as BLOCK_OF_BAG
 from haptic_sim.node_parameters import NODES
 from haptic_sim.played import PlayedTarget
 from haptic_sim.recompute import BLOCK, verdict_on
@@ -234,7 +235,7 @@ def stiff(tmp_path, policy):
     """An operating point beyond the damping of the device of the bag."""
     gains = "coupling: {stiffness: 90000.0, damping: 0.0}"
     point = tmp_path / "stiff.yaml"
-    point.write_text(f"/**/haptic_driver:\n  ros__parameters:\n    {gains}\n    passivity: {{policy: {policy}}}\n")
+    point.write_text(f"/**/haptic_driver:\n  ros__parameters:\n    {gains}\n    passivity: {{policy: '{policy}'}}\n")
     return point
 
 
@@ -270,8 +271,28 @@ def test_a_replay_that_is_broken_off_keeps_what_it_has_in_a_bag_that_opens(bag, 
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["metadata.yaml", "out_0.mcap"]
 
 
-def test_gains_that_the_driver_only_warns_of_are_replayed(bag, tmp_path):
-    done = haptic("replay", bag, "--params", stiff(tmp_path, "warn"), "--out", tmp_path / "out")
+@pytest.mark.parametrize("command", ["replay", "compare"])
+def test_an_interrupted_replay_keeps_every_tick_that_was_played_and_says_where(bag, tmp_path, monkeypatch, command):
+    run, played, out = Lockstep.run, 0, tmp_path / "out"
+
+    def interrupted(system, seconds):
+        nonlocal played
+        if played >= 3000:
+            raise KeyboardInterrupt
+        rows = run(system, seconds)
+        played += len(rows)
+        return rows
+
+    monkeypatch.setattr(Lockstep, "run", interrupted)
+    done = haptic(command, bag, *([stiff(tmp_path, "warn")] if command == "compare" else []), "--out", out)
+    kept = out / "1-stiff" if command == "compare" else out
+    assert (done.returncode, done.stderr) == (130, f"broken off: what was played is in {kept}\n")
+    assert played % BLOCK_OF_BAG and len(load(kept).trace) == played
+
+
+@pytest.mark.parametrize("policy", ["warn", "off"])
+def test_gains_that_the_driver_does_not_refuse_are_replayed(bag, tmp_path, policy):
+    done = haptic("replay", bag, "--params", stiff(tmp_path, policy), "--out", tmp_path / "out")
     assert done.returncode == 0 and (tmp_path / "out" / "metadata.yaml").exists()
 
 
