@@ -88,7 +88,7 @@ def sweep(function, jobs: dict, kept: Kept, workers: int, scheduler: str = "", s
 @contextlib.contextmanager
 def deaths_told():
     """A node that ends by itself ends the command as any refusal does: ValueError with its sentence."""
-    from haptic_sim.live.processes import NodeDiedError
+    from haptic_sim.supervision.processes import NodeDiedError
 
     try:
         yield

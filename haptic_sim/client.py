@@ -13,7 +13,7 @@ answered.
 A question is asked again until it is answered, for the answer to a client that the service has not met yet is lost.
 again=None asks once what must not be heard twice. The ROS graph may never show a service that is there
 (ros2/rmw_fastrtps#792): it is asked all the same, unless wait=False or again=None. What fails is a ValueError of one
-sentence; RefusedError is the node's own (questions.py). `Client(node)` works on a node that is there already, whose
+sentence; RefusedError is the node's own (service_requests.py). `Client(node)` works on a node that is there, whose
 executor, if it is rclpy's SingleThreadedExecutor, does not touch what is polled here; the events executor would take
 it away.
 """
@@ -36,7 +36,7 @@ from haptic_device.nodes.polled_subscription import PolledSubscription, Untouche
 from haptic_device.nodes.ros import begin_ros, made
 from haptic_device.recording.layouts import DIAGNOSTICS, JOINTS, JointLayout
 from haptic_device.status import Status, of_namespace
-from haptic_sim.questions import Question, kind_of
+from haptic_sim.service_requests import Question, kind_of
 
 AGAIN = 0.3  # [s] without an answer after which a service is asked once more
 UNSHOWN = 1.0  # [s] for the graph to show a service, counted from its client's start; then it is asked all the same

@@ -14,12 +14,12 @@ from haptic_device.parameter_files import file_problems, operating_point_problem
 from haptic_device.parameter_types import SECTION, check_value, unknown
 from haptic_device.parameters import OPERATOR
 from haptic_sim.method_registry import AUTO
-from haptic_sim.motion import flat_motion
 from haptic_sim.node_parameters import NODES
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.method_choice import refusal
-from haptic_sim.scene import load as load_scene
-from haptic_sim.scene_promise import unkept_wish
+from haptic_sim.reduction.promise import unkept_wish
+from haptic_sim.scene.language import load as load_scene
+from haptic_sim.scene.motion import flat_motion
 
 Measure = Callable[[dict[str, Any]], float | None]
 """How late [s] a machine's writes are, 99 % of them, with these values of the driver; None where it cannot be known."""

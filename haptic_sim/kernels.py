@@ -23,11 +23,11 @@ from haptic_device.realtime import (
 from haptic_device.realtime.seqlock import SeqLock
 from haptic_device.realtime.servo_thread import ServoThread
 from haptic_device.recording.layouts import CloudLayout, JointLayout
+from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.method_registry import make
 from haptic_sim.node.parameters import PARAMETERS
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
-from haptic_sim.simulation import Simulation
+from haptic_sim.scene.language import load
 
 NODES = {**parameters.NODES, "haptic_simulation": PARAMETERS}
 DEVICE = "desktop"

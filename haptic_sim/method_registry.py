@@ -18,7 +18,7 @@ class Entry(NamedTuple):
 
 
 METHODS = {
-    "impulse": Entry("haptic_sim.world:PymunkWorld"),
+    "impulse": Entry("haptic_sim.pymunk_world.world:PymunkWorld"),
     "penalty_explicit": Entry("haptic_sim.method.penalty_explicit:PenaltyExplicit", ("methods", "methods of penalty")),
     "penalty_implicit": Entry("haptic_sim.method.penalty_implicit:PenaltyImplicit", ("methods", "methods of penalty")),
     "partitioned": Entry("haptic_sim.method.partitioned:Partitioned", ("methods",)),

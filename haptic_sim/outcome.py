@@ -21,8 +21,8 @@ from haptic_device.analysis.report.summary import (
 )
 from haptic_device.recording.bag_contents import Recording
 from haptic_device.status import number
+from haptic_sim.exchange.left_out_time import CHEAPER, NOTICED, QUIETER, SHARE, takes
 from haptic_sim.fault_sentence import FAULTS, what_to_do
-from haptic_sim.left_out_time import CHEAPER, NOTICED, QUIETER, SHARE, takes
 
 GOALS = ("insertion_fraction", "arrived")  # measures that say of themselves whether the job was done
 REACHED = 0.95  # of a goal

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from haptic_sim.scene import Scene
+from haptic_sim.scene.language import Scene
 
 Planar = tuple[float, float, float]
 STILL: Planar = (0.0, 0.0, 0.0)

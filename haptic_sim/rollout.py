@@ -14,13 +14,13 @@ import numpy as np
 
 from haptic_device.device import operator_hand
 from haptic_device.parameters import OPERATOR
-from haptic_sim import geometry
-from haptic_sim.geometry import turned
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.protocol import Coupling, Planar, StepResult
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene
-from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.solid import TOOL
+from haptic_sim.scene import geometry
+from haptic_sim.scene.geometry import turned
+from haptic_sim.scene.language import Scene
+from haptic_sim.scene.shapes import TOOL
 
 EXCHANGE_NS = 1_000_000
 GAINS = Coupling(2000.0, 2.0, 2.0, 0.002)

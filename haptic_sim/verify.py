@@ -9,13 +9,13 @@ import math
 
 import numpy as np
 
-from haptic_sim.judged import LOST, STABLE, UNSTABLE, Case, Reference, error_of, judge, longest_way, solution
+from haptic_sim.error_metrics import LOST, STABLE, UNSTABLE, Case, Reference, error_of, judge, longest_way, solution
+from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.method_registry import make
 from haptic_sim.reduction import ReducedScene, reduce_scene
 from haptic_sim.reduction.measured import Measured
 from haptic_sim.rollout import GAINS, Exchanged, rollout
-from haptic_sim.scene import Scene, load
-from haptic_sim.simulation import Simulation
+from haptic_sim.scene.language import Scene, load
 
 OVERLAP, CREATED, LEAST = 1e-4, 0.01, 1e-3
 """m; share of the largest energy about; J that count as that where all is nearly at rest."""

@@ -25,7 +25,7 @@ from lifecycle_msgs.msg import Transition
 
 from haptic_device.config_files import find
 from haptic_device.yaml_reader import load
-from haptic_sim.motion import flat_motion
+from haptic_sim.scene.motion import flat_motion
 
 RVIZ = Path(__file__).parents[1] / "config/layouts/haptic.rviz"
 RVIZ_TOPICS = ("markers", "robot_description")  # that it has below /haptic

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How far two bodies are apart."""
 
-from haptic_sim.geometry import distance
+from haptic_sim.scene.geometry import distance
 
 
 def apart(a, pose_a, b, pose_b):

@@ -11,7 +11,7 @@ import waiting
 
 from haptic_device.jit import ensure_compiled
 from haptic_device.process import ending_with_us
-from haptic_sim.live.domain import isolated_domain
+from haptic_sim.supervision.domain import isolated_domain
 
 # Read when numpy is first imported: its matrices here are small, and on a busy machine threads wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -15,7 +15,7 @@ from haptic_device.message_fields import AXES, exchange_names, truth_names
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim import client
-from haptic_sim.questions import Question, RefusedError, change_state, state_of, trigger
+from haptic_sim.service_requests import Question, RefusedError, change_state, state_of, trigger
 
 ONCE_MORE = 3.0  # [s] after which a service is asked again that has answered before
 

@@ -12,11 +12,11 @@ from adversary import exchange_search as adversary
 from haptic_device import controller_config
 from haptic_device.control import enable_state, faults, records, virtual_coupling
 from haptic_device.description import load_device
-from haptic_sim.lockstep import PERFECT, Lockstep
+from haptic_sim.exchange.port import port_of
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
-from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.tool_port import port_of
+from haptic_sim.replay.lockstep import PERFECT, Lockstep
+from haptic_sim.scene.language import load
 
 GAINS = {
     "coupling__stiffness": 2000.0,

@@ -4,7 +4,7 @@
 from haptic_device.control import exchange_samples
 from haptic_device.message_fields import TAIL, exchange_names
 from haptic_device.recording.layouts import JointLayout
-from haptic_sim.simulation import Counters, ToolSample
+from haptic_sim.exchange.simulation import Counters, ToolSample
 
 HOME = (0.001, 0.11, 0.02)
 GAINS = [2000.0, 2.0, 2.0, 0.002]

@@ -8,8 +8,8 @@ import time
 
 from waiting import output, until
 
-from haptic_sim.live.pair import running
-from haptic_sim.live.tuning import Tuning
+from haptic_sim.supervision.pair import running
+from haptic_sim.supervision.tuning import Tuning
 
 GAINS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "passivity.policy", "coupling.stiffness")
 PATIENT = {"servo.rate": 1000.0, "fault.silence": 1.0, "fault.unattended": 0.0}

@@ -5,7 +5,7 @@ import numpy as np
 
 from haptic_device.description import load_device
 from haptic_device.parameters import NODES
-from haptic_sim.lockstep import Lockstep
+from haptic_sim.replay.lockstep import Lockstep
 
 
 def values(node, **given):

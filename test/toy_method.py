@@ -2,7 +2,7 @@
 """The smallest simulation method there can be: a tool that nothing meets, held to the handle by a rigid hand."""
 
 from haptic_sim.protocol import STILL, Coupling, StepResult
-from haptic_sim.solid import TOOL
+from haptic_sim.scene.shapes import TOOL
 
 
 class Toy:

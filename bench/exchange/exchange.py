@@ -19,11 +19,11 @@ from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
 from haptic_device.parameters import EXCHANGE_METHODS, OPERATING_POINT
 from haptic_sim.cli.progress import SCHEDULER
-from haptic_sim.lockstep import Lockstep, Network
+from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.node_parameters import NODES
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
-from haptic_sim.simulation import Simulation
+from haptic_sim.replay.lockstep import Lockstep, Network
+from haptic_sim.scene.language import load
 
 PATIENT = {"exchange.hold": 0.5, "exchange.fade": 0.5}  # a study of long delays does not let the tool go
 PRESS = {"motion.name": "press_wall", "motion.start": (0.03, 0.0, 0.0), "motion.target": (0.005, 0.0, 0.0)}

@@ -10,8 +10,8 @@ import numpy as np
 from haptic_device.analysis.report.summary import energy_figures, engaged_rows, period
 from haptic_device.recording import load
 from haptic_sim.cli.demo import play
-from haptic_sim.live.processes import interruptible
-from haptic_sim.live.system import Order, Relay
+from haptic_sim.supervision.processes import interruptible
+from haptic_sim.supervision.system import Order, Relay
 
 
 def run(case, params: Path, scene: str, motion: dict, patient: dict, seconds: float):

@@ -14,7 +14,7 @@ import yaml
 
 from bench.exchange.exchange import Case, measure
 from haptic_device.config_files import find
-from haptic_sim.lockstep import PERFECT, Network
+from haptic_sim.replay.lockstep import PERFECT, Network
 
 PRESS = {"start": [0.03, 0.0, 0.0], "target": [0.005, 0.0, 0.0], "duration": 8.0}
 LATE = 1, 5, 20, 100  # samples each way

@@ -13,14 +13,14 @@ from haptic_device.config_files import find
 from haptic_device.control.tool_contacts import LEAVING
 from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
-from haptic_sim.lockstep import Lockstep, Network
+from haptic_sim.exchange.port import port_of
+from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.method_registry import make
 from haptic_sim.node_parameters import NODES
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene, load
-from haptic_sim.simulation import Simulation
-from haptic_sim.tool_port import port_of
+from haptic_sim.replay.lockstep import Lockstep, Network
+from haptic_sim.scene.language import Scene, load
 
 SECONDS = 3.0
 SMOOTHED = 0.1  # [s] of the polynomial that drag and mass are read from

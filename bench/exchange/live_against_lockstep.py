@@ -12,11 +12,11 @@ from haptic_device.config_files import find
 from haptic_device.control import enable_state
 from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
-from haptic_sim.lockstep import Lockstep, Network
+from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.node_parameters import NODES
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
-from haptic_sim.simulation import Simulation
+from haptic_sim.replay.lockstep import Lockstep, Network
+from haptic_sim.scene.language import load
 
 
 def values_of(node, given, **more):

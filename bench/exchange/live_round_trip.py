@@ -24,8 +24,8 @@ import typer
 from bench.exchange import echo_node
 from bench.exchange.round_trip import ANSWERERS
 from haptic_device.process import running_module
-from haptic_sim.live.domain import isolated_domain
-from haptic_sim.live.processes import Nodes, Program
+from haptic_sim.supervision.domain import isolated_domain
+from haptic_sim.supervision.processes import Nodes, Program
 
 YOUNG = 3e-3  # [s]
 THIS, TIMES = "bench.exchange.live_round_trip", "times"
@@ -90,7 +90,7 @@ STAGES = ("work", "publish", "middleware both ways, wake-up, and until the drive
 
 def measure(domain, answerer, seconds):
     """Round trip p50 and p99 [us], and the share of servo ticks with a tool sample younger than 3 ms."""
-    from haptic_sim.live.tuning import Tuning
+    from haptic_sim.supervision.tuning import Tuning
 
     with tempfile.TemporaryDirectory() as logs, Nodes(Path(logs)) as nodes:
         circle = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.duration": 60.0}

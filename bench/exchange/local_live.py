@@ -12,8 +12,8 @@ from haptic_device.analysis.report.summary import energy_figures, engaged_rows, 
 from haptic_device.config_files import find
 from haptic_device.recording import load
 from haptic_sim.cli.demo import play
-from haptic_sim.live.processes import interruptible
-from haptic_sim.live.system import Order
+from haptic_sim.supervision.processes import interruptible
+from haptic_sim.supervision.system import Order
 
 
 def run(scene, method: str, device, driver: dict, loopback: dict, seconds: float, params: str):

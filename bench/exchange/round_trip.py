@@ -11,8 +11,8 @@ from pathlib import Path
 import psutil
 
 from bench.jobs import deaths_told
-from haptic_sim.live.domain import isolated_domain
-from haptic_sim.live.processes import Nodes, Program, interruptible
+from haptic_sim.supervision.domain import isolated_domain
+from haptic_sim.supervision.processes import Nodes, Program, interruptible
 
 RATES = (500.0, 1000.0, 2000.0)  # [Hz]
 SECONDS, TURNS = 4.0, 5
@@ -46,7 +46,7 @@ def measure(rates=RATES, turns: int = TURNS, seconds: float = SECONDS) -> list[d
 
 
 def _once(domain, answerer, rate, seconds):
-    from haptic_sim.live.tuning import Tuning
+    from haptic_sim.supervision.tuning import Tuning
 
     driver = {"auto_enable": True, "exchange.rate": rate}
     with tempfile.TemporaryDirectory() as logs, Nodes(Path(logs)) as nodes:

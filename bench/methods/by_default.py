@@ -12,7 +12,7 @@ import typer
 from bench.methods.hard import JUMP, OWN_GAINS
 from haptic_device.config_files import names
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
+from haptic_sim.scene.language import load
 from haptic_sim.verify import LEAST
 from reference.trial import attempt, jump
 

@@ -14,7 +14,7 @@ import sys, time
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.protocol import held
 from haptic_sim.method_registry import make
-from haptic_sim.scene import load
+from haptic_sim.scene.language import load
 began = time.perf_counter()
 scene = reduce_scene(load("wall" if sys.argv[1] == "closed_form" else "stack"))
 make(sys.argv[1], scene, 1e-3).step(held((0.0, 0.0, 0.0)), 1)

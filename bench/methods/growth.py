@@ -27,7 +27,7 @@ from bench.methods.growing import (
 from bench.methods.table import TITLES
 from bench.methods.world import PEERS, version
 from haptic_sim.cli.progress import INTERRUPTED, progress
-from haptic_sim.live.processes import interruptible
+from haptic_sim.supervision.processes import interruptible
 
 FEW = (10,)
 EXCHANGE = 1e3  # µs, the time that an exchange has

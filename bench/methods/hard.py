@@ -11,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.methods.world import Impossible, make
-from haptic_sim.geometry import framed
-from haptic_sim.judged import Case
+from haptic_sim.error_metrics import Case
 from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, hand, overlap_watch, rollout, way
-from haptic_sim.scene import load
-from haptic_sim.solid import TOOL
+from haptic_sim.scene.geometry import framed
+from haptic_sim.scene.language import load
+from haptic_sim.scene.shapes import TOOL
 from haptic_sim.verify import CREATED, LEAST, OVERLAP
 from reference.trial import jump, turned_scene
 

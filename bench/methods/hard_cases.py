@@ -13,7 +13,7 @@ from bench.jobs import listed, usable
 from bench.methods.hard import NAMES, verdict
 from bench.methods.table import TITLES, default_method
 from haptic_sim.cli.progress import INTERRUPTED, progress
-from haptic_sim.live.processes import interruptible
+from haptic_sim.supervision.processes import interruptible
 
 LEGEND = (
     "✓ survives · N not finite · T through a wall · P overlap beyond 0.1 mm · E creates more than 1 % of the "

@@ -6,7 +6,7 @@ heights of fall. haptic_sim/reduction/method_choice.py has the bound that follow
 """
 
 from bench.methods.hard import CREATED, LEAST, OVERLAP
-from haptic_sim.scene import load, parse
+from haptic_sim.scene.language import load, parse
 from reference.trial import attempt
 
 RATIOS, TOWERS = (1.0, 3.0, 10.0, 30.0, 60.0, 100.0, 300.0, 1000.0), (1, 2, 5, 10, 20)

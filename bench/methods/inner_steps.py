@@ -8,9 +8,9 @@ import typer
 from bench.methods import hard
 from haptic_device.config_files import names
 from haptic_sim import verify
-from haptic_sim.judged import judge
+from haptic_sim.error_metrics import judge
+from haptic_sim.pymunk_world.world import PymunkWorld
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.world import PymunkWorld
 from reference.case import NAMES, case
 from reference.reference import reference
 

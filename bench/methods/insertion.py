@@ -18,10 +18,10 @@ from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
 from haptic_sim.protocol import Coupling
+from haptic_sim.pymunk_world.world import PymunkWorld
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import rollout
-from haptic_sim.scene import Scene
-from haptic_sim.world import PymunkWorld
+from haptic_sim.scene.language import Scene
 
 HEIGHT, WIDTH, DEPTH = 0.1, 0.02, 0.25
 """Handle above the mouth, width of the peg, depth of the hole [m]."""

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.geometry import turned
 from haptic_sim.rollout import GAINS, hand, way
-from haptic_sim.scene import Scene
-from haptic_sim.solid import TOOL
+from haptic_sim.scene.geometry import turned
+from haptic_sim.scene.language import Scene
+from haptic_sim.scene.shapes import TOOL
 
 MATERIAL = {"material": "stone"}
 BLOCK, PITCH, LINK = 0.005, 0.01, 0.005  # m
@@ -218,7 +218,7 @@ def _pin(a, b, place):
 
 def pins_open(scene: Scene, pose) -> float:
     """The way [m] by which the two sides of the worst pin are apart, where `pose` (body → pose) says they are."""
-    from haptic_sim.geometry import framed
+    from haptic_sim.scene.geometry import framed
 
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     gaps = []

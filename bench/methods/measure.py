@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 from bench.methods.world import Impossible, make
-from haptic_sim.judged import LOST, STABLE, UNSTABLE, Case, Reference, judge
+from haptic_sim.error_metrics import LOST, STABLE, UNSTABLE, Case, Reference, judge
 from haptic_sim.rollout import rollout
 
 REPEATS, ENOUGH = 5, 0.25  # times, s

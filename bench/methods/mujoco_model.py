@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 
 from bench.methods.world import Impossible
-from haptic_sim.geometry import framed, turned
-from haptic_sim.joint import WORLD
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.solid import TOOL, Box, Circle, HalfPlane, Polygon
+from haptic_sim.scene.geometry import framed, turned
+from haptic_sim.scene.joints import WORLD
+from haptic_sim.scene.shapes import TOOL, Box, Circle, HalfPlane, Polygon
 
 DEEP = 0.01  # m, half the depth of boxes and prisms
 STIFF = (0.99, 0.9999, 1e-5, 0.5, 2.0)

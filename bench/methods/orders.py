@@ -18,7 +18,7 @@ from haptic_sim.method.penalty_implicit import PenaltyImplicit
 from haptic_sim.protocol import STILL, Coupling, held
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import rollout
-from haptic_sim.scene import Scene, load
+from haptic_sim.scene.language import Scene, load
 from reference.case import Case, case
 from reference.exact_axis import Axis, axis_motion
 from reference.reference import apart, reference

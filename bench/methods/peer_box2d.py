@@ -12,11 +12,11 @@ import Box2D
 import numpy as np
 
 from bench.methods.world import Impossible, between
-from haptic_sim.geometry import turned
-from haptic_sim.joint import FREE, WORLD
 from haptic_sim.protocol import Coupling, Planar, StepResult
-from haptic_sim.scene import Scene
-from haptic_sim.solid import TOOL
+from haptic_sim.scene.geometry import turned
+from haptic_sim.scene.joints import FREE, WORLD
+from haptic_sim.scene.language import Scene
+from haptic_sim.scene.shapes import TOOL
 
 UNIT = 1e-3
 VERSION = f"Box2D {Box2D.__version__}"

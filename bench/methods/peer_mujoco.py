@@ -14,8 +14,8 @@ from bench.methods.mujoco_model import Builder
 from bench.methods.world import Impossible, between
 from haptic_sim.protocol import Coupling, Planar, StepResult
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene
-from haptic_sim.solid import TOOL
+from haptic_sim.scene.language import Scene
+from haptic_sim.scene.shapes import TOOL
 
 VERSION = f"MuJoCo {mujoco.__version__}"
 mujoco.set_mju_user_warning(lambda _: None)  # a run that blows up is told by its numbers, not in a file MUJOCO_LOG.TXT

@@ -10,11 +10,11 @@ import numpy as np
 import pymunk
 
 from bench.methods.world import Impossible, between
-from haptic_sim.geometry import turned
-from haptic_sim.joint import WORLD
 from haptic_sim.protocol import Coupling, Planar, StepResult
-from haptic_sim.scene import Scene
-from haptic_sim.solid import TOOL
+from haptic_sim.scene.geometry import turned
+from haptic_sim.scene.joints import WORLD
+from haptic_sim.scene.language import Scene
+from haptic_sim.scene.shapes import TOOL
 
 SLOP = 1e-5
 VERSION = f"pymunk {pymunk.version}"

@@ -8,10 +8,10 @@ import time
 
 import numpy as np
 
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, hand
-from haptic_sim.scene import load
-from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.scene.language import load
 
 SECONDS = 2
 

@@ -15,7 +15,7 @@ from bench.methods.figure import pareto_figure
 from bench.methods.measure import Run, run
 from bench.methods.world import PEERS, version
 from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER, progress
-from haptic_sim.live.processes import interruptible
+from haptic_sim.supervision.processes import interruptible
 from reference.case import NAMES, case
 from reference.reference import reference
 

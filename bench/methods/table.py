@@ -7,7 +7,7 @@ from bench.methods.compare import WANTED, pareto, ratios
 from bench.methods.measure import Run
 from bench.methods.world import OURS, PEERS
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
+from haptic_sim.scene.language import load
 from reference.case import case
 
 TITLES = {"pymunk": "pymunk", "box2d": "Box2D", "mujoco_rk4": "MuJoCo RK4", "mujoco_implicit": "MuJoCo implicit"}

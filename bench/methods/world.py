@@ -9,7 +9,7 @@ from haptic_sim.method_registry import METHODS
 from haptic_sim.method_registry import make as make_method
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import LedWorld
-from haptic_sim.scene import Scene
+from haptic_sim.scene.language import Scene
 
 PEERS = {
     "pymunk": "bench.methods.peer_pymunk:World",

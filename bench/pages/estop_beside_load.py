@@ -24,7 +24,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from haptic_sim.live.domain import isolated_domain
+from haptic_sim.supervision.domain import isolated_domain
 
 ENTRIES = (0, 100, 1000, 3000)  # of one request
 RATES = (0, 1000, 5000)  # messages a second of one page

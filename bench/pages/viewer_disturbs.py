@@ -23,7 +23,7 @@ from browser.chromium import OPTIONS, find
 from playwright.sync_api import sync_playwright
 
 from bench.recording.paired import compared
-from haptic_sim.live.domain import isolated_domain
+from haptic_sim.supervision.domain import isolated_domain
 
 HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
 FIGURES = {

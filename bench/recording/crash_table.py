@@ -15,9 +15,9 @@ from rosbags.highlevel import AnyReader
 
 from haptic_device.recording import load
 from haptic_device.recording.recover import recovered
-from haptic_sim.live.domain import isolated_domain
-from haptic_sim.live.processes import Nodes
-from haptic_sim.live.system import Order, programs_of
+from haptic_sim.supervision.domain import isolated_domain
+from haptic_sim.supervision.processes import Nodes
+from haptic_sim.supervision.system import Order, programs_of
 
 
 def kill_one(folder, wait, rate):

@@ -15,9 +15,9 @@ from typing import Annotated
 import typer
 
 from haptic_device.recording import load
-from haptic_sim.live.domain import isolated_domain
-from haptic_sim.live.processes import Nodes
-from haptic_sim.live.system import Order, programs_of
+from haptic_sim.supervision.domain import isolated_domain
+from haptic_sim.supervision.processes import Nodes
+from haptic_sim.supervision.system import Order, programs_of
 
 AIMING = 3.0  # [s] at most
 HEAD = 2**20  # bytes

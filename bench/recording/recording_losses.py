@@ -18,9 +18,9 @@ import typer
 from bench.recording.paired import compared
 from haptic_device.recording import load
 from haptic_sim.client import Client
-from haptic_sim.live.domain import isolated_domain
-from haptic_sim.live.processes import NAMESPACE, Nodes
-from haptic_sim.live.system import Order, programs_of
+from haptic_sim.supervision.domain import isolated_domain
+from haptic_sim.supervision.processes import NAMESPACE, Nodes
+from haptic_sim.supervision.system import Order, programs_of
 
 RATES = 4000.0, 10000.0  # Hz
 SETTLING = 5.0  # s

@@ -20,13 +20,13 @@ from haptic_device.description import load_device
 from haptic_device.parameters import NODES
 from haptic_device.realtime import servo_loop, tick_replay
 from haptic_device.realtime.machine import cores
-from haptic_sim.live.lateness import COMMON, values
-from haptic_sim.lockstep import Lockstep
+from haptic_sim.exchange.port import port_of
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.reduction import reduce_scene
+from haptic_sim.replay.lockstep import Lockstep
 from haptic_sim.rollout import EXCHANGE_NS, GAINS, Exchanged, hand, rollout, way
-from haptic_sim.scene import load
-from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.tool_port import port_of
+from haptic_sim.scene.language import load
+from haptic_sim.supervision.lateness import COMMON, values
 
 REPEATS = 7  # of which the fastest counts
 EXCHANGES = 600  # of which the first third is not counted
@@ -166,7 +166,7 @@ def _run(settings, counts):
 
 
 def insertion(ticks: int) -> float:
-    """Processor time of all ticks [us] of a recorded insertion, with all on (haptic_sim/live/lateness.py: COMMON)."""
+    """Processor time of all ticks [us] of a recorded insertion, with all on (supervision/lateness.py: COMMON)."""
     settings, memory, rows = (record.view(np.recarray) for record in recorded(ticks))
 
     def once():

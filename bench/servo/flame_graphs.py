@@ -16,8 +16,8 @@ from typing import Annotated
 
 import typer
 
-from haptic_sim.live.domain import isolated_domain
-from haptic_sim.live.processes import Nodes, Program
+from haptic_sim.supervision.domain import isolated_domain
+from haptic_sim.supervision.processes import Nodes, Program
 
 NODES = {
     "haptic_loopback": "haptic_device.nodes.loopback",
@@ -32,7 +32,7 @@ def main(
     scene: Annotated[str, typer.Argument(help="A name in config/scenes or a YAML file.")] = "peg_in_hole",
 ) -> None:
     """Flame graphs of device, driver and simulation at 1 kHz exchange, as SVG."""
-    from haptic_sim.live.tuning import Tuning
+    from haptic_sim.supervision.tuning import Tuning
 
     if shutil.which("py-spy") is None:
         sys.exit("flame_graphs: py-spy is not installed: pip install py-spy")

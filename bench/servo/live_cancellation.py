@@ -14,9 +14,9 @@ import yaml
 
 from haptic_device.config_files import find
 from haptic_device.description import load_device
-from haptic_sim.live.pair import running
-from haptic_sim.live.tuning import Tuning
-from haptic_sim.live.zwidth import TOUCHED, LiveDisplay, pair
+from haptic_sim.supervision.pair import running
+from haptic_sim.supervision.tuning import Tuning
+from haptic_sim.supervision.zwidth import TOUCHED, LiveDisplay, pair
 
 RATE, ENFORCED_RATE, RATIO = 4000.0, 1000.0, 0.92
 EXTRA = ("cancellation.source", "cancellation.band")

@@ -13,10 +13,10 @@ import typer
 
 from bench.jobs import deaths_told
 from haptic_device.config_files import find
-from haptic_sim.live.domain import isolated_domain
-from haptic_sim.live.prepare import prepare
-from haptic_sim.live.processes import Nodes, Program, interruptible
-from haptic_sim.live.tuning import Tuning
+from haptic_sim.supervision.domain import isolated_domain
+from haptic_sim.supervision.prepare import prepare
+from haptic_sim.supervision.processes import Nodes, Program, interruptible
+from haptic_sim.supervision.tuning import Tuning
 
 SETTLING = 2.0  # [s] after engaging
 

@@ -19,9 +19,9 @@ from haptic_device.analysis.report.summary import engaged_rows, faults
 from haptic_device.config_files import find
 from haptic_device.recording import load
 from haptic_sim.cli import demo
-from haptic_sim.live import lateness as servo_lateness
-from haptic_sim.live.processes import NodeDiedError, interruptible
-from haptic_sim.live.system import Order
+from haptic_sim.supervision import lateness as servo_lateness
+from haptic_sim.supervision.processes import NodeDiedError, interruptible
+from haptic_sim.supervision.system import Order
 
 QUANTITIES = ("ticks", "missed", "p50", "p99", "p999", "max")
 _RATE = "Servo rate [Hz], 500 to 10000; may be repeated [1000 2000 4000 8000 10000]."

@@ -15,8 +15,8 @@ import typer
 
 from bench.jobs import deaths_told
 from haptic_device.config_files import find
-from haptic_sim.live.domain import isolated_domain
-from haptic_sim.live.processes import NAMESPACE, Nodes, Program, interruptible
+from haptic_sim.supervision.domain import isolated_domain
+from haptic_sim.supervision.processes import NAMESPACE, Nodes, Program, interruptible
 
 READY = {  # the diagnostic entry that a node counts up in once it does its work
     "haptic_loopback": "driven",

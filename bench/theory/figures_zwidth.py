@@ -14,8 +14,8 @@ from haptic_device.analysis.zwidth import Setup
 from haptic_device.analysis.zwidth_figure import draw_cells
 from haptic_device.analysis.zwidth_map import Request, draw_map
 from haptic_device.description import load_device
-from haptic_sim.live.zwidth import CANCELLED
-from haptic_sim.live.zwidth_lockstep import HAND, LockstepDisplay
+from haptic_sim.supervision.zwidth import CANCELLED
+from haptic_sim.supervision.zwidth_lockstep import HAND, LockstepDisplay
 
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 RATES = (1000.0, 4000.0, 10000.0)

@@ -14,9 +14,9 @@ import typer
 from haptic_device.analysis import probe
 from haptic_device.config_files import find
 from haptic_device.description import load_device
-from haptic_sim.live.pair import running
-from haptic_sim.live.tuning import Tuning
-from haptic_sim.live.zwidth import STALLED, TOUCHED, LiveDisplay, pair
+from haptic_sim.supervision.pair import running
+from haptic_sim.supervision.tuning import Tuning
+from haptic_sim.supervision.zwidth import STALLED, TOUCHED, LiveDisplay, pair
 
 RATES = 1000.0, 10000.0
 

@@ -10,12 +10,12 @@ import math
 
 from haptic_device.control import (
     enable_state,
+    energy_accounting,
     energy_tank,
     exchange_direct,
     exchange_pspm,
     exchange_samples,
     exchange_wave,
-    tank_books,
     virtual_tool,
 )
 from haptic_device.jit import kernel, njit
@@ -82,7 +82,7 @@ def _begin_tick(settings, state, sensors, output):
     # paid for in advance; what does not rise is paid back at the end of the tick
     spring.factor = _most_ramp(settings, state.enable) * output.exchange_fade
     _book_hold(settings, state, sensors)
-    tank_books.forget_debt(settings, tank, spring, hold, motion, state.waves, state.observer, sensors.latched)
+    energy_accounting.forget_debt(settings, tank, spring, hold, motion, state.waves, state.observer, sensors.latched)
 
 
 @njit

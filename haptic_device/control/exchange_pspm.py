@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exchange method `pspm`: passive set-position modulation after the tool's samples (control/set_position)."""
 
-from haptic_device.control import energy_tank, set_position, tank_books
+from haptic_device.control import energy_accounting, energy_tank, set_position
 from haptic_device.jit import kernel, njit
 
 
 @kernel
 def hold_ended(settings, tank, spring, hold, motion, enable, sensors):
     """Books the hold; what the coupling's damper takes beside its bound fills the tank."""
-    tank_books.hold_ended(settings, tank, spring, hold, motion, enable, sensors, True)
+    energy_accounting.hold_ended(settings, tank, spring, hold, motion, enable, sensors, True)
 
 
 @kernel

@@ -21,7 +21,7 @@ eq. 3), the port being the passive environment that the equation asks for.
 
 import math
 
-from haptic_device.control import energy_tank, exchange_samples, set_position, tank_books
+from haptic_device.control import energy_accounting, energy_tank, exchange_samples, set_position
 from haptic_device.jit import kernel, njit
 
 CORRECTION = 2.0  # [1/s] at which the port is led back to where the tool is
@@ -88,7 +88,7 @@ def returned(incoming, force, velocity, impedance):
 @kernel
 def hold_ended(settings, tank, spring, hold, motion, enable, sensors):
     """Books the hold; the coupling's damper pays for its own port, so that only b − c fills the tank."""
-    tank_books.hold_ended(settings, tank, spring, hold, motion, enable, sensors, False)
+    energy_accounting.hold_ended(settings, tank, spring, hold, motion, enable, sensors, False)
 
 
 @kernel

@@ -124,7 +124,7 @@ STATE = np.dtype(
             ),
         ),
         ("enable", record("state ramp ramp_before")),  # enable_state
-        ("in_force", SETTINGS),  # settings_in_force
+        ("in_force", SETTINGS),  # bumpless_transfer
         ("change", record("going")),  # how many settings in force are not yet those that are wished for
         ("fault", record("code resets saturated thermal_load*")),  # faults, motor
         ("fade", record("factor let_go")),  # exchange_controller

@@ -4,6 +4,7 @@
 import numpy as np
 
 from haptic_device.control import (
+    bumpless_transfer,
     damping_compensation,
     enable_state,
     exchange_controller,
@@ -11,7 +12,6 @@ from haptic_device.control import (
     motor,
     passivity_observer,
     sensing,
-    settings_in_force,
     virtual_coupling,
     virtual_wall,
     withheld,
@@ -32,14 +32,14 @@ def tick(wished, state, tick):
     sensors, tool, output, settings = tick.sensors, tick.tool, tick.output, state.in_force
     motion, hold, enable = state.motion, state.hold, state.enable
     observer, spring, walls, fault = state.observer, state.spring, state.walls, state.fault
-    settings_in_force.begin(wished, state)
+    bumpless_transfer.begin(wished, state)
     # what has been
     sensing.sense(settings, motion, state.samples, state.compensation, fault, sensors, output)
     virtual_wall.measure_depths(settings.wall, walls, motion.handle)
     passivity_observer.hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
     _tell_energy(settings.passivity, observer, output)
     # what is wanted
-    settings_in_force.follow(wished, state)
+    bumpless_transfer.follow(wished, state)
     exchange_controller.move_set_point(settings, state, sensors, tool, output)
     passivity_observer.release_wall_energy(settings, observer, walls, enable)
     virtual_wall.push(settings, walls, hold, output)
@@ -49,7 +49,7 @@ def tick(wished, state, tick):
     # whether it may be
     faults.watch(settings, fault, enable, motion, sensors)
     enable_state.advance(settings, enable, fault, motion, sensors, output)
-    settings_in_force.pay_for_rise(settings, state, output)
+    bumpless_transfer.pay_for_rise(settings, state, output)
     motor.command(settings, enable, fault, hold, output)
     # what will be held until the next tick
     passivity_observer.hold_begins(settings, observer, hold, motion, walls, output)

@@ -38,6 +38,6 @@ def check(
 
 
 def _measured(rate: float, realtime: str) -> float | None:
-    from haptic_sim.live.lateness import write_delay  # loads the compiler, which no other check needs
+    from haptic_sim.supervision.lateness import write_delay  # loads the compiler, which no other check needs
 
     return write_delay(rate, realtime)

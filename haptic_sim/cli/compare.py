@@ -23,7 +23,7 @@ def compare(
     from haptic_device.analysis.report.page import MOST, write_report
     from haptic_device.analysis.report.reading import read_run
     from haptic_sim.cli.tables import print_comparison, print_notes
-    from haptic_sim.comparison import figures_of, given_at, replayed
+    from haptic_sim.replay.comparison import figures_of, given_at, replayed
 
     if len(points) > MOST:
         raise ValueError(f"{len(points)} operating points are given; at most {MOST} stand side by side")

@@ -18,11 +18,11 @@ from haptic_device.parameter_files import read_operating_point
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED, status_line
-from haptic_sim.live.domain import isolated_domain
-from haptic_sim.live.prepare import prepare, promise, value_of
-from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible, undisturbed
-from haptic_sim.live.system import Order, Relay, programs_of
 from haptic_sim.node_parameters import NODES
+from haptic_sim.supervision.domain import isolated_domain
+from haptic_sim.supervision.prepare import prepare, promise, value_of
+from haptic_sim.supervision.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible, undisturbed
+from haptic_sim.supervision.system import Order, Relay, programs_of
 
 _DELAY = "Round trip added between driver and simulation by a relay [ms]."
 _SCENE = "A name in config/scenes or a YAML file [that of --params, or peg_in_hole]."
@@ -67,7 +67,7 @@ def _kept(order: Order | None) -> str:
 
 
 def _view(order, host, port):
-    from haptic_sim.live.node_manager import play
+    from haptic_sim.supervision.node_manager import play
 
     done = play(order, {"host": host, "port": port})
     print(f"haptic demo: all nodes have ended{_kept(order)}", file=sys.stderr, flush=True)
@@ -159,8 +159,8 @@ def _set_aside(out: Path) -> Path:
 def _follow(seconds, domain, nodes):
     with undisturbed():  # some imports would lose a KeyboardInterrupt
         from haptic_sim.client import Client  # ROS is imported while the nodes start
-        from haptic_sim.live.follow import follow
-        from haptic_sim.questions import trigger
+        from haptic_sim.service_requests import trigger
+        from haptic_sim.supervision.follow import follow
 
     estop = trigger("haptic_driver/estop")
     with contextlib.closing(Client.join("haptic_demo", domain, NAMESPACE)) as client, keys() as pressed:

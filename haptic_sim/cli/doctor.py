@@ -16,7 +16,7 @@ def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ) -> None:
     """What this machine can hold: scheduling, cores, clock; servo and exchange rate to choose; how to get more."""
-    from haptic_sim.live.machine_trial import examine
+    from haptic_sim.supervision.machine_trial import examine
 
     found = examine(seconds)
     typer.echo(json.dumps(found)) if as_json else _show(found)

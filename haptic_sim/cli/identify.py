@@ -32,8 +32,8 @@ def identify(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
 ):
     """Mass, damping, friction, encoder step and delay of the connected device, with 95 % confidence."""
-    from haptic_sim.live.identification import identify_device, write_description
-    from haptic_sim.live.processes import NodeDiedError, interruptible
+    from haptic_sim.supervision.identification import identify_device, write_description
+    from haptic_sim.supervision.processes import NodeDiedError, interruptible
 
     try:
         _refuse_folder(out)
@@ -60,7 +60,7 @@ def _show(report):
     from rich.markup import escape
     from rich.table import Table
 
-    from haptic_sim.live.identification import UNITS, figure_text
+    from haptic_sim.supervision.identification import UNITS, figure_text
 
     axes = report["axes"]
     table = Table("", *axes, title=report["device"])

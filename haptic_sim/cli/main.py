@@ -87,7 +87,7 @@ def _prepare(words):
         ros_environment.check_room()
     if words[0] in ("compare", "identify", "replay", "zwidth"):
         from haptic_device.jit import ensure_compiled
-        from haptic_sim.live.prepare import COMMANDS
+        from haptic_sim.supervision.prepare import COMMANDS
 
         ensure_compiled(*COMMANDS[words[0]])
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from haptic_device import ros_environment
-from haptic_sim.live.processes import NAMESPACE
+from haptic_sim.supervision.processes import NAMESPACE
 
 PATIENCE = 10.0  # [s] to find the recorder, and again for its acknowledgement
 RECORDER = "haptic_recorder"

@@ -15,7 +15,7 @@ import typer
 from haptic_device import ros_environment, yaml_reader
 from haptic_device.parameter_types import ROS_OWN, SECTION, unknown
 from haptic_sim.cli.numbers import whole
-from haptic_sim.live.processes import NAMESPACE, parameter_text
+from haptic_sim.supervision.processes import NAMESPACE, parameter_text
 
 LISTENING = 2.0  # [s] in which nodes that are there are found
 OF_A_START = {"autostart", "bag"}  # parameters that whoever starts a node gives
@@ -34,7 +34,7 @@ def set_value(
     """Set a live parameter of a running node, and print what it is now. Exit code 1 with the node's sentence."""
     wanted = read_value(value)
     with _client(domain, namespace) as client:
-        from haptic_sim.questions import get_parameters, set_parameters
+        from haptic_sim.service_requests import get_parameters, set_parameters
 
         client.call(set_parameters(node, {name: wanted}))
         print(text_of(client.call(get_parameters(node, [name]))[name]))
@@ -97,7 +97,7 @@ def _client(domain: int | None, namespace: str) -> Iterator:
 
 def _values(client, node: str) -> dict[str, Any]:
     """{name: value} of a node's parameters in the order of their declaration, without those of ROS."""
-    from haptic_sim.questions import get_parameters, list_parameters
+    from haptic_sim.service_requests import get_parameters, list_parameters
 
     names = [name for name in client.call(list_parameters(node)) if not ROS_OWN.fullmatch(name)]
     return client.call(get_parameters(node, names))

@@ -10,7 +10,7 @@ import typer
 from haptic_device import ros_environment
 from haptic_device.nodes import FIRST_ROW
 from haptic_sim.cli.numbers import number
-from haptic_sim.live.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible
+from haptic_sim.supervision.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible
 
 LOOK_PERIOD = 0.05  # s
 HEARING = 60.0  # [s] for the first row of a recording that has a length

@@ -45,7 +45,7 @@ def replay(
         return
     from haptic_device.analysis.report.reading import read_run
     from haptic_sim.cli.tables import print_comparison, print_notes
-    from haptic_sim.comparison import figures_of, given_at, replayed
+    from haptic_sim.replay.comparison import figures_of, given_at, replayed
 
     out = out or Path("haptic_bags") / time.strftime("replay-%Y%m%d-%H%M%S")
     print_notes(bag, replayed(bag, namespace, as_ is As.device, given_at(params), delay, out))
@@ -59,16 +59,16 @@ def _refuse(mode: str, given: dict[str, bool]) -> None:
 
 
 def _play(bag: Path, namespace: str | None) -> None:
-    from haptic_sim import replay
     from haptic_sim.cli.tables import print_notes
-    from haptic_sim.live.replayed_hand import play
     from haptic_sim.node_parameters import NODES
+    from haptic_sim.replay import rerun
+    from haptic_sim.supervision.recorded_operator import play
 
-    recording = replay.recorded(bag, namespace)
+    recording = rerun.recorded(bag, namespace)
     print_notes(bag, recording.notes)
     declared = {node: NODES[node] for node in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
-    device = replay.recorded_point(recording, declared, {}).device
-    target, scale = replay.hand_of(recording, False).played, (device.scale[0], *device.scale)
+    device = rerun.recorded_point(recording, declared, {}).device
+    target, scale = rerun.hand_of(recording, False).played, (device.scale[0], *device.scale)
     count = play(target, tuple(axis.name for axis in device.axes), scale, recording.namespace)
     typer.echo(f"{count} targets published on {recording.namespace}/operator/target")
 
@@ -76,7 +76,7 @@ def _play(bag: Path, namespace: str | None) -> None:
 def _check(bag: Path, namespace: str | None) -> None:
     from haptic_device.recording import load
     from haptic_sim.cli.tables import print_notes
-    from haptic_sim.recompute import verdict_on
+    from haptic_sim.replay.trace_verification import verdict_on
 
     recording = load(bag, namespace, dict.fromkeys(("trace", "snapshot", "local_contacts")))
     print_notes(bag, recording.notes)

@@ -11,12 +11,12 @@ from rich.table import Table
 
 from haptic_device.config_files import names
 from haptic_sim.cli.progress import INTERRUPTED, progress
-from haptic_sim.live.processes import interruptible
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
 from haptic_sim.reduction.measured import read, said, write
-from haptic_sim.scene import load
-from haptic_sim.scene_promise import kept_rows
+from haptic_sim.reduction.promise import kept_rows
+from haptic_sim.scene.language import load
+from haptic_sim.supervision.processes import interruptible
 
 ALL = "all"
 _OUT = "The picture's file [NAME.png], or a file with a table in which --verify puts its rows."
@@ -42,7 +42,7 @@ def scenes(
     if explained:
         _explain(explained)
     if gallery:
-        from haptic_sim.gallery import write_gallery
+        from haptic_sim.reduction.gallery import write_gallery
 
         write_gallery(gallery)
         typer.echo(gallery / "README.md")
@@ -64,7 +64,7 @@ def _list():
 
 
 def _draw(name, out):
-    from haptic_sim.draw import save
+    from haptic_sim.scene.draw import save
 
     scene = load(name)
     path = out or Path(f"{Path(name).stem}.png")

@@ -14,7 +14,7 @@ from haptic_device import ros_environment
 from haptic_device.status import LEVELS
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.cli.numbers import whole
-from haptic_sim.live.processes import NAMESPACE
+from haptic_sim.supervision.processes import NAMESPACE
 
 STYLES = ("green", "yellow", "bold red", "magenta")
 STALE = 2.0  # [s] without news after which a status counts no more
@@ -111,7 +111,7 @@ def _drivers(client, everywhere) -> list[str]:
 
 def _answers(client, drivers, service) -> str:
     """What the drivers answer; of several, all get an e-stop, and nothing else, which is meant for one."""
-    from haptic_sim.questions import trigger
+    from haptic_sim.service_requests import trigger
 
     if len(drivers) > 1 and service != KEYS[ESTOP]:
         return f"{service} refused: {len(drivers)} displays are here; name one by --namespace"
@@ -123,7 +123,7 @@ def _answers(client, drivers, service) -> str:
 
 
 def _answer(client, service) -> str:
-    from haptic_sim.questions import trigger
+    from haptic_sim.service_requests import trigger
 
     name = service.rpartition("/")[2]
     try:

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text  # what nodes have said may look like markup
 
 from haptic_device.control.withheld import TABLE
-from haptic_sim.comparison import COLUMNS
+from haptic_sim.replay.comparison import COLUMNS
 
 FORCES = {
     "contact max_force_n": "strongest contact [N]",

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from haptic_sim.cli.numbers import whole
-from haptic_sim.live.processes import NAMESPACE, ros_arguments
+from haptic_sim.supervision.processes import NAMESPACE, ros_arguments
 
 
 def view(

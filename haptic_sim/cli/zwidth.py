@@ -12,7 +12,7 @@ import typer
 from haptic_device.os_errors import in_words
 from haptic_sim.cli.numbers import number, whole
 from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER, progress
-from haptic_sim.live.processes import NodeDiedError, interruptible
+from haptic_sim.supervision.processes import NodeDiedError, interruptible
 
 _DEVICE = "Take m, b, friction, encoder step and delays from this device's x axis (a name in config/devices or a file)."
 
@@ -105,7 +105,7 @@ def _draw(device, given, cells, lateness, out, workers, scheduler):
 def _measure(name, period, damping, stiffness_max, domain, namespace):
     from rich.console import Console
 
-    from haptic_sim.live.zwidth import measure, plan
+    from haptic_sim.supervision.zwidth import measure, plan
 
     wanted = plan(name, period, damping, stiffness_max)
     with interruptible(), Console(stderr=True).status("starting") as status:

@@ -17,10 +17,10 @@ import math
 import numpy as np
 
 from haptic_device.jit import kernel, njit
-from haptic_sim.geometry import turned
 from haptic_sim.protocol import STILL, Contact, Coupling, Planar, StepResult, held
 from haptic_sim.reduction import ReducedScene
-from haptic_sim.solid import TOOL
+from haptic_sim.scene.geometry import turned
+from haptic_sim.scene.shapes import TOOL
 
 
 class ClosedForm:

@@ -5,8 +5,8 @@ from typing import Literal
 
 from haptic_device.parameter_types import Group, Watched, fixed, limits_of, live, parameters_of
 from haptic_device.parameters import Exchange, ExchangeMethod, Realtime
+from haptic_sim.exchange.port_limits import BUDGET, LIMITS
 from haptic_sim.method_registry import AUTO, offered
-from haptic_sim.port_limits import BUDGET, LIMITS
 
 
 class Method(Group):

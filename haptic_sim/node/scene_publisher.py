@@ -10,9 +10,9 @@ from haptic_device.message_fields import AXES, frame_id
 from haptic_device.nodes.messages import STATE, STREAM, JointState, PointCloud2, String
 from haptic_device.nodes.transforms import Transforms
 from haptic_device.recording.layouts import CloudLayout, JointLayout
+from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.protocol import STILL
-from haptic_sim.simulation import Simulation
-from haptic_sim.solid import TOOL
+from haptic_sim.scene.shapes import TOOL
 
 PERIOD_NS = 1_000_000_000 // 60
 HANDLE, RESULT, ENERGY = "handle", "result.", "energy"

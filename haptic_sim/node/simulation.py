@@ -23,14 +23,14 @@ from haptic_device.nodes.refusals import Refusals
 from haptic_device.nodes.ros_parameters import on_change
 from haptic_device.os_errors import in_words
 from haptic_device.realtime.scheduling import go_realtime, lift_interpreter, lift_threads, put_back, spare_collections
-from haptic_sim.endpoint import ExchangeEndpoint
-from haptic_sim.left_out_time import left_out_sentence
+from haptic_sim.exchange.endpoint import ExchangeEndpoint
+from haptic_sim.exchange.left_out_time import left_out_sentence
+from haptic_sim.exchange.simulation import Added, Simulation, kernels_of
 from haptic_sim.node.exchange_thread import ExchangeThread
 from haptic_sim.node.parameters import FIGURES, PARAMETERS
 from haptic_sim.node.scene_publisher import ScenePublisher
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
-from haptic_sim.simulation import Added, Simulation, kernels_of
+from haptic_sim.scene.language import load
 
 MIDDLEWARE_PRIORITY = 65  # above the exchange, which must never wait for the middleware's own threads
 GIL_SWITCH = 0.2e-3  # s, longest time the executor keeps the exchange thread from running; python's own is 5 ms

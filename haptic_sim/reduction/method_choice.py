@@ -25,9 +25,9 @@ a heavy one and a damper by c h/m sweeps: `GREASE` of it is solved directly.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from haptic_sim.geometry import Outline, Point, Pose, distance
 from haptic_sim.reduction.model import Model, mobilities, too_much
-from haptic_sim.scene import Scene
+from haptic_sim.scene.geometry import Outline, Point, Pose, distance
+from haptic_sim.scene.language import Scene
 
 STEPS = (1e-3, 0.5e-3, 0.25e-3, 0.2e-3, 0.125e-3, 0.1e-3, 0.05e-3, 0.025e-3)
 """s; whole shares of a millisecond, so that an exchange at 1 kHz is a whole number of sub-steps."""

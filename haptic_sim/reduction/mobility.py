@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.geometry import Outline, Point, distance, turned
-from haptic_sim.joint import WORLD
 from haptic_sim.reduction.model import SLIDER, SPRING, Model, ShapePair, shapes_of
-from haptic_sim.scene import Scene
-from haptic_sim.solid import TOOL, AnySolid
+from haptic_sim.scene.geometry import Outline, Point, distance, turned
+from haptic_sim.scene.joints import WORLD
+from haptic_sim.scene.language import Scene
+from haptic_sim.scene.shapes import TOOL, AnySolid
 
 _STILL = (0.0, 0.0, 0.0)
 

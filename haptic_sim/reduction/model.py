@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from haptic_sim.geometry import Outline, Point, Pose, framed, turned
-from haptic_sim.joint import WORLD, AnyJoint, Slider
-from haptic_sim.scene import Scene
-from haptic_sim.solid import AnySolid
+from haptic_sim.scene.geometry import Outline, Point, Pose, framed, turned
+from haptic_sim.scene.joints import WORLD, AnyJoint, Slider
+from haptic_sim.scene.language import Scene
+from haptic_sim.scene.shapes import AnySolid
 
 PIN, SLIDER, SPRING = range(3)
 _KINDS = {"pin": PIN, "slider": SLIDER, "spring": SPRING}

@@ -6,7 +6,7 @@ import time
 from haptic_device.description import Device, load_device
 from haptic_device.nodes.messages import TRACE, String
 from haptic_sim.client import Client
-from haptic_sim.questions import change_state, get_parameters, set_parameters, state_of, trigger
+from haptic_sim.service_requests import change_state, get_parameters, set_parameters, state_of, trigger
 from haptic_sim.viewer import messages, settings
 from haptic_sim.viewer.hand import THERE, Hand, Limits
 from haptic_sim.viewer.scene_controller import SceneController

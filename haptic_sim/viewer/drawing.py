@@ -3,10 +3,10 @@
 
 from typing import NamedTuple
 
-from haptic_sim.geometry import Outline, turned
-from haptic_sim.joint import WORLD
-from haptic_sim.scene import Scene
-from haptic_sim.solid import TOOL
+from haptic_sim.scene.geometry import Outline, turned
+from haptic_sim.scene.joints import WORLD
+from haptic_sim.scene.language import Scene
+from haptic_sim.scene.shapes import TOOL
 
 HANDLE_RADIUS = 0.004  # m
 MARGIN = 0.12  # share of the room left free on each side

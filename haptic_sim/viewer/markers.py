@@ -8,8 +8,8 @@ from typing import NamedTuple
 from haptic_device.message_fields import frame_id
 from haptic_device.nodes.marker_messages import MarkerArray, markers
 from haptic_device.nodes.messages import STREAM
-from haptic_sim.geometry import Outline, rectangle, turned
-from haptic_sim.scene import Scene
+from haptic_sim.scene.geometry import Outline, rectangle, turned
+from haptic_sim.scene.language import Scene
 from haptic_sim.viewer import drawing
 
 LOOK_PERIOD = 0.5  # s between two looks whether somebody listens

@@ -9,8 +9,8 @@ import time
 from haptic_device.config_files import names
 from haptic_device.description import AXES
 from haptic_device.status import number
-from haptic_sim.questions import set_parameters, trigger
-from haptic_sim.scene import load
+from haptic_sim.scene.language import load
+from haptic_sim.service_requests import set_parameters, trigger
 from haptic_sim.viewer.settings import DRIVER, LOOPBACK, SIMULATION
 from haptic_sim.viewer.shadow_simulation import ShadowSimulation
 

@@ -120,10 +120,10 @@ class ShadowSystem:
 
     def __init__(self, system: dict):
         from haptic_device.description import load_device
-        from haptic_sim.lockstep import Lockstep, Network
+        from haptic_sim.exchange.simulation import Simulation
         from haptic_sim.reduction import reduce_scene
-        from haptic_sim.scene import parse
-        from haptic_sim.simulation import Simulation
+        from haptic_sim.replay.lockstep import Lockstep, Network
+        from haptic_sim.scene.language import parse
 
         values = system["simulation"] | {"method": system["method"]}
         reduced = reduce_scene(parse(system["scene"], "scene"), values["method"])

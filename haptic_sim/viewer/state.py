@@ -18,8 +18,8 @@ from haptic_device.recording.layouts import CLOUD, JOINTS, STRING, WRENCH, Joint
 from haptic_device.status import Status
 from haptic_sim.client import Client
 from haptic_sim.node.scene_publisher import CONTACT, ENERGY, HANDLE, state_names
-from haptic_sim.scene import Scene, SceneError, parse
-from haptic_sim.solid import TOOL
+from haptic_sim.scene.language import Scene, SceneError, parse
+from haptic_sim.scene.shapes import TOOL
 from haptic_sim.viewer.settings import DRIVER
 
 STALE = 0.5  # s after which what was said counts no more

@@ -20,9 +20,9 @@ from adversary import exchange_search, port_search
 from adversary.exchange_search import FREE, Adversary
 from haptic_device.description import load_device
 from haptic_device.parameters import EXCHANGE_METHODS, NODES
-from haptic_sim.port_limits import BUDGET
-from haptic_sim.simulation import HandleSample
-from haptic_sim.tool_port import port_of
+from haptic_sim.exchange.port import port_of
+from haptic_sim.exchange.port_limits import BUDGET
+from haptic_sim.exchange.simulation import HandleSample
 
 STIFFNESS, DAMPING, PERIOD, STEP = 1000.0, 0.25, 1e-3, 5e-6
 LEAST = STIFFNESS * PERIOD / 2.0 + DAMPING

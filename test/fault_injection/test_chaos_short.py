@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from fault_injection import chaos, fault_injector
-from haptic_sim.live.zwidth import STALLED
+from haptic_sim.supervision.zwidth import STALLED
 
 pytestmark = pytest.mark.timeout(900)
 

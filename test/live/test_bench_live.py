@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from haptic_sim.live import lateness
+from haptic_sim.supervision import lateness
 
 ROOT = Path(__file__).parents[2]
 

@@ -8,10 +8,10 @@ import pytest
 import yaml
 
 from haptic_device.config_files import find
-from haptic_sim.live.mock_simulation import STILL, MockSimulation
-from haptic_sim.live.pair import running
-from haptic_sim.live.tuning import Tuning
-from haptic_sim.simulation import ToolSample
+from haptic_sim.exchange.simulation import ToolSample
+from haptic_sim.supervision.mock_simulation import STILL, MockSimulation
+from haptic_sim.supervision.pair import running
+from haptic_sim.supervision.tuning import Tuning
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -62,7 +62,7 @@ def change(dice):
 
 
 def test_200_changes_by_services_under_a_pressing_hand_give_no_more_than_the_budget(late_device, monkeypatch):
-    monkeypatch.setattr("haptic_sim.live.tuning.MockSimulation", Standing)
+    monkeypatch.setattr("haptic_sim.supervision.tuning.MockSimulation", Standing)
     dice, taken = np.random.default_rng(38), 0
     driver, hand = DRIVER | {"device": late_device}, HAND | {"device": late_device}
     with running(None, None, driver, hand) as (domain, namespace, check):

@@ -13,7 +13,7 @@ from std_srvs.srv import Trigger
 from waiting import LIMIT, until
 
 from haptic_sim.client import Client
-from haptic_sim.questions import RefusedError, get_parameters, set_parameters, trigger
+from haptic_sim.service_requests import RefusedError, get_parameters, set_parameters, trigger
 
 pytestmark = pytest.mark.timeout(300)
 

@@ -12,7 +12,7 @@ from test_simulation_node import Peer
 from waiting import exit_code
 
 from haptic_device.control import exchange_samples
-from haptic_sim.left_out_time import CHEAPER
+from haptic_sim.exchange.left_out_time import CHEAPER
 
 pytestmark = pytest.mark.timeout(600)
 

@@ -19,13 +19,13 @@ from waiting import LIMIT, exit_code
 
 from haptic_device.control import withheld
 from haptic_device.recording import load
-from haptic_sim import scene
 from haptic_sim.cli import main
 from haptic_sim.client import Client
-from haptic_sim.live.processes import NAMESPACE
-from haptic_sim.questions import trigger
-from haptic_sim.recompute import verdict_on
 from haptic_sim.reduction import reduce_scene
+from haptic_sim.replay.trace_verification import verdict_on
+from haptic_sim.scene import language
+from haptic_sim.service_requests import trigger
+from haptic_sim.supervision.processes import NAMESPACE
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -68,7 +68,7 @@ def test_the_peg_goes_into_the_hole_every_figure_is_reported_and_no_node_compile
     causes = {f"withheld_s.{cause.name}" for cause in withheld.TABLE}
     assert flat(found) - causes == documented() - {"withheld_s.CAUSE"} and isinstance(found["withheld_s"], dict)
     assert found["simulation"].pop("waited_s") >= 0.0  # what a busy machine leaves out is not known
-    assert found["simulation"] == {"method": "impulse", "why": reduce_scene(scene.load("peg_in_hole")).reasons[0]}
+    assert found["simulation"] == {"method": "impulse", "why": reduce_scene(language.load("peg_in_hole")).reasons[0]}
     assert found["exchange"]["sent"] >= found["exchange"]["answered"] > 0
     assert found["energy_j"]["given_to_operator_end"] < 0.0  # by the truth: who pushed the peg has worked
     assert found["contact"]["max_force_n"] > 0.0

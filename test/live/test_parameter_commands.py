@@ -14,7 +14,7 @@ from live_nodes import SLOW, Nodes
 
 from haptic_device import yaml_reader
 from haptic_device.parameters import DRIVER
-from haptic_sim.questions import change_state
+from haptic_sim.service_requests import change_state
 
 pytestmark = pytest.mark.timeout(600)
 

@@ -17,8 +17,8 @@ from waiting import exit_code, until
 from haptic_device.control.records import TRACE_ROW
 from haptic_device.realtime import shared_memory
 from haptic_device.recording import load
-from haptic_sim.live.processes import Program
-from haptic_sim.live.system import FAR
+from haptic_sim.supervision.processes import Program
+from haptic_sim.supervision.system import FAR
 
 pytestmark = pytest.mark.timeout(600)
 

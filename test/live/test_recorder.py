@@ -257,7 +257,7 @@ def test_a_folder_in_use_is_not_written_into(refusals):
 _PARENT = """
 import sys, time
 from pathlib import Path
-from haptic_sim.live.processes import Nodes, Program
+from haptic_sim.supervision.processes import Nodes, Program
 nodes = Nodes(Path(sys.argv[1]))
 nodes.start(Program("haptic_recorder", "haptic_device.nodes.recorder", {"bag": sys.argv[2]}))
 print(nodes.pid("haptic_recorder"), flush=True)

@@ -20,7 +20,7 @@ from haptic_device.message_fields import exchange_names
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
+from haptic_sim.scene.language import load
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -190,7 +190,7 @@ HOOKED = """
 import sys, time
 from pathlib import Path
 from haptic_sim.node import simulation
-from haptic_sim.endpoint import ExchangeEndpoint
+from haptic_sim.exchange.endpoint import ExchangeEndpoint
 plain, count, answer = simulation.ensure_compiled, [], ExchangeEndpoint.answer
 
 def have(*names, **options):

@@ -129,7 +129,7 @@ def test_a_scheduler_that_is_killed_in_the_middle_is_a_sentence_and_what_was_don
 @pytest.mark.parametrize(
     ("edited", "old", "new"),
     [
-        ("haptic_sim/lockstep.py", "def ", "def  "),
+        ("haptic_sim/replay/lockstep.py", "def ", "def  "),
         ("config/scenes/wall.yaml", "\n", "\n\n"),
         (None, "", ""),
     ],

@@ -11,8 +11,8 @@ from waiting import until
 
 from haptic_device import controller_config, gain_check
 from haptic_device.description import load_device
-from haptic_sim.live.pair import on_pair
-from haptic_sim.live.tuning import Tuning
+from haptic_sim.supervision.pair import on_pair
+from haptic_sim.supervision.tuning import Tuning
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -165,7 +165,7 @@ def test_the_hand_goes_where_it_is_aimed(pair):
 
 
 def test_a_namespace_without_nodes_is_told_in_a_sentence(ros_domain, monkeypatch):
-    monkeypatch.setattr("haptic_sim.live.news.LIMIT", 0.3)
+    monkeypatch.setattr("haptic_sim.supervision.news.LIMIT", 0.3)
     tuning = Tuning(ros_domain, "/nobody")
     try:
         with pytest.raises(ValueError, match="no engaged driver with a loopback is heard in /nobody, .*; start both"):

@@ -25,7 +25,7 @@ from haptic_device.nodes.polled_subscription import PolledSubscription
 from haptic_device.nodes.ros_parameters import declare
 from haptic_device.recording.layouts import JOINTS, JointLayout
 from haptic_sim.client import Client
-from haptic_sim.questions import get_parameters
+from haptic_sim.service_requests import get_parameters
 from haptic_sim.viewer import hand as hand_of_a_page
 from haptic_sim.viewer import viewer
 from haptic_sim.viewer.parameters import PARAMETERS

@@ -13,7 +13,7 @@ from ear import Ear
 from live_nodes import Nodes
 
 from haptic_device.nodes import messages
-from haptic_sim.live.system import FAR
+from haptic_sim.supervision.system import FAR
 
 pytestmark = pytest.mark.timeout(600)
 

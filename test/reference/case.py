@@ -3,10 +3,10 @@
 
 import math
 
-from haptic_sim.judged import Case
+from haptic_sim.error_metrics import Case
 from haptic_sim.protocol import Coupling
 from haptic_sim.rollout import GAINS
-from haptic_sim.scene import load
+from haptic_sim.scene.language import load
 from reference.trial import turned_scene
 
 LOOK, LONG_LOOK = 10_000_000, 50_000_000

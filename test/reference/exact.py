@@ -9,9 +9,9 @@ import math
 import numpy as np
 from scipy.special import ellipj, ellipk
 
-from haptic_sim.geometry import turned
-from haptic_sim.judged import Case
+from haptic_sim.error_metrics import Case
 from haptic_sim.rollout import EXCHANGE_NS
+from haptic_sim.scene.geometry import turned
 from reference.exact_axis import Axis, axis_motion
 
 

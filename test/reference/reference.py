@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from haptic_sim.judged import Case, Reference, apart, solution
+from haptic_sim.error_metrics import Case, Reference, apart, solution
 from reference import exact
 from reference.case import case
 from reference.exact_four_bar import four_bar

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.geometry import turned
-from haptic_sim.joint import WORLD
+from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, Exchanged, hand, overlap_watch, rollout
-from haptic_sim.scene import Scene
-from haptic_sim.simulation import Simulation
+from haptic_sim.scene.geometry import turned
+from haptic_sim.scene.joints import WORLD
+from haptic_sim.scene.language import Scene
 
 
 class Outcome(NamedTuple):

@@ -5,7 +5,7 @@ import pytest
 
 from bench.methods.hard import verdict
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
+from haptic_sim.scene.language import load
 
 
 @pytest.mark.timeout(600)

@@ -12,7 +12,7 @@ from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene, load
+from haptic_sim.scene.language import Scene, load
 
 H = 1e-4
 STILL = (0.0, 0.0, 0.0)

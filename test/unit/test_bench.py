@@ -14,7 +14,7 @@ from in_process import bench
 from bench.jobs import read_csv, write_csv
 from bench.methods import compare, hard, speed_error, table, world
 from bench.methods.measure import Run, run
-from haptic_sim.judged import STABLE, judge
+from haptic_sim.error_metrics import STABLE, judge
 from reference.case import case
 from reference.reference import reference
 

@@ -14,8 +14,8 @@ from haptic_sim.cli.docs import markdown
 from haptic_sim.config_problems import problems, remark
 from haptic_sim.node_parameters import NODES
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
-from haptic_sim.scene_promise import kept_rows, unkept_wish
+from haptic_sim.reduction.promise import kept_rows, unkept_wish
+from haptic_sim.scene.language import load
 
 ROOT = Path(__file__).resolve().parents[2]
 SHIPPED = sorted((ROOT / "config").rglob("*.yaml"))
@@ -227,7 +227,7 @@ def test_of_a_shipped_scene_what_was_measured_counts_before_what_is_reckoned(mon
     assert reduce_scene(load("gravel")).unkept.startswith("tool is 142.9 times as heavy as stone_47")
     assert unkept_wish("gravel") == ""
     far = rows["impulse"]._replace(error=0.7, doubt=0.1)
-    monkeypatch.setattr("haptic_sim.scene_promise.of_scene", lambda name: [far])
+    monkeypatch.setattr("haptic_sim.reduction.promise.of_scene", lambda name: [far])
     assert unkept_wish("gravel") == "error 0.02 is wanted, and impulse was measured to have a relative error of 0.7"
 
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from haptic_sim.geometry import Outline, distance, overlap, rectangle
+from haptic_sim.scene.geometry import Outline, distance, overlap, rectangle
 
 EXACT = 1e-12
 HERE = (0.0, 0.0, 0.0)

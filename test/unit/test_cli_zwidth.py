@@ -112,7 +112,7 @@ def test_what_is_refused_before_the_first_row_leaves_an_earlier_map_as_it_is(tmp
     ],
 )
 def test_live_refuses_what_the_driver_cannot_take_before_any_node_is_started(tmp_path, monkeypatch, options, sentence):
-    monkeypatch.setattr("haptic_sim.live.zwidth.on_pair", None)
+    monkeypatch.setattr("haptic_sim.supervision.zwidth.on_pair", None)
     result = haptic(tmp_path, "--live", **options)
     assert (result.exit_code, result.stdout) == (2, "")
     assert sentence in result.stderr

@@ -7,11 +7,11 @@ is right is known: the face that the tool reached first holds it, and it never c
 
 import pytest
 
-from haptic_sim.geometry import framed
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import EXCHANGE_NS
-from haptic_sim.scene import Scene
-from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.scene.geometry import framed
+from haptic_sim.scene.language import Scene
 from reference.trial import turned_scene
 
 STILL = (0.0, 0.0, 0.0)

@@ -9,6 +9,7 @@ import pytest
 from haptic_device.config_files import names
 from haptic_sim.method.closed_form import ClosedForm
 from haptic_sim.protocol import Coupling, held
+from haptic_sim.pymunk_world.world import PymunkWorld
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.measured import of_scene
 from haptic_sim.reduction.method_choice import (
@@ -28,9 +29,8 @@ from haptic_sim.reduction.method_choice import (
     TOUCHING,
 )
 from haptic_sim.reduction.model import PIN, SLIDER, SPRING
-from haptic_sim.scene import SceneError, load, parse
+from haptic_sim.scene.language import SceneError, load, parse
 from haptic_sim.verify import CREATED, OVERLAP, within
-from haptic_sim.world import PymunkWorld
 from reference.case import NAMES as CASES
 from reference.trial import attempt
 

@@ -8,10 +8,10 @@ import pytest
 from apart import apart
 
 from haptic_device.control import contact_model
-from haptic_sim.local_contacts import LocalContacts
+from haptic_sim.exchange.local_contacts import LocalContacts
 from haptic_sim.method_registry import make
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load, parse
+from haptic_sim.scene.language import load, parse
 
 
 def one(**given):

@@ -7,8 +7,8 @@ import pytest
 
 from haptic_device.config_files import find
 from haptic_sim.cli import demo
-from haptic_sim.live.follow import Ending
-from haptic_sim.live.system import Order
+from haptic_sim.supervision.follow import Ending
+from haptic_sim.supervision.system import Order
 
 SILENT = Ending("the motion did not begin: …", "device_silent", True, False)
 FELL = "haptic_driver fell into fault device_silent (the device answered no tick for fault.silence)"

@@ -5,10 +5,10 @@ import math
 
 import pytest
 
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import EXCHANGE_NS, GAINS, hand
-from haptic_sim.scene import load
-from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.scene.language import load
 from reference.trial import attempt
 
 STILL = (0.0, 0.0, 0.0)

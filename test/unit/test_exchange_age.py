@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from exchange_systems import demo_system
 
-from haptic_sim.lockstep import PERFECT, Network
+from haptic_sim.replay.lockstep import PERFECT, Network
 
 CUT = Network(loss=1.0)
 PRESS = {"start": [0.03, 0.0, 0.0], "target": [0.005, 0.0, 0.0], "duration": 8.0}

@@ -13,13 +13,13 @@ from haptic_device.control import exchange_samples
 from haptic_device.control import tool_side_tank as law_port
 from haptic_device.message_fields import TAIL, exchange_names
 from haptic_device.recording.layouts import JointLayout
-from haptic_sim import endpoint
-from haptic_sim.endpoint import DEVICE_SILENCE_NS, RETURN_NS, SILENCE_NS, ExchangeEndpoint
+from haptic_sim.exchange import endpoint
+from haptic_sim.exchange.endpoint import DEVICE_SILENCE_NS, RETURN_NS, SILENCE_NS, ExchangeEndpoint
+from haptic_sim.exchange.port import port_of
+from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.node.parameters import PARAMETERS
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
-from haptic_sim.simulation import Simulation
-from haptic_sim.tool_port import port_of
+from haptic_sim.scene.language import load
 
 
 @pytest.fixture

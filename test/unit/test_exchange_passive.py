@@ -14,12 +14,12 @@ from adversary import port_search
 from bench.exchange import stalling
 from haptic_device.control import enable_state, exchange_wave, faults, tool_side_tank, virtual_coupling
 from haptic_device.parameters import POLICIES
-from haptic_sim.lockstep import Network
-from haptic_sim.port_limits import BUDGET, Limits
+from haptic_sim.exchange.port import PspmPort, port_of
+from haptic_sim.exchange.port_limits import BUDGET, Limits
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene, load
-from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.tool_port import PspmPort, port_of
+from haptic_sim.replay.lockstep import Network
+from haptic_sim.scene.language import Scene, load
 
 PASSIVE = ("wave", "pspm")
 BOX = {"material": "m", "shapes": [{"box": {"size": [0.06, 0.04]}}]}

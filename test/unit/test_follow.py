@@ -9,7 +9,7 @@ from haptic_device.status import Status
 from haptic_sim import outcome
 from haptic_sim.cli.progress import status_line
 from haptic_sim.cli.tables import print_outcome
-from haptic_sim.live import follow, news
+from haptic_sim.supervision import follow, news
 
 
 class Said:

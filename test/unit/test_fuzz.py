@@ -18,7 +18,7 @@ from haptic_device.message_fields import AXES
 from haptic_device.nodes import messages
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim.config_problems import problems
-from haptic_sim.endpoint import ExchangeEndpoint
+from haptic_sim.exchange.endpoint import ExchangeEndpoint
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "config").rglob("*.yaml"))
 MUTATED_FILES, MUTATED_MESSAGES = 60, tries(6_000)

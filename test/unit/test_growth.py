@@ -16,8 +16,8 @@ from bench.methods.world import make
 from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, overlap_watch
-from haptic_sim.scene import load
-from haptic_sim.solid import TOOL
+from haptic_sim.scene.language import load
+from haptic_sim.scene.shapes import TOOL
 
 
 def made(

@@ -10,11 +10,11 @@ import math
 import pytest
 
 from bench.methods.hard import verdict
-from haptic_sim.geometry import framed
 from haptic_sim.protocol import held
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS
-from haptic_sim.scene import Scene, load
+from haptic_sim.scene.geometry import framed
+from haptic_sim.scene.language import Scene, load
 from reference.trial import attempt, jump
 
 OVERLAP = 1e-4

@@ -19,9 +19,9 @@ from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.realtime import servo_loop
 from haptic_device.status import Status
 from haptic_sim.cli.identify import identify as command
-from haptic_sim.live.excitation import shake_handle, unbroken
-from haptic_sim.live.identification import estimate, write_description
-from haptic_sim.live.tuning import refuse_other_device
+from haptic_sim.supervision.excitation import shake_handle, unbroken
+from haptic_sim.supervision.identification import estimate, write_description
+from haptic_sim.supervision.tuning import refuse_other_device
 
 
 @pytest.mark.parametrize(
@@ -294,7 +294,7 @@ class Listener:
 @pytest.mark.parametrize("broken, least, most", [(0, 2700, 3600), (6000, 7500, 8600)])
 def test_shaking_goes_on_until_a_run_of_the_trace_is_long_enough(monkeypatch, broken, least, most):
     listener = Listener(broken)
-    monkeypatch.setattr("haptic_sim.live.excitation.time.monotonic", lambda: listener.now * 1e-3)
+    monkeypatch.setattr("haptic_sim.supervision.excitation.time.monotonic", lambda: listener.now * 1e-3)
     plan = ((shake, None) for shake in wall_jumps((0.0,), 1.0, 1.0, 1e-3))
     shake_handle(listener, plan, 2.0, lambda: None)
     assert least <= listener.now <= most

@@ -198,7 +198,9 @@ def test_without_home_and_cache_variables_there_is_a_cache_all_the_same():
 
 
 def test_importing_what_kernels_are_kept_by_makes_no_folder(tmp_path):
-    python("import haptic_device.jit, haptic_sim.live.prepare, haptic_sim.cli.main", XDG_CACHE_HOME=str(tmp_path))
+    python(
+        "import haptic_device.jit, haptic_sim.supervision.prepare, haptic_sim.cli.main", XDG_CACHE_HOME=str(tmp_path)
+    )
     assert not list(tmp_path.iterdir())
 
 

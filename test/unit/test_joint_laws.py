@@ -10,7 +10,7 @@ from haptic_sim.method.event_driven import EventDriven
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene
+from haptic_sim.scene.language import Scene
 
 BOTH = [Partitioned, EventDriven]
 ANGLES = [0.0, 37.0]

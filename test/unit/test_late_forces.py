@@ -19,11 +19,11 @@ from adversary.tool_samples import AGE, DEVICE, MOVED, VELOCITY
 from haptic_device import gain_check
 from haptic_device.control import enable_state, faults
 from haptic_device.device import operator_hand
-from haptic_sim.lockstep import Lockstep
+from haptic_sim.exchange.port import port_of
+from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
-from haptic_sim.simulation import Simulation
-from haptic_sim.tool_port import port_of
+from haptic_sim.replay.lockstep import Lockstep
+from haptic_sim.scene.language import load
 
 METHODS = "pspm", "local", "wave"
 CASE = {case.name: case for case in CASES}

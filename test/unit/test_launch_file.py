@@ -14,8 +14,8 @@ from lifecycle_msgs.msg import Transition
 from rclpy.context import Context
 from rclpy.node import Node
 
-from haptic_sim.live.system import TOGETHER
-from haptic_sim.scene import load
+from haptic_sim.scene.language import load
+from haptic_sim.supervision.system import TOGETHER
 
 ROOT = Path(__file__).resolve().parents[2]
 EXECUTABLES = sorted(path.name for path in (ROOT / "scripts").iterdir())
@@ -125,7 +125,12 @@ def test_a_launch_file_runs_in_the_python_of_ros2_which_has_not_our_libraries(fi
 
     foreign = {name for name in roots(file) if name.split(".")[0] not in sys.stdlib_module_names}
     ros = {name for name in foreign if name.split(".")[0] in ("launch", "launch_ros", "lifecycle_msgs", "yaml")}
-    ours = {"haptic_device.config_files", "haptic_device.os_errors", "haptic_device.yaml_reader", "haptic_sim.motion"}
+    ours = {
+        "haptic_device.config_files",
+        "haptic_device.os_errors",
+        "haptic_device.yaml_reader",
+        "haptic_sim.scene.motion",
+    }
     assert foreign - ros <= ours
     for module in ours:
         needed = roots(ROOT / f"{module.replace('.', '/')}.py") - ours

@@ -16,9 +16,9 @@ from haptic_device.realtime import tick_replay
 from haptic_device.recording.layouts import CloudLayout
 from haptic_device.recording.writer import Bag
 from haptic_sim.cli.replay import replay
-from haptic_sim.lockstep import Network
-from haptic_sim.scene import load, parse
-from haptic_sim.solid import Material
+from haptic_sim.replay.lockstep import Network
+from haptic_sim.scene.language import load, parse
+from haptic_sim.scene.shapes import Material
 
 BUDGET = 0.005  # [J]
 PRESS = {"start": (0.03, 0.0, 0.0), "target": (0.005, 0.0, 0.0), "duration": 1.5}

@@ -13,7 +13,7 @@ from haptic_device.control import exchange_samples as law
 from haptic_device.message_fields import EACH, LOCAL_CONTACT, MOST
 from haptic_device.realtime import exchange_step, seqlock
 from haptic_device.recording.layouts import CloudLayout
-from haptic_sim.endpoint import ExchangeEndpoint
+from haptic_sim.exchange.endpoint import ExchangeEndpoint
 
 SESSION, OTHER, PEER = 7.0, 9.0, 5.0
 COMMON = {"offered": 1.0, "trust": 0.5, "mass": 0.1, "inertia": 1e-4, "extent": 0.05, "tool_pose_x": 0.2}

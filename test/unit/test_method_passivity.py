@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from haptic_sim.joint import RotaryMotor
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method_registry import METHODS, make
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene, load
+from haptic_sim.scene.joints import RotaryMotor
+from haptic_sim.scene.language import Scene, load
 
 H, STEPS = 1e-3, 3
 STILL = (0.0, 0.0, 0.0)

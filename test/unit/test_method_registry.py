@@ -8,12 +8,12 @@ import pytest
 
 from bench.methods import world as measured_worlds
 from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_sim.exchange.port import port_of
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.method_registry import AUTO, METHODS, Entry, make, offered
 from haptic_sim.protocol import World
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import SceneError, parse
-from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.tool_port import port_of
+from haptic_sim.scene.language import SceneError, parse
 
 DOCS = Path(__file__).parents[2] / "docs"
 SCENE = {"name": "toy", "method": "toy", "tool": {"mass": 0.1, "shapes": [{"circle": {"radius": 0.01}}]}}

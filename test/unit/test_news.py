@@ -9,8 +9,8 @@ import pytest
 from made_up_clock import Clock
 
 from haptic_device.status import Status
-from haptic_sim.live import news, pair, tuning
-from haptic_sim.live.tuning import FaultError, Tuning
+from haptic_sim.supervision import news, pair, tuning
+from haptic_sim.supervision.tuning import FaultError, Tuning
 
 
 class Heard:

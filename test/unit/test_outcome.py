@@ -13,8 +13,8 @@ from haptic_device.recording import load
 from haptic_device.status import Status
 from haptic_sim import outcome
 from haptic_sim.cli import demo, tables
-from haptic_sim.left_out_time import CHEAPER, QUIETER, SHARE
-from haptic_sim.live.system import Order, Relay
+from haptic_sim.exchange.left_out_time import CHEAPER, QUIETER, SHARE
+from haptic_sim.supervision.system import Order, Relay
 
 SERVO = {"lateness_us": {"p50": 8.0, "p99": 321.0, "max": 4567.0}, "missed": 12}
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_sim.geometry import Outline, combined, convex, rectangle
-from haptic_sim.solid import Tool
+from haptic_sim.scene.geometry import Outline, combined, convex, rectangle
+from haptic_sim.scene.shapes import Tool
 
 
 @given(st.floats(1e-3, 10), st.floats(1e-3, 10), st.floats(-5, 5), st.floats(-5, 5), st.floats(-4, 4))

@@ -7,11 +7,11 @@ import pymunk
 import pytest
 from handle_samples import MS
 
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.protocol import Coupling, held
+from haptic_sim.pymunk_world.world import PymunkWorld
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene, load
-from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.world import PymunkWorld
+from haptic_sim.scene.language import Scene, load
 
 H, THIN, FAST = 0.25e-3, 0.5e-3, 60.0
 ANGLES = [0.0, math.radians(37.0)]

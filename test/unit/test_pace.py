@@ -8,14 +8,14 @@ from handle_samples import MS, handle
 from made_up_clock import Clock
 from slow_method import Slow
 
-from haptic_sim import endpoint, left_out_time
-from haptic_sim.endpoint import MEDIAN, SILENCE_NS, ExchangeEndpoint, Pace
-from haptic_sim.left_out_time import NOTICED, SHARE, left_out_sentence
+from haptic_sim.exchange import endpoint, left_out_time
+from haptic_sim.exchange.endpoint import MEDIAN, SILENCE_NS, ExchangeEndpoint, Pace
+from haptic_sim.exchange.left_out_time import NOTICED, SHARE, left_out_sentence
+from haptic_sim.exchange.port import port_of
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.method_registry import METHODS, Entry
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load, parse
-from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.tool_port import port_of
+from haptic_sim.scene.language import load, parse
 
 SCENE = {"name": "slow", "method": "slow", "tool": {"mass": 0.1, "shapes": [{"circle": {"radius": 0.01}}]}}
 GAINS = (2000.0, 2.0, 2.0, 0.002)

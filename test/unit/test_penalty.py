@@ -9,7 +9,7 @@ from haptic_sim.method.penalty_explicit import PenaltyExplicit
 from haptic_sim.method.penalty_implicit import PenaltyImplicit
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene
+from haptic_sim.scene.language import Scene
 
 M, K, CONTACT = 0.1, 2000.0, 1e4
 STILL = (0.0, 0.0, 0.0)

@@ -17,8 +17,8 @@ from bench.servo import servo as bench_servo
 from haptic_device.analysis import sweep
 from haptic_device.realtime import machine
 from haptic_sim.cli import demo
-from haptic_sim.live import lateness, machine_trial
-from haptic_sim.live.system import programs_of
+from haptic_sim.supervision import lateness, machine_trial
+from haptic_sim.supervision.system import programs_of
 
 
 def test_without_cyclictest_the_rest_is_measured_and_kept_and_says_so(monkeypatch, tmp_path):

@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_device.control import tool_side_tank
-from haptic_sim.port_limits import BUDGET, Limits
+from haptic_sim.exchange.port import PspmPort, port_of
+from haptic_sim.exchange.port_limits import BUDGET, Limits
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.protocol import STILL, Coupling, StepResult, along
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS
-from haptic_sim.scene import load
-from haptic_sim.simulation import HandleSample, Simulation
-from haptic_sim.tool_port import PspmPort, port_of
+from haptic_sim.scene.language import load
 
 H, MS = 0.25e-3, 1_000_000
 WIDE = Limits(1e6, 1e6, 1e12)

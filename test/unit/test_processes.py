@@ -14,11 +14,11 @@ from waiting import LIMIT, until
 
 from haptic_device.config_files import find
 from haptic_device.control.faults import TABLE
-from haptic_sim.live import processes
-from haptic_sim.live.domain import isolated_domain
-from haptic_sim.live.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
-from haptic_sim.live.system import Order, programs_of
 from haptic_sim.outcome import ANSWERED, GOALS, REACHED, not_done, nothing
+from haptic_sim.supervision import processes
+from haptic_sim.supervision.domain import isolated_domain
+from haptic_sim.supervision.processes import NodeDiedError, Nodes, Program, interruptible, parameter_text
+from haptic_sim.supervision.system import Order, programs_of
 
 pytestmark = pytest.mark.timeout(900)
 

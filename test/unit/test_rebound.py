@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from haptic_sim.rebound import passive_rebound
+from haptic_sim.pymunk_world.rebound import passive_rebound
 
 MASSES, PUSHES = st.floats(0.01, 10.0), st.floats(-0.5, 5.0)
 

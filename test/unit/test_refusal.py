@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from haptic_device import description
 from haptic_device.refusal import SAID
-from haptic_sim import scene
+from haptic_sim.scene import language
 
 CIRCLE = {"circle": {"radius": 0.01}}
 SCENE = {
@@ -123,7 +123,7 @@ def refused(parse, content):
 
 @pytest.mark.parametrize(("path", "value", "sentence"), SCENES)
 def test_a_wrong_scene_is_refused_with_name_value_limit_and_unit(path, value, sentence):
-    assert refused(scene.parse, changed(SCENE, path, value)).startswith(f"FILE: {sentence}")
+    assert refused(language.parse, changed(SCENE, path, value)).startswith(f"FILE: {sentence}")
 
 
 @pytest.mark.parametrize(("path", "value", "sentence"), DEVICES)
@@ -140,7 +140,7 @@ def kinds(model, content):
 
 
 def test_each_kind_of_refusal_that_has_words_stands_in_these_tables_and_no_other_is_without():
-    scenes = [kinds(scene.Scene, changed(SCENE, path, value)) for path, value, _ in SCENES]
+    scenes = [kinds(language.Scene, changed(SCENE, path, value)) for path, value, _ in SCENES]
     devices = [kinds(description.Device, changed(DEVICE, path, value)) for path, value, _ in DEVICES]
     found = set().union(*scenes, *devices)
     own_words = {"value_error", "missing", "extra_forbidden", "union_tag_not_found", "shape"}

@@ -10,7 +10,7 @@ from in_process import haptic
 from bench import jobs
 from haptic_sim.cli.compare import compare
 from haptic_sim.cli.replay import As, replay
-from haptic_sim.live import processes
+from haptic_sim.supervision import processes
 
 BAG = Path("no such bag")
 

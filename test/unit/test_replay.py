@@ -19,13 +19,13 @@ from haptic_device.device import operator_hand
 from haptic_device.realtime import tick_replay
 from haptic_device.recording import load, writer
 from haptic_device.recording.layouts import JointLayout
-from haptic_sim import replay
-from haptic_sim.lockstep import PERFECT, Lockstep
-from haptic_sim.lockstep_bag import BLOCK as BLOCK_OF_BAG
 from haptic_sim.node_parameters import NODES
-from haptic_sim.played import PlayedTarget
-from haptic_sim.recompute import BLOCK, verdict_on
-from haptic_sim.scene import load as load_scene
+from haptic_sim.replay import rerun
+from haptic_sim.replay.lockstep import PERFECT, Lockstep
+from haptic_sim.replay.lockstep_bag import BLOCK as BLOCK_OF_BAG
+from haptic_sim.replay.recorded_operator import PlayedTarget
+from haptic_sim.replay.trace_verification import BLOCK, verdict_on
+from haptic_sim.scene.language import load as load_scene
 
 pytestmark = pytest.mark.timeout(900)
 
@@ -132,9 +132,9 @@ def bag(tmp_path_factory):
     motion = {f"motion.{name}": value for name, value in scene.motion.items()} | {"motion.duration": 4.0}
     shipped = values("haptic_loopback") | motion
     driver = values("haptic_driver", **COUPLED)
-    point = replay.Point(device(damping=4.0, axes=3), scene, driver, shipped, values_of_simulation())
+    point = rerun.Point(device(damping=4.0, axes=3), scene, driver, shipped, values_of_simulation())
     folder = tmp_path_factory.mktemp("replays") / "recorded"
-    replay.replay(replay.Hand(Script(), 2.5), point, PERFECT, folder)
+    rerun.replay(rerun.Hand(Script(), 2.5), point, PERFECT, folder)
     return folder
 
 
@@ -153,11 +153,11 @@ class Script:
 
 
 def again(bag, folder, as_device, **changes):
-    recording = replay.recorded(bag)
+    recording = rerun.recorded(bag)
     declared = {node: NODES[node] for node in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
     given = {"haptic_driver": {name.replace("__", "."): value for name, value in changes.items()}}
-    point = replay.recorded_point(recording, declared, given)
-    replay.replay(replay.hand_of(recording, as_device), point, PERFECT, folder)
+    point = rerun.recorded_point(recording, declared, given)
+    rerun.replay(rerun.hand_of(recording, as_device), point, PERFECT, folder)
     return read_run(folder)
 
 
@@ -187,7 +187,7 @@ def test_the_processors_share_is_without_what_compiles_before_the_first_tick(bag
         return run(system, seconds)
 
     monkeypatch.setattr(Lockstep, "run", slow_at_first)
-    monkeypatch.setattr(replay, "time", SimpleNamespace(process_time=lambda: spent))
+    monkeypatch.setattr(rerun, "time", SimpleNamespace(process_time=lambda: spent))
     after = again(bag, tmp_path / "again", False)
     assert float(after.recording.last_values("haptic_replay")["cpu_share"]) == pytest.approx(0.05, abs=1e-4)
 
@@ -313,10 +313,10 @@ def test_a_bag_without_motion_is_refused_in_a_sentence(tmp_path):
     rows = swing(400)
     folder = write_run(tmp_path / "run", rows)
     with pytest.raises(ValueError, match="replay it --as device"):
-        replay.hand_of(load(folder, only={"trace": replay.PLAYED}), False)
+        rerun.hand_of(load(folder, only={"trace": rerun.PLAYED}), False)
     rows["engage"] = 0.0
     with pytest.raises(ValueError, match="no motion to replay"):
-        replay.hand_of(replay.recorded(write_run(tmp_path / "idle", rows)), False)
+        rerun.hand_of(rerun.recorded(write_run(tmp_path / "idle", rows)), False)
 
 
 def test_settings_survive_the_way_through_a_snapshot():
@@ -333,12 +333,12 @@ SCALE = (2.0, 2.0, 1.0)  # world metres (radians) per metre (radian) of each axi
 @pytest.fixture
 def short(bag):
     """The first of the target's samples."""
-    target = replay.hand_of(replay.recorded(bag), False).played
+    target = rerun.hand_of(rerun.recorded(bag), False).played
     return PlayedTarget(target.times[:300], target.points[:300])
 
 
 def test_the_recorded_target_is_published_sample_by_sample_each_when_it_is_due(short, monkeypatch):
-    from haptic_sim.live import replayed_hand
+    from haptic_sim.supervision import recorded_operator
 
     now, published, layout = 5.0, [], JointLayout(("x", "y", "theta"))
 
@@ -347,8 +347,8 @@ def test_the_recorded_target_is_published_sample_by_sample_each_when_it_is_due(s
         now += seconds
 
     clock = SimpleNamespace(monotonic=lambda: now, sleep=sleep, time_ns=lambda: round(now * 1e9))
-    monkeypatch.setattr(replayed_hand, "time", clock)
+    monkeypatch.setattr(recorded_operator, "time", clock)
     publisher = SimpleNamespace(publish=lambda data: published.append((now, layout.unpack(data).position)))
-    assert replayed_hand.publish(short, publisher, layout, SCALE) == len(published) == 300
+    assert recorded_operator.publish(short, publisher, layout, SCALE) == len(published) == 300
     assert [at - 5.0 for at, _ in published] == pytest.approx(list((short.times - short.times[0]) * 1e-9))
     assert [list(position) for _, position in published] == (short.points * SCALE).tolist()

@@ -22,7 +22,7 @@ from haptic_device.analysis.report.table import sections
 from haptic_device.control import withheld
 from haptic_device.recording.writer import Bag
 from haptic_sim.cli.report import report
-from haptic_sim.comparison import figures_of
+from haptic_sim.replay.comparison import figures_of
 
 TICKS = 8000
 STRING = "std_msgs/msg/String"

@@ -13,8 +13,8 @@ from haptic_device.description import load_device
 from haptic_device.message_fields import frame_id
 from haptic_device.nodes import robot_state, transforms
 from haptic_device.urdf import links, urdf
-from haptic_sim.geometry import turned
-from haptic_sim.scene import load
+from haptic_sim.scene.geometry import turned
+from haptic_sim.scene.language import load
 
 
 class Node:

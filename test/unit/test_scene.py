@@ -9,8 +9,8 @@ import pytest
 
 from haptic_device.config_files import names
 from haptic_device.yaml_reader import loads
-from haptic_sim import geometry, scene_validation
-from haptic_sim.scene import SceneError, load, parse
+from haptic_sim.scene import checks, geometry
+from haptic_sim.scene.language import SceneError, load, parse
 
 SQUARE = [[0, 0], [0.02, 0], [0.02, 0.02], [0, 0.02]]
 GOOD = {
@@ -252,7 +252,7 @@ def test_fixed_bodies_may_overlap_each_other():
 
 def test_of_hundreds_of_bodies_only_neighbours_are_looked_at_and_an_overlap_is_still_found(monkeypatch):
     looked = []
-    monkeypatch.setattr(scene_validation, "overlap", lambda *pair: looked.append(pair) or geometry.overlap(*pair))
+    monkeypatch.setattr(checks, "overlap", lambda *pair: looked.append(pair) or geometry.overlap(*pair))
     tiles = [
         {
             "name": f"tile_{k}",

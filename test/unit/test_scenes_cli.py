@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from haptic_device.config_files import find, names
-from haptic_sim.draw import DRIVEN, SPRUNG, draw, handle_way
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
 from haptic_sim.reduction.measured import Measured, of_scene, read
-from haptic_sim.scene import load, parse
+from haptic_sim.scene.draw import DRIVEN, SPRUNG, draw, handle_way
+from haptic_sim.scene.language import load, parse
 from haptic_sim.verify import within
 
 LIBRARY = {
@@ -248,7 +248,7 @@ def test_an_error_below_the_doubt_of_its_reference_is_none_and_what_is_not_stabl
 
 
 def test_the_gallery_has_a_section_and_a_picture_for_every_scene(tmp_path, monkeypatch):
-    from haptic_sim import gallery
+    from haptic_sim.reduction import gallery
 
     monkeypatch.setattr(gallery, "names", lambda folder: ["wall", "four_bar"])
     gallery.write_gallery(tmp_path / "page")

@@ -11,7 +11,7 @@ from haptic_sim.method.layout import lay_out
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene
+from haptic_sim.scene.language import Scene
 
 G, H = 9.81, 1e-3
 BOTH = [Partitioned, EventDriven]

@@ -15,10 +15,10 @@ from haptic_device.realtime.session_clock import SessionClock
 from haptic_device.recording.layouts import CLOUD, JointLayout, layout_of
 from haptic_device.status import Status
 from haptic_sim.client import Client
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.node.scene_publisher import CONTACT, PERIOD_NS, ScenePublisher, state_names
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene, load, parse
-from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.scene.language import Scene, load, parse
 from haptic_sim.viewer.drawing import scene_drawing
 from haptic_sim.viewer.state import NOT_HELD, State
 

@@ -10,9 +10,9 @@ from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
 
+from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene, load
-from haptic_sim.simulation import HandleSample, Simulation
+from haptic_sim.scene.language import Scene, load
 
 MS = 1_000_000
 STILL = (0.0, 0.0, 0.0)

@@ -20,7 +20,7 @@ from haptic_device.yaml_reader import load as load_yaml
 from haptic_sim.config_problems import problems
 from haptic_sim.node.scene_publisher import CONTACT, state_names
 from haptic_sim.node_parameters import NODES
-from haptic_sim.scene import Scene, load
+from haptic_sim.scene.language import Scene, load
 from haptic_sim.viewer import drawing, messages, session, settings
 from haptic_sim.viewer import server as server_module
 from haptic_sim.viewer.guard import HEADERS, Guard, is_loopback, reachable

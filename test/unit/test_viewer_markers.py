@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from haptic_device.nodes import marker_messages
-from haptic_sim.geometry import Outline, combined, turned
-from haptic_sim.scene import load, parse
+from haptic_sim.scene.geometry import Outline, combined, turned
+from haptic_sim.scene.language import load, parse
 from haptic_sim.viewer import drawing, markers, settings
 
 SCENES = ("peg_in_hole", "wrench_on_nut", "four_bar", "zeno_ball", "wall", "ratchet", "slider", "hammer_nail")

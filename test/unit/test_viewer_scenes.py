@@ -7,7 +7,7 @@ import types
 import pytest
 
 from haptic_device.description import load_device
-from haptic_sim.scene import load
+from haptic_sim.scene.language import load
 from haptic_sim.viewer import scene_controller
 from haptic_sim.viewer.commands import EDGE, CommandHandler
 from haptic_sim.viewer.scene_controller import SceneController

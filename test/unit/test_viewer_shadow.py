@@ -14,7 +14,7 @@ import pytest
 from waiting import LIMIT
 
 from haptic_device.process import own_environment, running_module
-from haptic_sim.scene import load
+from haptic_sim.scene.language import load
 from haptic_sim.viewer import settings
 from haptic_sim.viewer import shadow_simulation as module
 from haptic_sim.viewer.scene_controller import SceneController

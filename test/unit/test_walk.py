@@ -7,11 +7,11 @@ from pathlib import Path
 from handle_samples import MS, handle
 
 import haptic_sim
-from haptic_sim.endpoint import ExchangeEndpoint
+from haptic_sim.exchange.endpoint import ExchangeEndpoint
+from haptic_sim.exchange.port import port_of
+from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import load
-from haptic_sim.simulation import Simulation
-from haptic_sim.tool_port import port_of
+from haptic_sim.scene.language import load
 
 PACKAGE = Path(haptic_sim.__file__).parent
 PAGE = PACKAGE.parent / "ARCHITECTURE.md"

@@ -10,7 +10,7 @@ from ticks import tick
 from adversary import exchange_search as adversary
 from haptic_device.control import enable_state, faults, records, withheld
 from haptic_device.withheld_time import BREAK, LASTS, WithheldTime
-from haptic_sim.lockstep import PERFECT, Network
+from haptic_sim.replay.lockstep import PERFECT, Network
 
 BITS = {cause.name: cause.bit for cause in withheld.TABLE}
 

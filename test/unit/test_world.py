@@ -10,11 +10,11 @@ from scipy.integrate import solve_ivp
 
 from haptic_sim.method_registry import make
 from haptic_sim.protocol import Coupling, along, held
+from haptic_sim.pymunk_world.space import SLOP, SLOP_SHARE
+from haptic_sim.pymunk_world.world import PymunkWorld
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import hand
-from haptic_sim.scene import Scene, load
-from haptic_sim.space import SLOP, SLOP_SHARE
-from haptic_sim.world import PymunkWorld
+from haptic_sim.scene.language import Scene, load
 
 H = 0.25e-3
 ONE = 50e-6  # a sub-step that is one step

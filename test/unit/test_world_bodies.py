@@ -11,9 +11,9 @@ from scipy.special import ellipk
 
 from haptic_sim.method_registry import make
 from haptic_sim.protocol import Coupling, held
+from haptic_sim.pymunk_world.world import PymunkWorld
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene
-from haptic_sim.world import PymunkWorld
+from haptic_sim.scene.language import Scene
 
 H, G = 0.25e-3, 9.81
 ONE = 50e-6  # a sub-step that is one step

@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from haptic_sim.geometry import turned
 from haptic_sim.method_registry import make
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene import Scene
+from haptic_sim.scene.geometry import turned
+from haptic_sim.scene.language import Scene
 
 H = 0.25e-3
 TURNS = [0.0, math.radians(37.0)]

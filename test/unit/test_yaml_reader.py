@@ -13,7 +13,7 @@ from haptic_device.parameter_files import read_operating_point
 from haptic_device.yaml_reader import MOST, dump, loads
 from haptic_sim.config_problems import problems
 from haptic_sim.node_parameters import NODES
-from haptic_sim.scene import load
+from haptic_sim.scene.language import load
 
 TWICE = "name: twice\ntool: {mass: 0.1, mass: 5.0, shapes: [{circle: {radius: 0.005}}]}\n"
 FLOORLESS = """name: floorless

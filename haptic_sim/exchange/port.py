@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tool's end of the exchange methods: which handle the coupling pulls to, and what the port's energy may be.
+
+A port moves the world: it says for each sub-step where the handle is that the coupling pulls to.
+"""
+
+import abc
+from typing import Protocol
+
+import numpy as np
+
+from haptic_device.control import exchange_wave, tool_side_tank
+from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_sim.exchange.port_limits import BUDGET, LIMITS, Limits
+from haptic_sim.protocol import Coupling, Planar, StepResult, World
+
+
+class Port(Protocol):
+    """One exchange method at the tool."""
+
+    def rejoin(self) -> None:
+        """A new session of the device: the next sample's sums are the new zero."""
+
+    def restart(self) -> None:
+        """A world at its start: as `rejoin`, with the energy that a world begins with; the sums sent go on."""
+
+    def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
+        """Take what a handle sample ships; the gains to couple with over the next sub-steps [s] of `inner` steps."""
+
+    def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
+        """Advance a world by `n` sub-steps, the handle wished on the way between its two rows."""
+
+    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
+        """The effort and energy of the tool sample."""
+
+
+class DirectPort:
+    """The handle as it is said to be, whatever that does to the energy."""
+
+    def rejoin(self) -> None:
+        """Nothing is kept."""
+
+    def restart(self) -> None:
+        """Nothing is kept."""
+
+    def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
+        """The device's gains."""
+        return handle.gains
+
+    def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
+        """The handle as it is."""
+        return world.step(target, n)
+
+    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
+        """The force on the tool, and the energy supplied."""
+        return force_on_tool, supplied
+
+
+class EnergyTankPort(abc.ABC):
+    """What the two passive ports share: the rules and the memory of control/tool_side_tank, and the limits in them.
+
+    limits: force [N], torque [N m] and fastest change of the force [N/s] on the tool by the device's samples.
+    """
+
+    def __init__(self, limits: Limits):
+        self.limits, self.rules, self.memory = limits, np.zeros(tool_side_tank.RULES), np.zeros(tool_side_tank.MEMORY)
+        self._held = np.zeros((2, 6))  # target of a sub-step: the handle is kept where the tank lets it be
+        tool_side_tank.drive(
+            self.rules, self.memory, *[(0.0, 0.0, 0.0)] * 3
+        )  # compiled here, not in the first exchange
+        self.memory[:] = 0.0
+        tool_side_tank.worst(0.0, 0.0, 1.0)
+
+    def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
+        """Sub-step by sub-step: each time `drive` says where the handle is, and `book` takes what came of it.
+
+        The handle is held for a sub-step where it is in the mean of the steps that this is taken in.
+        """
+        made, early = None, 0.5 - 0.5 / world.inner
+        start, end = target.tolist()
+        for k in range(1, n + 1):
+            before, wished = world.position, _between(start, end, (k - early) / n)
+            position, velocity = self.drive(wished[:3], wished[3:], before)
+            self._held[:] = *position, *velocity
+            one = world.step(self._held, 1)
+            self.book(one.supplied, world.force_on_tool, before, world.position)
+            made = made.then(one) if made else one
+        return made or StepResult()
+
+    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
+        """The handle, as near to the tool as limits and tank ask for."""
+        tool_side_tank.drive(self.rules, self.memory, position, velocity, tool)
+        found = self.memory[tool_side_tank.AIM : tool_side_tank.AIM + 6].tolist()
+        return tuple(found[:3]), tuple(found[3:])
+
+    @abc.abstractmethod
+    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """Take the sub-step's energy supplied [J], mean force on the tool [N, N, N m] and the tool's way."""
+
+    def _rule(self, gains, sub_step, inner):
+        """Rules for these gains and this sub-step [s]; a torque may change as fast as a force does for its limit.
+
+        Over a sub-step of n steps a spring supplies more than over one: with the stretch as it was at the start in each
+        of them, which a world that shortens its moves may come to, as much as one of an n-th of its stiffness. Of
+        more than four steps moves that are made before others that are not take more (control/tool_side_tank.py, λ);
+        where the damping is too small for a bound there, the first counts.
+        """
+        stiff, damping, turning, turning_damping = gains
+        force, torque, slew = self.limits
+        self.rules[:] = (
+            *(stiff, stiff, turning, damping, damping, turning_damping),
+            _worst(stiff, damping, sub_step, inner),
+            _worst(turning, turning_damping, sub_step, inner),
+            *(force, torque),
+            *(slew * sub_step, slew * sub_step * torque / force),
+            *(sub_step / inner, inner),
+        )
+
+
+class PspmPort(EnergyTankPort):
+    """The handle drawn nearer where its pull could supply more energy than the device has shipped.
+
+    What is really supplied is taken from the tank, and what the tool gives back comes into it.
+    """
+
+    def __init__(self, budget: float = BUDGET, limits: Limits = LIMITS):
+        super().__init__(limits)
+        way, still = np.zeros((2, 6)), (0.0, 0.0, 0.0)
+        tool_side_tank.covers(self.rules, self.memory, way, still, 2)
+        tool_side_tank.went(self.rules, self.memory, way, still)
+        self.memory[:] = 0.0
+        self.budget = self.memory[tool_side_tank.TANK] = budget
+        self.returned = 0.0
+        self._known, self._gains = None, None
+
+    @property
+    def tank(self) -> float:
+        """Energy that the coupling may still supply [J]."""
+        return float(self.memory[tool_side_tank.TANK])
+
+    def rejoin(self) -> None:
+        """The next sample's sum of energy is the new zero, and the pull begins at none; the tank keeps what it has."""
+        self._known = None
+        self.memory[tool_side_tank.JOINED] = self.memory[tool_side_tank.PULL] = self.memory[tool_side_tank.PULL + 1] = (
+            0.0
+        )
+
+    def restart(self) -> None:
+        """As `rejoin`, with the budget in the tank: what the world before had left, or had spent, is gone with it."""
+        self.rejoin()
+        self.memory[tool_side_tank.TANK], self._gains = self.budget, None  # the world may have another sub-step
+
+    def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
+        """Energy shipped since the last sample goes into the tank."""
+        known = handle.energy if self._known is None else self._known
+        self.memory[tool_side_tank.TANK] += max(0.0, handle.energy - known)
+        self._known = max(known, handle.energy)
+        gains = handle.gains
+        if gains != self._gains:
+            self._gains = gains
+            self._rule(gains, sub_step, inner)
+        return gains
+
+    def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
+        """All at once where the tank covers the worst of it and no limit is near; else sub-step by sub-step."""
+        if n < 2 or not tool_side_tank.covers(self.rules, self.memory, target, world.position, n):
+            return super().step(world, target, n)
+        made = world.step(target, n)
+        tool_side_tank.went(self.rules, self.memory, target, world.position)
+        self.memory[tool_side_tank.TANK] -= made.supplied
+        return made
+
+    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """What the coupling supplied leaves the tank."""
+        self.memory[tool_side_tank.TANK] -= supplied
+
+    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
+        """The force on the tool, and all that was sent back so far: what the tank holds above the budget."""
+        over = max(0.0, self.tank - self.budget)
+        self.memory[tool_side_tank.TANK] -= over
+        self.returned += over
+        return force_on_tool, self.returned
+
+
+class WaveVariablePort(EnergyTankPort):
+    """The tool pulled by the waves that have come: a force p − z v, which is a damper z to a handle at velocity p/z."""
+
+    def __init__(self, limits: Limits = LIMITS):
+        super().__init__(limits)
+        self._last_ns, self._sent_energy, self._energy_come = 0, 0.0, 0.0
+        self._sent, self._pending, self._come, self._rate = [0.0] * 3, [0.0] * 3, None, [0.0] * 3
+        self._impedance, self._sub_step = (1.0,) * 3, 1.0
+
+    def rejoin(self) -> None:
+        """The next sample's sums are the new zero, and nothing of the old ones is still to come."""
+        self._come, self._pending = None, [0.0] * 3
+        self.memory[:] = 0.0
+
+    def restart(self) -> None:
+        """As `rejoin`."""
+        self.rejoin()
+
+    def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
+        """What has come since the last sample is played over the time that the world now makes up."""
+        if self._come is None:
+            self._come, self._energy_come = handle.effort, handle.energy
+        passed, self._last_ns = (handle.time_ns - self._last_ns) * 1e-9, handle.time_ns
+        for i in range(3):
+            self._pending[i] += handle.effort[i] - self._come[i]
+            self._rate[i] = self._pending[i] / max(passed, sub_step)
+        self.memory[tool_side_tank.TANK] += max(0.0, handle.energy - self._energy_come)
+        self._come, self._energy_come = handle.effort, max(handle.energy, self._energy_come)
+        line, turning = (
+            exchange_wave.impedance(handle.stiffness),
+            exchange_wave.impedance(handle.rotational_stiffness),
+        )
+        self._impedance, self._sub_step = (line, line, turning), sub_step
+        self._rule((0.0, line, 0.0, turning), sub_step, inner)
+        return Coupling(0.0, line, 0.0, turning)
+
+    def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
+        """The waves of this sub-step as velocities; their energy leaves the tank."""
+        waves = [exchange_wave.played(*both, self._sub_step) for both in zip(self._pending, self._rate, strict=True)]
+        wanted = tuple(value / z for value, z in zip(waves, self._impedance, strict=True))
+        _, made = super().drive(tool, wanted, tool)
+        covered = self.memory[tool_side_tank.SHARE] == 1.0
+        for i, z in enumerate(self._impedance):
+            taken = made[i] * z if covered else waves[i]  # what energy does not cover is dropped, or it grows
+            self._pending[i] -= taken * self._sub_step
+            self.memory[tool_side_tank.TANK] -= exchange_wave.power(made[i] * z, z) * self._sub_step
+        return tool, made
+
+    def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
+        """The waves that go back: q = u − z v."""
+        for i in range(3):
+            z = self._impedance[i]
+            back = force_on_tool[i] - z * (after[i] - before[i]) / self._sub_step
+            self._sent[i] += back * self._sub_step
+            self._sent_energy += exchange_wave.power(back, z) * self._sub_step
+
+    def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
+        """The sums of the waves sent and of their energy."""
+        return tuple(self._sent), self._sent_energy
+
+
+def port_of(method: str, budget: float = BUDGET, limits: Limits = LIMITS) -> Port:
+    """The port of an exchange method; ValueError if there is none of this name."""
+    if method not in EXCHANGE_METHODS:
+        raise ValueError(f"exchange.method is {method}; there are {', '.join(EXCHANGE_METHODS)}")
+    made = {"direct": DirectPort, "wave": lambda: WaveVariablePort(limits)}
+    return made.get(method, lambda: PspmPort(budget, limits))()
+
+
+def _worst(stiffness, damping, sub_step, inner):
+    """W of a sub-step of so many steps."""
+    eased = 1.0 / inner - (0.25 if inner > 4 else 0.0)
+    if eased * sub_step * stiffness + damping <= 0.0:
+        eased = 1.0 / inner
+    return tool_side_tank.worst(eased * stiffness, damping, sub_step)
+
+
+def _between(start, end, share):
+    """Numbers at `share` of the way; exactly `end` at 1."""
+    rest = 1.0 - share
+    return tuple(rest * a + share * b for a, b in zip(start, end, strict=True))

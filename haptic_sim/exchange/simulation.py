@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One exchange: a handle sample comes in, the world advances by whole sub-steps, a tool sample goes out.
+
+Simulated time follows the handle's stamps: an exchange advances by the difference to the sample before, in whole
+sub-steps, and carries the remainder in integer nanoseconds. Within it the handle moves on a straight line that ends at
+the newest sample. Of more sub-steps than it may make the rest is left out: the world waits for so long, and says so.
+"""
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, NamedTuple
+
+from haptic_sim.exchange.local_contacts import LocalContacts
+from haptic_sim.exchange.port import DirectPort, Port, port_of
+from haptic_sim.exchange.port_limits import Limits
+from haptic_sim.method_registry import METHODS, make
+from haptic_sim.protocol import Coupling, Planar, along
+from haptic_sim.reduction import ReducedScene
+from haptic_sim.reduction.method_choice import short_step
+
+SECOND = 1_000_000_000
+Added = Callable[[Any], object]
+"""Puts bodies into the `space` of a `haptic_sim.pymunk_world.world.PymunkWorld`."""
+
+
+class HandleSample(NamedTuple):
+    """What the device side says: time [ns], position [m, m, rad], velocity, and the gains it couples with.
+
+    effort and energy: what the exchange method ships (docs/exchange.md).
+    """
+
+    time_ns: int
+    position: Planar
+    velocity: Planar
+    stiffness: float
+    damping: float
+    rotational_stiffness: float
+    rotational_damping: float
+    effort: Planar = (0.0, 0.0, 0.0)
+    energy: float = 0.0
+
+    @property
+    def gains(self) -> Coupling:
+        """The gains alone."""
+        return Coupling(self.stiffness, self.damping, self.rotational_stiffness, self.rotational_damping)
+
+
+class ToolSample(NamedTuple):
+    """The answer to one handle sample.
+
+    Tool position [m, m, rad], velocity, the force on the tool over the last sub-step [N, N, N m] (or what the exchange
+    method carries in its place), whether the tool was in contact during the exchange, and the energy [J] supplied at
+    the tool port so far (or what the exchange method ships).
+    """
+
+    position: Planar
+    velocity: Planar
+    force_on_tool: Planar
+    contact: bool
+    energy: float
+
+
+class Counters(NamedTuple):
+    """What happened since the last reset; the contact force [N] is the largest of one pair of shapes.
+
+    `left_out` counts contacts beyond what the method can solve for at once: above 0 the motion is not to be trusted.
+    `waited_ns` is the time between handle samples that the world did not make up.
+    """
+
+    exchanges: int = 0
+    sub_steps: int = 0
+    rejoined: int = 0
+    max_contact_force: float = 0.0
+    max_penetration: float = 0.0
+    left_out: int = 0
+    waited_ns: int = 0
+
+
+class Energy(NamedTuple):
+    """Balance as things stand [J]; all but `kinetic` and `potential` since the start."""
+
+    kinetic: float
+    potential: float
+    supplied: float
+    """By the coupling, at the tool's port."""
+    contacts: float
+    """Taken by impacts, friction, stops and dry friction of joints; motors and belts give. Of `impulse`: all that is
+    lost, but for numerical."""
+    correction: float
+    """Put in by putting joints and overlaps right, by `impulse` at the tool; negative where the motion was slowed down
+    to make up for it."""
+    dissipated: float
+    """All that is neither supplied and still there nor was there at the start."""
+
+    @property
+    def numerical(self) -> float:
+        """Lost to the sub-step's own damping and to dampers of springs; of `impulse`, by a tool that nothing pushes."""
+        return self.dissipated - self.contacts + self.correction
+
+
+class Ledger:
+    """Energy of the simulated world [J], booked exchange by exchange; energy() says what is stored, kinetic, potential.
+
+    Work supplied at the tool port is Σ force_on_tool · Δx, with the force really applied over a sub-step and the
+    displacement over that same sub-step; positive goes into the world. What is neither kinetic nor potential has been
+    dissipated: by contacts and stops, friction of joints with them, less what motors and belts give; by the sub-step's
+    own damping (½ Δvᵀ M Δv by backward difference) and dampers of springs; less what putting constraints right has put
+    in. A negative `dissipated` is energy the method has created, or a motor or a belt has given.
+
+        supplied = Δkinetic + Δpotential + dissipated,      dissipated = contacts + numerical − correction
+    """
+
+    def __init__(self, energy: Callable[[], tuple[float, float]]):
+        self._energy, self._stored_at_start = energy, sum(energy())
+        self.supplied = self._contacts = self._correction = 0.0
+        self._lost = None
+
+    def book(self, supplied: float, contacts: float, correction: float, numerical: float | None = None) -> None:
+        """What some sub-steps say of themselves [J]; with `numerical` said, contacts have taken what else is gone."""
+        self.supplied += supplied
+        self._contacts += contacts
+        self._correction += correction
+        if numerical is not None:
+            self._lost = (self._lost or 0.0) + numerical
+
+    @property
+    def balance(self) -> Energy:
+        """Balance with what is stored now; of the thread that steps the world."""
+        kinetic, potential = self._energy()
+        dissipated = self.supplied - (kinetic + potential - self._stored_at_start)
+        contacts = self._contacts if self._lost is None else dissipated + self._correction - self._lost
+        return Energy(kinetic, potential, self.supplied, contacts, self._correction, dissipated)
+
+
+def kernels_of(reduced: ReducedScene, exchange_method: str) -> tuple[str, ...]:
+    """Entries of kernels (haptic_sim/kernels.py) that a simulation of this scene needs at its port."""
+    local = ("local contacts",) if exchange_method == "local" else ()
+    return "closed form", *METHODS[reduced.method].kernels, *local  # with the closed form come the ports
+
+
+class Simulation:
+    """A scene with a tool port. Same samples in, same bits out.
+
+    `sub_step` [s] is as reduced from the scene unless given. A handle sample that comes more than
+    `max_catch_up` [s] after the one before, or before it, starts a new time base: the world waits where it is, and
+    nothing is made up for the time in between. `added` puts bodies of one's own into the method's `space`: it is called
+    with the method at the start and after each reset. ValueError if the method has no space.
+    """
+
+    def __init__(
+        self,
+        reduced: ReducedScene,
+        sub_step: float | None = None,
+        max_catch_up: float = 0.02,
+        port: Port | None = None,
+        added: Added | None = None,
+    ):
+        sub_step = reduced.sub_step if sub_step is None else sub_step
+        self.scene, self.port, self._reduced = reduced.scene, port or DirectPort(), reduced
+        self.method_name, self.why = reduced.method, reduced.reasons[0]
+        self.sub_step_ns = round(sub_step * SECOND)
+        self.max_catch_up_ns = round(max_catch_up * SECOND)
+        if not 0 < self.sub_step_ns <= self.max_catch_up_ns:
+            raise ValueError(f"sub_step is {sub_step} s; it must be above 0 and at most max_catch_up, {max_catch_up} s")
+        if added is not None:  # what is added, nobody knows
+            reduced = reduced._replace(inside=short_step(reduced.model))
+        self.method = make(reduced.method, reduced, self.sub_step_ns / SECOND)
+        if added is not None and not hasattr(self.method, "space"):
+            raise ValueError(
+                f"scene {self.scene.name!r} gets the method {reduced.method}, which takes no bodies of your own: "
+                "write method: impulse in the scene, or start the node with method:=impulse"
+            )
+        self._coupled, self._added = None, added
+        self.reset()
+
+    @classmethod
+    def by_parameters(cls, reduced: ReducedScene, values: dict, added: Added | None = None) -> "Simulation":
+        """As the parameters of haptic_simulation say, at a port of its own."""
+        limits = Limits(*(values[f"port_{name}"] for name in Limits._fields))
+        port = port_of(values["exchange.method"], values["port_budget"], limits)
+        return cls(reduced, values["sub_step"] or None, values["max_catch_up"], port, added)
+
+    def reset(self) -> None:
+        """The scene's start again: bodies, energy and counters; the next handle sample starts a new time base."""
+        self.method.reset()
+        if self._added is not None:
+            self._added(self.method)
+        self.ledger = Ledger(self.method.energy)
+        self.counters = Counters()
+        self.rejoin()
+        self.port.restart()
+
+    def attach(self, port: Port) -> None:
+        """Begin at this port, which another world has left: the sums of that go on, its energy does not."""
+        self.port, self._coupled = port, None
+        port.restart()
+
+    def rejoin(self) -> None:
+        """The next handle sample starts a new time base (a new session of the device); the tool stays where it is."""
+        self._last = None
+        self._remainder_ns = 0
+        self.port.rejoin()
+
+    def exchange(self, handle: HandleSample, most: int | None = None) -> ToolSample:
+        """Advance to the handle's time, by at most so many sub-steps, and answer. What is beyond them is left out.
+
+        ValueError if a gain is negative or not finite.
+        """
+        gains = self.port.receive(handle, self.sub_step_ns / SECOND, self.method.inner)
+        if gains != self._coupled:
+            self.method.couple(gains)
+            self._coupled = gains
+        count = self._sub_steps_until(handle.time_ns, most)
+        touched = self._advance(handle, count)
+        self._last = handle
+        exchanges, sub_steps, *others = self.counters
+        self.counters = Counters(exchanges + 1, sub_steps + count, *others)
+        return self._sample(touched)
+
+    @cached_property
+    def local_contacts(self) -> LocalContacts:
+        """What the tool can touch, for the exchange method `local`."""
+        return LocalContacts(self._reduced, self.method)
+
+    def measure(self) -> dict[str, float]:
+        """What the scene reports: name → fraction."""
+        return {name: measure.fraction(self.method.pose(measure.body)) for name, measure in self.scene.measure.items()}
+
+    def _sub_steps_until(self, time_ns, most):
+        if self._last is None:
+            return 0
+        passed = time_ns - self._last.time_ns
+        if not 0 <= passed <= self.max_catch_up_ns:
+            self._leave_out(max(0, passed + self._remainder_ns), rejoined=self.counters.rejoined + 1)
+            return 0
+        count, self._remainder_ns = divmod(passed + self._remainder_ns, self.sub_step_ns)
+        if most is None or count <= most:
+            return count
+        self._leave_out((count - most) * self.sub_step_ns + self._remainder_ns)
+        return most
+
+    def _leave_out(self, time_ns, **counted):
+        self._remainder_ns = 0
+        self.counters = self.counters._replace(waited_ns=self.counters.waited_ns + time_ns, **counted)
+
+    def _advance(self, handle, count):
+        if count == 0:
+            return self.method.touching
+        target = along((self._last.position, self._last.velocity), (handle.position, handle.velocity))
+        travelled = self.port.step(self.method, target, count)
+        self.ledger.book(travelled.supplied, travelled.contacts, travelled.correction, travelled.numerical)
+        counters = self.counters
+        if (
+            travelled.force > counters.max_contact_force
+            or travelled.depth > counters.max_penetration
+            or travelled.left_out
+        ):
+            self.counters = counters._replace(
+                max_contact_force=max(travelled.force, counters.max_contact_force),
+                max_penetration=max(travelled.depth, counters.max_penetration),
+                left_out=counters.left_out + travelled.left_out,
+            )
+        return travelled.touched
+
+    def _sample(self, touched):
+        method = self.method
+        effort, energy = self.port.send(method.force_on_tool, self.ledger.supplied)
+        return ToolSample(method.position, method.velocity, effort, touched, energy)

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The method `impulse`: a scene as a pymunk Space."""

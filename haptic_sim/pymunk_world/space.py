@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene as a pymunk Space: bodies, shapes, layers, joints, and what its contacts say after a step."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pymunk
+from pymunk import batch
+
+from haptic_sim.protocol import Contact
+from haptic_sim.pymunk_world.joints import Tended, add_joints
+from haptic_sim.reduction import ReducedScene
+from haptic_sim.reduction.method_choice import LAYERS, too_many_layers
+from haptic_sim.scene.geometry import turned
+from haptic_sim.scene.shapes import TOOL
+
+SWEEPS = 30
+"""Of Chipmunk's solver, for any number of bodies."""
+SLOP, SLOP_SHARE = 3e-6, 0.01
+"""Overlap that is left alone [m], at most this share of the finest feature: keeps a resting contact alive."""
+BIAS = 1e-300
+"""Chipmunk asks for the share of an overlap left after a second; less underflows to 0, which takes all back at once."""
+ASLEEP, SLOW, HEAVY = 0.2, 1e-7, 0.05
+"""s below m/s after which bodies at rest are left out until something touches them; gravity above which, m/s²."""
+OWN_KINDS = 1 << 20
+"""Collision types from here on are ours."""
+
+_PAIR = batch.ArbiterFields
+_WORST = _PAIR.BODY_A_ID | _PAIR.BODY_B_ID | _PAIR.CONTACT_COUNT | _PAIR.TOTAL_IMPULSE
+_WORST |= _PAIR.DISTANCE_1 | _PAIR.DISTANCE_2
+_FIELDS = _WORST | _PAIR.NORMAL | _PAIR.POINT_A_1 | _PAIR.POINT_B_1 | _PAIR.POINT_A_2 | _PAIR.POINT_B_2
+
+
+class Filled(NamedTuple):
+    """A space with a scene in it."""
+
+    space: pymunk.Space
+    bodies: list[pymunk.Body]
+    """Those that can move, in the order of the model."""
+    shapes: list[pymunk.Shape]
+    """In the order of the model."""
+    names: dict[int, tuple[bool, int, str]]
+    """Body id → its rank in the scene, and its name; of the scene's own bodies alone."""
+    joints: Tended
+    restitution: dict[pymunk.Shape, float]
+    """Root of each shape's coefficient: two that meet have the product, in the step in which they do; later 0."""
+
+
+def slop_of(scene) -> float:
+    """Overlap that is left alone [m]."""
+    return min(SLOP, SLOP_SHARE * scene.feature)
+
+
+def fill(reduced: ReducedScene, h: float) -> Filled:
+    """A new space with the scene at its start, to be stepped by h [s]. ValueError if it has too many layers."""
+    scene, model = reduced.scene, reduced.model
+    bits = _layer_bits(scene)
+    space = pymunk.Space()
+    space.gravity, space.iterations = scene.gravity, SWEEPS
+    space.collision_slop, space.collision_bias = slop_of(scene), BIAS
+    # A contact that returns within the persistence would keep an impulse it no longer applies, and could pull.
+    space.collision_persistence = 1
+    # What a joint, a belt or a weak gravity is about to move would fall asleep before it is SLOW.
+    if math.hypot(*scene.gravity) > HEAVY and not len(model.joint_kind) and not np.any(model.pair_surface):
+        space.sleep_time_threshold, space.idle_speed_threshold = ASLEEP, SLOW
+    bodies = [_movable(space, model, b, h) for b in range(len(model.mass) - 1)]
+    shapes, names = _add_solids(space, reduced, bodies, bits)
+    solids = (scene.solids[name] for name in reduced.shape_names)
+    restitution = {shape: math.sqrt(scene.material(of).restitution) for shape, of in zip(shapes, solids, strict=True)}
+    return Filled(space, bodies, shapes, names, add_joints(space, reduced, bodies), restitution)
+
+
+def _layer_bits(scene):
+    """Layer → bit of a filter; layers of one body alone, which what one adds can meet, as far as there are bits."""
+    if refusal := too_many_layers(scene):
+        raise ValueError(refusal)
+    used = sorted({layer for solid in scene.solids.values() for layer in solid.layers} - set(scene.shared_layers))
+    return {layer: 1 << bit for bit, layer in enumerate([*scene.shared_layers, *used][:LAYERS])}
+
+
+def _movable(space, model, b, h):
+    """Body b of the model, where Chipmunk's first move over h takes it to its start."""
+    body = pymunk.Body(float(model.mass[b]), float(model.inertia[b]))
+    (x, y, angle), (vx, vy, turn) = model.pose[b].tolist(), model.velocity[b].tolist()
+    body.position, body.angle = (x - h * vx, y - h * vy), angle - h * turn
+    body.velocity, body.angular_velocity = (vx, vy), turn
+    space.add(body)
+    return body
+
+
+def _add_solids(space, reduced, bodies, bits):
+    """All shapes of the scene in the order of the model, and the names of their bodies."""
+    scene = reduced.scene
+    rank, names = {body.name: k for k, body in enumerate(scene.bodies)}, {}
+    made, kinds = {}, {TOOL: OWN_KINDS}
+    for pair in scene.kept_apart:
+        pair_kinds = [kinds.setdefault(name, OWN_KINDS + len(kinds)) for name in sorted(pair)]
+        space.on_collision(*pair_kinds, begin=_let_pass)
+    for solid in (scene.tool, *scene.bodies):
+        place = reduced.places[solid.name]
+        if place.body < len(bodies):
+            body = bodies[place.body]
+        else:
+            body = pymunk.Body(body_type=pymunk.Body.STATIC)
+            space.add(body)
+        names.setdefault(body.id, (solid.name != TOOL, rank.get(solid.name, 0), solid.name))
+        layers = sum(bits.get(layer, 0) for layer in solid.layers)
+        shapes = _add_shapes(space, scene, solid, body, place.pose, layers, kinds.get(solid.name, 0))
+        made[solid.name] = iter(shapes)
+    return [next(made[name]) for name in reduced.shape_names], names
+
+
+def _add_shapes(space, scene, solid, body, pose, layers, kind):
+    material, made = scene.material(solid), []
+    turn = pymunk.Transform.translation(pose[0], pose[1]) @ pymunk.Transform.rotation(pose[2])
+    for vertices, radius in solid.outlines:
+        placed = [turn @ vertex for vertex in vertices]
+        shape = pymunk.Circle(body, radius, placed[0]) if radius > 0.0 else pymunk.Poly(body, placed)
+        # Chipmunk multiplies the two coefficients of a pair: roots make it their geometric mean. Elasticity stays 0.
+        shape.friction = math.sqrt(material.friction)
+        shape.filter = pymunk.ShapeFilter(categories=layers, mask=layers)
+        if solid.name != TOOL:
+            shape.surface_velocity = turned(solid.surface_velocity, (0.0, 0.0, solid.pose[2]))
+        shape.collision_type = kind
+        space.add(shape)
+        made.append(shape)
+    return made
+
+
+def _let_pass(arbiter, _space, _data):
+    """Two that a joint holds together do not touch."""
+    arbiter.process_collision = False
+
+
+class Touching:
+    """Contacts of a filled space's last step that press, of the scene's own bodies; h [s] is the step."""
+
+    def __init__(self, filled: Filled, h: float):
+        self._space, self._names, self._h, self._buffer = filled.space, filled.names, h, batch.Buffer()
+
+    def contacts(self) -> list[Contact]:
+        """Sorted by bodies and place; bodies asleep have none."""
+        return sorted(self._contact(*one) for one in zip(*(rows.tolist() for rows in self._rows()), strict=True))
+
+    def worst(self) -> tuple[float, float]:
+        """Largest force [N], and the depth [m] of the deepest."""
+        self._buffer.clear()
+        batch.get_space_arbiters(self._space, _WORST, self._buffer)
+        if not len(self._buffer.int_buf()):
+            return 0.0, 0.0
+        whole, push, real = self._numbers()
+        first, second = real[:, 2], real[:, 3]
+        distances = np.where(whole[:, 2] > 1, np.minimum(first, second), first)
+        return math.sqrt(push.max()) / self._h, -float(distances.min(where=push > 0.0, initial=0.0))
+
+    def _rows(self):
+        """Numbers of the contacts: (n, 3) whole, (n, 14) real."""
+        self._buffer.clear()
+        batch.get_space_arbiters(self._space, _FIELDS, self._buffer)
+        whole, push, real = self._numbers()
+        return whole[push > 0.0], real[push > 0.0]
+
+    def _numbers(self):
+        """Of all pairs: whole numbers (n, 3), the square of the impulse [N² s²] or 0 if not ours (n), real numbers."""
+        whole = np.frombuffer(self._buffer.int_buf(), dtype=np.uintp).reshape(-1, 3)
+        real = np.frombuffer(self._buffer.float_buf()).reshape(max(1, len(whole)), -1)[: len(whole)]
+        push = np.square(real[:, :2]).sum(axis=1) * (whole[:, 2] > 0)
+        if len(self._space.bodies) > len(self._names):  # somebody has added some
+            push *= np.isin(whole[:, :2], list(self._names)).all(axis=1)
+        return whole, push, real
+
+    def _contact(self, whole, real):
+        body_a, body_b, count = whole
+        points = [real[4:8], real[9:13]][:count]
+        x = sum(ax + bx for ax, _, bx, _ in points) / (2 * count)
+        y = sum(ay + by for _, ay, _, by in points) / (2 * count)
+        depth = -min((real[8], real[13])[:count])
+        a, b = self._names[body_a], self._names[body_b]
+        sign = 1.0 if a < b else -1.0
+        push = sign / self._h
+        normal = sign * real[2], sign * real[3]
+        force_on_a = push * real[0], push * real[1]
+        return Contact(min(a, b)[2], max(a, b)[2], (x, y), normal, force_on_a, depth)

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Device loop and simulation put together without clock or DDS: the live system's tick, plant and exchange, repeatable.
+
+Time is the servo's deadlines. A handle sample is taken every exchange period from the newest tick; its answer counts
+from the first tick that is at least `delay` later. Delay, jitter and loss are injected here, from a seed.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_device import controller_config, gain_check
+from haptic_device.control import contact_model, enable_state, exchange_samples, records, tool_contacts
+from haptic_device.device import loopback_config, simulated_device
+from haptic_device.parameters import EXCHANGE_METHODS
+from haptic_device.realtime import servo_loop
+from haptic_sim.exchange.endpoint import ExchangeEndpoint
+from haptic_sim.exchange.simulation import HandleSample, Simulation
+
+SECOND = 1_000_000_000
+SESSION = 1.0  # of either side
+
+
+class Network(NamedTuple):
+    """delay: of handle sample and answer together [s]; jitter: uniform ± [s]; loss: share of turns lost; seed.
+
+    Either way has half of the delay and of the jitter, and its own losses.
+    """
+
+    delay: float = 0.0
+    jitter: float = 0.0
+    loss: float = 0.0
+    seed: int = 0
+
+
+PERFECT = Network()
+
+
+class Lockstep:
+    """The system of one operating point; `run` goes on where it stopped.
+
+    driver, loopback: values of those nodes' parameters, all of them; device: as the driver has it; write_delay: time
+    [s] from each deadline to the motor's write. Without a simulation the handle is in free space. hand: plays a
+    recorded motion in place of the operator's script (recorded_operator.py).
+    """
+
+    def __init__(
+        self, device, driver, loopback, simulation: Simulation | None, network=PERFECT, write_delay=0.0, hand=None
+    ):
+        self.device, self.simulation, self.network, self._hand = device, simulation, network, hand
+        self.settings = controller_config.settings_from(device, driver)
+        gain_check.counted(self.settings, float(self.settings["hardware"]["delay"][0]) + write_delay)
+        self.gains = controller_config.gains_from(driver)[0]
+        self.memory, self.tool = np.zeros(1, records.STATE), np.zeros(1, servo_loop.TOOL)
+        self.plant, self.plant_memory, self.motion = loopback_config.hand_from(device, loopback)
+        self.ticks, self.period = 0, round(SECOND / driver["servo.rate"])
+        self.exchange_period = SECOND / driver["exchange.rate"]
+        self.write_delay, self.command = round(write_delay * SECOND), enable_state.ENABLE
+        self._random = np.random.default_rng(network.seed)
+        self.near, self._local = (
+            np.zeros(1, contact_model.SET),
+            driver["exchange.method"] == EXCHANGE_METHODS[exchange_samples.LOCAL],
+        )
+        if simulation is not None:
+            self._endpoint = ExchangeEndpoint(simulation, simulation.scene.tool.pose, driver["exchange.method"])
+        self._sent = 0  # handle samples
+        self._going, self._coming = [], []  # on their way: (arrival [ns], sequence, sent [ns], sample)
+
+    def run(self, seconds) -> np.recarray:
+        """Rows of the ticks of this time."""
+        rows = np.zeros(round(seconds * SECOND / self.period), records.TRACE_ROW).view(np.recarray)
+        done = 0
+        while done < len(rows):
+            until = min(len(rows), done + self._ticks_to_event())
+            self._tick(rows[done:until])
+            done = until
+            self._exchange(rows[done - 1])
+        return rows
+
+    def _tick(self, rows):
+        self._arrive()
+        start = (self.ticks + 1) * self.period
+        if self._hand is None:
+            self.script_ticks(rows, start)
+        else:
+            self._hand.run(self, rows, start)
+        self.ticks += len(rows)
+
+    def script_ticks(self, rows, start):
+        """Ticks from this time [ns] on, against the plant with the hand's script on it."""
+        simulated_device.run_lockstep(
+            self.settings,
+            self.memory,
+            rows,
+            self.tool,
+            self.plant,
+            self.plant_memory,
+            self.motion,
+            start,
+            self.ticks,
+            self.write_delay,
+            self.command,
+        )
+
+    def _ticks_to_event(self):
+        """Ticks until a handle sample is due, or until the next tick finds a sample that has arrived; at least one."""
+        if self.simulation is None:
+            return 1 << 40
+        due = -(-(self._sent + 1) * self.exchange_period // self.period)
+        found = (-(-one[0] // self.period) - 1 for one in self._going + self._coming)
+        return max(1, int(min((due, *found))) - self.ticks)
+
+    def _arrive(self):
+        """What has arrived by the next deadline counts, newest first come; older ones are thrown away."""
+        deadline = (self.ticks + 1) * self.period
+        landed, self._going = _split(self._going, deadline)
+        for arrival, sequence, sent, handle in landed:
+            if self._endpoint.hear(SESSION, sequence, arrival) == exchange_samples.ACCEPTED:
+                answer = self._endpoint.exchange(handle, arrival), self._look()
+                self._fly(self._coming, arrival, sequence, sent, answer)
+        landed, self._coming = _split(self._coming, deadline)
+        for _, sequence, sent, (sample, near) in landed:
+            if sequence > self.tool["answered"][0]:
+                self._take(sequence, sent, sample)
+                if near is not None:
+                    self._take_contacts(sequence, sent, *near)
+
+    def _look(self):
+        """The local contacts that go with an answer: what a set says once, and its table."""
+        if not self._local:
+            return None
+        near = self.simulation.local_contacts
+        near.look(self.network.delay + self.exchange_period / SECOND)
+        return near.common, near.table.copy()
+
+    def _take_contacts(self, sequence, sent, common, table):
+        self.near["number"], self.near["sent"], self.near["table"] = sequence, sent, table
+        for name, value in common.items():
+            self.near[name] = value
+        tool_contacts.take(self.memory.view(np.recarray)[0].virtual_tool.contacts, self.near[0])
+
+    def _fly(self, flying, now, sequence, sent, sample):
+        """Puts a sample on its way, unless it is lost."""
+        if self._random.random() < 1.0 - (1.0 - self.network.loss) ** 0.5:
+            return
+        flight = 0.5 * (self.network.delay + self.network.jitter * (2.0 * self._random.random() - 1.0))
+        flying.append((now + max(0, round(flight * SECOND)), sequence, sent, sample))
+
+    def _take(self, sequence, sent, sample):
+        tool = self.tool[0]
+        tool["session"], tool["sequence"], tool["answered"], tool["sent"] = SESSION, sequence, sequence, sent
+        tool["contact"], tool["energy"], tool["handle_sequence"] = sample.contact, sample.energy, self._sent
+        for name, numbers in (
+            ("position", sample.position),
+            ("velocity", sample.velocity),
+            ("effort", sample.force_on_tool),
+        ):
+            tool[name][: len(self.device.axes)] = numbers[: len(self.device.axes)]
+
+    def _exchange(self, row):
+        if self.simulation is None or row.deadline < (self._sent + 1) * self.exchange_period:
+            return
+        self._sent += 1
+        names = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
+        gains = (float(self.gains[name]) for name in names)
+        port = (tuple(row.position.tolist()), tuple(row.velocity.tolist()))
+        shipped = (tuple(row.exchange_effort.tolist()), float(row.exchange_energy))
+        now = int(row.deadline)
+        self._fly(self._going, now, self._sent, now, HandleSample(now, *port, *gains, *shipped))
+
+
+def _split(flying, deadline):
+    """Samples that have arrived, in order of arrival, and those still on their way."""
+    landed = sorted((one for one in flying if one[0] <= deadline), key=lambda one: one[:2])
+    return landed, [one for one in flying if one[0] > deadline]

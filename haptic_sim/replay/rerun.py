@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded hand on other gains: what a bag says of its run, made into a lock-step system, and run into a new bag."""
+
+import sys
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from haptic_device import controller_config, description, gain_check, yaml_reader
+from haptic_device.config_files import ConfigError
+from haptic_device.description import Device, load_device
+from haptic_device.parameter_types import SECTION, Parameter, check_value
+from haptic_device.recording import load
+from haptic_device.recording.bag_contents import Recording
+from haptic_device.recording.columns import Entries
+from haptic_sim.exchange.simulation import Simulation
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.replay.lockstep import Lockstep, Network
+from haptic_sim.replay.lockstep_bag import LockstepBag
+from haptic_sim.replay.recorded_operator import PlayedDevice, PlayedTarget
+from haptic_sim.scene.language import Scene, parse
+from haptic_sim.scene.language import load as load_scene
+
+AXES = ("x", "y", "theta")
+STEP = 0.002  # [s] between truths written, to a whole tick
+SECOND = 1_000_000_000
+PLAYED = np.dtype([("tick", "f8"), ("deadline", "f8"), ("position", "f8", (3,)), ("engage", "f8"), ("tool_age", "f8")])
+ONLY = {
+    "trace": PLAYED,
+    "operator/state": Entries((*(f"motor_{name}" for name in AXES), "time"), ("position",)),
+}
+
+
+class Hand(NamedTuple):
+    """A recorded motion: played into a system, and its length [s]."""
+
+    played: PlayedTarget | PlayedDevice
+    seconds: float
+
+
+class Point(NamedTuple):
+    """An operating point with its device and scene: all parameter values of the three nodes."""
+
+    device: Device
+    scene: Scene | None
+    driver: dict
+    loopback: dict
+    simulation: dict
+
+
+def recorded(bag: Path, namespace: str | None = None) -> Recording:
+    """The bag, with what a replay needs of it."""
+    return load(bag, namespace, ONLY)
+
+
+def hand_of(recording: Recording, as_device: bool) -> Hand:
+    """The motion from the first engaged tick on. Raises ValueError if the bag has none."""
+    trace = recording.trace
+    engaged = np.flatnonzero(trace["engage"] > 0)
+    if len(engaged) < 2:
+        raise ValueError(f"bag {recording.bag} has no tick with the motor engaged: there is no motion to replay")
+    begin, end = trace["deadline"][engaged[0]], trace["deadline"][engaged[-1]]
+    seconds = (end - begin) / SECOND
+    if as_device:
+        rows = trace[engaged[0] : engaged[-1] + 1]
+        return Hand(PlayedDevice(rows["deadline"] - begin, rows["position"]), seconds)
+    return Hand(_target(recording, begin, end), seconds)
+
+
+def _target(recording, begin, end) -> PlayedTarget:
+    """The hand's target between these times [ns], from the loopback's truth, from time 0 on."""
+    state = recording.joints.get("operator/state")
+    if state is None or "motor_x" not in state.names:
+        raise ValueError(f"bag {recording.bag} does not say the hand's target; replay it --as device")
+    times = state.entry("time") * SECOND - begin
+    during = (times >= -SECOND / 10) & (times <= end - begin)
+    if during.sum() < 2:
+        raise ValueError(f"bag {recording.bag} has no operator/state while engaged; replay it --as device")
+    points = np.zeros((int(during.sum()), 3))
+    for index, name in enumerate(AXES):
+        if f"motor_{name}" in state.names:
+            points[:, index] = state.entry(f"motor_{name}")[during]
+    return PlayedTarget(np.round(times[during]).astype(np.int64), points)
+
+
+def recorded_point(recording: Recording, declared: dict[str, tuple[Parameter, ...]], given: dict[str, dict]) -> Point:
+    """The operating point that the bag was recorded with, with given values in place of its own.
+
+    declared: parameters of each node; given: {node: {name: value}}. Raises ValueError, one sentence.
+    """
+    values = {node: _values(recording, node, parameters) for node, parameters in declared.items()}
+    for node, changes in given.items():
+        values[node] |= changes
+    driver, simulation = values["haptic_driver"], values["haptic_simulation"]
+    given_device = "device" in given.get("haptic_driver", {})
+    device = load_device(driver["device"]) if given_device else _device(recording, driver["device"])
+    given_scene = "scene" in given.get("haptic_simulation", {})
+    scene = load_scene(simulation["scene"]) if given_scene else _scene(recording, simulation["scene"])
+    return Point(device, scene, driver, values["haptic_loopback"], simulation)
+
+
+def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
+    """Runs the hand at the operating point into a new bag; returns the processor's time for a second of it [s].
+
+    The first step does not count for that: in it functions are compiled. Raises ValueError, one sentence, for an
+    operating point that the driver would refuse, OSError where the disk takes no more: the bag then ends with what it
+    has, and standard error says where it is.
+    """
+    _judge(point)
+    simulation = _simulation(point) if point.scene else None
+    system = Lockstep(point.device, point.driver, point.loopback, simulation, network, hand=hand.played)
+    hand.played.begin(system)
+    written, costs = LockstepBag(bag, system, point), []
+    step, ticks = (round(seconds * SECOND / system.period) for seconds in (STEP, hand.seconds))
+    try:
+        for done in range(0, ticks, step):
+            began = time.process_time()
+            rows = system.run(min(step, ticks - done) * system.period / SECOND)
+            costs.append(time.process_time() - began)
+            written.add(rows)
+        share = sum(costs[1:]) / max(STEP, (ticks - step) * system.period / SECOND)
+        written.close({"cpu_share": f"{share:.4f}"})
+    except BaseException:  # a full disk, or Ctrl-C: what there is stays
+        written.break_off()
+        print(f"broken off: what was played is in {bag}", file=sys.stderr)
+        raise
+    return share
+
+
+def _judge(point) -> None:
+    """As the driver judges an operating point before it runs."""
+    settings = controller_config.settings_from(point.device, point.driver)
+    refused = gain_check.refusal(settings[0], float(settings["hardware"]["delay"][0]))
+    if refused and point.driver["passivity.policy"] == "enforce":
+        raise ValueError(refused)
+
+
+def _simulation(point):
+    return Simulation.by_parameters(reduce_scene(point.scene, point.simulation["method"]), point.simulation)
+
+
+def _values(recording, node, parameters) -> dict:
+    """A node's values as the bag has them; the defaults for what it does not say."""
+    content = _attached(recording, f"parameters/{node}.yaml", ros=True) or {}
+    found = next((section.get(SECTION, {}) for section in content.values()), {})
+    known = {parameter.name: parameter for parameter in parameters}
+    taken = {name: check_value(known[name], value) for name, value in found.items() if name in known}
+    return {name: parameter.default for name, parameter in known.items()} | taken
+
+
+def _device(recording, name) -> Device:
+    content = _attached(recording, file := f"device/{Path(name).stem}.yaml")
+    return load_device(name) if content is None else description.parse(content, f"{file} of {recording.bag}")
+
+
+def _scene(recording, name) -> Scene | None:
+    content = _attached(recording, file := f"scene/{Path(name).stem}.yaml")
+    if content is not None:
+        return parse(content, f"{file} of {recording.bag}")
+    there = "tool_age" in recording.trace.dtype.names and (recording.trace["tool_age"] >= 0).any()
+    return load_scene(name) if there else None
+
+
+def _attached(recording, file, ros=False) -> dict | None:
+    """The mapping in a file that the bag has; None if it has no such file."""
+    content = recording.attachments.get(file)
+    try:
+        return yaml_reader.loads(content, ros) if content is not None else None
+    except ValueError as error:
+        raise ConfigError(f"{file} of {recording.bag}: {error}") from None

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The nodes of a run whose viewer is this process, which may start them again with another network or exchange."""
+
+import asyncio
+import time
+
+from haptic_sim.supervision.domain import isolated_domain
+from haptic_sim.supervision.prepare import prepare
+from haptic_sim.supervision.processes import NAMESPACE, NodeDiedError, Nodes, ros_arguments, undisturbed
+from haptic_sim.supervision.system import Order, Relay, programs_of
+
+RECORDER = "haptic_recorder"
+HAND = {"haptic_loopback": {"motion.name": "follow"}, RECORDER: {"bag": "", "autostart": False}}
+NETWORK = {"delay": 2000.0, "jitter": 2000.0}  # most that may be asked for [ms]
+
+
+class NodeManager:
+    """The nodes of an order."""
+
+    def __init__(self, order: Order, nodes: Nodes):
+        self._order, self._nodes = order, nodes
+        self._changing = asyncio.Lock()
+
+    def start(self) -> None:
+        """Starts all nodes."""
+        for program in programs_of(self._order):
+            self._nodes.start(program)
+
+    def offer(self) -> dict:
+        """What `change` takes, and how it is now."""
+        from haptic_device.parameters import EXCHANGE_METHODS, Exchange
+
+        now = self._order.relay or Relay()
+        times = {
+            name: {"value": 1e3 * getattr(now, name), "unit": "ms", "low": 0, "high": high}
+            for name, high in NETWORK.items()
+        }
+        loss = {"value": now.loss, "unit": "share", "low": 0, "high": 1}
+        method = {"value": self._order.exchange or Exchange.model_fields["method"].default, "choices": EXCHANGE_METHODS}
+        return {"exchange.method": method, **times, "loss": loss}
+
+    async def change(self, name: str, value) -> str:
+        """Starts the nodes again with this changed; the recorder goes on. ValueError if it cannot be so."""
+        async with self._changing:
+            order = self._changed(name, value)
+            programs = [program for program in programs_of(order) if program.name != RECORDER]
+            await asyncio.to_thread(self._nodes.end_all_but, RECORDER)
+            for program in programs:  # not in that thread: a child goes with the thread that started it
+                self._nodes.start(program)
+            self._order = order
+            return f"{name} is {value}; the nodes have been started again"
+
+    def problem(self) -> str:
+        """Why a node has ended by itself, or nothing."""
+        if self._changing.locked():
+            return ""
+        try:
+            self._nodes.check()
+        except NodeDiedError as error:
+            return str(error)
+        return ""
+
+    def _changed(self, name, value):
+        offered = self.offer()
+        if name not in offered:
+            raise ValueError(f"{name} is none of {', '.join(offered)}")
+        one = offered[name]
+        if "choices" in one:
+            if value not in one["choices"]:
+                raise ValueError(f"{name} is {value!r}; it must be one of {', '.join(one['choices'])}")
+            return self._order._replace(exchange=value)
+        if not isinstance(value, int | float) or not one["low"] <= value <= one["high"]:
+            raise ValueError(f"{name} is {value!r}; {one['low']} to {one['high']} {one['unit']} is needed")
+        now = {known: offered[known]["value"] for known in (*NETWORK, "loss")} | {name: float(value)}
+        relay = Relay(now["delay"] * 1e-3, now["jitter"] * 1e-3, now["loss"])
+        return self._order._replace(relay=relay if any(relay) else None)
+
+
+def play(order: Order, page: dict) -> bool:
+    """Runs the nodes of the order with a page, until Ctrl-C or the order's seconds are over. page: host and port."""
+    order = order._replace(given=HAND)
+    prepare(programs_of(order))
+    with isolated_domain(order.out / "log"), Nodes(order.out / "log") as nodes:
+        manager = NodeManager(order, nodes)
+        manager.start()
+        with undisturbed():  # some imports would lose a KeyboardInterrupt
+            from haptic_device.nodes.lifecycle import hear_the_end
+            from haptic_sim.viewer.viewer import serve  # ROS is imported while the nodes start
+
+        told, end = hear_the_end(), None if order.seconds is None else time.monotonic() + order.seconds
+        serve(ros_arguments(NAMESPACE, page), lambda: told or (end is not None and time.monotonic() > end), manager)
+    return True

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole display as programs to start: device, driver, simulation and recorder for a scene."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from haptic_device.config_files import find
+from haptic_device.description import load_device
+from haptic_device.parameter_files import PLACES, read_operating_point
+from haptic_device.parameter_types import check_value, unknown
+from haptic_sim.node_parameters import NODES
+from haptic_sim.supervision.processes import Program
+
+TOGETHER = 45.0  # [s] that the display waits for its simulation, which may be compiling its kernels
+FAR = {name: f"far_{name}" for name in ("handle", "tool", "local_contacts")}  # topics of a simulation behind a relay
+_MODULES = {
+    "haptic_recorder": "haptic_device.nodes.recorder",
+    "haptic_loopback": "haptic_device.nodes.loopback",
+    "haptic_simulation": "haptic_sim.node.simulation",
+    "haptic_driver": "haptic_device.nodes.driver",
+    "haptic_relay": "haptic_sim.node.network_emulator",
+}
+
+
+class Relay(NamedTuple):
+    """A bad network between driver and simulation: delay and jitter of the round trip [s], share lost either way."""
+
+    delay: float = 0.0
+    jitter: float = 0.0
+    loss: float = 0.0
+
+
+class Order(NamedTuple):
+    """What is to be run; `given` goes before what scene and operating point say: {node: {parameter: value}}."""
+
+    scene: str
+    seconds: float | None
+    out: Path
+    exchange: str | None
+    rate: float | None
+    params: Path
+    relay: Relay | None = None
+    given: dict[str, dict] = {}
+
+
+def programs_of(order: Order) -> list[Program]:
+    """The four nodes in the order of their start; they are stopped in the reverse order, the recorder last."""
+    from haptic_sim.scene.language import load  # geometry, which a command that only parses does without
+
+    said = read_operating_point(order.params, NODES)
+    scene = find("scenes", order.scene).absolute()
+    suggested = {f"motion.{key}": value for key, value in load(scene).motion.items()}
+    motion = {} if _moved_by_file(said, scene) else suggested
+    driver = {"servo.rate": order.rate, "exchange.method": order.exchange}
+    driver |= {"auto_enable": True, "auto_enable_wait": TOGETHER}
+    given = {
+        "haptic_recorder": {"bag": str(order.out / "bag")},
+        "haptic_loopback": motion,
+        "haptic_simulation": {"scene": str(scene), "exchange.method": order.exchange},
+        **({"haptic_relay": order.relay._asdict()} if order.relay else {}),
+        "haptic_driver": driver,
+    }
+    # ROS would take a path in the file as relative to where we are
+    files = {name: {key: said[name][key] for key in PLACES if key in said[name]} for name in given}
+    given = {name: files[name] | _stated(values) | order.given.get(name, {}) for name, values in given.items()}
+    _refuse_bad_devices(given, order.params)
+    programs = [_program(name, values, NODES[name], order.params) for name, values in given.items()]
+    far = FAR if order.relay else {}
+    return [program._replace(renamed=far if program.name == "haptic_simulation" else {}) for program in programs]
+
+
+def _moved_by_file(said: dict[str, dict], scene: Path) -> bool:
+    """Whether an operating point names this scene and a motion in it, which then goes before the scene's suggestion."""
+    named = said["haptic_simulation"].get("scene")
+    moves = any(name.startswith("motion.") for name in said["haptic_loopback"])
+    return moves and named is not None and find("scenes", named).absolute() == scene
+
+
+def _refuse_bad_devices(given: dict[str, dict], params: Path) -> None:
+    """Before any node starts. Raises ValueError, one sentence: of which node, by which operating point, which file."""
+    for node in ("haptic_driver", "haptic_loopback"):
+        [default] = [parameter.default for parameter in NODES[node] if parameter.name == "device"]
+        try:
+            load_device(given[node].get("device", default))
+        except (ValueError, OSError) as error:
+            raise ValueError(f"{params}: {node}: device {error}") from None
+
+
+def _stated(values: dict) -> dict:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _program(name: str, values: dict, declared: tuple, operating_point: Path) -> Program:
+    """Checks the values against the node's declarations before any node starts. Raises ValueError, one sentence."""
+    known = {parameter.name: parameter for parameter in declared}
+    for key, value in values.items():
+        if key not in known:
+            raise ValueError(unknown(key, f"a parameter of {name}", known))
+        check_value(known[key], value)
+    return Program(name, _MODULES[name], values, (operating_point,))
