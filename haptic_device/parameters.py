@@ -278,7 +278,7 @@ DRIVER_FIGURES = (
     Watched("age", "s", "age of the tool sample in use, 99 %", 0.01, 0.06),
     Watched("loss", "", "share of the handle samples that were not answered", 0.1, 0.5),
     Watched("energy", "J", "energy given to the operator, as the servo books it", 0.01, 0.1),
-    Watched("warmth", "", "greatest thermal load of a motor; at its limit for ever: 1", 0.6, 0.9),
+    Watched("thermal_load", "", "greatest thermal load of a motor; at its limit for ever: 1", 0.6, 0.9),
     Watched("stall", "s", "longest time python, which hears services, stood still", 0.2, 1.0),
     Watched("skipped", "", "share of the samples of encoder, motor, wrench and pose that were left out", 0.1, 0.9),
     Watched("dropped", "", "share of the trace's rows that were left out", 0.0, 0.5),

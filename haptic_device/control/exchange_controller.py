@@ -71,8 +71,8 @@ def _fade(settings, fade, enable, tool, output):
     age = -1.0 if joining and not tool_is_near(settings, tool, output.position) else tool.age
     full, chosen = fade.factor >= 1.0, settings.exchange
     fade.factor = exchange_samples.fade_factor(fade.factor, age, settings.period, chosen.hold, chosen.fade)
-    fade.let_go += 1.0 if full and fade.factor < 1.0 else 0.0
-    output.exchange_let_go, output.exchange_fade = fade.let_go, fade.factor
+    fade.released += 1.0 if full and fade.factor < 1.0 else 0.0
+    output.exchange_released, output.exchange_fade = fade.released, fade.factor
 
 
 @njit
@@ -116,7 +116,7 @@ def _most_ramp(settings, enable):
 @njit
 def _stay(settings, state, tool, output):
     """A tick whose counts are those of the tick before: where the handle is now nobody knows, so nothing is moved."""
-    output.exchange_fade, output.exchange_let_go = state.fade.factor, state.fade.let_go
+    output.exchange_fade, output.exchange_released = state.fade.factor, state.fade.released
     output.exchange_energy = state.tank.shipped
     if state.virtual_tool.acting == virtual_tool.ACTING:
         output.tools_apart = virtual_tool.apart(settings, state.virtual_tool, tool)

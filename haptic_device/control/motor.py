@@ -104,7 +104,7 @@ def _heat(settings, fault, output):
     for i in range(int(settings.axes)):
         share = output.force_on_handle[i] / settings.hardware.motor_limit[i]
         fault.thermal_load[i] = thermal_load(fault.thermal_load[i], share, settings.fault.duty_kept)
-        output.warmth[i] = fault.thermal_load[i]
+        output.thermal_load[i] = fault.thermal_load[i]
 
 
 @kernel

@@ -33,11 +33,11 @@ OUTPUT = record(
     " force_walls* force_coupling* force_cancellation* force_passivity* force_gravity*"
     " force_on_handle* motor*"  # the sum as the motor holds it, at the device; and in motor units
     " engage exchange_fade cancellation_fade exchange_energy energy_given*"
-    " exchange_effort* exchange_tank exchange_shortened exchange_let_go"  # next handle sample's; [J]; ticks
+    " exchange_effort* exchange_tank exchange_shortened exchange_released"  # next handle sample's; [J]; ticks
     " local local_fallbacks local_stays local_pivots tools_apart"  # acting; counts; of this tick; [m]
     " generated* injected* injections"  # observer [J], controller [N s/m], ticks it acted
     " margin* surplus* lateness_counted"  # of the physical damping [N s/m]; how late forces are taken to act [s]
-    " state fault warmth* withheld"  # withheld: sum of bits (control/withheld)
+    " state fault thermal_load* withheld"  # withheld: sum of bits (control/withheld)
 )
 TICK = np.dtype((np.record, [("sensors", SENSORS), ("tool", TOOL_SAMPLE), ("output", OUTPUT)]))
 _NOT_PREFIXED = {"contact_set", "contact_age", "handle_sequence"}
@@ -127,11 +127,11 @@ STATE = np.dtype(
         ("in_force", SETTINGS),  # bumpless_transfer
         ("change", record("going")),  # how many settings in force are not yet those that are wished for
         ("fault", record("code resets saturated thermal_load*")),  # faults, motor
-        ("fade", record("factor let_go")),  # exchange_controller
+        ("fade", record("factor released")),  # exchange_controller
         # the coupling's spring as the energy tank has paid for it; factor: on its force; force, push, damped: as they
         # were in the last tick, B times the set position's velocity and the handle's [N | N m]; changed: by it;
         # port_push: B times the port's own velocity, which the waves pay for [N | N m]; prepaid: for changes that still
-        # act late [J]; parted: 1 where it was let go within the hold; slack: ticks for which nothing of it has pulled
+        # act late [J]; parted: 1 where it was released within the hold; slack: ticks for which nothing of it has pulled
         (
             "spring",
             record(

@@ -35,7 +35,7 @@ class DriverDiagnostics:
         lost = max(0.0, 1.0 - rates["answered"] / rates["sent"]) if rates["sent"] > 0.0 <= row.tool_age else math.nan
         figures = {"margin": node.margins[0], "lateness": lateness, "compute": compute, "missed": rates["missed"]}
         figures |= {"age": age, "loss": lost, "energy": float(sum(row.energy_given))}
-        figures |= {"warmth": float(max(row.warmth)), "stall": node.stall}
+        figures |= {"thermal_load": float(max(row.thermal_load)), "stall": node.stall}
         if math.isfinite(node.margins[1]):
             figures["margin_theta"] = node.margins[1]
         node.stall = 0.0
@@ -70,8 +70,8 @@ class DriverDiagnostics:
 
     def _withheld(self, row):
         """{cause: time [s]} of force that is withheld now; a servo that does not run, or is let go, withholds none."""
-        let_go = row.withheld == 0 and int(row.state) in (enable_state.IDLE, enable_state.FAULT)
-        return self._node.telemetry.withheld.standing() if self._node.servo.running and not let_go else {}
+        released = row.withheld == 0 and int(row.state) in (enable_state.IDLE, enable_state.FAULT)
+        return self._node.telemetry.withheld.standing() if self._node.servo.running and not released else {}
 
     def _values(self, row):
         node, exchange = self._node, self._node.exchange
@@ -102,7 +102,7 @@ class DriverDiagnostics:
             "exchange_method": node.values["exchange.method"],
             "exchange_tank": f"{row.exchange_tank:.6f}",
             "exchange_shortened": int(row.exchange_shortened),
-            "exchange_let_go": int(row.exchange_let_go),
+            "exchange_released": int(row.exchange_released),
             **(self._local_values(row) if node.values["exchange.method"] == "local" else {}),
             "physical_damping": ", ".join(f"{axis.damping:g}" for axis in node.device.axes),
             "passivity_margin": f"{node.margins[0]:.4f}",

@@ -66,7 +66,7 @@ class ServoThread:
 
     @property
     def kept(self):
-        """Latched fault and warmth of the motors, when it has stopped; an e-stop that no tick has taken is one."""
+        """Latched fault and thermal load of the motors when it has stopped; an e-stop that no tick has taken is one."""
         latched = int(self._state["fault"]["code"][0]) or (
             faults.ESTOP if self.command & enable_state.ESTOP else faults.NONE
         )

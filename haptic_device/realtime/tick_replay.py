@@ -39,7 +39,7 @@ IN_BAGS = {
         **{"observer.pulled_to": "pulled", "observer.damping_credit": "credit"},
         **{"observer.observed_energy": "generated", "observer.missed_tick_energy": "late"},
         **{"enable.ramp": "engage", "fault.code": "fault", "fault.thermal_load": "warmth"},
-        **{"fade.factor": "exchange_fade"},
+        **{"fade.factor": "exchange_fade", "fade.released": "let_go"},
         **{"spring.stiffness": "spring", "spring.limit": "clamp", "spring.set_position": "set"},
         **{"tank.level": "tank", "tank.sample_before": "latched_before"},
         **{"waves.answered": "tool_answered", "waves.store": "wave_store", "waves.received": "come"},

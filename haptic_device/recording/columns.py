@@ -69,6 +69,10 @@ class JointColumns:
         self._parts = [np.empty(0, np.int64), *(np.empty((0, len(columns))) for columns in self._index)]
 
 
+RENAMED = {"warmth": "thermal_load", "exchange_let_go": "exchange_released"}
+"""Columns of the trace that bags of before have by another name."""
+
+
 class CloudColumns:
     """Records of a PointCloud2 topic: with the columns and types of a structured type, or all as they are.
 
@@ -80,6 +84,7 @@ class CloudColumns:
         self._wanted = columns
         self._rows: npt.NDArray[Any] = np.empty(0)
         self._layout: Any = None  # of the first message
+        self._record: Any = None
         self.stamps: list[int] = []
         self.begins: list[int] = []
         self._count = 0
@@ -90,7 +95,9 @@ class CloudColumns:
         """Takes the next messages. Raises ValueError if the first of all is no cloud of named fields."""
         if self._layout is None:
             self._layout = layout_of(CLOUD, data[0])
-            self._rows = np.empty(0, self._layout.record if self._wanted is None else self._subset(self._wanted))
+            self._record = self._layout.record.newbyteorder("=")  # a copy, whose names may change
+            self._record.names = tuple(RENAMED.get(name, name) for name in self._record.names)
+            self._rows = np.empty(0, self._record if self._wanted is None else self._subset(self._wanted))
         pieces, before = [], self._count
         for message in data:
             self._kept.append(self._layout.matches(message))
@@ -99,9 +106,9 @@ class CloudColumns:
             pieces.append(self._layout.records(message))
             self.stamps.append(stamp_of(message))
             self.begins.append(self._count)
-            self._count += len(pieces[-1]) // self._layout.record.itemsize
+            self._count += len(pieces[-1]) // self._record.itemsize
         _make_room(self._rows, self._count)
-        self._fill(self._rows[before : self._count], np.frombuffer(b"".join(pieces), self._layout.record))
+        self._fill(self._rows[before : self._count], np.frombuffer(b"".join(pieces), self._record))
 
     def reorder(self, order: npt.NDArray[np.intp]) -> None:
         """Puts all messages into this order."""
@@ -125,7 +132,7 @@ class CloudColumns:
         return self._rows
 
     def _subset(self, wanted: np.dtype[np.void]) -> np.dtype[np.void]:
-        there = self._layout.record
+        there = self._record
         self.missing = [n for n in wanted.names or () if n not in there.names or there[n].shape != wanted[n].shape]
         return wanted
 

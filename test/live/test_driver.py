@@ -355,7 +355,7 @@ def test_a_motor_that_grows_too_warm_is_a_fault(display):
     def cool(level, message, values):
         return float(values["value"]) < 5e-3
 
-    display.news("haptic_driver: warmth", cool, what="the motor has cooled")
+    display.news("haptic_driver: thermal_load", cool, what="the motor has cooled")
     try:
         assert display.set("fault.duty", 0.1) == (True, "")
         provoke(display, "duty", hold)

@@ -39,7 +39,7 @@ CONTACT = 0.8  # [N] and more
 LATEST = 1000  # ticks without a force
 WITHHOLD = (
     *("state", "fault", "exchange_tank", "lateness_counted_us", "passivity_margin"),
-    *("passivity_margin_theta", "exchange_let_go", "exchange_shortened", "injections", "missed", "lateness_us_p99"),
+    *("passivity_margin_theta", "exchange_released", "exchange_shortened", "injections", "missed", "lateness_us_p99"),
 )
 """What the driver says of why it may withhold a force."""
 
@@ -187,7 +187,7 @@ def _judge_network(recording, rows):
     assert np.median(new["tool_age"]) >= LEAST_AGE
     values = recording.last_values("haptic_driver")
     assert int(values["exchange_answered"]) < 0.95 * int(values["exchange_sent"])
-    assert int(values["exchange_let_go"]) >= 1
+    assert int(values["exchange_released"]) >= 1
     assert values["fault"] == ""
 
 

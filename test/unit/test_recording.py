@@ -109,6 +109,17 @@ def test_a_recording_shows_itself_in_one_line_and_so_does_a_topic_of_it(run):
     assert repr(recording.joint("handle")).startswith(f"Joints({len(recording.joint('handle').stamp)} messages of x, y")
 
 
+def test_columns_of_older_bags_have_the_names_of_today(tmp_path):
+    rows = np.zeros(2, [("tick", "f8"), ("warmth", "f8", (3,)), ("exchange_let_go", "f8")])
+    rows["warmth"], rows["exchange_let_go"] = 0.5, (1.0, 2.0)
+    bag = Bag(tmp_path / "older")
+    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), CloudLayout(rows.dtype).pack(0, rows), 1, 1, 1)
+    bag.close({})
+    trace = load(tmp_path / "older").trace
+    assert trace["thermal_load"].tolist() == [[0.5] * 3] * 2
+    assert trace["exchange_released"].tolist() == [1.0, 2.0]
+
+
 def test_counts_beyond_what_a_float32_holds_come_back_exactly(tmp_path):
     rows = np.zeros(3, records.TRACE_ROW)
     counting = [name for name in rows.dtype.names if rows.dtype[name].shape == () and name != "deadline"]
@@ -384,8 +395,8 @@ def test_every_column_of_the_trace_has_its_unit_or_counts():
 
     plain = {name for name in TRACE_ROW.names if name not in TRACE_UNITS}
     counted = "tick missed parameter_version command counts device_status tool_session tool_sequence tool_answered"
-    counted += " tool_contact contact_set handle_sequence engage exchange_fade exchange_shortened exchange_let_go"
-    counted += " cancellation_fade injections state fault warmth withheld"
+    counted += " tool_contact contact_set handle_sequence engage exchange_fade exchange_shortened exchange_released"
+    counted += " cancellation_fade injections state fault thermal_load withheld"
     counted += " local local_fallbacks local_stays local_pivots"
     assert plain == set(counted.split())
 
