@@ -15,7 +15,7 @@ from haptic_device.message_fields import EACH, MOST
 from haptic_sim.method import proximity
 from haptic_sim.protocol import World
 from haptic_sim.reduction import ReducedScene
-from haptic_sim.reduction.model import PIN, SLIDER, SPRING
+from haptic_sim.reduction.mobility import forbidden_rows
 
 THROUGH = 1e-4  # [m] into another body by which the tool's motion is foretold
 NEAR = 2e-3  # [m] between a contact that pressed and the pair of features that it is taken for
@@ -160,12 +160,7 @@ def _mobility(model, body):
     if model.fixed[body]:
         return np.zeros((3, 3))
     free = np.diag([1.0 / model.mass[body], 1.0 / model.mass[body], 1.0 / model.inertia[body]])
-    rows = [
-        row
-        for joint in range(len(model.joint_kind))
-        if model.joint_kind[joint] != SPRING
-        for row in _held(model, joint, body)
-    ]
+    rows = [row for joint in range(len(model.joint_kind)) for row in _held(model, joint, body)]
     if not rows:
         return free
     held = np.array(rows)
@@ -175,17 +170,8 @@ def _mobility(model, body):
 def _held(model, joint, body):
     """Directions that a joint to a fixed body takes away, in the body's own frame at the start."""
     bodies = model.joint_bodies[joint].tolist()
-    if body not in bodies:
+    if body not in bodies or not model.fixed[bodies[1 - bodies.index(body)]]:
         return []
-    end = bodies.index(body)
-    if not model.fixed[bodies[1 - end]]:
-        return []
-    ax, ay = model.joint_anchor[joint, end]
-    if model.joint_kind[joint] == PIN:
-        return [(1.0, 0.0, -ay), (0.0, 1.0, ax)]
-    assert model.joint_kind[joint] == SLIDER
-    turn = model.pose[bodies[0]][2] - model.pose[body][2]
-    c, s = math.cos(turn), math.sin(turn)
-    tx, ty = model.joint_axis[joint]
-    along = (c * tx - s * ty, s * tx + c * ty)
-    return [(-along[1], along[0], -along[1] * -ay + along[0] * ax), (0.0, 0.0, 1.0)]
+    c, s = math.cos(model.pose[body][2]), math.sin(model.pose[body][2])
+    rows = [row[bodies.index(body)] for row in forbidden_rows(model, joint)]
+    return [(c * x + s * y, c * y - s * x, turn) for x, y, turn in rows]

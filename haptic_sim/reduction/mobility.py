@@ -7,12 +7,12 @@ slider adds its way between its limits. Loops only make it less. A body without 
 
 import heapq
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.reduction.model import SLIDER, SPRING, Model, ShapePair, shapes_of
+from haptic_sim.reduction.model import PIN, SLIDER, Model, ShapePair, shapes_of
 from haptic_sim.scene.geometry import Outline, Point, distance, turned
 from haptic_sim.scene.joints import WORLD
 from haptic_sim.scene.language import Scene
@@ -181,34 +181,27 @@ def _held_points(scene: Scene, movable: Mapping[str, AnySolid]) -> Iterator[tupl
 
 def degrees_of_freedom(model: Model) -> int:
     """Degrees of freedom of all bodies at the start: three each, less the rank of what pins and sliders forbid."""
-    rows = [row for j in range(len(model.joint_kind)) for row in _forbidden(model, j)]
+    rows = []
+    for j, ends in enumerate(model.joint_bodies):
+        for row in forbidden_rows(model, j):
+            whole = np.zeros((len(model.mass), 3))
+            whole[ends] = row
+            rows.append(whole[:-1].ravel())
     rank = np.linalg.matrix_rank(np.array(rows), tol=1e-9) if rows else 0
     return 3 * (len(model.mass) - 1) - int(rank)
 
 
-def _forbidden(model: Model, j: int) -> Iterator[np.ndarray]:
-    """Rows of the constraint Jacobian of joint j, over the velocities of all bodies but the world."""
+def forbidden_rows(model: Model, j: int) -> Iterator[np.ndarray]:
+    """(2, 3) of each velocity that joint j forbids at the start: over those of its bodies a and b, in the plane."""
     a, b = model.joint_bodies[j]
-    if model.joint_kind[j] == SPRING:
-        return
-    directions = [(1.0, 0.0), (0.0, 1.0)]
+    directions = [(1.0, 0.0), (0.0, 1.0)] if model.joint_kind[j] == PIN else []
     if model.joint_kind[j] == SLIDER:
         turn = model.pose[a][2]
         x, y = model.joint_axis[j]
         directions = [(-math.sin(turn) * x - math.cos(turn) * y, math.cos(turn) * x - math.sin(turn) * y)]
-        yield _row(model, ((a, (0.0, 0.0), -1.0), (b, (0.0, 0.0), 1.0)), (0.0, 0.0), 1.0)
-    for direction in directions:
-        ends = ((a, model.joint_anchor[j][0], -1.0), (b, model.joint_anchor[j][1], 1.0))
-        yield _row(model, ends, direction, 0.0)
-
-
-def _row(
-    model: Model, ends: Iterable[tuple[int, Sequence[float], float]], direction: Point, turning: float
-) -> np.ndarray:
-    row = np.zeros(3 * len(model.mass))
-    for body, anchor, sign in ends:
-        c, s = math.cos(model.pose[body][2]), math.sin(model.pose[body][2])
-        arm = c * anchor[0] - s * anchor[1], s * anchor[0] + c * anchor[1]
-        torque = arm[0] * direction[1] - arm[1] * direction[0] + turning
-        row[3 * body : 3 * body + 3] += np.array([*direction, torque]) * sign
-    return row[:-3]
+        yield np.array([(0.0, 0.0, -1.0), (0.0, 0.0, 1.0)])
+    (ax, ay), (bx, by) = (
+        turned(model.joint_anchor[j][end], (0.0, 0.0, model.pose[k][2])) for end, k in ((0, a), (1, b))
+    )
+    for nx, ny in directions:
+        yield np.array([(-nx, -ny, ay * nx - ax * ny), (nx, ny, bx * ny - by * nx)])
