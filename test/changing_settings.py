@@ -5,6 +5,7 @@ import numpy as np
 from lockstep_systems import device, values
 
 from haptic_device import controller_config, gain_check
+from haptic_device.control.records import TRACE_ROW
 from haptic_device.control.virtual_coupling import spring_store
 from haptic_sim.replay.lockstep import Lockstep
 
@@ -49,11 +50,12 @@ class Changing(Lockstep):
                 self.tool["session"], self.tool["position"][0, 0] = 1.0, self._pull
                 self.tool["sequence"] += 1.0
                 self.tool["answered"], self.tool["sent"] = self.tool["sequence"], self.ticks * self.period
-            row, now = self.run(1.0 / RATE)[0], self.memory["in_force"][0].copy()
+            rows, now = self.run(1.0 / RATE), self.memory["in_force"][0].copy()
+            row = rows.view(TRACE_ROW)[0]  # whose fields are found faster than those of a record
             if self._before is not None:
                 self.beyond.append(_beyond(*self._before, row, now))
             self._before = row, now
-            self.rows.append(row)
+            self.rows.append(rows[0])
             self.given.append(float(self.plant_memory["energy_given"][0]))
             self.held.append(self._held(row))
         return self
@@ -63,10 +65,10 @@ class Changing(Lockstep):
         wall, spring = self.memory[0]["in_force"]["wall"], self.memory[0]["spring"]
         energy = max(0.0, float(self.memory["tank"]["level"][0]))  # a row has it as it was before the tick's end
         for j in range(int(wall["count"])):
-            depth = max(0.0, wall["offset"][j] - wall["x"][j] * row.position[0] - wall["y"][j] * row.position[1])
-            energy += 0.5 * row.engage * wall["stiffness"][j] * depth**2
+            depth = max(0.0, wall["offset"][j] - wall["x"][j] * row["position"][0] - wall["y"][j] * row["position"][1])
+            energy += 0.5 * row["engage"] * wall["stiffness"][j] * depth**2
         for i, axis in enumerate(self.device.axes):
-            stretch = row.coupling_position[i] - row.position[i]
+            stretch = row["coupling_position"][i] - row["position"][i]
             energy += spring_store(spring["stiffness"][i], spring["limit"][i], stretch)
             energy += 0.5 * axis.mass * self.plant_memory["velocity"][0, i] ** 2
         return energy
@@ -103,7 +105,7 @@ class Changing(Lockstep):
         return bool(same)
 
 
-def pressing(depth=FORCE / 500.0, hand=500.0, seconds=4.0, **given):
+def pressing(depth=FORCE / 500.0, hand=500.0, seconds=2.0, **given):
     """A hand [N/m] that presses slowly with FORCE on a wall of 500 N/m at x = 0, and holds from 0.3 to 0.7 of the time.
 
     Then it goes back to x = 10 mm. depth: of the handle when it holds; given: as of Changing.
@@ -115,10 +117,10 @@ def pressing(depth=FORCE / 500.0, hand=500.0, seconds=4.0, **given):
 
 def stretching(hand=500.0, stretch=0.006, **given):
     """The same hand on a coupling of 500 N/m to a tool that stands at x = 0."""
-    motion = {"motion__name": "press_wall", "motion__duration": 4.0, "hand__stiffness": hand}
+    motion = {"motion__name": "press_wall", "motion__duration": 2.0, "hand__stiffness": hand}
     motion |= {"motion__target": (stretch + FORCE / hand, 0.0, 0.0)}
     gains = {"coupling__stiffness": 500.0, "coupling__damping": 0.3}
-    return Changing(motion, 0.0, **{"damping": 3.2} | gains | given).go(1.56)
+    return Changing(motion, 0.0, **{"damping": 3.2} | gains | given).go(0.96)
 
 
 def _beyond(before, old, row, new):
@@ -127,26 +129,29 @@ def _beyond(before, old, row, new):
     The controller's own damping, the force ramp, and a display that lets go, count for nothing.
     """
     axes = int(new["axes"])
-    if row.engage < before.engage:
+    if row["engage"] < before["engage"]:
         return np.zeros(axes)
-    changed = np.abs(row.force_on_handle - before.force_on_handle)
-    changed -= np.abs(row.force_passivity - before.force_passivity)
-    own = np.max([_own(one, before, row) for one in (old, new)], axis=0)
-    own += (row.engage - before.engage) * np.abs(row.force_on_handle) / max(row.engage, 1e-12)
+    changed = np.abs(row["force_on_handle"] - before["force_on_handle"])
+    changed -= np.abs(row["force_passivity"] - before["force_passivity"])
+    own = _own(new, before, row)
+    if old.tobytes() != new.tobytes():
+        own = np.maximum(own, _own(old, before, row))
+    own += (row["engage"] - before["engage"]) * np.abs(row["force_on_handle"]) / max(row["engage"], 1e-12)
     return np.maximum(0.0, changed - own)[:axes]
 
 
 def _own(settings, before, row):
     """What the handle's own motion changes the force by [N] at most, by these settings."""
-    way, turn = np.abs(row.position - before.position), np.abs(row.velocity - before.velocity)
+    way, turn = np.abs(row["position"] - before["position"]), np.abs(row["velocity"] - before["velocity"])
     coupling, cancelled = settings["coupling"], settings["cancellation"]["ratio"] * settings["hardware"]["damping"]
     own = coupling["stiffness"] * way + (coupling["damping"] + cancelled) * turn
-    wall, fastest = settings["wall"], np.maximum(np.abs(row.velocity), np.abs(before.velocity))
+    wall, fastest = settings["wall"], np.maximum(np.abs(row["velocity"]), np.abs(before["velocity"]))
     for j in range(int(wall["count"])):
         normal = np.array([wall["x"][j], wall["y"][j], 0.0])
-        outside = [normal @ one.position >= wall["offset"][j] - 1e-12 for one in (before, row)]
+        outside = [normal @ one["position"] >= wall["offset"][j] - 1e-12 for one in (before, row)]
         # a damper begins and ends where its wall does
-        rate = np.abs(normal) @ fastest if outside[0] != outside[1] else abs(normal @ (row.velocity - before.velocity))
-        push = wall["stiffness"][j] * abs(normal @ (row.position - before.position)) + wall["damping"][j] * rate
+        change = row["velocity"] - before["velocity"]
+        rate = np.abs(normal) @ fastest if outside[0] != outside[1] else abs(normal @ change)
+        push = wall["stiffness"][j] * abs(normal @ (row["position"] - before["position"])) + wall["damping"][j] * rate
         own += np.abs(normal) * push
     return own

@@ -6,9 +6,14 @@ from hypothesis import settings
 MANY = 20
 
 
+def searching():
+    """Whether hypothesis' profile is to search: it alone draws at random."""
+    return not settings.default.derandomize
+
+
 def tries(count):
-    """So many, or MANY times as many where hypothesis' profile is to search: it alone draws at random."""
-    return count if settings.default.derandomize else count * MANY
+    """So many, or MANY times as many where searching."""
+    return count * MANY if searching() else count
 
 
 def few(count, **more):

@@ -4,19 +4,21 @@
 import numpy as np
 import pytest
 from changing_settings import FORCE, NO_COUPLING, NO_WALL, RATE, WALL, Changing, pressing, stretching
+from examples import searching, tries
 
 from haptic_device.control import enable_state
 
 METHODS = ("pspm", "direct")
 ROUND = ({"wall__stiffness": (5000.0,)}, {"wall__stiffness": (500.0,)})
-TIMES = pytest.mark.parametrize("times", [{}, {"late": 0.0005}, {"delay": 0.001}, {"late": 0.0005, "delay": 0.001}])
+ALONE = [{"late": 0.0005}, {"delay": 0.001}] if searching() else []
+TIMES = pytest.mark.parametrize("times", [{}, *ALONE, {"late": 0.0005, "delay": 0.001}])
 HANDS = pytest.mark.parametrize("hand", [500.0, 50.0])
 BOTH = pytest.mark.parametrize("method", METHODS)
 SHOWN = 0.0005  # [J] by the observer, where a millijoule and more was paid
 STIFF = {"damping": 12.0}  # [N s/m]: 5000 N/m at 1 kHz need 10.2 if forces are 1.5 ms late
 
 
-def changed(system, wishes, each=0.05, after=5.0):
+def changed(system, wishes, each=0.05, after=2.2):
     """The system after these wishes, one after the other, and a while."""
     for wish in wishes:
         system.wish(**wish)
@@ -51,7 +53,7 @@ def test_a_wall_that_appears_50_mm_deep_stands_at_the_handle_at_first(method, ti
     system.wish(**WALL | {"wall__offsets": (there + 0.05,)})
     system.go(0.01)
     assert max(row.force_walls[0] for row in system.rows[begin:]) <= 10.0 * system.slew
-    is_paid(system.go(5.0))
+    is_paid(system.go(2.2))
     assert max(row.generated[0] for row in system.rows[begin:]) > SHOWN
 
 
@@ -174,7 +176,7 @@ def random_change(dice, gains):
 
 @pytest.mark.parametrize(("seed", "times"), [(10, {}), (11, {"late": 0.0005}), (12, {"delay": 0.001})])
 @pytest.mark.parametrize("method", ["pspm", "wave", "direct"])
-def test_200_changes_of_walls_gains_cancellation_limit_and_clutch_under_a_hand_keep_slew_and_budget(
+def test_many_changes_of_walls_gains_cancellation_limit_and_clutch_under_a_hand_keep_slew_and_budget(
     method, seed, times
 ):
     dice, done = np.random.default_rng(seed), 0
@@ -182,7 +184,7 @@ def test_200_changes_of_walls_gains_cancellation_limit_and_clutch_under_a_hand_k
     hand["hand__stiffness"] = (500.0, 100.0, 2000.0)[seed % 3]
     own = {"exchange__method": method, "fault__saturation": 60.0, "engage__force": 100.0}
     system = Changing(hand, 0.0, axes=2, damping=5.0, **times, **own, **NO_COUPLING).go(0.1)
-    while done < 200:
+    while done < tries(40):
         change = random_change(dice, True)
         if isinstance(change, int):
             system.command = change
