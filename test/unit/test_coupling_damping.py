@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from examples import few
+from examples import few, tries
 from hypothesis import given
 from hypothesis import strategies as st
 from lockstep_systems import device, values
@@ -17,7 +17,7 @@ from haptic_device.analysis.transfer import wall_transfer
 from haptic_device.control.passivity import coupling_damping, least_damping
 
 DESKTOP = device(axes=1)
-DRAWS = 2000
+DRAWS = tries(192)
 ROUNDING = 1e-9  # [J/m²] of K = 1 N/m
 
 
@@ -51,7 +51,7 @@ def random_display(rng, draw):
     return Display(stiffness, damping, share * need, period, delay_samples=float(delay))
 
 
-def test_command_and_driver_agree_in_2000_of_2000_random_settings_with_delays():
+def test_command_and_driver_agree_in_all_random_settings_with_delays():
     rng, agreed, verdicts = np.random.default_rng(38), 0, set()
     for draw in range(DRAWS):
         display = random_display(rng, draw)
