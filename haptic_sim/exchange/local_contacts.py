@@ -16,6 +16,8 @@ from haptic_sim.method import proximity
 from haptic_sim.protocol import World
 from haptic_sim.reduction import ReducedScene
 from haptic_sim.reduction.mobility import forbidden_rows
+from haptic_sim.reduction.model import Model
+from haptic_sim.scene.geometry import Point
 
 THROUGH = 1e-4  # [m] into another body by which the tool's motion is foretold
 NEAR = 2e-3  # [m] between a contact that pressed and the pair of features that it is taken for
@@ -88,10 +90,10 @@ class LocalContacts:
         if self._moving:
             self._give_way()
 
-    def _find(self, lead):
+    def _find(self, lead: float) -> int:
         return proximity.find(self._features, self._pose, self._velocity, lead, self._candidates)
 
-    def _until_touch(self, lag, count):
+    def _until_touch(self, lag: float, count: int) -> float:
         """How far ahead the tool goes as it does [s]: not through what it meets."""
         ways = self._candidates[:count, proximity.URGENCY]
         first = ways.argmin()
@@ -100,7 +102,7 @@ class LocalContacts:
             return lag
         return lag * max(0.0, (gap + THROUGH) / (gap - then))
 
-    def _give_way(self):
+    def _give_way(self) -> None:
         """Mobility of the bodies behind the contacts, and the force that the simulation's tool has on them."""
         body_of = self._model.shape_body
         contacts = self._world.contacts() if self._world.touching else []
@@ -126,19 +128,19 @@ class LocalContacts:
             one[contact_model.MOBILITY] = 0.0 if held else self._mobility_along(body, place, nx, ny)
             one[contact_model.SLIP_MOBILITY] = 0.0 if held else self._mobility_along(body, place, -ny, nx)
 
-    def _other(self, one):
+    def _other(self, one: np.ndarray) -> int:
         """Shape of the other body of a contact: identities count pairs."""
         pair = int((one[contact_model.IDENTITY] - 1.0) // (2.0 * proximity.CORNERS * proximity.CORNERS))
         return self._model.pairs[pair, 1]
 
-    def _world_normal(self, one):
+    def _world_normal(self, one: np.ndarray) -> Point:
         nx, ny = one[contact_model.NORMAL_X], one[contact_model.NORMAL_Y]
         if one[contact_model.KIND] != contact_model.FLAT_HERE:
             return nx, ny
         c, s = math.cos(self._pose[0, 2]), math.sin(self._pose[0, 2])
         return c * nx - s * ny, s * nx + c * ny
 
-    def _foot(self, one):
+    def _foot(self, one: np.ndarray) -> Point:
         """Where the tool's point would touch the other body's plane."""
         c, s = math.cos(self._pose[0, 2]), math.sin(self._pose[0, 2])
         x = self._pose[0, 0] + c * one[contact_model.TOOL_X] - s * one[contact_model.TOOL_Y]
@@ -146,7 +148,7 @@ class LocalContacts:
         back = one[contact_model.GAP] + one[contact_model.RADIUS]
         return x - back * one[contact_model.NORMAL_X], y - back * one[contact_model.NORMAL_Y]
 
-    def _mobility_along(self, body, place, nx, ny):
+    def _mobility_along(self, body: int, place: Point, nx: float, ny: float) -> float:
         """Velocity [m/s] of a body's point along n for an impulse of 1 N s along n there [1/kg]."""
         free, (x, y, angle) = self._free[body], self._pose[body]
         c, s = math.cos(angle), math.sin(angle)
@@ -155,7 +157,7 @@ class LocalContacts:
         return float(push @ free @ push)
 
 
-def _mobility(model, body):
+def _mobility(model: Model, body: int) -> np.ndarray:
     """Response (3, 3) of a body to impulses in its own frame: its mass, less what joints to fixed bodies take away."""
     if model.fixed[body]:
         return np.zeros((3, 3))
@@ -167,7 +169,7 @@ def _mobility(model, body):
     return free - free @ held.T @ np.linalg.pinv(held @ free @ held.T) @ held @ free
 
 
-def _held(model, joint, body):
+def _held(model: Model, joint: int, body: int) -> list[tuple[float, float, float]]:
     """Directions that a joint to a fixed body takes away, in the body's own frame at the start."""
     bodies = model.joint_bodies[joint].tolist()
     if body not in bodies or not model.fixed[bodies[1 - bodies.index(body)]]:

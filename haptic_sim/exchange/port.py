@@ -5,7 +5,8 @@ A port moves the world: it says for each sub-step where the handle is that the c
 """
 
 import abc
-from typing import Protocol
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,6 +14,28 @@ from haptic_device.control import exchange_wave, tool_side_tank
 from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_sim.exchange.port_limits import BUDGET, LIMITS, Limits
 from haptic_sim.protocol import Coupling, Planar, StepResult, World
+
+
+class HandleSample(NamedTuple):
+    """What the device side says: time [ns], position [m, m, rad], velocity, and the gains it couples with.
+
+    effort and energy: what the exchange method ships (docs/exchange.md).
+    """
+
+    time_ns: int
+    position: Planar
+    velocity: Planar
+    stiffness: float
+    damping: float
+    rotational_stiffness: float
+    rotational_damping: float
+    effort: Planar = (0.0, 0.0, 0.0)
+    energy: float = 0.0
+
+    @property
+    def gains(self) -> Coupling:
+        """The gains alone."""
+        return Coupling(self.stiffness, self.damping, self.rotational_stiffness, self.rotational_damping)
 
 
 class Port(Protocol):
@@ -24,7 +47,7 @@ class Port(Protocol):
     def restart(self) -> None:
         """A world at its start: as `rejoin`, with the energy that a world begins with; the sums sent go on."""
 
-    def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
+    def receive(self, handle: HandleSample, sub_step: float, inner: int = 1) -> Coupling:
         """Take what a handle sample ships; the gains to couple with over the next sub-steps [s] of `inner` steps."""
 
     def step(self, world: World, target: np.ndarray, n: int) -> StepResult:
@@ -43,7 +66,7 @@ class DirectPort:
     def restart(self) -> None:
         """Nothing is kept."""
 
-    def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
+    def receive(self, handle: HandleSample, sub_step: float, inner: int = 1) -> Coupling:
         """The device's gains."""
         return handle.gains
 
@@ -65,9 +88,8 @@ class EnergyTankPort(abc.ABC):
     def __init__(self, limits: Limits):
         self.limits, self.rules, self.memory = limits, np.zeros(tool_side_tank.RULES), np.zeros(tool_side_tank.MEMORY)
         self._held = np.zeros((2, 6))  # target of a sub-step: the handle is kept where the tank lets it be
-        tool_side_tank.drive(
-            self.rules, self.memory, *[(0.0, 0.0, 0.0)] * 3
-        )  # compiled here, not in the first exchange
+        # Compiled here, not in the first exchange.
+        tool_side_tank.drive(self.rules, self.memory, *[(0.0, 0.0, 0.0)] * 3)
         self.memory[:] = 0.0
         tool_side_tank.worst(0.0, 0.0, 1.0)
 
@@ -79,8 +101,8 @@ class EnergyTankPort(abc.ABC):
         made, early = None, 0.5 - 0.5 / world.inner
         start, end = target.tolist()
         for k in range(1, n + 1):
-            before, wished = world.position, _between(start, end, (k - early) / n)
-            position, velocity = self.drive(wished[:3], wished[3:], before)
+            before = world.position
+            position, velocity = self.drive(*_between(start, end, (k - early) / n), before)
             self._held[:] = *position, *velocity
             one = world.step(self._held, 1)
             self.book(one.supplied, world.force_on_tool, before, world.position)
@@ -97,7 +119,7 @@ class EnergyTankPort(abc.ABC):
     def book(self, supplied: float, force_on_tool: Planar, before: Planar, after: Planar) -> None:
         """Take the sub-step's energy supplied [J], mean force on the tool [N, N, N m] and the tool's way."""
 
-    def _rule(self, gains, sub_step, inner):
+    def _rule(self, gains: Coupling, sub_step: float, inner: int) -> None:
         """Rules for these gains and this sub-step [s]; a torque may change as fast as a force does for its limit.
 
         Over a sub-step of n steps a spring supplies more than over one: with the stretch as it was at the start in each
@@ -131,7 +153,8 @@ class PspmPort(EnergyTankPort):
         self.memory[:] = 0.0
         self.budget = self.memory[tool_side_tank.TANK] = budget
         self.returned = 0.0
-        self._known, self._gains = None, None
+        self._known: float | None = None
+        self._gains: Coupling | None = None
 
     @property
     def tank(self) -> float:
@@ -141,16 +164,14 @@ class PspmPort(EnergyTankPort):
     def rejoin(self) -> None:
         """The next sample's sum of energy is the new zero, and the pull begins at none; the tank keeps what it has."""
         self._known = None
-        self.memory[tool_side_tank.JOINED] = self.memory[tool_side_tank.PULL] = self.memory[tool_side_tank.PULL + 1] = (
-            0.0
-        )
+        self.memory[[tool_side_tank.JOINED, tool_side_tank.PULL, tool_side_tank.PULL + 1]] = 0.0
 
     def restart(self) -> None:
         """As `rejoin`, with the budget in the tank: what the world before had left, or had spent, is gone with it."""
         self.rejoin()
         self.memory[tool_side_tank.TANK], self._gains = self.budget, None  # the world may have another sub-step
 
-    def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
+    def receive(self, handle: HandleSample, sub_step: float, inner: int = 1) -> Coupling:
         """Energy shipped since the last sample goes into the tank."""
         known = handle.energy if self._known is None else self._known
         self.memory[tool_side_tank.TANK] += max(0.0, handle.energy - known)
@@ -188,7 +209,8 @@ class WaveVariablePort(EnergyTankPort):
     def __init__(self, limits: Limits = LIMITS):
         super().__init__(limits)
         self._last_ns, self._sent_energy, self._energy_come = 0, 0.0, 0.0
-        self._sent, self._pending, self._come, self._rate = [0.0] * 3, [0.0] * 3, None, [0.0] * 3
+        self._sent, self._pending, self._rate = [0.0] * 3, [0.0] * 3, [0.0] * 3
+        self._come: Planar | None = None
         self._impedance, self._sub_step = (1.0,) * 3, 1.0
 
     def rejoin(self) -> None:
@@ -200,7 +222,7 @@ class WaveVariablePort(EnergyTankPort):
         """As `rejoin`."""
         self.rejoin()
 
-    def receive(self, handle, sub_step: float, inner: int = 1) -> Coupling:
+    def receive(self, handle: HandleSample, sub_step: float, inner: int = 1) -> Coupling:
         """What has come since the last sample is played over the time that the world now makes up."""
         if self._come is None:
             self._come, self._energy_come = handle.effort, handle.energy
@@ -210,19 +232,17 @@ class WaveVariablePort(EnergyTankPort):
             self._rate[i] = self._pending[i] / max(passed, sub_step)
         self.memory[tool_side_tank.TANK] += max(0.0, handle.energy - self._energy_come)
         self._come, self._energy_come = handle.effort, max(handle.energy, self._energy_come)
-        line, turning = (
-            exchange_wave.impedance(handle.stiffness),
-            exchange_wave.impedance(handle.rotational_stiffness),
-        )
+        line, turning = (exchange_wave.impedance(k) for k in (handle.stiffness, handle.rotational_stiffness))
         self._impedance, self._sub_step = (line, line, turning), sub_step
-        self._rule((0.0, line, 0.0, turning), sub_step, inner)
-        return Coupling(0.0, line, 0.0, turning)
+        gains = Coupling(0.0, line, 0.0, turning)
+        self._rule(gains, sub_step, inner)
+        return gains
 
     def drive(self, position: Planar, velocity: Planar, tool: Planar) -> tuple[Planar, Planar]:
         """The waves of this sub-step as velocities; their energy leaves the tank."""
         waves = [exchange_wave.played(*both, self._sub_step) for both in zip(self._pending, self._rate, strict=True)]
-        wanted = tuple(value / z for value, z in zip(waves, self._impedance, strict=True))
-        _, made = super().drive(tool, wanted, tool)
+        x, y, turn = (value / z for value, z in zip(waves, self._impedance, strict=True))
+        _, made = super().drive(tool, (x, y, turn), tool)
         covered = self.memory[tool_side_tank.SHARE] == 1.0
         for i, z in enumerate(self._impedance):
             taken = made[i] * z if covered else waves[i]  # what energy does not cover is dropped, or it grows
@@ -240,18 +260,19 @@ class WaveVariablePort(EnergyTankPort):
 
     def send(self, force_on_tool: Planar, supplied: float) -> tuple[Planar, float]:
         """The sums of the waves sent and of their energy."""
-        return tuple(self._sent), self._sent_energy
+        x, y, turn = self._sent
+        return (x, y, turn), self._sent_energy
 
 
 def port_of(method: str, budget: float = BUDGET, limits: Limits = LIMITS) -> Port:
     """The port of an exchange method; ValueError if there is none of this name."""
     if method not in EXCHANGE_METHODS:
         raise ValueError(f"exchange.method is {method}; there are {', '.join(EXCHANGE_METHODS)}")
-    made = {"direct": DirectPort, "wave": lambda: WaveVariablePort(limits)}
+    made: dict[str, Callable[[], Port]] = {"direct": DirectPort, "wave": lambda: WaveVariablePort(limits)}
     return made.get(method, lambda: PspmPort(budget, limits))()
 
 
-def _worst(stiffness, damping, sub_step, inner):
+def _worst(stiffness: float, damping: float, sub_step: float, inner: int) -> float:
     """W of a sub-step of so many steps."""
     eased = 1.0 / inner - (0.25 if inner > 4 else 0.0)
     if eased * sub_step * stiffness + damping <= 0.0:
@@ -259,7 +280,8 @@ def _worst(stiffness, damping, sub_step, inner):
     return tool_side_tank.worst(eased * stiffness, damping, sub_step)
 
 
-def _between(start, end, share):
-    """Numbers at `share` of the way; exactly `end` at 1."""
+def _between(start: list[float], end: list[float], share: float) -> tuple[Planar, Planar]:
+    """Position and velocity at `share` of the way; exactly `end` at 1."""
     rest = 1.0 - share
-    return tuple(rest * a + share * b for a, b in zip(start, end, strict=True))
+    x, y, angle, vx, vy, turn = (rest * a + share * b for a, b in zip(start, end, strict=True))
+    return (x, y, angle), (vx, vy, turn)

@@ -11,38 +11,16 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from haptic_sim.exchange.local_contacts import LocalContacts
-from haptic_sim.exchange.port import DirectPort, Port, port_of
+from haptic_sim.exchange.port import DirectPort, HandleSample, Port, port_of
 from haptic_sim.exchange.port_limits import Limits
 from haptic_sim.method_registry import METHODS, make
-from haptic_sim.protocol import Coupling, Planar, along
+from haptic_sim.protocol import Coupling, Planar, World, along
 from haptic_sim.reduction import ReducedScene
 from haptic_sim.reduction.method_choice import short_step
 
 SECOND = 1_000_000_000
 Added = Callable[[Any], object]
 """Puts bodies into the `space` of a `haptic_sim.pymunk_world.world.PymunkWorld`."""
-
-
-class HandleSample(NamedTuple):
-    """What the device side says: time [ns], position [m, m, rad], velocity, and the gains it couples with.
-
-    effort and energy: what the exchange method ships (docs/exchange.md).
-    """
-
-    time_ns: int
-    position: Planar
-    velocity: Planar
-    stiffness: float
-    damping: float
-    rotational_stiffness: float
-    rotational_damping: float
-    effort: Planar = (0.0, 0.0, 0.0)
-    energy: float = 0.0
-
-    @property
-    def gains(self) -> Coupling:
-        """The gains alone."""
-        return Coupling(self.stiffness, self.damping, self.rotational_stiffness, self.rotational_damping)
 
 
 class ToolSample(NamedTuple):
@@ -113,7 +91,7 @@ class Ledger:
     def __init__(self, energy: Callable[[], tuple[float, float]]):
         self._energy, self._stored_at_start = energy, sum(energy())
         self.supplied = self._contacts = self._correction = 0.0
-        self._lost = None
+        self._lost: float | None = None
 
     def book(self, supplied: float, contacts: float, correction: float, numerical: float | None = None) -> None:
         """What some sub-steps say of themselves [J]; with `numerical` said, contacts have taken what else is gone."""
@@ -164,17 +142,18 @@ class Simulation:
             raise ValueError(f"sub_step is {sub_step} s; it must be above 0 and at most max_catch_up, {max_catch_up} s")
         if added is not None:  # what is added, nobody knows
             reduced = reduced._replace(inside=short_step(reduced.model))
-        self.method = make(reduced.method, reduced, self.sub_step_ns / SECOND)
+        self.method: World = make(reduced.method, reduced, self.sub_step_ns / SECOND)
         if added is not None and not hasattr(self.method, "space"):
             raise ValueError(
                 f"scene {self.scene.name!r} gets the method {reduced.method}, which takes no bodies of your own: "
                 "write method: impulse in the scene, or start the node with method:=impulse"
             )
-        self._coupled, self._added = None, added
+        self._added = added
+        self._coupled: Coupling | None = None
         self.reset()
 
     @classmethod
-    def by_parameters(cls, reduced: ReducedScene, values: dict, added: Added | None = None) -> "Simulation":
+    def by_parameters(cls, reduced: ReducedScene, values: dict[str, Any], added: Added | None = None) -> "Simulation":
         """As the parameters of haptic_simulation say, at a port of its own."""
         limits = Limits(*(values[f"port_{name}"] for name in Limits._fields))
         port = port_of(values["exchange.method"], values["port_budget"], limits)
@@ -197,7 +176,7 @@ class Simulation:
 
     def rejoin(self) -> None:
         """The next handle sample starts a new time base (a new session of the device); the tool stays where it is."""
-        self._last = None
+        self._last: HandleSample | None = None
         self._remainder_ns = 0
         self.port.rejoin()
 
@@ -213,8 +192,8 @@ class Simulation:
         count = self._sub_steps_until(handle.time_ns, most)
         touched = self._advance(handle, count)
         self._last = handle
-        exchanges, sub_steps, *others = self.counters
-        self.counters = Counters(exchanges + 1, sub_steps + count, *others)
+        exchanges, sub_steps = self.counters[:2]
+        self.counters = Counters(exchanges + 1, sub_steps + count, *self.counters[2:])
         return self._sample(touched)
 
     @cached_property
@@ -226,7 +205,7 @@ class Simulation:
         """What the scene reports: name → fraction."""
         return {name: measure.fraction(self.method.pose(measure.body)) for name, measure in self.scene.measure.items()}
 
-    def _sub_steps_until(self, time_ns, most):
+    def _sub_steps_until(self, time_ns: int, most: int | None) -> int:
         if self._last is None:
             return 0
         passed = time_ns - self._last.time_ns
@@ -239,12 +218,12 @@ class Simulation:
         self._leave_out((count - most) * self.sub_step_ns + self._remainder_ns)
         return most
 
-    def _leave_out(self, time_ns, **counted):
+    def _leave_out(self, time_ns: int, **counted: int) -> None:
         self._remainder_ns = 0
         self.counters = self.counters._replace(waited_ns=self.counters.waited_ns + time_ns, **counted)
 
-    def _advance(self, handle, count):
-        if count == 0:
+    def _advance(self, handle: HandleSample, count: int) -> bool:
+        if count == 0 or self._last is None:
             return self.method.touching
         target = along((self._last.position, self._last.velocity), (handle.position, handle.velocity))
         travelled = self.port.step(self.method, target, count)
@@ -262,7 +241,7 @@ class Simulation:
             )
         return travelled.touched
 
-    def _sample(self, touched):
+    def _sample(self, touched: bool) -> ToolSample:
         method = self.method
         effort, energy = self.port.send(method.force_on_tool, self.ledger.supplied)
         return ToolSample(method.position, method.velocity, effort, touched, energy)

@@ -11,15 +11,18 @@ What somebody has added to the space is taken in between two steps: all of it is
 """
 
 import math
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pymunk
 from pymunk import batch
 
+from haptic_sim.method.layout import Layout
 from haptic_sim.pymunk_world.joints import BEYOND, Stop
-from haptic_sim.pymunk_world.swept_shapes import can_meet, connected, discs, fits, least_met, narrowest, width
+from haptic_sim.pymunk_world.swept_shapes import Disc, can_meet, connected, discs, fits, least_met, narrowest, width
 from haptic_sim.reduction.method_choice import short_step
-from haptic_sim.scene.geometry import turned
+from haptic_sim.reduction.model import Model
+from haptic_sim.scene.geometry import Point, Pose, turned
 
 SHARE, FAST = 0.25, 1.8
 """Of the least width, that a step may take; m/s."""
@@ -30,6 +33,9 @@ SLOW = 0.1
 """m/s | rad/s; whoever is slower may be struck, and gets so fast until it is looked at anew."""
 _RATES = batch.BodyFields.BODY_ID | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
 ALL = pymunk.ShapeFilter()
+
+Swept = tuple[list[Disc], float, float]
+"""Discs that stand for a body, how far a step may take it, and its size [m]."""
 
 
 class ContinuousCollision:
@@ -46,9 +52,9 @@ class ContinuousCollision:
         self,
         space: pymunk.Space,
         bodies: list[pymunk.Body],
-        shapes,
-        model,
-        layout,
+        shapes: list[pymunk.Shape],
+        model: Model,
+        layout: Layout,
         h: float,
         near: float,
         stops: list[Stop],
@@ -63,24 +69,28 @@ class ContinuousCollision:
         limits = [min(SHARE * width, self._farthest) for _, width in met]
         self._own = list(zip(points, limits, layout.extent[:-1].tolist(), strict=True))
         self._rates, self._stops = batch.Buffer(), stops
-        self.moves, self._fast, self._stopping, self._struck = {}, [], [], 0
-        self._iterations = space.iterations
-        self._sweep(bodies, *zip(*self._own, strict=True))
+        self.moves: dict[int, float] = {}
+        self._fast: list[int] = []
+        self._stopping: list[Stop] = []
+        self._struck, self._iterations = 0, space.iterations
+        self._sweep(bodies, self._own)
         self._known, self.busy = self._contents(), False
 
-    def _sweep(self, bodies, points, limits, extents):
-        """From now on these bodies are swept: discs that stand for each, how far a step may take it, and its size."""
-        self._bodies, self._points, self._linked = bodies, points, connected(bodies, self._space.constraints)
-        self._limits, self._extents, self._ids, self._order = np.array(limits), np.array(extents), None, None
+    def _sweep(self, bodies: list[pymunk.Body], swept: list[Swept]) -> None:
+        """From now on these bodies are swept."""
+        self._points, limits, extents = zip(*swept, strict=True)
+        self._bodies, self._linked = bodies, connected(bodies, self._space.constraints)
+        self._limits, self._extents, self._ids, self._order = np.array(limits), np.array(extents), b"", [0]
         # A body that is hit may leave with twice the speed of what hits it, and `watch` sees it some steps later.
         self._wary = 0.5 * self._limits / self._h
         self.extent, self.tool_fast = float(self._extents[0]), float(self._limits.min()) / self._h
         self.watches = bool(self._stops) or len(bodies) > 1
 
-    def _contents(self):
+    def _contents(self) -> list[tuple[int, object]]:
         """What changes when something is added to the space or taken out of it."""
         kinds = self._space.shapes, self._space.bodies, self._space.constraints
-        return [(len(kind), next(reversed(kind), None)) for kind in kinds]
+        # Keys of dicts, which can be read from the end; pymunk's annotations promise less.
+        return [(len(kind), next(reversed(kind), None)) for kind in kinds]  # type: ignore[call-overload]
 
     def take_in(self) -> None:
         """Takes note of what was added to the space, or taken out of it, since the last time."""
@@ -99,18 +109,17 @@ class ContinuousCollision:
         self.moves = {rank[self._bodies[b]]: move for b, move in self.moves.items() if self._bodies[b] in rank}
         own = self._own + [([], self._farthest, 0.0)] * (len(bodies) - len(self._scene))
         narrow = narrowest(self.added), narrowest(self.added | self._widths)
-        swept = [self._with_added(body, *one, narrow) for body, one in zip(bodies, own, strict=True)]
-        self._sweep(bodies, *zip(*swept, strict=True))
+        self._sweep(bodies, [self._with_added(body, one, narrow) for body, one in zip(bodies, own, strict=True)])
         self._note_busy()
 
-    def _with_added(self, body, points, limit, extent, narrow):
-        """Discs, longest way in a step and size of a body, with what was added to it and beside it."""
-        centre = body.center_of_gravity
+    def _with_added(self, body: pymunk.Body, own: Swept, narrow: Sequence[dict[pymunk.ShapeFilter, float]]) -> Swept:
+        """How a body is swept, with what was added to it and beside it."""
+        (points, limit, extent), centre = own, body.center_of_gravity
         more = [disc for shape in body.shapes if shape in self.added for disc in discs(shape, centre)]
         limit = min(limit, SHARE * least_met(body, narrow[bool(more)]))
         return [*points, *more], limit, max([extent, *(math.hypot(*place) + radius for place, radius in more)])
 
-    def times(self):
+    def times(self) -> np.ndarray:
         """Times of the next move of the scene's bodies [s] (n, 1)."""
         times = np.full((len(self._bodies), 1), self._h)
         for b, move in self.moves.items():
@@ -129,7 +138,7 @@ class ContinuousCollision:
             self._go(b)
         self._note_busy()
 
-    def _speeds(self, velocities):
+    def _speeds(self, velocities: np.ndarray) -> np.ndarray:
         """Of each body's fastest point, at most [m/s]."""
         return np.hypot(velocities[:, 0], velocities[:, 1]) + np.abs(velocities[:, 2]) * self._extents
 
@@ -151,14 +160,14 @@ class ContinuousCollision:
         self._note_busy()
         return self.moves.get(0, self._h)
 
-    def _note_busy(self):
+    def _note_busy(self) -> None:
         self.busy = bool(self.moves or self._fast or self._stopping or self._struck)
 
-    def _far(self):
+    def _far(self) -> list[int]:
         """Bodies that would come farther than they may in the next step."""
         return np.flatnonzero(self._h * self._speeds(self._velocities()) > self._limits).tolist()
 
-    def _velocities(self):
+    def _velocities(self) -> np.ndarray:
         """Of all bodies that are swept (n, 3)."""
         self._rates.clear()
         batch.get_space_bodies(self._space, _RATES, self._rates)
@@ -176,13 +185,13 @@ class ContinuousCollision:
             body.position += (move - self._h) * body.velocity
             body.angle += (move - self._h) * body.angular_velocity
 
-    def _plan(self, some):
+    def _plan(self, some: Iterable[int]) -> None:
         """Fills in `moves` of some bodies, and of all that joints connect with them: else these would be torn open."""
         self.moves = {}
         for b in some:
             self._go(b)
 
-    def _go(self, b):
+    def _go(self, b: int) -> None:
         """Cuts the move of body b, should it be fast and meet something."""
         body, h = self._bodies[b], self._h
         (x, y), (vx, vy), angle, turn = body.position, body.velocity, body.angle, body.angular_velocity
@@ -191,7 +200,7 @@ class ContinuousCollision:
                 x, y = body.local_to_world(body.center_of_gravity)
             self._cut(b, h * self._free(b, (x, y, angle), (x + h * vx, y + h * vy, angle + h * turn)))
 
-    def _go_to_stops(self):
+    def _go_to_stops(self) -> None:
         """Cuts the moves of bodies that would pass a stop, which is struck in the next step."""
         for stop in self._stopping:
             move = stop.time_left()
@@ -201,12 +210,12 @@ class ContinuousCollision:
         self._struck = max(0, self._struck - 1)
         self._space.iterations = STRUCK if self._struck else self._iterations
 
-    def _cut(self, b, move):
+    def _cut(self, b: int, move: float) -> None:
         """Lets body b, and all that joints connect with it, move no longer than this [s]."""
         for other in self._linked[b] if move < self._h else ():
             self.moves[other] = min(move, self.moves.get(other, self._h))
 
-    def _free(self, b, here, there):
+    def _free(self, b: int, here: Pose, there: Pose) -> float:
         """Share of a body's move that hits nothing: 1, or less."""
         share = 1.0
         for point, radius in self._points[b]:
@@ -216,12 +225,12 @@ class ContinuousCollision:
                 share = min([share, *(alpha + self._near / way for alpha in self._hits(b, start, end, radius))])
         return share
 
-    def _hits(self, b, start, end, radius):
+    def _hits(self, b: int, start: Point, end: Point, radius: float) -> list[float]:
         """Shares of a disc's way at which it meets what body b can meet; where it overlaps at the start is no hit."""
         found = self._space.segment_query(start, end, radius, ALL)
         return [hit.alpha for hit in found if hit.alpha > 0.0 and self._can_meet(b, hit.shape)]
 
-    def _can_meet(self, b, shape):
+    def _can_meet(self, b: int, shape: pymunk.Shape) -> bool:
         """Whether body b can meet a shape: in the scene as was worked out before, else as pymunk says now."""
         if not self.added:
             return shape in self._meets[b]
@@ -232,7 +241,7 @@ class ContinuousCollision:
         return can_meet(body, own, shape, self._space.constraints)
 
 
-def _points(model, b):
+def _points(model: Model, b: int) -> list[Disc]:
     """Discs that stand for a body: (place in its frame, radius)."""
     found = []
     for s in np.flatnonzero(model.shape_body == b):
@@ -245,7 +254,7 @@ def _points(model, b):
     return found
 
 
-def _met(model, layout, b):
+def _met(model: Model, layout: Layout, b: int) -> tuple[list[int], float]:
     """Shapes of the model that a body can meet, and the least of their widths [m]."""
     here = layout.pair_bodies == b
     pairs, here = model.pairs[here.any(axis=1)], here[here.any(axis=1)]

@@ -17,15 +17,15 @@ v⁺ = (v + J/m)/(1 + c h/m), which is that. It is stable for every c h/m; the s
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pymunk
 
 from haptic_sim.reduction import ReducedScene
-from haptic_sim.reduction.model import PIN, SLIDER, SPRING
-from haptic_sim.scene.geometry import framed, turned
+from haptic_sim.reduction.model import PIN, SPRING, Model
+from haptic_sim.scene.geometry import Point, Pose, framed, turned
 
 REACH = 1e4
 """m; how far away the point is that holds what acts along an axis. A spring of two axes errs by y²/2 REACH."""
@@ -52,7 +52,7 @@ class Damper(NamedTuple):
         mobility = self._mobility()
         self.spring.damping = math.log1p(h * self.damping * mobility) / (h * mobility)
 
-    def _mobility(self):
+    def _mobility(self) -> float:
         spring, a, b = self.spring, self.spring.a, self.spring.b
         if isinstance(spring, pymunk.DampedRotarySpring):
             return 1.0 / a.moment + 1.0 / b.moment
@@ -107,7 +107,7 @@ def add_joints(space: pymunk.Space, reduced: ReducedScene, bodies: list[pymunk.B
     return tended
 
 
-def _bias(space, model, j):
+def _bias(space: pymunk.Space, model: Model, j: int) -> float:
     """How fast the errors of joint j are taken back."""
     stopped = np.isfinite(model.joint_limit[j]).any()
     if _is_alone(model, j) and (stopped or not model.fixed[model.joint_bodies[j]].any()):
@@ -115,37 +115,35 @@ def _bias(space, model, j):
     return STOP_BIAS if stopped else MANY_BIAS if len(model.joint_kind) > MANY else space.collision_bias
 
 
-def _is_alone(model, j):
+def _is_alone(model: Model, j: int) -> bool:
     """Whether no other joint than joint j, springs left out, holds one of its bodies that can move."""
     held = {body for body in model.joint_bodies[j].tolist() if not model.fixed[body]}
     others = np.delete(model.joint_bodies, j, axis=0)[np.delete(model.joint_kind, j) != SPRING]
     return not held & set(others.flatten().tolist())
 
 
-def _joint(model, j, a, b, bias) -> Iterator[pymunk.Constraint]:
+def _joint(model: Model, j: int, a: pymunk.Body, b: pymunk.Body, bias: float) -> Iterator[pymunk.Constraint]:
     """Chipmunk's constraints that make one joint of the model."""
-    on_a, on_b = (tuple(anchor) for anchor in model.joint_anchor[j].tolist())
     if model.joint_kind[j] == PIN:
-        yield from _pin(model, j, a, b, on_a, on_b, bias)
-    elif model.joint_kind[j] == SLIDER:
-        yield from _slider(model, j, (a, b), bias)
-    else:
-        yield from _spring(model.joint_spring[j].tolist(), a, b, on_a, on_b)
+        return _pin(model, j, a, b, bias)
+    return _spring(model, j, a, b) if model.joint_kind[j] == SPRING else _slider(model, j, (a, b), bias)
 
 
-def _pin(model, j, a, b, on_a, on_b, bias):
+def _pin(model: Model, j: int, a: pymunk.Body, b: pymunk.Body, bias: float) -> Iterator[pymunk.Constraint]:
     start, (low, high) = float(model.joint_angle[j]), model.joint_limit[j].tolist()
     stiffness, damping, rest = model.joint_spring[j].tolist()
-    yield _biased(pymunk.PivotJoint(a, b, on_a, on_b), bias)
+    yield _biased(pymunk.PivotJoint(a, b, *model.joint_anchor[j].tolist()), bias)
     if math.isfinite(low) or math.isfinite(high):
         yield _biased(pymunk.RotaryLimitJoint(a, b, start + low, start + high), STOP_BIAS)
     if stiffness or damping:
         yield pymunk.DampedRotarySpring(a, b, -(start + rest), stiffness, damping)
     for speed, most in _drives(model, j):
-        yield _bounded(pymunk.SimpleMotor(a, b, -speed), most)  # Chipmunk's rate is that of a against b
+        motor = pymunk.SimpleMotor(a, b, -speed)  # Chipmunk's rate is that of a against b
+        motor.max_force = most
+        yield motor
 
 
-def _slider(model, j, bodies, bias):
+def _slider(model: Model, j: int, bodies: tuple[pymunk.Body, pymunk.Body], bias: float) -> Iterator[pymunk.Constraint]:
     first, on_b, behind, ahead = _ends(model, j)
     a, b = bodies[first], bodies[1 - first]
     low, high = model.joint_limit[j].tolist()
@@ -158,12 +156,13 @@ def _slider(model, j, bodies, bias):
     if stiffness or damping:
         yield pymunk.DampedSpring(a, b, behind, on_b, REACH + rest, stiffness, damping)
     for speed, most in _drives(model, j):
-        drive = _bounded(pymunk.PinJoint(a, b, behind if speed < 0.0 else ahead, on_b), most)
-        drive.distance, drive.max_bias, drive.error_bias = 0.0, abs(speed), 0.0  # it never gets there, at that speed
+        drive = pymunk.PinJoint(a, b, behind if speed < 0.0 else ahead, on_b)
+        drive.max_force, drive.distance = most, 0.0
+        drive.max_bias, drive.error_bias = abs(speed), 0.0  # it never gets there, at that speed
         yield drive
 
 
-def _ends(model, j):
+def _ends(model: Model, j: int) -> tuple[int, Point, Point, Point]:
     """Which of a slider's bodies has the guide; where the other is held; points of the guide far behind and ahead.
 
     The guide is in the body of more inertia, which its impulses turn; the coordinate is the same from either.
@@ -181,9 +180,9 @@ def _ends(model, j):
     return first, framed(turned(on_a, frame_a), frame_b), behind, ahead
 
 
-def _spring(spring, a, b, on_a, on_b):
+def _spring(model: Model, j: int, a: pymunk.Body, b: pymunk.Body) -> Iterator[pymunk.Constraint]:
     """A spring along the line between its anchors; without length, one along each of two axes of a."""
-    stiffness, damping, rest = spring
+    (stiffness, damping, rest), (on_a, on_b) = model.joint_spring[j].tolist(), model.joint_anchor[j].tolist()
     if rest > 0.0:
         yield pymunk.DampedSpring(a, b, on_a, on_b, rest, stiffness, damping)
     else:
@@ -191,23 +190,18 @@ def _spring(spring, a, b, on_a, on_b):
             yield pymunk.DampedSpring(a, b, (on_a[0] - x, on_a[1] - y), on_b, REACH, stiffness, damping)
 
 
-def _drives(model, j):
+def _drives(model: Model, j: int) -> list[tuple[float, float]]:
     """Speed and greatest force of a joint's motor and of its dry friction."""
     speed, strength = model.joint_motor[j].tolist()
     return [pair for pair in ((speed, strength), (0.0, float(model.joint_friction[j]))) if pair[1] > 0.0]
 
 
-def _biased(joint, bias):
+def _biased(joint: pymunk.Constraint, bias: float) -> pymunk.Constraint:
     joint.error_bias = bias
     return joint
 
 
-def _bounded(joint, most):
-    joint.max_force = most
-    return joint
-
-
-def stored(model, poses) -> float:
+def stored(model: Model, poses: Sequence[Pose]) -> float:
     """Energy in the springs of all joints [J], bodies at `poses` (mass centre, angle)."""
     return sum(
         0.5 * spring[0] * _stretch(model, j, (*poses, (0.0, 0.0, 0.0))) ** 2
@@ -216,7 +210,7 @@ def stored(model, poses) -> float:
     )
 
 
-def _stretch(model, j, poses):
+def _stretch(model: Model, j: int, poses: Sequence[Pose]) -> float:
     a, b = (poses[k] for k in model.joint_bodies[j])
     if model.joint_kind[j] == PIN:
         return b[2] - a[2] - model.joint_angle[j] - model.joint_spring[j, 2]

@@ -14,7 +14,7 @@ and to 1/2k for slow ones where μ is small. Gravity is no port and gives nothin
 import math
 
 
-def passive_rebound(approach, pushed, mobility, loss):
+def passive_rebound(approach: float, pushed: float, mobility: float, loss: tuple[float, float, float]) -> float:
     """Largest restitution e with which an impact at this rate of approach u [m/s] gives nothing at the port.
 
     pushed [m/s]: rate by which the coupling's push alone closes the gap in the step. mobility w [1/kg]: what an impulse

@@ -2,6 +2,7 @@
 """A scene as a pymunk Space: bodies, shapes, layers, joints, and what its contacts say after a step."""
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +13,10 @@ from haptic_sim.protocol import Contact
 from haptic_sim.pymunk_world.joints import Tended, add_joints
 from haptic_sim.reduction import ReducedScene
 from haptic_sim.reduction.method_choice import LAYERS, too_many_layers
-from haptic_sim.scene.geometry import turned
-from haptic_sim.scene.shapes import TOOL
+from haptic_sim.reduction.model import Model
+from haptic_sim.scene.geometry import Pose, turned
+from haptic_sim.scene.language import Scene
+from haptic_sim.scene.shapes import TOOL, AnySolid
 
 SWEEPS = 30
 """Of Chipmunk's solver, for any number of bodies."""
@@ -47,7 +50,7 @@ class Filled(NamedTuple):
     """Root of each shape's coefficient: two that meet have the product, in the step in which they do; later 0."""
 
 
-def slop_of(scene) -> float:
+def slop_of(scene: Scene) -> float:
     """Overlap that is left alone [m]."""
     return min(SLOP, SLOP_SHARE * scene.feature)
 
@@ -55,7 +58,6 @@ def slop_of(scene) -> float:
 def fill(reduced: ReducedScene, h: float) -> Filled:
     """A new space with the scene at its start, to be stepped by h [s]. ValueError if it has too many layers."""
     scene, model = reduced.scene, reduced.model
-    bits = _layer_bits(scene)
     space = pymunk.Space()
     space.gravity, space.iterations = scene.gravity, SWEEPS
     space.collision_slop, space.collision_bias = slop_of(scene), BIAS
@@ -65,13 +67,13 @@ def fill(reduced: ReducedScene, h: float) -> Filled:
     if math.hypot(*scene.gravity) > HEAVY and not len(model.joint_kind) and not np.any(model.pair_surface):
         space.sleep_time_threshold, space.idle_speed_threshold = ASLEEP, SLOW
     bodies = [_movable(space, model, b, h) for b in range(len(model.mass) - 1)]
-    shapes, names = _add_solids(space, reduced, bodies, bits)
+    shapes, names = _add_solids(space, reduced, bodies)
     solids = (scene.solids[name] for name in reduced.shape_names)
     restitution = {shape: math.sqrt(scene.material(of).restitution) for shape, of in zip(shapes, solids, strict=True)}
     return Filled(space, bodies, shapes, names, add_joints(space, reduced, bodies), restitution)
 
 
-def _layer_bits(scene):
+def _layer_bits(scene: Scene) -> dict[int, int]:
     """Layer → bit of a filter; layers of one body alone, which what one adds can meet, as far as there are bits."""
     if refusal := too_many_layers(scene):
         raise ValueError(refusal)
@@ -79,7 +81,7 @@ def _layer_bits(scene):
     return {layer: 1 << bit for bit, layer in enumerate([*scene.shared_layers, *used][:LAYERS])}
 
 
-def _movable(space, model, b, h):
+def _movable(space: pymunk.Space, model: Model, b: int, h: float) -> pymunk.Body:
     """Body b of the model, where Chipmunk's first move over h takes it to its start."""
     body = pymunk.Body(float(model.mass[b]), float(model.inertia[b]))
     (x, y, angle), (vx, vy, turn) = model.pose[b].tolist(), model.velocity[b].tolist()
@@ -89,29 +91,33 @@ def _movable(space, model, b, h):
     return body
 
 
-def _add_solids(space, reduced, bodies, bits):
+def _add_solids(
+    space: pymunk.Space, reduced: ReducedScene, bodies: list[pymunk.Body]
+) -> tuple[list[pymunk.Shape], dict[int, tuple[bool, int, str]]]:
     """All shapes of the scene in the order of the model, and the names of their bodies."""
-    scene = reduced.scene
-    rank, names = {body.name: k for k, body in enumerate(scene.bodies)}, {}
-    made, kinds = {}, {TOOL: OWN_KINDS}
+    scene, bits = reduced.scene, _layer_bits(reduced.scene)
+    rank, kinds = {body.name: k for k, body in enumerate(scene.bodies)}, {TOOL: OWN_KINDS}
+    names: dict[int, tuple[bool, int, str]] = {}
+    made: dict[str, Iterator[pymunk.Shape]] = {}
     for pair in scene.kept_apart:
-        pair_kinds = [kinds.setdefault(name, OWN_KINDS + len(kinds)) for name in sorted(pair)]
-        space.on_collision(*pair_kinds, begin=_let_pass)
-    for solid in (scene.tool, *scene.bodies):
-        place = reduced.places[solid.name]
+        first, second = (kinds.setdefault(name, OWN_KINDS + len(kinds)) for name in sorted(pair))
+        space.on_collision(first, second, begin=_let_pass)
+    for name, solid in scene.solids.items():
+        place = reduced.places[name]
         if place.body < len(bodies):
             body = bodies[place.body]
         else:
             body = pymunk.Body(body_type=pymunk.Body.STATIC)
             space.add(body)
-        names.setdefault(body.id, (solid.name != TOOL, rank.get(solid.name, 0), solid.name))
+        names.setdefault(body.id, (name != TOOL, rank.get(name, 0), name))
         layers = sum(bits.get(layer, 0) for layer in solid.layers)
-        shapes = _add_shapes(space, scene, solid, body, place.pose, layers, kinds.get(solid.name, 0))
-        made[solid.name] = iter(shapes)
+        made[name] = _add_shapes(space, scene, solid, body, place.pose, layers, kinds.get(name, 0))
     return [next(made[name]) for name in reduced.shape_names], names
 
 
-def _add_shapes(space, scene, solid, body, pose, layers, kind):
+def _add_shapes(
+    space: pymunk.Space, scene: Scene, solid: AnySolid, body: pymunk.Body, pose: Pose, layers: int, kind: int
+) -> Iterator[pymunk.Shape]:
     material, made = scene.material(solid), []
     turn = pymunk.Transform.translation(pose[0], pose[1]) @ pymunk.Transform.rotation(pose[2])
     for vertices, radius in solid.outlines:
@@ -125,10 +131,10 @@ def _add_shapes(space, scene, solid, body, pose, layers, kind):
         shape.collision_type = kind
         space.add(shape)
         made.append(shape)
-    return made
+    return iter(made)
 
 
-def _let_pass(arbiter, _space, _data):
+def _let_pass(arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
     """Two that a joint holds together do not touch."""
     arbiter.process_collision = False
 
@@ -154,14 +160,14 @@ class Touching:
         distances = np.where(whole[:, 2] > 1, np.minimum(first, second), first)
         return math.sqrt(push.max()) / self._h, -float(distances.min(where=push > 0.0, initial=0.0))
 
-    def _rows(self):
+    def _rows(self) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of the contacts: (n, 3) whole, (n, 14) real."""
         self._buffer.clear()
         batch.get_space_arbiters(self._space, _FIELDS, self._buffer)
         whole, push, real = self._numbers()
         return whole[push > 0.0], real[push > 0.0]
 
-    def _numbers(self):
+    def _numbers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of all pairs: whole numbers (n, 3), the square of the impulse [N² s²] or 0 if not ours (n), real numbers."""
         whole = np.frombuffer(self._buffer.int_buf(), dtype=np.uintp).reshape(-1, 3)
         real = np.frombuffer(self._buffer.float_buf()).reshape(max(1, len(whole)), -1)[: len(whole)]
@@ -170,7 +176,7 @@ class Touching:
             push *= np.isin(whole[:, :2], list(self._names)).all(axis=1)
         return whole, push, real
 
-    def _contact(self, whole, real):
+    def _contact(self, whole: list[int], real: list[float]) -> Contact:
         body_a, body_b, count = whole
         points = [real[4:8], real[9:13]][:count]
         x = sum(ax + bx for ax, _, bx, _ in points) / (2 * count)

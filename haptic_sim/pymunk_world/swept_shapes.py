@@ -2,19 +2,21 @@
 """What a sweep asks of pymunk's shapes that somebody has added to a scene's space: discs, widths, who meets whom."""
 
 import math
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 
 import numpy as np
 import pymunk
 
+from haptic_sim.scene.geometry import Point
+
 LEAST = 1e-4
 """m; width with which a thinner shape counts: a segment may have none."""
 
-Disc = tuple[tuple[float, float], float]
+Disc = tuple[Point, float]
 """Place and radius [m]."""
 
 
-def discs(shape: pymunk.Shape, centre: tuple[float, float]) -> list[Disc]:
+def discs(shape: pymunk.Shape, centre: Point) -> list[Disc]:
     """Corners and middle of a shape as the discs that fit in, seen from this point of its body's frame."""
     corners, radius = [(x - centre[0], y - centre[1]) for x, y in _corners(shape)], shape.radius
     found = [(corner, radius) for corner in corners]
@@ -24,7 +26,7 @@ def discs(shape: pymunk.Shape, centre: tuple[float, float]) -> list[Disc]:
     return found
 
 
-def fits(corners, middle) -> float:
+def fits(corners: Sequence[Point], middle: Point) -> float:
     """Radius of the disc about `middle` that fits into a convex polygon [m]."""
     return min(_off(a, b, middle) for a, b in _edges(corners))
 
@@ -51,7 +53,7 @@ def least_met(body: pymunk.Body, narrow: Mapping[pymunk.ShapeFilter, float]) -> 
     return min((one for given, one in narrow.items() if _accepted(own, given)), default=math.inf)
 
 
-def can_meet(body: pymunk.Body, own: Iterable[pymunk.Shape], other: pymunk.Shape, joints: Set) -> bool:
+def can_meet(body: pymunk.Body, own: list[pymunk.Shape], other: pymunk.Shape, joints: Set[pymunk.Constraint]) -> bool:
     """Whether one of these shapes of a body collides with a shape, as the two are now; joints: all of the space.
 
     A body itself remembers joints that were taken out too.
@@ -74,21 +76,21 @@ def connected(bodies: list[pymunk.Body], joints: Iterable[pymunk.Constraint]) ->
     return [groups[body] for body in bodies]
 
 
-def _accepted(own, given):
+def _accepted(own: Set[pymunk.ShapeFilter], given: pymunk.ShapeFilter) -> bool:
     return any(not one.rejects_collision(given) for one in own)
 
 
-def _corners(shape):
+def _corners(shape: pymunk.Shape) -> Sequence[Point]:
     if isinstance(shape, pymunk.Circle):
         return [shape.offset]
     return [shape.a, shape.b] if isinstance(shape, pymunk.Segment) else shape.get_vertices()
 
 
-def _edges(corners):
+def _edges(corners: Sequence[Point]) -> list[tuple[Point, Point]]:
     return list(zip(corners, [*corners[1:], corners[0]], strict=True))
 
 
-def _off(a, b, point):
+def _off(a: Point, b: Point, point: Point) -> float:
     """Distance of a point from the line through a and b."""
     (ax, ay), (bx, by) = a, b
     return abs((bx - ax) * (point[1] - ay) - (by - ay) * (point[0] - ax)) / math.hypot(bx - ax, by - ay)

@@ -48,7 +48,8 @@ WATCH = 4
 """Sub-steps after which is looked anew who is fast."""
 TOUCH = 1e-12
 """N s; impulse on the tool that is more than rounding."""
-SET_FORCE, SET_TORQUE = pymunk.Body.force.fset, pymunk.Body.torque.fset  # in half the time of an assignment
+SET_FORCE, SET_TORQUE = (vars(pymunk.Body)[name].fset for name in ("force", "torque"))
+"""Setters, in half the time of an assignment."""
 
 _BODY = batch.BodyFields
 _PLACES = _BODY.BODY_ID | _BODY.POSITION | _BODY.ANGLE | _BODY.VELOCITY | _BODY.ANGULAR_VELOCITY
@@ -92,8 +93,10 @@ class PymunkWorld:
         self.velocity: Planar = self.scene.tool.velocity
         self.force_on_tool: Planar = (0.0, 0.0, 0.0)
         self.touching = False
-        self._state = self._energy = None  # of the end of the sub-step, once somebody has asked
-        self._ids = self._rows = None  # bodies in Chipmunk's order, and their places in it
+        self._state: np.ndarray | None = None  # of the end of the sub-step, once somebody has asked
+        self._energy: tuple[float, float] | None = None
+        self._ids: list[int] = []  # bodies in Chipmunk's order
+        self._rows: list[int] = []  # their places in it
         self._set_effective_mass()
 
     def body(self, name: str) -> pymunk.Body:
@@ -113,7 +116,7 @@ class PymunkWorld:
             made = made.then(self._travel(start, end, n))
         return made
 
-    def _travel(self, start, end, count):
+    def _travel(self, start: list[float], end: list[float], count: int) -> StepResult:
         """`count` sub-steps, the handle on a straight line between two rows."""
         if count == 0:
             return StepResult(numerical=0.0)
@@ -133,19 +136,19 @@ class PymunkWorld:
         pressed, depth = self._touching.worst() if touched or len(self._bodies) > 1 else (0.0, 0.0)
         return StepResult(supplied, touched, max(push / self.sub_step, pressed), depth, 0, 0.0, correction, numerical)
 
-    def _look_around(self):
+    def _look_around(self) -> None:
         """Takes in what was added to the space, and who is fast."""
         self._unwatched = 0
         self._sweep.take_in()
         if self._sweep.watches:
             self._sweep.watch(WATCH * self.sub_step)
 
-    def _pull(self, hx, hy, angle, vx, vy, turn):
+    def _pull(self, hx: float, hy: float, angle: float, vx: float, vy: float, turn: float) -> Planar:
         """K x_h + B v_h of each axis."""
         stiff, damping, turning, turning_damping = self._gains
         return stiff * hx + damping * vx, stiff * hy + damping * vy, turning * angle + turning_damping * turn
 
-    def _sub_steps(self, pull, rise, count):
+    def _sub_steps(self, pull: Planar, rise: list[float], count: int) -> tuple[float, float, float, float, bool]:
         """Equal steps of `count` sub-steps; `pull` of the handle before them, and by how much it changes in a step.
 
         Returns what the coupling supplied, what it lost by backward difference while nothing else pushed the tool, what
@@ -213,11 +216,11 @@ class PymunkWorld:
         self.force_on_tool = sum_x / self.inner, sum_y / self.inner, sum_t / self.inner
         return supplied, numerical, correction, largest, touched
 
-    def _note_contact(self, arbiter, _space, _data):
+    def _note_contact(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
         """Adds up what contacts push a jointed tool by [N s]; called by Chipmunk for each that does."""
         self._met += abs(arbiter.total_impulse)
 
-    def _push_out(self, wanted, found, force, spare):
+    def _push_out(self, wanted: Planar, found: Planar, force: Planar, spare: float) -> tuple[Planar, float]:
         """Where the tool is left that Chipmunk has pushed out to `found`: it gives no more at the port than is spare.
 
         Returns that place, and what is spare then [J].
@@ -226,8 +229,8 @@ class PymunkWorld:
         gives = -sum(f * d for f, d in zip(force, out, strict=True))
         if gives > spare:
             share, gives = spare / gives, spare
-            found = tuple(a + share * d for a, d in zip(wanted, out, strict=True))
-            self._tool.position, self._tool.angle = found[:2], found[2]
+            x, y, angle = (a + share * d for a, d in zip(wanted, out, strict=True))
+            self._tool.position, self._tool.angle, found = (x, y), angle, (x, y, angle)
         return found, spare - max(0.0, gives)
 
     def contacts(self) -> list[Contact]:
@@ -252,7 +255,7 @@ class PymunkWorld:
             self._energy = self._energy_of(self._now())
         return self._energy
 
-    def _energy_of(self, state):
+    def _energy_of(self, state: np.ndarray) -> tuple[float, float]:
         model = self._reduced.model
         mass, inertia = model.mass[:-1], model.inertia[:-1]
         kinetic = 0.5 * float(mass @ (state[:, 3] ** 2 + state[:, 4] ** 2) + inertia @ state[:, 5] ** 2)
@@ -261,7 +264,7 @@ class PymunkWorld:
             potential += stored(model, [tuple(row) for row in state[:, :3].tolist()])
         return kinetic, potential
 
-    def _now(self):
+    def _now(self) -> np.ndarray:
         """Mass centres and velocities (n, 6) of the movable bodies at the end of the sub-step."""
         if self._state is None:
             self._places.clear()
@@ -275,7 +278,7 @@ class PymunkWorld:
             state[:, :3] += self._sweep.times() * state[:, 3:]
         return self._state
 
-    def _set_effective_mass(self):
+    def _set_effective_mass(self) -> None:
         stiffness, damping, rotational_stiffness, rotational_damping = self._gains
         h = self._h
         extra = h * damping + h * h * stiffness
@@ -285,7 +288,7 @@ class PymunkWorld:
         for damper in self._dampers:
             damper.set_for(h)
 
-    def _begin_rebound(self, arbiter, _space, _data):
+    def _begin_rebound(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
         """Restitution of two that meet: with the tool, no more than keeps the port passive under its push.
 
         Chipmunk calls it in the step in which they do; from the next on the scene's own shapes have 0 again.
@@ -296,13 +299,13 @@ class PymunkWorld:
             wanted = min(wanted, self._passive_rebound(arbiter))
         arbiter.restitution = wanted
 
-    def _calm(self):
+    def _calm(self) -> None:
         """Where the scene's shapes rebound, added ones rebound as they do: in the step alone in which two meet."""
         if not self._calms and any(self._restitution.values()) and any(one.elasticity for one in self._sweep.added):
             self._calms = True
             self.space.on_collision(begin=self._begin_rebound, pre_solve=_rest)
 
-    def _passive_rebound(self, arbiter):
+    def _passive_rebound(self, arbiter: pymunk.Arbiter) -> float:
         """Largest coefficient of restitution of a contact of the tool that the coupling leaves passive."""
         tool, point = self._tool, arbiter.contact_point_set.points[0].point_a
         a, b = arbiter.bodies
@@ -320,13 +323,13 @@ class PymunkWorld:
             others = 1.0 / other.mass + (point - other.position).cross(normal) ** 2 / other.moment
         return passive_rebound(
             approach,
-            row @ (softness * push),
-            row**2 @ softness + others,
-            (push @ (true * push), row @ (true * push), row**2 @ true + others),
+            float(row @ (softness * push)),
+            float(row**2 @ softness) + others,
+            (float(push @ (true * push)), float(row @ (true * push)), float(row**2 @ true) + others),
         )
 
 
-def _rest(arbiter, _space, _data):
+def _rest(arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: object) -> None:
     """Restitution 0 of what touched before."""
     if not arbiter.is_first_contact:
         arbiter.restitution = 0.0
