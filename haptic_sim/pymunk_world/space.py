@@ -43,8 +43,8 @@ class Filled(NamedTuple):
     """Those that can move, in the order of the model."""
     shapes: list[pymunk.Shape]
     """In the order of the model."""
-    names: dict[int, tuple[bool, int, str]]
-    """Body id → its rank in the scene, and its name; of the scene's own bodies alone."""
+    names: dict[int, tuple[int, str]]
+    """Body id → its place in the scene, the tool's first, and its name; of the scene's own bodies alone."""
     joints: Tended
     restitution: dict[pymunk.Shape, float]
     """Root of each shape's coefficient: two that meet have the product, in the step in which they do; later 0."""
@@ -93,23 +93,22 @@ def _movable(space: pymunk.Space, model: Model, b: int, h: float) -> pymunk.Body
 
 def _add_solids(
     space: pymunk.Space, reduced: ReducedScene, bodies: list[pymunk.Body]
-) -> tuple[list[pymunk.Shape], dict[int, tuple[bool, int, str]]]:
+) -> tuple[list[pymunk.Shape], dict[int, tuple[int, str]]]:
     """All shapes of the scene in the order of the model, and the names of their bodies."""
     scene, bits = reduced.scene, _layer_bits(reduced.scene)
-    rank, kinds = {body.name: k for k, body in enumerate(scene.bodies)}, {TOOL: OWN_KINDS}
-    names: dict[int, tuple[bool, int, str]] = {}
+    kinds, names = {TOOL: OWN_KINDS}, dict[int, tuple[int, str]]()
     made: dict[str, Iterator[pymunk.Shape]] = {}
     for pair in scene.kept_apart:
         first, second = (kinds.setdefault(name, OWN_KINDS + len(kinds)) for name in sorted(pair))
         space.on_collision(first, second, begin=_let_pass)
-    for name, solid in scene.solids.items():
+    for rank, (name, solid) in enumerate(scene.solids.items()):
         place = reduced.places[name]
         if place.body < len(bodies):
             body = bodies[place.body]
         else:
             body = pymunk.Body(body_type=pymunk.Body.STATIC)
             space.add(body)
-        names.setdefault(body.id, (name != TOOL, rank.get(name, 0), name))
+        names.setdefault(body.id, (rank, name))
         layers = sum(bits.get(layer, 0) for layer in solid.layers)
         made[name] = _add_shapes(space, scene, solid, body, place.pose, layers, kinds.get(name, 0))
     return [next(made[name]) for name in reduced.shape_names], names
@@ -147,7 +146,11 @@ class Touching:
 
     def contacts(self) -> list[Contact]:
         """Sorted by bodies and place; bodies asleep have none."""
-        return sorted(self._contact(*one) for one in zip(*(rows.tolist() for rows in self._rows()), strict=True))
+        self._buffer.clear()
+        batch.get_space_arbiters(self._space, _FIELDS, self._buffer)
+        whole, push, real = self._numbers()
+        press = push > 0.0
+        return sorted(map(self._contact, whole[press].tolist(), real[press].tolist()))
 
     def worst(self) -> tuple[float, float]:
         """Largest force [N], and the depth [m] of the deepest."""
@@ -159,13 +162,6 @@ class Touching:
         first, second = real[:, 2], real[:, 3]
         distances = np.where(whole[:, 2] > 1, np.minimum(first, second), first)
         return math.sqrt(push.max()) / self._h, -float(distances.min(where=push > 0.0, initial=0.0))
-
-    def _rows(self) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers of the contacts: (n, 3) whole, (n, 14) real."""
-        self._buffer.clear()
-        batch.get_space_arbiters(self._space, _FIELDS, self._buffer)
-        whole, push, real = self._numbers()
-        return whole[push > 0.0], real[push > 0.0]
 
     def _numbers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of all pairs: whole numbers (n, 3), the square of the impulse [N² s²] or 0 if not ours (n), real numbers."""
@@ -187,4 +183,4 @@ class Touching:
         push = sign / self._h
         normal = sign * real[2], sign * real[3]
         force_on_a = push * real[0], push * real[1]
-        return Contact(min(a, b)[2], max(a, b)[2], (x, y), normal, force_on_a, depth)
+        return Contact(min(a, b)[1], max(a, b)[1], (x, y), normal, force_on_a, depth)
