@@ -44,8 +44,7 @@ class ContinuousCollision:
     Unless `busy`, and while no point of the tool, `extent` [m] about its mass centre, is faster than `tool_fast` [m/s],
     there is nothing to `look` for.
 
-    `near` [m] is the overlap at which a hit ends a move. shapes: of the space, in the order of the model. model and
-    layout: as reduced from the scene. stops: of its joints.
+    shapes: of the space, in the order of the model. model and layout: as reduced from the scene. stops: of its joints.
     """
 
     def __init__(
@@ -56,10 +55,10 @@ class ContinuousCollision:
         model: Model,
         layout: Layout,
         h: float,
-        near: float,
         stops: list[Stop],
     ):
-        self._space, self._h, self._near, self._scene = space, h, near, bodies
+        self._space, self._h, self._scene = space, h, bodies
+        self._near = 0.5 * space.collision_slop  # m; overlap at which a hit ends a move
         self._farthest = FAST * min(h, short_step(model))
         met = [_met(model, layout, b) for b in range(len(bodies))]
         self._meets = [{shapes[s] for s in others} for others, _ in met]

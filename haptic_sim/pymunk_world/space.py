@@ -50,17 +50,12 @@ class Filled(NamedTuple):
     """Root of each shape's coefficient: two that meet have the product, in the step in which they do; later 0."""
 
 
-def slop_of(scene: Scene) -> float:
-    """Overlap that is left alone [m]."""
-    return min(SLOP, SLOP_SHARE * scene.feature)
-
-
 def fill(reduced: ReducedScene, h: float) -> Filled:
     """A new space with the scene at its start, to be stepped by h [s]. ValueError if it has too many layers."""
     scene, model = reduced.scene, reduced.model
     space = pymunk.Space()
     space.gravity, space.iterations = scene.gravity, SWEEPS
-    space.collision_slop, space.collision_bias = slop_of(scene), BIAS
+    space.collision_slop, space.collision_bias = min(SLOP, SLOP_SHARE * scene.feature), BIAS
     # A contact that returns within the persistence would keep an impulse it no longer applies, and could pull.
     space.collision_persistence = 1
     # What a joint, a belt or a weak gravity is about to move would fall asleep before it is SLOW.

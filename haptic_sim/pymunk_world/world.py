@@ -40,7 +40,7 @@ from haptic_sim.protocol import Contact, Coupling, Planar, StepResult
 from haptic_sim.pymunk_world.continuous_collision import ContinuousCollision
 from haptic_sim.pymunk_world.joints import stored
 from haptic_sim.pymunk_world.rebound import passive_rebound
-from haptic_sim.pymunk_world.space import OWN_KINDS, Touching, fill, slop_of
+from haptic_sim.pymunk_world.space import OWN_KINDS, Touching, fill
 from haptic_sim.reduction import ReducedScene
 from haptic_sim.scene.geometry import turned
 
@@ -84,9 +84,8 @@ class PymunkWorld:
         self._restitution, self._calms = filled.restitution, False
         if any(filled.restitution.values()):
             self.space.on_collision(begin=self._begin_rebound)
-        near = 0.5 * slop_of(self.scene)
-        bodies = filled.shapes, model, self._layout, self._h, near, stops
-        self._sweep = ContinuousCollision(self.space, self._bodies, *bodies)
+        shapes, layout = filled.shapes, self._layout
+        self._sweep = ContinuousCollision(self.space, self._bodies, shapes, model, layout, self._h, stops)
         self._unwatched = WATCH  # sub-steps
         self._spare = 0.0  # J, lost at the tool and not yet given back by push-out
         self.position: Planar = self.scene.tool.pose
