@@ -5,7 +5,6 @@ A port moves the world: it says for each sub-step where the handle is that the c
 """
 
 import abc
-from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -268,8 +267,9 @@ def port_of(method: str, budget: float = BUDGET, limits: Limits = LIMITS) -> Por
     """The port of an exchange method; ValueError if there is none of this name."""
     if method not in EXCHANGE_METHODS:
         raise ValueError(f"exchange.method is {method}; there are {', '.join(EXCHANGE_METHODS)}")
-    made: dict[str, Callable[[], Port]] = {"direct": DirectPort, "wave": lambda: WaveVariablePort(limits)}
-    return made.get(method, lambda: PspmPort(budget, limits))()
+    if method == "wave":
+        return WaveVariablePort(limits)
+    return DirectPort() if method == "direct" else PspmPort(budget, limits)
 
 
 def _worst(stiffness: float, damping: float, sub_step: float, inner: int) -> float:
