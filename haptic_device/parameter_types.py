@@ -77,6 +77,11 @@ def limits_of(watched: Iterable[Watched]) -> tuple[Parameter, ...]:
     )
 
 
+def defaults(parameters: Iterable[Parameter]) -> dict[str, Any]:
+    """{name: default} of what is declared."""
+    return {parameter.name: parameter.default for parameter in parameters}
+
+
 def check_value(parameter: Parameter, value):
     """The value, arrays as tuple, if type, finiteness, range and choice are right; else ValueError, one sentence."""
     if not isinstance(parameter.default, tuple):

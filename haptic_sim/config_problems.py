@@ -11,7 +11,7 @@ from haptic_device.config_files import ConfigError
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand
 from haptic_device.parameter_files import file_problems, operating_point_problems, right_values
-from haptic_device.parameter_types import SECTION, check_value, unknown
+from haptic_device.parameter_types import SECTION, check_value, defaults, unknown
 from haptic_device.parameters import OPERATOR
 from haptic_sim.method_registry import AUTO
 from haptic_sim.node_parameters import NODES
@@ -70,7 +70,7 @@ def remark(path: Path, measure: Measure = _unknown) -> str:
         return "" if "axes" in document else unkept_wish(path)
     document = yaml_reader.load(path, ros=True)
     given = right_values(document, NODES)[0]["haptic_simulation"]
-    values = {parameter.name: parameter.default for parameter in NODES["haptic_simulation"]} | given
+    values = defaults(NODES["haptic_simulation"]) | given
     said = unkept_wish(values["scene"], values["method"])
     return "; ".join(filter(None, (said, _too_late(document, path, measure))))
 
@@ -79,7 +79,7 @@ def _too_late(document, path, measure) -> str:
     """Why the gains of a right operating point leave no damping over where the writes are as late as here."""
     given = right_values(document, NODES)[0]
     list(file_problems(given, path))
-    values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]} | given["haptic_driver"]
+    values = defaults(NODES["haptic_driver"]) | given["haptic_driver"]
     if values["passivity.policy"] != "enforce" or (late := measure(values)) is None:
         return ""
     settings = controller_config.settings_from(load_device(values["device"]), values)[0]
@@ -101,10 +101,7 @@ def _together(document, path, measure) -> Iterator[str]:
     given, wrong = right_values(document, NODES)
     missing = list(file_problems(given, path))
     yield from missing
-    values = {
-        node: {parameter.name: parameter.default for parameter in declared} | given[node]
-        for node, declared in NODES.items()
-    }
+    values = {node: defaults(declared) | given[node] for node, declared in NODES.items()}
     yield from _two_methods(values, wrong)
     loaded = {}
     named = (
@@ -229,10 +226,7 @@ def _motion(motion) -> list[str]:
 
 def _script(motion) -> list[str]:
     try:
-        operator_hand.script(
-            {parameter.name: parameter.default for parameter in OPERATOR}
-            | {f"motion.{key}": value for key, value in motion.items()}
-        )
+        operator_hand.script(defaults(OPERATOR) | {f"motion.{key}": value for key, value in motion.items()})
     except ValueError as error:
         return [str(error)]
     return []

@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from haptic_device.device import operator_hand
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATOR
 from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.protocol import Coupling, Planar, StepResult
@@ -147,7 +148,7 @@ def stretch(gains: Coupling, handle, tool) -> float:
 
 def hand(scene: Scene, angle: float = 0.0):
     """time [s] → where the suggested motion leads the handle (x, y, theta), the plane turned by `angle` [rad]."""
-    values = {parameter.name: parameter.default for parameter in OPERATOR}
+    values = defaults(OPERATOR)
     values |= {"motion.start": scene.tool.pose, "motion.target": scene.tool.pose}
     motion = operator_hand.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
     place = np.empty(3)

@@ -4,15 +4,14 @@
 import numpy as np
 
 from haptic_device.description import load_device
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import NODES
 from haptic_sim.replay.lockstep import Lockstep
 
 
 def values(node, **given):
     """All parameter values of a node: the defaults, and what is given with `__` for a dot."""
-    return {parameter.name: parameter.default for parameter in NODES[node]} | {
-        name.replace("__", "."): value for name, value in given.items()
-    }
+    return defaults(NODES[node]) | {name.replace("__", "."): value for name, value in given.items()}
 
 
 def device(damping=1.0, counts=1e7, coulomb=0.0, axes=2, **changes):

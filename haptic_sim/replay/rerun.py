@@ -11,7 +11,7 @@ import numpy as np
 from haptic_device import controller_config, description, gain_check, yaml_reader
 from haptic_device.config_files import ConfigError
 from haptic_device.description import Device, load_device
-from haptic_device.parameter_types import SECTION, Parameter, check_value
+from haptic_device.parameter_types import SECTION, Parameter, check_value, defaults
 from haptic_device.recording import load
 from haptic_device.recording.bag_contents import Recording
 from haptic_device.recording.columns import Entries
@@ -147,7 +147,7 @@ def _values(recording, node, parameters) -> dict:
     found = next((section.get(SECTION, {}) for section in content.values()), {})
     known = {parameter.name: parameter for parameter in parameters}
     taken = {name: check_value(known[name], value) for name, value in found.items() if name in known}
-    return {name: parameter.default for name, parameter in known.items()} | taken
+    return defaults(parameters) | taken
 
 
 def _device(recording, name) -> Device:

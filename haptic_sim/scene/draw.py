@@ -14,6 +14,7 @@ from matplotlib.transforms import Affine2D
 
 from haptic_device.device import operator_hand
 from haptic_device.os_errors import naming
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATOR
 from haptic_sim.scene.geometry import turned
 from haptic_sim.scene.joints import WORLD, Slider
@@ -58,7 +59,7 @@ def draw(scene: Scene, axes) -> None:
 
 def handle_way(scene: Scene) -> np.ndarray:
     """Places (x, y, theta) of the suggested motion's hand, evenly in time."""
-    values = {parameter.name: parameter.default for parameter in OPERATOR}
+    values = defaults(OPERATOR)
     values |= {"motion.start": scene.tool.pose, "motion.target": scene.tool.pose}
     motion = operator_hand.script(values | {f"motion.{key}": value for key, value in scene.motion.items()})
     way = np.empty((POINTS, 3))

@@ -9,6 +9,7 @@ import numpy as np
 from haptic_device import controller_config, jit
 from haptic_device.control import enable_state
 from haptic_device.description import load_device
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import DRIVER
 from haptic_device.realtime.null_device import NullDevice
 from haptic_device.realtime.servo_thread import ServoThread
@@ -44,7 +45,7 @@ class Lateness(NamedTuple):
 
 def values(**given) -> dict:
     """All parameters of the driver, with these instead of the defaults."""
-    return {parameter.name: parameter.default for parameter in DRIVER} | given
+    return defaults(DRIVER) | given
 
 
 def alone(rate: float, seconds: float, realtime: str = "prefer") -> tuple[Lateness, np.ndarray]:

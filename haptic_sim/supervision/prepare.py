@@ -5,6 +5,7 @@ from pathlib import Path
 
 from haptic_device.jit import ensure_compiled
 from haptic_device.parameter_files import read_operating_point
+from haptic_device.parameter_types import defaults
 from haptic_sim.node_parameters import NODES
 from haptic_sim.supervision.processes import Program
 
@@ -44,7 +45,7 @@ def _entries(program):
 
 def value_of(program: Program, name: str):
     """The parameter that the node will find: given to it, or in its files, or by default."""
-    found = {parameter.name: parameter.default for parameter in NODES[program.name]}
+    found = defaults(NODES[program.name])
     for file in program.files:
         found |= read_operating_point(file, NODES, program.namespace)[program.name]
     return (found | program.parameters)[name]

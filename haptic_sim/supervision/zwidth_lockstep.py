@@ -7,6 +7,7 @@ from haptic_device import controller_config, gain_check
 from haptic_device.analysis import probe
 from haptic_device.control import enable_state, records
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.realtime import servo_loop
 
@@ -23,7 +24,7 @@ class LockstepDisplay:
 
     def __init__(self, device, rate, damping, write_delay=0.0):
         self.device, self.damping, self.delay = device, damping, int(write_delay * 1e9)
-        self.values = {parameter.name: parameter.default for parameter in OPERATING_POINT}
+        self.values = defaults(OPERATING_POINT)
         self.values |= {"servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
         self.values |= {"passivity.control": False}
         self.period = round(1e9 / rate)
@@ -57,7 +58,7 @@ class LockstepDisplay:
         memory = np.zeros(1, records.STATE).view(np.recarray)
         memory.enable.state, memory.enable.ramp = enable_state.ENGAGED, 1.0
         body, state = self._body(start)
-        motion = operator_hand.script({p.name: p.default for p in OPERATOR} | {"motion.name": "follow"})
+        motion = operator_hand.script(defaults(OPERATOR) | {"motion.name": "follow"})
         motion, tool = motion.view(np.recarray), np.zeros(1, servo_loop.TOOL).view(np.recarray)
         ticks = max(1, round(EVERY * 1e9 / self.period))
         rows, samples = np.zeros(ticks, records.TRACE_ROW).view(np.recarray), []

@@ -17,6 +17,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 
 from adversary import contact_search
 from haptic_device.description import load_device
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import NODES
 
 GAINS = {
@@ -36,7 +37,7 @@ def settings(rate=1000.0, limit=20.0, counts=1e9):
         least = 0.5 * GAINS[f"coupling.{kind}stiffness"] / rate + GAINS[f"coupling.{kind}damping"]
         free = {"damping": 1.05 * least, "counts_per_unit": counts, "velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
         axes.append(axis.model_copy(update=free))
-    values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]}
+    values = defaults(NODES["haptic_driver"])
     values |= {
         "exchange.method": "local",
         "servo.rate": rate,

@@ -19,6 +19,7 @@ sys.path.append(str(Path(__file__).resolve().parents[1]))  # of this package
 from adversary import exchange_search, port_search
 from adversary.exchange_search import FREE, Adversary
 from haptic_device.description import load_device
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import EXCHANGE_METHODS, NODES
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.port_limits import BUDGET
@@ -34,7 +35,7 @@ def settings(method, counts=1e9, limit=20.0, control=False):
     device = load_device("desktop")
     axis = {"damping": 1.05 * LEAST, "counts_per_unit": counts, "velocity_limit": 1e6, "workspace": (-1e6, 1e6)}
     device = device.model_copy(update={"axes": (device.axes[0].model_copy(update=axis),)})
-    values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]}
+    values = defaults(NODES["haptic_driver"])
     values |= {
         "exchange.method": method,
         "servo.rate": 1.0 / PERIOD,

@@ -9,6 +9,7 @@ from adversary.exchange_search import Adversary, search
 from haptic_device import controller_config, gain_check
 from haptic_device.control import passivity
 from haptic_device.description import load_device
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import NODES
 
 BUDGET = 2e-5  # [J]
@@ -92,7 +93,7 @@ def settings_of(method, case, damping=None):
     )
     axes = (device.axes[0].model_copy(update=axis),)
     device = device.model_copy(update={"axes": axes, "actuation_delay": against.delay, "sensing_delay": 0.0})
-    values = {parameter.name: parameter.default for parameter in NODES["haptic_driver"]}
+    values = defaults(NODES["haptic_driver"])
     values |= {
         "exchange.method": method,
         "servo.rate": case.rate,

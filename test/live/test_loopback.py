@@ -15,6 +15,7 @@ from haptic_device.description import load_device
 from haptic_device.device import loopback_config, simulated_device
 from haptic_device.message_fields import AXES
 from haptic_device.nodes import messages
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import LOOPBACK
 
 pytestmark = pytest.mark.timeout(600)
@@ -97,7 +98,7 @@ def test_the_energy_of_a_live_motion_is_that_of_the_same_motion_in_lock_step(ear
     given = after.position[6] - before.position[6]
     path = abs(after.position[:2] - before.position[:2]).sum()
     assert -given > 0.02 * path  # what friction alone takes
-    values = {parameter.name: parameter.default for parameter in LOOPBACK} | {"motion.name": "follow"}
+    values = defaults(LOOPBACK) | {"motion.name": "follow"}
     plant, memory, motion = loopback_config.hand_from(load_device("desktop"), values)
     memory["position"], memory["target"] = before.position[:3], before.position[3:6]
     memory["time"], motion["points"][0, 0] = 1, (0.05, -0.05, 0.0)

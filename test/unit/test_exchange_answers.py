@@ -12,6 +12,7 @@ from made_up_clock import Clock
 from haptic_device.control import exchange_samples
 from haptic_device.control import tool_side_tank as law_port
 from haptic_device.message_fields import TAIL, exchange_names
+from haptic_device.parameter_types import defaults
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim.exchange import endpoint
 from haptic_sim.exchange.endpoint import DEVICE_SILENCE_NS, RETURN_NS, SILENCE_NS, ExchangeEndpoint
@@ -184,9 +185,7 @@ def test_a_world_that_is_being_built_leaves_the_pull_of_the_one_that_runs_as_it_
     for time_ms in range(1, 400):
         answering.answer(time_ms, (-0.006, 0.0, 0.0))
     before = port.memory.copy()
-    Simulation.by_parameters(
-        reduce_scene(load("wall")), {parameter.name: parameter.default for parameter in PARAMETERS}
-    )
+    Simulation.by_parameters(reduce_scene(load("wall")), defaults(PARAMETERS))
     assert np.array_equal(port.memory, before) and before[law_port.PULL] > 1.0
     answering.answer(400, (-0.006, 0.0, 0.0))
     assert port.memory[law_port.PULL] == pytest.approx(before[law_port.PULL], rel=0.02)

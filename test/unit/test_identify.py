@@ -15,6 +15,7 @@ from haptic_device.analysis.identify import NAMES, Trace, identify, resolution_o
 from haptic_device.control import enable_state, records
 from haptic_device.description import Axis, Device, load_device
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.realtime import servo_loop
 from haptic_device.status import Status
@@ -70,12 +71,12 @@ def shaken(mass=0.1, damping=3.0, coulomb=0.02, step=5e-6, rate=2000.0, sensing=
         name="true", axes=(axis(mass, damping, coulomb, step, sign),), sensing_delay=sensing, actuation_delay=acting
     )
     told = Device(name="told", axes=(axis(0.05, 1.0, 0.0, step, sign),))
-    values = {p.name: p.default for p in OPERATING_POINT}
+    values = defaults(OPERATING_POINT)
     values |= {"passivity.policy": "off", "servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
     memory = np.zeros(1, records.STATE).view(np.recarray)
     memory.enable.state, memory.enable.ramp = enable_state.ENGAGED, 1.0
     body, state = loopback_config.plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
-    motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
+    motion = operator_hand.script(defaults(OPERATOR)).view(np.recarray)
     tool, blocks, first = np.zeros(1, servo_loop.TOOL).view(np.recarray), [], 0
     period, plan = round(1e9 / rate), wall_jumps((0.0,), force, 1.0, 1.0 / rate)
     while first < 3.0 * rate:
@@ -127,7 +128,7 @@ def twisted(inertia=2e-4, damping=0.006, coulomb=3e-4, rate=2000.0, torque=0.05)
     told = load_device("desktop")
     theta = told.axes[2].model_copy(update={"mass": inertia, "damping": damping, "coulomb": coulomb})
     true = told.model_copy(update={"axes": (*told.axes[:2], theta), "actuation_delay": 2e-4})
-    values = {p.name: p.default for p in OPERATING_POINT}
+    values = defaults(OPERATING_POINT)
     values |= {
         "passivity.policy": "off",
         "servo.rate": rate,
@@ -139,7 +140,7 @@ def twisted(inertia=2e-4, damping=0.006, coulomb=3e-4, rate=2000.0, torque=0.05)
     memory = np.zeros(1, records.STATE).view(np.recarray)
     memory.enable.state, memory.enable.ramp = enable_state.ENGAGED, 1.0
     body, state = loopback_config.plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
-    motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
+    motion = operator_hand.script(defaults(OPERATOR)).view(np.recarray)
     tool, blocks, first, period = np.zeros(1, servo_loop.TOOL).view(np.recarray), [], 0, round(1e9 / rate)
     tool.sequence, plan = 1.0, tool_twists(0.0, torque, 2.0, told.axes[2].damping, told.axes[2].mass, 1.0 / rate)
     for dwell in np.random.default_rng(3).uniform(0.03, 0.15, 40):

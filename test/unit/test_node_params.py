@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter as RosParameter
 from haptic_device import yaml_reader
 from haptic_device.nodes.ros import KINDS, refuse_files_of_others
 from haptic_device.nodes.ros_parameters import declare, on_change
-from haptic_device.parameter_types import Parameter
+from haptic_device.parameter_types import Parameter, defaults
 from haptic_sim.node_parameters import NODES
 
 STIFFNESS = Parameter("wall.stiffness", 1000.0, "N/m", "stiffness of the wall", low=0.0, high=5000.0, live=True)
@@ -54,7 +54,7 @@ def change(node, name, value):
 
 
 def test_without_a_file_every_parameter_has_its_default(make_node):
-    assert declare(make_node(), PARAMETERS) == {parameter.name: parameter.default for parameter in PARAMETERS}
+    assert declare(make_node(), PARAMETERS) == defaults(PARAMETERS)
 
 
 def test_a_file_and_the_command_line_give_the_start_values(make_node):

@@ -9,13 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from haptic_device.device import operator_hand
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATOR, SCRIPTS
 
 START, ABOVE, TARGET = (0.01, 0.05, 0.1), (0.03, 0.05, 0.1), (0.03, -0.02, -0.2)
 
 
 def script(name, **given):
-    values = {parameter.name: parameter.default for parameter in OPERATOR}
+    values = defaults(OPERATOR)
     values |= {
         "motion.name": name,
         "motion.start": START,

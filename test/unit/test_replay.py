@@ -16,6 +16,7 @@ from haptic_device import controller_config, gain_check
 from haptic_device.analysis.report.reading import read_run
 from haptic_device.control import records
 from haptic_device.device import operator_hand
+from haptic_device.parameter_types import defaults
 from haptic_device.realtime import tick_replay
 from haptic_device.recording import load, writer
 from haptic_device.recording.layouts import JointLayout
@@ -139,7 +140,7 @@ def bag(tmp_path_factory):
 
 
 def values_of_simulation():
-    return {parameter.name: parameter.default for parameter in NODES["haptic_simulation"]} | {"scene": "wall"}
+    return defaults(NODES["haptic_simulation"]) | {"scene": "wall"}
 
 
 class Script:

@@ -12,7 +12,6 @@ from waiting import until
 from haptic_device import controller_config
 from haptic_device.control import records
 from haptic_device.nodes.telemetry import Telemetry
-from haptic_device.parameters import DRIVER
 from haptic_device.realtime import clock, seqlock
 from haptic_device.realtime.null_device import NullDevice
 from haptic_device.realtime.servo_thread import ServoThread
@@ -56,7 +55,7 @@ class Told:
     """Telemetry of a servo whose ticks are the test's; counts how often it looks."""
 
     def __init__(self, patch):
-        given = {parameter.name: parameter.default for parameter in DRIVER} | values("haptic_driver", **RATES)
+        given = values("haptic_driver", **RATES)
         self.servo = ServoThread(NullDevice(), controller_config.settings_from(device(damping=3.0), given), None, "off")
         self.clock = SessionClock()
         self.node, self.looks, self.deadlines, sleep = Node(), 0, [], clock.sleep_until

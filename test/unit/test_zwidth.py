@@ -26,6 +26,7 @@ from haptic_device.analysis.zwidth_map import Request, boundaries, draw_map, emp
 from haptic_device.control import enable_state, records
 from haptic_device.description import Axis, Device
 from haptic_device.device import loopback_config, operator_hand, plant, simulated_device, wall_tapping
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.realtime import servo_loop
 from reference.boundary import CASES, boundary_stiffness
@@ -47,7 +48,7 @@ def whole_servo(setup, start, stiffness, damping):
         coulomb=setup.coulomb,
     )
     device = Device(name="one axis", axes=(axis,), gravity=(-start.push / setup.mass, 0.0), gravity_compensation=False)
-    values = {parameter.name: parameter.default for parameter in OPERATING_POINT}
+    values = defaults(OPERATING_POINT)
     values |= {"servo.rate": 1.0 / setup.period, "force.limit": 1e6, "velocity.lag": setup.velocity_lag}
     values |= {"velocity.estimator": "lowpass", "passivity.control": False}
     values |= {"coupling.stiffness": 0.0, "coupling.damping": 0.0, "fault.saturation": 60.0}
@@ -59,7 +60,7 @@ def whole_servo(setup, start, stiffness, damping):
     body, state = loopback_config.plant_of(device).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
     body.actuation_delay = round(setup.delay_samples * setup.period * 1e9)
     state.position[0, 0], state.velocity[0, 0] = -start.position, -start.velocity
-    motion = operator_hand.script({p.name: p.default for p in OPERATOR}).view(np.recarray)
+    motion = operator_hand.script(defaults(OPERATOR)).view(np.recarray)
     tool, most, period = np.zeros(1, servo_loop.TOOL).view(np.recarray), 0.0, round(setup.period * 1e9)
     for k in range(round(setup.seconds / setup.period) + 1):
         row = np.zeros(1, records.TRACE_ROW).view(np.recarray)
