@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from haptic_device.control import enable_state, servo
+from haptic_device.control import enable_state
 from haptic_device.control.records import TICK
 from haptic_device.description import SUB_STEP
 from haptic_device.device import operator_hand, plant
@@ -204,17 +204,13 @@ def run_lockstep(settings, state, rows, tool, body, body_state, motion, start, f
     run_realtime, of one each; body, body_state and motion as in device/plant and device/operator_hand; word: command.
     """
     sample, ticks = np.zeros(hardware_interface.SAMPLE), np.zeros(1, TICK)
-    tick = ticks[0]
-    period = np.int64(round(settings[0].period * 1e9))
+    tick, period = ticks[0], np.int64(round(settings[0].period * 1e9))
+    tick.sensors.lateness, tick.sensors.write_delay = write_delay * 1e-9, write_delay * 1e-9
+    tick.sensors.command = word
     for k in range(rows.size):
         deadline = start + k * period
         advance(body[0], body_state[0], motion[0], deadline)
         latch(body[0], body_state[0], deadline, sample)
-        servo_loop.begin_tick(tick.sensors, first + k, deadline, 0, 0.0)
-        tick.sensors.lateness, tick.sensors.write_delay = write_delay * 1e-9, write_delay * 1e-9
-        tick.sensors.command = word
-        servo_loop.fill_sensors(tick.sensors, settings[0].version, sample, 1)
-        servo_loop.fill_tool(tick.tool, tool[0], state[0].virtual_tool.contacts, deadline)
-        servo.tick(settings[0], state[0], tick)
+        servo_loop.run_tick(settings[0], state[0], tool[0], tick, first + k, deadline, sample, 1)
         command(body[0], body_state[0], motion[0], deadline + write_delay, tick.output)
         servo_loop.copy_tick(ticks, rows, k)

@@ -65,7 +65,8 @@ def run_realtime(
     zero, motor = np.zeros(3), np.zeros(3)
     settings_words, tool_words = atomic.words_of(settings), atomic.words_of(tool)
     settings_staged, tool_staged = np.empty_like(settings_words), np.empty_like(tool_words)
-    near_words, near_turn, tick, words = atomic.words_of(near), -1, ticks[0], atomic.words_of(ticks)
+    near_words, near_turn, words = atomic.words_of(near), -1, atomic.words_of(ticks)
+    tick, sensors = ticks[0], ticks[0].sensors
     near_staged = np.empty_like(near_words)
     tool_turn, missed, compute, delay, number = -1, 0, 0.0, 0.0, 0
     settings_turn = _take(control, settings_mail, settings_staged, settings_words, -1)
@@ -91,13 +92,10 @@ def run_realtime(
         near_turn = _take(control, near_mail, near_staged, near_words, near_turn)
         if near_turn != near_known and near[0].number > 0.0:
             tool_contacts.take(state[0].virtual_tool.contacts, near[0])
-        begin_tick(tick.sensors, number, deadline, missed, compute)
-        tick.sensors.write_delay = delay
-        tick.sensors.lateness = (woke - deadline + late * period) * 1e-9
-        tick.sensors.command = _command(control, settings[0].fault.unattended, deadline)
-        fill_sensors(tick.sensors, settings[0].version, sample, fresh)
-        fill_tool(tick.tool, tool[0], state[0].virtual_tool.contacts, deadline)
-        servo.tick(settings[0], state[0], tick)
+        sensors.missed, sensors.compute, sensors.write_delay = missed, compute, delay
+        sensors.lateness = (woke - deadline + late * period) * 1e-9
+        sensors.command = _command(control, settings[0].fault.unattended, deadline)
+        run_tick(settings[0], state[0], tool[0], tick, number, deadline, sample, fresh)
         for i in range(AXES):
             motor[i] = tick.output.motor[i]
         # the motor comes before all that is only told
@@ -157,15 +155,21 @@ def _take(control, mail, staged, words, known):
 
 
 @njit
-def begin_tick(sensors, number, deadline, missed, compute):
-    """Number and deadline [ns] of a tick, ticks missed so far, and the last one's work [s]."""
-    sensors.tick, sensors.deadline, sensors.missed, sensors.compute = number, deadline, missed, compute
+def run_tick(settings, state, tool, tick, number, deadline, sample, fresh):
+    """The tick of this number and deadline [ns]; sample: SAMPLE of the device, fresh: 1 if it is of this deadline.
+
+    A record of each. missed, compute, lateness, write_delay and command of its sensors are what the caller put there.
+    """
+    tick.sensors.tick, tick.sensors.deadline, tick.sensors.parameter_version = number, deadline, settings.version
+    _fill_sensors(tick.sensors, sample, fresh)
+    _fill_tool(tick.tool, tool, state.virtual_tool.contacts, deadline)
+    servo.tick(settings, state, tick)
 
 
 @njit
-def fill_sensors(sensors, version, sample, fresh):
-    """What the device says: sample (hardware_interface.SAMPLE), fresh: 1 if it is of this deadline."""
-    sensors.parameter_version, sensors.latched = version, sample[hardware_interface.LATCHED]
+def _fill_sensors(sensors, sample, fresh):
+    """What the device says."""
+    sensors.latched = sample[hardware_interface.LATCHED]
     sensors.device_status = sample[hardware_interface.STATUS] + fresh
     for i in range(AXES):
         sensors.counts[i] = sample[hardware_interface.COUNTS + i]
@@ -173,18 +177,12 @@ def fill_sensors(sensors, version, sample, fresh):
 
 
 @njit
-def fill_tool(sample, tool, contacts, deadline):
+def _fill_tool(sample, tool, contacts, deadline):
     """The tool sample that counts, and which set of local contacts, with their ages [s]; −1: none yet."""
     sample.session, sample.sequence, sample.answered = tool.session, tool.sequence, tool.answered
     sample.age = (deadline - tool.sent) * 1e-9 if tool.sequence > 0.0 else -1.0
     sample.contact, sample.energy, sample.handle_sequence = tool.contact, tool.energy, tool.handle_sequence
     for i in range(AXES):
         sample.position[i], sample.velocity[i], sample.effort[i] = tool.position[i], tool.velocity[i], tool.effort[i]
-    fill_contacts(sample, contacts, deadline)
-
-
-@njit
-def fill_contacts(sample, contacts, deadline):
-    """Which set of local contacts counts in this tick, and its age [s]; −1: none yet."""
     sample.contact_set = contacts.number
     sample.contact_age = (deadline - contacts.sent) * 1e-9 if contacts.number > 0.0 else -1.0

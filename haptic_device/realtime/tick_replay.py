@@ -11,7 +11,7 @@ from haptic_device.control import contact_model, servo, tool_contacts
 from haptic_device.control.records import AXES, CONTACTS, SETTINGS, STATE, TICK
 from haptic_device.jit import kernel
 from haptic_device.realtime import hardware_interface
-from haptic_device.realtime.servo_loop import begin_tick, copy_tick, fill_sensors, fill_tool
+from haptic_device.realtime.servo_loop import copy_tick, run_tick
 
 IN_BAGS = {
     "settings": {
@@ -107,17 +107,14 @@ def run_on_counts(settings, state, rows, tool, counts, start, first, write_delay
     """As run_lockstep, on a device that is where the recorded hand had it: counts (rows, 3) instead of a plant."""
     sample, ticks = np.zeros(hardware_interface.SAMPLE), np.zeros(1, TICK)
     tick, period = ticks[0], np.int64(round(settings[0].period * 1e9))
+    tick.sensors.lateness, tick.sensors.write_delay = write_delay * 1e-9, write_delay * 1e-9
+    tick.sensors.command = word
     for k in range(rows.size):
         deadline = start + k * period
         # a device without delay
         sample[hardware_interface.LATCHED] = deadline
         sample[hardware_interface.COUNTS : hardware_interface.COUNTS + AXES] = counts[k]
-        begin_tick(tick.sensors, first + k, deadline, 0, 0.0)
-        tick.sensors.lateness, tick.sensors.write_delay = write_delay * 1e-9, write_delay * 1e-9
-        tick.sensors.command = word
-        fill_sensors(tick.sensors, settings[0].version, sample, 1)
-        fill_tool(tick.tool, tool[0], state[0].virtual_tool.contacts, deadline)
-        servo.tick(settings[0], state[0], tick)
+        run_tick(settings[0], state[0], tool[0], tick, first + k, deadline, sample, 1)
         copy_tick(ticks, rows, k)
 
 
