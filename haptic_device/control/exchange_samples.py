@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What driver and simulation tell each other, and which of the other's samples a side accepts.
 
-A sample is a vector of 3 n numbers, n = axes + tail: the `position`, `velocity` and `effort` arrays of one JointState
-behind each other. The axes carry the port; each entry of TAIL (message_fields.py) has one number, in its position slot.
+A sample is (3, n) numbers, n = axes + tail: the `position`, `velocity` and `effort` arrays of one JointState. The axes
+carry the port; each entry of TAIL (message_fields.py) has one number, in its position slot.
 """
 
 import math
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from haptic_device.jit import kernel
+from haptic_device.jit import kernel, njit
 from haptic_device.message_fields import TAIL
 
 LAYOUT_VERSION = 1
@@ -19,6 +19,7 @@ COUPLING_GAINS = np.dtype([(name, "f8") for name in TAIL[GAIN_0 : GAIN_0 + 4]] +
 CONTACT, ENERGY = TAIL.index("contact"), TAIL.index("energy")
 DIRECT, WAVE, PSPM, LOCAL = range(4)
 LIMIT = 1e6  # [m, rad, m/s, N …] nothing real exceeds it; a sample beyond it is noise
+LARGEST = 1e15  # of all other numbers; whole ones are exact up to there
 
 ACCEPTED, NOT_FINITE, OTHER_LAYOUT, NOT_MINE, OLD, OTHER_METHOD, OTHER_GAINS, SECOND_SENDER, OTHER_NAMES = range(9)
 REFUSALS = (
@@ -38,7 +39,7 @@ class Peer(NamedTuple):
     """What this side knows of the other when a sample comes in; times [ns] of this side's monotonic clock."""
 
     session: float  # of the other's run, 0 = none yet
-    answered: float  # highest own sequence the other has answered
+    number: float  # highest accepted from it: own sequence that it answers, or its sequence in this session
     accepted_ns: int
 
 
@@ -58,35 +59,56 @@ def gains_hash(stiffness, damping, rotational_stiffness, rotational_damping):
 
 @kernel
 def judge_tool(sample, axes, peer, own_session, own_sequence, method, gains, now_ns, silence_ns):
-    """ACCEPTED, or why the driver refuses this tool sample.
-
-    sample: 3 n vector (see top). A second sender is accepted only after the first has been silent for silence_ns.
-    """
-    tail = sample[axes:]
-    for value in sample:
-        if not abs(value) < 1e15:
-            return NOT_FINITE
-    count = sample.size // 3
-    for block in range(3):
-        for axis in range(axes):
-            if abs(sample[block * count + axis]) > LIMIT:
-                return NOT_FINITE
-    if tail[SESSION] < 1.0 or tail[SEQUENCE] < 1.0:
-        return NOT_FINITE
-    if tail[LAYOUT] != LAYOUT_VERSION:
-        return OTHER_LAYOUT
-    if tail[METHOD] != method:
-        return OTHER_METHOD
-    answered = tail[ANSWERED]
+    """ACCEPTED, or why the driver refuses this tool sample."""
+    tail = sample[0, axes:]
+    verdict, answered = _judge_numbers(sample, axes, method), tail[ANSWERED]
+    if verdict != ACCEPTED:
+        return verdict
     if tail[ANSWERED_SESSION] != own_session or not 1.0 <= answered <= own_sequence or answered != math.floor(answered):
         return NOT_MINE
-    if tail[SESSION] != peer.session and peer.session != 0.0 and now_ns - peer.accepted_ns < silence_ns:
-        return SECOND_SENDER
-    if answered <= peer.answered:
-        return OLD
-    if tail[GAINS] != gains:
+    verdict = _judge_turn(peer, tail[SESSION], answered, now_ns, silence_ns)
+    return OTHER_GAINS if verdict == ACCEPTED and tail[GAINS] != gains else verdict
+
+
+@kernel
+def judge_handle(sample, axes, peer, method, now_ns, silence_ns):
+    """ACCEPTED, or why the simulation refuses this handle sample."""
+    tail = sample[0, axes:]
+    verdict = _judge_numbers(sample, axes, method)
+    if verdict != ACCEPTED:
+        return verdict
+    if tail[GAINS] != gains_hash(tail[GAIN_0], tail[GAIN_0 + 1], tail[GAIN_0 + 2], tail[GAIN_0 + 3]):
         return OTHER_GAINS
-    return ACCEPTED
+    return _judge_turn(peer, tail[SESSION], tail[SEQUENCE], now_ns, silence_ns)
+
+
+@njit
+def _judge_numbers(sample, axes, method):
+    """ACCEPTED, or why no side can mean these numbers. NaN fails any comparison, so the tests are for what is good."""
+    tail = sample[0, axes:]
+    for part in range(3):
+        for axis in range(axes):
+            if not abs(sample[part, axis]) <= LIMIT:
+                return NOT_FINITE
+    for value in tail:
+        if not abs(value) < LARGEST:
+            return NOT_FINITE
+    if tail[LAYOUT] != LAYOUT_VERSION:
+        return OTHER_LAYOUT
+    for gain in tail[GAIN_0 : GAIN_0 + 4]:
+        if not 0.0 <= gain <= LIMIT:
+            return NOT_FINITE
+    if tail[SESSION] < 1.0 or tail[SEQUENCE] < 1.0:
+        return NOT_FINITE
+    return ACCEPTED if tail[METHOD] == method else OTHER_METHOD
+
+
+@njit
+def _judge_turn(peer, session, number, now_ns, silence_ns):
+    """Whether it is this sender's turn: a second one is heard once the first has been silent for silence_ns."""
+    if session != peer.session and peer.session != 0.0 and now_ns - peer.accepted_ns < silence_ns:
+        return SECOND_SENDER
+    return ACCEPTED if number > peer.number else OLD
 
 
 @kernel

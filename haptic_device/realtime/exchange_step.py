@@ -197,16 +197,16 @@ def _judge(frame, size, state, gains, now):
         if frame.fixed[i] != 0 and frame.incoming[i] != frame.template[i]:
             return exchange_samples.OTHER_NAMES
     count, axes = frame.count, int(state.axes)
-    sample = np.empty(3 * count)
-    for block in range(3):  # of slices it would compile numpy's refusal of other shapes, which is all of its strings
+    sample = np.empty((3, count))
+    for part in range(3):  # of slices it would compile numpy's refusal of other shapes, which is all of its strings
         for i in range(count):
-            sample[block * count + i] = frame.received[frame.first[block] + i]
+            sample[part, i] = frame.received[frame.first[part] + i]
     peer = exchange_samples.Peer(state.peer_session, state.peer_answered, state.peer_accepted)
     verdict = exchange_samples.judge_tool(
         sample, axes, peer, state.session, state.sequence, state.method, gains.hash, now, SILENCE
     )
     # its time would be another sample's: the ring of times has gone round since
-    forgotten = sample[axes + exchange_samples.ANSWERED] <= state.sequence - REMEMBERED
+    forgotten = sample[0, axes + exchange_samples.ANSWERED] <= state.sequence - REMEMBERED
     return exchange_samples.OLD if verdict == exchange_samples.ACCEPTED and forgotten else verdict
 
 

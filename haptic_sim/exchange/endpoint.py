@@ -32,7 +32,6 @@ SILENCE_NS = 250_000_000
 """Hides a change of the world: by default the driver's coupling has let go after 0.2 s."""
 RETURN_NS = 140_000_000
 """Time over which the coupling's gains then return, as the driver's own fade does."""
-LARGEST_WHOLE = 2.0**53 - 1.0
 LAYOUTS = {axes: JointLayout(exchange_names(axes)) for axes in (1, 2, 3)}
 AXES_OF = {layout.size: axes for axes, layout in LAYOUTS.items()}
 KEPT = 512  # answers whose time is known when the device names them
@@ -128,9 +127,9 @@ class ExchangeEndpoint:
         self._question: Question | None = None  # answered last
         self._times: deque[tuple[int, int]] = deque(maxlen=KEPT)  # (own sequence, time of the sample answered [ns])
         self._near = np.zeros(MOST, LOCAL_CONTACT)
-        self._peer_session = self._peer_sequence = 0.0
-        self._accepted_ns = self._silent_until_ns = self._returned_ns = 0
-        exchange_samples.gains_hash(0.0, 0.0, 0.0, 0.0)  # compiled here, not with the first sample
+        self._peer = exchange_samples.Peer(0.0, 0.0, 0)
+        self._silent_until_ns = self._returned_ns = 0
+        self._judge(np.zeros((3, LAYOUTS[1].count)), 1, 0)  # compiled here, not with the first sample
 
     def answer(self, messages: Iterable[bytes], now_ns: int) -> bytes | None:
         """Bytes of the tool message that answers the newest of these `handle` messages, oldest first, that is accepted.
@@ -195,17 +194,6 @@ class ExchangeEndpoint:
             self._fall_silent(now_ns)
         self.paused = paused
 
-    def hear(self, session: float, sequence: float, now_ns: int) -> int:
-        """ACCEPTED for a sample newer than all before, of the device that is listened to; or why it is refused."""
-        if session != self._peer_session:
-            silent = now_ns - self._accepted_ns >= DEVICE_SILENCE_NS
-            if not silent and self._peer_session != 0.0:
-                return exchange_samples.SECOND_SENDER
-        elif sequence <= self._peer_sequence:
-            return exchange_samples.OLD
-        self._peer_session, self._peer_sequence, self._accepted_ns = session, sequence, now_ns
-        return exchange_samples.ACCEPTED
-
     def _in_time(self, handle, now_ns):
         """The world's answer, after no more sub-steps than it has time for."""
         before, began = self.simulation.counters.sub_steps, time.perf_counter_ns()
@@ -230,34 +218,24 @@ class ExchangeEndpoint:
 
     def _question_in(self, data, now_ns):
         """The question in a message that arrived at `now_ns`, or None: refused and counted."""
-        known, before = AXES_OF.get(len(data), 1), self._peer_session
-        if not LAYOUTS[known].matches(data):
+        axes, before = AXES_OF.get(len(data), 1), self._peer.session
+        if not LAYOUTS[axes].matches(data):
             return self._refuse(exchange_samples.OTHER_NAMES)
-        stamp_ns, *arrays = LAYOUTS[known].numbers(data)
-        tail, arrays = arrays[0][known:], [numbers[:known] for numbers in arrays]
-        code = self._judge(arrays, tail) or self.hear(
-            tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE], now_ns
-        )
-        if code != exchange_samples.ACCEPTED:
+        stamp_ns, *arrays = LAYOUTS[axes].numbers(data)
+        if code := self._judge(np.array(arrays), axes, now_ns):
             return self._refuse(code)
-        rest = self.home[known:], (0.0,) * (3 - known), (0.0,) * (3 - known)
-        position, velocity, effort = ((*given, *missing) for given, missing in zip(arrays, rest, strict=True))
+        tail, missing = arrays[0][axes:], 3 - axes
+        self._peer = exchange_samples.Peer(tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE], now_ns)
+        rest = self.home[axes:], (0.0,) * missing, (0.0,) * missing
+        position, velocity, effort = ((*given[:axes], *other) for given, other in zip(arrays, rest, strict=True))
         handle = HandleSample(stamp_ns, position, velocity, *tail[GAINS], effort, tail[exchange_samples.ENERGY])
-        return Question(handle, known, tail, self._peer_session != before)
+        return Question(handle, axes, tail, self._peer.session != before)
 
-    def _judge(self, arrays, tail):
-        """ACCEPTED, or why the numbers cannot be meant for this exchange."""
-        if not (all(_within(numbers, exchange_samples.LIMIT) for numbers in arrays) and _within(tail, LARGEST_WHOLE)):
-            return exchange_samples.NOT_FINITE
-        if tail[exchange_samples.LAYOUT] != exchange_samples.LAYOUT_VERSION:
-            return exchange_samples.OTHER_LAYOUT
-        if not all(0.0 <= gain <= exchange_samples.LIMIT for gain in tail[GAINS]):
-            return exchange_samples.NOT_FINITE
-        if tail[exchange_samples.METHOD] != self._method:
-            return exchange_samples.OTHER_METHOD
-        if tail[exchange_samples.GAINS] != exchange_samples.gains_hash(*tail[GAINS]):
-            return exchange_samples.OTHER_GAINS
-        return exchange_samples.ACCEPTED
+    def _judge(self, sample, axes, now_ns):
+        """ACCEPTED, or why it is refused; each session counts anew."""
+        same = sample[0, axes + exchange_samples.SESSION] == self._peer.session
+        peer = self._peer if same else self._peer._replace(number=0.0)
+        return exchange_samples.judge_handle(sample, axes, peer, self._method, now_ns, DEVICE_SILENCE_NS)
 
     def _refuse(self, code):
         self.refused[exchange_samples.REFUSALS[code]] += 1
@@ -278,8 +256,3 @@ class ExchangeEndpoint:
 @cache
 def _contact_layout():
     return CloudLayout(LOCAL_CONTACT)
-
-
-def _within(numbers, limit):
-    """Whether all are finite and at most the limit; a sum with NaN in it is NaN, whatever max makes of it."""
-    return sum(numbers) - sum(numbers) == 0.0 and max(numbers) <= limit and min(numbers) >= -limit

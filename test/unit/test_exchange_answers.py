@@ -45,6 +45,8 @@ REFUSED = [
     ({"stiffness": math.nan}, "NaN or out of range"),
     ({"damping": -1.0}, "NaN or out of range"),
     ({"session": math.nan}, "NaN or out of range"),
+    ({"session": 0.0}, "NaN or out of range"),
+    ({"sequence": 0.0}, "NaN or out of range"),
     ({"layout_version": exchange_samples.LAYOUT_VERSION + 1.0}, "other layout version"),
     ({"exchange_method": 99.0}, "other exchange method"),
     ({"exchange_method": 1.0}, "other exchange method"),
