@@ -14,45 +14,29 @@ from haptic_device.realtime import hardware_interface
 from haptic_device.realtime.servo_loop import copy_tick, run_tick
 
 IN_BAGS = {
-    "settings": {
-        **{f"hardware.{name}": name for name in SETTINGS["hardware"].names},
-        **{"hardware.motor_limit": "device_limit", "hardware.damping": "physical_damping"},
-        **{"coupling.stiffness": "stiffness", "coupling.damping": "damping", "wall.count": "walls"},
-        **{f"passivity.{name}": name for name in ("margin", "surplus", "cross", "lateness")},
-        **{f"fault.{name}": name for name in SETTINGS["fault"].names},
-    },
-    "memory": {
-        **{
-            f"{group}.{name}": name
-            for group in STATE.names
-            if group != "in_force"
-            for name in STATE[group].names
-            if STATE[group][name].names is None
-        },
-        **{"motion.sample_time": "latched", "motion.stale_ticks": "unseen"},
-        **{"motion.handle": "world", "motion.clutch_offset": "offset"},
-        **{"samples.count": "history", "samples.x": "positions_x", "samples.y": "positions_y"},
-        **{"samples.theta": "positions_theta"},
-        **{"hold.force": "held_force", "hold.force_now": "held_now"},
-        **{"hold.change": "held_change", "hold.square": "held_square"},
-        **{"walls.release": "walls_off", "walls.yielded": "walls_yielded", "walls.touched": "walls_touched"},
-        **{"observer.pulled_to": "pulled", "observer.damping_credit": "credit"},
-        **{"observer.observed_energy": "generated", "observer.missed_tick_energy": "late"},
-        **{"enable.ramp": "engage", "fault.code": "fault", "fault.thermal_load": "warmth"},
-        **{"fade.factor": "exchange_fade", "fade.released": "let_go"},
-        **{"spring.stiffness": "spring", "spring.limit": "clamp", "spring.set_position": "set"},
-        **{"tank.level": "tank", "tank.sample_before": "latched_before"},
-        **{"waves.answered": "tool_answered", "waves.store": "wave_store", "waves.received": "come"},
-        **{"virtual_tool.pose": "copy", "virtual_tool.velocity": "copy_velocity"},
-        **{f"virtual_tool.contacts.{name}": f"near_{name}" for name in CONTACTS.names[: CONTACTS.names.index("table")]},
-        **{
-            f"virtual_tool.contacts.{name}": name
-            for name in ("places", "shown", "pushed", "shifted", "pushes", "shifts")
-        },
-        **{"virtual_tool.contacts.table": "near", "virtual_tool.contacts.constraints": "rows"},
-    },
+    **{f"virtual_tool.contacts.{name}": f"near_{name}" for name in CONTACTS.names[: CONTACTS.names.index("table")]},
+    **{"virtual_tool.contacts.table": "near", "virtual_tool.contacts.constraints": "rows"},
+    **{"hardware.motor_limit": "device_limit", "hardware.damping": "physical_damping"},
+    **{"coupling.stiffness": "stiffness", "coupling.damping": "damping", "wall.count": "walls"},
+    **{f"passivity.{name}": name for name in ("margin", "surplus", "cross", "lateness")},
+    **{"motion.sample_time": "latched", "motion.stale_ticks": "unseen"},
+    **{"motion.handle": "world", "motion.clutch_offset": "offset"},
+    **{"samples.count": "history", "samples.x": "positions_x", "samples.y": "positions_y"},
+    **{"samples.theta": "positions_theta", "hold.force": "held_force", "hold.force_now": "held_now"},
+    **{"hold.change": "held_change", "hold.square": "held_square"},
+    **{"walls.release": "walls_off", "walls.yielded": "walls_yielded", "walls.touched": "walls_touched"},
+    **{"observer.pulled_to": "pulled", "observer.damping_credit": "credit"},
+    **{"observer.observed_energy": "generated", "observer.missed_tick_energy": "late"},
+    **{"enable.ramp": "engage", "fault.code": "fault", "fault.thermal_load": "warmth"},
+    **{"fade.factor": "exchange_fade", "fade.released": "let_go"},
+    **{"spring.stiffness": "spring", "spring.limit": "clamp", "spring.set_position": "set"},
+    **{"tank.level": "tank", "tank.sample_before": "latched_before"},
+    **{"waves.answered": "tool_answered", "waves.store": "wave_store", "waves.received": "come"},
+    **{"virtual_tool.pose": "copy", "virtual_tool.velocity": "copy_velocity"},
 }
-"""group.field of a record → its name in the snapshots of bags, where that is not group_field."""
+"""group.field of a record → its name in the snapshots of all bags that there are; a field renamed since is added here.
+Else it is the field's name alone for groups in ALONE, and group_field."""
+ALONE = {"hardware", "virtual_tool.contacts", *STATE.names} - {"in_force"}
 MADE_ANEW = {"motion.handle_before", "motion.elapsed", "walls.depth", "tank.short"} | {
     f"hold.{name}" for name in ("wall_springs", "wall_dampers", "coupling_spring", "rest_share")
 }
@@ -67,7 +51,8 @@ def _columns(prefix, dtype, within=""):
             for path, *rest in _columns(prefix, part, f"{place}."):
                 yield (name, *path), *rest
         elif place not in MADE_ANEW:
-            yield (name,), f"{prefix}.{IN_BAGS[prefix].get(place, place.replace('.', '_'))}", part.shape
+            plain = name if within[:-1] in ALONE else place.replace(".", "_")
+            yield (name,), f"{prefix}.{IN_BAGS.get(place, plain)}", part.shape
 
 
 COLUMNS = {prefix: tuple(_columns(prefix, dtype)) for prefix, dtype in (("settings", SETTINGS), ("memory", STATE))}
