@@ -23,15 +23,18 @@ def compare(
     from haptic_device.analysis.report.page import MOST, write_report
     from haptic_device.analysis.report.reading import read_run
     from haptic_sim.cli.tables import print_comparison, print_notes
-    from haptic_sim.replay.comparison import figures_of, given_at, replayed
+    from haptic_sim.replay import rerun
+    from haptic_sim.replay.lockstep import Network
 
     if len(points) > MOST:
         raise ValueError(f"{len(points)} operating points are given; at most {MOST} stand side by side")
     out = out or Path("haptic_bags") / time.strftime("compare-%Y%m%d-%H%M%S")
-    given = {f"{number}-{Path(point).stem}": given_at(point) for number, point in enumerate(points, 1)}
-    for name, values in given.items():
-        notes = replayed(bag, namespace, as_ is As.device, values, delay, out / name)
-    print_notes(bag, notes)
+    given = {f"{number}-{Path(point).stem}": rerun.given_at(point) for number, point in enumerate(points, 1)}
+    recording = rerun.recorded(bag, namespace)
+    print_notes(bag, recording.notes)
+    hand = rerun.hand_of(recording, as_ is As.device)
+    for name, changes in given.items():
+        rerun.replay(hand, rerun.recorded_point(recording, changes), Network(delay), out / name)
     runs = [read_run(out / name) for name in given]
-    print_comparison({run.name: figures_of(run) for run in runs})
+    print_comparison({run.name: run for run in runs})
     typer.echo(write_report(runs, out / "report"))

@@ -45,11 +45,15 @@ def replay(
         return
     from haptic_device.analysis.report.reading import read_run
     from haptic_sim.cli.tables import print_comparison, print_notes
-    from haptic_sim.replay.comparison import figures_of, given_at, replayed
+    from haptic_sim.replay import rerun
+    from haptic_sim.replay.lockstep import Network
 
     out = out or Path("haptic_bags") / time.strftime("replay-%Y%m%d-%H%M%S")
-    print_notes(bag, replayed(bag, namespace, as_ is As.device, given_at(params), delay, out))
-    print_comparison({"recorded": figures_of(read_run(bag, namespace)), "replayed": figures_of(read_run(out))})
+    changes, recording = rerun.given_at(params), rerun.recorded(bag, namespace)
+    print_notes(bag, recording.notes)
+    point = rerun.recorded_point(recording, changes)
+    rerun.replay(rerun.hand_of(recording, as_ is As.device), point, Network(delay), out)
+    print_comparison({"recorded": read_run(bag, namespace), "replayed": read_run(out)})
     typer.echo(f"bag {out}")
 
 
@@ -60,14 +64,12 @@ def _refuse(mode: str, given: dict[str, bool]) -> None:
 
 def _play(bag: Path, namespace: str | None) -> None:
     from haptic_sim.cli.tables import print_notes
-    from haptic_sim.node_parameters import NODES
     from haptic_sim.replay import rerun
     from haptic_sim.supervision.recorded_operator import play
 
     recording = rerun.recorded(bag, namespace)
     print_notes(bag, recording.notes)
-    declared = {node: NODES[node] for node in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
-    device = rerun.recorded_point(recording, declared, {}).device
+    device = rerun.recorded_point(recording, {}).device
     target, scale = rerun.hand_of(recording, False).played, (device.scale[0], *device.scale)
     count = play(target, tuple(axis.name for axis in device.axes), scale, recording.namespace)
     typer.echo(f"{count} targets published on {recording.namespace}/operator/target")

@@ -5,12 +5,14 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text  # what nodes have said may look like markup
 
+from haptic_device.analysis.report.run import Run
 from haptic_device.control.withheld import TABLE
-from haptic_sim.replay.comparison import COLUMNS
+from haptic_device.status import number
 
 FORCES = {
     "contact max_force_n": "strongest contact [N]",
@@ -65,9 +67,76 @@ def print_notes(bag: Path | str, notes: Iterable[str]) -> None:
         print(f"{bag}: {note}", file=sys.stderr)
 
 
-def print_comparison(figures: dict[str, dict[str, str]]) -> None:
-    """Prints one line for each run: {run: its figures by COLUMNS}."""
-    table = Table("run", *COLUMNS)
-    for name, row in figures.items():
-        table.add_row(name, *row.values())
-    Console(width=max(100, 30 + 18 * len(COLUMNS))).print(table)
+def print_comparison(runs: dict[str, Run]) -> None:
+    """Prints one line for each run."""
+    table = Table("run", *FIGURES)
+    for name, run in runs.items():
+        table.add_row(name, *figures_of(run))
+    Console(width=max(100, 30 + 18 * len(FIGURES))).print(table)
+
+
+def figures_of(run: Run) -> list[str]:
+    """The figures of one run as in FIGURES; a dash where the run does not tell."""
+    return [_told(figure, run) for figure in FIGURES.values()]
+
+
+def _told(figure, run: Run) -> str:
+    try:
+        return figure(run)
+    except (ValueError, IndexError):
+        return "—"
+
+
+def _known(values: np.ndarray) -> np.ndarray:
+    """Those that are numbers. Raises ValueError if there is none."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        raise ValueError("nothing of it is a number")
+    return known
+
+
+def _stiffness(run: Run) -> str:
+    """Fitted in contact, in the axis that tells most."""
+    found = [fitted for (kind, axis), fitted in run.impedances.items() if kind == "contact" and axis != "theta"]
+    best = min(found, key=lambda fitted: fitted.stiffness.error / abs(fitted.stiffness.value))
+    return f"{best.stiffness.value:.1f} ± {best.stiffness.error:.1f}"
+
+
+def _error(run: Run) -> str:
+    """RMS of the distance from handle to tool."""
+    return f"{np.sqrt(np.mean(_known(run.distance) ** 2, dtype=float)) * 1e3:.4f}"
+
+
+def _energy(run: Run) -> str:
+    """Largest energy given to the operator: by the truth, or else by the servo's books."""
+    try:
+        return f"{np.max(_known(run.ground_truth.entry('energy_given'))) * 1e3:.3f}"
+    except ValueError:
+        return f"{np.max(_known(run.rows['energy_given'].sum(axis=1))) * 1e3:.3f} booked"
+
+
+def _wave(run: Run) -> str:
+    found = run.spectrum.oscillation
+    return "none" if found is None else f"{found.frequency:.0f} Hz, {found.force:.2g} N"
+
+
+def _margin(run: Run) -> str:
+    return f"{float(np.min(_known(run.rows['margin'][:, :2]))):.3f} N s/m"
+
+
+def _cpu(run: Run) -> str:
+    """In lock-step the share of a core that plant, servo and simulation would need in real time."""
+    share = number(run.recording.last_values("haptic_replay").get("cpu_share", ""))
+    if np.isnan(share):
+        raise ValueError("a live run")
+    return f"{100 * share:.1f}"
+
+
+FIGURES = {
+    "stiffness N/m": _stiffness,
+    "error mm": _error,
+    "energy given mJ": _energy,
+    "oscillation": _wave,
+    "margin": _margin,
+    "CPU %": _cpu,
+}

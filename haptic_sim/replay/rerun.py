@@ -9,13 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_device import controller_config, description, gain_check, yaml_reader
-from haptic_device.config_files import ConfigError
+from haptic_device.config_files import ConfigError, find
 from haptic_device.description import Device, load_device
-from haptic_device.parameter_types import SECTION, Parameter, check_value, defaults
+from haptic_device.parameter_files import read_operating_point
+from haptic_device.parameter_types import SECTION, check_value, defaults
 from haptic_device.recording import load
 from haptic_device.recording.bag_contents import Recording
 from haptic_device.recording.columns import Entries
 from haptic_sim.exchange.simulation import Simulation
+from haptic_sim.node_parameters import NODES
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.replay.lockstep import Lockstep, Network
 from haptic_sim.replay.lockstep_bag import LockstepBag
@@ -85,20 +87,23 @@ def _target(recording, begin, end) -> PlayedTarget:
     return PlayedTarget(np.round(times[during]).astype(np.int64), points)
 
 
-def recorded_point(recording: Recording, declared: dict[str, tuple[Parameter, ...]], given: dict[str, dict]) -> Point:
-    """The operating point that the bag was recorded with, with given values in place of its own.
+def given_at(params: str | None) -> dict[str, dict]:
+    """{node: {parameter: value}} of an operating point, a name or a file; empty for none. Raises ValueError."""
+    return {} if params is None else read_operating_point(find("", params), NODES)
 
-    declared: parameters of each node; given: {node: {name: value}}. Raises ValueError, one sentence.
+
+def recorded_point(recording: Recording, given: dict[str, dict]) -> Point:
+    """The operating point that the bag was recorded with, with given values, of given_at, in place of its own.
+
+    Raises ValueError, one sentence.
     """
-    values = {node: _values(recording, node, parameters) for node, parameters in declared.items()}
-    for node, changes in given.items():
-        values[node] |= changes
-    driver, simulation = values["haptic_driver"], values["haptic_simulation"]
+    nodes = "haptic_driver", "haptic_loopback", "haptic_simulation"
+    driver, loopback, simulation = (_values(recording, node) | given.get(node, {}) for node in nodes)
     given_device = "device" in given.get("haptic_driver", {})
     device = load_device(driver["device"]) if given_device else _device(recording, driver["device"])
     given_scene = "scene" in given.get("haptic_simulation", {})
     scene = load_scene(simulation["scene"]) if given_scene else _scene(recording, simulation["scene"])
-    return Point(device, scene, driver, values["haptic_loopback"], simulation)
+    return Point(device, scene, driver, loopback, simulation)
 
 
 def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
@@ -141,13 +146,12 @@ def _simulation(point):
     return Simulation.by_parameters(reduce_scene(point.scene, point.simulation["method"]), point.simulation)
 
 
-def _values(recording, node, parameters) -> dict:
+def _values(recording, node) -> dict:
     """A node's values as the bag has them; the defaults for what it does not say."""
     content = _attached(recording, f"parameters/{node}.yaml", ros=True) or {}
     found = next((section.get(SECTION, {}) for section in content.values()), {})
-    known = {parameter.name: parameter for parameter in parameters}
-    taken = {name: check_value(known[name], value) for name, value in found.items() if name in known}
-    return defaults(parameters) | taken
+    known = {parameter.name: parameter for parameter in NODES[node]}
+    return defaults(NODES[node]) | {name: check_value(known[name], found[name]) for name in found if name in known}
 
 
 def _device(recording, name) -> Device:

@@ -133,14 +133,11 @@ def bag(tmp_path_factory):
     motion = {f"motion.{name}": value for name, value in scene.motion.items()} | {"motion.duration": 4.0}
     shipped = values("haptic_loopback") | motion
     driver = values("haptic_driver", **COUPLED)
-    point = rerun.Point(device(damping=4.0, axes=3), scene, driver, shipped, values_of_simulation())
+    simulation = defaults(NODES["haptic_simulation"]) | {"scene": "wall"}
+    point = rerun.Point(device(damping=4.0, axes=3), scene, driver, shipped, simulation)
     folder = tmp_path_factory.mktemp("replays") / "recorded"
     rerun.replay(rerun.Hand(Script(), 2.5), point, PERFECT, folder)
     return folder
-
-
-def values_of_simulation():
-    return defaults(NODES["haptic_simulation"]) | {"scene": "wall"}
 
 
 class Script:
@@ -155,9 +152,8 @@ class Script:
 
 def again(bag, folder, as_device, **changes):
     recording = rerun.recorded(bag)
-    declared = {node: NODES[node] for node in ("haptic_driver", "haptic_loopback", "haptic_simulation")}
     given = {"haptic_driver": {name.replace("__", "."): value for name, value in changes.items()}}
-    point = rerun.recorded_point(recording, declared, given)
+    point = rerun.recorded_point(recording, given)
     rerun.replay(rerun.hand_of(recording, as_device), point, PERFECT, folder)
     return read_run(folder)
 

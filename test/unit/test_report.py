@@ -22,7 +22,7 @@ from haptic_device.analysis.report.table import sections
 from haptic_device.control import withheld
 from haptic_device.recording.writer import Bag
 from haptic_sim.cli.report import report
-from haptic_sim.replay.comparison import figures_of
+from haptic_sim.cli.tables import figures_of
 
 TICKS = 8000
 STRING = "std_msgs/msg/String"
@@ -141,7 +141,7 @@ def test_a_few_ticks_that_are_no_numbers_take_no_figure_with_them(tmp_path, colu
     assert found["Servo"]["rate"] == "4000 Hz" and found["Servo"]["missed ticks"] == "0"
     assert found["Servo"]["lateness p50, p99, max"] == "8, 8, 8 µs"
     assert not any("nan" in value for section in found.values() for value in section.values())
-    assert "nan" not in "".join(figures_of(read_run(tmp_path / "some")).values())
+    assert "nan" not in "".join(figures_of(read_run(tmp_path / "some")))
 
 
 def test_of_two_runs_in_one_bag_the_first_is_shown_and_the_other_said(tmp_path, monkeypatch):
