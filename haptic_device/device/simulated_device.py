@@ -51,8 +51,8 @@ def _target(memory, motion, end, target):
     return operator_hand.target_at(motion, time, target)
 
 
-@kernel
-def latch(device, memory, deadline, sample):
+@njit
+def _latch(device, memory, deadline, sample):
     """Encoder counts and drag latched at this deadline, as a link's sample."""
     plant.sense(
         device,
@@ -64,15 +64,9 @@ def latch(device, memory, deadline, sample):
     sample[hardware_interface.LATCHED], sample[hardware_interface.STATUS] = deadline, 0.0
 
 
-@kernel
-def command(device, memory, motion, written, output):
-    """Takes the servo's motor value; the hand's script begins when the display is engaged."""
-    plant.push_motor(device, memory, written, output.motor)
-    _begin(motion, output.state == enable_state.ENGAGED, written)
-
-
 @njit
 def _begin(motion, engaged, now):
+    """The hand's script begins when the display is engaged."""
     if engaged and motion.started == 0:
         motion.started = now
 
@@ -118,7 +112,7 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
         if not driven:
             announced = max(now, memory[0].time)
         advance(device[0], memory[0], motion[0], announced)
-        latch(device[0], memory[0], announced, sample)
+        _latch(device[0], memory[0], announced, sample)
         status = 0 if driven else shared_memory.WATCHDOG
         shared_memory.write_device(
             words,
@@ -210,7 +204,8 @@ def run_lockstep(settings, state, rows, tool, body, body_state, motion, start, f
     for k in range(rows.size):
         deadline = start + k * period
         advance(body[0], body_state[0], motion[0], deadline)
-        latch(body[0], body_state[0], deadline, sample)
+        _latch(body[0], body_state[0], deadline, sample)
         servo_loop.run_tick(settings[0], state[0], tool[0], tick, first + k, deadline, sample, 1)
-        command(body[0], body_state[0], motion[0], deadline + write_delay, tick.output)
+        plant.push_motor(body[0], body_state[0], deadline + write_delay, tick.output.motor)
+        _begin(motion[0], tick.output.state == enable_state.ENGAGED, deadline + write_delay)
         servo_loop.copy_tick(ticks, rows, k)
