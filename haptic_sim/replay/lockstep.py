@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from haptic_device import controller_config, gain_check
-from haptic_device.control import contact_model, enable_state, exchange_samples, records, tool_contacts
+from haptic_device.control import contact_model, enable_state, records, tool_contacts
 from haptic_device.device import loopback_config, simulated_device
-from haptic_device.parameters import EXCHANGE_METHODS
 from haptic_device.realtime import servo_loop
 from haptic_sim.exchange.endpoint import ExchangeEndpoint
 from haptic_sim.exchange.simulation import HandleSample, Simulation
@@ -57,10 +56,7 @@ class Lockstep:
         self.exchange_period = SECOND / driver["exchange.rate"]
         self.write_delay, self.command = round(write_delay * SECOND), enable_state.ENABLE
         self._random = np.random.default_rng(network.seed)
-        self.near, self._local = (
-            np.zeros(1, contact_model.SET),
-            driver["exchange.method"] == EXCHANGE_METHODS[exchange_samples.LOCAL],
-        )
+        self.near, self._local = np.zeros(1, contact_model.SET), driver["exchange.method"] == "local"
         if simulation is not None:
             self._endpoint = ExchangeEndpoint(simulation, simulation.scene.tool.pose, driver["exchange.method"])
         self._sent = self._heard = 0  # handle samples: newest sent, newest answered
@@ -151,19 +147,15 @@ class Lockstep:
         tool = self.tool[0]
         tool["session"], tool["sequence"], tool["answered"], tool["sent"] = SESSION, sequence, sequence, sent
         tool["contact"], tool["energy"], tool["handle_sequence"] = sample.contact, sample.energy, self._sent
-        for name, numbers in (
-            ("position", sample.position),
-            ("velocity", sample.velocity),
-            ("effort", sample.force_on_tool),
-        ):
-            tool[name][: len(self.device.axes)] = numbers[: len(self.device.axes)]
+        axes = len(self.device.axes)
+        tool["position"][:axes], tool["velocity"][:axes] = sample.position[:axes], sample.velocity[:axes]
+        tool["effort"][:axes] = sample.force_on_tool[:axes]
 
     def _exchange(self, row):
         if self.simulation is None or row.deadline < (self._sent + 1) * self.exchange_period:
             return
         self._sent += 1
-        names = ("stiffness", "damping", "rotational_stiffness", "rotational_damping")
-        gains = (float(self.gains[name]) for name in names)
+        *gains, _ = self.gains.tolist()
         port = (tuple(row.position.tolist()), tuple(row.velocity.tolist()))
         shipped = (tuple(row.exchange_effort.tolist()), float(row.exchange_energy))
         now = int(row.deadline)
