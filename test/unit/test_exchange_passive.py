@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from examples import few
+from examples import few, tries
 from exchange_systems import GAINS, credited, demo_system, one_axis, reference
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -44,7 +44,7 @@ BOUND = 0.005 + 1e-7  # [J] exchange.budget, and what rounding of a path of newt
 @pytest.mark.parametrize(("stiffness", "damping", "period"), [(1000.0, 0.25, 1e-3), (2000.0, 2.0, 0.25e-3)])
 def test_no_path_that_is_found_gives_more_than_the_budget(method, late, stiffness, damping, period):
     given = one_axis(method, stiffness, damping, period)
-    found = adversary.search(given, adversary.Adversary(late, 0.3), evaluations=600, seed=late + 2)
+    found = adversary.search(given, adversary.Adversary(late, 0.3), evaluations=tries(80), seed=late + 2)
     assert found.energy <= BOUND
     assert found.overcredit <= 1e-9
     assert found.force <= given["coupling"]["limit"][0, 0] + 1e-9
@@ -54,7 +54,7 @@ def test_no_path_that_is_found_gives_more_than_the_budget(method, late, stiffnes
 @pytest.mark.parametrize("method", PASSIVE)
 def test_nor_with_the_passivity_controller_on(method):
     given = one_axis(method, passivity__control=True)
-    found = adversary.search(given, adversary.Adversary(loss=0.3), evaluations=600, seed=5)
+    found = adversary.search(given, adversary.Adversary(loss=0.3), evaluations=tries(80), seed=5)
     assert found.energy <= BOUND and found.overcredit <= 1e-9
 
 
@@ -72,7 +72,7 @@ def test_no_path_is_found_that_the_tank_is_credited_too_much_for(method, limit, 
     given = one_axis(method, 2000.0, 2.0, 0.25e-3, force__limit=limit)
     for rough in (0, 1):
         against = adversary.Adversary(loss=0.2, reach=reach, rough=rough, books=1, full=1)
-        assert adversary.search(given, against, evaluations=400, seed=3).overcredit <= 1e-9
+        assert adversary.search(given, against, evaluations=tries(60), seed=3).overcredit <= 1e-9
 
 
 @few(16)
@@ -97,7 +97,7 @@ def test_what_an_encoder_step_hides_is_paid_for(method):
     given["hardware"]["position_per_count"][:, 0] = step
     against = adversary.Adversary(coulomb=2000.0 * step / 2.0, reach=0.1, books=1, full=1)
     at_its_ends = given["coupling"]["limit"][0, 0] * step / 2.0
-    assert adversary.search(given, against, evaluations=800, seed=4).overcredit <= at_its_ends
+    assert adversary.search(given, against, evaluations=tries(150), seed=4).overcredit <= at_its_ends
 
 
 def held_still(given, ages):

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from examples import tries
 from exchange_systems import demo_system, one_axis
 
 from adversary import exchange_search as adversary
@@ -204,12 +205,13 @@ def test_what_the_hand_loses_in_an_impact_the_other_body_has_within_a_hundredth(
 
 @pytest.mark.parametrize("seed, loss, limit", [(1, 0.0, 20.0), (2, 0.3, 20.0), (3, 0.3, 2.0)])
 def test_no_message_draws_more_than_the_budget(seed, loss, limit):
-    found = adversary.search(one_axis("local", force__limit=limit), adversary.Adversary(loss=loss), 150, 400, seed)
+    given, against = one_axis("local", force__limit=limit), adversary.Adversary(loss=loss)
+    found = adversary.search(given, against, 150, tries(60), seed)
     assert found.energy <= BUDGET
 
 
 def test_the_books_never_credit_what_contacts_said_beyond_the_truth():
-    found = adversary.search(one_axis("local"), adversary.Adversary(books=1, full=1), 150, 400, 5)
+    found = adversary.search(one_axis("local"), adversary.Adversary(books=1, full=1), 150, tries(60), 5)
     assert found.overcredit <= 1e-9
 
 
