@@ -18,7 +18,7 @@ UNCONFIGURED, INACTIVE, ACTIVE = 1, 2, 3  # lifecycle states
 CONFIGURE, ACTIVATE, DEACTIVATE = 1, 3, 4  # lifecycle transitions
 STOPPING = ("estop", "disable")
 EDGE = 0.01  # of the workspace at either end is where a page leads no hand
-LEADING = (messages.Aim, messages.LoadScene, messages.ChooseMethod, messages.StartScene, messages.Compare)  # the hand
+LEADING = (messages.Aim, messages.LoadScene, messages.ChooseMethod, messages.StartScene)  # the hand
 AGAIN, PATIENCE = 0.4, 4.8  # s: a busy machine may hold a node up for seconds
 POLLED = 0.4  # s for an answer that is asked for every second anyway
 BAG = 20.0  # s that a recorder may take to open or close a bag
@@ -90,8 +90,6 @@ class CommandHandler:
                 return await self.scenes.choose_method(message.name)
             case messages.StartScene():
                 return await self.scenes.start_again()
-            case messages.Compare():
-                return await self.scenes.compare(message.on)
             case messages.Mark():
                 return self._mark(message.text)
             case messages.Record():
@@ -194,7 +192,6 @@ class CommandHandler:
         if self._nodes is None:
             raise ValueError(f"{name} is fixed once the nodes run; haptic demo --view starts them again for it")
         self.hand.release()
-        await self.scenes.close()
         said = await self._nodes.change(name, value)
         self.client.statuses.clear()  # of nodes that have ended
         return said

@@ -112,14 +112,7 @@ class Restart(Message):
     value: Value
 
 
-class Compare(Message):
-    """Begins or ends a second operating point."""
-
-    do: Literal["compare"] = "compare"
-    on: Switch
-
-
-Command = Aim | Trigger | Set | LoadScene | ChooseMethod | StartScene | Mark | Record | Restart | Compare
+Command = Aim | Trigger | Set | LoadScene | ChooseMethod | StartScene | Mark | Record | Restart
 PageMessage = Seen | Command
 _MODELS = {model.model_fields["do"].default: model for model in get_args(PageMessage)}
 _ADAPTER = TypeAdapter(Annotated[PageMessage, Field(discriminator="do")])

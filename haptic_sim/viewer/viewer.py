@@ -62,7 +62,6 @@ class Viewer:
             await self._look_on(told)
             polling.cancel()
         finally:
-            await self.commands.scenes.close()
             await self.server.stop()
             self._executor.shutdown()
 
@@ -73,7 +72,7 @@ class Viewer:
             await asyncio.sleep(due - time.monotonic())
             self.state.look()
             self.commands.lead(time.monotonic())
-            frame = self.state.frame() | {"second": self.commands.scenes.follow(time.monotonic())}
+            frame = self.state.frame()
             self.server.show(frame)
             self._markers.show(self.state.scene, frame, *self._surroundings(), time.monotonic())
             self._tell_news(time.monotonic())
@@ -140,7 +139,6 @@ class Viewer:
     def _tuning(self):
         device, (walls, workspace) = self.commands.device, self._surroundings()
         return {
-            "second": self.commands.scenes.comparison(),
             "values": self.commands.values,
             "offer": self._nodes.offer() if self._nodes else {},
             "walls": walls,

@@ -139,7 +139,6 @@ function showNumbers(frame) {
   put("force", withUnit(force && Math.hypot(force[0], force[1]), 2, "N"));
   put("torque", withUnit(force && force[2], 3, "N m"));
   put("stretch", withUnit(stretch(frame), 2, "mm"));
-  panels.showBeside(frame);
   const names = view.scene?.results ?? [];
   const place = byId("results");
   if (place.childElementCount !== names.length || place.dataset.names !== names.join()) build(place, names);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scene, exchange, recording, side by side: what they show and what they ask for.
+// Scene, exchange, recording: what they show and what they ask for.
 
 import { element, limits, slider } from "./tuning.js";
 
@@ -11,8 +11,6 @@ export class Panels {
     this.press("start_scene", () => this.ask("scene_answer", "going back", { do: "start_scene" }));
     this.press("mark", () => link.say({ do: "mark", text: byId("mark_text").value || "mark" }));
     this.press("record", () => link.say({ do: "record", on: byId("record").getAttribute("aria-pressed") !== "true" }));
-    this.press("compare_on", () => this.ask("compare_answer", "starting", { do: "compare", on: true }));
-    this.press("compare_off", () => this.ask("compare_answer", "ending", { do: "compare", on: false }));
     this.offered = "";
   }
 
@@ -35,7 +33,7 @@ export class Panels {
     byId("looking").value = looking;
   }
 
-  showValues({ values, offer, second }) {
+  showValues({ values, offer }) {
     const simulation = values.haptic_simulation;
     for (const [id, name] of [["scene_name", "scene"], ["method_name", "method"]]) {
       const box = byId(id);
@@ -46,7 +44,6 @@ export class Panels {
       box.value = [...box.options].find((option) => option.textContent === value).value;
     }
     this.showOffer(offer, values);
-    this.showSecond(second);
   }
 
   showOffer(offer, values) {
@@ -86,23 +83,6 @@ export class Panels {
     return row;
   }
 
-  showSecond(second) {
-    byId("compare_off").disabled = !second;
-    const note = second?.note ?? "";
-    if (byId("compare_note").textContent !== note) say("compare_note", note, false);
-    byId("compared_settings").replaceChildren(...(second?.differences ?? []).map(pair));
-  }
-
-  // What the motor does and how far the coupling is stretched: of the running one, and of the second.
-  showBeside(frame) {
-    const both = frame.second ? [frame, frame.second] : [];
-    const rows = both.length && [
-      ["force of the motor [N]", ...both.map(({ force }) => shown(force && Math.hypot(force[0], force[1]), 2))],
-      ["coupling stretched [mm]", ...both.map((one) => shown(stretch(one), 2))],
-    ];
-    byId("compared_now").replaceChildren(...(rows || []).map(pair));
-  }
-
   showRecorder(status) {
     const recorder = status.nodes.haptic_recorder;
     const on = recorder?.message.startsWith("recording") ?? false;
@@ -114,17 +94,11 @@ export class Panels {
 
   answered({ to, done, sentence }) {
     const place = { scene: "scene_answer", method: "scene_answer", start_scene: "scene_answer", mark: "record_answer",
-      record: "record_answer", restart: "restart_answer", compare: "compare_answer" }[to.do];
+      record: "record_answer", restart: "restart_answer" }[to.do];
     if (place) say(place, sentence, done);
     if (to.do === "restart" && !done) this.offered = ""; // back to how it is
     return Boolean(place);
   }
-}
-
-function pair([name, first, other]) {
-  const made = element("tr");
-  made.append(element("th", { textContent: name, scope: "row" }), element("td", { textContent: `${first} | ${other}` }));
-  return made;
 }
 
 // mm, or null where handle or tool are not known.

@@ -7,7 +7,7 @@ import { Plane } from "./plane.js";
 const PIXELS_PER_NEWTON = 6;
 const LONGEST_ARROW = 140;
 const COLOURS = ["ground", "panel", "ink", "soft", "line", "grid", "handle", "tool", "fixed", "moving", "coupling",
-  "force", "contact", "target", "second"];
+  "force", "contact", "target"];
 
 export class SceneView {
   constructor(canvas) {
@@ -62,7 +62,6 @@ export class SceneView {
     if (!frame) return;
     this.paintMoving(context, frame);
     if (frame.handle && frame.tool) this.paintCoupling(context, frame);
-    if (frame.second) this.paintSecond(context, frame.second);
     for (const contact of frame.contacts) this.paintContact(context, contact);
     if (frame.target) this.paintTarget(context, frame.target);
     if (frame.handle) this.paintHandle(context, frame);
@@ -160,28 +159,6 @@ export class SceneView {
     } else {
       path(context, corners);
     }
-  }
-
-  // Dashed upon a bright line, so that it stands out from what it lies upon.
-  paintSecond(context, second) {
-    const solids = this.scene?.solids ?? [];
-    for (const [colour, width, dash] of [["panel", 4, []], ["second", 2.5, [7, 5]]]) {
-      context.setLineDash(dash.map((length) => length * this.plane.ratio));
-      context.strokeStyle = this.colours[colour];
-      context.lineWidth = width * this.plane.ratio;
-      [second.tool, ...second.bodies].forEach((pose, i) => {
-        if (!solids[i] || solids[i].fixed || !pose) return;
-        for (const outline of solids[i].outlines) {
-          this.trace(context, outline, pose);
-          context.stroke();
-        }
-      });
-      const [x, y] = this.plane.toPixels(second.handle);
-      context.beginPath();
-      context.arc(x, y, 10 * this.plane.ratio, 0, 2 * Math.PI);
-      context.stroke();
-    }
-    context.setLineDash([]);
   }
 
   paintJoints(context, frame) {
