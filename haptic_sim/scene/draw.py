@@ -16,8 +16,9 @@ from haptic_device.device import operator_hand
 from haptic_device.os_errors import naming
 from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATOR
+from haptic_sim.scene.drawing import corners, drawing_of
 from haptic_sim.scene.geometry import turned
-from haptic_sim.scene.joints import WORLD, Slider
+from haptic_sim.scene.joints import Slider
 from haptic_sim.scene.language import Scene
 from haptic_sim.scene.shapes import TOOL
 
@@ -47,10 +48,11 @@ def save(scene: Scene, path) -> None:
 
 def draw(scene: Scene, axes) -> None:
     """The scene in an axes object, in mm."""
-    way = handle_way(scene)
-    for body in (*scene.bodies, scene.tool):
-        _draw_solid(axes, body)
-    _draw_joints(axes, scene)
+    way, drawn = handle_way(scene), drawing_of(scene)
+    for solid in (*drawn.solids[1:], drawn.solids[0]):
+        _draw_solid(axes, solid)
+    _draw_velocities(axes, scene)
+    _draw_joints(axes, scene.joints, drawn)
     _draw_belts(axes, scene)
     axes.plot(*(1e3 * way[:, :2].T), ":", color=HELD, linewidth=1.2, zorder=5)
     axes.plot(*(1e3 * np.array(scene.tool.pose[:2])), "+", color="black", markersize=9, zorder=6)
@@ -71,22 +73,25 @@ def handle_way(scene: Scene) -> np.ndarray:
 def _draw_solid(axes, solid):
     color = HELD if solid.name == TOOL else FIXED if solid.fixed else MOVING
     for outline in solid.outlines:
-        corners = 1e3 * np.array([turned(vertex, solid.pose) for vertex in outline.vertices])
-        shape = patches.Circle(corners[0], 1e3 * outline.radius) if outline.radius else patches.Polygon(corners)
+        places = 1e3 * np.array([turned(vertex, solid.pose) for vertex in outline.vertices])
+        shape = patches.Circle(places[0], 1e3 * outline.radius) if outline.radius else patches.Polygon(places)
         shape.set(facecolor=color, edgecolor="black", linewidth=0.6, alpha=0.75)
         axes.add_patch(shape)
-    if any(map(abs, solid.velocity[:2])):
-        speed = math.hypot(*solid.velocity[:2])
-        axes.annotate(
-            f"{speed:g} m/s",
-            xy=1e3 * np.array(solid.pose[:2]),
-            textcoords="offset points",
-            xytext=[36.0 * v / speed for v in solid.velocity[:2]],
-            fontsize=8,
-            ha="center",
-            va="center",
-            arrowprops={"arrowstyle": "<-", "color": DRIVEN},
-        )
+
+
+def _draw_velocities(axes, scene):
+    for solid in (*scene.bodies, scene.tool):
+        if speed := math.hypot(*solid.velocity[:2]):
+            axes.annotate(
+                f"{speed:g} m/s",
+                xy=1e3 * np.array(solid.pose[:2]),
+                textcoords="offset points",
+                xytext=[36.0 * v / speed for v in solid.velocity[:2]],
+                fontsize=8,
+                ha="center",
+                va="center",
+                arrowprops={"arrowstyle": "<-", "color": DRIVEN},
+            )
 
 
 def _draw_belts(axes, scene):
@@ -132,10 +137,10 @@ def _mark(axes, place, shape, color, size):
     axes.plot(*place, marker=shape, markersize=size, color=color, markerfacecolor="none", zorder=8)
 
 
-def _draw_joints(axes, scene):
-    solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool, WORLD: None}
-    for joint in scene.joints:
-        ends = 1e3 * np.array(joint.places(*(solids[name] for name in joint.bodies)))
+def _draw_joints(axes, joints, drawn):
+    poses = {solid.name: solid.pose for solid in drawn.solids}
+    for joint, marks in zip(joints, drawn.joints, strict=True):
+        ends = 1e3 * np.array([mark.place(poses) for mark in marks])
         axes.plot(
             *ends.T,
             linestyle="",
@@ -158,15 +163,8 @@ def _draw_joints(axes, scene):
 
 def _frame(axes, scene, way):
     """Shows everything that ends somewhere, with a margin, one scale."""
-    corners = [
-        turned(vertex, solid.pose)
-        for solid in (*scene.bodies, scene.tool)
-        for shape, outline in zip(solid.shapes, solid.outlines, strict=True)
-        if shape.bounded
-        for vertex in _around(outline)
-    ]
     feet = [foot for body in scene.bodies for foot in _feet(body, scene.tool)]
-    seen = 1e3 * np.array([*corners, *feet, *way[:, :2]])
+    seen = 1e3 * np.array([*corners(scene), *feet, *way[:, :2]])
     low, high = seen.min(axis=0), seen.max(axis=0)
     center, half = (low + high) / 2.0, 0.56 * max(*(high - low), 1.0)
     axes.set(
@@ -186,8 +184,3 @@ def _feet(body, tool):
         (px, py), (x, y, _) = turned(plane.point, body.pose), tool.pose
         away = ((x - px) * nx + (y - py) * ny) / (nx * nx + ny * ny)
         yield x - away * nx, y - away * ny
-
-
-def _around(outline):
-    r = outline.radius
-    return [(x + dx * r, y + dy * r) for x, y in outline.vertices for dx, dy in ((1, 1), (-1, -1))]

@@ -8,9 +8,8 @@ from typing import NamedTuple
 from haptic_device.message_fields import frame_id
 from haptic_device.nodes.marker_messages import MarkerArray, markers
 from haptic_device.nodes.messages import STREAM
-from haptic_sim.scene.geometry import Outline, rectangle, turned
-from haptic_sim.scene.language import Scene
-from haptic_sim.viewer import drawing
+from haptic_sim.scene.drawing import Drawing
+from haptic_sim.scene.geometry import Outline, rectangle
 
 LOOK_PERIOD = 0.5  # s between two looks whether somebody listens
 THICKNESS = 0.01  # m, of bodies along z
@@ -18,7 +17,8 @@ NEWTON = 0.003  # m of arrow for each newton
 SHAFT = 0.0012  # m
 CIRCLE = 32  # corners of a disc
 JOINT = 0.004  # m, diameter of a pin, side of the others
-TARGET_RADIUS = 1.6 * drawing.HANDLE_RADIUS  # m
+HANDLE_RADIUS = 0.004  # m
+TARGET_RADIUS = 1.6 * HANDLE_RADIUS  # m
 WALL_LENGTH, WALL_DEPTH = 2.0, 0.05  # m of a half-plane that is shown
 FIXED, MOVING, TOOL = (0.55, 0.60, 0.65, 1.0), (0.34, 0.71, 0.91, 1.0), (0.90, 0.62, 0.0, 0.85)
 HANDLE, COUPLING, FORCE, CONTACT = (
@@ -72,10 +72,10 @@ class MarkerPublisher:
         return solids + surroundings(walls, workspace) + happenings(frame)
 
 
-def bodies(scene: Scene, tool, poses) -> list[Marker]:
+def bodies(scene: Drawing, tool, poses) -> list[Marker]:
     """Tool and bodies where they are now; poses: of the scene's bodies, in its order, None where one is not known."""
     found = []
-    for number, (solid, pose) in enumerate(zip(drawing.solids(scene), (tool, *poses), strict=True)):
+    for number, (solid, pose) in enumerate(zip(scene.solids, (tool, *poses), strict=True)):
         if pose is None:
             continue
         colour = TOOL if number == 0 else FIXED if solid.fixed else MOVING
@@ -84,16 +84,16 @@ def bodies(scene: Scene, tool, poses) -> list[Marker]:
     return found
 
 
-def joints(scene: Scene, tool, poses) -> list[Marker]:
+def joints(scene: Drawing, tool, poses) -> list[Marker]:
     """Where each joint holds on to its first body: a ball for a pin, else a cube; a spring with a line to the other."""
-    places = dict(zip((solid.name for solid in drawing.solids(scene)), (tool, *poses), strict=True))
+    known = {"": NOWHERE} | {s.name: pose for s, pose in zip(scene.solids, (tool, *poses), strict=True) if pose}
     found = []
-    for number, ends in enumerate(drawing.joints(scene)):
-        if any(places.get(mark.solid, NOWHERE) is None for mark in ends):
+    for number, ends in enumerate(scene.joints):
+        if any(mark.solid not in known for mark in ends):
             continue
-        a, b = (turned(mark.point, places.get(mark.solid, NOWHERE)) for mark in ends)
+        a, b = (mark.place(known) for mark in ends)
         kind = "sphere" if ends[0].type == "pin" else "cube"
-        turn = places.get(ends[0].solid, NOWHERE)[2]
+        turn = known[ends[0].solid][2]
         found.append(Marker("joints", number, kind, (*a, turn), (), DARK, JOINT))
         if ends[0].type == "spring":
             found.append(Marker("springs", number, "line", NOWHERE, (_raised(a), _raised(b)), DARK, SHAFT))
@@ -124,7 +124,7 @@ def happenings(frame: dict) -> list[Marker]:
         ring = (*_corners(Outline(((0.0, 0.0),), TARGET_RADIUS)), (TARGET_RADIUS, 0.0), (1.6 * TARGET_RADIUS, 0.0))
         found.append(Marker("target", 0, "line", tuple(frame["target"]), tuple(map(_raised, ring)), DARK, SHAFT / 2.0))
     if handle:
-        found.append(Marker("handle", 0, "sphere", tuple(handle), (), HANDLE, 2.0 * drawing.HANDLE_RADIUS))
+        found.append(Marker("handle", 0, "sphere", tuple(handle), (), HANDLE, 2.0 * HANDLE_RADIUS))
     if handle and tool and frame["coupled"]:
         ends = (_raised(handle), _raised(tool))
         found.append(Marker("coupling", 0, "line", NOWHERE, ends, COUPLING, SHAFT))

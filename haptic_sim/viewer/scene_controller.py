@@ -6,6 +6,7 @@ import time
 
 from haptic_device.config_files import names
 from haptic_device.description import AXES
+from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load
 from haptic_sim.service_requests import set_parameters, trigger
 from haptic_sim.viewer.settings import SIMULATION
@@ -74,9 +75,9 @@ class SceneController:
 
     async def _lead_to_start(self, name):
         commands = self._commands
-        scene = load(name) if name else commands.state.scene
+        scene = drawing_of(load(name)) if name else commands.state.scene
         try:
-            commands.aim(dict(zip(AXES[: commands.state.axes], scene.tool.pose, strict=False)))
+            commands.aim(dict(zip(AXES[: commands.state.axes], scene.solids[0].pose, strict=False)))
         except (ValueError, AttributeError):
             return  # no hand that follows, or no scene
         end = time.monotonic() + ARRIVAL

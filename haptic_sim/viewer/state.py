@@ -18,7 +18,8 @@ from haptic_device.recording.layouts import CLOUD, JOINTS, STRING, WRENCH, Joint
 from haptic_device.status import Status
 from haptic_sim.client import Client
 from haptic_sim.node.scene_publisher import CONTACT, ENERGY, HANDLE, state_names
-from haptic_sim.scene.language import Scene, SceneError, parse
+from haptic_sim.scene.drawing import Drawing, drawing_of
+from haptic_sim.scene.language import SceneError, parse
 from haptic_sim.scene.shapes import TOOL
 from haptic_sim.viewer.settings import DRIVER
 
@@ -51,7 +52,7 @@ class State:
         self._layout, self._heard = None, {}
         self._map = frame_id(client.node.get_namespace(), "map")
         self.scale = (1.0, 1.0)  # of the device: world metres per device metre, and radians
-        self.scene: Scene | None = None
+        self.scene: Drawing | None = None
         self.scene_number = 0
         self.problem = ""
         self.truth: Truth | None = None
@@ -115,10 +116,12 @@ class State:
 
     def _introduce(self, text):
         try:
-            self.scene, self.problem = parse(json.loads(text), "scene"), ""
+            scene = parse(json.loads(text), "scene")
+            self.scene, self.problem = drawing_of(scene), ""
+            self._layout = JointLayout(state_names(scene), self._map)
         except (ValueError, RecursionError, SceneError) as error:
-            self.scene, self.problem = None, f"the simulation's scene cannot be read: {error}"
-        self._layout = JointLayout(state_names(self.scene), self._map) if self.scene else None
+            self.scene, self._layout = None, None
+            self.problem = f"the simulation's scene cannot be read: {error}"
         self.scene_number += 1
         self.places, self.contacts = {}, []
 
@@ -126,7 +129,7 @@ class State:
         if self._layout is None or not self._layout.matches(data):
             return False
         _, position, _, _ = self._layout.numbers(data)
-        count = 3 * (2 + len(self.scene.bodies))
+        count = 3 * (1 + len(self.scene.solids))
         poses = [position[i : i + 3] for i in range(0, count, 3)]
         self.places = {
             TOOL: poses[1],

@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import sys
 import time
+from dataclasses import asdict
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -25,7 +26,6 @@ from haptic_sim.client import Client
 from haptic_sim.method_registry import AUTO, offered
 from haptic_sim.viewer import settings
 from haptic_sim.viewer.commands import CommandHandler
-from haptic_sim.viewer.drawing import scene_drawing
 from haptic_sim.viewer.guard import is_loopback
 from haptic_sim.viewer.markers import MarkerPublisher
 from haptic_sim.viewer.messages import Aim
@@ -130,7 +130,7 @@ class Viewer:
         session.tell("status", self._status())
 
     def _scene(self):
-        return scene_drawing(self.state.scene) if self.state.scene else None
+        return asdict(self.state.scene) if self.state.scene else None
 
     def _surroundings(self):
         """The servo's walls, and the device's workspace in the world; None where it is not known."""

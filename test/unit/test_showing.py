@@ -18,8 +18,8 @@ from haptic_sim.client import Client
 from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.node.scene_publisher import CONTACT, PERIOD_NS, ScenePublisher, state_names
 from haptic_sim.reduction import reduce_scene
+from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import Scene, load, parse
-from haptic_sim.viewer.drawing import scene_drawing
 from haptic_sim.viewer.state import NOT_HELD, State
 
 pytestmark = pytest.mark.timeout(600)  # kernels that nobody has used yet are compiled
@@ -130,7 +130,7 @@ def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
     FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
     state.look()
     frame = state.frame()
-    assert frame["tool"] == simulation.method.position and state.scene == simulation.scene
+    assert frame["tool"] == simulation.method.position and state.scene == drawing_of(simulation.scene)
     assert frame["results"] == tuple(simulation.measure().values())
     assert frame["handle"] is None, "without a driver the handle it told last is old"
     FakeTap.waiting = {"scene": [types.SimpleNamespace(data="{no scene")]}
@@ -151,7 +151,7 @@ def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns(m
     state.statuses = {"haptic_driver": Status(0, 0, "engaged", {})}
     frame = state.frame()
     assert frame["tool"] == pytest.approx((0.01, 0.0, 0.0), abs=1e-3)
-    assert frame["handle"] == handle and scene_drawing(state.scene)["joints"]
+    assert frame["handle"] == handle and state.scene.joints
 
 
 def test_what_is_no_number_is_not_known(pressed, monkeypatch):

@@ -7,6 +7,7 @@ import json
 import math
 import re
 import types
+from dataclasses import asdict
 from socket import create_server, gethostname
 
 import aiohttp
@@ -20,8 +21,9 @@ from haptic_device.yaml_reader import load as load_yaml
 from haptic_sim.config_problems import problems
 from haptic_sim.node.scene_publisher import CONTACT, state_names
 from haptic_sim.node_parameters import NODES
+from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import Scene, load
-from haptic_sim.viewer import drawing, messages, session, settings
+from haptic_sim.viewer import messages, session, settings
 from haptic_sim.viewer import server as server_module
 from haptic_sim.viewer.guard import HEADERS, Guard, is_loopback, reachable
 from haptic_sim.viewer.hand import SILENCE, Hand, Limits
@@ -643,7 +645,7 @@ def test_a_scene_survives_its_way_over_the_topic_and_can_be_drawn(name):
     scene = load(name)
     again = Scene.model_validate_json(scene.model_dump_json(by_alias=True, exclude_unset=True))
     assert again == scene
-    drawn = json.loads(json.dumps(drawing.scene_drawing(again), allow_nan=False))
+    drawn = json.loads(json.dumps(asdict(drawing_of(again)), allow_nan=False))
     assert len(drawn["solids"]) == 1 + len(scene.bodies)
     left, bottom, right, top = drawn["room"]
     assert left < scene.tool.pose[0] < right and bottom < scene.tool.pose[1] < top

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from haptic_device.nodes import marker_messages
+from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.geometry import Outline, combined, turned
 from haptic_sim.scene.language import load, parse
-from haptic_sim.viewer import drawing, markers, settings
+from haptic_sim.viewer import markers, settings
 
 SCENES = ("peg_in_hole", "wrench_on_nut", "four_bar", "zeno_ball", "wall", "ratchet", "slider", "hammer_nail")
 SPRUNG = {
@@ -41,7 +42,7 @@ def upper_area(triangles):
 def test_each_body_of_a_scene_is_a_marker_with_its_pose_and_its_area(name):
     scene = load(name)
     poses = [(0.001 * i, -0.002, 0.3 * i) for i in range(len(scene.bodies))]
-    found = markers.bodies(scene, (0.1, 0.2, 1.0), poses)
+    found = markers.bodies(drawing_of(scene), (0.1, 0.2, 1.0), poses)
     assert [marker.pose for marker in found] == [(0.1, 0.2, 1.0), *poses]
     for marker, solid in zip(found, (scene.tool, *scene.bodies), strict=True):
         discs = sum(math.pi * o.radius**2 for o in solid.outlines)
@@ -90,10 +91,10 @@ def test_the_target_of_the_hand_is_a_ring_about_it_that_points_where_it_turns():
 def test_joints_are_marked_where_they_hold_also_when_their_bodies_have_moved(name):
     """Everything turned and shifted as one: each joint's mark has to go along."""
     scene, whole = load(name), (0.03, -0.02, 0.7)
-    solids = drawing.solids(scene)
-    moved = [(*turned(solid.pose[:2], whole), solid.pose[2] + whole[2]) for solid in solids]
+    drawn = drawing_of(scene)
+    moved = [(*turned(solid.pose[:2], whole), solid.pose[2] + whole[2]) for solid in drawn.solids]
     there = {body.name: body for body in scene.bodies} | {"tool": scene.tool, "world": None}
-    found = markers.joints(scene, moved[0], moved[1:])
+    found = markers.joints(drawn, moved[0], moved[1:])
     assert len(found) == len(scene.joints)
     for marker, joint in zip(found, scene.joints, strict=True):
         place, _ = joint.places(*(there[body] for body in joint.bodies))
@@ -103,7 +104,7 @@ def test_joints_are_marked_where_they_hold_also_when_their_bodies_have_moved(nam
 
 
 def test_a_spring_is_a_line_between_its_ends():
-    scene = parse(SPRUNG, "sprung")
+    scene = drawing_of(parse(SPRUNG, "sprung"))
     _, spring = markers.joints(scene, (0.0, 0.0, 0.0), [(0.2, 0.1, math.pi / 2)])
     assert (spring.group, spring.kind) == ("springs", "line")
     assert np.array(spring.points)[:, :2] == pytest.approx(np.array([(0.0, 0.05), (0.2, 0.11)]))
@@ -132,8 +133,8 @@ def test_no_wall_and_no_workspace_are_shown_that_are_not_known(driver):
 
 
 def test_a_body_whose_place_is_not_known_is_left_out_with_its_joints():
-    scene = load("four_bar")
-    poses = [solid.pose for solid in drawing.solids(scene)]
+    scene = drawing_of(load("four_bar"))
+    poses = [solid.pose for solid in scene.solids]
     poses[1] = None  # the crank, which three joints hold on to
     assert [marker.number for marker in markers.bodies(scene, poses[0], poses[1:])] == [0, *range(2, len(poses))]
     assert [marker.number for marker in markers.joints(scene, poses[0], poses[1:])] == [2, 3]
@@ -173,8 +174,8 @@ GROUPS = {"bodies", "joints", "walls", "workspace", "target", "handle", "couplin
     ],
 )
 def test_the_topic_shows_everything_that_is_known_and_nothing_that_is_not(known, lacking):
-    ear, scene = Ear(1), load("wrench_on_nut")
-    bodies = [solid.pose for solid in drawing.solids(scene)[1:]]
+    ear, scene = Ear(1), drawing_of(load("wrench_on_nut"))
+    bodies = [solid.pose for solid in scene.solids[1:]]
     given = {"scene": scene, "walls": [(0.0, 1.0, 0.0)], "workspace": ((-0.1, 0.1), (-0.1, 0.1))} | known
     frame = {name: known.get(name, value) for name, value in {**FRAME, "bodies": bodies}.items()}
     markers.MarkerPublisher(ear, 30.0).show(given["scene"], frame, given["walls"], given["workspace"], 1.0)
@@ -184,12 +185,12 @@ def test_the_topic_shows_everything_that_is_known_and_nothing_that_is_not(known,
 
 def test_without_a_listener_no_marker_is_made():
     ear = Ear(0)
-    markers.MarkerPublisher(ear, 30.0).show(load("peg_in_hole"), FRAME, [], None, 1.0)
+    markers.MarkerPublisher(ear, 30.0).show(drawing_of(load("peg_in_hole")), FRAME, [], None, 1.0)
     assert ear.said == []
 
 
 def test_the_message_carries_pose_points_and_colour():
-    [tool, *_] = markers.bodies(load("peg_in_hole"), (0.1, 0.2, 1.0), [(0.0, 0.0, 0.0)])
+    [tool, *_] = markers.bodies(drawing_of(load("peg_in_hole")), (0.1, 0.2, 1.0), [(0.0, 0.0, 0.0)])
     [message] = marker_messages.markers(3_000_000_007, "haptic_world", [tool]).markers
     assert (message.header.frame_id, message.header.stamp.sec, message.header.stamp.nanosec) == ("haptic_world", 3, 7)
     assert (message.ns, message.id, message.type) == ("bodies", 0, message.TRIANGLE_LIST)
@@ -202,9 +203,10 @@ def test_the_message_carries_pose_points_and_colour():
 @pytest.mark.parametrize("name", SCENES)
 def test_joint_marks_lie_on_the_joints_at_the_start(name):
     scene = load(name)
-    places = {solid.name: solid.pose for solid in drawing.solids(scene)}
+    drawn = drawing_of(scene)
+    places = {solid.name: solid.pose for solid in drawn.solids}
     there = {body.name: body for body in scene.bodies} | {"tool": scene.tool, "world": None}
-    for joint, ends in zip(scene.joints, drawing.joints(scene), strict=True):
+    for joint, ends in zip(scene.joints, drawn.joints, strict=True):
         expected = joint.places(*(there[body] for body in joint.bodies))
         for mark, place in zip(ends, expected, strict=True):
-            assert turned(mark.point, places.get(mark.solid, (0.0, 0.0, 0.0))) == pytest.approx(place, abs=1e-12)
+            assert mark.place(places) == pytest.approx(place, abs=1e-12)

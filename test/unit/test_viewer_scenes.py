@@ -7,6 +7,7 @@ import types
 import pytest
 
 from haptic_device.description import load_device
+from haptic_sim.scene.drawing import drawing_of
 from haptic_sim.scene.language import load
 from haptic_sim.viewer import scene_controller
 from haptic_sim.viewer.commands import EDGE, CommandHandler
@@ -23,7 +24,7 @@ class Commands:
     def __init__(self, looks=0, refusal=""):
         self.done, self.looks, self.refusal = [], looks, refusal
         self.driving, self.held_off = True, False
-        self.state = types.SimpleNamespace(axes=3, scene=load("peg_in_hole"))
+        self.state = types.SimpleNamespace(axes=3, scene=drawing_of(load("peg_in_hole")))
         self.values = {SIMULATION: {"scene": "peg_in_hole", "method": "auto"}}
 
     @property

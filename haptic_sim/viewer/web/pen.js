@@ -36,7 +36,7 @@ export function zigzag(context, [x1, y1], [x2, y2], width) {
 // The point of convex outlines that is nearest to their frame's origin; null if it lies in one of them, or there is none.
 export function nearest(outlines) {
   let [least, found] = [Infinity, null];
-  for (const { vertices, radius } of outlines) {
+  for (const [vertices, radius] of outlines) {
     let within = true;
     vertices.forEach(([x, y], i) => {
       const [nx, ny] = vertices[(i + 1) % vertices.length];

@@ -148,14 +148,14 @@ export class SceneView {
     context.globalAlpha = 1;
   }
 
-  trace(context, outline, pose) {
-    const corners = outline.vertices.map((corner) => this.plane.toPixels(placed(corner, pose)));
-    if (outline.radius > 0) {
+  trace(context, [vertices, radius], pose) {
+    const corners = vertices.map((corner) => this.plane.toPixels(placed(corner, pose)));
+    if (radius > 0) {
       context.beginPath();
-      context.arc(...corners[0], outline.radius * this.plane.scale, 0, 2 * Math.PI);
-      const [x, y] = outline.vertices[0];
+      context.arc(...corners[0], radius * this.plane.scale, 0, 2 * Math.PI);
+      const [x, y] = vertices[0];
       context.moveTo(...corners[0]);
-      context.lineTo(...this.plane.toPixels(placed([x + outline.radius, y], pose)));
+      context.lineTo(...this.plane.toPixels(placed([x + radius, y], pose)));
     } else {
       path(context, corners);
     }

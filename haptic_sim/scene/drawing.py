@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene as what is drawn, for the picture, the page and markers alike: solids with outlines, joints with marks."""
+
+from dataclasses import dataclass
+
+from haptic_sim.scene.geometry import Outline, Point, Pose, framed, turned
+from haptic_sim.scene.joints import WORLD
+from haptic_sim.scene.language import Scene
+from haptic_sim.scene.shapes import TOOL
+
+MARGIN = 0.12  # share of the room left free on each side
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A body or the tool: name, whether it is fixed, outlines in its own frame [m], pose at the start [m, m, rad]."""
+
+    name: str
+    fixed: bool
+    outlines: tuple[Outline, ...]
+    pose: Pose
+
+
+@dataclass(frozen=True)
+class Mark:
+    """One end of a joint: its type, the solid it is on (empty: the world), the point in that solid's frame [m]."""
+
+    type: str
+    solid: str
+    point: Point
+
+    def place(self, poses: dict[str, Pose]) -> Point:
+        """Where it is in the plane [m], the solids at these poses."""
+        return turned(self.point, poses[self.solid]) if self.solid else self.point
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """solids: the tool first, then the bodies in the order of the scene; joints: both ends of each; room: left, bottom,
+    right, top [m] of everything that ends somewhere and of the suggested motion, with a margin."""
+
+    name: str
+    description: str
+    solids: tuple[Solid, ...]
+    joints: tuple[tuple[Mark, Mark], ...]
+    room: tuple[float, float, float, float]
+    results: tuple[str, ...]
+
+
+def drawing_of(scene: Scene) -> Drawing:
+    """What is drawn of a scene."""
+    there = {TOOL: scene.tool} | {body.name: body for body in scene.bodies}
+    solids = tuple(Solid(one.name, one.fixed, one.outlines, one.pose) for one in there.values())
+    joints = tuple(_marks(joint, there | {WORLD: None}) for joint in scene.joints)
+    return Drawing(scene.name, scene.description, solids, joints, _room(scene), tuple(scene.measure))
+
+
+def corners(scene: Scene) -> list[Point]:
+    """Of everything that ends somewhere, as it is at the start [m]; of a disc those of its box."""
+    return [
+        (x + dx * outline.radius, y + dy * outline.radius)
+        for solid in (scene.tool, *scene.bodies)
+        for shape, outline in zip(solid.shapes, solid.outlines, strict=True)
+        if shape.bounded
+        for x, y in (turned(vertex, solid.pose) for vertex in outline.vertices)
+        for dx, dy in ((1, 1), (-1, -1))
+    ]
+
+
+def _room(scene):
+    ends = [scene.tool.pose[:2], *(scene.motion[end][:2] for end in ("start", "target") if end in scene.motion)]
+    low, high = (tuple(map(pick, *ends, *corners(scene))) for pick in (min, max))
+    free = MARGIN * max(high[0] - low[0], high[1] - low[1], 0.01)
+    return low[0] - free, low[1] - free, high[0] + free, high[1] + free
+
+
+def _marks(joint, there):
+    a, b = (there[name] for name in joint.bodies)
+    ends = zip(joint.bodies, (a, b), joint.places(a, b), strict=True)
+    return tuple(
+        Mark(joint.type, name if solid else "", framed(place, solid.pose) if solid else tuple(place))
+        for name, solid, place in ends
+    )
