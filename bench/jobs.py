@@ -3,6 +3,7 @@
 
 import contextlib
 import csv
+import math
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -10,6 +11,8 @@ from pathlib import Path
 import typer
 
 from haptic_device.analysis.sweep import spread
+from haptic_sim.cli.progress import progress
+from haptic_sim.supervision.processes import NodeDiedError, interruptible
 
 WORKERS = "Processes at once [one a core]."
 
@@ -20,7 +23,7 @@ class Kept:
     `kind` is the NamedTuple of a row, `key` says which run a row is of.
     """
 
-    def __init__(self, path: Path | None, kind: type, key: Callable):
+    def __init__(self, path: Path | None = None, kind: type = tuple, key: Callable = hash):
         self._path, self._key, self.known = path, key, {}
         if path is None:
             return
@@ -30,9 +33,9 @@ class Kept:
             self.known = {key(row): row for row in read_csv(path, kind)}
             write_csv(path, kind, self.known.values())  # without a line that was torn off
 
-    def keep(self, row) -> None:
-        """Keeps a row, at once."""
-        self.known[self._key(row)] = row
+    def keep(self, key, row) -> None:
+        """Keeps the row of a run, at once."""
+        self.known[key] = row
         if self._path is not None:
             new = not self._path.exists()
             with self._path.open("a", encoding="utf-8", newline="") as file:
@@ -67,48 +70,67 @@ def read_csv(path: Path, kind: type) -> list:
 _READ = {str: str, int: int, float: float, bool: "True".__eq__}
 
 
-def sweep(function, jobs: dict, kept: Kept, workers: int, scheduler: str = "", show=lambda done, what: None) -> None:
+def sweep(function, jobs: dict, kept: Kept, workers: int = 1) -> bool:
     """Runs the jobs {key: arguments} that `kept` does not know yet; the row that each comes to is kept as it comes.
 
-    By processes, by the workers of the scheduler, or here if one worker is enough. Raises ValueError, one sentence, for
-    a scheduler that is not there or goes away.
+    By processes, or here if one worker is enough. Whether all were done: Ctrl-C ends it, and is said.
     """
     todo = {key: arguments for key, arguments in jobs.items() if key not in kept.known}
-    done = len(jobs) - len(todo)
-    show(done, "begins")
-    many = scheduler or min(workers, len(todo)) > 1
     alone = ((key, function(*arguments)) for key, arguments in todo.items())
-    with contextlib.closing(spread(function, todo, workers, scheduler) if many else alone) as results:
-        for key, row in results:
-            kept.keep(row)
-            done += 1
-            show(done, ", ".join(map(str, key)))
+    try:
+        with interruptible(), progress(len(jobs)) as show:
+            show(len(jobs) - len(todo), "begins")
+            many = min(workers, len(todo)) > 1
+            with contextlib.closing(spread(function, todo, workers) if many else alone) as results:
+                for key, row in results:
+                    kept.keep(key, row)
+                    show(len(kept.known.keys() & jobs), ", ".join(map(str, key)))
+        return True
+    except KeyboardInterrupt:
+        typer.echo(f"bench: interrupted; {len(kept.known.keys() & jobs)} of {len(jobs)} runs are kept", err=True)
+        return False
+
+
+def plain(row) -> dict:
+    """A row for JSON, with null for a number that is none."""
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in row._asdict().items()
+    }
+
+
+def markdown(heads, rows) -> str:
+    """A table; numbers with four digits, a dash for what there is not."""
+    return "\n".join(f"| {' | '.join(map(_cell, row))} |" for row in (heads, ["---"] * len(heads), *rows))
+
+
+def _cell(value):
+    return "–" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 @contextlib.contextmanager
 def deaths_told():
     """A node that ends by itself ends the command as any refusal does: ValueError with its sentence."""
-    from haptic_sim.supervision.processes import NodeDiedError
-
     try:
         yield
     except NodeDiedError as error:
         raise ValueError(str(error)) from None
 
 
-def listed(given: str | None, known) -> tuple[str, ...]:
-    """Names of a comma-separated option, else all that are known."""
-    return tuple(part.strip() for part in given.split(",")) if given else tuple(known)
+def listed(given: str | None, known, what: str = "") -> tuple[str, ...]:
+    """Names of a comma-separated option, else all that are known; ValueError for another `what`."""
+    names = tuple(part.strip() for part in given.split(",")) if given else tuple(known)
+    for name in names if what else ():
+        if name not in known:
+            raise ValueError(f"{what} is {name!r}; it must be one of {', '.join(known)}")
+    return names
 
 
 def usable(given: str | None) -> list[str]:
     """Methods and peers of the option that are installed; a sentence on standard error for those that are not."""
     from bench.methods.world import NAMES, missing
 
-    names = listed(given, NAMES)
-    for name in names:
-        if name not in NAMES:
-            raise ValueError(f"method is {name!r}; it must be one of {', '.join(NAMES)}")
+    names = listed(given, NAMES, "method")
     reasons = {name: missing(name) for name in names}
     for reason in filter(None, reasons.values()):
         typer.echo(f"bench: {reason}", err=True)

@@ -25,22 +25,9 @@ SESSION = 4711.0
 PLACE = JointLayout(exchange_names(len(AXES))).offsets[0] + 8 * (len(AXES) + exchange_samples.SESSION)
 
 
-class Silent:
-    """Where nobody wants to know when a handle sample came, was answered, and when the answer was published."""
-
-    def taken(self):
-        """A handle sample has come."""
-
-    def answered(self):
-        """The answer is there."""
-
-    def published(self):
-        """The answer has left."""
-
-
-def main(times=None) -> int:
-    """Answers until SIGINT or SIGTERM; tells `times` of each answer."""
-    told, times = hear_the_end(), times or Silent()
+def main() -> int:
+    """Answers until SIGINT or SIGTERM."""
+    told = hear_the_end()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node("haptic_simulation", namespace="/haptic")
     publisher = node.create_publisher(JointState, "tool", LATEST)
@@ -48,14 +35,9 @@ def main(times=None) -> int:
 
     def turn(messages):
         nonlocal sequence
-        if not messages:
-            return
-        times.taken()
-        sequence += 1.0
-        answered = _answer(messages[-1], sequence)
-        times.answered()
-        publisher.publish(answered)
-        times.published()
+        if messages:
+            sequence += 1.0
+            publisher.publish(_answer(messages[-1], sequence))
 
     thread = ExchangeThread(node, turn, lambda: go_realtime("prefer", PRIORITY))
     thread.start()

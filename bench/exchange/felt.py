@@ -6,23 +6,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_filter
 
-from bench.exchange import local_live
-from bench.exchange.exchange import CIRCLE, PATIENT, PRESS
-from bench.methods import insertion as peg
-from haptic_device.config_files import find
+from bench.exchange import motion
 from haptic_device.control.tool_contacts import LEAVING
-from haptic_device.description import load_device
-from haptic_device.parameter_files import read_operating_point
-from haptic_sim.exchange.port import port_of
-from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.method_registry import make
-from haptic_sim.node_parameters import NODES
 from haptic_sim.protocol import Coupling, held
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.replay.lockstep import Lockstep, Network
+from haptic_sim.replay.lockstep import Network
 from haptic_sim.scene.language import Scene, load
+from reference import peg
 
-SECONDS = 3.0
 SMOOTHED = 0.1  # [s] of the polynomial that drag and mass are read from
 DAMPING = 0.5  # [N s/m] B of the coupling
 SHARE = 0.95  # of the stiffness 2 (b − B)/T that the device covers
@@ -64,31 +56,21 @@ class Felt(NamedTuple):
         return self.swing < STEADY
 
 
-class Ran(NamedTuple):
-    """Rows of a run's ticks; energy given to the operator [J]; sets of local contacts taken."""
-
-    rows: np.recarray
-    given: float
-    sets: int
-
-
-def measure(rate: float, method: str, live: bool = False, coupling: float | None = None) -> Felt:
-    """Figures of one exchange method at a servo rate [Hz]; coupling [N/m]: as stiff as the device covers unless given.
+def measure(rate: float, method: str, live: bool = False) -> Felt:
+    """Figures of one exchange method at a servo rate [Hz], with a coupling as stiff as the device covers.
 
     ValueError with the fault's name if one latched on live nodes.
     """
-    stiffness = coupling or SHARE * 2.0 * (3.0 - DAMPING) * rate
+    stiffness = SHARE * 2.0 * (3.0 - DAMPING) * rate
     given = {"servo.rate": rate, "coupling.stiffness": stiffness, "coupling.damping": DAMPING}
     pressed, led = (
-        run(scene, method, *NETWORKS["1 kHz"], given, motion, FINE, live=live)
-        for scene, motion in (("wall", PRESS), ("free_space", CIRCLE))
+        _run(scene, method, "1 kHz", given, hand, FINE, live=live)
+        for scene, hand in (("wall", motion.PRESS), ("free_space", motion.CIRCLE))
     )
-    held = pressed.rows[int(0.55 * len(pressed.rows)) : int(0.68 * len(pressed.rows))]
-    force = held.force_coupling[:, 0]
-    felt = float(force.mean() / (0.01 - held.position[:, 0].mean()))
+    force = motion.pressing(pressed.rows).force_coupling[:, 0]
     acted = np.concatenate([rows.local[np.argmax(rows.local > 0.0) :] for rows in (pressed.rows, led.rows)])
     return Felt(
-        felt,
+        motion.stiffness(pressed.rows),
         stiffness,
         *drag(led.rows),
         max(pressed.given, led.given),
@@ -100,10 +82,18 @@ def measure(rate: float, method: str, live: bool = False, coupling: float | None
     )
 
 
+def _run(scene, method, network, *given, live, **named):
+    """A motion over the network of this name; live it is what it is. ValueError with the name of a fault."""
+    between, rate = NETWORKS[network]
+    ran = motion.run(scene, method, None if live else between, rate, *given, live=live, **named)
+    if ran.faults:
+        raise ValueError(f"{method}, {ran.faults[0]}")
+    return ran
+
+
 def compare(
     scene: str | Scene,
-    network: Network,
-    rate: float,
+    network: str,
     live: bool = False,
     axis: dict | None = None,
     params: str = "demo",
@@ -112,13 +102,13 @@ def compare(
 
     tool: RMS of the way between the two [m]; force: RMS of the difference at the handle, of the force's own; mean: of
     the forces' magnitudes, as a ratio; rough: RMS of the force above 100 Hz, of its own; smooth: of the reference's.
-    axis: what the device's axes have otherwise; params: operating point.
+    network: one of NETWORKS; axis: what the device's axes have otherwise; params: operating point.
     """
     scene = load(scene) if isinstance(scene, str) else scene
-    motion = {f"motion.{key}": value for key, value in scene.motion.items()}
-    seconds, driver = float(motion["motion.duration"]), operating_point(params)["haptic_driver"]
-    soon = {name: driver[name] for name in PATIENT} if live else {}  # the tool is held before the motion begins
-    ran = run(scene, "local", network, rate, soon, motion, axis, seconds, live, params=params)
+    hand = {f"motion.{key}": value for key, value in scene.motion.items()}
+    seconds, driver = float(hand["motion.duration"]), motion.operating_point(params)["haptic_driver"]
+    soon = {name: driver[name] for name in motion.PATIENT} if live else {}  # the tool is held before the motion begins
+    ran = _run(scene, "local", network, soon, hand, axis, seconds, live=live, params=params)
     rows = ran.rows
     period = float(np.median(np.diff(rows.deadline))) * 1e-9
     place, force = synchronous(scene, rows, period, driver)
@@ -151,14 +141,13 @@ def insertion(deep: float, gain: float, live: bool = False) -> tuple[float, floa
         "coupling.rotational_damping": 0.002,
         "local.compliance": SOFT,
     }
-    motion = {
+    hand = {
         "motion.name": "press_wall",
         "motion.start": near,
         "motion.target": far,
         "hand.rotational_stiffness": HAND,
     }
-    scene = peg.peg(deep, 1e-6)
-    rows = run(scene, "local", *NETWORKS["1 kHz"], given, motion, SMOOTH, PULLING, live, 1.3).rows
+    rows = _run(peg.peg(deep, 1e-6), "local", "1 kHz", given, hand, SMOOTH, PULLING, live=live, after=1.3).rows
     rows = rows[np.argmax(rows.engage >= 1.0) :]  # the motion begins with it
     (x1, f1), (x0, f0) = (_held(rows[int(4000.0 * begin) :][:1000]) for begin in (0.55 * PULLING, PULLING + 0.4))
     stiffness = peg.apparent_stiffness(deep, behind, LEAVING / SOFT)
@@ -170,12 +159,6 @@ def _held(rows):
     if not rows.local.all():
         raise ValueError("the servo's own tool was not in use")
     return float(rows.position[:, 0].mean()), float(-rows.force_coupling[:, 0].mean())
-
-
-def operating_point(params: str = "demo") -> dict[str, dict]:
-    """Values of all nodes' parameters at an operating point."""
-    stated = read_operating_point(find("", params), NODES)
-    return {node: {one.name: one.default for one in NODES[node]} | stated.get(node, {}) for node in NODES}
 
 
 def synchronous(scene, rows, period: float, driver: dict):
@@ -191,43 +174,6 @@ def synchronous(scene, rows, period: float, driver: dict):
             world.step(held(position, velocity), 1)
         place[k], force[k] = world.position, world.force_on_tool
     return place, -force
-
-
-def run(
-    scene,
-    method,
-    network,
-    exchange_rate,
-    given,
-    motion,
-    axis=None,
-    seconds=SECONDS,
-    live=False,
-    after=0.0,
-    params="demo",
-    delay=0.0,
-) -> Ran:
-    """A motion in a scene, or in one by name, and some time after it [s], at an operating point.
-
-    axis: what the device's axes have otherwise. live: on running nodes, whose network is what it is; else in lock-step.
-    delay: of the device's actuation [s], in lock-step.
-    """
-    values = operating_point(params)
-    device = load_device(values["haptic_driver"]["device"])
-    axes = tuple(one.model_copy(update=axis or {}) for one in device.axes)
-    device = device.model_copy(update={"axes": axes, "actuation_delay": delay})
-    scene = load(scene) if isinstance(scene, str) else scene
-    motion = motion | {"motion.duration": seconds}
-    asked = PATIENT | {"exchange.rate": exchange_rate} | given
-    if live:
-        return Ran(*local_live.run(scene, method, device, asked, motion, seconds + after, params))
-    driver = values["haptic_driver"] | asked | {"exchange.method": method}
-    simulation = Simulation(reduce_scene(scene), None, 0.5, port=port_of(method))
-    system = Lockstep(device, driver, values["haptic_loopback"] | motion, simulation, network)
-    rows = system.run(seconds + after)
-    return Ran(
-        rows, float(system.plant_memory["energy_given"][0]), int(system.memory["virtual_tool"]["contacts"]["number"][0])
-    )
 
 
 def drag(rows) -> tuple[float, float]:

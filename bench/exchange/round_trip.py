@@ -1,18 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python -m bench exchange --round-trip`: handle → tool → handle on live nodes, beside a bare ping-pong."""
+"""Handle → tool → handle on live nodes, beside a bare ping-pong by the same receive path."""
 
 import contextlib
+import json
 import statistics
 import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Annotated
 
 import psutil
+import typer
 
-from bench.jobs import deaths_told
+from bench.jobs import deaths_told, markdown
+from bench.servo.load import spent
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.processes import Nodes, Program, interruptible
+from haptic_sim.supervision.tuning import Tuning
 
 RATES = (500.0, 1000.0, 2000.0)  # [Hz]
 SECONDS, TURNS = 4.0, 5
@@ -20,10 +25,22 @@ ANSWERERS = {
     "simulation": Program("haptic_simulation", "haptic_sim.node.simulation", {"scene": "free_space"}),
     "bare": Program("haptic_simulation", "bench.exchange.echo_node"),
 }
+NAMES = ("p50_us", "p99_us", "answered", "loopback_cores", "simulation_cores", "driver_cores", "ratio")
+_RATE = "Handle samples a second; may be repeated [500 1000 2000]."
 _CIRCLE = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.duration": 3600.0}
 
 
-def measure(rates=RATES, turns: int = TURNS, seconds: float = SECONDS) -> list[dict]:
+def main(
+    rate: Annotated[list[float] | None, typer.Option(help=_RATE, min=100.0, max=2000.0)] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
+) -> None:
+    """Round trip of the exchange on live nodes against a bare ping-pong, in turns, and the cores of each node."""
+    found = measure(rate or RATES)
+    rows = [[one["rate"], one["answerer"], *(one[name] for name in NAMES)] for one in found]
+    typer.echo(json.dumps(found) if as_json else markdown(("rate", "answerer", *NAMES), rows))
+
+
+def measure(rates, turns: int = TURNS, seconds: float = SECONDS) -> list[dict]:
     """One entry a rate and answerer: medians over the turns of round trip p50, p99 [us], share answered, and the
     processor time of each node as a share of a core; `ratio`: of the p50 to the bare one's, the median of the turns."""
     found = []
@@ -46,8 +63,6 @@ def measure(rates=RATES, turns: int = TURNS, seconds: float = SECONDS) -> list[d
 
 
 def _once(domain, answerer, rate, seconds):
-    from haptic_sim.supervision.tuning import Tuning
-
     driver = {"auto_enable": True, "exchange.rate": rate}
     with tempfile.TemporaryDirectory() as logs, Nodes(Path(logs)) as nodes:
         nodes.start(Program("haptic_loopback", "haptic_device.nodes.loopback", _CIRCLE))
@@ -58,11 +73,11 @@ def _once(domain, answerer, rate, seconds):
             tuning.wait_answered(nodes.check)
             names = ("haptic_loopback", "haptic_simulation", "haptic_driver")
             watched = {name: psutil.Process(nodes.pid(name)) for name in names}
-            before, began = {name: _spent(one) for name, one in watched.items()}, time.monotonic()
+            before, began = {name: spent(one) for name, one in watched.items()}, time.monotonic()
             answered, sent = (int(tuning.said(f"exchange_{word}")) for word in ("answered", "sent"))
             tuning.watch(seconds)
             cores = {
-                f"{name.removeprefix('haptic_')}_cores": (_spent(one) - before[name]) / (time.monotonic() - began)
+                f"{name.removeprefix('haptic_')}_cores": (spent(one) - before[name]) / (time.monotonic() - began)
                 for name, one in watched.items()
             }
             share = (int(tuning.said("exchange_answered")) - answered) / max(
@@ -72,24 +87,5 @@ def _once(domain, answerer, rate, seconds):
             return trips | {"answered": share} | cores
 
 
-def _spent(process):
-    times = process.cpu_times()
-    return times.user + times.system
-
-
 def _medians(runs):
     return {name: statistics.median(run[name] for run in runs) for name in runs[0]}
-
-
-def table(found: list[dict]) -> str:
-    """As a table of Markdown."""
-    names = ("p50_us", "p99_us", "answered", "loopback_cores", "simulation_cores", "driver_cores", "ratio")
-    lines = [
-        "| rate | answerer | p50 us | p99 us | answered | device | answerer | driver cores | p50 to bare |",
-        "|" + " --- |" * 9,
-    ]
-    for one in found:
-        p50, p99, *others = (one[name] for name in names)
-        numbers = " | ".join(f"{value:.3f}" for value in others)
-        lines.append(f"| {one['rate']:g} Hz | {one['answerer']} | {p50:.0f} | {p99:.0f} | {numbers} |")
-    return "\n".join(lines)

@@ -1,37 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an exchange costs with 10 to 300 bodies, ours and the peers', as a table, a figure and a file of all runs."""
+"""What an exchange costs with 10 to 300 bodies, ours and the peers', and what is right of the result.
+
+Two runs of each: in the timed one nothing is looked at, in the other energies are booked, and overlaps and bodies that
+should stay where they are looked at now and then. The one ends early once it has cost `LIMIT` of processor time, and
+then there is no other; the other at half of it.
+"""
 
 import json
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
+import numpy as np
 import typer
 from matplotlib.figure import Figure
 
-from bench.jobs import listed, usable, write_csv
-from bench.methods.figure import LOOKS
-from bench.methods.growing import (
-    COUNTS,
-    ENGINES,
-    LIMIT,
-    SECONDS,
-    SHORT,
-    STEP,
-    WORLDS,
-    Run,
-    goals,
-    jobs,
-    run,
-)
-from bench.methods.table import TITLES
-from bench.methods.world import PEERS, version
-from haptic_sim.cli.progress import INTERRUPTED, progress
-from haptic_sim.supervision.processes import interruptible
+from bench.jobs import Kept, listed, plain, sweep, usable, write_csv
+from bench.methods import loads
+from bench.methods.figure import LOOKS, panels
+from bench.methods.world import Impossible, make, title
+from haptic_sim.cli.progress import INTERRUPTED
+from haptic_sim.rollout import GAINS, overlap_watch, rollout
 
-FEW = (10,)
+WORLDS = ("row", "heap", "chain", "pyramid", "joint_grid")
+COUNTS, FEW = (10, 30, 100, 300), (10,)
+ENGINES = ("impulse", "partitioned", "pymunk", "box2d", "mujoco_implicit")
+STEP, STEPS = 250, {"box2d": (250, 50)}  # µs; the finer one for Box2D overlaps as little as `impulse` does
+LIMIT, SECONDS, SHORT = 5.0, 1.2, 0.3  # s; the latter two of simulated time
+SETTLED = 2  # the first half is not counted: heaps fall, what rests falls asleep (Box2D after half a second)
+BOOK_EVERY, LOOK_EVERY = 10, 50  # exchanges
 EXCHANGE = 1e3  # µs, the time that an exchange has
 HEADS = ("world", "bodies", "engine", "exchange, median", "p99", "deepest overlap", "energy created", "error")
+_NOTHING = (math.nan,) * 3
 
 
 def main(
@@ -42,99 +42,153 @@ def main(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ):
     """Worlds of 10, 30, 100, 300 bodies: processor time of an exchange, overlap, energy created; some minutes."""
-    names = listed(worlds, WORLDS)
-    for name in names:
-        if name not in WORLDS:
-            raise ValueError(f"world is {name!r}; it must be one of {', '.join(WORLDS)}")
-    todo, found = jobs(names, FEW if short else COUNTS, usable(methods or ",".join(ENGINES))), []
-    try:
-        with interruptible(), progress(len(todo)) as show:
-            for world, count, engine, step in todo:
-                show(len(found), f"{world} of {count}, {engine}")
-                found.append(run(world, count, engine, step, SHORT if short else SECONDS))
-            show(len(todo), "done")
-    except KeyboardInterrupt:
-        typer.echo(f"bench: interrupted; {len(found)} of {len(todo)} are kept", err=True)
-    _report(found, out, as_json)
-    if len(found) < len(todo):
-        raise typer.Exit(INTERRUPTED)
-
-
-def _report(found, out, as_json):
+    names, engines = listed(worlds, WORLDS, "world"), usable(methods or ",".join(ENGINES))
+    kept, counts, seconds = Kept(), FEW if short else COUNTS, SHORT if short else SECONDS
+    whole = sweep(run, {job: (*job, seconds) for job in jobs(names, counts, engines)}, kept)
+    found = list(kept.known.values())
     if out and found:
         write(out, found)
     if as_json:
-        runs = [
-            {
-                key: None if isinstance(value, float) and not math.isfinite(value) else value
-                for key, value in item._asdict().items()
-            }
-            for item in found
-        ]
-        reached = [goal._asdict() | {"reached": goal.reached} for goal in goals(found)]
-        typer.echo(json.dumps({"runs": runs, "goals": reached}))
-        return
-    typer.echo(markdown(found))
+        typer.echo(json.dumps({"runs": [plain(item) for item in found]}))
+    else:
+        typer.echo(markdown(found))
+    if not whole:
+        raise typer.Exit(INTERRUPTED)
+
+
+class Run(NamedTuple):
+    """One line of the table: an engine at a step with so many bodies that can move, the tool not counted."""
+
+    world: str
+    bodies: int
+    engine: str
+    step_us: int
+    median_us: float
+    """Processor time of an exchange of 1 ms, half of them within it; within the next all but a hundredth."""
+    p99_us: float
+    overlap_um: float
+    created: float
+    """Energy from nowhere, of the largest about."""
+    error_um: float
+    """Longest way of a body that should stay, or by which a pin is open; nan where neither is known."""
+    status: str = ""
+    """Empty; "over" if the timed run was ended at its limit, "partly" if the other alone; or why it cannot be done."""
+
+    @property
+    def cannot(self) -> bool:
+        """Whether there is nothing to compare."""
+        return self.status.startswith("cannot")
+
+
+def jobs(worlds, counts, engines) -> list[tuple[str, int, str, int]]:
+    """(world, bodies asked for, engine, step) of all runs; the row also without any block."""
+    return [
+        (world, count, engine, step)
+        for world in worlds
+        for count in (*([0] if world == "row" else []), *counts)
+        for engine in engines
+        for step in STEPS.get(engine, (STEP,))
+    ]
+
+
+def run(world: str, count: int, engine: str, step: int, seconds: float, limit: float = LIMIT) -> Run:
+    """An engine at this step [µs] on a world of about `count` bodies."""
+    load = getattr(loads, world)(count, seconds)
+    key = (world, sum(not body.fixed for body in load.scene.bodies), engine, step)
+    try:
+        spent, whole = _timed(load, engine, step, limit)
+        judged, seen = _judged(load, engine, step, 0.5 * limit) if whole else (_NOTHING, False)
+    except Impossible as reason:
+        return Run(*key, math.nan, math.nan, *_NOTHING, f"cannot: {reason}")
+    counted = 1e6 * np.array(spent[len(spent) // SETTLED :])
+    status = "over" if not whole else "" if seen else "partly"
+    return Run(*key, float(np.median(counted)), float(np.percentile(counted, 99)), *judged, status)
+
+
+def _ready(load, engine, step):
+    world = make(engine, load.scene, step * 1e-6, many=True)
+    world.couple(GAINS)
+    return world
+
+
+def _timed(load, engine, step, limit):
+    """Processor time [s] of each exchange, and whether all were done."""
+    path, count = load.path(), 1000 // step
+    rollout(_ready(load, engine, step), path[:2], count)  # what is compiled or allocated once is so now
+    spent = rollout(_ready(load, engine, step), path, count, limit=limit).spent
+    return spent, float(np.sum(spent)) <= limit
+
+
+def _judged(load, engine, step, limit):
+    """Deepest overlap [µm], energy created over the largest about, error [µm]; and whether it came to the end."""
+    path, world = load.path(), _ready(load, engine, step)
+    look, wrong = overlap_watch(load.scene, world.pose), _error(load, world)
+    errors = [wrong()]
+
+    def watched():
+        errors.append(wrong())
+        return look()
+
+    found = rollout(world, path, 1000 // step, BOOK_EVERY, LOOK_EVERY, overlap=watched, gains=GAINS, limit=limit)
+    if not found.finite:
+        return (math.inf, math.inf, math.inf), True
+    judged = 1e6 * found.overlap, found.created / max(found.scale, 1e-3), 1e6 * np.max(errors)
+    return judged, len(found.spent) * BOOK_EVERY >= len(path) - 1
+
+
+def _error(load, world):
+    """() → what is wrong [m] of the bodies that should stay, and of the pins; nan if there are neither."""
+    start = {body.name: body.pose for body in load.scene.bodies}
+
+    def wrong():
+        ways = [math.dist(world.pose(name)[:2], start[name][:2]) for name in load.still]
+        return max([loads.pins_open(load.scene, world.pose)] if load.scene.joints else ways, default=math.nan)
+
+    return wrong
 
 
 def markdown(runs: list[Run]) -> str:
-    """A row for each world, number of bodies and engine, and what comes of the goals."""
-    rows = [HEADS, ["---"] * len(HEADS), *map(_row, runs)]
-    lines = [
-        f"* {goal.what}: {goal.value:.3g} {goal.unit}, at most {goal.limit:g} {goal.unit}{'' if goal.reached else ' ✗'}"
-        for goal in goals(runs)
-    ]
-    return "\n".join([*(f"| {' | '.join(row)} |" for row in rows), *([""] if lines else []), *lines])
+    """A row for each world, number of bodies and engine."""
+    return "\n".join(f"| {' | '.join(row)} |" for row in (HEADS, ["---"] * len(HEADS), *map(_row, runs)))
 
 
 def _row(item):
-    key = [item.world, str(item.bodies), title(item.engine, item.step_us)]
+    key = [item.world, str(item.bodies), _title(item.engine, item.step_us)]
+    over = "over " if item.status == "over" else ""
+    times = [f"{over}{item.median_us:.0f} µs", f"{over}{item.p99_us:.0f} µs"]
     if item.cannot:
         return [*key, "cannot", *[""] * 4]
-    if item.status == "over":
-        return [*key, f"over {item.median_us:.0f} µs", f"over {item.p99_us:.0f} µs", *[""] * 3]
+    if over:
+        return [*key, *times, *[""] * 3]
     if math.isinf(item.created):
-        return [*key, f"{item.median_us:.0f} µs", f"{item.p99_us:.0f} µs", "not finite", *[""] * 2]
-    return [
-        *key,
-        f"{item.median_us:.0f} µs",
-        f"{item.p99_us:.0f} µs",
-        _length(item.overlap_um),
-        f"{100.0 * item.created:.2g} %",
-        _length(item.error_um),
-    ]
+        return [*key, *times, "not finite", *[""] * 2]
+    return [*key, *times, _length(item.overlap_um), f"{100.0 * item.created:.2g} %", _length(item.error_um)]
 
 
 def _length(value):
     return "" if math.isnan(value) else f"{value:.2g} µm" if value < 99.5 else f"{1e-3 * value:.2g} mm"
 
 
-def title(engine: str, step: int) -> str:
+def _title(engine, step):
     """Name of an engine, with its step [µs] where it is not the one of all."""
-    return TITLES.get(engine, engine) + ("" if step == STEP else f", {step} µs")
+    return title(engine) + ("" if step == STEP else f", {step} µs")
 
 
-def figure(runs: list[Run], columns: int = 3) -> Figure:
+def figure(runs: list[Run]) -> Figure:
     """Time of an exchange over the number of bodies, a panel a world: median, p99 faint, and the time there is."""
-    worlds = list(dict.fromkeys(item.world for item in runs))
-    rows, columns = -(-len(worlds) // columns), min(columns, len(worlds))
-    made = Figure(figsize=(4.6 * columns, 3.6 * rows + 0.5), layout="constrained")
-    panels, drawn = list(made.subplots(rows, columns, squeeze=False).flat), {}
-    for world, axes in zip(worlds, panels, strict=False):
-        drawn |= _panel(axes, [item for item in runs if item.world == world and not item.cannot], world)
-    for axes in panels[len(worlds) :]:
-        axes.set_visible(False)
-    made.legend(list(drawn.values()), list(drawn), loc="outside upper center", ncols=max(1, len(drawn)), fontsize=8)
-    return made
+    of = {item.world: [] for item in runs}
+    for item in runs:
+        of[item.world] += [] if item.cannot else [item]
+    return panels(of, _panel)
 
 
-def _panel(axes, runs, world):
+def _panel(axes, runs):
     drawn = {}
     for engine, step in dict.fromkeys((item.engine, item.step_us) for item in runs):
         of = [item for item in runs if (item.engine, item.step_us) == (engine, step)]
         (color, marker), style = LOOKS[engine], "-" if step == STEP else "--"
         bodies = [item.bodies for item in of]
-        (drawn[title(engine, step)],) = axes.plot(
+        (drawn[_title(engine, step)],) = axes.plot(
             bodies, [item.median_us for item in of], style, color=color, marker=marker, linewidth=1.3, markersize=5
         )
         axes.plot(bodies, [item.p99_us for item in of], style, color=color, linewidth=0.7, alpha=0.45)
@@ -144,8 +198,6 @@ def _panel(axes, runs, world):
     counts = sorted({item.bodies for item in runs})
     axes.set_xticks(counts, map(str, counts))
     axes.set_xticks([], minor=True)
-    axes.set_title(world, fontsize=9)
-    axes.grid(alpha=0.3)
     return drawn
 
 
@@ -153,12 +205,11 @@ def write(folder: Path, runs: list[Run]) -> None:
     """growth.csv, growth.md and growth.png; OSError if they cannot be written."""
     folder.mkdir(parents=True, exist_ok=True)
     write_csv(folder / "growth.csv", Run, runs)
-    used = dict.fromkeys(version(name) for name in PEERS if any(item.engine == name for item in runs))
     head = (
-        f"# Growth\n\nWritten by `python -m bench growth`: processor time of an exchange of 1 ms, the first half "
-        f"of the run left out. Peers: {', '.join(used)}, at sub-steps of {STEP} µs unless said otherwise, allowed "
-        f"to let bodies sleep. Over: ended after {LIMIT:g} s of processor time. Looked at is a second run, ended "
-        "after half of that. Error: the longest way of a body that should stay, or by which a pin is open.\n\n"
+        "# Growth\n\nWritten by `python -m bench growth`: processor time of an exchange of 1 ms, the first half of the "
+        f"run left out. Peers at sub-steps of {STEP} µs unless said otherwise, allowed to let bodies sleep. Over: "
+        f"ended after {LIMIT:g} s of processor time. Looked at is a second run, ended after half of that. Error: the "
+        "longest way of a body that should stay, or by which a pin is open.\n\n"
     )
     (folder / "growth.md").write_text(f"{head}{markdown(runs)}\n", encoding="utf-8")
     figure(runs).savefig(folder / "growth.png", dpi=90)

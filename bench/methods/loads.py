@@ -6,19 +6,17 @@ those names in Box2D's benchmark, a metre there being 10 mm here: a pyramid of s
 """
 
 import math
-import random
 from typing import NamedTuple
 
 import numpy as np
 
-from haptic_sim.rollout import GAINS, hand, way
-from haptic_sim.scene.geometry import turned
+from haptic_sim.rollout import hand, way
+from haptic_sim.scene.geometry import framed, turned
 from haptic_sim.scene.language import Scene
 from haptic_sim.scene.shapes import TOOL
 
 MATERIAL = {"material": "stone"}
 BLOCK, PITCH, LINK = 0.005, 0.01, 0.005  # m
-SETTLING, GROWN = 1.5, 1.006  # s; share by which stones are larger while they settle, so that none overlaps after it
 
 
 class Load(NamedTuple):
@@ -104,80 +102,23 @@ def joint_grid(count: int, seconds: float) -> Load:
     return Load(scene, seconds, tuple(names))
 
 
-def gravel(count: int, seconds: float) -> Load:
-    """Stones that have settled between two walls, a shovel led down through them, and back."""
-    return Load(Scene.model_validate(gravel_content(count, seconds)), seconds)
-
-
-def gravel_content(count: int, seconds: float) -> dict:
-    """Mapping of the scene `gravel`; the stones are where pymunk lets them come to rest."""
-    from bench.methods.peer_pymunk import World
-
-    half = max(0.03, 0.5 * PITCH * math.sqrt(count))
-    above = [round(0.02 - half, 6), 0.1 + PITCH * count / int(2.0 * half / PITCH), 0.0]
-    scene = Scene.model_validate(_gravel(_stones(count, half, GROWN), half, above, {}))
-    world = World(scene, 0.25e-3)
-    world.couple(GAINS)
-    world.step(np.tile([*above, 0.0, 0.0, 0.0], (round(SETTLING * 1e3), 1)), 4)
-    stones = [
-        stone | {"pose": [round(value, 6) for value in world.pose(stone["name"])]}
-        for stone in _stones(count, half, 1.0)
-    ]
-    depth = round(max(stone["pose"][1] for stone in stones), 3)
-    motion = {"name": "press_wall", "target": [-above[0], round(0.071 + 0.55 * depth, 6), 0.0], "duration": seconds}
-    return _gravel(stones, half, [above[0], 0.08 + depth, 0.0], motion)
-
-
-def _gravel(stones, half, grip, motion):
-    shovel = [
-        {"box": {"size": [0.003, 0.068], "center": [0.0, -0.034]}},
-        {"box": {"size": [0.003, 0.016], "center": [-0.0125, -0.06]}},
-        {"box": {"size": [0.028, 0.003], "center": [0.0, -0.0695]}},
-    ]
-    return _content("gravel", _trough(half) + stones, _tool(grip[:2]) | {"shapes": shovel}, motion)
-
-
-def _stones(count, half, grown):
-    columns, chance = int(2.0 * half / PITCH), random.Random(count)
-    return [_stone(k, place, chance, grown) for k, place in enumerate(_cells(count, columns))]
-
-
 def _cells(count, columns):
     return [(PITCH * (k % columns - 0.5 * (columns - 1)), PITCH * (k // columns + 0.55)) for k in range(count)]
 
 
-def _stone(k, place, chance, grown):
-    """Every third a disc; the others polygons of 5 to 7 corners on an ellipse. As heavy as stone 15 mm long."""
-    radius = chance.uniform(0.003, 0.0046)
-    if k % 3 == 0:
-        shape, area = {"circle": {"radius": round(0.9 * radius, 5) * grown}}, math.pi * (0.9 * radius) ** 2
-    else:
-        corners = chance.randint(5, 7)
-        flat, turns = chance.uniform(0.7, 1.0), [chance.uniform(-0.25, 0.25) for _ in range(corners)]
-        angles = [2.0 * math.pi * (i + turn) / corners for i, turn in enumerate(turns)]
-        vertices = [
-            [grown * round(radius * math.cos(angle), 5), grown * round(flat * radius * math.sin(angle), 5)]
-            for angle in angles
-        ]
-        shape, area = {"vertices": vertices}, 0.8 * math.pi * flat * radius**2
-    return _piece(k, place, shape) | {"name": f"stone_{k}", "mass": round(2600.0 * 0.015 * area, 5)}
-
-
-def _scene(*parts):
-    return Scene.model_validate(_content(*parts))
-
-
-def _content(name, bodies, tool, motion, joints=()):
+def _scene(name, bodies, tool, motion, joints=()):
     start = list(tool["pose"])
-    return {
-        "name": name,
-        "gravity": [0.0, -9.81],
-        "materials": {"stone": {"friction": 0.5}},
-        "bodies": bodies,
-        "joints": list(joints),
-        "tool": tool,
-        "motion": {"start": start, "target": start} | motion,
-    }
+    return Scene.model_validate(
+        {
+            "name": name,
+            "gravity": [0.0, -9.81],
+            "materials": {"stone": {"friction": 0.5}},
+            "bodies": bodies,
+            "joints": list(joints),
+            "tool": tool,
+            "motion": {"start": start, "target": start} | motion,
+        }
+    )
 
 
 def _plane(name, normal, point=(0.0, 0.0)):
@@ -218,8 +159,6 @@ def _pin(a, b, place):
 
 def pins_open(scene: Scene, pose) -> float:
     """The way [m] by which the two sides of the worst pin are apart, where `pose` (body → pose) says they are."""
-    from haptic_sim.scene.geometry import framed
-
     solids = {body.name: body for body in scene.bodies} | {TOOL: scene.tool}
     gaps = []
     for joint in scene.joints:

@@ -19,7 +19,6 @@ from haptic_sim.scene.language import Scene
 from haptic_sim.scene.shapes import TOOL
 
 UNIT = 1e-3
-VERSION = f"Box2D {Box2D.__version__}"
 SWEEPS = 30, 10
 """Iterations for velocities and for positions; the manual's 8, 3 leave ten times the error here."""
 REACH = 1.0  # m, half the length of a half-plane; more costs digits

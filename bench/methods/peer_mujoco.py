@@ -17,7 +17,6 @@ from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import Scene
 from haptic_sim.scene.shapes import TOOL
 
-VERSION = f"MuJoCo {mujoco.__version__}"
 mujoco.set_mju_user_warning(lambda _: None)  # a run that blows up is told by its numbers, not in a file MUJOCO_LOG.TXT
 
 

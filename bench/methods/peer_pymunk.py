@@ -17,7 +17,6 @@ from haptic_sim.scene.language import Scene
 from haptic_sim.scene.shapes import TOOL
 
 SLOP = 1e-5
-VERSION = f"pymunk {pymunk.version}"
 ASLEEP = 0.2  # s
 FAR = 10.0  # m, length of a groove without stops
 

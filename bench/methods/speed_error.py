@@ -2,27 +2,24 @@
 """Wall time against error of every method and peer on every scene, at every step."""
 
 import json
-import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from bench.jobs import Kept, listed, sweep, usable, write_csv
+from bench.jobs import Kept, listed, plain, sweep, usable, write_csv
 from bench.methods import table
 from bench.methods.compare import ratios
 from bench.methods.figure import pareto_figure
 from bench.methods.measure import Run, run
-from bench.methods.world import PEERS, version
-from haptic_sim.cli.progress import INTERRUPTED, SCHEDULER, progress
-from haptic_sim.supervision.processes import interruptible
+from bench.methods.world import PEERS, title, version
+from haptic_sim.cli.progress import INTERRUPTED
 from reference.case import NAMES, case
 from reference.reference import reference
 
 SHORT = ("pendulum", "four_bar", "wall", "zeno_ball", "push_block", "peg_in_hole")
 STEPS, SHORT_STEPS = (50000, 25000, 10000, 5000, 2500, 1000, 500, 250, 100, 50, 25), (10000, 1000, 250)  # µs
-_OUT = "Folder for speed_error.csv, speed_error.md and the plots; runs in it are not done again [nothing kept]."
-_WORKERS = "Processes at once; times are measured alone on a machine, so one is right for them."
+_OUT = "Folder for speed_error.csv, speed_error.md and pareto.png; runs in it are not done again [nothing kept]."
 _SHORT = f"Scenes {', '.join(SHORT)} and steps {', '.join(f'{step * 1e-3:g}' for step in SHORT_STEPS)} ms only."
 
 
@@ -31,8 +28,6 @@ def main(
     methods: Annotated[str | None, typer.Option(help="Comma-separated methods and peers [all].")] = None,
     short: Annotated[bool, typer.Option("--short", help=_SHORT)] = False,
     out: Annotated[Path | None, typer.Option(help=_OUT)] = None,
-    workers: Annotated[int, typer.Option(min=1, max=1024, help=_WORKERS)] = 1,
-    scheduler: Annotated[str, typer.Option(help=SCHEDULER)] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ):
     """Wall time against error of every method and peer on every scene, energy created and overlap; one table."""
@@ -40,14 +35,8 @@ def main(
     jobs = _jobs(names, usable(methods), SHORT_STEPS if short else STEPS)
     if out:
         out.mkdir(parents=True, exist_ok=True)
-    file, whole = out / "speed_error.csv" if out else None, False
-    kept = Kept(file, Run, lambda row: (row.scene, row.method, row.step_us))
-    try:
-        with interruptible(), progress(len(jobs)) as show:
-            sweep(measured, jobs, kept, workers, scheduler, show)
-            whole = True
-    except KeyboardInterrupt:
-        typer.echo(f"bench: interrupted; {len(kept.known.keys() & jobs)} of {len(jobs)} runs are kept", err=True)
+    kept = Kept(out / "speed_error.csv" if out else None, Run, lambda row: (row.scene, row.method, row.step_us))
+    whole = sweep(measured, jobs, kept)
     _report(_runs(jobs, kept), [row for key, row in kept.known.items() if key not in jobs], out, as_json)
     if not whole:
         raise typer.Exit(INTERRUPTED)
@@ -84,8 +73,6 @@ def _report(runs, others, out, as_json):
     if out and runs:
         write_csv(out / "speed_error.csv", Run, [*runs, *others])
         (out / "speed_error.md").write_text(_page(runs), encoding="utf-8")
-        for scene in table.scenes_of(runs):
-            pareto_figure([item for item in runs if item.scene == scene]).savefig(out / f"pareto_{scene}.png", dpi=100)
         pareto_figure(runs).savefig(out / "pareto.png", dpi=80)
     if as_json:
         typer.echo(json.dumps(_content(runs)))
@@ -93,28 +80,23 @@ def _report(runs, others, out, as_json):
     typer.echo(table.markdown(runs))
     for kind, peer, least, wanted, reached, count in table.summary(runs):
         typer.echo(
-            f"{kind} against {table.TITLES[peer]}: at equal error at least {least:.3g} times as fast; "
+            f"{kind} against {title(peer)}: at equal error at least {least:.3g} times as fast; "
             f"{reached} of {count} scenes reach {wanted:g}"
         )
 
 
 def _page(runs):
-    used = [version(name) for name in PEERS if any(item.method == name for item in runs)]
     return (
-        f"# Speed against error\n\nWritten by `python -m bench speed_error`. "
-        f"Peers: {', '.join(dict.fromkeys(used))}. In bold the scene's default method, beside it the pymunk world "
-        "and the direct solver, each at the step that the scene would give it, with its share of an exchange's "
-        "time; behind them, how many times faster the best of closed_form, partitioned and event_driven reaches "
-        "the smallest error that it and the peer both reach; ✗: below 15 for linkages against RK4, 5 for "
+        "# Speed against error\n\nWritten by `python -m bench speed_error`. In bold the scene's default method, beside "
+        "it the pymunk world and the direct solver, each at the step that the scene would give it, with its share of "
+        "an exchange's time; behind them, how many times faster the best of closed_form, partitioned and event_driven "
+        "reaches the smallest error that it and the peer both reach; ✗: below 15 for linkages against RK4, 5 for "
         f"single contacts, 1 else.\n\n{table.markdown(runs)}\n\n## Wall time of a step [µs]\n\n"
         f"The least over the steps tried.\n\n{table.costs(runs)}\n"
     )
 
 
 def _content(runs):
-    def plain(value):
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
     equal = [
         ratio._asdict() | {"ratio": ratio.ratio}
         for scene in table.scenes_of(runs)
@@ -122,7 +104,7 @@ def _content(runs):
     ]
     used = {item.method for item in runs}
     return {
-        "runs": [{key: plain(value) for key, value in item._asdict().items()} for item in runs],
+        "runs": [plain(item) for item in runs],
         "equal_error": equal,
         "versions": {name: version(name) for name in PEERS if name in used},
     }

@@ -5,12 +5,10 @@ import math
 
 from bench.methods.compare import WANTED, pareto, ratios
 from bench.methods.measure import Run
-from bench.methods.world import OURS, PEERS
+from bench.methods.world import OURS, PEERS, title
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import load
 from reference.case import case
-
-TITLES = {"pymunk": "pymunk", "box2d": "Box2D", "mujoco_rk4": "MuJoCo RK4", "mujoco_implicit": "MuJoCo implicit"}
 
 
 def scenes_of(runs: list[Run]) -> list[str]:
@@ -35,7 +33,7 @@ def markdown(runs: list[Run]) -> str:
     At the step nearest to that which the scene would get; in the last row how many times faster than each peer the best
     of ours is.
     """
-    heads = ["scene", "method", "step", "error", "of an exchange", "overlap", "energy created", *TITLES.values()]
+    heads = ["scene", "method", "step", "error", "of an exchange", "overlap", "energy created", *map(title, PEERS)]
     rows = [heads, ["---"] * len(heads)]
     for scene in scenes_of(runs):
         of_scene = [item for item in runs if item.scene == scene]
@@ -71,7 +69,7 @@ def _row(item, chosen):
 def costs(runs: list[Run]) -> str:
     """Wall time of one step [µs], a row a scene: the least over the steps tried."""
     methods = [name for name in (*OURS, *PEERS) if any(item.method == name for item in runs)]
-    rows = [["scene", *(TITLES.get(name, name) for name in methods)], ["---"] * (1 + len(methods))]
+    rows = [["scene", *map(title, methods)], ["---"] * (1 + len(methods))]
     for scene in scenes_of(runs):
         spent = {
             name: min(

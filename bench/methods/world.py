@@ -2,6 +2,7 @@
 """What can be measured: one of the methods, or a peer, on a scene; by name, imported only when it is used."""
 
 import importlib
+import importlib.metadata
 
 import numpy as np
 
@@ -19,7 +20,12 @@ PEERS = {
 }
 OURS = tuple(METHODS)
 NAMES = (*OURS, *PEERS)
-PACKAGES = {"Box2D": "box2d", "mujoco": "mujoco", "pymunk": "pymunk"}
+_TITLES = {  # of a peer: name and package of its library, and what of it is meant
+    "pymunk": ("pymunk", "pymunk", ""),
+    "box2d": ("Box2D", "Box2D", ""),
+    "mujoco_rk4": ("MuJoCo", "mujoco", " RK4"),
+    "mujoco_implicit": ("MuJoCo", "mujoco", " implicit"),
+}
 
 
 class Impossible(Exception):
@@ -47,14 +53,26 @@ def missing(name: str) -> str | None:
         if name in PEERS:
             _peer(name)
     except ModuleNotFoundError as error:
-        package = PACKAGES.get(error.name, error.name)
-        return f"{name} is left out: package {package} is not installed; pip install '.[bench]' in the clone brings it"
+        return (
+            f"{name} is left out: package {error.name} is not installed; pip install '.[bench]' in the clone brings it"
+        )
     return None
 
 
 def version(name: str) -> str:
-    """Name and version of a peer's library; of a method its name."""
-    return importlib.import_module(PEERS[name].split(":")[0]).VERSION if name in PEERS else name
+    """Name of a peer's library and its version; of a method its name."""
+    if name not in PEERS:
+        return name
+    library, package, _ = _TITLES[name]
+    try:
+        return f"{library} {importlib.metadata.version(package)}"
+    except importlib.metadata.PackageNotFoundError:  # a table of runs made elsewhere
+        return library
+
+
+def title(name: str) -> str:
+    """Heading of a method or peer in a table."""
+    return version(name) + _TITLES[name][2] if name in PEERS else name
 
 
 def between(path: np.ndarray, count: int) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 import typer
 import yaml
 
+from bench.jobs import markdown
 from haptic_device import controller_config
 from haptic_device.analysis.zwidth import Setup
 from haptic_device.analysis.zwidth_map import Request, draw_map
@@ -73,23 +74,19 @@ def main(
 
 def table(found: dict) -> str:
     """As a table of Markdown, and a sentence on the cores."""
-    lines = [
-        "| what | at none [us] | for one more [us] | | off the line |",
-        "| --- | --- | --- | --- | --- |",
+    costs = [
+        [one["what"], one["base"], one["slope"], one["grows_with"], f"{100.0 * one['apart']:.1f} %"]
+        for one in found["costs"]
     ]
-    for one in found["costs"]:
-        numbers = f"{one['base']:.3g} | {one['slope']:.3g} | {one['grows_with']}"
-        lines.append(f"| {one['what']} | {numbers} | {100.0 * one['apart']:.1f} % |")
-    lines += ["", "| an exchange of | `direct` [us] | `pspm` [us] | ratio | bare steps [us] | ratio |"]
-    lines.append("| --- | --- | --- | --- | --- | --- |")
-    for one in found["ports"]:
-        direct, pspm, bare = one["direct"], one["pspm"], one["bare"]
-        of_steps = "| |" if bare is None else f"| {bare:.0f} | {direct / bare:.2f} |"
-        told = f"{direct:.0f} | {pspm:.0f} | {pspm / direct:.2f} {of_steps}"
-        lines.append(f"| {one['scene']}, {one['method']} | {told}")
+    ports = [
+        [f"{one['scene']}, {one['method']}", one["direct"], one["pspm"], one["pspm"] / one["direct"], one["bare"]]
+        for one in found["ports"]
+    ]
     shared = found["two_cores"]
     said = "one core only: no efficiency" if shared is None else f"two cores do {2.0 * shared:.2f} times the map of one"
-    return "\n".join([*lines, "", said])
+    heads = ("what", "at none [us]", "for one more [us]", "", "off the line")
+    behind = ("an exchange of", "`direct` [us]", "`pspm` [us]", "ratio", "bare steps [us]")
+    return "\n\n".join([markdown(heads, costs), markdown(behind, ports), said])
 
 
 def line(what: str, grows_with: str, counts, microseconds) -> Cost:

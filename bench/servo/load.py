@@ -11,7 +11,7 @@ from typing import Annotated
 import psutil
 import typer
 
-from bench.jobs import deaths_told
+from bench.jobs import deaths_told, markdown
 from haptic_device.config_files import find
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare
@@ -32,9 +32,8 @@ def main(
     if as_json:
         typer.echo(json.dumps(found))
         return
-    for name, share in found["node_cores"].items():
-        typer.echo(f"{name:20} {share:6.3f} cores {found['pss_mb'][name]:8.0f} MB")
-    typer.echo(f"{'all':20} {found['cores']:6.3f} cores")
+    rows = [[name, share, found["pss_mb"][name]] for name, share in found["node_cores"].items()]
+    typer.echo(markdown(("node", "cores", "MB"), [*rows, ["all", found["cores"], None]]))
 
 
 def measure(seconds: float, scene: str = "peg_in_hole") -> dict:
@@ -49,11 +48,11 @@ def measure(seconds: float, scene: str = "peg_in_hole") -> dict:
                 tuning.wait_engaged(nodes.check)
             time.sleep(SETTLING)
             watched = {program.name: psutil.Process(nodes.pid(program.name)) for program in programs}
-            before, began = {name: _spent(one) for name, one in watched.items()}, time.monotonic()
+            before, began = {name: spent(one) for name, one in watched.items()}, time.monotonic()
             time.sleep(seconds)
             nodes.check()
             passed = time.monotonic() - began
-            shares = {name: (_spent(one) - before[name]) / passed for name, one in watched.items()}
+            shares = {name: (spent(one) - before[name]) / passed for name, one in watched.items()}
             memory = {name: one.memory_full_info().pss / 1e6 for name, one in watched.items()}
     return {"cores": sum(shares.values()), "node_cores": shares, "pss_mb": memory}
 
@@ -74,6 +73,7 @@ def _programs(bag, scene):
     ]
 
 
-def _spent(process):
+def spent(process) -> float:
+    """Processor time that a process has taken [s]."""
     times = process.cpu_times()
     return times.user + times.system

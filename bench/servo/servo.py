@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How late the servo wakes, beside cyclictest."""
 
-import csv
 import json
 import statistics
 import sys
@@ -9,12 +8,10 @@ import tempfile
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
-from bench.jobs import deaths_told
+from bench.jobs import deaths_told, markdown
 from bench.servo import cyclictest
-from bench.servo.servo_figure import save
 from haptic_device.analysis.report.summary import engaged_rows, faults
 from haptic_device.config_files import find
 from haptic_device.recording import load
@@ -34,25 +31,22 @@ def main(
     seconds: Annotated[float, typer.Option(help="Length of a measurement.", min=0.2, max=3600.0)] = 2.0,
     turns: Annotated[int, typer.Option(help=_TURNS, min=1, max=100)] = 5,
     demo_seconds: Annotated[float, typer.Option("--demo", help=_DEMO, min=0.0, max=3600.0)] = 0.0,
-    out: Annotated[Path | None, typer.Option(help="Folder for servo.csv, servo_histogram.csv and servo.png.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of the table.")] = False,
 ) -> None:
     """Lateness of the servo with real-time priority and without, beside cyclictest."""
     with interruptible(), deaths_told():
-        cases, samples = lateness(rate or servo_lateness.RATES, seconds, turns, demo_seconds)
-    if out is not None:
-        keep(cases, samples, out)
+        cases = lateness(rate or servo_lateness.RATES, seconds, turns, demo_seconds)
     for lack in _lacking(cases):
         typer.echo(f"bench: {lack}", err=True)
     typer.echo(json.dumps({"lateness": cases}) if as_json else table(cases))
 
 
-def lateness(rates, seconds: float, turns: int, beside_demo: float = 0.0) -> tuple[list[dict], dict]:
-    """One entry a rate, scheduling and load: medians over the turns [us]; and {case: all samples [us]}.
+def lateness(rates, seconds: float, turns: int, beside_demo: float = 0.0) -> list[dict]:
+    """One entry a rate, scheduling and load: medians over the turns [us].
 
     A demo that comes to nothing, as one without real-time priority may on a busy machine, is said and left out.
     """
-    cases, samples = [], {}
+    cases = []
     for rate in rates:
         for realtime in ("prefer", "off"):
             loads = {"alone": (seconds, turns, _alone)}
@@ -67,11 +61,7 @@ def lateness(rates, seconds: float, turns: int, beside_demo: float = 0.0) -> tup
                     print(f"bench: no demo at {rate:g} Hz, realtime {realtime}: {error}", file=sys.stderr)
                     continue
                 cases.append({"rate": rate, "realtime": realtime, "load": beside, **_medians(pairs)})
-                for who, column in zip(("servo", "cyclictest"), zip(*pairs, strict=True), strict=True):
-                    known = [one.sorted_us for one in column if one is not None]
-                    if known:
-                        samples[rate, realtime, beside, who] = np.concatenate(known)
-    return cases, samples
+    return cases
 
 
 def _alone(rate, seconds, realtime):
@@ -110,24 +100,6 @@ def _medians(pairs):
     return found | {"cyclictest": beside, "p99_ratio": ratio}
 
 
-def keep(cases: list[dict], samples: dict, out: Path) -> None:
-    """Table, histograms with bins of a microsecond, and their picture."""
-    out.mkdir(parents=True, exist_ok=True)
-    with open(out / "servo.csv", "w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["rate_hz", "realtime", "load", "who", *QUANTITIES])
-        for case in cases:
-            for who, one in (("servo", case), ("cyclictest", case["cyclictest"] or {})):
-                writer.writerow([case["rate"], case["realtime"], case["load"], who, *map(one.get, QUANTITIES)])
-    with open(out / "servo_histogram.csv", "w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["rate_hz", "realtime", "load", "who", "late_us", "count"])
-        for case, late in samples.items():
-            bins, counts = np.unique(np.floor(late).astype(int), return_counts=True)
-            writer.writerows([*case, int(at), int(count)] for at, count in zip(bins, counts, strict=True))
-    save(samples, out / "servo.png")
-
-
 def _lacking(cases):
     """What there was no cyclictest or no real-time priority for, a sentence each."""
     if any(case["cyclictest"] is None for case in cases):
@@ -137,20 +109,16 @@ def _lacking(cases):
 
 def table(cases: list[dict]) -> str:
     """The lateness as a table of Markdown."""
-    lines = [
-        "| rate | real-time | load | p50 | p99 | p99.9 | max us | missed | cyclictest p50 | p99 | p99.9 | max us "
-        "| missed | p99 ratio |",
-        "|" + " --- |" * 14,
-    ]
-    for case in cases:
-        ours, theirs = (_numbers(one) for one in (case, case["cyclictest"]))
-        ratio = "–" if case["p99_ratio"] is None else f"{case['p99_ratio']:.2f}"
-        lines.append(f"| {case['rate']:g} Hz | {case['realtime']} | {case['load']} | {ours} | {theirs} | {ratio} |")
-    return "\n".join(lines)
+    figures = ("p50", "p99", "p99.9", "max us", "missed")
+    heads = ("rate Hz", "real-time", "load", *figures, *(f"cyclictest {figures[0]}", *figures[1:]), "p99 ratio")
+    return markdown(heads, [[*_row(case), *_numbers(case["cyclictest"]), case["p99_ratio"]] for case in cases])
+
+
+def _row(case):
+    return [case["rate"], case["realtime"], case["load"], *_numbers(case)]
 
 
 def _numbers(one):
     if one is None:
-        return " | ".join("–" * 5)
-    numbers = " | ".join(f"{one[name]:.1f}" for name in ("p50", "p99", "p999", "max"))
-    return f"{numbers} | {one['missed']:g} of {one['ticks']:g}"
+        return [None] * 5
+    return [*(one[name] for name in ("p50", "p99", "p999", "max")), f"{one['missed']:g} of {one['ticks']:g}"]

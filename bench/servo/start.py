@@ -13,7 +13,7 @@ from typing import Annotated
 import psutil
 import typer
 
-from bench.jobs import deaths_told
+from bench.jobs import deaths_told, markdown
 from haptic_device.config_files import find
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.processes import NAMESPACE, Nodes, Program, interruptible
@@ -25,7 +25,6 @@ READY = {  # the diagnostic entry that a node counts up in once it does its work
 }
 LOOK = 0.02  # [s]
 PATIENCE = 180.0  # [s]
-FIRST, SECOND = 20.0, 3.0  # [s] that a person waits: a first start that compiles, and every other
 
 
 def main(
@@ -36,7 +35,7 @@ def main(
     """Start-up of the three nodes at once: with an empty cache of kernels, and from that cache."""
     with interruptible(), deaths_told():
         found = measure(scene, again)
-    typer.echo(json.dumps(found)) if as_json else _show(found)
+    typer.echo(json.dumps(found) if as_json else _shown(found))
 
 
 def measure(scene: str = "peg_in_hole", again: int = 3) -> dict:
@@ -89,9 +88,8 @@ def _cache(folder):
             os.environ["XDG_CACHE_HOME"] = before
 
 
-def _show(found):
-    typer.echo(f"{'node':20} {'very first start':>17} {'later (median)':>15} {'memory, very first':>20}")
-    for name in READY:
-        later = statistics.median(one[name] for one in found["again"])
-        typer.echo(f"{name:20} {found['first'][name]:15.1f} s {later:13.2f} s {found['first_pss_mb'][name]:17.0f} MB")
-    typer.echo(f"wanted: {FIRST:g} s and {SECOND:g} s, diagnostics' period of 0.5 s included")
+def _shown(found):
+    heads = ("node", "very first start s", "later (median) s", "memory, very first MB")
+    later = {name: statistics.median(one[name] for one in found["again"]) for name in READY}
+    rows = [[name, found["first"][name], later[name], found["first_pss_mb"][name]] for name in READY]
+    return markdown(heads, rows)

@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hard cases whose default method takes seconds; test/unit tries all others."""
+"""The hard cases whose default method takes seconds, and where `impulse` is chosen no more; test/unit tries the rest."""
 
 import pytest
 
-from bench.methods.hard import verdict
+from bench.methods.hard import CREATED, LEAST, OVERLAP, verdict
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.scene.language import load
+from haptic_sim.reduction.method_choice import LOAD
+from haptic_sim.scene.language import load, parse
+from reference.trial import attempt
+
+GAPS, SIZE = (0.0, 0.5e-3, 2e-3, 10e-3, 30e-3, 50e-3), 0.01
+"""m."""
 
 
 @pytest.mark.timeout(600)
@@ -14,3 +19,33 @@ def test_a_hard_case_is_survived_by_the_method_that_it_gets_by_default(name):
     assert reduce_scene(load(name)).method == "impulse"
     found = verdict(name, "impulse", 1)
     assert found.survives, found
+
+
+def struck(ratio, count, gap):
+    """A block that falls by `gap` [m] on a tower of blocks of 10 g which are so many times lighter."""
+    blocks = [
+        {
+            "name": f"b{k}",
+            "mass": 0.01 * (ratio if k == count else 1.0),
+            "material": "wood",
+            "pose": [0.0, (k + 0.5) * SIZE + (gap if k == count else 0.0), 0.0],
+            "shapes": [{"box": {"size": [3.0 * SIZE, SIZE]}}],
+        }
+        for k in range(count + 1)
+    ]
+    floor = {"name": "floor", "fixed": True, "material": "wood", "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
+    tool = {"mass": 0.1, "pose": [0.5, 0.5, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
+    content = {"name": "struck", "gravity": [0.0, -9.81], "materials": {"wood": {"friction": 0.5}}, "method": "impulse"}
+    motion = {"name": "hold", "start": tool["pose"]}
+    return parse(content | {"tool": tool, "bodies": [floor, *blocks], "motion": motion}, "struck")
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize(
+    ("ratio", "count", "carried"),
+    [(60.0, 1, True), (30.0, 2, True), (10.0, 5, True), (1.0, 15, True), (1000.0, 1, False), (100.0, 5, False)],
+)
+def test_impulse_carries_a_tower_up_to_the_load_at_which_it_is_chosen_and_not_one_far_beyond(ratio, count, carried):
+    found = [attempt(struck(ratio, count, gap), 0.3) for gap in GAPS]
+    well = all(one.overlap <= OVERLAP and one.created <= CREATED * max(one.scale, LEAST) for one in found)
+    assert (well, ratio * count <= LOAD) == (carried, carried)

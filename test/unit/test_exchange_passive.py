@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+import stalling
 from examples import few, tries
 from exchange_systems import GAINS, credited, demo_system, one_axis, reference
 from hypothesis import example, given
@@ -11,7 +12,6 @@ from ticks import tick
 
 from adversary import exchange_search as adversary
 from adversary import port_search
-from bench.exchange import stalling
 from haptic_device.control import enable_state, exchange_wave, faults, tool_side_tank, virtual_coupling
 from haptic_device.parameters import POLICIES
 from haptic_sim.exchange.port import PspmPort, port_of
@@ -445,10 +445,7 @@ def test_what_a_long_hold_leaves_owing_the_spring_pays_at_once_and_no_more(tank,
 
 @pytest.mark.parametrize("method, share, longest", [("local", 0.05, 40), ("pspm", 0.05, 16), ("wave", 0.02, 24)])
 def test_missed_ticks_by_the_hundred_give_no_more_than_the_budget(method, share, longest):
-    """A tool at a wall, of 0.95 of what b covers at the period: a hold of two periods is beyond.
-
-    `python -m bench late_ticks` tries each method with each.
-    """
+    """A tool at a wall, of 0.95 of what b covers at the period: a hold of two periods is beyond."""
     given, rows = stalling.pressed(method, 0.95, share, longest)
     assert np.count_nonzero(np.diff(rows.latched) == 0.0) > 1000  # ticks
     assert np.abs(rows.force_coupling[:, 0]).max() > 1.5

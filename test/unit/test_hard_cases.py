@@ -30,7 +30,7 @@ LONG = {
     "spinning_wrench": 0,
     "stack_20": 1,
 }
-"""Scenes of many steps or bodies, and which of TURNS they are tried at; `python -m bench by_default`: all."""
+"""Scenes of many steps or bodies, and which of TURNS they are tried at."""
 SECONDS = {
     "collinear_1e3": 0.06,
     "collinear_1e6": 0.06,

@@ -3,7 +3,7 @@
 
 import pytest
 
-from bench.methods import insertion as peg
+from reference import peg
 
 GAIN = 2.0  # N m/rad
 

@@ -9,8 +9,8 @@ from examples import tries
 from exchange_systems import demo_system, one_axis
 
 from adversary import exchange_search as adversary
-from bench.exchange import felt as local_felt
-from bench.exchange.felt import FINE, NETWORKS, compare
+from bench.exchange import motion
+from bench.exchange.felt import FINE, compare
 from haptic_device.control import contact_model, contact_solver, records, tool_contacts
 from haptic_device.message_fields import COMMON, EACH, LOCAL_CONTACT, MOST
 from haptic_device.realtime import tick_replay
@@ -127,13 +127,13 @@ def test_beyond_how_far_the_tools_may_be_apart_modulation_takes_over():
 
 @pytest.mark.parametrize("scene", ["wrench_on_nut", "push_block"])
 def test_a_nut_turned_and_a_block_pushed_3_ms_away_are_felt_within_a_tenth(scene):
-    found = compare(scene, *NETWORKS["3 ms"])
+    found = compare(scene, "3 ms")
     assert found["force"] <= 0.1 and found["mean"] == pytest.approx(1.0, abs=0.02) and found["fallbacks"] == 0
 
 
 @pytest.mark.parametrize("scene, network", [("peg_in_hole", "20 ms, 10 % lost"), ("wrench_on_nut", "1 kHz")])
 def test_a_task_is_felt_as_with_the_world_in_the_same_tick(scene, network):
-    found = compare(scene, *NETWORKS[network])
+    found = compare(scene, network)
     assert found["tool"] <= 0.05e-3 and found["mean"] == pytest.approx(1.0, abs=0.02)
     assert found["fallbacks"] == 0 and found["local"] > 0.98 and found["given"] <= BUDGET
 
@@ -149,9 +149,9 @@ def test_a_task_is_felt_as_with_the_world_in_the_same_tick(scene, network):
 def test_a_peg_with_50_um_of_play_goes_in_without_chatter_if_velocity_is_finer_than_a_step_in_a_tick(
     axis, velocity, monkeypatch
 ):
-    point = local_felt.operating_point()
+    point = motion.operating_point()
     point = point | {"haptic_driver": point["haptic_driver"] | velocity}
-    monkeypatch.setattr(local_felt, "operating_point", lambda params: point)
+    monkeypatch.setattr(motion, "operating_point", lambda params: point)
     scene, wider = load("peg_in_hole"), 0.5 * (5e-5 - 2e-4)
     hole = scene.bodies[0]
     shapes = tuple(
@@ -168,7 +168,7 @@ def test_a_peg_with_50_um_of_play_goes_in_without_chatter_if_velocity_is_finer_t
     )
     hole = hole.model_copy(update={"shapes": shapes})
     assert hole.shapes[0].vertices[1][0] == pytest.approx(-0.010025)
-    found = compare(scene.model_copy(update={"bodies": (hole,)}), *NETWORKS["1 kHz"], axis=axis)
+    found = compare(scene.model_copy(update={"bodies": (hole,)}), "1 kHz", axis=axis)
     assert found["rough"] <= 0.02 and found["tool"] <= 0.05e-3 and found["fallbacks"] == 0
 
 
@@ -180,7 +180,7 @@ def test_a_wall_that_throws_the_tool_back_is_felt_as_with_the_world_in_the_same_
     motion = {"name": "tap", "start": [0.03, 0.0, 0.0], "target": [0.005, 0.0, 0.0], "duration": 2.0, "taps": 4}
     found = compare(
         scene.model_copy(update={"materials": stone, "bodies": bodies, "tool": tool, "motion": motion}),
-        *NETWORKS["3 ms"],
+        "3 ms",
     )
     assert found["tool"] <= 0.05e-3 and found["force"] <= 0.01 and found["fallbacks"] == 0
 

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+import stalling
 from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,7 +11,6 @@ from lockstep_systems import wall_system
 from ticks import tick
 
 from adversary import exchange_search
-from bench.exchange import stalling
 from haptic_device import gain_check
 from haptic_device.control import enable_state, faults, passivity, virtual_coupling
 
@@ -94,7 +94,7 @@ def test_a_tick_later_than_the_period_that_the_margin_counts_on_is_the_observers
     assert injections == 1
 
 
-@pytest.mark.parametrize("share, longest", [(0.02, 40), (0.05, 40)])  # `python -m bench late_ticks`: more
+@pytest.mark.parametrize("share, longest", [(0.02, 40), (0.05, 40)])
 def test_walls_let_go_of_what_missed_ticks_gave_and_then_the_hand_gets_nothing(share, longest):
     """A wall of 0.95 of its bound; a hold of two periods is beyond."""
     given, rows = stalling.pressed("wall", 0.95, share, longest)

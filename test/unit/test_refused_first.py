@@ -68,7 +68,7 @@ def test_an_interrupted_start_of_a_sweep_leaves_what_is_kept_as_it_was(tmp_path,
     def kept():
         return jobs.Kept(file, Row, lambda row: row.name)
 
-    kept().keep(Row("one", 1.0))
+    kept().keep("one", Row("one", 1.0))
     before = file.read_text() + "two,2."
     file.write_text(before)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of docs/passivity.md, by default into docs/figures."""
+"""The pictures of docs/passivity.md and docs/zwidth.md; and the page, as the last `make test-browser` took it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,14 +7,17 @@ from typing import Annotated
 import numpy as np
 import typer
 from matplotlib.figure import Figure
+from PIL import Image
 
 from adversary.horizon import energy_generated_over_horizon
 from adversary.switching import switched_cancellation_damping
-from bench.theory.theory import mu_threshold
+from bench.theory import mu_threshold
+from haptic_device.analysis import zwidth_figure, zwidth_map
 from haptic_device.analysis.assessment import Display
 from haptic_device.analysis.delay import delayed_demand, wall_damping_needed
 from haptic_device.analysis.passivity_figure import draw_map
 from haptic_device.analysis.transfer import wall_transfer
+from haptic_device.analysis.zwidth import Setup
 from haptic_device.control.passivity import coupling_damping, least_damping
 from reference.closed_forms import (
     delayed_wall_damping,
@@ -23,31 +26,54 @@ from reference.closed_forms import (
     wall_damping_for_any_simulation,
 )
 
-FIGURES = Path(__file__).parents[2] / "docs" / "figures"
+ROOT = Path(__file__).parents[1]
+PHOTOGRAPHS = ROOT / "build" / "browser"
+SHOTS = ("peg", "wrench", "fault", "beside", "refused", "dark_1280", "phone")
 
 
-def main(folder: Annotated[Path, typer.Argument(show_default="docs/figures")] = FIGURES) -> None:
-    """The figures of docs/passivity.md."""
+def main(folder: Annotated[Path, typer.Argument(show_default="docs/figures")] = ROOT / "docs" / "figures") -> None:
+    """Pictures of the theory, and those of the page if there are photographs of it."""
     folder.mkdir(parents=True, exist_ok=True)
-    figure = Figure(figsize=(11.0, 8.0), layout="constrained")
-    _draw(figure.subplots(2, 2).flat, demand, delay, late_coupling, switch)
-    figure.savefig(folder / "passivity_conditions.png", dpi=110)
-    figure = Figure(figsize=(11.0, 4.8), layout="constrained")
-    _draw(figure.subplots(1, 2), negative, drawn)
-    figure.savefig(folder / "passivity_negative.png", dpi=110)
-    figure = Figure(figsize=(11.0, 4.8), layout="constrained")
-    for panel, samples in zip(figure.subplots(1, 2), (0.0, 1.0), strict=True):
-        draw_map(panel, Display(0.0, 1.0, 0.5, 1e-3, mass=0.1, delay_samples=samples))
-        panel.grid(alpha=0.3)
-        panel.legend(loc="upper left", fontsize=8)
-    figure.savefig(folder / "passivity_map.png", dpi=110)
+    pictures = {
+        "passivity_conditions": ((11.0, 8.0), (demand, delay, late_coupling, switch)),
+        "passivity_negative": ((11.0, 4.8), (negative, drawn)),
+        "passivity_map": ((11.0, 4.8), (passive_on_time, passive_late)),
+        "zwidth_map": ((11.0, 5.2), (quiet_alone, quiet_with_the_worst)),
+    }
+    for name, (size, drawings) in pictures.items():
+        figure = Figure(figsize=size, layout="constrained")
+        for axes, draw in zip(figure.subplots(len(drawings) // 2, 2).flat, drawings, strict=True):
+            draw(axes)
+            axes.grid(alpha=0.3)
+            axes.legend(fontsize=8)
+        figure.savefig(folder / f"{name}.png", dpi=110)
+    for name in SHOTS if PHOTOGRAPHS.is_dir() else ():  # flat colours: a palette makes a picture a third as large
+        shot = Image.open(PHOTOGRAPHS / f"{name}.png").convert("RGB")
+        shot.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE).save(
+            folder / f"viewer_{name}.png", optimize=True
+        )
 
 
-def _draw(panels, *drawings):
-    for panel, draw in zip(panels, drawings, strict=True):
-        draw(panel)
-        panel.grid(alpha=0.3)
-        panel.legend(fontsize=8)
+def passive_on_time(axes):
+    """The K–B plane: where a display is passive, and where it is stable."""
+    draw_map(axes, Display(0.0, 1.0, 0.5, 1e-3, mass=0.1))
+
+
+def passive_late(axes):
+    """The same one sample late."""
+    draw_map(axes, Display(0.0, 1.0, 0.5, 1e-3, mass=0.1, delay_samples=1.0))
+
+
+def quiet_alone(axes, operator="none"):
+    """Which walls of the K–B plane shake, without operator."""
+    setup = Setup(0.1, 0.5, 1e-3)
+    request = zwidth_map.Request(setup, operator, np.linspace(20.0, 5000.0, 100), np.linspace(-0.5, 1.5, 100))
+    zwidth_figure.draw_cells(axes, request, zwidth_map.draw_map(request, 2), 1e-4)
+
+
+def quiet_with_the_worst(axes):
+    """The same with the worst of the operators."""
+    quiet_alone(axes, "worst")
 
 
 def demand(axes):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of the theory: condition (1) against closed forms, tables, and the μ test."""
+"""Figures of the theory: condition (1) against closed forms, tables, the μ test, and where walls shake."""
 
 import numpy as np
 
@@ -8,6 +8,8 @@ from haptic_device.analysis.mu import mu_margin
 from haptic_device.analysis.passivity import least_damping
 from haptic_device.analysis.stability import largest_stable_stiffness
 from haptic_device.analysis.transfer import wall_transfer
+from haptic_device.analysis.zwidth import Operator, Setup
+from reference.boundary import CASES, boundary_stiffness
 from reference.closed_forms import (
     delayed_wall_damping,
     fractionally_delayed_spring_damping,
@@ -19,12 +21,13 @@ DRAWS = 2000
 
 
 def main() -> None:
-    """Condition (1) against closed forms, tables, and the μ test."""
+    """Condition (1) against closed forms, tables, the μ test, and where walls shake."""
     closed_forms()
     tables()
     stability()
     positive_damping()
     negative_damping()
+    shaking()
 
 
 def closed_forms():
@@ -102,3 +105,15 @@ def mu_threshold(damping):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if mu_margin(wall, 1.0, middle) > 0.0 else (middle, high)
     return low
+
+
+def shaking():
+    """Where a wall begins to shake in lock-step under a constant push, against the eigenvalues [N/m]."""
+    for mass, physical_damping, damping, period, delay in CASES:
+        setup = Setup(mass, physical_damping, period, delay_samples=delay, seconds=10.0)
+        exact = largest_stable_stiffness(mass, physical_damping, damping, period, delay)
+        found = boundary_stiffness(setup, (Operator(pressed=True),), damping, 1.5 * exact)
+        print(
+            f"m {mass:g} kg, b {physical_damping:g}, B {damping:g} N s/m, T {period * 1e3:g} ms, delay {delay:g} T: "
+            f"lock-step {found:.1f} N/m, eigenvalues {exact:.1f} N/m, {100.0 * (found / exact - 1.0):+.2f} %"
+        )
