@@ -19,7 +19,7 @@ MARKS = "<!-- benchmarks: python -m bench all -->", "<!-- end of benchmarks -->"
 BENCHMARKS = {  # name of the file: words of the command; words for a short run, for a full one
     "doctor": (("haptic_sim.cli.main", "doctor"), (), ()),
     "start": (("bench", "start"), ("--again", "1"), ()),
-    "servo": (("bench", "servo"), ("--seconds", "0.5", "--turns", "3"), ("--seconds", "5", "--demo", "20")),
+    "servo": (("bench", "servo"), ("--seconds", "0.5", "--turns", "3"), ("--seconds", "5")),
     "costs": (("bench", "costs"), (), ()),
     "load": (("bench", "load"), ("--seconds", "3"), ()),
     "round_trip": (("bench", "round_trip"), ("--rate", "1000"), ()),

@@ -105,7 +105,9 @@ def markdown(heads, rows) -> str:
 
 
 def _cell(value):
-    return "–" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:.4g}"
+    return "–" if value is None else str(value)
 
 
 @contextlib.contextmanager

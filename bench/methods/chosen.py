@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from bench.methods import hard
+from bench.methods import hard_cases
 from haptic_sim.cli.scenes import ALL, verify_scenes
 from haptic_sim.verify import LOOK, case_of, verify
 from reference.case import NAMES, case
@@ -27,4 +27,4 @@ def main(
 def _measured(name):
     if name in NAMES:
         return verify(case(name), reference(name))
-    return verify(hard.case(name, LOOK) if name in hard.NAMES else case_of(name))
+    return verify(hard_cases.case(name, LOOK) if name in hard_cases.NAMES else case_of(name))

@@ -16,6 +16,7 @@ import typer
 from matplotlib.figure import Figure
 
 from bench.jobs import Kept, listed, plain, sweep, usable, write_csv
+from bench.jobs import markdown as as_table
 from bench.methods import loads
 from bench.methods.figure import LOOKS, panels
 from bench.methods.world import Impossible, make, title
@@ -149,7 +150,7 @@ def _error(load, world):
 
 def markdown(runs: list[Run]) -> str:
     """A row for each world, number of bodies and engine."""
-    return "\n".join(f"| {' | '.join(row)} |" for row in (HEADS, ["---"] * len(HEADS), *map(_row, runs)))
+    return as_table(HEADS, map(_row, runs))
 
 
 def _row(item):

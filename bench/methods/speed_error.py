@@ -9,7 +9,6 @@ import typer
 
 from bench.jobs import Kept, listed, plain, sweep, usable, write_csv
 from bench.methods import table
-from bench.methods.compare import ratios
 from bench.methods.figure import pareto_figure
 from bench.methods.measure import Run, run
 from bench.methods.world import PEERS, title, version
@@ -91,8 +90,7 @@ def _page(runs):
         "it the pymunk world and the direct solver, each at the step that the scene would give it, with its share of "
         "an exchange's time; behind them, how many times faster the best of closed_form, partitioned and event_driven "
         "reaches the smallest error that it and the peer both reach; ✗: below 15 for linkages against RK4, 5 for "
-        f"single contacts, 1 else.\n\n{table.markdown(runs)}\n\n## Wall time of a step [µs]\n\n"
-        f"The least over the steps tried.\n\n{table.costs(runs)}\n"
+        f"single contacts, 1 else.\n\n{table.markdown(runs)}\n"
     )
 
 
@@ -100,7 +98,7 @@ def _content(runs):
     equal = [
         ratio._asdict() | {"ratio": ratio.ratio}
         for scene in table.scenes_of(runs)
-        for ratio in ratios([item for item in runs if item.scene == scene])
+        for ratio in table.ratios([item for item in runs if item.scene == scene])
     ]
     used = {item.method for item in runs}
     return {

@@ -1,14 +1,75 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs as one Markdown table."""
+"""Runs as one Markdown table, and who is how much faster at equal error.
+
+That is the smallest error that both reach, and the least time in which each does; on our side stands whichever of these
+methods is the fastest at that error.
+"""
 
 import math
+from typing import NamedTuple
 
-from bench.methods.compare import WANTED, pareto, ratios
+from bench.jobs import markdown as as_table
 from bench.methods.measure import Run
-from bench.methods.world import OURS, PEERS, title
+from bench.methods.world import PEERS, title
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import load
-from reference.case import case
+from reference.case import FREE, JOINTED, RICH, SINGLE, case
+
+OURS = "closed_form", "partitioned", "event_driven"
+WANTED = {JOINTED: 15.0, SINGLE: 5.0, RICH: 1.0, FREE: 1.0}
+
+
+class Ratio(NamedTuple):
+    """How many times faster `method` is than `peer` at `error`; times in s per simulated s."""
+
+    scene: str
+    kind: str
+    method: str
+    peer: str
+    error: float
+    wall: float
+    peer_wall: float
+
+    @property
+    def ratio(self) -> float:
+        """Times faster."""
+        return self.peer_wall / self.wall
+
+    @property
+    def asked(self) -> bool:
+        """Whether a ratio is asked of this pair: of mechanisms against MuJoCo's RK4, of the rest against every peer."""
+        return self.peer == "mujoco_rk4" or self.kind != JOINTED
+
+    @property
+    def reached(self) -> bool:
+        """Whether it is as fast as asked."""
+        return self.ratio >= WANTED[self.kind]
+
+
+def pareto(runs: list[Run]) -> list[Run]:
+    """Runs that no other beats in both time and error, by falling error."""
+    best, front = float("inf"), []
+    for item in sorted((item for item in runs if item.counts), key=lambda item: (item.error, item.wall)):
+        if item.wall < best:
+            best = item.wall
+            front.append(item)
+    return front[::-1]
+
+
+def ratios(runs: list[Run]) -> list[Ratio]:
+    """One of ours on one scene against each peer that could do it."""
+    own = [item for item in runs if item.method in OURS and item.counts]
+    found = []
+    for peer in PEERS:
+        others = [item for item in runs if item.method == peer and item.counts]
+        if own and others:
+            error = max(min(item.error for item in own), min(item.error for item in others))
+            mine, its = (
+                min((item for item in side if item.error <= error), key=lambda item: item.wall)
+                for side in (own, others)
+            )
+            found.append(Ratio(mine.scene, mine.kind, mine.method, peer, error, mine.wall, its.wall))
+    return found
 
 
 def scenes_of(runs: list[Run]) -> list[str]:
@@ -34,13 +95,13 @@ def markdown(runs: list[Run]) -> str:
     of ours is.
     """
     heads = ["scene", "method", "step", "error", "of an exchange", "overlap", "energy created", *map(title, PEERS)]
-    rows = [heads, ["---"] * len(heads)]
+    rows = []
     for scene in scenes_of(runs):
         of_scene = [item for item in runs if item.scene == scene]
         faster = {ratio.peer: ratio for ratio in ratios(of_scene)}
         rows += [_row(item, item.method == default_of(scene)[0]) for item in _shown(scene, of_scene)]
         rows[-1] += [_cell(faster.get(peer), of_scene, peer) for peer in PEERS]
-    return "\n".join(f"| {' | '.join(row + [''] * (len(heads) - len(row)))} |" for row in rows)
+    return as_table(heads, [row + [""] * (len(heads) - len(row)) for row in rows])
 
 
 def _shown(scene, runs):
@@ -64,26 +125,6 @@ def _row(item, chosen):
         overlap,
         created,
     ]
-
-
-def costs(runs: list[Run]) -> str:
-    """Wall time of one step [µs], a row a scene: the least over the steps tried."""
-    methods = [name for name in (*OURS, *PEERS) if any(item.method == name for item in runs)]
-    rows = [["scene", *map(title, methods)], ["---"] * (1 + len(methods))]
-    for scene in scenes_of(runs):
-        spent = {
-            name: min(
-                (
-                    item.wall * item.step_us
-                    for item in runs
-                    if (item.scene, item.method) == (scene, name) and item.counts
-                ),
-                default=None,
-            )
-            for name in methods
-        }
-        rows.append([scene, *("" if value is None else f"{value:.3g}" for value in spent.values())])
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
 def nearest(runs: list[Run], method: str, step: int) -> Run | None:

@@ -2,9 +2,7 @@
 """The cost model: what a tick, an exchange, a sub-step and a cell cost in processor time, and how each grows."""
 
 import json
-import tempfile
 import time
-from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -18,16 +16,14 @@ from haptic_device.analysis.zwidth_map import Request, draw_map
 from haptic_device.config_files import find
 from haptic_device.control import records
 from haptic_device.description import load_device
-from haptic_device.parameters import NODES
 from haptic_device.realtime import servo_loop, tick_replay
 from haptic_device.realtime.machine import cores
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import HandleSample, Simulation
 from haptic_sim.reduction import reduce_scene
-from haptic_sim.replay.lockstep import Lockstep
 from haptic_sim.rollout import EXCHANGE_NS, GAINS, Exchanged, hand, rollout, way
-from haptic_sim.scene.language import load
-from haptic_sim.supervision.lateness import COMMON, values
+from haptic_sim.scene.language import load, parse
+from haptic_sim.supervision.lateness import values
 
 REPEATS = 7  # of which the fastest counts
 EXCHANGES = 600  # of which the first third is not counted
@@ -47,8 +43,6 @@ class Cost(NamedTuple):
     base: float
     slope: float
     apart: float
-    counts: list
-    microseconds: list
 
 
 class Behind(NamedTuple):
@@ -93,15 +87,7 @@ def line(what: str, grows_with: str, counts, microseconds) -> Cost:
     """The line of least squares through the points."""
     slope, base = np.polyfit(counts, microseconds, 1)
     apart = np.max(np.abs(np.polyval((slope, base), counts) / np.array(microseconds) - 1.0))
-    return Cost(
-        what,
-        grows_with,
-        float(base),
-        float(slope),
-        float(apart),
-        list(map(float, counts)),
-        list(map(float, microseconds)),
-    )
+    return Cost(what, grows_with, float(base), float(slope), float(apart))
 
 
 def measure() -> list[Cost]:
@@ -110,7 +96,6 @@ def measure() -> list[Cost]:
     return [
         line("tick", "axis", (1, 2, 3), [tick(axes=n) for n in (1, 2, 3)]),
         line("tick", "wall", (0, 2, 4, 8), [tick(walls=n) for n in (0, 2, 4, 8)]),
-        line("tick of a recorded insertion", "tick", (2000, 4000, 8000), [insertion(n) for n in (2000, 4000, 8000)]),
         *(
             line(
                 f"exchange of peg_in_hole, {method}",
@@ -151,7 +136,7 @@ def tick(axes: int = 3, walls: int = 4, ticks: int = 4000) -> float:
     settings = controller_config.settings_from(device, values(**around))
     turn = np.arange(ticks)[:, None] * 1e-3 + np.array([0.0, np.pi / 2.0, 0.0])
     counts = np.round(0.016 * np.cos(turn) / 5e-6) * (np.arange(3) < axes)
-    return _fastest(lambda: _run(settings, counts), ticks)
+    return 1e6 * min(_run(settings, counts) for _ in range(REPEATS)) / ticks
 
 
 def _run(settings, counts):
@@ -160,35 +145,6 @@ def _run(settings, counts):
     began = time.thread_time()
     tick_replay.run_on_counts(*arrays, counts, 1_000_000_000, 0, 5000, 1)
     return time.thread_time() - began
-
-
-def insertion(ticks: int) -> float:
-    """Processor time of all ticks [us] of a recorded insertion, with all on (supervision/lateness.py: COMMON)."""
-    settings, memory, rows = (record.view(np.recarray) for record in recorded(ticks))
-
-    def once():
-        work, out = memory.copy(), rows.copy()
-        began = time.thread_time()
-        tick_replay.recompute(settings, work, out, tick_replay.NO_SETS)
-        return time.thread_time() - began
-
-    return _fastest(once, 1)
-
-
-def recorded(ticks: int):
-    """Settings, memory at the start, and rows with inputs, of a peg on its way into the hole with everything on."""
-    driver = values(**COMMON, **{"engage.time": 0.05})
-    scene = load("peg_in_hole")
-    moved = {parameter.name: parameter.default for parameter in NODES["haptic_loopback"]}
-    moved |= {f"motion.{key}": value for key, value in scene.motion.items()}
-    system = Lockstep(load_device("desktop"), driver, moved, Simulation(reduce_scene(scene)))
-    system.run(0.5)
-    memory = system.memory.copy()
-    return system.settings.copy(), memory, system.run(ticks / driver["servo.rate"]).view(np.ndarray)
-
-
-def _fastest(once, count):
-    return 1e6 * min(once() for _ in range(REPEATS)) / count
 
 
 def exchange(scene, method: str, sub_step: float) -> float:
@@ -253,10 +209,7 @@ def stack(blocks: int):
     text["bodies"] = [floor] + [
         block | {"name": f"block_{k}", "pose": [0.0, -0.01 - 0.02 * k, 0.0]} for k in range(blocks)
     ]
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "stack.yaml"
-        file.write_text(yaml.safe_dump(text))
-        return load(str(file))
+    return parse(text, "stack")
 
 
 def sweep(cells: int, workers: int) -> tuple[float, float]:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hard cases whose default method takes seconds, and where `impulse` is chosen no more; test/unit tries the rest."""
+"""The hard cases whose default method takes seconds, and where `impulse` is chosen no more; test/unit has the rest."""
 
 import pytest
 
-from bench.methods.hard import CREATED, LEAST, OVERLAP, verdict
+from bench.methods.hard_cases import CREATED, LEAST, OVERLAP, verdict
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.method_choice import LOAD
 from haptic_sim.scene.language import load, parse

@@ -12,7 +12,7 @@ import pytest
 from in_process import bench
 
 from bench.jobs import read_csv, write_csv
-from bench.methods import compare, hard, speed_error, table, world
+from bench.methods import hard_cases, speed_error, table, world
 from bench.methods.measure import Run, run
 from haptic_sim.error_metrics import STABLE, judge
 from reference.case import case
@@ -55,7 +55,7 @@ def test_a_peer_that_cannot_model_a_scene_is_marked_and_not_counted():
     found = run(case("zeno_ball"), reference("zeno_ball"), "mujoco_rk4", 100)
     assert found.status == "cannot: no restitution"
     assert not found.counts
-    assert compare.ratios([found, made(scene="zeno_ball")]) == []
+    assert table.ratios([found, made(scene="zeno_ball")]) == []
 
 
 def test_a_run_that_blows_up_is_unstable_and_not_counted():
@@ -89,16 +89,16 @@ def test_times_are_compared_at_the_smallest_error_that_both_reach():
         made("pymunk", 1e-3, 20.0),
         made("pymunk", 1e-1, 2.0),
     ]
-    (ratio,) = compare.ratios([*runs, made("impulse", 1e-5, 0.1)])
+    (ratio,) = table.ratios([*runs, made("impulse", 1e-5, 0.1)])
     assert ratio.method == "partitioned"
     assert (ratio.peer, ratio.error, ratio.wall, ratio.peer_wall, ratio.ratio) == ("pymunk", 1e-3, 1.0, 20.0, 20.0)
     assert ratio.reached
-    assert not compare.ratios([made(wall=1.0), made("pymunk", wall=4.9)])[0].reached
+    assert not table.ratios([made(wall=1.0), made("pymunk", wall=4.9)])[0].reached
 
 
 def test_the_front_has_no_run_that_another_beats_in_time_and_error():
     runs = [made(error=error, wall=wall) for error, wall in ((1e-1, 1.0), (1e-2, 3.0), (2e-2, 4.0), (1e-3, 9.0))]
-    assert [item.error for item in compare.pareto(runs)] == [1e-1, 1e-2, 1e-3]
+    assert [item.error for item in table.pareto(runs)] == [1e-1, 1e-2, 1e-3]
 
 
 def test_a_table_read_back_is_the_table_written(tmp_path):
@@ -187,15 +187,15 @@ def test_a_peer_that_is_not_installed_is_left_out_with_a_sentence(monkeypatch):
 def test_explicit_penalties_fail_hard_cases_that_the_direct_solve_survives():
     """Where section 5 of the paper says they would: a light block under a heavy one, a coupling that is too stiff."""
     for name in ("heavy_on_light_1e6", "stiff_coupling"):
-        assert "N" in hard.verdict(name, "penalty_explicit", 1).letters
-    survivor = hard.verdict("heavy_on_light_1e6", "partitioned", 2)
+        assert "N" in hard_cases.verdict(name, "penalty_explicit", 1).letters
+    survivor = hard_cases.verdict("heavy_on_light_1e6", "partitioned", 2)
     assert survivor.survives
     assert survivor.tried == 2
 
 
 def test_a_shot_that_came_through_a_thin_plate_is_seen():
-    assert "T" in hard.verdict("thin_plate", "pymunk", 2).letters
-    assert hard.verdict("thin_plate", "partitioned", 2).letters == ""
+    assert "T" in hard_cases.verdict("thin_plate", "pymunk", 2).letters
+    assert hard_cases.verdict("thin_plate", "partitioned", 2).letters == ""
 
 
 def test_hard_cases_prints_a_table_of_who_survives(tmp_path):

@@ -9,7 +9,7 @@ import math
 
 import pytest
 
-from bench.methods.hard import verdict
+from bench.methods.hard_cases import verdict
 from haptic_sim.protocol import held
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS

@@ -6,7 +6,6 @@ import sys
 
 import numpy as np
 import pytest
-from bag_of_a_run import swing, write_run
 from in_process import bench, haptic
 
 from bench import all as every
@@ -14,9 +13,7 @@ from bench import results
 from bench.servo import cyclictest
 from bench.servo import servo as bench_servo
 from haptic_device.realtime import machine
-from haptic_sim.cli import demo
 from haptic_sim.supervision import lateness, machine_trial
-from haptic_sim.supervision.system import programs_of
 
 
 def test_without_cyclictest_the_rest_is_measured_and_says_so(monkeypatch):
@@ -24,7 +21,7 @@ def test_without_cyclictest_the_rest_is_measured_and_says_so(monkeypatch):
     done = bench("servo", "--rate", "1000", "--seconds", "0.2", "--turns", "1")
     assert done.returncode == 0, done.stderr
     assert cyclictest.MISSING in done.stderr
-    assert "| 1000 | prefer | alone |" in done.stdout
+    assert "| 1000 | prefer |" in done.stdout
 
 
 def late(*microseconds):
@@ -41,34 +38,6 @@ def measured(monkeypatch):
         monkeypatch.setattr(cyclictest, "cyclictest", lambda *_: theirs.pop(0) if len(theirs) > 1 else theirs[0])
 
     return given
-
-
-def test_under_the_demo_the_driver_is_started_at_a_rate_that_it_takes(monkeypatch, measured):
-    def accepted(order):
-        [driver] = [each for each in programs_of(order) if each.name == "haptic_driver"]
-        raise InterruptedError(driver.parameters["servo.rate"])
-
-    measured((late(1.0), None))
-    monkeypatch.setattr(demo, "play", accepted)
-    with pytest.raises(InterruptedError, match="1000.0"):
-        bench_servo.lateness([1000], 0.2, 1, 1.0)
-
-
-def test_a_demo_that_comes_to_nothing_is_said_and_what_else_was_measured_is_kept(monkeypatch, capsys, measured):
-    def play(order):
-        if order.given["haptic_driver"]["realtime"] == "off":
-            raise ValueError("no motor command came")
-        write_run(order.out / "bag", swing(400))
-
-    measured((late(1.0), None))
-    monkeypatch.setattr(demo, "play", play)
-    cases = bench_servo.lateness([1000.0], 0.2, 1, 1.0)
-    assert [(one["realtime"], one["load"], one["p50"]) for one in cases] == [
-        ("prefer", "alone", 1.0),
-        ("prefer", "demo", pytest.approx(8.0)),
-        ("off", "alone", 1.0),
-    ]
-    assert "no demo at 1000 Hz, realtime off: no motor command came" in capsys.readouterr().err
 
 
 def test_a_turn_without_cyclictest_takes_no_part_in_the_ratio_and_the_others_do(measured):
@@ -216,15 +185,15 @@ def test_the_table_has_the_worst_of_the_hard_cases_and_the_least_speed_ratio(tmp
 
 
 def test_where_the_kernel_refused_real_time_priority_the_table_says_so(tmp_path):
-    case = {"rate": 1000.0, "load": "alone", "p99": 9.0, "p99_ratio": None}
+    case = {"rate": 1000.0, "p99": 9.0, "p99_ratio": None}
     had = ("prefer", "SCHED_FIFO 80, memory locked"), ("prefer", "no SCHED_FIFO 80: set"), ("off", "realtime off")
     cases = [case | {"realtime": wish, "scheduling": said} for wish, said in had]
     kept = folder(tmp_path / "kept", 10.0)
     (kept / "servo.json").write_text(json.dumps({"lateness": cases}))
     table = results.markdown(kept)
-    assert "| lateness p99 to cyclictest's, 1000 Hz, FIFO, alone | – × | ≤ 2 |" in table
-    assert "| lateness p99 to cyclictest's, 1000 Hz, FIFO refused, alone | – × |  |" in table
-    assert "| lateness p99 to cyclictest's, 1000 Hz, no FIFO, alone | – × |  |" in table
+    assert "| lateness p99 to cyclictest's, 1000 Hz, FIFO | – × | ≤ 2 |" in table
+    assert "| lateness p99 to cyclictest's, 1000 Hz, FIFO refused | – × |  |" in table
+    assert "| lateness p99 to cyclictest's, 1000 Hz, no FIFO | – × |  |" in table
 
 
 def test_a_short_run_is_not_filled_up_with_benchmarks_of_a_full_one(tmp_path):
