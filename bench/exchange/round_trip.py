@@ -6,15 +6,13 @@ import json
 import statistics
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Annotated
 
-import psutil
 import typer
 
 from bench.jobs import deaths_told, markdown
-from bench.servo.load import spent
+from bench.servo.load import cores
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.processes import Nodes, Program, interruptible
 from haptic_sim.supervision.tuning import Tuning
@@ -25,6 +23,7 @@ ANSWERERS = {
     "simulation": Program("haptic_simulation", "haptic_sim.node.simulation", {"scene": "free_space"}),
     "bare": Program("haptic_simulation", "bench.exchange.echo_node"),
 }
+NODES = ("haptic_loopback", "haptic_simulation", "haptic_driver")
 NAMES = ("p50_us", "p99_us", "answered", "loopback_cores", "simulation_cores", "driver_cores", "ratio")
 _RATE = "Handle samples a second; may be repeated [500 1000 2000]."
 _CIRCLE = {"motion.name": "circle", "motion.start": (0.0, 0.0, 0.0), "motion.duration": 3600.0}
@@ -71,20 +70,16 @@ def _once(domain, answerer, rate, seconds):
         with contextlib.closing(Tuning(domain, "/haptic")) as tuning:
             tuning.wait_engaged(nodes.check)
             tuning.wait_answered(nodes.check)
-            names = ("haptic_loopback", "haptic_simulation", "haptic_driver")
-            watched = {name: psutil.Process(nodes.pid(name)) for name in names}
-            before, began = {name: spent(one) for name, one in watched.items()}, time.monotonic()
-            answered, sent = (int(tuning.said(f"exchange_{word}")) for word in ("answered", "sent"))
-            tuning.watch(seconds)
-            cores = {
-                f"{name.removeprefix('haptic_')}_cores": (spent(one) - before[name]) / (time.monotonic() - began)
-                for name, one in watched.items()
-            }
-            share = (int(tuning.said("exchange_answered")) - answered) / max(
-                1, int(tuning.said("exchange_sent")) - sent
-            )
+            answered, sent = _counted(tuning)
+            taken = cores(nodes, NODES, lambda: tuning.watch(seconds))
+            more, since = _counted(tuning)
             trips = {f"{name}_us": float(tuning.said(f"round_trip_us_{name}")) for name in ("p50", "p99")}
-            return trips | {"answered": share} | cores
+            shares = {f"{name.removeprefix('haptic_')}_cores": share for name, share in taken.items()}
+            return trips | {"answered": (more - answered) / max(1, since - sent)} | shares
+
+
+def _counted(tuning):
+    return [int(tuning.said(f"exchange_{word}")) for word in ("answered", "sent")]
 
 
 def _medians(runs):

@@ -47,13 +47,10 @@ def measure(seconds: float, scene: str = "peg_in_hole") -> dict:
             with contextlib.closing(Tuning(domain, "/haptic")) as tuning:
                 tuning.wait_engaged(nodes.check)
             time.sleep(SETTLING)
-            watched = {program.name: psutil.Process(nodes.pid(program.name)) for program in programs}
-            before, began = {name: spent(one) for name, one in watched.items()}, time.monotonic()
-            time.sleep(seconds)
+            names = [program.name for program in programs]
+            shares = cores(nodes, names, lambda: time.sleep(seconds))
             nodes.check()
-            passed = time.monotonic() - began
-            shares = {name: (spent(one) - before[name]) / passed for name, one in watched.items()}
-            memory = {name: one.memory_full_info().pss / 1e6 for name, one in watched.items()}
+            memory = {name: psutil.Process(nodes.pid(name)).memory_full_info().pss / 1e6 for name in names}
     return {"cores": sum(shares.values()), "node_cores": shares, "pss_mb": memory}
 
 
@@ -73,7 +70,15 @@ def _programs(bag, scene):
     ]
 
 
-def spent(process) -> float:
-    """Processor time that a process has taken [s]."""
+def cores(nodes: Nodes, names, wait) -> dict[str, float]:
+    """{node: processor time as a share of a core} while `wait` goes on."""
+    processes = [psutil.Process(nodes.pid(name)) for name in names]
+    before, began = [_spent(one) for one in processes], time.monotonic()
+    wait()
+    passed = time.monotonic() - began
+    return {name: (_spent(one) - first) / passed for name, one, first in zip(names, processes, before, strict=True)}
+
+
+def _spent(process):
     times = process.cpu_times()
     return times.user + times.system
