@@ -44,8 +44,9 @@ def main(folder: Annotated[Path, typer.Argument(show_default="docs/figures")] = 
         figure = Figure(figsize=size, layout="constrained")
         for axes, draw in zip(figure.subplots(len(drawings) // 2, 2).flat, drawings, strict=True):
             draw(axes)
-            axes.grid(alpha=0.3)
-            axes.legend(fontsize=8)
+            if axes.get_legend() is None:  # the plane of cells has its own
+                axes.grid(alpha=0.3)
+                axes.legend(fontsize=8)
         figure.savefig(folder / f"{name}.png", dpi=110)
     for name in SHOTS if PHOTOGRAPHS.is_dir() else ():  # flat colours: a palette makes a picture a third as large
         shot = Image.open(PHOTOGRAPHS / f"{name}.png").convert("RGB")
