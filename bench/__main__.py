@@ -9,7 +9,7 @@ import typer
 from haptic_sim.cli.main import ending_in_a_sentence
 
 COMMANDS = {  # name: (module with a `main`, what it measures)
-    "all": ("bench.all", "the short or the full form of nine of these into a folder, and the one table made of it"),
+    "all": ("bench.all", "the short or the full form of eight of these into a folder, and the one table made of it"),
     "chosen": ("bench.methods.chosen", "every method that a shipped scene could have, against its reference"),
     "costs": ("bench.servo.costs", "what a tick, an exchange, a sub-step and a cell cost, and how each grows"),
     "exchange": ("bench.exchange.exchange", "exchange methods against delay, jitter, loss and rate"),

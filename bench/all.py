@@ -1,31 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nine of the measurements into a folder, and the one table made of it."""
+"""Eight of the measurements into a folder, and the one table made of it."""
 
 import json
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from bench import results
+from bench.jobs import listed
 from bench.results import MACHINE
 from haptic_device.process import ending_with_us, own_environment, running_module
 from haptic_device.provenance import facts
 
 MARKS = "<!-- benchmarks: python -m bench all -->", "<!-- end of benchmarks -->"
-BENCHMARKS = {  # name of the file: words of the command; words for a short run, for a full one
-    "doctor": (("haptic_sim.cli.main", "doctor"), (), ()),
-    "start": (("bench", "start"), ("--again", "1"), ()),
-    "servo": (("bench", "servo"), ("--seconds", "0.5", "--turns", "3"), ("--seconds", "5")),
-    "costs": (("bench", "costs"), (), ()),
-    "load": (("bench", "load"), ("--seconds", "3"), ()),
-    "round_trip": (("bench", "round_trip"), ("--rate", "1000"), ()),
-    "exchange": (("bench", "exchange"), ("--delay", "0", "--delay", "20"), ()),
-    "hard_cases": (("bench", "hard_cases"), ("--short", "--methods", "impulse,partitioned"), ()),
-    "speed_error": (("bench", "speed_error"), ("--short", "--scenes", "wall", "--methods", "closed_form"), ()),
+BENCHMARKS = {  # name: words for a short run, for a full one
+    "start": (("--again", "1"), ()),
+    "servo": (("--seconds", "0.5", "--turns", "3"), ("--seconds", "5")),
+    "costs": ((), ()),
+    "load": (("--seconds", "3"), ()),
+    "round_trip": (("--rate", "1000"), ()),
+    "exchange": (("--delay", "0", "--delay", "20"), ()),
+    "hard_cases": (("--short", "--methods", "impulse,partitioned"), ()),
+    "speed_error": (("--short", "--scenes", "wall", "--methods", "closed_form"), ()),
 }
 _OUT = "Folder of results; what is there already is not measured again."
 _ONLY = f"Comma-separated benchmarks of {', '.join(BENCHMARKS)} [all]."
@@ -38,8 +39,8 @@ def main(
     only: Annotated[str | None, typer.Option(help=_ONLY)] = None,
     insert: Annotated[list[Path] | None, typer.Option(help=_INSERT)] = None,
 ) -> None:
-    """Nine measurements into a folder with the machine's facts, JSON each, and one table of them."""
-    measure(out, short, _names(only))
+    """Eight measurements into a folder with the machine's facts, JSON each, and one table of them."""
+    measure(out, short, listed(only, BENCHMARKS, "benchmark"))
     table = results.markdown(out)
     (out / "table.md").write_text(table + "\n", encoding="utf-8")
     for file in insert or ():
@@ -47,15 +48,7 @@ def main(
     typer.echo(table)
 
 
-def _names(only):
-    names = [name.strip() for name in only.split(",")] if only else list(BENCHMARKS)
-    for name in names:
-        if name not in BENCHMARKS:
-            raise ValueError(f"benchmark is {name!r}; it must be one of {', '.join(BENCHMARKS)}")
-    return names
-
-
-def measure(out: Path, short: bool, names: list[str]) -> None:
+def measure(out: Path, short: bool, names: Iterable[str]) -> None:
     """Runs the benchmarks that the folder lacks; one that fails is said and left out.
 
     Raises ValueError if it lacks some of a run of another length.
@@ -64,22 +57,19 @@ def measure(out: Path, short: bool, names: list[str]) -> None:
     length = "short" if short else "full"
     if not (out / MACHINE).exists():
         (out / MACHINE).write_text(json.dumps(facts() | {"length": length}), encoding="utf-8")
-    known, missing = _known(out / MACHINE), [name for name in names if not (out / f"{name}.json").exists()]
+    known = json.loads((out / MACHINE).read_text(encoding="utf-8"))["length"]
+    missing = [name for name in names if not (out / f"{name}.json").exists()]
     if missing and known != length:
         raise ValueError(f"folder {out} has a {known} run; a {length} one needs a folder of its own")
     for name in missing:
-        file, (words, few, many) = out / f"{name}.json", BENCHMARKS[name]
-        print(f"python -m {' '.join(words)}", file=sys.stderr, flush=True)
-        command = [*running_module(words[0]), *words[1:], *(few if short else many), "--json"]
+        file, words = out / f"{name}.json", BENCHMARKS[name][0 if short else 1]
+        print(f"python -m bench {name}", file=sys.stderr, flush=True)
+        command = [*running_module("bench"), name, *words, "--json"]
         done = subprocess.run(ending_with_us(command), stdout=subprocess.PIPE, text=True, env=own_environment())
         if done.returncode == 0:
             file.write_text(done.stdout.strip().splitlines()[-1] + "\n", encoding="utf-8")
         else:
             print(f"bench: {name} came to nothing (exit code {done.returncode})", file=sys.stderr)
-
-
-def _known(machine: Path) -> str:
-    return json.loads(machine.read_text(encoding="utf-8"))["length"]
 
 
 def put(table: str, file: Path) -> None:

@@ -215,7 +215,7 @@ def test_all_measures_only_what_is_missing_and_puts_the_table_between_the_marks(
 
 def test_a_measurement_that_is_none_of_them_is_refused_in_one_sentence():
     done = bench("all", "--only", "speed")
-    assert done.returncode == 1 and "benchmark is 'speed'; it must be one of doctor" in done.stderr
+    assert done.returncode == 1 and "benchmark is 'speed'; it must be one of start" in done.stderr
     assert "Traceback" not in done.stderr
 
 
