@@ -10,6 +10,7 @@ from haptic_device.control.records import TRACE_ROW
 from haptic_device.description import load_device
 from haptic_device.device import axis_rerun, loopback_config, operator_hand, simulated_device
 from haptic_device.message_fields import LOCAL_CONTACT, MOST, exchange_names
+from haptic_device.parameter_types import defaults
 from haptic_device.realtime import (
     clock,
     exchange_loop,
@@ -23,6 +24,7 @@ from haptic_device.realtime import (
 from haptic_device.realtime.seqlock import SeqLock
 from haptic_device.realtime.servo_thread import ServoThread
 from haptic_device.recording.layouts import CloudLayout, JointLayout
+from haptic_sim.exchange.endpoint import ExchangeEndpoint
 from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.method_registry import make
 from haptic_sim.node_parameters import NODES
@@ -110,10 +112,11 @@ def penalty():
 
 
 def closed_form():
-    """A tool among flat walls, and the ports behind which any method stands."""
+    """A tool among flat walls, the ports behind which any method stands, and what judges their samples."""
     for method in ("pspm", "wave"):
         values = _values("haptic_simulation") | {"exchange.method": method}
-        Simulation.by_parameters(reduce_scene(load(IN_CLOSED_FORM)), values)
+        simulation = Simulation.by_parameters(reduce_scene(load(IN_CLOSED_FORM)), values)
+        ExchangeEndpoint(simulation, simulation.scene.tool.pose, method)
 
 
 def local_contacts():
@@ -123,7 +126,7 @@ def local_contacts():
 
 
 def _values(node):
-    return {parameter.name: parameter.default for parameter in NODES[node]}
+    return defaults(NODES[node])
 
 
 def _lock_step(hand=None):

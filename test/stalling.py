@@ -5,6 +5,7 @@ import numpy as np
 
 from haptic_device.description import load_device
 from haptic_device.device import simulated_device
+from haptic_device.parameter_types import defaults
 from haptic_device.parameters import NODES
 from haptic_sim.exchange.port import port_of
 from haptic_sim.exchange.simulation import Simulation
@@ -62,7 +63,7 @@ def pressed(what, of_bound, share, longest, stalls=0, rate=4000.0, control=True,
     device = shipped.model_copy(
         update={"axes": tuple(one.model_copy(update={"counts_per_unit": 1e8}) for one in shipped.axes)}
     )
-    defaults = {node: {one.name: one.default for one in NODES[node]} for node in NODES}
+    values = {node: defaults(declared) for node, declared in NODES.items()}
     stiffness = of_bound * 2.0 * (shipped.axes[0].damping - damping) * rate
     driver = {"servo.rate": rate, "passivity.control": control}
     if what == "wall":
@@ -81,8 +82,8 @@ def pressed(what, of_bound, share, longest, stalls=0, rate=4000.0, control=True,
         simulation = Simulation(reduce_scene(load("wall")), None, 0.5, port=port_of(what))
     system = Stalling(
         device,
-        defaults["haptic_driver"] | driver,
-        defaults["haptic_loopback"] | hand,
+        values["haptic_driver"] | driver,
+        values["haptic_loopback"] | hand,
         simulation,
         NETWORK,
         share=share,

@@ -13,6 +13,7 @@ from haptic_device.analysis.report.summary import energy_figures, engaged_rows, 
 from haptic_device.config_files import find
 from haptic_device.description import load_device
 from haptic_device.parameter_files import read_operating_point
+from haptic_device.parameter_types import defaults
 from haptic_device.recording import load as load_recording
 from haptic_sim.cli.demo import play
 from haptic_sim.exchange.simulation import Simulation
@@ -61,7 +62,7 @@ def run(
 def operating_point(params: str = "demo") -> dict[str, dict]:
     """Values of all nodes' parameters at an operating point."""
     stated = read_operating_point(find("", params), NODES)
-    return {node: {one.name: one.default for one in NODES[node]} | stated.get(node, {}) for node in NODES}
+    return {node: defaults(NODES[node]) | stated.get(node, {}) for node in NODES}
 
 
 def stiffness(rows) -> float:
