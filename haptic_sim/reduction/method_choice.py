@@ -5,17 +5,17 @@ Inside a sub-step `impulse` takes steps of its own, so its sub-step is but how o
 acts; `partitioned` takes its sub-step whole.
 
 Backward difference gives a mode of angular frequency w the damping ratio w h / 2 that it does not have: after one
-radian its amplitude is short by that share. With h = 2 error / w that is the error allowed. The mode is the tool on its
-coupling at `STIFFNESS`, or a spring of the scene that is faster. Inside, `impulse` takes half of that, between `SHORT`
-and `LONG`: what is struck is found a step late at most, and in no shipped scene that adds more than the other half
-(docs/methods.md has the table). Turning is not looked at. Overlaps grow with the square of the step, so a load beyond
-`EASY` gets `SHORT`; so do joints, at what rate they swing is not known beforehand.
+radian its amplitude is short by that share. With h = 2 error / w that is the error allowed. The mode is the tool on
+its coupling at `STIFFNESS`, or a spring of the scene that is faster. Inside, `impulse` takes half of that, between
+`SHORT` and `LONG`: what is struck is found a step late at most, and in no shipped scene that adds more than the other
+half. Turning is not looked at. Overlaps grow with the square of the step, so a load beyond `EASY` gets `SHORT`; so do
+joints, at what rate they swing is not known beforehand.
 
 Sequential impulses pass a load on from contact to contact: of two bodies with mass ratio R a sweep leaves R/(1 + R),
 and up a tower of n the load has come one body farther. The sweeps are counted, so what is left of the load after the
-last is an overlap, and where one body strikes another, energy. Both grow with R n; `python -m bench impulse_bounds`
-measures the bounds. A coupling is an effective mass in the tool, m + h² K: it makes a light tool heavier, by 5 mg at
-2000 N/m, and asks for nothing more.
+last is an overlap, and where one body strikes another, energy. Both grow with R n; the bounds are held by
+`test/soak/test_hard_cases_by_default.py`. A coupling is an effective mass in the tool, m + h² K: it
+makes a light tool heavier, by 5 mg at 2000 N/m, and asks for nothing more.
 
 A damper c acts by backward difference, in every method that is chosen: what it holds back follows in v = F/c, however
 short its time m/c is against a step. So it asks for no shorter one. But sequential impulses settle a light body between
