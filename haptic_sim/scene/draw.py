@@ -5,9 +5,13 @@ Zigzags and spirals are springs, arrows with a speed are motors, belts and what 
 """
 
 import math
+import os
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib import patches
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.path import Path
 from matplotlib.transforms import Affine2D
@@ -16,11 +20,11 @@ from haptic_device.device import operator_hand
 from haptic_device.os_errors import naming
 from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATOR
-from haptic_sim.scene.drawing import corners, drawing_of
-from haptic_sim.scene.geometry import turned
-from haptic_sim.scene.joints import Slider
+from haptic_sim.scene.drawing import Drawing, Solid, corners, drawing_of
+from haptic_sim.scene.geometry import Point, turned
+from haptic_sim.scene.joints import AnyJoint, Slider
 from haptic_sim.scene.language import Scene
-from haptic_sim.scene.shapes import TOOL
+from haptic_sim.scene.shapes import TOOL, Body, HalfPlane, Tool
 
 FIXED, MOVING, HELD = "0.72", "tab:blue", "tab:orange"
 DRIVEN, SPRUNG = "tab:red", "tab:green"
@@ -38,7 +42,7 @@ STRAIGHT = Path([(-1.0, 0.0), (1.0, 0.0), (0.6, 0.3), (1.0, 0.0), (0.6, -0.3)])
 """An arrow along x."""
 
 
-def save(scene: Scene, path) -> None:
+def save(scene: Scene, path: str | os.PathLike[str]) -> None:
     """Write the picture as PNG; OSError if the file cannot be written."""
     figure = Figure(figsize=(5.0, 4.6), layout="constrained")
     draw(scene, figure.subplots())
@@ -46,7 +50,7 @@ def save(scene: Scene, path) -> None:
         figure.savefig(path, dpi=110, format="png")
 
 
-def draw(scene: Scene, axes) -> None:
+def draw(scene: Scene, axes: Axes) -> None:
     """The scene in an axes object, in mm."""
     way, drawn = handle_way(scene), drawing_of(scene)
     for solid in (*drawn.solids[1:], drawn.solids[0]):
@@ -70,7 +74,7 @@ def handle_way(scene: Scene) -> np.ndarray:
     return way
 
 
-def _draw_solid(axes, solid):
+def _draw_solid(axes: Axes, solid: Solid) -> None:
     color = HELD if solid.name == TOOL else FIXED if solid.fixed else MOVING
     for outline in solid.outlines:
         places = 1e3 * np.array([turned(vertex, solid.pose) for vertex in outline.vertices])
@@ -79,14 +83,14 @@ def _draw_solid(axes, solid):
         axes.add_patch(shape)
 
 
-def _draw_velocities(axes, scene):
+def _draw_velocities(axes: Axes, scene: Scene) -> None:
     for solid in (*scene.bodies, scene.tool):
         if speed := math.hypot(*solid.velocity[:2]):
             axes.annotate(
                 f"{speed:g} m/s",
-                xy=1e3 * np.array(solid.pose[:2]),
+                xy=(1e3 * solid.pose[0], 1e3 * solid.pose[1]),
                 textcoords="offset points",
-                xytext=[36.0 * v / speed for v in solid.velocity[:2]],
+                xytext=(36.0 * solid.velocity[0] / speed, 36.0 * solid.velocity[1] / speed),
                 fontsize=8,
                 ha="center",
                 va="center",
@@ -94,7 +98,7 @@ def _draw_velocities(axes, scene):
             )
 
 
-def _draw_belts(axes, scene):
+def _draw_belts(axes: Axes, scene: Scene) -> None:
     """Where the surface of a fixed body runs, how fast: at its place, of half-planes nearest to the tool."""
     for body in scene.bodies:
         if speed := math.hypot(*body.surface_velocity):
@@ -103,7 +107,7 @@ def _draw_belts(axes, scene):
             _arrow(axes, 1e3 * np.array(at), STRAIGHT, math.atan2(vy, vx), f"{speed:g} m/s")
 
 
-def _draw_drives(axes, joint, place):
+def _draw_drives(axes: Axes, joint: AnyJoint, place: np.ndarray) -> None:
     """Motor and spring of a pin or a slider, at its place [mm, mm]."""
     axis = math.atan2(*reversed(joint.unit_axis)) if isinstance(joint, Slider) else None
     if joint.type != "spring" and joint.spring(0.0)[0] > 0.0:
@@ -112,32 +116,29 @@ def _draw_drives(axes, joint, place):
     if joint.drive[1] > 0.0:
         speed = joint.drive[0]
         if axis is None:
-            _arrow(axes, place, ROUND if speed > 0.0 else _mirrored(ROUND), 0.0, f"{speed:g} rad/s")
+            turning = ROUND if speed > 0.0 else ROUND.transformed(Affine2D().scale(1.0, -1.0))
+            _arrow(axes, place, turning, 0.0, f"{speed:g} rad/s")
         else:
             _arrow(axes, place, STRAIGHT, axis + (0.0 if speed > 0.0 else math.pi), f"{speed:g} m/s")
 
 
-def _rotated(path, angle):
+def _rotated(path: Path, angle: float) -> Path:
     return path.transformed(Affine2D().rotate(angle))
 
 
-def _mirrored(path):
-    return Path(path.vertices * (1.0, -1.0))
-
-
-def _arrow(axes, place, path, angle, label):
+def _arrow(axes: Axes, place: np.ndarray, path: Path, angle: float, label: str) -> None:
     """An arrow with a label; where the label says 0, which has no direction, the label alone."""
     if not label.startswith(("0 ", "-0 ")):
         _mark(axes, place, _rotated(path, angle), DRIVEN, 28.0)
-    below = {"xytext": (0.0, -24.0), "textcoords": "offset points", "ha": "center", "fontsize": 8}
-    axes.annotate(label, place, color=DRIVEN, zorder=8, **below)
+    below: dict[str, Any] = {"xytext": (0.0, -24.0), "textcoords": "offset points", "ha": "center", "fontsize": 8}
+    axes.annotate(label, (place[0], place[1]), color=DRIVEN, zorder=8, **below)
 
 
-def _mark(axes, place, shape, color, size):
+def _mark(axes: Axes, place: np.ndarray, shape: Path, color: str, size: float) -> None:
     axes.plot(*place, marker=shape, markersize=size, color=color, markerfacecolor="none", zorder=8)
 
 
-def _draw_joints(axes, joints, drawn):
+def _draw_joints(axes: Axes, joints: Sequence[AnyJoint], drawn: Drawing) -> None:
     poses = {solid.name: solid.pose for solid in drawn.solids}
     for joint, marks in zip(joints, drawn.joints, strict=True):
         ends = 1e3 * np.array([mark.place(poses) for mark in marks])
@@ -161,7 +162,7 @@ def _draw_joints(axes, joints, drawn):
             axes.plot(*(ends[0] + 1e3 * way).T, "|-", color="black", linewidth=0.8, zorder=6)
 
 
-def _frame(axes, scene, way):
+def _frame(axes: Axes, scene: Scene, way: np.ndarray) -> None:
     """Shows everything that ends somewhere, with a margin, one scale."""
     feet = [foot for body in scene.bodies for foot in _feet(body, scene.tool)]
     seen = 1e3 * np.array([*corners(scene), *feet, *way[:, :2]])
@@ -177,9 +178,9 @@ def _frame(axes, scene, way):
     axes.set_title(scene.name, fontsize=10)
 
 
-def _feet(body, tool):
+def _feet(body: Body, tool: Tool) -> Iterator[Point]:
     """Points of a body's half-planes nearest to the tool."""
-    for plane in (shape for shape in body.shapes if not shape.bounded):
+    for plane in (shape for shape in body.shapes if isinstance(shape, HalfPlane)):
         nx, ny = turned(plane.normal, (0.0, 0.0, body.pose[2]))
         (px, py), (x, y, _) = turned(plane.point, body.pose), tool.pose
         away = ((x - px) * nx + (y - py) * ny) / (nx * nx + ny * ny)

@@ -4,9 +4,9 @@
 from dataclasses import dataclass
 
 from haptic_sim.scene.geometry import Outline, Point, Pose, framed, turned
-from haptic_sim.scene.joints import WORLD
+from haptic_sim.scene.joints import WORLD, AnyJoint
 from haptic_sim.scene.language import Scene
-from haptic_sim.scene.shapes import TOOL
+from haptic_sim.scene.shapes import TOOL, AnySolid
 
 MARGIN = 0.12  # share of the room left free on each side
 
@@ -67,17 +67,18 @@ def corners(scene: Scene) -> list[Point]:
     ]
 
 
-def _room(scene):
+def _room(scene: Scene) -> tuple[float, float, float, float]:
     ends = [scene.tool.pose[:2], *(scene.motion[end][:2] for end in ("start", "target") if end in scene.motion)]
     low, high = (tuple(map(pick, *ends, *corners(scene))) for pick in (min, max))
     free = MARGIN * max(high[0] - low[0], high[1] - low[1], 0.01)
     return low[0] - free, low[1] - free, high[0] + free, high[1] + free
 
 
-def _marks(joint, there):
+def _marks(joint: AnyJoint, there: dict[str, AnySolid | None]) -> tuple[Mark, Mark]:
     a, b = (there[name] for name in joint.bodies)
     ends = zip(joint.bodies, (a, b), joint.places(a, b), strict=True)
-    return tuple(
-        Mark(joint.type, name if solid else "", framed(place, solid.pose) if solid else tuple(place))
+    first, second = (
+        Mark(joint.type, name if solid else "", framed(place, solid.pose) if solid else place)
         for name, solid, place in ends
     )
+    return first, second
