@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Iterable
 from functools import cache
 from statistics import median
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 
@@ -117,7 +117,8 @@ class ExchangeEndpoint:
     """
 
     def __init__(self, simulation: Answerer, home: Planar, method: str = "pspm"):
-        self.simulation, self.home, self._method = simulation, home, float(EXCHANGE_METHODS.index(method))
+        self.simulation = cast(Simulation, simulation)  # what is reset or asked for local contacts is one
+        self.home, self._method = home, float(EXCHANGE_METHODS.index(method))
         self.session = float(secrets.randbits(48) | 1)
         self.scene, self.paused, self.answered = 0, False, 0
         self.refused = dict.fromkeys(exchange_samples.REFUSALS[1:], 0)
@@ -166,6 +167,7 @@ class ExchangeEndpoint:
     def local_contacts(self) -> bytes:
         """Bytes of the local contacts that go with the answer just given."""
         question, found, near = self._question, self.simulation.local_contacts, self._near
+        assert question is not None  # an answer was given
         found.look(self._lag(question))
         near["session"], near["sequence"], near["scene"] = self.session, self.answered, self.scene
         near["answered_session"] = question.tail[exchange_samples.SESSION]
@@ -194,53 +196,55 @@ class ExchangeEndpoint:
             self._fall_silent(now_ns)
         self.paused = paused
 
-    def _in_time(self, handle, now_ns):
+    def _in_time(self, handle: HandleSample, now_ns: int) -> ToolSample | None:
         """The world's answer, after no more sub-steps than it has time for."""
         before, began = self.simulation.counters.sub_steps, time.perf_counter_ns()
         tool = self.exchange(handle, now_ns, self.pace.most())
         self.pace.took(self.simulation.counters.sub_steps - before, time.perf_counter_ns() - began)
         return tool
 
-    def _fall_silent(self, now_ns):
+    def _fall_silent(self, now_ns: int) -> None:
         self._silent_until_ns = now_ns + SILENCE_NS
 
-    def _faded(self, handle, now_ns):
+    def _faded(self, handle: HandleSample, now_ns: int) -> HandleSample:
         """The handle sample with gains that return linearly after a silence."""
         missing = (self._returned_ns - now_ns) / RETURN_NS
         if missing <= 0.0:
             return handle
         return handle._replace(**{name: (1.0 - missing) * gain for name, gain in handle.gains._asdict().items()})
 
-    def _lag(self, question):
+    def _lag(self, question: Question) -> float:
         """How old the tool sample was that the device used when it asked [s]: half way there already, half to come."""
         used, asked_ns = question.tail[exchange_samples.ANSWERED], question.handle.time_ns
         return next((1e-9 * (asked_ns - time_ns) for number, time_ns in reversed(self._times) if number == used), 0.0)
 
-    def _question_in(self, data, now_ns):
+    def _question_in(self, data: bytes, now_ns: int) -> Question | None:
         """The question in a message that arrived at `now_ns`, or None: refused and counted."""
         axes, before = AXES_OF.get(len(data), 1), self._peer.session
         if not LAYOUTS[axes].matches(data):
-            return self._refuse(exchange_samples.OTHER_NAMES)
+            self._refuse(exchange_samples.OTHER_NAMES)
+            return None
         stamp_ns, *arrays = LAYOUTS[axes].numbers(data)
         if code := self._judge(np.array(arrays), axes, now_ns):
-            return self._refuse(code)
+            self._refuse(code)
+            return None
         tail, missing = arrays[0][axes:], 3 - axes
         self._peer = exchange_samples.Peer(tail[exchange_samples.SESSION], tail[exchange_samples.SEQUENCE], now_ns)
         rest = self.home[axes:], (0.0,) * missing, (0.0,) * missing
         position, velocity, effort = ((*given[:axes], *other) for given, other in zip(arrays, rest, strict=True))
-        handle = HandleSample(stamp_ns, position, velocity, *tail[GAINS], effort, tail[exchange_samples.ENERGY])
-        return Question(handle, axes, tail, self._peer.session != before)
+        whole = stamp_ns, position, velocity, *tail[GAINS], effort, tail[exchange_samples.ENERGY]
+        return Question(HandleSample._make(whole), axes, tail, self._peer.session != before)
 
-    def _judge(self, sample, axes, now_ns):
+    def _judge(self, sample: np.ndarray, axes: int, now_ns: int) -> int:
         """ACCEPTED, or why it is refused; each session counts anew."""
         same = sample[0, axes + exchange_samples.SESSION] == self._peer.session
         peer = self._peer if same else self._peer._replace(number=0.0)
         return exchange_samples.judge_handle(sample, axes, peer, self._method, now_ns, DEVICE_SILENCE_NS)
 
-    def _refuse(self, code):
+    def _refuse(self, code: int) -> None:
         self.refused[exchange_samples.REFUSALS[code]] += 1
 
-    def _pack(self, question, tool):
+    def _pack(self, question: Question, tool: ToolSample) -> bytes:
         """Bytes of the tool message: stamped with, and naming, the handle sample it answers."""
         axes, own = question.axes, list(question.tail)
         self._times.append((self.answered, question.handle.time_ns))
@@ -254,5 +258,5 @@ class ExchangeEndpoint:
 
 
 @cache
-def _contact_layout():
+def _contact_layout() -> CloudLayout:
     return CloudLayout(LOCAL_CONTACT)
