@@ -5,19 +5,22 @@ Time is the servo's deadlines. A handle sample is taken every exchange period fr
 from the first tick that is at least `delay` later. Delay, jitter and loss are injected here, from a seed.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from haptic_device import controller_config, gain_check
 from haptic_device.control import contact_model, enable_state, records, tool_contacts
+from haptic_device.description import Device
 from haptic_device.device import loopback_config, simulated_device
 from haptic_device.realtime import servo_loop
 from haptic_sim.exchange.endpoint import ExchangeEndpoint
-from haptic_sim.exchange.simulation import HandleSample, Simulation
+from haptic_sim.exchange.simulation import HandleSample, Simulation, ToolSample
 
 SECOND = 1_000_000_000
 SESSION = 1.0  # of either side
+Flying = list[tuple[int, int, int, Any]]
+"""Samples on their way: arrival [ns], sequence, sent [ns], sample."""
 
 
 class Network(NamedTuple):
@@ -35,16 +38,29 @@ class Network(NamedTuple):
 PERFECT = Network()
 
 
+class Played(Protocol):
+    """A recorded motion in place of the operator's script (recorded_operator.py)."""
+
+    def run(self, system: "Lockstep", rows: np.ndarray, start: int) -> None:
+        """Ticks of the system from this time [ns] on."""
+
+
 class Lockstep:
     """The system of one operating point; `run` goes on where it stopped.
 
     driver, loopback: values of those nodes' parameters, all of them; device: as the driver has it; write_delay: time
-    [s] from each deadline to the motor's write. Without a simulation the handle is in free space. hand: plays a
-    recorded motion in place of the operator's script (recorded_operator.py).
+    [s] from each deadline to the motor's write. Without a simulation the handle is in free space.
     """
 
     def __init__(
-        self, device, driver, loopback, simulation: Simulation | None, network=PERFECT, write_delay=0.0, hand=None
+        self,
+        device: Device,
+        driver: dict[str, Any],
+        loopback: dict[str, Any],
+        simulation: Simulation | None,
+        network: Network = PERFECT,
+        write_delay: float = 0.0,
+        hand: Played | None = None,
     ):
         self.device, self.simulation, self.network, self._hand = device, simulation, network, hand
         self.settings = controller_config.settings_from(device, driver)
@@ -60,9 +76,10 @@ class Lockstep:
         if simulation is not None:
             self._endpoint = ExchangeEndpoint(simulation, simulation.scene.tool.pose, driver["exchange.method"])
         self._sent = self._heard = 0  # handle samples: newest sent, newest answered
-        self._going, self._coming = [], []  # on their way: (arrival [ns], sequence, sent [ns], sample)
+        self._going: Flying = []
+        self._coming: Flying = []
 
-    def run(self, seconds) -> np.recarray:
+    def run(self, seconds: float) -> np.recarray:
         """Rows of the ticks of this time."""
         rows = np.zeros(round(seconds * SECOND / self.period), records.TRACE_ROW).view(np.recarray)
         done = 0
@@ -73,7 +90,7 @@ class Lockstep:
             self._exchange(rows[done - 1])
         return rows
 
-    def _tick(self, rows):
+    def _tick(self, rows: np.ndarray) -> None:
         self._arrive()
         start = (self.ticks + 1) * self.period
         if self._hand is None:
@@ -82,7 +99,7 @@ class Lockstep:
             self._hand.run(self, rows, start)
         self.ticks += len(rows)
 
-    def script_ticks(self, rows, start):
+    def script_ticks(self, rows: np.ndarray, start: int) -> None:
         """Ticks from this time [ns] on, against the plant with the hand's script on it."""
         simulated_device.run_lockstep(
             self.settings,
@@ -98,7 +115,7 @@ class Lockstep:
             self.command,
         )
 
-    def _ticks_to_event(self):
+    def _ticks_to_event(self) -> int:
         """Ticks until a handle sample is due, or until the next tick finds a sample that has arrived; at least one."""
         if self.simulation is None:
             return 1 << 40
@@ -106,7 +123,7 @@ class Lockstep:
         found = (-(-one[0] // self.period) - 1 for one in self._going + self._coming)
         return max(1, int(min((due, *found))) - self.ticks)
 
-    def _arrive(self):
+    def _arrive(self) -> None:
         """What has arrived by the next deadline counts, newest first come; older ones are thrown away."""
         deadline = (self.ticks + 1) * self.period
         landed, self._going = _split(self._going, deadline)
@@ -122,28 +139,28 @@ class Lockstep:
                 if near is not None:
                     self._take_contacts(sequence, sent, *near)
 
-    def _look(self):
+    def _look(self) -> tuple[dict[str, float], np.ndarray] | None:
         """The local contacts that go with an answer: what a set says once, and its table."""
-        if not self._local:
+        if not self._local or self.simulation is None:
             return None
         near = self.simulation.local_contacts
         near.look(self.network.delay + self.exchange_period / SECOND)
         return near.common, near.table.copy()
 
-    def _take_contacts(self, sequence, sent, common, table):
+    def _take_contacts(self, sequence: int, sent: int, common: dict[str, float], table: np.ndarray) -> None:
         self.near["number"], self.near["sent"], self.near["table"] = sequence, sent, table
         for name, value in common.items():
             self.near[name] = value
         tool_contacts.take(self.memory.view(np.recarray)[0].virtual_tool.contacts, self.near[0])
 
-    def _fly(self, flying, now, sequence, sent, sample):
+    def _fly(self, flying: Flying, now: int, sequence: int, sent: int, sample: Any) -> None:
         """Puts a sample on its way, unless it is lost."""
         if self._random.random() < 1.0 - (1.0 - self.network.loss) ** 0.5:
             return
         flight = 0.5 * (self.network.delay + self.network.jitter * (2.0 * self._random.random() - 1.0))
         flying.append((now + max(0, round(flight * SECOND)), sequence, sent, sample))
 
-    def _take(self, sequence, sent, sample):
+    def _take(self, sequence: int, sent: int, sample: ToolSample) -> None:
         tool = self.tool[0]
         tool["session"], tool["sequence"], tool["answered"], tool["sent"] = SESSION, sequence, sequence, sent
         tool["contact"], tool["energy"], tool["handle_sequence"] = sample.contact, sample.energy, self._sent
@@ -151,7 +168,7 @@ class Lockstep:
         tool["position"][:axes], tool["velocity"][:axes] = sample.position[:axes], sample.velocity[:axes]
         tool["effort"][:axes] = sample.force_on_tool[:axes]
 
-    def _exchange(self, row):
+    def _exchange(self, row: np.record) -> None:
         if self.simulation is None or row.deadline < (self._sent + 1) * self.exchange_period:
             return
         self._sent += 1
@@ -159,10 +176,10 @@ class Lockstep:
         port = (tuple(row.position.tolist()), tuple(row.velocity.tolist()))
         shipped = (tuple(row.exchange_effort.tolist()), float(row.exchange_energy))
         now = int(row.deadline)
-        self._fly(self._going, now, self._sent, now, HandleSample(now, *port, *gains, *shipped))
+        self._fly(self._going, now, self._sent, now, HandleSample._make((now, *port, *gains, *shipped)))
 
 
-def _split(flying, deadline):
+def _split(flying: Flying, deadline: int) -> tuple[Flying, Flying]:
     """Samples that have arrived, in order of arrival, and those still on their way."""
     landed = sorted((one for one in flying if one[0] <= deadline), key=lambda one: one[:2])
     return landed, [one for one in flying if one[0] > deadline]

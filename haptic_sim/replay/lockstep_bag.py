@@ -3,11 +3,13 @@
 
 import contextlib
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from haptic_device import provenance
 from haptic_device.control import exchange_samples
+from haptic_device.description import Device
 from haptic_device.message_fields import TAIL, frame_id
 from haptic_device.nodes.bag_attachments import YAML
 from haptic_device.parameter_types import SECTION
@@ -16,6 +18,8 @@ from haptic_device.realtime import tick_replay
 from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS, JOINTS, CloudLayout, JointLayout, types
 from haptic_device.recording.writer import Bag
 from haptic_device.yaml_reader import dump
+from haptic_sim.replay.lockstep import Lockstep
+from haptic_sim.scene.language import Scene
 
 NAMESPACE = "/haptic"
 FRAME = frame_id(NAMESPACE, "base_link")
@@ -24,16 +28,27 @@ BLOCK = 400  # ticks
 SECOND = 1_000_000_000
 
 
+class Point(NamedTuple):
+    """An operating point with its device and scene: all parameter values of the three nodes."""
+
+    device: Device
+    scene: Scene | None
+    driver: dict[str, Any]
+    loopback: dict[str, Any]
+    simulation: dict[str, Any]
+
+
 class LockstepBag:
     """Takes the rows of a Lockstep system as it runs, with the truth of its plant after each batch."""
 
-    def __init__(self, folder: Path, system, point):
+    def __init__(self, folder: Path, system: Lockstep, point: Point):
         self._system, self._bag = system, Bag(folder)
         topics = {"trace": CLOUD, "snapshot": CLOUD, "handle": JOINTS, "operator/state": JOINTS}
         self._channels = {name: self._bag.add_topic(f"{NAMESPACE}/{name}", kind, []) for name, kind in topics.items()}
         self._channels["diagnostics"] = self._bag.add_topic("/diagnostics", DIAGNOSTICS, [])
         self._axes = tuple(axis.name for axis in point.device.axes)
-        self._point, self._rows, self._waiting = point, [], 0
+        self._point, self._waiting = point, 0
+        self._rows: list[np.ndarray] = []
         self._sequences = dict.fromkeys(self._channels, 0)  # of each topic, as a publisher counts
         self._attach()
         start = tick_replay.snapshot_of(-1, system.settings[0], system.memory[0])
@@ -115,11 +130,11 @@ class LockstepBag:
         zeros = np.zeros(len(names))
         return JointLayout(names, FRAME).pack(EPOCH, [known.get(name, 0.0) for name in names], zeros, zeros)
 
-    def _driver(self) -> dict:
+    def _driver(self) -> dict[str, str]:
         damping = ", ".join(f"{axis.damping:g}" for axis in self._point.device.axes)
         return {"physical_damping": damping, "realtime": "lock-step", "trace_dropped": "0"}
 
-    def _simulation(self) -> dict:
+    def _simulation(self) -> dict[str, str]:
         simulation = self._system.simulation
         if simulation is None:
             return {}

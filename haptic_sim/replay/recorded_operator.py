@@ -9,6 +9,7 @@ import numpy as np
 
 from haptic_device.device import operator_hand
 from haptic_device.realtime import tick_replay
+from haptic_sim.replay.lockstep import Lockstep
 
 
 class PlayedTarget:
@@ -17,13 +18,13 @@ class PlayedTarget:
     def __init__(self, times: np.ndarray, points: np.ndarray):
         self.times, self.points = times, points
 
-    def begin(self, system) -> None:
+    def begin(self, system: Lockstep) -> None:
         """Puts handle and target where the recording begins."""
         system.motion["kind"], system.motion["started"] = operator_hand.PATH, 1
         system.motion["grip"] = 1.0
         system.plant_memory["position"] = system.plant_memory["target"] = self.points[0]
 
-    def run(self, system, rows, start: int) -> None:
+    def run(self, system: Lockstep, rows: np.ndarray, start: int) -> None:
         """Ticks of the system from this time [ns] on."""
         done = 0
         while done < len(rows):
@@ -34,7 +35,7 @@ class PlayedTarget:
             part["tick"] += done
             done += len(part)
 
-    def _fill(self, motion, now: int) -> int:
+    def _fill(self, motion: np.ndarray, now: int) -> int:
         """The path from `now` on, as much as fits; returns when it ends."""
         first = max(0, int(np.searchsorted(self.times, now, side="right")) - 1)
         times = self.times[first : first + operator_hand.MOST]
@@ -50,10 +51,10 @@ class PlayedDevice:
     def __init__(self, times: np.ndarray, points: np.ndarray):
         self._times, self._points = times, points
 
-    def begin(self, system) -> None:
+    def begin(self, system: Lockstep) -> None:
         """Nothing moves the handle but the recording."""
 
-    def run(self, system, rows, start: int) -> None:
+    def run(self, system: Lockstep, rows: np.ndarray, start: int) -> None:
         """Ticks of the system from this time [ns] on."""
         deadlines = start + np.arange(len(rows)) * system.period
         settings = system.settings[0]

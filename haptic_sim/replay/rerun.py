@@ -4,7 +4,7 @@
 import sys
 import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from haptic_sim.exchange.simulation import Simulation
 from haptic_sim.node_parameters import NODES
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.replay.lockstep import Lockstep, Network
-from haptic_sim.replay.lockstep_bag import LockstepBag
+from haptic_sim.replay.lockstep_bag import LockstepBag, Point
 from haptic_sim.replay.recorded_operator import PlayedDevice, PlayedTarget
 from haptic_sim.scene.language import Scene, parse
 from haptic_sim.scene.language import load as load_scene
@@ -42,16 +42,6 @@ class Hand(NamedTuple):
     seconds: float
 
 
-class Point(NamedTuple):
-    """An operating point with its device and scene: all parameter values of the three nodes."""
-
-    device: Device
-    scene: Scene | None
-    driver: dict
-    loopback: dict
-    simulation: dict
-
-
 def recorded(bag: Path, namespace: str | None = None) -> Recording:
     """The bag, with what a replay needs of it."""
     return load(bag, namespace, ONLY)
@@ -71,7 +61,7 @@ def hand_of(recording: Recording, as_device: bool) -> Hand:
     return Hand(_target(recording, begin, end), seconds)
 
 
-def _target(recording, begin, end) -> PlayedTarget:
+def _target(recording: Recording, begin: float, end: float) -> PlayedTarget:
     """The hand's target between these times [ns], from the loopback's truth, from time 0 on."""
     state = recording.joints.get("operator/state")
     if state is None or "motor_x" not in state.names:
@@ -87,12 +77,12 @@ def _target(recording, begin, end) -> PlayedTarget:
     return PlayedTarget(np.round(times[during]).astype(np.int64), points)
 
 
-def given_at(params: str | None) -> dict[str, dict]:
+def given_at(params: str | None) -> dict[str, dict[str, Any]]:
     """{node: {parameter: value}} of an operating point, a name or a file; empty for none. Raises ValueError."""
     return {} if params is None else read_operating_point(find("", params), NODES)
 
 
-def recorded_point(recording: Recording, given: dict[str, dict]) -> Point:
+def recorded_point(recording: Recording, given: dict[str, dict[str, Any]]) -> Point:
     """The operating point that the bag was recorded with, with given values, of given_at, in place of its own.
 
     Raises ValueError, one sentence.
@@ -114,7 +104,7 @@ def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
     has, and standard error says where it is.
     """
     _judge(point)
-    simulation = _simulation(point) if point.scene else None
+    simulation = _simulation(point.scene, point.simulation) if point.scene else None
     system = Lockstep(point.device, point.driver, point.loopback, simulation, network, hand=hand.played)
     hand.played.begin(system)
     written, costs = LockstepBag(bag, system, point), []
@@ -134,7 +124,7 @@ def replay(hand: Hand, point: Point, network: Network, bag: Path) -> float:
     return share
 
 
-def _judge(point) -> None:
+def _judge(point: Point) -> None:
     """As the driver judges an operating point before it runs."""
     settings = controller_config.settings_from(point.device, point.driver)
     refused = gain_check.refusal(settings[0], float(settings["hardware"]["delay"][0]))
@@ -142,32 +132,32 @@ def _judge(point) -> None:
         raise ValueError(refused)
 
 
-def _simulation(point):
-    return Simulation.by_parameters(reduce_scene(point.scene, point.simulation["method"]), point.simulation)
+def _simulation(scene: Scene, values: dict[str, Any]) -> Simulation:
+    return Simulation.by_parameters(reduce_scene(scene, values["method"]), values)
 
 
-def _values(recording, node) -> dict:
+def _values(recording: Recording, node: str) -> dict[str, Any]:
     """A node's values as the bag has them; the defaults for what it does not say."""
     content = _attached(recording, f"parameters/{node}.yaml", ros=True) or {}
-    found = next((section.get(SECTION, {}) for section in content.values()), {})
+    found: dict[str, Any] = next((section.get(SECTION, {}) for section in content.values()), {})
     known = {parameter.name: parameter for parameter in NODES[node]}
     return defaults(NODES[node]) | {name: check_value(known[name], found[name]) for name in found if name in known}
 
 
-def _device(recording, name) -> Device:
+def _device(recording: Recording, name: str) -> Device:
     content = _attached(recording, file := f"device/{Path(name).stem}.yaml")
     return load_device(name) if content is None else description.parse(content, f"{file} of {recording.bag}")
 
 
-def _scene(recording, name) -> Scene | None:
+def _scene(recording: Recording, name: str) -> Scene | None:
     content = _attached(recording, file := f"scene/{Path(name).stem}.yaml")
     if content is not None:
         return parse(content, f"{file} of {recording.bag}")
-    there = "tool_age" in recording.trace.dtype.names and (recording.trace["tool_age"] >= 0).any()
+    there = "tool_age" in (recording.trace.dtype.names or ()) and (recording.trace["tool_age"] >= 0).any()
     return load_scene(name) if there else None
 
 
-def _attached(recording, file, ros=False) -> dict | None:
+def _attached(recording: Recording, file: str, ros: bool = False) -> dict[str, Any] | None:
     """The mapping in a file that the bag has; None if it has no such file."""
     content = recording.attachments.get(file)
     try:

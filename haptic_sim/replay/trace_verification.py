@@ -12,7 +12,10 @@ from haptic_device.realtime import tick_replay
 
 BLOCK = 100_000  # ticks computed at a time
 ADDED = frozenset({"withheld"})  # outputs that traces of older versions lack, and nothing else of a tick reads
+COLUMNS = records.TRACE_ROW.names or ()
 SECOND = 1_000_000_000
+Stretch = tuple[int, int, np.ndarray, np.ndarray]
+"""begin, end, settings, memory"""
 
 
 class Verdict(NamedTuple):
@@ -66,11 +69,12 @@ def verdict_on(trace: np.ndarray, snapshots: np.ndarray, points: np.ndarray | No
     return Verdict(same, len(trace) - done, different, first, tuple(sorted(columns)))
 
 
-def _with_all_columns(trace):
+def _with_all_columns(trace: np.ndarray) -> tuple[np.ndarray, list[str]]:
     """The trace with the columns in ADDED that it lacks, as zeros, and their names."""
-    lacking = [name for name in records.TRACE_ROW.names if name in ADDED and name not in trace.dtype.names]
-    known = [name for name in records.TRACE_ROW.names if name not in lacking]
-    if not lacking or list(trace.dtype.names) != known:
+    there = trace.dtype.names or ()
+    lacking = [name for name in COLUMNS if name in ADDED and name not in there]
+    known = [name for name in COLUMNS if name not in lacking]
+    if not lacking or list(there) != known:
         return trace, []
     whole = np.zeros(len(trace), records.TRACE_ROW)
     for name in known:
@@ -78,23 +82,23 @@ def _with_all_columns(trace):
     return whole, lacking
 
 
-def _check(trace, snapshots):
-    if trace.dtype.names != records.TRACE_ROW.names or trace.dtype.itemsize != records.TRACE_ROW.itemsize:
-        strange = sorted(set(trace.dtype.names) ^ set(records.TRACE_ROW.names)) or ["another order"]
+def _check(trace: np.ndarray, snapshots: np.ndarray) -> None:
+    if trace.dtype.names != COLUMNS or trace.dtype.itemsize != records.TRACE_ROW.itemsize:
+        strange = sorted(set(trace.dtype.names or ()) ^ set(COLUMNS)) or ["another order"]
         raise ValueError(f"the trace is of another version of the servo; it differs in {', '.join(strange)}")
     if len(snapshots) == 0:
         raise ValueError("the bag has no snapshot of the servo's settings, without which no tick can be computed again")
     tick_replay.parts_of(snapshots[:1])
 
 
-def _stretches(trace, snapshots) -> Iterator[tuple]:
-    """(begin, end, settings, memory) of rows that can be computed one after the other."""
+def _stretches(trace: np.ndarray, snapshots: np.ndarray) -> Iterator[Stretch]:
+    """Rows that can be computed one after the other."""
     breaks = np.flatnonzero(np.diff(trace["tick"]) != 1) + 1
     for begin, end in zip([0, *breaks], [*breaks, len(trace)], strict=True):
         yield from _stretch(trace, int(begin), int(end), snapshots)
 
 
-def _stretch(trace, begin, end, snapshots):
+def _stretch(trace: np.ndarray, begin: int, end: int, snapshots: np.ndarray) -> Iterator[Stretch]:
     """The same of rows without a gap; memory goes on from one set of settings to the next."""
     memory, at = None, begin
     while at < end:
@@ -109,7 +113,7 @@ def _stretch(trace, begin, end, snapshots):
         at = until
 
 
-def _memory_before(trace, at, snapshots):
+def _memory_before(trace: np.ndarray, at: int, snapshots: np.ndarray) -> np.ndarray | None:
     """What the servo remembered before row `at`; None if no snapshot says it."""
     if trace["tick"][at] == 0:
         return np.zeros(1, records.STATE)
@@ -118,7 +122,7 @@ def _memory_before(trace, at, snapshots):
     return tick_replay.parts_of(snapshots[found[:1]])[1] if len(found) else None
 
 
-def _settings_of(row, snapshots):
+def _settings_of(row: np.void, snapshots: np.ndarray) -> np.ndarray | None:
     """Settings of the row's version, as the next snapshot has them, or else the last one; None if there is none."""
     same = snapshots[snapshots["settings.version"] == row["parameter_version"]]
     if len(same) == 0:
@@ -128,19 +132,19 @@ def _settings_of(row, snapshots):
     return tick_replay.parts_of(same[place : place + 1])[0]
 
 
-def _next_start(trace, at, end, snapshots):
+def _next_start(trace: np.ndarray, at: int, end: int, snapshots: np.ndarray) -> int:
     """Index of the next row that follows a snapshot."""
     rest = np.isin(trace["tick"][at + 1 : end] - 1, snapshots["tick"])
     return at + 1 + int(np.argmax(rest)) if rest.any() else end
 
 
-def _differences(recorded, again):
+def _differences(recorded: np.ndarray, again: np.ndarray) -> np.ndarray:
     return (_bits(recorded) != _bits(again)).any(axis=1)
 
 
-def _bits(rows):
+def _bits(rows: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(rows).view(np.int64).reshape(len(rows), -1)
 
 
-def _names(recorded, again):
-    return {name for name in recorded.dtype.names if not np.array_equal(recorded[name], again[name], equal_nan=True)}
+def _names(recorded: np.ndarray, again: np.ndarray) -> set[str]:
+    return {name for name in COLUMNS if not np.array_equal(recorded[name], again[name], equal_nan=True)}
