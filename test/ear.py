@@ -1,22 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node of this process that hears what the others say and asks their services; and one that leads the hand too."""
+"""Nodes of this process that hear what others say and ask their services: of a person, and of a device."""
 
 import time
 
 import rclpy
 import waiting
+from handle_samples import HOME, MS, handle
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
 from waiting import LIMIT
 
+from haptic_device.control import exchange_samples
 from haptic_device.message_fields import AXES, exchange_names, truth_names
 from haptic_device.nodes import messages
+from haptic_device.parameters import DRIVER
 from haptic_device.recording.layouts import JointLayout
 from haptic_sim import client
-from haptic_sim.service_requests import Question, RefusedError, change_state, state_of, trigger
+from haptic_sim.service_requests import (
+    Question,
+    RefusedError,
+    change_state,
+    get_parameters,
+    set_parameters,
+    state_of,
+    trigger,
+)
 
+SIMULATION, LOAD = "haptic_simulation", "haptic_simulation/load_scene"
 ONCE_MORE = 3.0  # [s] after which a service is asked again that has answered before
 
 
@@ -182,6 +195,20 @@ class Ear(Served):
             lambda: next((said for said in heard[begin:] if said[2]["state"] == "engaged"), None), "it is engaged"
         )
 
+    def as_started(self, given):
+        """Leaves no fault, the motor off, hand and handle at the middle, and the driver's live parameters as given,
+        with `__` for the dot, or as they are by default."""
+        self.until(lambda: self.truths and self.said.get("haptic_driver"), "both nodes say something")
+        self.go_to(0.0)
+        self.truth(lambda truth: abs(truth.velocity[: self.axes]).max() < 1e-3, what="the handle is still")
+        self.cleared()
+        assert self.trigger("disable") == (True, "motor zero")
+        begun = {parameter.name: parameter.default for parameter in DRIVER if parameter.live}
+        begun |= {name: value for key, value in given.items() if (name := key.replace("__", ".")) in begun}
+        _, now = self.told(get_parameters("haptic_driver", begun))
+        if other := {name: value for name, value in begun.items() if now[name] != value}:
+            assert self.told(set_parameters("haptic_driver", other))[0]
+
     def go_to(self, x, y=0.0, theta=0.0):
         """Has the hand follow to a target, and waits until it wants to be there."""
         names, position = list(AXES[: self.axes]), [x, y, theta][: self.axes]
@@ -196,3 +223,83 @@ class Ear(Served):
             return latest and abs(latest.position[self.axes : 2 * self.axes] - position).max() < 1e-5
 
         self.until(there, f"the hand wants to be at {position}")
+
+
+class Peer(Served):
+    """A device side in this process: sends handle samples, keeps what comes back; `said` [(message, values)]."""
+
+    def __init__(self, domain):
+        super().__init__(domain, "peer")
+        self.tools, self.said, self.sequence = [], [], 0
+        self.handle = self.node.create_publisher(messages.JointState, "handle", messages.LATEST)
+        self.layout = JointLayout(exchange_names(3))
+        self._tool = self.node.create_subscription(messages.JointState, "tool", self._take, messages.LATEST, raw=True)
+        self.node.create_subscription(messages.DiagnosticArray, "/diagnostics", self._hear, 10)
+
+    def _take(self, data):
+        self.tools.append(self.layout.unpack(data))
+
+    def _hear(self, array):
+        self.said += [
+            (status.message, {entry.key: entry.value for entry in status.values})
+            for status in array.status
+            if status.name == SIMULATION
+        ]
+
+    def last(self):
+        return self.said[-1:]
+
+    def news(self, what, condition):
+        """Values of the next diagnostics for which condition(message, values) holds."""
+        begin = len(self.said)
+        return self.until(lambda: next((one for one in self.said[begin:] if condition(*one)), None), what)[1]
+
+    def call(self, service):
+        """(success, message) of a service without arguments."""
+        return self.trigger(service, SIMULATION)
+
+    def pause(self, wanted):
+        answer = self.ask(f"{SIMULATION}/pause", SetBool.Request(data=wanted))
+        return answer.success, answer.message
+
+    def load_scene(self, name):
+        assert self.set("scene", name, SIMULATION) == (True, "")
+        return self.answer_of_load(self.send(LOAD, Trigger.Request()))
+
+    def answer_of_load(self, asked):
+        """(success, message) of a load that was asked for once: a second is refused while a world is compiled."""
+        self.until(asked.poll, "a world is loaded")
+        return asked.answer.success, asked.answer.message
+
+    def send_handle(self, position, step=1):
+        """One sample of a handle at rest, `step` ms after the one before."""
+        self.sequence += step
+        stamp_ns = self.sequence * MS
+        self.handle.publish(handle(float(self.sequence), position=position, stamp_ns=stamp_ns, speed=0.0))
+
+    def answered(self):
+        """Number of the sample that was answered last."""
+        return self.tools[-1].position[3 + exchange_samples.ANSWERED] if self.tools else 0.0
+
+    def lead(self, position=HOME, times=1, step=1):
+        """Sends samples one by one, each until it is answered or, lost or in a silence, the next has to be sent: with
+        more and more patience, so that also on a slow machine none is left to be answered later."""
+        self.until(lambda: self.handle.get_subscription_count() and self._tool.get_publisher_count(), "a simulation")
+        for _ in range(times):
+            self._lead_once(position, step)
+        return self.tools[-1]
+
+    def _lead_once(self, position, step):
+        self.send_handle(position, step)
+        sent, patience = time.monotonic(), 0.05
+
+        def answered():
+            nonlocal sent, patience
+            if self.answered() == self.sequence:
+                return True
+            if time.monotonic() > sent + patience:
+                self.send_handle(position, step)
+                sent, patience = time.monotonic(), 1.5 * patience
+            return False
+
+        self.until(answered, "an answer to a handle sample")

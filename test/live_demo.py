@@ -2,12 +2,10 @@
 """`haptic demo` as a process, and whether it leaves anything behind."""
 
 import contextlib
-import functools
 import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import psutil
@@ -21,7 +19,6 @@ ROOT = Path(__file__).resolve().parents[1]
 HAPTIC = [sys.executable, "-m", "haptic_sim.cli.main"]
 SCRIPTS = sorted((ROOT / "scripts").iterdir())
 BUSY = ("--params", str(ROOT / "test" / "busy.yaml"))
-until = functools.partial(waiting.until, look=lambda: time.sleep(0.05))  # a look at all processes takes long
 
 
 class Demo:
@@ -95,14 +92,3 @@ def running(processes):
         with contextlib.suppress(psutil.NoSuchProcess):
             found += [each] if each.status() != psutil.STATUS_ZOMBIE else []
     return found
-
-
-def ends_well(run, number):
-    """Interrupts it: no process, no page and no half-written bag are left."""
-    nodes = children(run.process)
-    run.process.send_signal(number)
-    assert run.ended() == 130 and nodes, run.progress
-    until(lambda: not running(nodes) and not pages(), "the end of every node", said=lambda: f"{nodes}, {pages()}")
-    assert not run.bag.exists() or (run.bag / "metadata.yaml").exists() and f"is {run.bag}" in run.progress
-    said = [run.progress, *(log.read_text() for log in (run.out / "log").glob("*.log"))]
-    assert not any("Traceback" in text for text in said), said

@@ -2,12 +2,10 @@
 """Live nodes in processes of their own: started, ended, refused, and told nonsense."""
 
 import contextlib
-import json
 import os
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from pathlib import Path
 from typing import NamedTuple
@@ -17,7 +15,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
 from rclpy.serialization import serialize_message
-from waiting import output, run
+from waiting import output
 
 from haptic_device.process import ending_with_us
 from haptic_device.realtime import shared_memory
@@ -44,7 +42,13 @@ STEADY = {"motor_watchdog": 2.0}  # [s] of a loopback whose servo may be held up
 PATIENT = {"fault__silence": 1.0, "fault__unattended": 0.0}  # of a driver whose device and Python may be
 BEARS = {"haptic_loopback": STEADY, "haptic_driver": PATIENT}
 """What nodes are started with if a test does not say otherwise: no fault only because a process stood still."""
-HOLDING = {"passivity__control": False}  # of one whose walls still push after a stall: else they let go for its energy
+DISPLAY = {
+    "haptic_loopback": {"motion__name": "follow"},
+    "haptic_driver": {"engage__time": 0.05, "exchange__fade": 0.05, **SLOW},
+    "haptic_simulation": {"scene": "free_space"},
+}
+"""The one that tests share which only ask it something."""
+HOLDING = {"passivity.control": False}  # of one whose walls still push after a stall: else they let go for its energy
 
 
 def command(name, namespace="/haptic", renamed=(), **given):
@@ -61,34 +65,6 @@ def refusal_of(process):
     assert process.returncode == 1, said
     assert "Traceback" not in said
     return said.strip().splitlines()[-1]
-
-
-MAINS = """
-import gc, importlib, json, sys
-from haptic_device.nodes import participant_id
-participant_id.KINDS = ()  # a process can give a port of its own to one participant only
-main = importlib.import_module(sys.argv[1]).main
-for arguments in json.loads(sys.argv[2]):
-    print(f"\\n{main(arguments)} END", file=sys.stderr, flush=True)
-    gc.collect()  # one participant at a time
-"""
-APART = """<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><library_settings>
-<intraprocess_delivery>OFF</intraprocess_delivery></library_settings></dds>
-"""
-"""Fast DDS 2.14 can lock itself up when one of several participants of a process ends and tells the others directly."""
-
-
-def refusals_of(name, arguments):
-    """[(exit code, what was said)] of a node's main run with each of these argument lists, in a process of its own."""
-    words = [sys.executable, "-c", MAINS, MODULES[name], json.dumps(arguments)]
-    with tempfile.NamedTemporaryFile("w", suffix=".xml") as profile:
-        profile.write(APART)
-        profile.flush()
-        environment = {**os.environ, "FASTRTPS_DEFAULT_PROFILES_FILE": profile.name}
-        done = run(ending_with_us(words), env=environment)
-    assert done.returncode == 0, done.stderr
-    runs = [one.rstrip().rpartition("\n") for one in done.stderr.split(" END\n")[:-1]]
-    return [(int(code), text.strip()) for text, _, code in runs]
 
 
 def caught(process):

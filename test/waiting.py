@@ -11,7 +11,7 @@ import threading
 import time
 from pathlib import Path
 
-LIMIT = 200.0  # [s] for whatever is waited for: a node that starts on a busy machine, or compiles first; no assertion
+LIMIT = 60.0  # [s] for whatever is waited for: a node that starts on a busy machine; no assertion
 SAY_AFTER = 20.0  # [s] of waiting, and after as many again
 MOST = 1000  # characters of what was said last
 LOOK = 1.0  # [s] between two looks of who watches the waits that do not look themselves

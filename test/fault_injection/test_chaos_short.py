@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Chaos in its short form on live nodes, which it breaks on purpose."""
 
+import contextlib
 import json
 import math
 import os
@@ -9,8 +10,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from live_nodes import strange_diagnostics
+from waiting import until
 
 from fault_injection import chaos, fault_injector
+from fault_injection.listener import Listener
 from haptic_sim.supervision.zwidth import STALLED
 
 pytestmark = pytest.mark.timeout(900)
@@ -34,3 +38,12 @@ def test_chaos_in_its_short_form_leaves_energy_within_its_budget_only_known_faul
         assert event["force"] > fault_injector.FORCE and event["runs"] == 1
         assert event["safe"] is not None and math.isfinite(event["safe"])  # it went off, or let go, however late
     assert "estop" in found["events"][-1]["faults"], progress
+
+
+def test_the_listener_of_chaos_goes_on_hearing_among_strange_diagnostics(ros_domain):
+    with contextlib.closing(Listener(ros_domain)) as listener, strange_diagnostics():
+        until(lambda: "[/x]" in listener.statuses, "a strange status")
+        for _ in range(3):
+            listener.statuses.clear()
+            until(lambda: "[/x]" in listener.statuses, "the same again")
+        assert listener.levels["seven"] == 3

@@ -20,6 +20,7 @@ from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.null_device import NullDevice
 from haptic_device.realtime.seqlock import SeqLock
 from haptic_device.realtime.servo_thread import ServoThread
+from haptic_sim.supervision import lateness
 
 WATCHDOG = 15_000_000  # ns
 
@@ -461,3 +462,11 @@ def test_realtime_that_is_required_but_not_permitted_is_a_sentence_and_no_servo(
     with pytest.raises(PermissionError, match="realtime is require: no SCHED_FIFO 80: set `rtprio 98`"):
         thread.start()
     assert not thread.running
+
+
+def test_the_servo_alone_ticks_at_whole_periods_and_counts_what_it_missed():
+    late, rows = lateness.alone(1000.0, 0.3, "off")
+    steps = np.diff(rows["deadline"])
+    assert np.all(steps % 1_000_000 == 0)
+    assert late.missed == np.sum(steps // 1_000_000 - 1)
+    assert len(late.sorted_us) == len(rows) > 0 and late.sorted_us[0] >= 0.0

@@ -8,12 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_simulation_node import NODE, Peer
-from waiting import exit_code, output
+from ear import SIMULATION, Peer
+from waiting import exit_code
 
 from haptic_device.control import exchange_samples
-
-pytestmark = pytest.mark.timeout(600)
 
 EXAMPLE = Path(__file__).parents[2] / "examples/own_bodies.py"
 COMMAND = [sys.executable, str(EXAMPLE), "--ros-args", "-r", "__ns:=/haptic", "-p", "scene:=free_space"]
@@ -55,15 +53,9 @@ def test_the_tool_meets_the_flap_of_the_example_again_after_a_reset_and_after_th
         meets_the_flap(peer)
         assert peer.call("reset_scene")[0]
         meets_the_flap(peer)
-        assert peer.set("method", "auto", NODE) == (True, "")
+        assert peer.set("method", "auto", SIMULATION) == (True, "")
         assert peer.load_scene("free_space") == (False, REFUSAL)
         assert touches(peer.lead(BEHIND_THE_FLAP))
         node.send_signal(signal.SIGINT)
         assert exit_code(node) == 0
     assert "Traceback" not in log.read_text()
-
-
-def test_a_node_with_bodies_of_its_own_refuses_to_start_with_a_scene_that_takes_none(start):
-    node = start(COMMAND, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-    said = output(node)[1].strip().splitlines()[-1]
-    assert (node.returncode, said) == (1, f"{NODE}: {REFUSAL}")

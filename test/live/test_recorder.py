@@ -9,23 +9,20 @@ import sys
 import time
 
 import numpy as np
-import psutil
 import pytest
 import rclpy
 import yaml
 from bag_of_a_run import joints
 from ear import Served
 from lifecycle_msgs.msg import State, Transition
-from live_nodes import Nodes, command
+from live_nodes import command, refusal_of
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
-from waiting import LIMIT, exit_code, output, run, until
+from waiting import LIMIT, exit_code, output, until
 
-from haptic_device.process import ending_with_us
 from haptic_device.recording import load
-
-pytestmark = pytest.mark.timeout(900)
+from haptic_sim.cli import mark, record
 
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 BURST = 50  # messages sent at once: far fewer than any queue on the way to the recorder holds
@@ -83,20 +80,9 @@ def newcomer(ros_domain):
     newcomer.close()
 
 
-@pytest.fixture
-def nodes(tmp_path):
-    with Nodes(tmp_path) as nodes:
-        yield nodes
-
-
 def begun(nodes, bag, **parameters):
     """A recorder that writes into this bag; parameters with `__` for a dot."""
-    return nodes.start("haptic_recorder", bag=str(bag), **parameters)
-
-
-def ros_arguments(bag):
-    """Of the command line of a recorder."""
-    return recorder(bag)[3:]
+    return nodes.have("haptic_recorder", bag=str(bag), **parameters)
 
 
 def recorder(bag, **parameters):
@@ -115,14 +101,6 @@ def joint(bag, topic):
         return load(bag).joint(topic)
     except (ValueError, OSError):
         return None
-
-
-def marks(bag):
-    """The marks on the disk of a bag that may still be written."""
-    try:
-        return load(bag).marks
-    except (ValueError, OSError):
-        return []
 
 
 def kept(bag, topic):
@@ -146,13 +124,28 @@ def files(bag):
     return list(bag.glob("*.mcap"))
 
 
-def test_every_message_is_kept_in_order_with_its_times_and_none_counted_lost(speaker, nodes, tmp_path):
-    bag = tmp_path / "bag"
-    begun(nodes, bag)
+@pytest.fixture(scope="module")
+def recorded(speaker, nodes, tmp_path_factory):
+    """(bag, time before and after its first mark [ns]) of a recorder that has ended well."""
+    bag, trial = tmp_path_factory.mktemp("recorded") / "bag", {"trial.participant": "P07", "trial.condition": "soft"}
+    begun(nodes, bag, **trial, **{"trial.fields": ["hand=left", "age=31"]})
     speaker.publish(bag, "encoder", 200)
     speaker.publish(bag, "something_new", 5)
+    before = time.time_ns()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mark, "PATIENCE", LIMIT)
+        mark.mark("über den Rand")
+    after = time.time_ns()
+    assert speaker.trigger("mark", "haptic_recorder")[0]
+    until(lambda: len(load(bag).marks) > 1, "the second mark on the disk")
+    speaker.until(lambda: STIFFNESS.encode() in files(bag)[0].read_bytes(), f"{STIFFNESS} in the bag")
     well(nodes)
     assert nodes.end("haptic_recorder") == 0
+    return bag, before, after
+
+
+def test_every_message_is_kept_in_order_with_its_times_and_none_counted_lost(recorded):
+    bag = recorded[0]
     assert np.array_equal(numbers(bag, "encoder"), np.arange(200))
     assert np.array_equal(numbers(bag, "something_new"), np.arange(5))
     encoder = joint(bag, "encoder")
@@ -162,6 +155,25 @@ def test_every_message_is_kept_in_order_with_its_times_and_none_counted_lost(spe
     with AnyReader([bag]) as reader:
         offered = {connection.topic: connection.ext.offered_qos_profiles for connection in reader.connections}
     assert losses(bag) == "0" and offered["/haptic/encoder"][0].reliability.name == "BEST_EFFORT"
+
+
+def test_a_mark_stands_in_the_bag_when_it_was_set_with_text_or_by_the_button(recorded):
+    bag, before, after = recorded
+    text, *buttons = load(bag).marks
+    assert text.text == "über den Rand" and before < text.time < after
+    assert buttons and [one.text for one in buttons] == [f"mark {k + 1}" for k in range(len(buttons))]
+
+
+def test_a_bag_says_how_it_was_made(recorded):
+    bag = recorded[0]
+    attached = {name: yaml.safe_load(data) for name, data in load(bag).attachments.items()}
+    assert attached["trial.yaml"] == {"participant": "P07", "condition": "soft", "hand": "left", "age": "31"}
+    assert attached["made.yaml"]["machine"]["cores"] == os.cpu_count()
+    assert attached["made.yaml"]["packages"]["numpy"] == np.__version__
+    given = attached["parameters/publisher.yaml"]["/haptic/publisher"]["ros__parameters"]
+    assert given[STIFFNESS] == 750.0
+    information = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert information["custom_data"]["participant"] == "P07"
 
 
 def test_messages_that_the_queue_could_not_hold_are_counted_lost(speaker, nodes, tmp_path):
@@ -191,92 +203,24 @@ def test_a_real_time_recorder_keeps_to_its_first_core_and_an_ordinary_one_may_ru
     assert wish == "prefer" or not urgent
 
 
-def test_a_killed_recorder_has_kept_all_that_it_had_written_and_nothing_out_of_order(speaker, nodes, tmp_path):
-    bag = tmp_path / "bag"
-    begun(nodes, bag)
-    speaker.publish(bag, "encoder", 100)
-    speaker.say("encoder", *range(100, 150))  # of these as many as it came to
-    assert nodes.end("haptic_recorder", signal.SIGKILL) == -signal.SIGKILL
-    found = numbers(bag, "encoder")
-    assert 100 <= len(found) <= 150 and np.array_equal(found, np.arange(len(found)))
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_recorder_asked_to_end_leaves_a_complete_bag(ros_domain, start, tmp_path, number):
-    process = start(recorder(tmp_path / "bag"), stderr=subprocess.PIPE)
-    until(lambda: files(tmp_path / "bag"), "the bag")
-    process.send_signal(number)
-    _, said = output(process)
-    assert process.returncode == 0 and "Traceback" not in said
-    assert sorted(path.name for path in (tmp_path / "bag").iterdir()) == ["bag_0.mcap", "metadata.yaml"]
-
-
 REFUSED = {
-    "flushed too seldom": ({"flush_period": 5.0}, "flush_period is 5.0 s"),
-    "unknown": ({"flush_perod": 0.1}, "flush_perod"),
-    "no queue": ({"queue": 0}, "queue is 0 messages"),
     "field without a value": ({"trial.fields": ["left"]}, "'left'; write name=value"),
     "disk full": ({"disk_reserve": 1e6}, "MB free; disk_reserve needs 1000017 MB"),
     "folder in use": ({}, "is not empty"),
 }
 
 
-@pytest.fixture(scope="module")
-def refusals(ros_domain, tmp_path_factory):
-    """Exit code of the recorder and what it said to each of REFUSED, all at once; and the folder that was in use."""
-    used = tmp_path_factory.mktemp("used")
-    (used / "notes.txt").write_text("mine")
-    free, started, said = tmp_path_factory.mktemp("refused"), {}, {}
-    try:
-        for wrong, (given, _) in REFUSED.items():
-            bag = used if wrong == "folder in use" else free / wrong.replace(" ", "_")
-            command = ending_with_us(recorder(bag, **given))
-            started[wrong] = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-        for wrong, process in started.items():
-            text = output(process)[1]
-            said[wrong] = process.returncode, text
-    finally:
-        for process in started.values():
-            process.kill()
-            exit_code(process)
-            process.stderr.close()
-    return said, used
-
-
-@pytest.mark.parametrize("wrong", REFUSED)
-def test_a_wrong_parameter_is_refused_in_a_sentence(refusals, wrong):
-    code, said = refusals[0][wrong]
-    assert code == 1 and "Traceback" not in said
-    assert REFUSED[wrong][1] in said.splitlines()[-1]  # all that haptic record shows
-
-
-def test_a_folder_in_use_is_not_written_into(refusals):
-    assert [path.name for path in refusals[1].iterdir()] == ["notes.txt"]
-
-
-_PARENT = """
-import sys, time
-from pathlib import Path
-from haptic_sim.supervision.processes import Nodes, Program
-nodes = Nodes(Path(sys.argv[1]))
-nodes.start(Program("haptic_recorder", "haptic_device.nodes.recorder", {"bag": sys.argv[2]}))
-print(nodes.pid("haptic_recorder"), flush=True)
-time.sleep(600)
-"""
-
-
-def test_no_node_outlives_a_parent_that_was_killed(ros_domain, start, tmp_path):
-    bag = tmp_path / "bag"
-    parent = start([sys.executable, "-c", _PARENT, tmp_path / "log", bag], stdout=subprocess.PIPE)
-    child = int(parent.stdout.readline())
-    until(lambda: files(bag), "the bag")
-    parent.kill()
-    exit_code(parent)
-    until(
-        lambda: not psutil.pid_exists(child) or psutil.Process(child).status() == psutil.STATUS_ZOMBIE,
-        "the end of the node",
-    )
-    assert (bag / "metadata.yaml").exists()
+def test_what_a_recorder_cannot_do_is_refused_in_a_sentence_and_a_folder_in_use_not_written_into(start, tmp_path):
+    """Each in a process of its own, all at once."""
+    (tmp_path / "folder in use").mkdir()
+    (tmp_path / "folder in use" / "notes.txt").write_text("mine")
+    started = {
+        wrong: start(recorder(tmp_path / wrong, **given), stderr=subprocess.PIPE)
+        for wrong, (given, _) in REFUSED.items()
+    }
+    for wrong, process in started.items():
+        assert REFUSED[wrong][1] in refusal_of(process)  # all that haptic record shows
+    assert [path.name for path in (tmp_path / "folder in use").iterdir()] == ["notes.txt"]
 
 
 _RECORD = "import typer; from haptic_sim.cli.record import record; typer.run(record)"
@@ -293,46 +237,7 @@ def test_the_record_command_ends_on_ctrl_c_with_a_line_for_each_topic(speaker, s
     assert count > 50 and re.search(rf"/haptic/motor +{count} messages, lost: 0", said)
 
 
-def haptic_record(start, out, *options):
-    command = [sys.executable, "-m", "haptic_sim.cli.main", "record", "--out", out, *options]
-    return start(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-
-
-def test_the_seconds_of_the_record_command_count_from_the_first_row_and_not_from_what_any_node_says(
-    newcomer, start, tmp_path
-):
-    bag, began = tmp_path / "out" / "bag", time.monotonic()
-    recording = haptic_record(start, tmp_path / "out", "--seconds", "2")
-    newcomer.until(lambda: files(bag), "the bag")
-    newcomer.until(lambda: tells(newcomer) or time.monotonic() > began + 5.0, "more seconds than were asked for")
-    assert recording.poll() is None
-    first = time.monotonic()
-    newcomer.until(lambda: newcomer.say("encoder", 1.0) or recording.poll() is not None, "the end of the recording")
-    assert time.monotonic() - first >= 2.0
-    said, told = output(recording)
-    assert recording.returncode == 0 and told.splitlines() == [f"recording to {bag}"]
-    assert re.search(r"^/parameter_events +[1-9]", said, re.MULTILINE)
-    assert re.search(rf"/haptic/encoder +{len(kept(bag, 'encoder'))} messages", said)
-
-
-def tells(speaker):
-    """Has an event of its parameters published."""
-    speaker.node.set_parameters([rclpy.parameter.Parameter(STIFFNESS, value=time.monotonic())])
-
-
-def test_the_record_command_that_is_ended_before_a_row_came_says_so(start, tmp_path):
-    recording = haptic_record(start, tmp_path / "out", "--namespace", "/nobody")
-    until(lambda: files(tmp_path / "out" / "bag"), "the bag")
-    recording.send_signal(signal.SIGINT)
-    said, told = output(recording)
-    where = f"/nobody in domain {os.environ['ROS_DOMAIN_ID']}"
-    assert (recording.returncode, said) == (1, "")
-    assert told.split() == f"haptic: nothing was heard of {where}; is that where the nodes run?".split()
-
-
 def test_the_record_command_ended_before_it_began_says_that_there_is_no_bag(ros_domain, tmp_path, monkeypatch):
-    from haptic_sim.cli import record
-
     def interrupt(nodes, program):
         raise KeyboardInterrupt
 
@@ -341,46 +246,10 @@ def test_the_record_command_ended_before_it_began_says_that_there_is_no_bag(ros_
         record.record(tmp_path / "out")
 
 
-def test_a_mark_stands_in_the_bag_when_it_was_set_with_text_or_by_the_button(speaker, nodes, tmp_path, monkeypatch):
-    from haptic_sim.cli import mark
-
-    monkeypatch.setattr(mark, "PATIENCE", LIMIT)
-    bag = tmp_path / "bag"
-    begun(nodes, bag)
-    until(lambda: files(bag), "the bag")
-    before = time.time_ns()
-    mark.mark("über den Rand")
-    after = time.time_ns()
-    marked, _ = speaker.trigger("mark", "haptic_recorder")
-    until(lambda: len(marks(bag)) > 1, "the second mark on the disk")
-    well(nodes)
-    text, *buttons = load(bag).marks
-    assert text.text == "über den Rand" and before < text.time < after
-    assert marked and [one.text for one in buttons] == [f"mark {k + 1}" for k in range(len(buttons))]
-
-
 def test_a_mark_that_nobody_records_is_refused_in_a_sentence(ros_domain, monkeypatch):
-    from haptic_sim.cli import mark
-
     monkeypatch.setattr(mark, "PATIENCE", 0.5)
     with pytest.raises(ValueError, match="no haptic_recorder listens on /haptic/mark"):
         mark.mark("lost")
-
-
-def test_a_bag_says_how_it_was_made(speaker, nodes, tmp_path):
-    bag, trial = tmp_path / "bag", {"trial.participant": "P07", "trial.condition": "soft"}
-    begun(nodes, bag, **trial, **{"trial.fields": ["hand=left", "age=31"]})
-    speaker.until(lambda: files(bag) and STIFFNESS.encode() in files(bag)[0].read_bytes(), f"{STIFFNESS} in the bag")
-    well(nodes)
-    assert nodes.end("haptic_recorder") == 0
-    attached = {name: yaml.safe_load(data) for name, data in load(bag).attachments.items()}
-    assert attached["trial.yaml"] == {"participant": "P07", "condition": "soft", "hand": "left", "age": "31"}
-    assert attached["made.yaml"]["machine"]["cores"] == os.cpu_count()
-    assert attached["made.yaml"]["packages"]["numpy"] == np.__version__
-    given = attached["parameters/publisher.yaml"]["/haptic/publisher"]["ros__parameters"]
-    assert given[STIFFNESS] == 750.0
-    information = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
-    assert information["custom_data"]["participant"] == "P07"
 
 
 def test_a_recorder_that_is_shut_down_has_ended_its_bag_and_writes_no_more(newcomer, nodes, tmp_path):
@@ -485,107 +354,3 @@ def test_a_named_bag_that_is_there_is_refused_and_the_recorder_stays_inactive(ne
     assert newcomer.state("haptic_recorder") == State.PRIMARY_STATE_INACTIVE
     assert sorted(path.name for path in bag.iterdir()) == before
     assert nodes.end("haptic_recorder") == 0
-
-
-# On a disk that takes so many bytes of a bag, and more only where its reserve was given back.
-_FULL = """
-import errno, os, sys
-from haptic_device.nodes import recorder
-from haptic_device.recording.writer import Reserve
-limit, written, write, given, give_back = int(sys.argv.pop(1)), 0, os.write, [], Reserve.give_back
-Reserve.give_back = lambda reserve: (given.append(True), give_back(reserve))
-def filling(descriptor, data):
-    global written
-    if written > limit and not given:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    count = write(descriptor, data)
-    written += count
-    return count
-os.write = filling
-sys.exit(recorder.main())
-"""
-
-
-def test_a_disk_that_takes_no_more_ends_the_bag_which_keeps_what_it_has(speaker, start, tmp_path):
-    bag, limit = tmp_path / "bag", 6 * 2**20
-    command = [sys.executable, "-c", _FULL, str(limit), *ros_arguments(bag)]
-    process = start(command, stderr=subprocess.PIPE)
-    speaker.meet(bag, "encoder")
-    message, random = JointState(name=[f"n{i}" for i in range(1000)]), np.random.default_rng(1)
-    publisher = speaker.node.create_publisher(JointState, "large", BEST_EFFORT)
-
-    def flooded():
-        """Publishes what does not compress."""
-        for _ in range(10):
-            message.position, message.velocity = random.normal(size=(2, 1000)).tolist()
-            publisher.publish(message)
-        return process.poll() is not None
-
-    speaker.until(flooded, "the end of the recorder")
-    speaker.node.destroy_publisher(publisher)
-    _, said = output(process)
-    assert process.returncode == 1 and "Traceback" not in said
-    assert f"recording stopped: the bag could not be written: {bag / 'bag_0.mcap'}: No space left on device" in said
-    assert sorted(path.name for path in bag.iterdir()) == ["bag_0.mcap", "metadata.yaml"]
-    sequence = joint(bag, "large").sequence
-    assert np.all(np.diff(sequence) >= 1) and 2 * files(bag)[0].stat().st_size > limit
-    with AnyReader([bag]) as reader:
-        assert sum(1 for _ in reader.messages()) == sum(found.msgcount for found in reader.connections)
-
-
-_NEARLY_FULL = """
-import shutil, sys
-from collections import namedtuple
-from haptic_device.nodes import recorder
-usage, looks = namedtuple("usage", "total used free"), []
-def disk_usage(path):
-    looks.append(path)
-    return usage(0, 0, 10**12 if len(looks) < 4 else 150_000_000)
-shutil.disk_usage = disk_usage
-sys.exit(recorder.main())
-"""
-
-
-def test_a_disk_nearly_full_ends_the_bag(ros_domain, tmp_path):
-    command = [sys.executable, "-c", _NEARLY_FULL, *ros_arguments(tmp_path / "bag")]
-    ended = run(command)
-    assert ended.returncode == 1 and "Traceback" not in ended.stderr
-    assert "the disk has 150 MB left, disk_reserve is 200 MB" in ended.stderr and "are kept in" in ended.stderr
-    assert (tmp_path / "bag" / "metadata.yaml").exists()
-
-
-def test_a_bag_that_cannot_be_ended_is_said_to_be_so_and_the_recorder_has_failed(ros_domain, start, tmp_path):
-    command = [sys.executable, "-c", _FAILING, str(tmp_path / "bag"), "close", *ros_arguments(tmp_path / "bag")]
-    process = start(command, stderr=subprocess.PIPE)
-    until(lambda: files(tmp_path / "bag"), "the bag")
-    process.send_signal(signal.SIGINT)
-    said = output(process)[1]
-    assert process.returncode == 1 and "could not be ended (nobody foresaw this): haptic recover" in said, said
-    assert "Traceback" not in said
-
-
-_FAILING = """
-import sys
-from pathlib import Path
-from haptic_device.nodes import parameter_client, polled_subscription, recorder
-from haptic_device.recording import writer
-bag, name = Path(sys.argv.pop(1)), sys.argv.pop(1)
-owners = parameter_client.ParameterClient, polled_subscription.PolledSubscription, writer.Bag
-owner = dict(zip(("look", "take", "close"), owners))[name]
-does = getattr(owner, name)
-def fails(self, *given):
-    if any(bag.glob("*.mcap")):
-        raise RuntimeError("nobody foresaw this")
-    return does(self, *given)
-setattr(owner, name, fails)
-sys.exit(recorder.main())
-"""
-
-
-@pytest.mark.parametrize("part", ["look", "take"])  # of another node's parameters, and of a message
-def test_an_exception_that_nobody_foresaw_ends_the_recorder_and_its_bag(ros_domain, tmp_path, part):
-    bag = tmp_path / "bag"
-    command = [sys.executable, "-c", _FAILING, str(bag), part, *ros_arguments(bag)]
-    ended = run(command)
-    assert ended.returncode == 1 and "nobody foresaw this" in ended.stderr
-    assert sorted(path.name for path in bag.iterdir()) == ["bag_0.mcap", "metadata.yaml"]

@@ -1,34 +1,129 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tools on a live driver that take their time: a map that is interrupted at a wall, and a device recognized."""
+"""Tools that take their time, on a driver and a loopback of their own: `haptic zwidth --live`, `haptic identify`."""
 
+import contextlib
 import json
+import re
 import signal
+import subprocess
+import sys
+import time
 
 import pytest
 import typer
 import yaml
-from live_tuning import GAINS, disturbed, engaged_pair
 from typer.testing import CliRunner
+from waiting import output, until
 
 from haptic_device.config_files import find
 from haptic_device.description import load_device
 from haptic_sim.cli.identify import identify
+from haptic_sim.supervision.pair import on_pair, running
+from haptic_sim.supervision.tuning import Tuning
 
 pytestmark = pytest.mark.timeout(900)
 
+GAINS = ("wall.normals", "wall.offsets", "wall.stiffness", "wall.damping", "passivity.policy", "coupling.stiffness")
+PATIENT = {"servo.rate": 1000.0, "fault.silence": 1.0, "fault.unattended": 0.0}
+PAIR = PATIENT, {"motion.name": "follow", "motor_watchdog": 2.0}
 
-def test_zwidth_live_interrupted_at_a_wall_leaves_the_gains_as_found(start):
-    with engaged_pair() as pair:
-        tuning = pair[0]
-        before = tuning.get(GAINS)
-        ended = disturbed(
-            pair,
-            start,
-            lambda: tuning.get(["wall.stiffness"]) != {"wall.stiffness": ()},
-            lambda process: process.send_signal(signal.SIGINT),
-        )
-        assert ended == (130, "haptic zwidth: interrupted; the gains are as they were")
-        assert tuning.get(GAINS) == before
+
+@pytest.fixture
+def pair():
+    """(tuning, domain, namespace) of driver and loopback with a hand that follows, engaged.
+
+    No fault if the machine holds them up for a second."""
+    with (
+        running(None, None, *PAIR) as (domain, namespace, check),
+        contextlib.closing(Tuning(domain, namespace)) as tuning,
+    ):
+        tuning.wait_engaged(check)
+        yield tuning, domain, namespace
+
+
+def zwidth_live(pair, start):
+    """`haptic zwidth --live` as a person starts it, on the nodes of the pair."""
+    words = ["zwidth", "--live", "--device", "desktop", "--domain", pair[1], "--namespace", pair[2]]
+    command = [sys.executable, "-m", "haptic_sim.cli.main", *words]
+    return start(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def disturbed(pair, start, condition, act):
+    """How `haptic zwidth --live` ends if act(process) comes once condition() holds."""
+    process = zwidth_live(pair, start)
+
+    def there():
+        assert process.poll() is None, process.communicate()
+        return condition()
+
+    until(there, "the moment to disturb it", look=lambda: time.sleep(0.05))
+    act(process)
+    return sentence_of(process)
+
+
+def sentence_of(process):
+    """Exit code and the one line that the command says at its end."""
+    said, complained = output(process)
+    assert said == ""
+    sentences = complained.strip().splitlines()
+    assert len(sentences) == 1, complained
+    return process.returncode, sentences[0]
+
+
+def test_zwidth_live_gives_way_to_somebody_else_who_changes_its_gains(pair, start):
+    tuning = pair[0]
+    before = tuning.get(GAINS)
+    ended = disturbed(
+        pair,
+        start,
+        lambda: tuning.get(["coupling.stiffness"]) == {"coupling.stiffness": 0.0},
+        lambda process: tuning.set(coupling__stiffness=250.0),
+    )
+    told = "something else set coupling.stiffness to 250.0 meanwhile, this command had set 0.0"
+    assert ended == (2, f"haptic zwidth: {told}")
+    assert tuning.get(GAINS) == before
+
+
+def test_zwidth_live_refuses_a_driver_in_fault(pair, start):
+    tuning = pair[0]
+    tuning.trigger("estop")
+    try:
+        ended = sentence_of(zwidth_live(start))
+    finally:
+        tuning.recover()
+    assert ended[0] == 2
+    assert re.fullmatch(r"haptic zwidth: haptic_driver is in fault \w+: clear it first .*", ended[1])
+
+
+def test_a_tool_whose_own_driver_falls_into_a_fault_goes_on_with_a_new_pair(capsys, monkeypatch):
+    monkeypatch.delenv("ROS_DOMAIN_ID")  # a pair of its own has a domain of its own
+    domains = []
+
+    def work(domain, namespace, check):
+        domains.append(domain)
+        with contextlib.closing(Tuning(domain, namespace)) as tuning:
+            tuning.wait_engaged(check)
+            if len(domains) == 1:
+                tuning.trigger("estop")
+            tuning.watch(1.0)
+            return tuning.said("state")
+
+    assert on_pair(None, None, *PAIR, work) == "engaged" and len(domains) == 2
+    fell = "haptic_driver fell into fault estop (~/estop was called); both nodes are started anew"
+    assert capsys.readouterr().err.splitlines() == [fell]
+
+
+def test_zwidth_live_interrupted_at_a_wall_leaves_the_gains_as_found(pair, start):
+    tuning = pair[0]
+    before = tuning.get(GAINS)
+    ended = disturbed(
+        pair,
+        start,
+        lambda: tuning.get(["wall.stiffness"]) != {"wall.stiffness": ()},
+        lambda process: process.send_signal(signal.SIGINT),
+    )
+    assert ended == (130, "haptic zwidth: interrupted; the gains are as they were")
+    assert tuning.get(GAINS) == before
 
 
 def test_identify_writes_what_it_found_of_a_live_device_and_tells_it_from_the_one_that_the_driver_was_told(

@@ -7,8 +7,8 @@ import time
 from pathlib import Path
 
 import pytest
+from ear import Peer
 from handle_samples import HOME, handle
-from test_simulation_node import Peer
 from waiting import exit_code
 
 from haptic_device.control import exchange_samples

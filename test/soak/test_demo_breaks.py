@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`haptic demo` among strangers, with a node that dies, a device that falls silent, and a fault."""
+
+import contextlib
+import json
+
+import psutil
+import pytest
+from live_demo import BUSY, children, demos, pages, running
+from live_nodes import MODULES, strange_diagnostics
+from waiting import LIMIT, until
+
+from haptic_sim.client import Client
+from haptic_sim.service_requests import trigger
+from haptic_sim.supervision.processes import NAMESPACE
+
+pytestmark = pytest.mark.timeout(900)
+
+
+@pytest.fixture
+def demo(tmp_path):
+    """demo(*options) starts it; whatever the test came to, it and its nodes have ended afterwards."""
+    with demos(tmp_path) as start:
+        yield start
+
+
+def test_strange_diagnostics_neither_end_a_demo_nor_spoil_its_figures(demo):
+    with strange_diagnostics():
+        # Long enough for a machine that stands still for some tenths of a second: a tenth unanswered is not done.
+        run = demo("--json", "--seconds", "4.0", *BUSY, scene="free_space")
+        assert run.ended() == 0, run.progress + run.said
+    found = json.loads(run.said.splitlines()[-1])
+    assert found["done"] and found["faults"] == [] and "Traceback" not in run.progress
+
+
+def test_a_dead_node_ends_the_demo_and_is_named(demo):
+    run = demo("--json", *BUSY)
+    until(run.bag.exists, "the bag", said=lambda: run.progress)
+    until(lambda: len(children(run.process)) == len(MODULES) + 1, "the last of the nodes", said=lambda: run.progress)
+    nodes = children(run.process)
+    node_of(run, "haptic_simulation").kill()
+    assert run.ended() == 1 and "haptic_simulation ended with exit code -9" in run.progress
+    assert not json.loads(run.said)["done"] and (run.bag / "metadata.yaml").exists()
+    assert not running(nodes) and not pages()
+
+
+def test_a_demo_whose_device_falls_silent_before_the_motion_begins_anew_and_does_its_job(demo, ros_domain):
+    run = demo("--json", *BUSY, scene="free_space")
+    simulation = until(lambda: node_of(run, "haptic_simulation"), "the simulation")
+    simulation.suspend()  # the driver does not engage without it
+    loopback = node_of(run, "haptic_loopback")
+    with contextlib.closing(Client.join("stalls", ros_domain, NAMESPACE)) as client:
+
+        def says(name, wanted):
+            client.look()
+            return wanted(client.said("haptic_driver", name))
+
+        until(lambda: says("ticks", lambda ticks: int(ticks or 0) > 0), "the servo runs", said=lambda: run.progress)
+        loopback.suspend()
+        until(lambda: says("fault", lambda fault: fault == "device_silent"), "the fault", said=lambda: run.progress)
+        for process in (simulation, loopback):
+            with contextlib.suppress(psutil.NoSuchProcess):  # the demo may have ended them already
+                process.resume()
+    assert run.ended() == 0, run.progress + run.said
+    assert "(the device answered no tick for fault.silence); all nodes are started anew" in run.progress
+    assert json.loads(run.said)["done"] and (run.out / "first_start" / "bag" / "metadata.yaml").exists()
+
+
+def node_of(run, name):
+    """Its process, once it is there."""
+    for node in children(run.process):
+        with contextlib.suppress(psutil.NoSuchProcess):  # one that has just ended has no words
+            if MODULES[name] in node.cmdline():
+                return node
+    return None
+
+
+def test_a_fault_ends_a_demo_that_was_to_last_an_hour_and_its_cause_is_said(demo, ros_domain):
+    run = demo("--json", "--seconds", "3600", *BUSY, scene="free_space")
+    with contextlib.closing(Client.join("stops", ros_domain, NAMESPACE)) as client:
+
+        def moves():
+            client.look()
+            return client.said("haptic_driver", "state") == "engaged" and client.motor_commanded
+
+        until(moves, "the motor moves the handle", said=lambda: run.progress)
+        client.call(trigger("haptic_driver/estop"), patience=LIMIT)
+    assert run.ended() == 1
+    found, fell = json.loads(run.said), "haptic_driver fell into fault estop (~/estop was called)"
+    # whether the demo saw the motor between two looks, before it was stopped, is not said here
+    assert found["why"].endswith(f": {fell}; what clears it: ~/reset, then ~/enable")
+    assert found["faults"] == ["estop"] and not found["done"] and found["seconds"] > 0.0
