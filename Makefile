@@ -21,7 +21,7 @@ help:
 	@echo "make demo    peg into hole through three live nodes; options: make demo ARGS='--seconds 20'"
 	@echo "make check   lint, types, import contracts, and all tests that need no live node"
 	@echo "make test    make check, and the tests of live nodes"
-	@echo "make soak    what takes long or breaks things on purpose: packages, searches, chaos, interrupts"
+	@echo "make soak    what takes long or breaks things on purpose: CONTRIBUTING.md lists it"
 	@echo "make bench   measurements in their short form, and the table of docs/performance.md made of them"
 	@echo "make docs    write docs/parameters.md and docs/faults.md from the code"
 	@echo "make test-browser   the page in a real Chromium; as root it installs one if there is none"
@@ -67,7 +67,7 @@ check: setup
 	$(BIN)/python -m pytest test/unit -n 2 --dist worksteal
 
 test: check
-	$(BIN)/python -m pytest test/live -n 2 --dist loadfile --no-loadscope-reorder  # the demo, the longest, not last
+	$(BIN)/python -m pytest test/live -n 2 --dist loadfile --no-loadscope-reorder  # those that share nodes in turn
 
 soak: setup
 	$(BIN)/python -m pytest test/soak test/adversary test/fault_injection

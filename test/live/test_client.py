@@ -15,8 +15,6 @@ from waiting import LIMIT, until
 from haptic_sim.client import Client
 from haptic_sim.service_requests import RefusedError, get_parameters, set_parameters, trigger
 
-pytestmark = pytest.mark.timeout(300)
-
 ENABLE, RESET = trigger("haptic_driver/enable"), trigger("haptic_driver/reset")
 GET = get_parameters("haptic_driver", ["wall.stiffness", "servo.rate"])
 

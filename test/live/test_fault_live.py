@@ -19,8 +19,6 @@ from waiting import until
 from haptic_device.process import ending_with_us
 from haptic_device.realtime import clock, shared_memory
 
-pytestmark = pytest.mark.timeout(600)
-
 SPACE = "/hands"
 WALL = {"wall__normals": [1.0, 0.0], "wall__offsets": [0.0], "wall__stiffness": [1000.0], "wall__damping": [0.0]}
 SOFT = {"coupling__stiffness": 100.0, "coupling__damping": 0.1, "coupling__rotational_stiffness": 0.1, **HOLDING}

@@ -1,43 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`haptic get`, `set`, `save` and `status` on one running display, and beside it another; a loopback begun anew."""
+"""`haptic get`, `set`, `save` and `status` on a running display, among strangers, and beside another display."""
 
 import json
-import signal
 
 import numpy as np
 import pytest
-from ear import Ear
 from in_process import haptic
 from lifecycle_msgs.msg import State, Transition
-from live_demo import demos
-from live_nodes import SLOW, Nodes
+from live_nodes import DISPLAY, SLOW, strange_diagnostics
+from waiting import until
 
 from haptic_device import yaml_reader
-from haptic_device.parameters import DRIVER
+from haptic_device.parameters import DRIVER, LOOPBACK_FIGURES
 from haptic_sim.service_requests import change_state
 
-pytestmark = pytest.mark.timeout(600)
-
+NODES = DISPLAY
 CIRCLE = {"motion__name": "circle", "motion__radius": 0.04, "motion__duration": 60.0, "motion__turns": 60.0}
-NODES = {"haptic_loopback": CIRCLE, "haptic_driver": SLOW, "haptic_simulation": {"scene": "free_space"}}
 FASTEST = 1.0  # [m/s] that a hand which keeps to its script stays below
-
-
-@pytest.fixture(scope="module")
-def nodes(ros_domain, tmp_path_factory):
-    with Nodes(tmp_path_factory.mktemp("nodes")) as nodes:
-        for name, given in NODES.items():
-            nodes.start(name, **given)
-        yield nodes
-
-
-@pytest.fixture(scope="module")
-def ear(ros_domain, nodes):
-    ear = Ear(ros_domain)
-    for name in NODES:
-        ear.until(lambda name=name: ear.state(name) == State.PRIMARY_STATE_ACTIVE, f"{name} is active")
-    yield ear
-    ear.close()
 
 
 @pytest.mark.parametrize(
@@ -49,7 +28,7 @@ def ear(ros_domain, nodes):
         ("diagnostics.energy.warn", "-1", "-1.0"),
     ],
 )
-def test_a_value_is_set_as_a_parameter_file_has_it_and_got_back(ear, name, value, printed):
+def test_a_value_is_set_as_a_parameter_file_has_it_and_got_back(display, name, value, printed):
     done = haptic("set", "haptic_driver", name, value)
     assert (done.returncode, done.stdout, done.stderr) == (0, f"{printed}\n", "")
     assert haptic("get", "haptic_driver", name).stdout == f"{printed}\n"
@@ -80,31 +59,47 @@ def test_a_value_is_set_as_a_parameter_file_has_it_and_got_back(ear, name, value
         (("save", "new.yaml", "--namespace", "/nowhere"), "no node of a display is found in /nowhere; does it run in"),
     ],
 )
-def test_what_is_refused_is_said_in_the_nodes_own_sentence(ear, words, sentence):
+def test_what_is_refused_is_said_in_the_nodes_own_sentence(display, words, sentence):
     done = haptic(*words)
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith(f"haptic: {sentence}") and done.stderr.count("\n") == 1
 
 
-def test_without_a_name_all_parameters_are_printed_as_a_file_has_them(ear):
+def test_without_a_name_all_parameters_are_printed_as_a_file_has_them(display):
     found = yaml_reader.loads(haptic("get", "haptic_driver").stdout, ros=True)
     assert set(found) == {parameter.name for parameter in DRIVER}
     assert found["servo.rate"] == SLOW["servo__rate"] and found["wall.offsets"] == []
 
 
-def test_who_activates_an_active_node_is_answered(ear, nodes):
-    assert ear.told(change_state("haptic_loopback", Transition.TRANSITION_ACTIVATE))[0] is False
+def test_who_activates_an_active_node_is_answered(display, nodes):
+    assert display.told(change_state("haptic_loopback", Transition.TRANSITION_ACTIVATE))[0] is False
     said = "haptic_loopback is active; there is no transition activate from there"
     assert said in nodes.running["haptic_loopback"].log.read_text()
 
 
-def test_a_loopback_activated_again_begins_its_script_anew_and_the_hand_does_not_jump(ear):
+def test_what_is_saved_passes_check_and_is_not_overwritten(display, tmp_path):
+    assert haptic("set", "haptic_driver", "coupling.stiffness", "950").returncode == 0
+    file = tmp_path / "point.yaml"
+    done = haptic("save", file)
+    assert done.stdout == f"{file} holds the parameters of haptic_driver, haptic_loopback, haptic_simulation\n", done
+    assert haptic("check", file).stdout == f"{file}: ok\n"
+    again = haptic("save", file)
+    assert (again.returncode, again.stderr) == (1, f"haptic: {file} exists already; name a new file\n")
+    saved = {
+        key.rpartition("/")[2]: section["ros__parameters"] for key, section in yaml_reader.load(file, ros=True).items()
+    }
+    assert saved["haptic_driver"]["coupling.stiffness"] == 950.0
+    assert saved["haptic_simulation"]["scene"] == "free_space" and saved["haptic_loopback"]["motion.name"] == "follow"
+
+
+def test_a_loopback_activated_again_begins_its_script_anew_and_the_hand_does_not_jump(nodes, ear):
     def away(truth):
         return np.abs(truth.position[3:5]).max() > CIRCLE["motion__radius"]
 
+    nodes.have("haptic_loopback", **CIRCLE)
+    ear.truth(away, what="the hand is on its circle")
     ear.cleared()
     ear.engaged()
-    ear.truth(away, what="the hand is on its circle")
     assert ear.trigger("disable")[0]  # else it would begin at once, by the last word of the driver
     ear.change("haptic_loopback", Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
     begin = len(ear.truths)
@@ -117,32 +112,38 @@ def test_a_loopback_activated_again_begins_its_script_anew_and_the_hand_does_not
     assert max(np.abs(truth.velocity[:2]).max() for truth in ear.truths[begin:]) < FASTEST
 
 
-def test_what_is_saved_passes_check_is_not_overwritten_and_a_demo_starts_from_it(ear, tmp_path):
-    assert haptic("set", "haptic_driver", "coupling.stiffness", "950").returncode == 0
-    file = tmp_path / "point.yaml"
-    done = haptic("save", file)
-    assert done.stdout == f"{file} holds the parameters of haptic_driver, haptic_loopback, haptic_simulation\n", done
-    assert haptic("check", file).stdout == f"{file}: ok\n"
-    again = haptic("save", file)
-    assert (again.returncode, again.stderr) == (1, f"haptic: {file} exists already; name a new file\n")
-    saved = {
-        key.rpartition("/")[2]: section["ros__parameters"] for key, section in yaml_reader.load(file, ros=True).items()
-    }
-    assert saved["haptic_driver"]["coupling.stiffness"] == 950.0
-    assert saved["haptic_simulation"]["scene"] == "free_space" and saved["haptic_loopback"]["motion.name"] == "circle"
-    with pytest.MonkeyPatch.context() as alone, demos(tmp_path) as start:
-        alone.delenv("ROS_DOMAIN_ID")
-        run = start("--params", str(file), "--seconds", "1", "--json", scene=None)
-        assert run.ended() == 0, run.progress
-        assert json.loads(run.said)["scene"] == "free_space"
+def test_status_shows_every_figure_of_a_running_display_and_says_by_its_exit_code_whether_one_is_bad(display):
+    def status(*words):
+        done = haptic("status", "--json", *words)
+        return json.loads(done.stdout), done.returncode
+
+    assert status("--namespace", "/nobody") == ({}, 1)
+    found, code = status()
+    figures = {"haptic_loopback", *(f"haptic_loopback: {each.name}" for each in LOOPBACK_FIGURES)}
+    assert {name for name in found if name.startswith("haptic_loopback")} == figures
+    assert found["haptic_loopback"]["message"] == "serving"
+    assert code == int(any(said["level"] >= 2 for said in found.values()))
 
 
-def test_status_shows_the_displays_of_every_namespace_or_of_one(ear, nodes):
+def test_status_shows_strange_diagnostics_as_they_are_and_does_not_end(ros_domain):
+    def heard(*options):
+        done = haptic("status", *options)
+        return all(name in done.stdout for name in ("seven", "all bits", "[/x]")) and done.stdout
+
+    with strange_diagnostics():
+        table = until(heard, "a strange status")
+        said = until(lambda: heard("--json"), "a strange status")
+    assert "[/x] [bold" in table and table.count("STALE") == 2
+    said = json.loads(said)
+    assert said["seven"]["level"] == said["all bits"]["level"] == 3 and said["[/x]"]["values"] == {"[/x]": "[/x]"}
+
+
+def test_status_shows_the_displays_of_every_namespace_or_of_one(nodes, ear):
     def status(*words):
         return set(json.loads(haptic("status", "--json", *words).stdout))
 
     assert {"haptic_driver", "haptic_loopback"} <= status()
-    nodes.end("haptic_loopback", signal.SIGINT)
+    nodes.end("haptic_loopback")
     nodes.start("haptic_loopback", namespace="/left")
     ear.until(lambda: "/left/haptic_loopback" in status(), "the other display")
     assert {"/haptic/haptic_driver", "/left/haptic_loopback"} <= status()

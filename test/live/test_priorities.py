@@ -5,9 +5,8 @@ import os
 from pathlib import Path
 
 import pytest
-from ear import Ear
 from lifecycle_msgs.msg import State, Transition
-from live_nodes import SLOW, Nodes
+from live_nodes import DISPLAY
 
 from haptic_device.nodes import driver
 from haptic_device.nodes.exchange_server import PRIORITY as EXCHANGE
@@ -15,29 +14,20 @@ from haptic_device.nodes.recorder import PRIORITY as RECORDER
 from haptic_device.realtime import scheduling
 from haptic_device.realtime.machine import checks
 
-pytestmark = pytest.mark.timeout(600)
-
-SPACE = "/lifted"
-NODES = "haptic_driver", "haptic_simulation"
+NODES = DISPLAY
+LIFTABLE = "haptic_driver", "haptic_simulation"
 PERMITTED = next(check.good for check in checks(EXCHANGE) if check.name == "real-time priority")
 LIFTED = (os.SCHED_RR, scheduling.INTERPRETER_PRIORITY)
 ORDINARY = (os.SCHED_OTHER, 0)
 
 
-@pytest.fixture(params=["prefer", "off"])
-def display(request, ros_domain, tmp_path):
-    """(what was wished for, processes by name, who hears them) of nodes that exchange samples."""
-    ear = Ear(ros_domain, SPACE)
-    with Nodes(tmp_path) as nodes:
-        nodes.start("haptic_loopback", namespace=SPACE)
-        given = {"namespace": SPACE, "realtime": request.param}
-        processes = {
-            "haptic_simulation": nodes.start("haptic_simulation", scene="free_space", **given),
-            "haptic_driver": nodes.start("haptic_driver", **given, **SLOW),
-        }
-        ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 0, "an answer")
-        yield request.param, processes, ear
-    ear.close()
+@pytest.fixture(scope="module", params=["prefer", "off"])
+def wish(request, nodes, ear):
+    """What was wished for, of nodes that exchange samples."""
+    for name in LIFTABLE if request.param == "off" else ():
+        nodes.have(name, realtime="off", **NODES[name])
+    ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 0, "an answer")
+    return request.param
 
 
 def threads(process):
@@ -50,27 +40,25 @@ def threads(process):
     return found[True], found[False]
 
 
-def test_where_it_is_permitted_and_wished_the_executor_that_the_exchange_waits_for_is_lifted_and_else_none(display):
-    wish, processes, _ = display
+def test_where_it_is_permitted_and_wished_the_executor_that_the_exchange_waits_for_is_lifted_and_else_none(wish, nodes):
     permitted = PERMITTED and wish == "prefer"
-    for name, process in processes.items():
-        _, ours = threads(process)
+    for name in LIFTABLE:
+        _, ours = threads(nodes.running[name])
         assert ours[0] == (LIFTED if permitted and name == "haptic_simulation" else ORDINARY), name
         assert (EXCHANGE in [priority for _, priority in ours]) == permitted, name
 
 
-def test_middleware_is_above_the_exchange_and_who_holds_the_interpreter_below_the_recorder(display):
-    wish, processes, _ = display
-    for process in processes.values():
-        of_middleware, _ = threads(process)
+def test_middleware_is_above_the_exchange_and_who_holds_the_interpreter_below_the_recorder(wish, nodes):
+    for name in LIFTABLE:
+        of_middleware, _ = threads(nodes.running[name])
         expected = driver.MIDDLEWARE_PRIORITY if PERMITTED and wish == "prefer" else 0
         assert of_middleware and max(priority for _, priority in of_middleware) == expected
     assert driver.MIDDLEWARE_PRIORITY > EXCHANGE > RECORDER > scheduling.INTERPRETER_PRIORITY
 
 
-def test_of_nodes_that_are_not_active_any_more_python_is_ordinary(display):
-    _, processes, ear = display
-    for name in NODES:
+def test_of_nodes_that_are_not_active_any_more_python_is_ordinary(wish, nodes, ear):
+    for name in LIFTABLE:
         ear.change(name, Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
-        _, ours = threads(processes[name])
+        _, ours = threads(nodes.running[name])
         assert ours[0] == ORDINARY, name
+        ear.change(name, Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE)

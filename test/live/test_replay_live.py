@@ -13,8 +13,6 @@ from waiting import until
 from haptic_sim.replay.recorded_operator import PlayedTarget
 from haptic_sim.supervision import recorded_operator
 
-pytestmark = pytest.mark.timeout(300)
-
 AXES, SCALE = ("x", "y", "theta"), (2.0, 2.0, 1.0)  # world metres (radians) per metre (radian) of each axis
 COUNT = 300
 

@@ -13,8 +13,6 @@ from waiting import LIMIT, until
 
 from haptic_device.nodes.service_thread import ServiceThread
 
-pytestmark = pytest.mark.timeout(300)
-
 
 class Asked:
     """A node with the services `first`, `slow` and `other`, and a client of each: `order` is who was answered."""
