@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_driver alive, on a loopback in another process: what it is asked, what it refuses, how it can end."""
 
-import math
 import os
 import signal
 import subprocess
@@ -218,36 +217,6 @@ def test_handle_encoder_and_motor_of_one_tick_bear_the_same_stamp(display):
         display.node.destroy_subscription(one)
 
 
-def test_foreign_tool_messages_move_nothing_are_refused_and_counted_by_reason(display):
-    layout, count = JointLayout(exchange_names(3)), len(exchange_names(3))
-    still, wild = [0.0] * count, [math.nan] * count
-    tail = dict.fromkeys(TAIL, 1.0) | {"layout_version": exchange_samples.LAYOUT_VERSION}
-    tail["exchange_method"] = float(exchange_samples.PSPM)
-    samples = [
-        layout.pack(0, wild, still, still),
-        layout.pack(0, [0.05, 0.05, 0.5, *tail.values()], still, still),
-        JointLayout(exchange_names(2)).pack(0, *[[0.0] * (count - 1)] * 3),
-        layout.template[:-3],
-    ]
-    reasons = "refused.NaN or out of range", "refused.answers another session", "refused.other axis names or size"
-    begin, asked, turn = len(display.said["haptic_driver"]), 0.0, 0
-
-    def counted():
-        """The first report of all three while the display is engaged."""
-        nonlocal asked, turn
-        if time.monotonic() > asked + 0.02:
-            display.tool.publish(samples[turn % len(samples)])
-            asked, turn = time.monotonic(), turn + 1
-        heard = [values for _, _, values in display.said["haptic_driver"][begin:] if values["state"] == "engaged"]
-        return next((values for values in heard if all(reason in values for reason in reasons)), None)
-
-    moved = len(display.truths)
-    display.engaged()
-    values = display.until(counted, f"engaged, and counted: {reasons}")
-    assert values["exchange_answered"] == "0" and values["fault"] == ""
-    assert not any(display.motor(truth).any() for truth in display.truths[moved:])
-
-
 def test_a_second_driver_of_the_same_device_is_refused(display, start):
     second = start(command("haptic_driver"), stderr=subprocess.PIPE)
     said = refusal_of(second)
@@ -460,9 +429,3 @@ def test_signals_end_both_well_and_the_last_one_out_removes_the_page(nodes, ear)
     assert page_path().exists()
     assert nodes.end("haptic_loopback", signal.SIGINT) == 0
     assert not page_path().exists()
-
-
-def test_as_a_process_a_refused_driver_leaves_no_traceback_and_no_page(start):
-    said = refusal_of(start(command("haptic_driver", "/wrong", device="desktp"), stderr=subprocess.PIPE))
-    assert said.startswith("haptic_driver: ")
-    assert not page_path("/wrong").exists()

@@ -132,24 +132,6 @@ def test_the_next_word_is_heard_as_before(ear):
     assert ear.trigger("reset")[0] and ear.trigger("enable") == (True, "enabled")
 
 
-def test_an_exchange_method_that_differs_is_refused_in_a_sentence_and_the_handle_is_free(nodes, ear):
-    nodes.lack("haptic_driver")  # which knows the simulation
-    nodes.have("haptic_simulation", scene="free_space", exchange__method="wave")
-    nodes.have("haptic_driver", auto_enable=True, **DISPLAY["haptic_driver"])
-    said = "handle messages refused: other exchange method; set exchange.method alike on driver and simulation"
-    level, message, values = ear.news("haptic_simulation", lambda level, message, values: said in message)
-    assert level == WARN and int(values["refused.other exchange method"]) > 0 and values["answered"] == "0"
-    level, message, values = engaged(ear)
-    assert level == WARN and "no simulation: the handle is in free space" in message
-    begin = len(ear.truths)
-    ear.go_to(0.02)
-    assert pushed(ear, begin) == 0.0
-
-
-def test_the_same_method_on_both_sides_exchanges(exchanging):
-    assert exchanging["exchange_method"] == "pspm" and int(exchanging["exchange_answered"]) > 300
-
-
 def test_a_second_simulation_is_refused_counted_and_not_felt(exchanging, ear):
     ear.hear_handles()
     ear.until(lambda: ear.handles, "a handle sample")
@@ -170,23 +152,19 @@ def test_a_second_simulation_is_refused_counted_and_not_felt(exchanging, ear):
     assert no_fault(ear) and pushed(ear, begin) < QUIET
 
 
-@pytest.mark.parametrize("session", ["another", "wild numbers", "other names"])
-def test_a_second_driver_is_refused_and_counted_by_the_simulation_and_moves_no_tool(exchanging, ear, session):
+def test_a_second_driver_is_refused_and_counted_by_the_simulation_and_moves_no_tool(exchanging, ear):
     publisher = ear.node.create_publisher(messages.JointState, "handle", messages.LATEST)
-    number, wild = iter(range(1, 1 << 30)), float("nan") if session == "wild numbers" else 0.1
-    first = "z" if session == "other names" else "x"
-    key = {"another": "second publisher", "wild numbers": "NaN or out of range"}.get(
-        session, "other axis names or size"
-    )
+    number = iter(range(1, 1 << 30))
 
     def forged():
         stamp = 10**18 * (1 + next(number) % 2)  # of the past and the future in turn
-        return handle(float(next(number)), 99.0, 3, (wild, wild, 0.0), stamp, 0.0, first)
+        return handle(float(next(number)), 99.0, 3, (0.1, 0.1, 0.0), stamp, 0.0)
 
     begin = len(ear.truths)
-    level, values = send_until_said(ear, publisher, forged, "haptic_simulation", f"handle messages refused: {key}")
+    said = "handle messages refused: second publisher"
+    level, values = send_until_said(ear, publisher, forged, "haptic_simulation", said)
     ear.node.destroy_publisher(publisher)
-    assert level == WARN and int(values[f"refused.{key}"]) > 0
+    assert level == WARN and int(values["refused.second publisher"]) > 0
     assert no_fault(ear) and pushed(ear, begin) < QUIET
 
 
@@ -240,3 +218,17 @@ def test_stamps_of_the_past_and_future_from_the_driver_that_is_accepted_make_the
     ear.until(lambda: tools, "an answer")
     assert max(abs(one.position[0]) for one in tools) < 1e-9  # at its home, not where it was called to
     ear.node.destroy_publisher(publisher)
+
+
+def test_an_exchange_method_that_differs_is_refused_in_a_sentence_and_the_handle_is_free(nodes, ear):
+    nodes.lack("haptic_driver")  # which knows the simulation
+    nodes.have("haptic_simulation", scene="free_space", exchange__method="wave")
+    nodes.have("haptic_driver", auto_enable=True, **DISPLAY["haptic_driver"])
+    said = "handle messages refused: other exchange method; set exchange.method alike on driver and simulation"
+    level, message, values = ear.news("haptic_simulation", lambda level, message, values: said in message)
+    assert level == WARN and int(values["refused.other exchange method"]) > 0 and values["answered"] == "0"
+    level, message, values = engaged(ear)
+    assert level == WARN and "no simulation: the handle is in free space" in message
+    begin = len(ear.truths)
+    ear.go_to(0.02)
+    assert pushed(ear, begin) == 0.0

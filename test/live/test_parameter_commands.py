@@ -97,9 +97,9 @@ def test_a_loopback_activated_again_begins_its_script_anew_and_the_hand_does_not
         return np.abs(truth.position[3:5]).max() > CIRCLE["motion__radius"]
 
     nodes.have("haptic_loopback", **CIRCLE)
-    ear.truth(away, what="the hand is on its circle")
     ear.cleared()
     ear.engaged()
+    ear.truth(away, what="the hand is on its circle")
     assert ear.trigger("disable")[0]  # else it would begin at once, by the last word of the driver
     ear.change("haptic_loopback", Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE)
     begin = len(ear.truths)
@@ -117,8 +117,12 @@ def test_status_shows_every_figure_of_a_running_display_and_says_by_its_exit_cod
         done = haptic("status", "--json", *words)
         return json.loads(done.stdout), done.returncode
 
+    def heard():
+        found = status()
+        return "haptic_loopback" in found[0] and found
+
     assert status("--namespace", "/nobody") == ({}, 1)
-    found, code = status()
+    found, code = until(heard, "the status of the display")
     figures = {"haptic_loopback", *(f"haptic_loopback: {each.name}" for each in LOOPBACK_FIGURES)}
     assert {name for name in found if name.startswith("haptic_loopback")} == figures
     assert found["haptic_loopback"]["message"] == "serving"
@@ -138,13 +142,11 @@ def test_status_shows_strange_diagnostics_as_they_are_and_does_not_end(ros_domai
     assert said["seven"]["level"] == said["all bits"]["level"] == 3 and said["[/x]"]["values"] == {"[/x]": "[/x]"}
 
 
-def test_status_shows_the_displays_of_every_namespace_or_of_one(nodes, ear):
+def test_status_shows_the_displays_of_every_namespace_or_of_one(nodes):
     def status(*words):
         return set(json.loads(haptic("status", "--json", *words).stdout))
 
-    assert {"haptic_driver", "haptic_loopback"} <= status()
     nodes.end("haptic_loopback")
     nodes.start("haptic_loopback", namespace="/left")
-    ear.until(lambda: "/left/haptic_loopback" in status(), "the other display")
-    assert {"/haptic/haptic_driver", "/left/haptic_loopback"} <= status()
+    until(lambda: {"/haptic/haptic_driver", "/left/haptic_loopback"} <= status(), "both displays")
     assert "haptic_loopback" in (left := status("--namespace", "/left")) and "haptic_driver" not in left

@@ -26,6 +26,8 @@ def wish(request, nodes, ear):
     """What was wished for, of nodes that exchange samples."""
     for name in LIFTABLE if request.param == "off" else ():
         nodes.have(name, realtime="off", **NODES[name])
+    for name in LIFTABLE:
+        ear.until(lambda name=name: ear.state(name) == State.PRIMARY_STATE_ACTIVE, f"{name} is active")
     ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 0, "an answer")
     return request.param
 

@@ -32,6 +32,7 @@ NODES = {"haptic_loopback": DISPLAY["haptic_loopback"]}
 @pytest.fixture
 def far(nodes, ear):
     """Driver and simulation with a relay between."""
+    ear.go_to(OUT)
     nodes.start("haptic_relay", **NETWORK)
     nodes.start("haptic_simulation", scene="wall", renamed=[f"{near}:={far}" for near, far in FAR.items()])
     nodes.start("haptic_driver", **GAINS)
@@ -42,7 +43,6 @@ def far(nodes, ear):
 def test_a_wall_behind_a_bad_network_is_felt_and_gives_no_energy_beyond_the_budget(far, ear):
     ear.news("haptic_driver", lambda level, message, values: int(values["exchange_answered"]) > 0, what="an answer")
     ear.engaged()
-    ear.go_to(OUT)
     ear.go_to(IN)
     pushes = itertools.count(1)
 
