@@ -15,7 +15,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.context import Context
 from rclpy.serialization import serialize_message
-from waiting import output
+from waiting import exit_code, output
 
 from haptic_device.process import ending_with_us
 from haptic_device.realtime import shared_memory
@@ -179,8 +179,9 @@ class Nodes:
         return self
 
     def __exit__(self, *exception):
-        for name in reversed(list(self.running)):
-            self.end(name)
+        with contextlib.ExitStack() as stack:
+            for name in self.running:
+                stack.callback(self.end, name)
 
     def start(self, name, **given):
         """Starts a node; its process, with the path of its `log`."""
@@ -210,10 +211,10 @@ class Nodes:
         with contextlib.suppress(ProcessLookupError):
             os.kill(process.pid, signal.SIGCONT)  # a test that failed may have left it stopped
         process.send_signal(number)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(60.0)
-        if process.poll() is None:
+        try:
+            exit_code(process, process.log.read_text)
+        finally:
             process.kill()
-            process.wait(60.0)
+            process.wait()
         assert "Traceback" not in process.log.read_text(), process.log.read_text()
         return process.returncode

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from ear import Ear
 from live_nodes import HOLDING, command
-from waiting import until
+from waiting import exit_code, until
 
 from haptic_device.process import ending_with_us
 from haptic_device.realtime import clock, shared_memory
@@ -81,11 +81,9 @@ class Driver:
             os.write(self._word, b"x")
         self._process.send_signal(signal.SIGINT)
         try:
-            return self._process.wait(60.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            return self._process.wait(60.0)
+            return exit_code(self._process)
         finally:
+            self._process.kill()
             os.close(self._heard)
             os.close(self._word)
 

@@ -27,8 +27,8 @@ class Asked:
         self.services = ServiceThread(self.node, {name: self._answers(name) for name in names}, "overruled")
         self._clients = {name: self.node.create_client(Trigger, name) for name in names}
         self.services.start()
-        for client in self._clients.values():
-            assert client.wait_for_service(LIMIT)
+        for name, client in self._clients.items():
+            until(client.service_is_ready, f"the service {name}")
 
     def _answers(self, name):
         def answer(request, response):
@@ -46,7 +46,7 @@ class Asked:
         return self._clients[name].call_async(Trigger.Request())
 
     def answer_of(self, asked):
-        self._executor.spin_until_future_complete(asked, LIMIT)
+        until(asked.done, "an answer", lambda: self._executor.spin_once(timeout_sec=0.05))
         return asked.result().success, asked.result().message
 
     def close(self):
@@ -66,7 +66,7 @@ def asked(ros_domain):
 
 def test_the_first_goes_before_what_waits_longer_which_is_then_refused(asked):
     slow = asked.ask("slow")
-    assert asked.begun.wait(LIMIT)
+    until(asked.begun.is_set, "the slow one has begun")
     other, first = asked.ask("other"), asked.ask("first")
     asked.go.set()
     assert asked.answer_of(first) == (True, "") == asked.answer_of(slow)

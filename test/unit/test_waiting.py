@@ -77,13 +77,12 @@ def test_a_wait_in_vain_ends_at_its_limit_with_what_was_waited_for_and_said(monk
         assert clock.now == began + wanted
 
 
-@pytest.mark.parametrize("workers", [(), ("-n", "1")])
-def test_every_long_wait_of_a_captured_test_is_told_on_the_terminal_by_itself_or_by_where_it_stands(tmp_path, workers):
+def test_every_long_wait_of_a_captured_test_is_told_on_the_terminal_by_itself_or_by_where_it_stands(tmp_path):
     (tmp_path / "test_slow.py").write_text(SLOW)
     (tmp_path / "conftest.py").symlink_to(SHARED / "conftest.py")
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
     environment |= {"PYTHONPATH": f"{SHARED}:{SHARED.parent}"}
-    words = [sys.executable, "-m", "pytest", "-q", "-c", os.devnull, "--rootdir", tmp_path, *workers, tmp_path]
+    words = [sys.executable, "-m", "pytest", "-q", "-c", os.devnull, "--rootdir", tmp_path, "-n", "1", tmp_path]
     done = subprocess.run(words, capture_output=True, text=True, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
     for wanted in (
