@@ -22,10 +22,8 @@ FASTEST = 1.0  # [m/s] that a hand which keeps to its script stays below
 @pytest.mark.parametrize(
     ("name", "value", "printed"),
     [
-        ("coupling.stiffness", "900", "900.0"),
         ("coupling.stiffness", "9e2", "900.0"),
         ("clutch.open", "off", "false"),
-        ("diagnostics.energy.warn", "-1", "-1.0"),
     ],
 )
 def test_a_value_is_set_as_a_parameter_file_has_it_and_got_back(display, name, value, printed):
@@ -45,16 +43,9 @@ def test_a_value_is_set_as_a_parameter_file_has_it_and_got_back(display, name, v
             ("get", "haptic_driver", "coupling.stifness"),
             "coupling.stifness is not a parameter of haptic_driver; did you",
         ),
-        (("set", "haptic_driver", "coupling.stiffness", "-1.0"), "coupling.stiffness is -1.0 N/m; at least 0.0 N/m is"),
-        (
-            ("set", "haptic_driver", "coupling.stiffness", "stiff"),
-            "coupling.stiffness is 'stiff' (text); a number with",
-        ),
         (("set", "haptic_driver", "coupling.stiffness", "90000"), "coupling.stiffness 90000 N/m with coupling.damping"),
         (("set", "haptic_driver", "coupling.stiffness", "{a: 1}"), "'{a: 1}' is no value of one parameter"),
-        (("set", "haptic_driver", "coupling.stiffness", "["), "'[' is no value of one parameter"),
         (("set", "haptic_driver", "servo.rate", "2000"), "Trying to set a read-only parameter: servo.rate."),
-        (("set", "haptic_driver", "wall.offsets", "[0, 0.1]"), "wall.normals has 0 numbers; 2 walls need"),
         (("get", "haptic_drivr"), "haptic_drivr offers no ~/list_parameters in /haptic; does it run in this domain?"),
         (("save", "new.yaml", "--namespace", "/nowhere"), "no node of a display is found in /nowhere; does it run in"),
     ],
