@@ -2,6 +2,7 @@
 """`haptic get`, `set`, `save` and `status` on a running display, among strangers, and beside another display."""
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -87,7 +88,9 @@ def test_a_loopback_activated_again_begins_its_script_anew_and_the_hand_does_not
     def away(truth):
         return np.abs(truth.position[3:5]).max() > CIRCLE["motion__radius"]
 
+    began = time.monotonic()
     nodes.have("haptic_loopback", **CIRCLE)
+    ear.truth(lambda truth: ear.time(truth) > began, what="the new device's handle")
     ear.cleared()
     ear.engaged()
     ear.truth(away, what="the hand is on its circle")

@@ -80,6 +80,13 @@ def newcomer(ros_domain):
     newcomer.close()
 
 
+@pytest.fixture(autouse=True)
+def ended(nodes):
+    """No recorder is left to the next test."""
+    yield
+    nodes.lack("haptic_recorder")
+
+
 def begun(nodes, bag, **parameters):
     """A recorder that writes into this bag; parameters with `__` for a dot."""
     return nodes.have("haptic_recorder", bag=str(bag), **parameters)
