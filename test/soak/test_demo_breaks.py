@@ -48,7 +48,7 @@ def test_a_demo_whose_device_falls_silent_before_the_motion_begins_anew_and_does
     run = demo("--json", *BUSY, scene="free_space")
     simulation = until(lambda: node_of(run, "haptic_simulation"), "the simulation")
     simulation.suspend()  # the driver does not engage without it
-    loopback = node_of(run, "haptic_loopback")
+    loopback = until(lambda: node_of(run, "haptic_loopback"), "the loopback")
     with contextlib.closing(Client.join("stalls", ros_domain, NAMESPACE)) as client:
 
         def says(name, wanted):

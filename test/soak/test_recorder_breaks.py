@@ -76,7 +76,7 @@ def test_a_disk_that_takes_no_more_ends_the_bag_which_keeps_what_it_has(speaker,
     assert process.returncode == 1 and "Traceback" not in said
     assert f"recording stopped: the bag could not be written: {bag / 'bag_0.mcap'}: No space left on device" in said
     assert sorted(path.name for path in bag.iterdir()) == ["bag_0.mcap", "metadata.yaml"]
-    sequence = load(bag).joint("large").sequence
+    sequence = load(bag).joint("haptic/large").sequence
     assert np.all(np.diff(sequence) >= 1) and 2 * files(bag)[0].stat().st_size > limit
     with AnyReader([bag]) as reader:
         assert sum(1 for _ in reader.messages()) == sum(found.msgcount for found in reader.connections)

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.timeout(900)
 NODES = MODULES | BESIDE | {"haptic_viewer": "haptic_sim.viewer.viewer"}
 DEMO = len(MODULES) + 1  # nodes of a demo: the recorder too
 STARTED = {path.name: [path] for path in SCRIPTS if path.name in NODES}
-STARTED |= {"haptic_relay": ["-m", NODES["haptic_relay"]], "haptic view": [*HAPTIC[1:], "view"]}
+STARTED |= {"haptic_relay": ["-m", NODES["haptic_relay"]]}
 QUIET = ["--ros-args", "-r", "__ns:=/interrupted"]
 # A child that makes its standard input the terminal that controls it, and then becomes the command.
 ON_TERMINAL = (
@@ -32,8 +32,7 @@ ON_TERMINAL = (
 
 @pytest.mark.parametrize("name", STARTED)
 def test_a_node_told_to_end_while_it_imports_and_again_and_again_while_it_ends_ends_well(start, name):
-    words = [sys.executable, *STARTED[name], *(QUIET if name in NODES else [])]
-    process = start(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process = start([sys.executable, *STARTED[name], *QUIET], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     until(lambda: loaded(process, "rclpy"), "it has loaded ROS", said=lambda: process.poll())
     numbers = itertools.cycle((signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
 
@@ -82,6 +81,7 @@ def test_a_recorder_told_to_end_leaves_a_complete_bag(start, tmp_path, number):
 
 _PARENT = """
 import sys, time
+from pathlib import Path
 from haptic_sim.supervision.processes import Nodes, Program
 nodes = Nodes(Path(sys.argv[1]))
 nodes.start(Program("haptic_recorder", "haptic_device.nodes.recorder", {"bag": sys.argv[2]}))

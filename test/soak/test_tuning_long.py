@@ -88,7 +88,7 @@ def test_zwidth_live_refuses_a_driver_in_fault(pair, start):
     tuning = pair[0]
     tuning.trigger("estop")
     try:
-        ended = sentence_of(zwidth_live(start))
+        ended = sentence_of(zwidth_live(pair, start))
     finally:
         tuning.recover()
     assert ended[0] == 2
