@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""haptic_recorder on a disk nearly full, and with exceptions that nobody foresaw: its bag is ended, and that is said."""
+"""haptic_recorder on a disk nearly full, and with exceptions that nobody foresaw: its bag is ended, which is said."""
 
 import signal
 import subprocess
