@@ -88,8 +88,9 @@ def test_a_loopback_activated_again_begins_its_script_anew_and_the_hand_does_not
     def away(truth):
         return np.abs(truth.position[3:5]).max() > CIRCLE["motion__radius"]
 
+    nodes.end("haptic_loopback")
     began = time.monotonic()
-    nodes.have("haptic_loopback", **CIRCLE)
+    nodes.start("haptic_loopback", **CIRCLE)
     ear.truth(lambda truth: ear.time(truth) > began, what="the new device's handle")
     ear.cleared()
     ear.engaged()
