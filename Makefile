@@ -67,7 +67,7 @@ check: setup
 	$(BIN)/python -m pytest test/unit -n 2 --dist worksteal
 
 test: check
-	$(BIN)/python -m pytest test/live -n 2 --dist loadfile --no-loadscope-reorder  # those that share nodes in turn
+	$(BIN)/python -m pytest test/live -n 2 --dist loadfile --no-loadscope-reorder  # modules that share nodes run one after the other
 
 soak: setup
 	$(BIN)/python -m pytest test/soak test/adversary test/fault_injection

@@ -28,7 +28,7 @@ from reference.closed_forms import (
 
 ROOT = Path(__file__).parents[1]
 PHOTOGRAPHS = ROOT / "build" / "browser"
-SHOTS = ("peg", "wrench", "fault", "beside", "refused", "dark_1280", "phone")
+SHOTS = ("peg", "wrench", "fault", "refused", "dark_1280", "phone")
 
 
 def main(folder: Annotated[Path, typer.Argument(show_default="docs/figures")] = ROOT / "docs" / "figures") -> None:

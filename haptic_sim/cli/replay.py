@@ -65,7 +65,7 @@ def _refuse(mode: str, given: dict[str, bool]) -> None:
 def _play(bag: Path, namespace: str | None) -> None:
     from haptic_sim.cli.tables import print_notes
     from haptic_sim.replay import rerun
-    from haptic_sim.supervision.recorded_operator import play
+    from haptic_sim.supervision.operator_publisher import play
 
     recording = rerun.recorded(bag, namespace)
     print_notes(bag, recording.notes)

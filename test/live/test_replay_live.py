@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from waiting import until
 
 from haptic_sim.replay.recorded_operator import PlayedTarget
-from haptic_sim.supervision import recorded_operator
+from haptic_sim.supervision import operator_publisher
 
 AXES, SCALE = ("x", "y", "theta"), (2.0, 2.0, 1.0)  # world metres (radians) per metre (radian) of each axis
 COUNT = 300
@@ -25,7 +25,7 @@ def test_live_a_listener_hears_samples_of_the_recorded_target(ros_domain):
         listener.node.create_subscription(JointState, "operator/target", heard.append, deep)
 
         def play_and_look():  # again and again: nobody says when the listener has learnt of who plays
-            assert recorded_operator.play(short, AXES, SCALE, "/played") == COUNT
+            assert operator_publisher.play(short, AXES, SCALE, "/played") == COUNT
             listener.look(0.1)
 
         until(lambda: heard, "a sample of the target", play_and_look)
@@ -35,6 +35,6 @@ def test_live_a_listener_hears_samples_of_the_recorded_target(ros_domain):
 
 
 def test_live_without_a_loopback_is_refused_in_a_sentence(ros_domain, monkeypatch):
-    monkeypatch.setattr(recorded_operator, "PATIENCE", 0.3)
+    monkeypatch.setattr(operator_publisher, "PATIENCE", 0.3)
     with pytest.raises(ValueError, match="nobody listens on /nobody/operator/target"):
-        recorded_operator.play(PlayedTarget(np.array([0]), np.zeros((1, 3))), ("x",), (1.0,), "/nobody")
+        operator_publisher.play(PlayedTarget(np.array([0]), np.zeros((1, 3))), ("x",), (1.0,), "/nobody")

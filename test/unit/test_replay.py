@@ -335,7 +335,7 @@ def short(bag):
 
 
 def test_the_recorded_target_is_published_sample_by_sample_each_when_it_is_due(short, monkeypatch):
-    from haptic_sim.supervision import recorded_operator
+    from haptic_sim.supervision import operator_publisher
 
     now, published, layout = 5.0, [], JointLayout(("x", "y", "theta"))
 
@@ -344,8 +344,8 @@ def test_the_recorded_target_is_published_sample_by_sample_each_when_it_is_due(s
         now += seconds
 
     clock = SimpleNamespace(monotonic=lambda: now, sleep=sleep, time_ns=lambda: round(now * 1e9))
-    monkeypatch.setattr(recorded_operator, "time", clock)
+    monkeypatch.setattr(operator_publisher, "time", clock)
     publisher = SimpleNamespace(publish=lambda data: published.append((now, layout.unpack(data).position)))
-    assert recorded_operator.publish(short, publisher, layout, SCALE) == len(published) == 300
+    assert operator_publisher.publish(short, publisher, layout, SCALE) == len(published) == 300
     assert [at - 5.0 for at, _ in published] == pytest.approx(list((short.times - short.times[0]) * 1e-9))
     assert [list(position) for _, position in published] == (short.points * SCALE).tolist()
