@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """haptic_driver alive, on a loopback in another process: what it is asked, what it refuses, how it can end."""
 
+import math
 import os
 import signal
 import subprocess
+import sys
 import time
 
 import pytest
@@ -215,6 +217,36 @@ def test_handle_encoder_and_motor_of_one_tick_bear_the_same_stamp(display):
     display.hear_handles(False)
     for one in listening:
         display.node.destroy_subscription(one)
+
+
+def test_foreign_tool_messages_move_nothing_are_refused_and_counted_by_reason(display):
+    layout, count = JointLayout(exchange_names(3)), len(exchange_names(3))
+    still, wild = [0.0] * count, [math.nan] * count
+    tail = dict.fromkeys(TAIL, 1.0) | {"layout_version": exchange_samples.LAYOUT_VERSION}
+    tail["exchange_method"] = float(exchange_samples.PSPM)
+    samples = [
+        layout.pack(0, wild, still, still),
+        layout.pack(0, [0.05, 0.05, 0.5, *tail.values()], still, still),
+        JointLayout(exchange_names(2)).pack(0, *[[0.0] * (count - 1)] * 3),
+        layout.template[:-3],
+    ]
+    reasons = "refused.NaN or out of range", "refused.answers another session", "refused.other axis names or size"
+    begin, asked, turn = len(display.said["haptic_driver"]), 0.0, 0
+
+    def counted():
+        """The first report of all three while the display is engaged."""
+        nonlocal asked, turn
+        if time.monotonic() > asked + 0.02:
+            display.tool.publish(samples[turn % len(samples)])
+            asked, turn = time.monotonic(), turn + 1
+        heard = [values for _, _, values in display.said["haptic_driver"][begin:] if values["state"] == "engaged"]
+        return next((values for values in heard if all(reason in values for reason in reasons)), None)
+
+    moved = len(display.truths)
+    display.engaged()
+    values = display.until(counted, f"engaged, and counted: {reasons}")
+    assert values["exchange_answered"] == "0" and values["fault"] == ""
+    assert not any(display.motor(truth).any() for truth in display.truths[moved:])
 
 
 def test_a_second_driver_of_the_same_device_is_refused(display, start):
@@ -429,3 +461,23 @@ def test_signals_end_both_well_and_the_last_one_out_removes_the_page(nodes, ear)
     assert page_path().exists()
     assert nodes.end("haptic_loopback", signal.SIGINT) == 0
     assert not page_path().exists()
+
+
+NO_ROOM = """
+import sys
+from haptic_device.realtime import exchange_loop
+
+def none():
+    raise MemoryError("no room for incoming messages")
+
+exchange_loop.incoming_buffer = none
+from haptic_device.nodes.driver import main
+sys.exit(main())
+"""
+
+
+def test_an_exchange_that_cannot_begin_is_a_refused_activation_is_not_waited_for_and_leaves_no_page(start):
+    words = [sys.executable, "-c", NO_ROOM, *command("haptic_driver", "/wrong")[3:]]
+    said = refusal_of(start(words, stderr=subprocess.PIPE))
+    assert said == "haptic_driver: the exchange cannot begin: MemoryError: no room for incoming messages"
+    assert not page_path("/wrong").exists()

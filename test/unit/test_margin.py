@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The passivity margin of an operating point, and the refusal of gains beyond it."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -230,3 +232,13 @@ def test_for_whole_samples_of_delay_the_law_is_enough(stiffness, ratio, samples)
 def test_for_a_constant_fraction_of_delay_the_law_is_the_exact_need_of_a_spring():
     for late, needed in ((0.1, 0.6354), (0.25, 0.8080), (0.5, 1.0590), (0.75, 1.2864), (1.0, 1.5)):
         assert passivity.least_damping(1000.0, 0.0, 1e-3, late * 1e-3) == pytest.approx(needed, abs=5e-5)
+
+
+@pytest.mark.parametrize("late", [0.0, 1e-4, 5e-4])
+def test_the_most_that_a_refusal_names_is_taken_with_cancellation_before_it_however_late_the_writes(late):
+    def refused(stiffness):
+        given = walls(stiffness, 0.1, 0.0) | {"cancellation__ratio": 0.7, "cancellation__band": 0.02}
+        return gain_check.refusal(settings(3.0, servo__rate=1000.0, **given), late)
+
+    most = float(re.search(r"the device has 3: at most (\d+) N/m", refused(90000.0))[1])
+    assert refused(0.999 * most) == "" and refused(1.01 * most)
