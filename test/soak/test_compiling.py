@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels are compiled once, whoever asks; interrupted in the middle nothing is left running."""
+"""Kernels are compiled once, whoever asks, and never stale; interrupted in the middle nothing is left running."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import pytest
@@ -20,19 +22,23 @@ ROOT = Path(__file__).resolve().parents[2]
 SMALL = "wall maps"  # of few functions
 
 
-def asking(cache_home, *names):
-    """A process that has these entries in the cache when it ends; what was compiled is said by numba itself."""
-    script = f"from haptic_device.jit import ensure_compiled; ensure_compiled(*{names!r})"
-    environment = {**os.environ, "XDG_CACHE_HOME": str(cache_home)}
+def running(script, cache_home, cwd=ROOT, sources=ROOT):
+    """A process that runs this script with the packages in `sources`; what was compiled is said by numba itself."""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(cache_home), "PYTHONPATH": str(sources)}
     return subprocess.Popen(
-        [sys.executable, "-c", script],
-        cwd=ROOT,
+        [sys.executable, "-P", "-c", textwrap.dedent(script)],
+        cwd=cwd,
         env=environment,
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         start_new_session=True,
     )
+
+
+def asking(cache_home, *names, **places):
+    """A process that has these entries in the cache when it ends."""
+    return running(f"from haptic_device.jit import ensure_compiled; ensure_compiled(*{names!r})", cache_home, **places)
 
 
 def ended(process):
@@ -110,3 +116,71 @@ def test_what_two_entries_keep_they_keep_for_the_same_types(tmp_path):
     several = {path.name.split(".py3")[0] for path in (tmp_path / "all").rglob("*.2.nbc")}
     shared = {kernel: [name for name in ENTRIES if kernel in kept[name]] for kernel in several}
     assert {kernel: names for kernel, names in shared.items() if len(names) > 1} == {}
+
+
+ASK = """
+    import numpy as np
+    from haptic_device import jit
+    from haptic_device.device import wall_tapping
+    setup = np.zeros(1, wall_tapping.CELL)
+    setup["resolution"] = 1.0
+    reading = wall_tapping._read(setup.view(np.recarray)[0], 6.2)  # by control/velocity_estimator.py
+    print(jit.__file__, jit.folder(), reading)
+"""
+
+
+def test_an_edited_law_is_compiled_anew_and_an_old_one_is_never_run(tmp_path):
+    tree, cache = tmp_path / "tree", tmp_path / "cache"
+    for package in ("haptic_device", "haptic_sim"):
+        shutil.copytree(ROOT / package, tree / package, ignore=shutil.ignore_patterns("__pycache__"))
+
+    def said():
+        return ended(running(ASK, cache, tree, tree))[0].split()
+
+    before = said()
+    assert before[0].startswith(str(tree)) and before[1].startswith(str(cache)) and before[2] == "6.0"
+    assert said() == before
+    law = tree / "haptic_device/control/velocity_estimator.py"
+    law.write_text(law.read_text().replace("return counts * position", "return 2.0 * counts * position"))
+    after = said()
+    assert after[1] != before[1] and after[2] == "12.0"
+
+
+def test_who_needs_kernels_that_are_not_there_has_them_compiled_in_sight_and_the_next_finds_them(tmp_path):
+    (tmp_path / "haptic_device").mkdir()  # in the current folder lies another package of this name
+    (tmp_path / "haptic_device/__init__.py").write_text("raise ImportError('the wrong package')\n")
+    assert "compiling, once for this machine: 1 of 1" in ended(asking(tmp_path / "cache", SMALL, cwd=tmp_path))[1]
+    assert ended(asking(tmp_path / "cache", SMALL, cwd=tmp_path)) == ("", "")
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """A cache that holds one entry, to be copied."""
+    cache = tmp_path_factory.mktemp("compiled")
+    ended(asking(cache, "identification"))
+    return cache
+
+
+DAMAGE = {
+    "cut": lambda file: file.write_bytes(file.read_bytes()[: file.stat().st_size // 2]),
+    "empty": lambda file: file.write_bytes(b""),
+    "foreign": lambda file: file.write_bytes(b"\x80 is no pickle, nor is this a kernel"),
+}
+
+
+@pytest.mark.parametrize(("damage", "suffix"), [("cut", "nbc"), ("empty", "nbi"), ("foreign", "nbc")])
+def test_a_damaged_file_of_the_cache_is_said_in_one_line_and_compiled_anew(compiled, tmp_path, damage, suffix):
+    cache = tmp_path / "cache"
+    shutil.copytree(compiled, cache)
+    file = next(cache.rglob(f"axis_rerun.run_segments*.{suffix}"))
+    DAMAGE[damage](file)
+    ask = """
+        from haptic_sim.kernels import ENTRIES
+        from haptic_device import jit
+        jit.ensure_compiled("identification")
+        ENTRIES["identification"]()
+    """
+    first, *progress = ended(running(ask, cache))[1].splitlines()
+    assert first == f"{file}, of the compiled kernels, is damaged; it is compiled anew"
+    assert progress and all(line.startswith("compiling, once for this machine") for line in progress)
+    assert ended(running(ask, cache)) == ("", "")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiled kernels: never a stale law, the same arithmetic without the compiler, compiled once whoever asks."""
+"""Compiled kernels: whose cache they are in, and the same arithmetic without the compiler."""
 
 import errno
 import os
@@ -8,20 +8,17 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
-from types import SimpleNamespace
 
-import conftest
 import numpy as np
 import pytest
+from in_process import haptic
 
 from haptic_device import jit
 from haptic_device.control import records
-from haptic_sim.kernels import ENTRIES
 
 pytestmark = pytest.mark.timeout(600)
 
 ROOT = Path(__file__).resolve().parents[2]
-SMALL = "identification"  # of few functions
 
 
 def python(script, cwd=ROOT, **environment):
@@ -34,37 +31,10 @@ def python(script, cwd=ROOT, **environment):
     return done.stdout.split(), done.stderr
 
 
-@pytest.fixture
-def tree(tmp_path):
-    """A copy of the packages."""
+def test_whatever_a_kernel_may_be_made_of_changes_the_folder_and_a_command_or_a_page_does_not(tmp_path, monkeypatch):
+    tree = tmp_path / "tree"
     for package in ("haptic_device", "haptic_sim"):
-        shutil.copytree(ROOT / package, tmp_path / "tree" / package, ignore=shutil.ignore_patterns("__pycache__"))
-    return tmp_path / "tree"
-
-
-ASK = """
-    import numpy as np
-    from haptic_device import jit
-    from haptic_device.device import wall_tapping
-    setup = np.zeros(1, wall_tapping.CELL)
-    setup["resolution"] = 1.0
-    reading = wall_tapping._read(setup.view(np.recarray)[0], 6.2)  # by control/velocity_estimator.py
-    print(jit.__file__, jit.folder(), reading)
-"""
-
-
-def test_an_edited_law_is_compiled_anew_and_an_old_one_is_never_run(tree, tmp_path):
-    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
-    before, _ = python(ASK, tree, **cache)
-    assert before[0].startswith(str(tree)) and before[1].startswith(str(tmp_path / "cache")) and before[2] == "6.0"
-    assert python(ASK, tree, **cache)[0] == before
-    law = tree / "haptic_device/control/velocity_estimator.py"
-    law.write_text(law.read_text().replace("return counts * position", "return 2.0 * counts * position"))
-    after, _ = python(ASK, tree, **cache)
-    assert after[1] != before[1] and after[2] == "12.0"
-
-
-def test_whatever_a_kernel_may_be_made_of_changes_the_folder_and_a_command_or_a_page_does_not(tree, monkeypatch):
+        shutil.copytree(ROOT / package, tree / package, ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr(jit, "ROOT", tree)
     before = jit.digest()
     for source in ("haptic_sim/cli/demo.py", "haptic_sim/viewer/commands.py", "haptic_sim/cli/main.py"):
@@ -116,64 +86,18 @@ LOCKSTEP = """
 
 
 def test_without_the_compiler_the_same_servo_and_plant_compute_the_same(tmp_path):
-    results = []
-    for disabled in ("0", "1"):
-        out = tmp_path / disabled
-        python(f"OUT = {str(out)!r}\n" + textwrap.dedent(LOCKSTEP), NUMBA_DISABLE_JIT=disabled)
-        results.append(np.fromfile(out, records.TRACE_ROW))
-    compiled, plain = results
+    script = f"OUT = {str(tmp_path / 'rows')!r}\n" + textwrap.dedent(LOCKSTEP)
+    exec(script, {})
+    compiled = np.fromfile(tmp_path / "rows", records.TRACE_ROW)
+    python(script, NUMBA_DISABLE_JIT="1")
+    plain = np.fromfile(tmp_path / "rows", records.TRACE_ROW)
     assert np.abs(compiled["force_walls"]).max() > 0.1 and compiled["engage"][-1] == 1.0
     for name in records.TRACE_ROW.names:
         assert np.allclose(compiled[name], plain[name], rtol=1e-9, atol=1e-12), name
 
 
-def test_who_needs_kernels_that_are_not_there_has_them_compiled_in_sight_and_the_next_finds_them(tmp_path):
-    ask = f"from haptic_device import jit; jit.ensure_compiled('{SMALL}'); print(jit.missing(['{SMALL}']))"
-    (tmp_path / "haptic_device").mkdir()  # in the current folder lies another package of this name
-    (tmp_path / "haptic_device/__init__.py").write_text("raise ImportError('the wrong package')\n")
-    known = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": str(ROOT)}
-    said, progress = python(ask, tmp_path, **known)
-    assert said == ["[]"] and "compiling, once for this machine: 1 of 1" in progress
-    assert python(ask, tmp_path, **known) == (["[]"], "")
-
-
-@pytest.fixture(scope="module")
-def compiled(tmp_path_factory):
-    """A cache that holds one entry, to be copied."""
-    cache = tmp_path_factory.mktemp("compiled")
-    python(f"from haptic_device import jit; jit.ensure_compiled('{SMALL}')", XDG_CACHE_HOME=str(cache))
-    return cache
-
-
-DAMAGE = {
-    "cut": lambda file: file.write_bytes(file.read_bytes()[: file.stat().st_size // 2]),
-    "empty": lambda file: file.write_bytes(b""),
-    "foreign": lambda file: file.write_bytes(b"\x80 is no pickle, nor is this a kernel"),
-}
-
-
-@pytest.mark.parametrize(("damage", "suffix"), [("cut", "nbc"), ("empty", "nbi"), ("foreign", "nbc")])
-def test_a_damaged_file_of_the_cache_is_said_in_one_line_and_compiled_anew(compiled, tmp_path, damage, suffix):
-    cache = tmp_path / "cache"
-    shutil.copytree(compiled, cache)
-    file = next(cache.rglob(f"axis_rerun.run_segments*.{suffix}"))
-    DAMAGE[damage](file)
-    ask = f"""
-        from haptic_sim.kernels import ENTRIES
-        from haptic_device import jit
-        jit.ensure_compiled('{SMALL}')
-        ENTRIES['{SMALL}']()
-    """
-    _, said = python(ask, XDG_CACHE_HOME=str(cache))
-    first, *progress = said.splitlines()
-    assert first == f"{file}, of the compiled kernels, is damaged; it is compiled anew"
-    assert progress and all(line.startswith("compiling, once for this machine") for line in progress)
-    assert python(ask, XDG_CACHE_HOME=str(cache)) == ([], "")
-
-
 def test_kernels_that_do_not_exist_are_refused_in_a_sentence():
-    command = [sys.executable, "-m", "haptic_sim.cli.main", "compile", "servo", "serfo"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    done = haptic("compile", "servo", "serfo")
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert "no kernels are called serfo; there are methods, servo" in done.stderr
 
@@ -232,16 +156,3 @@ def test_a_link_in_place_of_the_folder_is_refused(tmp_path):
     (tmp_path / "memory").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(PermissionError):
         jit.private(tmp_path / "memory")
-
-
-@pytest.mark.parametrize(
-    ("tests", "collect_only", "compiles"), [(600, False, True), (600, True, False), (3, False, False)]
-)
-def test_everything_is_compiled_before_many_tests_are_run_and_nothing_before_a_few(
-    monkeypatch, tests, collect_only, compiles
-):
-    asked = []
-    monkeypatch.setattr(conftest, "ensure_compiled", lambda *entries: asked.append(set(entries)))
-    config = SimpleNamespace(option=SimpleNamespace(collectonly=collect_only))
-    conftest.pytest_runtestloop(SimpleNamespace(items=[None] * tests, config=config))
-    assert asked == ([set(ENTRIES)] if compiles else [])
