@@ -2,7 +2,6 @@
 """The comparison itself: what is measured is what happens, peers stand where they should, and interrupting keeps it."""
 
 import json
-import math
 import os
 import signal
 import sys
@@ -11,7 +10,7 @@ from pathlib import Path
 import pytest
 from in_process import bench
 
-from bench.jobs import read_csv, write_csv
+from bench.jobs import read_csv
 from bench.methods import hard_cases, speed_error, table, world
 from bench.methods.measure import Run, run
 from haptic_sim.error_metrics import STABLE, judge
@@ -96,17 +95,7 @@ def test_times_are_compared_at_the_smallest_error_that_both_reach():
     assert not table.ratios([made(wall=1.0), made("pymunk", wall=4.9)])[0].reached
 
 
-def test_the_front_has_no_run_that_another_beats_in_time_and_error():
-    runs = [made(error=error, wall=wall) for error, wall in ((1e-1, 1.0), (1e-2, 3.0), (2e-2, 4.0), (1e-3, 9.0))]
-    assert [item.error for item in table.pareto(runs)] == [1e-1, 1e-2, 1e-3]
-
-
-def test_a_table_read_back_is_the_table_written(tmp_path):
-    runs = [made(), made("box2d", math.nan, math.nan, status="cannot: no weld")]
-    write_csv(tmp_path / "a.csv", Run, runs)
-    again = read_csv(tmp_path / "a.csv", Run)
-    assert again[0] == runs[0]
-    assert again[1].status == "cannot: no weld"
+def test_a_table_of_other_columns_is_refused(tmp_path):
     (tmp_path / "b.csv").write_text("x,y\n1,2\n")
     with pytest.raises(ValueError, match="b.csv has not the columns scene, kind"):
         read_csv(tmp_path / "b.csv", Run)
@@ -165,6 +154,7 @@ def test_interrupted_it_keeps_what_it_has(tmp_path, monkeypatch):
         (("speed_error", "--scenes", "walls"), "scene is 'walls'; those that have a reference are free_space"),
         (("speed_error", "--methods", "magic"), "method is 'magic'; it must be one of impulse"),
         (("hard_cases", "--scenes", "wall"), "scene is 'wall'; it must be one of collinear_1e3"),
+        (("growth", "--worlds", "dune"), "world is 'dune'; it must be one of row, heap"),
         (("reference", "wall"), "scene 'wall' has a closed form; there is nothing to store"),
     ],
 )

@@ -3,52 +3,23 @@
 
 import os
 import pty
-import types
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import numpy as np
 import pytest
-from live_nodes import STRANGE
 from waiting import until
 
-from fault_injection import chaos_figures, chaos_loads, fault_injector
+from fault_injection import chaos_figures
 from fault_injection.listener import ROW, TRUTH
 from fault_injection.soak import _row
-from haptic_device.nodes import diagnostics, messages
+from haptic_device.nodes import diagnostics
 from haptic_device.parameters import DRIVER_FIGURES, LOOPBACK_FIGURES
 from haptic_sim.cli.keys import ESTOP, keys
 from haptic_sim.node.parameters import FIGURES
 
 ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 250_000  # ns
-
-
-class Pressing(fault_injector.FaultInjector):
-    """Of a display that has these faults, look by look, and is felt after the last."""
-
-    def __init__(self, *faults):
-        self.faults, self.told, self.listener = list(faults), [], self
-
-    row = property(lambda self: {"fault": self.faults.pop(0) if self.faults else 0.0})
-    force = property(lambda self: fault_injector.FORCE + 1.0 if not self.faults else 0.0)
-
-    def aim(self, place):
-        self.told.append(place)
-
-    def enable(self, limit=0.0):
-        self.told.append("enable")
-
-
-AGAIN = [fault_injector.FREE, "enable", fault_injector.PRESSED]
-
-
-@pytest.mark.parametrize(("faults", "again"), [((), []), ((0.0, 0.0, 2.0), AGAIN)])
-def test_a_hand_that_presses_lets_go_enables_and_presses_again_after_a_fault(faults, again, monkeypatch):
-    monkeypatch.setattr(fault_injector, "HELD", 0.0)
-    pressing = Pressing(*faults)
-    pressing.press()
-    assert pressing.told == [fault_injector.PRESSED, *again]
 
 
 def rows(forces, engage=1.0):
@@ -134,15 +105,6 @@ def keys_of(monkeypatch, stdin):
 def test_without_a_terminal_there_are_no_keys(monkeypatch):
     with open(os.devnull) as stdin, keys_of(monkeypatch, stdin) as pressed:
         assert pressed() == ""
-
-
-def test_figures_of_chaos_leave_out_values_that_say_no_number():
-    heard = types.SimpleNamespace(statuses={}, said=lambda node, entry: heard.statuses[node].values[entry])
-    for message in STRANGE:
-        heard.statuses |= messages.statuses_of(message, 0)
-    heard.statuses["ours"] = heard.statuses["[/x]"]._replace(values={"refused.gains": "3", "refused.late": "4.0"})
-    among = types.SimpleNamespace(listener=heard)
-    assert chaos_loads._refusals(among) == 7 and chaos_loads._number(among, "missed") == 0.0
 
 
 def test_the_policy_for_sros2_names_every_topic_of_the_model_and_nothing_else():

@@ -8,7 +8,7 @@ from ticks import tick
 
 from adversary import exchange_search as adversary
 from haptic_device import gain_check
-from haptic_device.control import enable_state, energy_tank, faults
+from haptic_device.control import enable_state, energy_tank, faults, virtual_coupling
 
 STIFFNESS, DAMPING, PERIOD, FASTEST = 2000.0, 2.0, 0.5e-3, 1.0  # [N/m], [N s/m], [s], [m/s] of the device
 BUDGET, STRETCH = 0.005, 0.004  # [J], [m]
@@ -21,8 +21,10 @@ class Led:
     step: of the encoder [m]; force: of the spring [N] when the handle is let stand.
     """
 
-    def __init__(self, late, over=1.05, step=1e-9, stiffness=STIFFNESS, **driver):
-        self.settings, self.step = one_axis("pspm", stiffness, DAMPING, PERIOD, over, **driver), step
+    contact = 1.0
+
+    def __init__(self, late, over=1.05, step=1e-9, stiffness=STIFFNESS, method="pspm", **driver):
+        self.settings, self.step = one_axis(method, stiffness, DAMPING, PERIOD, over, **driver), step
         self.settings["hardware"]["velocity_limit"] = FASTEST
         self.settings["hardware"]["position_per_count"][0, 0] = step
         gain_check.counted(self.settings, late)
@@ -36,7 +38,7 @@ class Led:
         self.place, self.now, self.number = self.place + way, self.now + time, self.number + 1
         row["latched"] = row["deadline"] = self.now * 1e9
         row["command"], row["device_status"], row["counts"][0] = command, faults.FRESH, round(self.place / self.step)
-        row["tool_session"] = row["tool_contact"] = 1.0
+        row["tool_session"], row["tool_contact"] = 1.0, self.contact
         row["tool_age"], row["tool_position"][0], row["tool_velocity"][0] = self.age, self.tool, self.speed
         row["tool_sequence"] = row["tool_answered"] = self.number
         tick(self.settings, self.memory, self.row)
@@ -106,11 +108,8 @@ def test_a_display_let_go_where_no_damping_is_left_pays_for_the_force_times_the_
 def test_a_tank_keeps_no_more_in_reserve_for_late_changes_than_they_can_give(late):
     led = Led(late)
     slew = (1.0 + 0.25) * led.settings["exchange"]["slew"][0, 0] * PERIOD
-    kept = energy_tank.reserve(
-        *(one.view(np.recarray)[0] for one in (led.settings,)),
-        led.memory.view(np.recarray)[0].tank,
-        led.memory.view(np.recarray)[0].spring,
-    )
+    memory = led.memory.view(np.recarray)[0]
+    kept = energy_tank.reserve(led.settings.view(np.recarray)[0], memory.tank, memory.spring)
     assert slew * FASTEST * late <= kept <= slew * FASTEST * late + 1e-6 < BUDGET
 
 
@@ -325,3 +324,42 @@ def test_where_writes_are_late_beyond_the_margin_for_a_second_the_force_is_back_
     wanted = np.abs(well["force_coupling"][:, :2]).max() if moving else np.sqrt(2.0 * STIFFNESS * BUDGET)
     assert np.abs(after["force_coupling"][:, :2]).max() > 0.8 * wanted > 2.0
     assert float(np.max(system.plant_memory["energy_given"][0])) <= BUDGET
+
+
+class Clutched(Led):
+    """With a free tool; forged: the most [J] that tank, spring and what was shipped ever were above the truth."""
+
+    contact, work, forged = 0.0, 0.0, -np.inf
+
+    def lead(self, way, time=PERIOD, command=enable_state.ENABLE):
+        # the work of the motor, less the least that the damper takes
+        self.work += float(self.row["force_on_handle"][0, 0]) * way - self.damping * way * way / time
+        super().lead(way, time, command)
+        spring, tank, row = self.memory["spring"][0], self.memory["tank"][0], self.row[0]
+        stretch = row["coupling_position"][0] - row["position"][0]
+        stored = virtual_coupling.spring_store(spring["stiffness"][0], spring["limit"][0], stretch)
+        books = float(tank["level"] + stored + tank["shipped"] - tank["returned"]) - BUDGET
+        self.forged = max(self.forged, self.work + books)
+        return self
+
+
+@pytest.mark.parametrize("toward", [-1.0, 1.0])
+@pytest.mark.parametrize("method", ["pspm", "local"])
+def test_eight_clutchings_at_8_newtons_and_300_mm_s_put_no_more_into_the_books_than_the_hand_did(method, toward):
+    led = Clutched(0.0, 1.5, method=method, engage__time=0.01, engage__force=100.0)
+    way = 0.3 * PERIOD
+    for _ in range(8):
+        pulled = 0
+        while abs(led.row["force_on_handle"][0, 0]) < 8.0 and pulled < 400:
+            led.lead(way)
+            pulled += 1
+        assert abs(led.row["force_on_handle"][0, 0]) >= 8.0
+        # along the force or against it, in the tick that opens the clutch too
+        led.lead(toward * way).lead(toward * way, command=OPEN)
+        assert led.row["force_on_handle"][0, 0] == 0.0
+        for _ in range(20):
+            led.lead(-way, command=OPEN)
+        for _ in range(30):
+            led.lead(0.0)
+    assert led.row["engage"][0] == 1.0
+    assert led.forged <= 1e-9

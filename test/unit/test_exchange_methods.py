@@ -146,11 +146,3 @@ def test_of_the_energy_that_a_message_brings_only_what_was_sent_is_believed():
     assert exchange_samples.believed(5.0, 1.0, 30.0, 0.0) == 4.0
     assert exchange_samples.believed(1.0, 5.0, 30.0, 0.0) == 0.0
     assert exchange_samples.believed(5.0, 0.0, 3.0, 3.0) == 0.0
-
-
-@given(st.floats(0.0, 1.0), st.floats(-1.0, 1.0))
-def test_the_coupling_lets_go_with_age_and_returns_no_faster_than_it_may(factor, age):
-    after = exchange_samples.fade_factor(factor, age, 0.25e-3, 0.06, 0.14)
-    assert after <= factor + 0.25e-3 / 0.14 + 1e-15
-    assert (after == 0.0) == (age < 0.0 or age >= 0.2 - 1e-15 or not after > 0.0)
-    assert not (0.0 <= age <= 0.06 and factor >= 1.0) or math.isclose(after, 1.0)

@@ -2,7 +2,6 @@
 """Worlds of many bodies: as many as they say, apart and at rest at the start, and told of truly in the table."""
 
 import csv
-import json
 import math
 import os
 
@@ -43,18 +42,6 @@ def test_a_world_has_as_many_bodies_as_it_says_and_none_overlaps_at_the_start(wo
     assert overlap_watch(of.scene, poses.get)() <= 1e-9
     assert of.path().shape == (201, 6)
     assert of.path()[0, :3] == pytest.approx(of.scene.tool.pose)
-
-
-def test_a_grid_has_a_pin_between_all_neighbours_above_the_first_row_and_at_the_tool():
-    assert len(loads.joint_grid(100, 0.2).scene.joints) == 2 * 10 * 9 + 10 + 1
-    assert len(loads.chain(30, 0.2).scene.joints) == 31
-
-
-@pytest.mark.parametrize("count", [10, 100])
-def test_the_stirring_tool_stays_between_the_walls(count):
-    heap = loads.heap(count, 0.3)
-    right = next(body.shapes[0].point[0] for body in heap.scene.bodies if body.name == "right")
-    assert np.abs(heap.path()[:, 0]).max() + 0.006 < right
 
 
 @pytest.mark.parametrize("engine", ["impulse", "partitioned"])
@@ -135,34 +122,3 @@ def test_the_table_has_a_row_for_each_engine_and_says_which_cannot(tmp_path):
         ("box2d", "10"),
     ]
     assert "linkage" in kept[0]["status"]
-
-
-def test_as_json_a_number_that_is_not_known_is_null():
-    done = bench("growth", "--short", "--worlds", "chain", "--methods", "partitioned", "--json")
-    (found,) = json.loads(done.stdout)["runs"]
-    assert found["median_us"] is None
-    assert found["status"].startswith("cannot")
-
-
-def test_every_world_is_run_at_each_count_and_the_row_without_any_block_too():
-    listed = growth.jobs(growth.WORLDS, growth.COUNTS, growth.ENGINES)
-    assert len(listed) == len(set(listed)) == (4 * len(growth.WORLDS) + 1) * (len(growth.ENGINES) + 1)
-    assert ("row", 0, "impulse", growth.STEP) in listed
-
-
-def test_the_figure_has_a_panel_a_world_and_leaves_out_who_cannot():
-    runs = [
-        made(bodies=10),
-        made(bodies=30),
-        made("partitioned", bodies=30, status="cannot: too many"),
-        made(world="chain", bodies=10),
-    ]
-    heap, chain = (axes for axes in growth.figure(runs).axes if axes.get_visible())
-    assert (heap.get_title(), chain.get_title()) == ("heap", "chain")
-    assert len(heap.get_lines()) == 3  # median, p99 and the time there is
-
-
-def test_a_world_that_is_not_there_is_refused_in_one_sentence():
-    done = bench("growth", "--worlds", "dune")
-    assert done.returncode != 0
-    assert "world is 'dune'; it must be one of row, heap" in done.stderr
