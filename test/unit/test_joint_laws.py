@@ -65,16 +65,14 @@ def coordinate(method, degrees, joint):
     return pose[0] * ux + pose[1] * uy, rates[0] * ux + rates[1] * uy
 
 
-CASES = pytest.mark.parametrize(
-    ("kind", "joint", "degrees", "size"),
-    [
-        (kind, joint, degrees, size)
-        for kind in BOTH
-        for joint in ("pin", "slider")
-        for degrees in ANGLES
-        for size in SIZES
-    ],
-)
+def cases(*joints):
+    return pytest.mark.parametrize(
+        ("kind", "joint", "degrees", "size"),
+        [(kind, joint, *turn) for kind in BOTH for joint in joints for turn in zip(ANGLES, SIZES, strict=True)],
+    )
+
+
+CASES = cases("pin", "slider")
 
 
 @CASES
@@ -192,16 +190,7 @@ def test_no_energy_comes_from_nowhere_where_motor_and_friction_work(kind):
 H = 1e-3
 FAST = pytest.mark.parametrize("fast", [0.5, 2.5, 6.0, 100.0, 1e4])
 """Rate of a joint's spring-damper times the sub-step; an explicit formula is stable up to some 6."""
-KINDS = pytest.mark.parametrize(
-    ("kind", "joint", "degrees", "size"),
-    [
-        (kind, joint, a, size)
-        for kind in BOTH
-        for joint in ("pin", "slider", "spring")
-        for a in ANGLES
-        for size in SIZES
-    ],
-)
+KINDS = cases("pin", "slider", "spring")
 
 
 def sprung(kind, joint, degrees, size, stiffness, damping, stretch=0.0, push=0.0):
@@ -285,8 +274,7 @@ def test_no_spring_damper_creates_energy_and_a_damped_one_comes_to_rest(kind, jo
         assert moved(method, joint, degrees, start)[0] == pytest.approx(-1e-3, rel=0.01 if fast > 1.0 else 0.2)
 
 
-@pytest.mark.parametrize("degrees", ANGLES)
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(("degrees", "size"), zip(ANGLES, SIZES, strict=True))
 @pytest.mark.parametrize("damping", [1e2, 1e4, 1e6])
 def test_what_strikes_a_plunger_in_grease_drives_it_by_its_momentum_over_the_damping(degrees, size, damping):
     """c x = m v: all that the ball has goes into the grease, in whatever way; c h/m of the light plunger 10 to 1e5."""
