@@ -27,12 +27,7 @@ def broken(tmp_path, text):
     return path
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
-def test_every_file_that_is_shipped_is_right(path):
-    assert problems(path) == []
-
-
-def test_the_command_says_ok_and_exits_with_zero():
+def test_of_every_file_that_is_shipped_the_command_says_ok_and_exits_with_zero():
     done = haptic("check", "--lateness", "0", *SHIPPED)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.splitlines() == [f"{path}: ok" for path in SHIPPED]

@@ -41,7 +41,7 @@ def test_stiffness_and_damping_are_found_within_a_percent():
         assert found.explained > 0.999
 
 
-@pytest.mark.parametrize(("seconds", "alike"), [(20.0, 0.04), (20.0, 1.0), (5.0, 0.25), (1.5, 0.04)])
+@pytest.mark.parametrize(("seconds", "alike"), [(20.0, 0.04), (20.0, 1.0), (1.5, 0.04)])
 def test_the_confidence_holds_the_truth_as_often_as_it_says_however_long_errors_stay_alike(seconds, alike):
     """Both sides: the truth is inside often enough, and the interval is no wider than twice what it has to be."""
     truth, found, keep = np.array([MASS, DAMPING, STIFFNESS]), [], np.exp(-0.002 / alike)
