@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds of many bodies: as many as they say, apart and at rest at the start, and told of truly in the table."""
+"""What is compared is the same problem for every peer; worlds of many bodies are what they say; tables tell truly."""
 
 import csv
+import json
 import math
 import os
 
@@ -9,12 +10,19 @@ import numpy as np
 import pytest
 from in_process import bench
 
-from bench.methods import growth, loads
+from bench.jobs import read_csv
+from bench.methods import growth, loads, world
+from bench.methods.measure import Run, run
 from bench.methods.world import make, title
+from haptic_sim.error_metrics import STABLE
 from haptic_sim.protocol import Coupling
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.rollout import GAINS, overlap_watch
 from haptic_sim.scene.shapes import TOOL
+from reference.case import case
+from reference.reference import reference
+
+PACKAGES = {"box2d": "Box2D", "mujoco_rk4": "mujoco", "mujoco_implicit": "mujoco"}  # of the peers that are optional
 
 
 def made(engine="impulse", world="heap", bodies=100, step=growth.STEP, median=100.0, p99=200.0, overlap=5.0, status=""):
@@ -122,3 +130,45 @@ def test_the_table_has_a_row_for_each_engine_and_says_which_cannot(tmp_path):
         ("box2d", "10"),
     ]
     assert "linkage" in kept[0]["status"]
+
+
+@pytest.mark.parametrize("peer", world.PEERS)
+@pytest.mark.parametrize("name", ["free_space", "pendulum", "four_bar", "slider", "wall"])
+def test_every_peer_comes_to_the_closed_form(peer, name):
+    """So that what is compared is the same problem: signs, anchors, masses, coupling, hand."""
+    pytest.importorskip(PACKAGES.get(peer, "pymunk"))
+    found = run(case(name), reference(name), peer, 250)
+    assert found.status == STABLE
+    assert found.error < 2e-3
+
+
+def test_speed_error_writes_runs_table_and_plots_and_prints_one_json_object(tmp_path):
+    pytest.importorskip("mujoco")
+    done = bench(
+        "speed_error",
+        "--short",
+        "--scenes",
+        "pendulum,wall",
+        "--methods",
+        "partitioned,mujoco_rk4",
+        "--out",
+        tmp_path,
+        "--json",
+    )
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert {item["scene"] for item in found["runs"]} == {"pendulum", "wall"}
+    assert {item["status"] for item in found["runs"]} == {STABLE}
+    assert found["versions"]["mujoco_rk4"].startswith("MuJoCo ")
+    assert {"speed_error.csv", "speed_error.md", "pareto.png"} <= set(os.listdir(tmp_path))
+    assert len(read_csv(tmp_path / "speed_error.csv", Run)) == len(found["runs"])
+
+
+def test_hard_cases_prints_a_table_of_who_survives(tmp_path):
+    pytest.importorskip("mujoco")
+    done = bench(
+        "hard_cases", "--short", "--scenes", "thin_plate", "--methods", "partitioned,mujoco_rk4", "--out", tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    assert "| thin_plate | impulse | ✓ | – |" in done.stdout
+    assert (tmp_path / "hard_cases.csv").exists()
