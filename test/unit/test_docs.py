@@ -3,6 +3,7 @@
 
 import json
 import re
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
@@ -164,3 +165,11 @@ def test_the_small_tables_of_the_readme_are_rows_of_the_long_ones():
     columns = 0, 1, 3, 4, 7, 8, 9  # scene, method, error, of an exchange, pymunk, Box2D, MuJoCo RK4
     measured = [[row[column] for column in columns] for row in rows(SPEED_ERROR, "Speed against error")]
     assert all(row in measured for row in rows(README, "Speed against error"))
+
+
+def test_the_policy_for_sros2_names_every_topic_of_the_model_and_nothing_else():
+    policy = ElementTree.parse(ROOT / "docs/sros2/policy.xml")
+    named = {topic.text for topic in policy.iter("topic")}
+    assert named == {row[0] for row in rows(MODEL, "Topics")} - {"/parameter_events"}
+    for included in policy.iter("{http://www.w3.org/2001/XInclude}include"):
+        assert ElementTree.parse(ROOT / "docs/sros2" / included.get("href")).getroot().tag == "profile"

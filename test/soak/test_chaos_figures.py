@@ -1,24 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of chaos on made-up records; the limits of diagnostics; the keys of `haptic status`."""
-
-import os
-import pty
-import xml.etree.ElementTree as ElementTree
-from pathlib import Path
+"""What chaos says of a run, on made-up records."""
 
 import numpy as np
 import pytest
-from waiting import until
 
 from fault_injection import chaos_figures
 from fault_injection.listener import ROW, TRUTH
 from fault_injection.soak import _row
-from haptic_device.nodes import diagnostics
-from haptic_device.parameters import DRIVER_FIGURES, LOOPBACK_FIGURES
-from haptic_sim.cli.keys import ESTOP, keys
-from haptic_sim.node.parameters import FIGURES
 
-ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 250_000  # ns
 
 
@@ -72,46 +61,3 @@ def test_memory_that_grows_by_more_than_two_percent_is_told():
     looks = [(float(second), 100e6 * (1.0 + 0.021 * (second > 100)), 9, 30) for second in range(200)]
     row = _row("haptic_driver", looks)
     assert row["grown"] == pytest.approx(0.021) and row["threads"] == (9, 9) and row["files"] == (30, 30)
-
-
-@pytest.mark.parametrize("watched", [*DRIVER_FIGURES, *LOOPBACK_FIGURES, *FIGURES], ids=lambda each: each.name)
-def test_a_figure_is_ok_at_its_limit_and_warns_or_errs_just_beyond(watched):
-    beyond = 1e-9 if watched.error >= watched.warn else -1e-9
-    for figure, level in (
-        (watched.warn, "ok"),
-        (watched.warn + beyond, "warn"),
-        (watched.error, "warn"),
-        (watched.error + beyond, "error"),
-        (float("nan"), "ok"),
-    ):
-        assert diagnostics.level_of(watched, figure, watched.warn, watched.error) == level
-
-
-def test_of_the_keys_the_e_stop_counts_whatever_is_typed_with_it(monkeypatch):
-    control, terminal = pty.openpty()
-    with os.fdopen(terminal) as stdin, keys_of(monkeypatch, stdin) as pressed:
-        assert pressed() == ""
-        for typed, key in ((b"r", "r"), (b"ab d", ESTOP)):
-            os.write(control, typed)
-            assert until(pressed, f"the key {key!r}") == key
-    os.close(control)
-
-
-def keys_of(monkeypatch, stdin):
-    monkeypatch.setattr("sys.stdin", stdin)
-    return keys()
-
-
-def test_without_a_terminal_there_are_no_keys(monkeypatch):
-    with open(os.devnull) as stdin, keys_of(monkeypatch, stdin) as pressed:
-        assert pressed() == ""
-
-
-def test_the_policy_for_sros2_names_every_topic_of_the_model_and_nothing_else():
-    policy = ElementTree.parse(ROOT / "docs/sros2/policy.xml")
-    named = {topic.text for topic in policy.iter("topic")}
-    table = (ROOT / "docs/model.md").read_text(encoding="utf-8").split("## Topics\n")[1].split("\n\n")[1]
-    topics = {line.split("`")[1] for line in table.splitlines() if line.startswith("| `")}
-    assert named == topics - {"/parameter_events"}
-    for included in policy.iter("{http://www.w3.org/2001/XInclude}include"):
-        assert ElementTree.parse(ROOT / "docs/sros2" / included.get("href")).getroot().tag == "profile"

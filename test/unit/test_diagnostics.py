@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The limits of diagnostics, and the keys of `haptic status`."""
+
+import os
+import pty
+
+import pytest
+from waiting import until
+
+from haptic_device.nodes import diagnostics
+from haptic_device.parameters import DRIVER_FIGURES, LOOPBACK_FIGURES
+from haptic_sim.cli.keys import ESTOP, keys
+from haptic_sim.node.parameters import FIGURES
+
+
+@pytest.mark.parametrize("watched", [*DRIVER_FIGURES, *LOOPBACK_FIGURES, *FIGURES], ids=lambda each: each.name)
+def test_a_figure_is_ok_at_its_limit_and_warns_or_errs_just_beyond(watched):
+    beyond = 1e-9 if watched.error >= watched.warn else -1e-9
+    for figure, level in (
+        (watched.warn, "ok"),
+        (watched.warn + beyond, "warn"),
+        (watched.error, "warn"),
+        (watched.error + beyond, "error"),
+        (float("nan"), "ok"),
+    ):
+        assert diagnostics.level_of(watched, figure, watched.warn, watched.error) == level
+
+
+def test_of_the_keys_the_e_stop_counts_whatever_is_typed_with_it(monkeypatch):
+    control, terminal = pty.openpty()
+    with os.fdopen(terminal) as stdin, keys_of(monkeypatch, stdin) as pressed:
+        assert pressed() == ""
+        for typed, key in ((b"r", "r"), (b"ab d", ESTOP)):
+            os.write(control, typed)
+            assert until(pressed, f"the key {key!r}") == key
+    os.close(control)
+
+
+def keys_of(monkeypatch, stdin):
+    monkeypatch.setattr("sys.stdin", stdin)
+    return keys()
+
+
+def test_without_a_terminal_there_are_no_keys(monkeypatch):
+    with open(os.devnull) as stdin, keys_of(monkeypatch, stdin) as pressed:
+        assert pressed() == ""
