@@ -1,24 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hard cases whose default method takes seconds, and where `impulse` is chosen no more; test/unit has the rest."""
+"""Up to which load `impulse` is chosen; test/unit/test_hard_cases.py has the cases themselves."""
 
 import pytest
 
-from bench.methods.hard_cases import CREATED, LEAST, OVERLAP, verdict
-from haptic_sim.reduction import reduce_scene
+from bench.methods.hard_cases import CREATED, LEAST, OVERLAP
 from haptic_sim.reduction.method_choice import LOAD
-from haptic_sim.scene.language import load, parse
+from haptic_sim.scene.language import parse
 from reference.trial import attempt
 
 GAPS, SIZE = (0.0, 0.5e-3, 2e-3, 10e-3, 30e-3, 50e-3), 0.01
 """m."""
-
-
-@pytest.mark.timeout(600)
-@pytest.mark.parametrize("name", ["spinning_wrench", "peg_jammed"])
-def test_a_hard_case_is_survived_by_the_method_that_it_gets_by_default(name):
-    assert reduce_scene(load(name)).method == "impulse"
-    found = verdict(name, "impulse", 1)
-    assert found.survives, found
 
 
 def struck(ratio, count, gap):

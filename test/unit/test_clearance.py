@@ -33,21 +33,6 @@ def test_boxes_side_by_side_are_as_far_apart_as_their_faces(unit, gap):
     assert found == pytest.approx(gap * unit, abs=EXACT * unit)
 
 
-@pytest.mark.parametrize("unit", [1e-3, 1.0])
-@pytest.mark.parametrize("gap", [0.2, 1e-4, -1e-4, -0.1])
-def test_corner_of_a_turned_box_meets_the_face_of_another_at_its_half_diagonal(unit, gap):
-    angle = 0.3
-    reach = math.sqrt(2.0) * math.cos(math.pi / 4 - angle)
-    square = box(2 * unit, 2 * unit)
-    found = distance(square, HERE, square, ((1 + reach + gap) * unit, 0.1 * unit, angle))
-    assert found == pytest.approx(gap * unit, abs=EXACT * unit)
-
-
-def test_corner_to_corner_is_the_distance_of_two_points():
-    square = box(2.0, 2.0)
-    assert distance(square, HERE, square, (2.3, 2.4, 0.0)) == pytest.approx(0.5, abs=EXACT)
-
-
 @pytest.mark.parametrize(("x", "y", "expected"), [(1.7, 0.2, 0.2), (1.4, 0.2, -0.1), (0.6, 0.2, -0.9)])
 def test_disc_to_face_is_the_centre_to_the_face_less_the_radius(x, y, expected):
     assert distance(box(2.0, 2.0), HERE, disc(0.5), (x, y, 1.0)) == pytest.approx(expected, abs=EXACT)
