@@ -12,35 +12,6 @@ from haptic_sim.cli.tables import print_outcome
 from haptic_sim.supervision import follow, news
 
 
-class Said:
-    """What is heard: in each look the next fault, and the force [N] of the motor."""
-
-    def __init__(self, *looks):
-        self.looks, self.statuses, self.motor_force = list(looks), {}, 0.0
-        self.truth, self.motion_done, self.withheld = {}, False, {}
-
-    def look(self):
-        fault, self.motor_force = self.looks.pop(0) if len(self.looks) > 1 else self.looks[0]
-        message = f"fault {fault}" if fault else "waiting"
-        said = {"fault": fault, "missed": "[/x]", "age_ms_p50": "", **self.withheld}
-        driver, other = Status(0, 2 if fault else 0, message, said), Status(0, 0, "serving", {})
-        simulation = Status(0, 0, "serving", {"result.insertion_fraction": "all of it"})
-        self.statuses = {"haptic_driver": driver, "haptic_loopback": other, "haptic_simulation": simulation}
-
-    @property
-    def motor_commanded(self):
-        return self.motor_force != 0.0
-
-    def said(self, node, entry):
-        return self.statuses.get(node, Status(0, 0, "", {})).values.get(entry, "")
-
-
-def followed(monkeypatch, *looks):
-    Clock().put(monkeypatch, follow, news)
-    with status_line() as show:
-        return follow.follow(0.1, Said(*looks), dict, show)
-
-
 class Run:
     """A run by the clock: events are (time [s] from its start, what then happens to the client)."""
 
@@ -73,11 +44,11 @@ def has(**attributes):
     return lambda run: vars(run).update(attributes)
 
 
-def run(monkeypatch, *events, seconds=1.0):
+def run(monkeypatch, *events, seconds=1.0, show=lambda line: None):
     """How the run ended, and how long it took [s]."""
     clock = Clock().put(monkeypatch, follow, news)
     client, began = Run(clock, *events), clock.now
-    return follow.follow(seconds, client, lambda: client.printed, lambda line: None), clock.now - began
+    return follow.follow(seconds, client, lambda: client.printed, show), clock.now - began
 
 
 COMMANDED = has(motor_commanded=True)
@@ -179,13 +150,18 @@ def test_a_display_that_never_engages_is_given_up_though_the_device_goes_on(monk
     assert not ending.begun and took < 1.1 * news.LIMIT
 
 
+def strange(**told):
+    """Events of a run in which values are no numbers."""
+    driver = says("haptic_driver", "waiting", fault="", missed="[/x]", age_ms_p50="", **told)
+    simulation = says("haptic_simulation", "serving", **{"result.insertion_fraction": "all of it"})
+    return [(0.0, driver), (0.0, simulation), (0.0, COMMANDED)]
+
+
 def test_force_that_is_withheld_stands_in_the_line_and_its_cause_in_the_table_of_the_end(monkeypatch, capsys):
     monkeypatch.setattr("rich.console.Console.is_terminal", True)
-    Clock().put(monkeypatch, follow, news)
-    client = Said(("", 1.0))
-    client.withheld = {"withheld": "tank, limit", "withheld_s": "3.2"}
+    events = strange(withheld="tank, limit", withheld_s="3.2")
     with status_line() as show:
-        follow.follow(0.1, client, dict, show)
+        run(monkeypatch, *events, seconds=0.1, show=show)
     found = outcome.nothing() | {"scene": "wall", "done": False, "why": "", "bag": None, "withheld_s": {"tank": 3.2}}
     print_outcome(found)
     said = capsys.readouterr()
@@ -194,12 +170,13 @@ def test_force_that_is_withheld_stands_in_the_line_and_its_cause_in_the_table_of
 
 
 def test_a_word_that_is_no_fault_of_ours_ends_no_run(monkeypatch):
-    assert not followed(monkeypatch, ("overheated", 0.0), ("overheated", 1.0)).why
+    assert not run(monkeypatch, (0.0, falls("overheated")), (1.0, COMMANDED))[0].why
 
 
 def test_words_of_others_are_shown_as_they_are_on_a_terminal_and_in_the_table(monkeypatch, capsys):
     monkeypatch.setattr("rich.console.Console.is_terminal", True)
-    assert not followed(monkeypatch, ("", 1.0)).why
+    with status_line() as show:
+        assert not run(monkeypatch, *strange(), seconds=0.1, show=show)[0].why
     said = {"scene": "[/x]", "done": False, "why": "[/x] [bold", "bag": None, "faults": ["[/x] says [bold"]}
     found = outcome.nothing() | said
     print_outcome(found)

@@ -64,34 +64,44 @@ def axis(mass, damping, coulomb, step, sign=1):
     )
 
 
+class Servo:
+    """In lock-step with a device, which it believes to be another one; its writes are 30 µs late."""
+
+    def __init__(self, true, told, rate, values=None):
+        self.told, self.rate, self.period, self.first, self.blocks = told, rate, round(1e9 / rate), 0, []
+        self.values = defaults(OPERATING_POINT) | {"passivity.policy": "off", "servo.rate": rate}
+        self.values |= {"coupling.stiffness": 0.0, "coupling.damping": 0.0} | (values or {})
+        self.memory = np.zeros(1, records.STATE).view(np.recarray)
+        self.memory.enable.state, self.memory.enable.ramp = enable_state.ENGAGED, 1.0
+        self.body = loopback_config.plant_of(true).view(np.recarray)
+        self.state = np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
+        self.motion = operator_hand.script(defaults(OPERATOR)).view(np.recarray)
+        self.tool = np.zeros(1, servo_loop.TOOL).view(np.recarray)
+
+    def run(self, seconds, changes):
+        """So long with these values changed."""
+        self.values |= changes
+        settings = controller_config.settings_from(self.told, self.values, self.first + 1).view(np.recarray)
+        rows = np.zeros(round(seconds * self.rate), records.TRACE_ROW).view(np.recarray)
+        at = (self.first * self.period, self.first, 30_000, enable_state.ENABLE)
+        own = self.memory, rows, self.tool, self.body, self.state, self.motion
+        simulated_device.run_lockstep(settings, *own, *at)
+        self.blocks.append(np.asarray(rows))
+        self.first += len(rows)
+
+
 @functools.cache
 def shaken(mass=0.1, damping=3.0, coulomb=0.02, step=5e-6, rate=2000.0, sensing=0.0, acting=0.0, sign=1, force=3.0):
-    """Rows of a servo that shakes a device and believes it to be another one, 0.05 kg and 1 N s/m; write 30 µs late."""
-    true = Device(
-        name="true", axes=(axis(mass, damping, coulomb, step, sign),), sensing_delay=sensing, actuation_delay=acting
-    )
-    told = Device(name="told", axes=(axis(0.05, 1.0, 0.0, step, sign),))
-    values = defaults(OPERATING_POINT)
-    values |= {"passivity.policy": "off", "servo.rate": rate, "coupling.stiffness": 0.0, "coupling.damping": 0.0}
-    memory = np.zeros(1, records.STATE).view(np.recarray)
-    memory.enable.state, memory.enable.ramp = enable_state.ENGAGED, 1.0
-    body, state = loopback_config.plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
-    motion = operator_hand.script(defaults(OPERATOR)).view(np.recarray)
-    tool, blocks, first = np.zeros(1, servo_loop.TOOL).view(np.recarray), [], 0
-    period, plan = round(1e9 / rate), wall_jumps((0.0,), force, 1.0, 1.0 / rate)
-    while first < 3.0 * rate:
+    """Rows of a servo that shakes a device and believes it to be another one, 0.05 kg and 1 N s/m."""
+    axes = (axis(mass, damping, coulomb, step, sign),)
+    true = Device(name="true", axes=axes, sensing_delay=sensing, actuation_delay=acting)
+    servo = Servo(true, Device(name="told", axes=(axis(0.05, 1.0, 0.0, step, sign),)), rate)
+    plan = wall_jumps((0.0,), force, 1.0, 1.0 / rate)
+    while servo.first < 3.0 * rate:
         shake = next(plan)
-        values |= {f"wall.{name}": getattr(shake, name) for name in ("normals", "offsets", "stiffness", "damping")}
-        settings, rows = (
-            controller_config.settings_from(told, values, first + 1).view(np.recarray),
-            round(shake.seconds * rate),
-        )
-        rows = np.zeros(rows, records.TRACE_ROW).view(np.recarray)
-        at = (first * period, first, 30_000, enable_state.ENABLE)
-        simulated_device.run_lockstep(settings, memory, rows, tool, body, state, motion, *at)
-        blocks.append(np.asarray(rows))
-        first += len(rows)
-    return np.concatenate(blocks)
+        walls = {f"wall.{name}": getattr(shake, name) for name in ("normals", "offsets", "stiffness", "damping")}
+        servo.run(shake.seconds, walls)
+    return np.concatenate(servo.blocks)
 
 
 def found(step=5e-6, sign=1, **device):
@@ -128,33 +138,15 @@ def twisted(inertia=2e-4, damping=0.006, coulomb=3e-4, rate=2000.0, torque=0.05)
     told = load_device("desktop")
     theta = told.axes[2].model_copy(update={"mass": inertia, "damping": damping, "coulomb": coulomb})
     true = told.model_copy(update={"axes": (*told.axes[:2], theta), "actuation_delay": 2e-4})
-    values = defaults(OPERATING_POINT)
-    values |= {
-        "passivity.policy": "off",
-        "servo.rate": rate,
-        "coupling.stiffness": 0.0,
-        "coupling.damping": 0.0,
-        "exchange.hold": 2.0,
-    }
-    values |= {"coupling.rotational_damping": 0.0}
-    memory = np.zeros(1, records.STATE).view(np.recarray)
-    memory.enable.state, memory.enable.ramp = enable_state.ENGAGED, 1.0
-    body, state = loopback_config.plant_of(true).view(np.recarray), np.zeros(1, plant.PLANT_MEMORY).view(np.recarray)
-    motion = operator_hand.script(defaults(OPERATOR)).view(np.recarray)
-    tool, blocks, first, period = np.zeros(1, servo_loop.TOOL).view(np.recarray), [], 0, round(1e9 / rate)
-    tool.sequence, plan = 1.0, tool_twists(0.0, torque, 2.0, told.axes[2].damping, told.axes[2].mass, 1.0 / rate)
+    servo = Servo(true, told, rate, {"exchange.hold": 2.0, "coupling.rotational_damping": 0.0})
+    servo.tool.sequence = 1.0
+    plan = tool_twists(0.0, torque, 2.0, told.axes[2].damping, told.axes[2].mass, 1.0 / rate)
     for dwell in np.random.default_rng(3).uniform(0.03, 0.15, 40):
-        twist = next(plan)
-        values["coupling.rotational_stiffness"] = twist.stiffness
-        settings, rows = controller_config.settings_from(told, values, first + 1).view(np.recarray), round(dwell * rate)
-        rows = np.zeros(rows, records.TRACE_ROW).view(np.recarray)
-        tool.sent, angle = first * period, state.position[0, 2]
-        tool.position[0, 2] = min(angle + twist.leash, max(angle - twist.leash, twist.angle))
-        at = (first * period, first, 30_000, enable_state.ENABLE)
-        simulated_device.run_lockstep(settings, memory, rows, tool, body, state, motion, *at)
-        blocks.append(np.asarray(rows))
-        first += len(rows)
-    return np.concatenate(blocks)
+        twist, angle = next(plan), servo.state.position[0, 2]
+        servo.tool.sent = servo.first * servo.period
+        servo.tool.position[0, 2] = min(angle + twist.leash, max(angle - twist.leash, twist.angle))
+        servo.run(dwell, {"coupling.rotational_stiffness": twist.stiffness})
+    return np.concatenate(servo.blocks)
 
 
 @pytest.mark.parametrize("true", [{}, {"inertia": 5e-5, "damping": 0.002, "coulomb": 1e-3, "rate": 1000.0}])
@@ -218,7 +210,7 @@ def test_a_blocked_handle_is_refused(stiffness):
         identify(trace._replace(position=np.round(trace.force / stiffness / 5e-6) * 5e-6), 0.05, 1.0)
 
 
-@pytest.mark.parametrize("tick", [2000, 3000, 3100, 4000])
+@pytest.mark.parametrize("tick", [2000, 3100])
 @pytest.mark.parametrize("steps", [1, 40])
 def test_a_blocked_handle_that_slipped_once_is_refused(tick, steps):
     """In one segment alone it would come out heavy and quite certain."""
@@ -317,6 +309,12 @@ def test_the_description_that_is_written_can_be_loaded_and_keeps_what_was_not_fo
     assert "mass 0.0003 ± 1e-06 kg m²" in text
 
 
+def invoked(*words):
+    app = typer.Typer()
+    app.command()(command)
+    return CliRunner().invoke(app, words)
+
+
 @pytest.mark.parametrize(
     "words, sentence",
     [
@@ -330,9 +328,7 @@ def test_the_description_that_is_written_can_be_loaded_and_keeps_what_was_not_fo
     ],
 )
 def test_bad_input_ends_in_one_sentence_and_exit_code_2(words, sentence):
-    app = typer.Typer()
-    app.command()(command)
-    result = CliRunner().invoke(app, words)
+    result = invoked(*words)
     assert result.exit_code == 2
     assert sentence in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
@@ -341,7 +337,5 @@ def test_bad_input_ends_in_one_sentence_and_exit_code_2(words, sentence):
 def test_a_device_that_does_not_turn_is_not_turned(tmp_path):
     content = load_device("desktop").model_dump(mode="json")
     (tmp_path / "flat.yaml").write_text(yaml.safe_dump(content | {"name": "flat", "axes": content["axes"][:2]}))
-    app = typer.Typer()
-    app.command()(command)
-    result = CliRunner().invoke(app, ["--device", str(tmp_path / "flat.yaml"), "--torque", "0.1"])
+    result = invoked("--device", str(tmp_path / "flat.yaml"), "--torque", "0.1")
     assert (result.exit_code, result.stderr.strip()) == (2, "haptic identify: torque is 0.1 N m, but flat has no theta")

@@ -82,34 +82,27 @@ def test_a_motor_weaker_than_the_friction_of_its_joint_does_not_move_it(kind, jo
 
 
 @CASES
-@pytest.mark.parametrize("speed", [SPEED, -SPEED])
-def test_a_motor_accelerates_by_what_it_has_more_than_friction_until_its_speed(kind, joint, degrees, size, speed):
-    """I dω/dt = 15 − 7.5 until ω = 3, after .4 s."""
-    method, sign = driven(kind, joint, degrees, size, (speed, 15.0), 7.5), math.copysign(1.0, speed)
-    run(method, 200)
-    assert coordinate(method, degrees, joint) == pytest.approx((sign * 0.5 * 7.5 * 0.04, sign * 1.5), rel=1e-9)
-    run(method, 400)
-    assert coordinate(method, degrees, joint) == pytest.approx((sign * (0.6 + 0.2 * 3.0), sign * 3.0), rel=1e-9)
-
-
-@CASES
-def test_what_turns_faster_than_its_motor_is_braked_by_motor_and_friction_together(kind, joint, degrees, size):
-    """I dω/dt = −(15 + 7.5) from 6 to 3, in 2/15 s; then the motor holds its speed."""
-    method = driven(kind, joint, degrees, size, (SPEED, 15.0), 7.5, turning=6.0)
-    run(method, 100)
-    assert coordinate(method, degrees, joint)[1] == pytest.approx(6.0 - 2.25, rel=1e-9)
-    run(method, 200)
-    assert coordinate(method, degrees, joint)[1] == pytest.approx(3.0, rel=1e-12)
-
-
-@CASES
-def test_a_motor_of_no_speed_is_a_brake_beside_the_friction(kind, joint, degrees, size):
-    """I dω/dt = −(10 + 5) from 3; at rest after .2 s."""
-    method = driven(kind, joint, degrees, size, (0.0, 10.0), 5.0, turning=SPEED)
-    run(method, 100)
-    assert coordinate(method, degrees, joint) == pytest.approx((0.3 - 0.075, 1.5), rel=1e-9)
-    run(method, 200)
-    assert coordinate(method, degrees, joint) == pytest.approx((0.3, 0.0), rel=1e-9, abs=1e-12)
+@pytest.mark.parametrize(
+    ("motor", "friction", "turning", "stations"),
+    [
+        # I dω/dt = 15 − 7.5 until ω = 3, after .4 s
+        ((3.0, 15.0), 7.5, 0.0, [(200, 0.15, 1.5), (600, 1.2, 3.0)]),
+        ((-3.0, 15.0), 7.5, 0.0, [(200, -0.15, -1.5), (600, -1.2, -3.0)]),
+        # I dω/dt = −(15 + 7.5) from 6 to 3, in 2/15 s; then the motor holds its speed
+        ((3.0, 15.0), 7.5, 6.0, [(100, None, 3.75), (300, None, 3.0)]),
+        # I dω/dt = −(10 + 5) from 3; at rest after .2 s
+        ((0.0, 10.0), 5.0, 3.0, [(100, 0.225, 1.5), (300, 0.3, 0.0)]),
+    ],
+)
+def test_a_motor_less_friction_brings_a_body_to_its_speed_and_both_together_brake_what_is_faster(
+    kind, joint, degrees, size, motor, friction, turning, stations
+):
+    method, done = driven(kind, joint, degrees, size, motor, friction, turning), 0
+    for ticks, way, rate in stations:
+        run(method, ticks - done)
+        done, found = ticks, coordinate(method, degrees, joint)
+        assert found[1] == pytest.approx(rate, rel=1e-12, abs=1e-12)
+        assert way is None or found[0] == pytest.approx(way, rel=1e-9)
 
 
 def held_knob(motor, friction, degrees):
