@@ -5,11 +5,9 @@ import json
 import math
 
 import pytest
-import typer
-from typer.testing import CliRunner
+from in_process import haptic
 
 from haptic_device.analysis.assessment import Display, advise, assess
-from haptic_sim.cli.passivity import passivity
 
 PROMISED = {
     "passive",
@@ -24,20 +22,15 @@ PROMISED = {
 }
 
 
-def haptic(**options):
+def passivity(*words, **options):
     """Run the subcommand on a device of 0.8 N s/m at 4 kHz, with options changed or added."""
     device = {"stiffness": 5000, "damping": 0.05, "physical-damping": 0.8, "period": 0.00025}
-    app = typer.Typer()
-    app.command()(passivity)
-    words = [
-        word for name, value in {**device, **options}.items() for word in (f"--{name}", str(value)) if word != "True"
-    ]
-    return CliRunner().invoke(app, words)
+    return haptic("passivity", *words, *(f"--{name}={value}" for name, value in {**device, **options}.items()))
 
 
 def judged(**options):
-    result = haptic(json=True, **options)
-    assert result.exit_code == 0
+    result = passivity("--json", **options)
+    assert result.returncode == 0
     return json.loads(result.stdout)
 
 
@@ -87,8 +80,8 @@ def test_a_need_without_end_is_null():
 
 
 def test_the_table_ends_with_a_sentence_that_says_what_to_change():
-    result = haptic(stiffness=12000)
-    assert result.exit_code == 0
+    result = passivity(stiffness=12000)
+    assert result.returncode == 0
     assert "needs b > 1.55 N s/m and the device has 0.8" in result.stdout
     assert "lower the stiffness below 6000 N/m" in result.stdout
 
@@ -140,7 +133,7 @@ def test_no_stiffness_of_a_coupling_covers_a_negative_damping_beyond_a_quarter_o
 
 
 def test_plot_writes_a_png(tmp_path):
-    assert haptic(plot=tmp_path / "map.png").exit_code == 0
+    assert passivity(plot=tmp_path / "map.png").returncode == 0
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -165,12 +158,12 @@ def test_plot_writes_a_png(tmp_path):
     ],
 )
 def test_bad_input_ends_in_one_sentence_and_exit_code_2(options, sentence):
-    result = haptic(**options)
-    assert result.exit_code == 2
+    result = passivity(**options)
+    assert result.returncode == 2
     assert sentence in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
     assert result.stdout == ""
 
 
 def test_a_word_for_a_number_is_refused():
-    assert haptic(stiffness="stiff").exit_code == 2
+    assert passivity(stiffness="stiff").returncode == 2

@@ -6,26 +6,21 @@ import json
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
+from in_process import haptic
 
 from haptic_device.analysis import sweep
 from haptic_sim.cli import zwidth as cli
-from haptic_sim.cli.zwidth import zwidth
 
 
-def haptic(folder, *words, **options):
+def zwidth(folder, *words, **options):
     """Run the subcommand on a small map, with options changed or added."""
     given = ({} if "--live" in words else {"points": 12, "seconds": 0.2, "out": folder}) | options
-    app = typer.Typer()
-    app.command()(zwidth)
-    named = [word for name, value in given.items() for word in (f"--{name.replace('_', '-')}", str(value))]
-    return CliRunner().invoke(app, [*named, *words])
+    return haptic("zwidth", *words, *(f"--{name.replace('_', '-')}={value}" for name, value in given.items()))
 
 
 def test_json_tells_the_map_and_both_files_are_there(tmp_path):
-    result = haptic(tmp_path, "--json")
-    assert result.exit_code == 0
+    result = zwidth(tmp_path, "--json")
+    assert result.returncode == 0
     found = json.loads(result.stdout)
     assert found["cells"] == 144
     assert sum(found["shares"].values()) == pytest.approx(1.0)
@@ -35,15 +30,15 @@ def test_json_tells_the_map_and_both_files_are_there(tmp_path):
 
 
 def test_the_table_shows_the_largest_stiffness_over_the_damping(tmp_path):
-    result = haptic(tmp_path, operator="worst", lateness=1e-4)
-    assert result.exit_code == 0
+    result = zwidth(tmp_path, operator="worst", lateness=1e-4)
+    assert result.returncode == 0
     assert "Largest stiffness" in result.stdout
     assert "late writes" in result.stdout
     assert "operator worst" in result.stdout
 
 
 def test_a_device_description_gives_the_values_that_are_not_given(tmp_path):
-    found = json.loads(haptic(tmp_path, "--json", device="desktop", period=0.00025, coulomb=0.1).stdout)
+    found = json.loads(zwidth(tmp_path, "--json", device="desktop", period=0.00025, coulomb=0.1).stdout)
     assert (found["mass"], found["physical_damping"], found["resolution"]) == (0.1, 3.0, 5e-6)
     assert found["coulomb"] == 0.1
 
@@ -65,16 +60,16 @@ def test_a_device_description_gives_the_values_that_are_not_given(tmp_path):
     ],
 )
 def test_bad_input_ends_in_one_sentence_and_exit_code_2(tmp_path, options, sentence):
-    result = haptic(tmp_path, **options)
-    assert result.exit_code == 2
+    result = zwidth(tmp_path, **options)
+    assert result.returncode == 2
     assert sentence in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
     assert result.stdout == ""
 
 
 def test_live_refuses_what_only_a_map_takes(tmp_path):
-    result = haptic(tmp_path, "--live", mass=1.0, out=tmp_path)
-    assert result.exit_code == 2 and "with --live, --mass, --out has no meaning" in result.stderr
+    result = zwidth(tmp_path, "--live", mass=1.0, out=tmp_path)
+    assert result.returncode == 2 and "with --live, --mass, --out has no meaning" in result.stderr
 
 
 def test_interrupted_it_keeps_the_rows_that_were_done_and_says_where(tmp_path, monkeypatch):
@@ -87,8 +82,8 @@ def test_interrupted_it_keeps_the_rows_that_were_done_and_says_where(tmp_path, m
         yield show
 
     monkeypatch.setattr(cli, "progress", interrupting)
-    result = haptic(tmp_path)
-    assert result.exit_code == 130 and f"rows that were done are in {tmp_path / 'map.csv'}" in result.stderr
+    result = zwidth(tmp_path)
+    assert result.returncode == 130 and f"rows that were done are in {tmp_path / 'map.csv'}" in result.stderr
     assert np.loadtxt(tmp_path / "map.csv", delimiter=",", skiprows=1).shape == (5 * 12, 5)
 
 
@@ -96,8 +91,8 @@ def test_what_is_refused_before_the_first_row_leaves_an_earlier_map_as_it_is(tmp
     pytest.importorskip("distributed")
     monkeypatch.setattr(sweep, "PATIENCE", 0.5)
     (tmp_path / "map.csv").write_text("an earlier map")
-    result = haptic(tmp_path, scheduler="tcp://127.0.0.1:9")
-    assert result.exit_code == 2 and "no scheduler answers" in result.stderr
+    result = zwidth(tmp_path, scheduler="tcp://127.0.0.1:9")
+    assert result.returncode == 2 and "no scheduler answers" in result.stderr
     assert (tmp_path / "map.csv").read_text() == "an earlier map"
 
 
@@ -113,7 +108,7 @@ def test_what_is_refused_before_the_first_row_leaves_an_earlier_map_as_it_is(tmp
 )
 def test_live_refuses_what_the_driver_cannot_take_before_any_node_is_started(tmp_path, monkeypatch, options, sentence):
     monkeypatch.setattr("haptic_sim.supervision.zwidth.on_pair", None)
-    result = haptic(tmp_path, "--live", **options)
-    assert (result.exit_code, result.stdout) == (2, "")
+    result = zwidth(tmp_path, "--live", **options)
+    assert (result.returncode, result.stdout) == (2, "")
     assert sentence in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1

@@ -5,9 +5,8 @@ import functools
 
 import numpy as np
 import pytest
-import typer
 import yaml
-from typer.testing import CliRunner
+from in_process import haptic
 
 from haptic_device import controller_config
 from haptic_device.analysis.excitation import tool_twists, wall_jumps
@@ -19,7 +18,6 @@ from haptic_device.parameter_types import defaults
 from haptic_device.parameters import OPERATING_POINT, OPERATOR
 from haptic_device.realtime import servo_loop
 from haptic_device.status import Status
-from haptic_sim.cli.identify import identify as command
 from haptic_sim.supervision.excitation import shake_handle, unbroken
 from haptic_sim.supervision.identification import estimate, write_description
 from haptic_sim.supervision.tuning import refuse_other_device
@@ -309,12 +307,6 @@ def test_the_description_that_is_written_can_be_loaded_and_keeps_what_was_not_fo
     assert "mass 0.0003 ± 1e-06 kg m²" in text
 
 
-def invoked(*words):
-    app = typer.Typer()
-    app.command()(command)
-    return CliRunner().invoke(app, words)
-
-
 @pytest.mark.parametrize(
     "words, sentence",
     [
@@ -328,8 +320,8 @@ def invoked(*words):
     ],
 )
 def test_bad_input_ends_in_one_sentence_and_exit_code_2(words, sentence):
-    result = invoked(*words)
-    assert result.exit_code == 2
+    result = haptic("identify", *words)
+    assert result.returncode == 2
     assert sentence in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
 
@@ -337,5 +329,8 @@ def test_bad_input_ends_in_one_sentence_and_exit_code_2(words, sentence):
 def test_a_device_that_does_not_turn_is_not_turned(tmp_path):
     content = load_device("desktop").model_dump(mode="json")
     (tmp_path / "flat.yaml").write_text(yaml.safe_dump(content | {"name": "flat", "axes": content["axes"][:2]}))
-    result = invoked("--device", str(tmp_path / "flat.yaml"), "--torque", "0.1")
-    assert (result.exit_code, result.stderr.strip()) == (2, "haptic identify: torque is 0.1 N m, but flat has no theta")
+    result = haptic("identify", "--device", str(tmp_path / "flat.yaml"), "--torque", "0.1")
+    assert (result.returncode, result.stderr.strip()) == (
+        2,
+        "haptic identify: torque is 0.1 N m, but flat has no theta",
+    )

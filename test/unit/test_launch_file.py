@@ -39,37 +39,24 @@ def prefix_namespace(base, namespace):
     return namespace if namespace.startswith("/") or not base else f"{base}/{namespace}"
 
 
-CLASSES = {
-    "launch": ["LaunchDescription"],
-    "launch.actions": [
-        "DeclareLaunchArgument",
-        "EmitEvent",
-        "IncludeLaunchDescription",
-        "OpaqueFunction",
-        "RegisterEventHandler",
-    ],
-    "launch.conditions": ["IfCondition"],
-    "launch.events": ["matches_action"],
-    "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
-    "launch.substitutions": ["LaunchConfiguration"],
-    "launch_ros": [],
-    "launch_ros.actions": ["LifecycleNode", "Node"],
-    "launch_ros.event_handlers": ["OnStateTransition"],
-    "launch_ros.events": [],
-    "launch_ros.events.lifecycle": ["ChangeState"],
-    "launch_ros.parameter_descriptions": ["ParameterValue"],
-    "launch_ros.substitutions": ["FindPackageShare"],
-    "launch_ros.utilities": [],
-}
+class _Module(types.ModuleType):
+    def __getattr__(self, name):
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return _Recorded
+
+
+STAND_INS = [f"launch{part}" for part in ("", ".actions", ".conditions", ".events", ".substitutions")]
+STAND_INS += ["launch.launch_description_sources", "launch_ros"]
+STAND_INS += [f"launch_ros.{part}" for part in ("actions", "event_handlers", "events", "events.lifecycle")]
+STAND_INS += [f"launch_ros.{part}" for part in ("parameter_descriptions", "substitutions", "utilities")]
 
 
 @pytest.fixture
 def launch_file(monkeypatch):
     """launch_file(path) gives the launch description of a file of ours."""
-    for module, names in CLASSES.items():
-        stand_in = types.ModuleType(module)
-        vars(stand_in).update({name: _Recorded for name in names})
-        monkeypatch.setitem(sys.modules, module, stand_in)
+    for module in STAND_INS:
+        monkeypatch.setitem(sys.modules, module, _Module(module))
     sys.modules["launch_ros.utilities"].prefix_namespace = prefix_namespace
     return lambda path: runpy.run_path(str(ROOT / path))["generate_launch_description"]()
 
