@@ -4,12 +4,16 @@
 from pathlib import Path
 
 import numpy as np
+import yaml
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from haptic_device.control.exchange_samples import TAIL
 from haptic_device.recording.writer import Bag
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
+SECOND = 1_000_000_000  # [ns]
 JOINTS, CLOUD = "sensor_msgs/msg/JointState", "sensor_msgs/msg/PointCloud2"
 DIAGNOSTICS, STRING = "diagnostic_msgs/msg/DiagnosticArray", "std_msgs/msg/String"
 AXES = ("x", "y", "theta")
@@ -116,3 +120,41 @@ def _write_exchange(bag: Bag, channel: dict, row: np.ndarray) -> None:
         bag.write(channel[topic], data, now + 100_000, now + 50_000, sequence)
     truth = joints((*AXES, "energy_given", "time"), [*row["position"], -1e-3 * sequence, row["deadline"] * 1e-9], now)
     bag.write(channel["operator/state"], truth, now + 100_000, now + 50_000, sequence)
+
+
+def fill(bag, count, size=40, first=0, seed=0):
+    """Writes numbered messages, one each millisecond, that do not compress."""
+    channel = bag.add_topic("/haptic/encoder", JOINTS, []) if first == 0 else 1
+    names = [f"n{i}" for i in range(size)]
+    numbers = np.random.default_rng(seed).normal(size=(count, size))
+    for number in range(first, first + count):
+        numbers[number - first, 0] = number
+        data = joints(names, numbers[number - first], number)
+        bag.write(channel, data, number * SECOND // 1000, number * SECOND // 1000, number + 1)
+        if number % 50 == 49:
+            bag.flush()
+
+
+def numbered(folder, topics, **limit):
+    """An open bag in which each topic has messages of these publishers' numbers, one a second."""
+    bag = Bag(folder, **limit)
+    channels = {topic: bag.add_topic(topic, JOINTS, []) for topic in topics}
+    for topic, sequences in topics.items():
+        for number, sequence in enumerate(sequences, 1):
+            bag.write(channels[topic], joints(("x",), [1], 0), number * SECOND, number * SECOND, sequence)
+            bag.flush()
+    return bag
+
+
+def information(folder):
+    return yaml.safe_load((folder / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+
+
+def values_by_rosbags(folder):
+    with AnyReader([folder]) as reader:
+        return [reader.deserialize(data, connection.msgtype).position[0] for connection, _, data in reader.messages()]
+
+
+def mcap_summary(file):
+    with open(file, "rb") as stream:
+        return make_reader(stream, validate_crcs=True).get_summary()
