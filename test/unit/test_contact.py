@@ -8,27 +8,28 @@ import pytest
 from apart import apart
 
 from haptic_device.control import contact_model
+from haptic_device.jit import kernel
 from haptic_sim.exchange.local_contacts import LocalContacts
 from haptic_sim.method_registry import make
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import load, parse
 
+# kept in the cache
+place, hide_others, judge_table = (
+    kernel(law.py_func) for law in (contact_model.place, contact_model.hide_others, contact_model.judge_table)
+)
+
 
 def one(**given):
     row = np.zeros(len(contact_model.EACH))
-    row[contact_model.IDENTITY], row[contact_model.KIND], row[contact_model.NORMAL_X] = (
-        1.0,
-        contact_model.FLAT_THERE,
-        1.0,
-    )
-    for name, value in given.items():
+    for name, value in ({"identity": 1.0, "kind": contact_model.FLAT_THERE, "normal_x": 1.0} | given).items():
         row[contact_model.EACH.index(name)] = value
     return row
 
 
 def placed(row, pose, age=0.0, back=0.0):
     out = np.zeros(contact_model.PLACE)
-    contact_model.place(row, np.array(pose, float), age, back, out)
+    place(row, np.array(pose, float), age, back, out)
     return out
 
 
@@ -73,7 +74,7 @@ def test_of_a_group_the_plane_with_the_largest_gap_counts():
     table, gaps, shown = np.zeros((8, len(contact_model.EACH))), np.zeros((8, contact_model.PLACE)), np.zeros(8)
     table[:4, contact_model.IDENTITY], table[:3, contact_model.GROUP] = (1, 2, 3, 4), (7, 7, 8)
     gaps[:4, 0] = 0.1, 0.2, 0.0, -1.0
-    contact_model.hide_others(table, gaps, shown)
+    hide_others(table, gaps, shown)
     assert shown.tolist() == [0, 1, 1, 1, 0, 0, 0, 0]
 
 
@@ -95,14 +96,14 @@ def test_of_a_group_the_plane_with_the_largest_gap_counts():
 def test_what_is_no_contact_is_refused(given, verdict):
     table = np.zeros((contact_model.MOST, len(contact_model.EACH)))
     table[3] = one(**given)
-    assert contact_model.judge_table(table) == verdict
+    assert judge_table(table) == verdict
 
 
 @pytest.mark.parametrize("room, verdict", [(-0.9e-3, contact_model.ACCEPTED), (-1.1e-3, contact_model.NO_WAY_OUT)])
 def test_planes_face_to_face_that_leave_no_room_are_refused(room, verdict):
     table = np.zeros((contact_model.MOST, len(contact_model.EACH)))
     table[0], table[1] = one(gap=room / 2), one(identity=2.0, normal_x=-1.0, gap=room / 2)
-    assert contact_model.judge_table(table) == verdict
+    assert judge_table(table) == verdict
 
 
 @pytest.mark.parametrize("name", ["wall", "corner", "peg_in_hole", "wrench_on_nut", "push_block"])
@@ -113,9 +114,9 @@ def test_the_nearest_contact_is_as_far_as_fcl_says_where_features_face_each_othe
     pose = np.array(scene.tool.pose)
     for row, gap in zip(near.table, gaps, strict=True):
         if row[contact_model.IDENTITY]:
-            contact_model.place(row, pose, 0.0, 0.0, gap)
+            place(row, pose, 0.0, 0.0, gap)
             assert gap[0] <= max(row[contact_model.GAP], gap[0])
-    contact_model.hide_others(near.table, gaps, shown)
+    hide_others(near.table, gaps, shown)
     least = min(
         apart(scene.tool, scene.tool.pose, body, body.pose)
         for body in scene.bodies
@@ -146,14 +147,13 @@ def test_wherever_the_tool_goes_within_the_trust_a_set_touches_where_the_shapes_
         here = scene.model_copy(update={"tool": scene.tool.model_copy(update={"pose": tuple(pose)})})
         near = LocalContacts(reduce_scene(here), make("impulse", reduce_scene(here), 1e-3))
         for row, gap in zip(near.table, gaps, strict=True):
-            contact_model.place(row, pose, 0.0, 0.0, gap)
-        for nx, ny in gaps[
-            near.table[:, contact_model.IDENTITY] > 0.0, contact_model.NX : contact_model.NY + 1
-        ].tolist():
+            place(row, pose, 0.0, 0.0, gap)
+        known = near.table[:, contact_model.IDENTITY] > 0.0
+        for nx, ny in gaps[known, contact_model.NX : contact_model.NY + 1].tolist():
             there = pose - 0.99 * near.trust * np.array((nx, ny, 0.0))
             for row, gap in zip(near.table, gaps, strict=True):
-                contact_model.place(row, there, 0.0, 0.0, gap)
-            contact_model.hide_others(near.table, gaps, shown)
+                place(row, there, 0.0, 0.0, gap)
+            hide_others(near.table, gaps, shown)
             inside = apart(here.tool, tuple(there), here.bodies[0], here.bodies[0].pose) <= 0.0
             assert (gaps[shown > 0.0, 0].min() < 0.0) == inside
 

@@ -172,7 +172,7 @@ def test_each_world_begins_with_its_budget_so_that_the_pull_is_that_of_the_first
     """The handle stays 6 mm behind the wall, and the tool comes to it from its start again and again."""
     began, pulls = 0, []
     lasts = (SILENCE_NS + RETURN_NS) // MS + 200
-    for _ in range(13):
+    for _ in range(5):
         answering.load("wall") if how == "load" else answering.reset()
         for time_ms in range(began + 1, began + lasts):
             answering.answer(time_ms, (-0.006, 0.0, 0.0))
