@@ -35,25 +35,24 @@ def turned(degrees, x, y):
     return [c * x - s * y, s * x + c * y]
 
 
+def body(name, mass, shape, x=0.0, degrees=0.0, **more):
+    """At (x, 0) in a plane turned by so many degrees."""
+    pose = [*turned(degrees, x, 0.0), math.radians(degrees)]
+    return {"name": name, "mass": mass, "pose": pose, "shapes": [shape], **more}
+
+
 def driven(kind, joint, degrees, size, motor, friction, turning=0.0, **more):
     """A wheel on a pin or a sled on a guide, with motor (speed, strength) and dry friction, both times its inertia."""
-    body = {
-        "name": "body",
-        "mass": size,
-        "inertia": size,
-        "pose": [0.0, 0.0, math.radians(degrees)],
-        "shapes": [{"box": {"size": [0.1, 0.1]}}],
-    }
-    speed, strength = motor
+    wheel, (speed, strength) = body("body", size, {"box": {"size": [0.1, 0.1]}}, degrees=degrees, inertia=size), motor
     law = {"type": joint, "bodies": ["world", "body"], "at": [0.0, 0.0]}
     if joint == "pin":
-        body["velocity"] = [0.0, 0.0, turning]
+        wheel["velocity"] = [0.0, 0.0, turning]
         law |= {"friction_torque": friction * size, "motor": {"speed": speed, "max_torque": strength * size}}
     else:
-        body["velocity"] = [*turned(degrees, turning, 0.0), 0.0]
+        wheel["velocity"] = [*turned(degrees, turning, 0.0), 0.0]
         law |= {"friction_force": friction * size, "motor": {"speed": speed, "max_force": strength * size}}
         law["axis"] = turned(degrees, 1.0, 0.0)
-    return world(kind, 1e-3, [body], [law], **more)
+    return world(kind, 1e-3, [wheel], [law], **more)
 
 
 def coordinate(method, degrees, joint):
@@ -106,19 +105,9 @@ def test_a_motor_less_friction_brings_a_body_to_its_speed_and_both_together_brak
 
 
 def held_knob(motor, friction, degrees):
-    pin = {
-        "type": "pin",
-        "bodies": ["world", "tool"],
-        "at": [0.0, 1.0],
-        "friction_torque": friction,
-        "motor": {"speed": motor[0], "max_torque": motor[1]},
-    }
-    tool = {
-        "mass": 0.1,
-        "inertia": 1e-4,
-        "pose": [0.0, 1.0, math.radians(degrees)],
-        "shapes": [{"circle": {"radius": 0.01}}],
-    }
+    pin = {"type": "pin", "bodies": ["world", "tool"], "at": [0.0, 1.0], "friction_torque": friction}
+    pin["motor"] = {"speed": motor[0], "max_torque": motor[1]}
+    tool = FAR_TOOL | {"inertia": 1e-4, "pose": [0.0, 1.0, math.radians(degrees)]}
     method = world(Partitioned, 1e-3, [], [pin], tool)
     method.couple(Coupling(2000.0, 2.0, 2.0, 0.1))
     return method
@@ -148,24 +137,16 @@ def test_a_held_tool_has_its_motors_speed_however_strong_motor_and_friction_are(
 @pytest.mark.parametrize("degrees", ANGLES)
 def test_two_joints_with_motor_and_friction_in_a_row_each_keep_their_own_law(degrees):
     """The first motor is stronger than its friction, the second weaker: both arms turn as one."""
-    arm = {"mass": 1.0, "inertia": 0.1, "shapes": [{"box": {"size": [0.2, 0.02]}}]}
-    places = [[*turned(degrees, x, 0.0), math.radians(degrees)] for x in (0.1, 0.3)]
-    arms = [{**arm, "name": name, "pose": pose} for name, pose in zip("ab", places, strict=True)]
+    bar = {"box": {"size": [0.2, 0.02]}}
+    arms = [body(name, 1.0, bar, x, degrees, inertia=0.1) for name, x in (("a", 0.1), ("b", 0.3))]
     pins = [
-        {
-            "bodies": ["world", "a"],
-            "at": [0.0, 0.0],
-            "friction_torque": 0.5,
-            "motor": {"speed": 2.0, "max_torque": 5.0},
-        },
-        {
-            "bodies": ["a", "b"],
-            "at": turned(degrees, 0.2, 0.0),
-            "friction_torque": 9.0,
-            "motor": {"speed": 9.0, "max_torque": 0.1},
-        },
+        {"type": "pin", "bodies": bodies, "at": turned(degrees, x, 0.0), "friction_torque": friction, "motor": motor}
+        for bodies, x, friction, motor in (
+            (["world", "a"], 0.0, 0.5, {"speed": 2.0, "max_torque": 5.0}),
+            (["a", "b"], 0.2, 9.0, {"speed": 9.0, "max_torque": 0.1}),
+        )
     ]
-    method = run(world(Partitioned, 1e-3, arms, [{"type": "pin", **pin} for pin in pins]), 1000)
+    method = run(world(Partitioned, 1e-3, arms, pins), 1000)
     first, second = (pose[2] for pose, _ in method.bodies()[1:])
     assert first - second == pytest.approx(0.0, abs=1e-9) and method.bodies()[1][1][2] == pytest.approx(2.0, rel=1e-9)
 
@@ -192,28 +173,20 @@ def sprung(kind, joint, degrees, size, stiffness, damping, stretch=0.0, push=0.0
     The push is gravity along the coordinate; the pin's body is a ring 1 m about its pin, whose mass centre it draws.
     """
     stiffness, damping, along = stiffness * size, damping * size, turned(degrees, 1.0, 0.0)
-    body = {
-        "name": "body",
-        "mass": size,
-        "inertia": 1e-12 if joint == "pin" else size,
-        "shapes": [{"circle": {"radius": 0.1}}],
-    }
+    hung = {"name": "body", "mass": size, "inertia": size, "shapes": [{"circle": {"radius": 0.1}}]}
     law = {"bodies": ["world", "body"], "type": joint, "stiffness": stiffness, "damping": damping}
     gravity = [push * along[0], push * along[1]]
     if joint == "pin":
-        body |= {
-            "inertia": 0.5 * size,
-            "mass": 0.5 * size,
-            "pose": [*turned(degrees, 0.0, -1.0), math.radians(degrees)],
-        }
+        pose = [*turned(degrees, 0.0, -1.0), math.radians(degrees)]
+        hung |= {"inertia": 0.5 * size, "mass": 0.5 * size, "pose": pose}
         law |= {"at": [0.0, 0.0], "rest": -stretch}
         gravity = [2.0 * push * along[0], 2.0 * push * along[1]]
     elif joint == "slider":
         law |= {"at": [0.0, 0.0], "axis": along, "rest": -stretch}
     else:
-        body["pose"] = [*turned(degrees, stretch, 0.0), 0.0]
+        hung["pose"] = [*turned(degrees, stretch, 0.0), 0.0]
         law |= {"anchors": [[0.0, 0.0], [0.0, 0.0]], "rest": 0.0}
-    return world(kind, H, [body], [law], gravity=gravity), body.get("pose", [0.0, 0.0, 0.0])
+    return world(kind, H, [hung], [law], gravity=gravity), hung.get("pose", [0.0, 0.0, 0.0])
 
 
 def moved(method, joint, degrees, start):
@@ -271,40 +244,20 @@ def test_no_spring_damper_creates_energy_and_a_damped_one_comes_to_rest(kind, jo
 @pytest.mark.parametrize("damping", [1e2, 1e4, 1e6])
 def test_what_strikes_a_plunger_in_grease_drives_it_by_its_momentum_over_the_damping(degrees, size, damping):
     """c x = m v: all that the ball has goes into the grease, in whatever way; c h/m of the light plunger 10 to 1e5."""
-    plunger = {
-        "name": "plunger",
-        "mass": 0.01 * size,
-        "pose": [0.0, 0.0, math.radians(degrees)],
-        "shapes": [{"box": {"size": [0.02, 0.02]}}],
-    }
-    ball = {
-        "name": "ball",
-        "mass": size,
-        "pose": [*turned(degrees, -0.0217, 0.0), 0.0],
-        "shapes": [{"circle": {"radius": 0.01}}],
-    }
-    ball["velocity"] = [*turned(degrees, 0.5, 0.0), 0.0]
-    guide = {
-        "type": "slider",
-        "bodies": ["world", "plunger"],
-        "at": [0.0, 0.0],
-        "axis": turned(degrees, 1.0, 0.0),
-        "damping": damping * size,
-    }
+    plunger = body("plunger", 0.01 * size, {"box": {"size": [0.02, 0.02]}}, degrees=degrees)
+    velocity = [*turned(degrees, 0.5, 0.0), 0.0]
+    ball = body("ball", size, {"circle": {"radius": 0.01}}, -0.0217, degrees, velocity=velocity)
+    guide = {"type": "slider", "bodies": ["world", "plunger"], "at": [0.0, 0.0], "axis": turned(degrees, 1.0, 0.0)}
+    guide["damping"] = damping * size
     method = run(world(Partitioned, H, [plunger, ball], [guide]), 500)
     way = math.hypot(*method.pose("plunger")[:2])
     assert way == pytest.approx(0.5 / damping, rel=2e-3)
     assert math.hypot(*method.bodies()[2][1][:2]) < 1e-3
 
 
+HANDLE = {"box": {"size": [0.03, 0.002], "center": [0.015, 0.0]}}
 KNOB = {
-    "bodies": [
-        {
-            "name": "knob",
-            "mass": 0.02,
-            "shapes": [{"circle": {"radius": 0.01}}, {"box": {"size": [0.03, 0.002], "center": [0.015, 0.0]}}],
-        }
-    ],
+    "bodies": [{"name": "knob", "mass": 0.02, "shapes": [{"circle": {"radius": 0.01}}, HANDLE]}],
     "joints": [{"type": "pin", "bodies": ["world", "knob"], "at": [0.0, 0.0], "damping": 0.5}],
     "tool": {"mass": 0.05, "pose": [0.026, 0.0165, 0.0], "shapes": [{"circle": {"radius": 0.005}}]},
     "gravity": [0.0, -9.81],
