@@ -264,35 +264,23 @@ def point(**nodes):
     return "".join(f"/**/haptic_{node}: {{ros__parameters: {{{given}}}}}\n" for node, given in nodes.items())
 
 
-WITHIN = "; its workspace is -0.12 to 0.12 m"
+BEYOND = [
+    ("press_wall, target: [0.13, 0.0, 0.0]", "motion.target x is at 0.13 m", "-0.12 to 0.12 m"),
+    ("tap, target: [0.0, 0.17, 0.0]", "motion.target y is at 0.17 m", "-0.12 to 0.16 m"),
+    ("waypoints, waypoints: [0.0, 0.0, 0.0, -0.2, 0.0, 0.0]", "motion.waypoints 2 x is at -0.2 m", "-0.12 to 0.12 m"),
+    ("circle, start: [0.11, 0.0, 0.0], radius: 0.14", "motion.radius, leftmost, x is at -0.17 m", "-0.12 to 0.12 m"),
+    ("let_go, target: [0.0, 0.0, 12.5]", "motion.target theta is at 12.5 rad", "-12 to 12 rad"),
+]
 METHODS = "exchange.method is 'wave' of haptic_driver and 'pspm' of haptic_simulation; both must have the same"
+UNDAMPED = "device: undamped, coupling: {stiffness: 100.0, damping: 0.0}"
+DEVICES = "device is 'undamped' of haptic_driver and 'desktop' of haptic_loopback, which differ in axes[0].damping, "
 TOGETHER = [
     (point(driver="exchange: {method: wave}"), METHODS),
     (point(driver="exchange: {method: wave}", simulation="exchange: {method: pspm}"), METHODS),
-    (
-        point(driver="device: undamped, coupling: {stiffness: 100.0, damping: 0.0}", loopback="device: desktop"),
-        "device is 'undamped' of haptic_driver and 'desktop' of haptic_loopback, which differ in axes[0].damping, "
-        "axes[1].damping; both must have the same",
-    ),
-    (
-        point(loopback="motion: {name: press_wall, target: [0.13, 0.0, 0.0]}"),
-        f"motion.target x is at 0.13 m of the device{WITHIN}",
-    ),
-    (
-        point(loopback="motion: {name: tap, target: [0.0, 0.17, 0.0]}"),
-        "motion.target y is at 0.17 m of the device; its workspace is -0.12 to 0.16 m",
-    ),
-    (
-        point(loopback="motion: {name: waypoints, waypoints: [0.0, 0.0, 0.0, -0.2, 0.0, 0.0]}"),
-        f"motion.waypoints 2 x is at -0.2 m of the device{WITHIN}",
-    ),
-    (
-        point(loopback="motion: {name: circle, start: [0.11, 0.0, 0.0], radius: 0.14}"),
-        f"motion.radius, leftmost, x is at -0.17 m of the device{WITHIN}",
-    ),
-    (
-        point(loopback="motion: {name: let_go, target: [0.0, 0.0, 12.5]}"),
-        "motion.target theta is at 12.5 rad of the device; its workspace is -12 to 12 rad",
+    (point(driver=UNDAMPED, loopback="device: desktop"), f"{DEVICES}axes[1].damping; both must have the same"),
+    *(
+        (point(loopback=f"motion: {{name: {motion}}}"), f"{place} of the device; its workspace is {room}")
+        for motion, place, room in BEYOND
     ),
 ]
 
@@ -306,7 +294,7 @@ def test_an_operating_point_whose_parts_cannot_run_together_is_refused(tmp_path,
     "text",
     [
         point(driver="exchange: {method: wave}", simulation="exchange: {method: wave}"),
-        point(driver="device: undamped, coupling: {stiffness: 100.0, damping: 0.0}"),  # hardware, and no loopback
+        point(driver=UNDAMPED),  # hardware, and no loopback
         point(loopback="motion: {name: press_wall, target: [0.12, 0.0, 12.0]}"),
         point(loopback="motion: {name: hold, target: [9.0, 0.0, 0.0]}"),  # which hold does not go to
         point(loopback="motion: {name: circle, start: [0.11, 0.0, 0.0], radius: 0.115}"),
@@ -322,7 +310,8 @@ def test_the_motion_of_a_scene_that_an_operating_point_names_stays_in_the_worksp
     scene = (ROOT / "config/scenes/wall.yaml").read_text().replace("start: [0.03, 0.0, 0.0]", f"start: [{x}, 0.0, 0.0]")
     (tmp_path / "far.yaml").write_text(re.sub(r"target: \[[^,]*,", f"target: [{x},", scene))
     found = problems(broken(tmp_path, point(simulation="scene: ./far.yaml")))
-    told = [f"scene 'wall': motion.{name} x is at 0.121 m of the device{WITHIN}" for name in ("start", "target")]
+    room = "its workspace is -0.12 to 0.12 m"
+    told = [f"scene 'wall': motion.{name} x is at 0.121 m of the device; {room}" for name in ("start", "target")]
     assert found == ([] if fits else told)
 
 

@@ -23,19 +23,16 @@ from haptic_sim.scene.language import Scene, load
 
 PASSIVE = ("wave", "pspm")
 BOX = {"material": "m", "shapes": [{"box": {"size": [0.06, 0.04]}}]}
-BLOCK = Scene.model_validate(
-    {
-        "name": "block",
-        "materials": {"m": {"friction": 0.3, "restitution": 0.4}},
-        "gravity": [0.0, 0.0],
-        "tool": {"mass": 0.004, "material": "m", "pose": [0.0, 0.05, 0.0], "shapes": [{"box": {"size": [0.04, 0.03]}}]},
-        "bodies": [
-            BOX | {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0, 1]}}]},
-            BOX | {"name": "wall", "fixed": True, "pose": [-0.15, 0.5, 0.0], "shapes": [{"box": {"size": [0.1, 1.0]}}]},
-            BOX | {"name": "block", "mass": 0.2, "pose": [0.1, 0.02, 0.0]},
-        ],
-    }
-)
+WALL = {"fixed": True, "pose": [-0.15, 0.5, 0.0], "shapes": [{"box": {"size": [0.1, 1.0]}}]}
+BODIES = [
+    BOX | {"name": "floor", "fixed": True, "shapes": [{"half_plane": {"normal": [0, 1]}}]},
+    BOX | {"name": "wall", **WALL},
+    BOX | {"name": "block", "mass": 0.2, "pose": [0.1, 0.02, 0.0]},
+]
+TOOL = {"mass": 0.004, "material": "m", "pose": [0.0, 0.05, 0.0], "shapes": [{"box": {"size": [0.04, 0.03]}}]}
+MATERIALS = {"m": {"friction": 0.3, "restitution": 0.4}}
+BLOCK = {"name": "block", "materials": MATERIALS, "gravity": [0.0, 0.0], "tool": TOOL, "bodies": BODIES}
+BLOCK = Scene.model_validate(BLOCK)
 BOUND = 0.005 + 1e-7  # [J] exchange.budget, and what rounding of a path of newtons makes of it
 
 

@@ -169,28 +169,12 @@ def test_trial_sees_overlap_and_energy_where_they_are():
 
 def test_more_contacts_than_can_be_solved_for_are_counted_not_passed_over():
     """Three courses of bricks side by side."""
-    crowd = [
-        {
-            "name": f"b{i}",
-            "mass": 1.0,
-            "pose": [0.1 * (i % 13), 0.05 + 0.1 * (i // 13), 0.0],
-            "material": "m",
-            "shapes": [{"box": {"size": [0.1, 0.1]}}],
-        }
-        for i in range(38)
-    ]
+    brick = {"mass": 1.0, "material": "m", "shapes": [{"box": {"size": [0.1, 0.1]}}]}
+    crowd = [brick | {"name": f"b{i}", "pose": [0.1 * (i % 13), 0.05 + 0.1 * (i // 13), 0.0]} for i in range(38)]
     floor = {"name": "floor", "fixed": True, "material": "m", "shapes": [{"half_plane": {"normal": [0.0, 1.0]}}]}
     tool = {"mass": 0.1, "pose": [0.0, 9.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
-    scene = Scene.model_validate(
-        {
-            "name": "crowd",
-            "gravity": [0.0, -9.81],
-            "materials": {"m": {"friction": 0.3}},
-            "method": "partitioned",
-            "bodies": [floor, *crowd],
-            "tool": tool,
-        }
-    )
+    content = {"name": "crowd", "gravity": [0.0, -9.81], "materials": {"m": {"friction": 0.3}}, "method": "partitioned"}
+    scene = Scene.model_validate(content | {"bodies": [floor, *crowd], "tool": tool})
     assert attempt(scene, 0.002).simulation.counters.left_out > 0
 
 

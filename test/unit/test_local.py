@@ -25,21 +25,11 @@ BUDGET = 0.005  # [J]
 PRESS = {"start": (0.03, 0.0, 0.0), "target": (0.005, 0.0, 0.0), "duration": 1.5}
 
 
-TILES = parse(
-    {  # two corners of each of nine meet the tool's face at once
-        "name": "tiles",
-        "motion": {"name": "press_wall", **PRESS},
-        "bodies": [
-            {
-                "name": "wall",
-                "fixed": True,
-                "shapes": [{"box": {"size": [0.01, 0.004], "center": [-0.005, 0.004 * k]}} for k in range(-4, 5)],
-            }
-        ],
-        "tool": {"mass": 0.1, "pose": [0.03, 0.0, 0.0], "shapes": [{"box": {"size": [0.02, 0.04]}}]},
-    },
-    "tiles",
-)
+# two corners of each of nine meet the tool's face at once
+TILES = [{"box": {"size": [0.01, 0.004], "center": [-0.005, 0.004 * k]}} for k in range(-4, 5)]
+TILES = {"name": "tiles", "bodies": [{"name": "wall", "fixed": True, "shapes": TILES}]}
+TILES["tool"] = {"mass": 0.1, "pose": [0.03, 0.0, 0.0], "shapes": [{"box": {"size": [0.02, 0.04]}}]}
+TILES = parse(TILES | {"motion": {"name": "press_wall", **PRESS}}, "tiles")
 
 
 def pressed(network, **given):
