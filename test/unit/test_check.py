@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from in_process import haptic
 
-from haptic_device.parameter_types import Parameter, check_value
+from haptic_device.parameter_types import check_value
 from haptic_sim.cli.docs import markdown
 from haptic_sim.config_problems import problems, remark
 from haptic_sim.node_parameters import NODES
@@ -150,21 +150,6 @@ def test_docs_writes_the_table_to_standard_output_or_to_a_file(tmp_path):
     path = tmp_path / "parameters.md"
     assert haptic("docs", "--out", path).returncode == 0
     assert path.read_text() == haptic("docs").stdout == markdown(NODES)
-
-
-@pytest.mark.parametrize(
-    ("parameter", "row"),
-    [
-        (Parameter("k", 1.5, "N/m", "a | b", 0.0, 9.0, True), "| `k` | `1.5` | N/m | 0.0 to 9.0 | live | a \\| b |"),
-        (Parameter("n", 2, "", "count", low=1), "| `n` | `2` |  | ≥ 1 |  | count |"),
-        (Parameter("t", -1.0, "s", "time", high=0.0), "| `t` | `-1.0` | s | ≤ 0.0 |  | time |"),
-        (Parameter("a", ("x", "y"), "", "axes"), '| `a` | `["x", "y"]` |  |  |  | axes |'),
-        (Parameter("m", "off", "", "mode", choices=("on", "off")), '| `m` | `"off"` |  | `on`, `off` |  | mode |'),
-        (Parameter("b", True, "", "flag"), "| `b` | `true` |  |  |  | flag |"),
-    ],
-)
-def test_a_row_of_the_table_says_default_unit_range_and_meaning(parameter, row):
-    assert markdown({"node": (parameter,)}).splitlines()[-1] == row
 
 
 @pytest.mark.parametrize("node", sorted(NODES))

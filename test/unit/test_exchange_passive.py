@@ -98,30 +98,18 @@ def test_what_an_encoder_step_hides_is_paid_for(method):
     assert adversary.search(given, against, evaluations=tries(150), seed=4).overcredit <= at_its_ends
 
 
-def held_still(given, ages):
-    """Tank [J] before and after ticks at rest 4 mm from a tool of these ages, and the force [N] before."""
-    (memory, row), step = adversary.engaged(), given["hardware"]["position_per_count"][0, 0]
-    for k, age in enumerate([0.0, *ages]):
-        row["latched"] = row["deadline"] = (k + 1) * given["period"][0] * 1e9
-        row["command"], row["device_status"], row["counts"][0] = enable_state.ENABLE, faults.FRESH, round(-0.004 / step)
-        row["tool_session"], row["tool_answered"], row["tool_contact"], row["tool_age"] = 1.0, k + 1.0, 1.0, age
-        tick(given, memory, row)
-        if k == 0:
-            memory["spring"]["set_position"][0, 0] = 0.0  # as after a press that the tank has paid
-            memory["tank"]["level"] = 0.5 * given["exchange"]["tank"][0]
-            memory["spring"]["force"][0, 0] = 0.004 * float(memory["spring"]["stiffness"][0, 0])
-        if k == 1:
-            before, force = memory["tank"]["level"][0], row["force_on_handle"][0, 0]
-    return before, memory["tank"]["level"][0], force
-
-
 def test_fading_and_returning_costs_what_an_encoder_step_hides_of_its_change_of_force():
     given, step = one_axis("pspm", 2000.0, 2.0, 0.25e-3), 5e-6
     given["hardware"]["position_per_count"][:, 0] = step
+    memory, row, _ = pressed(given)
+    force, before = row["force_on_handle"][0, 0], 0.5 * given["exchange"]["tank"][0]
+    memory["tank"]["level"] = before
     half = 0.06 + 0.07  # [s] age at which half of the force is left
-    before, after, force = held_still(given, [0.0, *[half] * 10, *[0.0] * 400])
+    for age in [0.0, *[half] * 10, *[0.0] * 400]:
+        row["tool_age"] = age
+        after(given, memory, row, given["period"][0], 0.0, faults.FRESH)
     assert force == pytest.approx(8.0, rel=0.01)
-    assert before - after == pytest.approx(2.0 * 0.5 * force * step / 2.0, rel=0.02)
+    assert before - memory["tank"]["level"][0] == pytest.approx(2.0 * 0.5 * force * step / 2.0, rel=0.02)
 
 
 @pytest.mark.parametrize("late", [adversary.FREE, 1, 20])
