@@ -289,36 +289,25 @@ def test_missed_ticks_give_no_more_beyond_the_budget_than_one_of_their_holds_can
     assert most > 0.0
 
 
-def late_for_a_second(moving):
-    """Force of the coupling, tank and margin before, at the end of a second with writes 400 µs late, and after it.
-
-    At 2 kHz with K 2000, B 2 on a wall. moving: the hand goes on in and out; else it rests and enables anew.
-    """
+@pytest.mark.parametrize("moving", [True, False])
+def test_where_writes_are_late_beyond_the_margin_for_a_second_the_force_is_back_half_a_second_after(moving):
+    """At 2 kHz with K 2000, B 2 on a wall. moving: the hand goes on in and out; else it rests and enables anew."""
     hand = {"name": "tap", "taps": 12, "duration": 6.0} if moving else {"name": "press_wall", "duration": 5.0}
     system = demo_system("pspm", "wall", motion=hand, servo__rate=2000.0)
-    found = []
 
-    def go(seconds, late):
+    def go(seconds, late=0.0):
         system.write_delay = round(late * 1e9)
         gain_check.counted(system.settings, late + float(system.settings["hardware"]["delay"][0]))
-        rows = system.run(seconds)
-        found.append(rows)
+        return system.run(seconds)
 
-    go(1.5, 0.0)
-    go(1.0, 400e-6)
-    go(0.02, 0.0)
+    well, late = go(1.5), go(1.0, 400e-6)
+    go(0.02)
     if not moving:
         system.command = 0
         system.run(0.05)
         system.command = enable_state.ENABLE
-    go(0.5, 0.0)
-    go(1.0, 0.0)
-    return system, found
-
-
-@pytest.mark.parametrize("moving", [True, False])
-def test_where_writes_are_late_beyond_the_margin_for_a_second_the_force_is_back_half_a_second_after(moving):
-    system, (well, late, _, _, after) = late_for_a_second(moving)
+    go(0.5)
+    after = go(1.0)
     assert late["margin"][-1].min() < 0.0 < min(well["margin"][-1].min(), after["margin"][-1].min())
     # who moves stretches the coupling, who rests has what the budget pays for
     wanted = np.abs(well["force_coupling"][:, :2]).max() if moving else np.sqrt(2.0 * STIFFNESS * BUDGET)
