@@ -10,6 +10,7 @@ from scipy.special import ellipk
 from haptic_sim.method.event_driven import EventDriven
 from haptic_sim.method.partitioned import Partitioned
 from haptic_sim.protocol import Coupling, held
+from haptic_sim.pymunk_world.world import PymunkWorld
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.scene.language import Scene
 
@@ -24,21 +25,11 @@ FAR_TOOL = {"mass": 0.1, "pose": [50.0, 50.0, 0.0], "shapes": [{"circle": {"radi
 def world(h, bodies, friction=0.0, restitution=0.0, kind=Partitioned, belt=0.0, **more):
     """Bodies over a floor at y = 0, all of one material, whose top runs at `belt` [m/s]; the tool is far off unless
     given."""
-    floor = {
-        "name": "floor",
-        "fixed": True,
-        "pose": [0.0, 0.0, math.pi],
-        "surface_velocity": [-belt, 0.0],
-        "shapes": [{"box": {"size": [40, 2], "center": [0, 1]}}],
-    }
-    materials = {"m": {"friction": friction, "restitution": restitution}}
-    solids = [{"material": "m", **body} for body in (floor, *bodies)]
-    return kind(
-        reduce_scene(
-            Scene.model_validate({"name": "t", "materials": materials, "bodies": solids, "tool": FAR_TOOL, **more})
-        ),
-        h,
-    )
+    floor = {"name": "floor", "fixed": True, "pose": [0.0, 0.0, math.pi], "surface_velocity": [-belt, 0.0]}
+    floor["shapes"] = [{"box": {"size": [40, 2], "center": [0, 1]}}]
+    scene = {"name": "t", "materials": {"m": {"friction": friction, "restitution": restitution}}, "tool": FAR_TOOL}
+    scene["bodies"] = [{"material": "m", **body} for body in (floor, *bodies)]
+    return kind(reduce_scene(Scene.model_validate(scene | more)), h)
 
 
 def run(method, count, handle=STILL):
@@ -60,16 +51,16 @@ def ball(**more):
     return {"name": "ball", "mass": 1.0, "pose": [0.0, 0.1, 0.0], "shapes": [{"circle": {"radius": 0.1}}], **more}
 
 
+def rod(pose, shapes=SLIM, **more):
+    """Of 1 m and 1 kg."""
+    return {"name": "rod", "mass": 1.0, "inertia": 1.0 / 12.0, "pose": pose, "shapes": shapes, **more}
+
+
 def pendulum(h, angle=0.0):
     """A rod of 1 m on a pin, `angle` from horizontal."""
-    rod = {
-        "name": "rod",
-        "mass": 1.0,
-        "inertia": 1.0 / 12.0,
-        "shapes": [{"box": {"size": [1.0, 0.01]}}],
-        "pose": [0.5 * math.cos(angle), 20.0 + 0.5 * math.sin(angle), angle],
-    }
-    return world(h, [rod], gravity=DOWN, joints=[{"type": "pin", "bodies": ["world", "rod"], "at": [0.0, 20.0]}])
+    pose = [0.5 * math.cos(angle), 20.0 + 0.5 * math.sin(angle), angle]
+    hung = rod(pose, [{"box": {"size": [1.0, 0.01]}}])
+    return world(h, [hung], gravity=DOWN, joints=[{"type": "pin", "bodies": ["world", "rod"], "at": [0.0, 20.0]}])
 
 
 def period(amplitude):
@@ -86,12 +77,6 @@ def test_after_a_whole_period_the_pendulum_is_back_to_a_billionth(amplitude):
     late = speed(method, "rod")[2] / (-1.5 * G * math.cos(start))
     assert abs(late) / whole <= 1e-9
     assert method.pose("rod")[2] == pytest.approx(start, abs=1e-9)
-
-
-def test_errors_of_free_flight_fall_with_the_eighth_power_of_the_step():
-    whole = period(math.pi / 2.0)
-    errors = [abs(speed(run(pendulum(whole / n), n), "rod")[2]) for n in (8, 16)]
-    assert errors[0] / errors[1] > 2.0**6.5
 
 
 def test_joints_are_met_to_rounding():
@@ -152,22 +137,6 @@ def test_a_four_bar_keeps_its_angles_over_ten_turns():
     assert (coupler, rocker) == pytest.approx(angles(crank), abs=1e-12)
 
 
-def test_a_motor_holds_its_speed():
-    method = run(four_bar(1e-3, 2.0), 500)
-    assert speed(method, "crank")[2] == pytest.approx(2.0, abs=1e-12)
-
-
-@pytest.mark.parametrize("speed", [5.0, -5.0])
-def test_a_motor_turns_a_held_tool_at_its_speed_as_far_as_its_torque_over_the_couplings_stiffness(speed):
-    pin = {"type": "pin", "bodies": ["world", "tool"], "at": [0.0, 1.0], "motor": {"speed": speed, "max_torque": 0.3}}
-    tool = {"mass": 0.1, "inertia": 1e-4, "pose": [0.0, 1.0, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
-    method = world(1e-3, [], joints=[pin], tool=tool)
-    method.couple(Coupling(2000.0, 2.0, 2.0, 0.002))
-    handle = 0.0, 1.0, 0.0
-    assert run(method, 20, handle).velocity[2] == pytest.approx(speed, rel=1e-9)
-    assert run(method, 2000, handle).position[2] == pytest.approx(math.copysign(0.3 / 2.0, speed), rel=1e-9)
-
-
 @pytest.mark.parametrize("ratio", [1e-3, 1.0, 1e6])
 @pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
 def test_a_collinear_impact_keeps_momentum_and_newtons_law_to_a_billionth(ratio, restitution):
@@ -180,8 +149,8 @@ def test_a_collinear_impact_keeps_momentum_and_newtons_law_to_a_billionth(ratio,
     assert (speed(method, "a")[0], speed(method, "b")[0]) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", BOTH)
-@pytest.mark.parametrize(("gap", "speeds"), [(0.0, (-1 / 3, 2 / 3, 2 / 3)), (1e-9, (0.0, 0.0, 1.0))])
+@pytest.mark.parametrize("kind", [*BOTH, PymunkWorld])
+@pytest.mark.parametrize(("gap", "speeds"), [(-1e-10, (-1 / 3, 2 / 3, 2 / 3)), (1e-9, (0.0, 0.0, 1.0))])
 def test_touching_discs_are_struck_at_once_and_those_a_nanometre_apart_one_by_one(kind, gap, speeds):
     row = [ball(name=name, pose=[x, 5.0, 0.0]) for name, x in (("a", 0.0), ("b", 0.21), ("c", 0.41 + gap))]
     row[0]["velocity"] = [1.0, 0.0, 0.0]
@@ -194,36 +163,11 @@ def test_touching_discs_are_struck_at_once_and_those_a_nanometre_apart_one_by_on
 def test_a_falling_rod_gets_the_impulse_of_its_end(degrees, restitution):
     """P = (1+e) m v/(1 + 3 cos² θ): frictionless, one end hits (THEORY of planar impact, rod of length 1)."""
     theta = math.radians(degrees)
-    rod = {
-        "name": "rod",
-        "mass": 1.0,
-        "inertia": 1.0 / 12.0,
-        "velocity": [0.0, -1.0, 0.0],
-        "pose": [0.0, 0.5 * math.sin(theta) + 0.05017, theta],
-        "shapes": SLIM,
-    }
-    method = run(world(1e-3, [rod], restitution=restitution), 52)
+    falls = rod([0.0, 0.5 * math.sin(theta) + 0.05017, theta], velocity=[0.0, -1.0, 0.0])
+    method = run(world(1e-3, [falls], restitution=restitution), 52)
     impulse = (1.0 + restitution) / (1.0 + 3.0 * math.cos(theta) ** 2)
     assert 1.0 + speed(method, "rod")[1] == pytest.approx(impulse, rel=1e-9)
     assert speed(method, "rod")[2] == pytest.approx(-impulse * 0.5 * math.cos(theta) * 12.0, rel=1e-9)
-
-
-@pytest.mark.parametrize("restitution", [0.0, 0.3, 0.8])
-def test_a_tool_on_its_coupling_rebounds_by_newtons_law_and_comes_to_rest(restitution):
-    """Pulled to 10 mm below the floor by 200 N/m; what the coupling changes in the step of the impact is left out."""
-    tool = {"mass": 0.1, "pose": [0.0, 0.04, 0.0], "shapes": [{"circle": {"radius": 0.01}}], "material": "m"}
-    method = world(250e-6, [], restitution=restitution, tool=tool)
-    method.couple(Coupling(200.0, 1.0, 0.0, 0.0))
-    speeds = []
-    for _ in range(8000):
-        method.step(held((0.0, 0.0, 0.0)), 1)
-        speeds.append(method.velocity[1])
-    struck = next(k for k in range(8000) if speeds[k] >= 0.0 or speeds[k] > 0.5 * speeds[k - 1] < -0.1)
-    assert speeds[struck - 1] < -0.5
-    if restitution > 0.0:
-        assert speeds[struck] == pytest.approx(-restitution * speeds[struck - 1], rel=1e-9)
-    assert max(speeds) == pytest.approx(restitution * -min(speeds), rel=0.02, abs=1e-9)
-    assert abs(speeds[-1]) < 1e-9 and method.position[1] == pytest.approx(0.01, abs=1e-9)
 
 
 @pytest.mark.parametrize("restitution", [0.3, 0.5, 0.8])
@@ -264,24 +208,19 @@ def test_a_block_slides_to_rest_after_v_squared_over_two_mu_g_and_stays():
     assert speed(method, "block") == pytest.approx(STILL, abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", BOTH)
+@pytest.mark.parametrize(("kind", "close"), [(Partitioned, 1e-9), (EventDriven, 1e-9), (PymunkWorld, 1e-3)])
 @pytest.mark.parametrize("belt", [0.5, -0.5])
-def test_a_block_on_a_belt_has_its_speed_after_v_over_mu_g_and_keeps_it(kind, belt):
+def test_a_block_on_a_belt_has_its_speed_after_v_over_mu_g_and_keeps_it(kind, close, belt):
     method, drag = world(1e-3, [block()], 0.4, kind=kind, belt=belt, gravity=DOWN), 0.4 * G
-    assert abs(run(method, 100).pose("block")[0]) == pytest.approx(0.5 * drag * 0.1**2, rel=1e-9)
-    assert run(method, 400).pose("block")[0] == pytest.approx(belt * (0.5 - 0.5 * abs(belt) / drag), rel=1e-9)
+    assert abs(run(method, 100).pose("block")[0]) == pytest.approx(0.5 * drag * 0.1**2, rel=close)
+    assert run(method, 400).pose("block")[0] == pytest.approx(belt * (0.5 - 0.5 * abs(belt) / drag), rel=close)
     assert speed(method, "block") == pytest.approx((belt, 0.0, 0.0), abs=1e-9)
 
 
 def test_errors_on_a_belt_under_a_plate_that_turns_fall_with_the_fourth_power_of_the_step():
     """What sticks to a running corner turns against it, and the part of the belt's velocity along it changes."""
-    corner = {
-        "name": "corner",
-        "fixed": True,
-        "surface_velocity": [0.3, 0.2],
-        "pose": [0.0, 9.0, 0.0],
-        "shapes": [{"vertices": [[-0.1, -0.2], [0.1, -0.2], [0.0, 0.0]]}],
-    }
+    corner = {"name": "corner", "fixed": True, "surface_velocity": [0.3, 0.2], "pose": [0.0, 9.0, 0.0]}
+    corner["shapes"] = [{"vertices": [[-0.1, -0.2], [0.1, -0.2], [0.0, 0.0]]}]
     plate = block(pose=[0.01, 9.05, 0.0], shapes=[{"box": {"size": [1.0, 0.1]}}])
     exact, *ends = (run(world(0.2 / n, [corner, plate], 2.0, gravity=DOWN), n).pose("block") for n in (800, 20, 80))
     errors = [math.dist(end, exact) for end in ends]
@@ -297,37 +236,12 @@ def test_a_ball_that_falls_on_a_belt_is_spun_by_it_and_by_no_more_than_its_frict
 
 
 def test_a_tool_on_a_belt_goes_with_it_until_its_coupling_pulls_as_hard_as_friction():
-    tool = {
-        "mass": 0.1,
-        "inertia": 1e-4,
-        "pose": [0.0, 0.01, 0.0],
-        "material": "m",
-        "shapes": [{"box": {"size": [0.04, 0.02]}}],
-    }
-    method = world(1e-3, [], 0.3, belt=0.1, tool=tool)
+    tool = {"mass": 0.1, "inertia": 1e-4, "pose": [0.0, 0.01, 0.0], "material": "m"}
+    method = world(1e-3, [], 0.3, belt=0.1, tool=tool | {"shapes": [{"box": {"size": [0.04, 0.02]}}]})
     method.couple(Coupling(2000.0, 20.0, 50.0, 0.5))
     handle = 0.0, 0.0, 0.0
     assert run(method, 10, handle).velocity[0] == pytest.approx(0.1, rel=1e-9)
     assert run(method, 2000, handle).position[:2] == pytest.approx((0.3 * 0.01, 0.01), rel=1e-6)
-
-
-@pytest.mark.parametrize("kind", BOTH)
-@pytest.mark.parametrize(("part", "rises"), [(1.01, True), (0.99, False)])
-def test_a_sliders_motor_lifts_its_load_at_its_speed_if_its_force_is_more_than_the_weight(kind, part, rises):
-    """On a guide of 30°, up from its stop: a = (part − 1) g sin 30° until the speed is reached."""
-    guide = {
-        "type": "slider",
-        "bodies": ["world", "block"],
-        "at": [0.0, 5.0],
-        "axis": [math.sqrt(3.0), 1.0],
-        "limits": [0.0, 1.0],
-        "motor": {"speed": 0.02, "max_force": part * 0.5 * G},
-    }
-    method = run(world(1e-3, [block(pose=[0.0, 5.0, math.pi / 6])], kind=kind, joints=[guide], gravity=DOWN), 1000)
-    start = 0.02 / (0.01 * 0.5 * G)
-    x, y, _ = method.pose("block")
-    assert math.hypot(x, y - 5.0) == pytest.approx(0.02 * (1.0 - 0.5 * start) if rises else 0.0, rel=1e-6, abs=1e-9)
-    assert np.hypot(*speed(method, "block")[:2]) == pytest.approx(0.02 if rises else 0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(("width", "tips"), [(0.039, True), (0.041, False)])
@@ -355,18 +269,10 @@ def test_a_stack_of_twenty_carries_its_weight_and_does_not_move():
 @pytest.mark.parametrize("degrees", [45.0, 63.43, 75.0])
 def test_painleves_rod_comes_through_with_no_energy_gained(friction, degrees):
     theta = math.radians(degrees)
-    rod = {
-        "name": "rod",
-        "mass": 1.0,
-        "inertia": 1.0 / 12.0,
-        "velocity": [-1.0, 0.0, 0.0],
-        "pose": [0.0, 0.5 * math.sin(theta), theta],
-        "shapes": SLIM,
-    }
-    method = world(1e-3, [rod], friction, gravity=DOWN)
-    energies = [sum(run(method, 1).energy()) for _ in range(150)]
-    assert np.isfinite(energies).all()
-    assert np.diff([sum(world(1e-3, [rod], friction, gravity=DOWN).energy()), *energies]).max() <= 1e-9
+    thrown = rod([0.0, 0.5 * math.sin(theta), theta], velocity=[-1.0, 0.0, 0.0])
+    method = world(1e-3, [thrown], friction, gravity=DOWN)
+    energies = [sum(method.energy()), *(sum(run(method, 1).energy()) for _ in range(150))]
+    assert np.isfinite(energies).all() and np.diff(energies).max() <= 1e-9
 
 
 def test_an_unheld_tool_falls_and_a_held_one_hangs():
@@ -388,17 +294,10 @@ def test_bodies_beside_the_held_tool_fly_on_undisturbed():
 
 def crowded(h, gains, gravity):
     """A tool between a floor, a loose block and a pendulum pinned to it."""
-    rod = {"name": "rod", "mass": 0.05, "pose": [0.0, 0.35, math.pi / 2], "shapes": [{"box": {"size": [0.1, 0.01]}}]}
+    hung = block(name="rod", mass=0.05, pose=[0.0, 0.35, math.pi / 2], shapes=[{"box": {"size": [0.1, 0.01]}}])
     tool = {"mass": 0.1, "material": "m", "pose": [0.0, 0.3, 0.0], "shapes": [{"box": {"size": [0.04, 0.03]}}]}
-    method = world(
-        h,
-        [block(pose=[0.15, 0.05, 0.0], mass=0.2), rod],
-        0.3,
-        0.4,
-        gravity=gravity,
-        tool=tool,
-        joints=[{"type": "pin", "bodies": ["tool", "rod"], "at": [0.0, 0.3]}],
-    )
+    bodies, pin = [block(pose=[0.15, 0.05, 0.0], mass=0.2), hung], {"type": "pin", "bodies": ["tool", "rod"]}
+    method = world(h, bodies, 0.3, 0.4, gravity=gravity, tool=tool, joints=[pin | {"at": [0.0, 0.3]}])
     method.couple(gains)
     return method
 
