@@ -68,24 +68,27 @@ def test_a_scene_cannot_be_altered():
         parse(GOOD, "here").gravity = (0.0, -9.81)
 
 
+def joint(kind, body="world", at=(0, 0), **more):
+    """A joint of the block, at a place or at anchors."""
+    where = {"anchors": at} if isinstance(at[0], list) else {"at": list(at)}
+    return {"type": kind, "bodies": [body, "block"], **where, **more}
+
+
+J = ("joints", 0)
+APART = "'world' and 'block' are 5 mm apart", "[0.003, 0.004] m", "move a body or an anchor"
 SENTENCES = [
-    (("tool", "mass"), 0, ["here: tool.mass is 0", "greater than 0 kg"]),
     (("tool", "mass"), -1.5, ["tool.mass is -1.5", "greater than 0 kg"]),
     (("tool", "mass"), math.nan, ["tool.mass is nan", "finite"]),
     (("tool", "mass"), True, ["tool.mass is True", "must be a number"]),
     (("tool", "mass"), "heavy", ["tool.mass is 'heavy'", "must be a number"]),
     (("tool", "mass"), None, ["tool.mass is missing", "add it"]),
-    (("tool", "masss"), 1, ["here: tool: has no key 'masss'", "did you mean 'mass'"]),
     (("graviti",), [0, 0], ["here: has no key 'graviti'", "did you mean 'gravity'"]),
     (("bodies", 1, "mass"), None, ["bodies[1]", "needs a mass in kg", "fixed: true"]),
     (("bodies", 1, "pose"), [0, math.inf, 0], ["bodies[1].pose[1] is inf", "finite"]),
     (("bodies", 1, "material"), "steal", ["bodies[1].material is 'steal'", "has steel"]),
     (("bodies", 1, "name"), "table", ["bodies[1].name is 'table'", "taken"]),
     (("bodies", 1, "name"), "tool", ["bodies[1].name is 'tool'", "taken"]),
-    (("materials", "steel", "friction"), -0.1, ["materials.steel.friction is -0.1", "greater than or equal to 0"]),
     (("materials", "steel", "restitution"), 1.01, ["materials.steel.restitution is 1.01", "less than or equal to 1"]),
-    (("tool", "shapes"), [], ["tool.shapes", "at least 1"]),
-    (("tool", "shapes", 0), {}, ["tool.shapes[0]", "exactly one of vertices, circle, box, half_plane"]),
     (("tool", "shapes", 0), {"half_plane": {"normal": [0, 1]}}, ["tool: has a half_plane", "fixed body", "take a box"]),
     (("bodies", 1, "shapes", 0), {"half_plane": {"normal": [0, 1]}}, ["bodies[1]: has a half_plane", "fixed: true"]),
     (("bodies", 0, "shapes", 0), {"half_plane": {"normal": [0, 0]}}, ["half_plane.normal", "some length"]),
@@ -105,7 +108,6 @@ SENTENCES = [
     (("measure", "pushed", "body"), "blok", ["measure.pushed.body is 'blok'", "block"]),
     (("measure", "pushed", "to"), 0.1, ["measure.pushed", "from and to that differ"]),
     (("tool", "pose"), [0, 0.005, 0], ["bodies[0] ('table') overlaps tool ('tool') by 5 mm", "move one of them"]),
-    (("joints", 0, "type"), "hinge", ["joints[0].type is 'hinge'", "one of 'pin', 'slider', 'weld', 'spring'"]),
     (("joints", 0, "bodies"), ["world", "blok"], ["joints[0] ('hinge').bodies[1] is 'blok'", "block, world"]),
     (("joints", 0, "bodies"), ["table", "world"], ["joints[0] ('hinge') joins two bodies that cannot move"]),
     (("joints", 0, "bodies"), ["block", "block"], ["joints[0]: joins 'block' to itself"]),
@@ -120,59 +122,22 @@ SENTENCES = [
     (("joints", 0, "motor"), {"speed": 1, "max_force": 2}, ["joints[0].motor: has no key 'max_force'", "'max_torque'"]),
     (("joints", 0, "motor"), {"speed": 1}, ["joints[0].motor.max_torque is missing; add it"]),
     (
-        ("joints", 0),
-        {
-            "type": "slider",
-            "axis": [0, 1],
-            "bodies": ["world", "block"],
-            "at": [0, 0],
-            "motor": {"speed": 1, "max_torque": 2},
-        },
-        ["joints[0].motor: has no key 'max_torque'", "'max_force'"],
+        J,
+        joint("slider", axis=[0, 1], motor={"speed": 1, "max_torque": 2}),
+        ["motor: has no key 'max_torque'", "max_force"],
     ),
+    (J, joint("spring", stiffness=1, motor={"speed": 1, "max_force": 2}), ["joints[0]: has no key 'motor'", "rest"]),
+    (J, joint("slider"), ["joints[0].axis is missing; add it"]),
+    (J, joint("spring"), ["a spring needs a stiffness"]),
+    (J, joint("spring", stiffness=1, rest=-1), ["joints[0].rest is -1", "greater than or equal to 0 m"]),
+    (J, joint("weld", "tool"), ["joints[0] welds 'tool'", "shapes"]),
+    (J, joint("pin", at=[[0.1, 0.02], [0.003, 0.024]]), ["joints[0] cannot be met", *APART]),
     (
-        ("joints", 0),
-        {
-            "type": "spring",
-            "stiffness": 1,
-            "bodies": ["world", "block"],
-            "at": [0, 0],
-            "motor": {"speed": 1, "max_force": 2},
-        },
-        ["joints[0]: has no key 'motor'", "known here are", "stiffness, damping, rest"],
-    ),
-    (
-        ("joints", 0),
-        {"type": "slider", "bodies": ["world", "block"], "at": [0, 0]},
-        ["joints[0].axis is missing; add it"],
-    ),
-    (("joints", 0), {"type": "spring", "bodies": ["world", "block"], "at": [0, 0]}, ["a spring needs a stiffness"]),
-    (
-        ("joints", 0),
-        {"type": "spring", "stiffness": 1, "rest": -1, "bodies": ["world", "block"], "at": [0, 0]},
-        ["joints[0].rest is -1", "greater than or equal to 0 m"],
-    ),
-    (("joints", 0), {"type": "weld", "bodies": ["tool", "block"], "at": [0, 0]}, ["joints[0] welds 'tool'", "shapes"]),
-    (
-        ("joints", 0),
-        {"type": "pin", "bodies": ["world", "block"], "anchors": [[0.1, 0.02], [0.003, 0.024]]},
-        [
-            "joints[0] cannot be met",
-            "'world' and 'block' are 5 mm apart",
-            "[0.003, 0.004] m",
-            "move a body or an anchor",
-        ],
-    ),
-    (
-        ("joints", 0),
-        {"type": "slider", "axis": [0, 1], "bodies": ["world", "block"], "anchors": [[0.1, 0], [0.003, 1]]},
+        J,
+        joint("slider", axis=[0, 1], at=[[0.1, 0], [0.003, 1]]),
         ["joints[0] cannot be met", "3 mm apart", "move a body"],
     ),
-    (
-        ("joints", 0),
-        {"type": "spring", "stiffness": 1, "bodies": ["world", "block"], "at": [0, 0]},
-        ["joints[0] has no length", "write rest: 0 or move an anchor"],
-    ),
+    (J, joint("spring", stiffness=1), ["joints[0] has no length", "write rest: 0 or move an anchor"]),
     (("bodies", 1, "velocity"), [0, 2, 0], ["joints[0] ('hinge') is pulled apart at 2 m/s", "'world' and 'block'"]),
     (("bodies", 1, "pose"), [0.1, -0.001, 0], ["bodies[1] ('block') overlaps bodies[0] ('table') by 1 mm"]),
 ]
@@ -215,12 +180,12 @@ def test_touching_at_the_start_is_allowed_and_overlap_is_not(height, accepted):
 
 @pytest.mark.parametrize(("gap", "accepted"), [(0.9e-6, True), (1.1e-6, False)])
 def test_anchors_may_miss_each_other_by_the_rounding_of_a_file_and_no_more(gap, accepted):
-    joint = {"type": "pin", "bodies": ["world", "block"], "anchors": [[0.1 + gap, 0.0], [0.0, 0.0]]}
+    scene = changed(J, joint("pin", at=[[0.1 + gap, 0.0], [0.0, 0.0]]))
     if accepted:
-        assert parse(changed(("joints", 0), joint), "here").joints[0].bodies == ("world", "block")
+        assert parse(scene, "here").joints[0].bodies == ("world", "block")
     else:
         with pytest.raises(SceneError, match="cannot be met"):
-            parse(changed(("joints", 0), joint), "here")
+            parse(scene, "here")
 
 
 def test_a_velocity_about_the_pin_is_allowed():
@@ -253,15 +218,9 @@ def test_fixed_bodies_may_overlap_each_other():
 def test_of_hundreds_of_bodies_only_neighbours_are_looked_at_and_an_overlap_is_still_found(monkeypatch):
     looked = []
     monkeypatch.setattr(checks, "overlap", lambda *pair: looked.append(pair) or geometry.overlap(*pair))
-    tiles = [
-        {
-            "name": f"tile_{k}",
-            "mass": 1,
-            "pose": [0.03 * (k % 20), 0.2 + 0.03 * (k // 20), 0.1],
-            "shapes": [{"vertices": SQUARE}],
-        }
-        for k in range(300)
-    ]
+    places = [[0.03 * (k % 20), 0.2 + 0.03 * (k // 20), 0.1] for k in range(300)]
+    tile = {"mass": 1, "shapes": [{"vertices": SQUARE}]}
+    tiles = [{**tile, "name": f"tile_{k}", "pose": place} for k, place in enumerate(places)]
     assert len(parse({**GOOD, "bodies": [*GOOD["bodies"], *tiles]}, "here").bodies) == 302
     assert len(looked) < 10
     tiles[170]["pose"] = tiles[171]["pose"][:2] + [0.5]
@@ -271,19 +230,9 @@ def test_of_hundreds_of_bodies_only_neighbours_are_looked_at_and_an_overlap_is_s
 
 def test_every_thing_that_is_wrong_has_its_sentence_and_what_stands_beside_it_is_looked_at_too():
     block = {"mass": 1, "pose": [0.1, 0.0, 0], "shapes": [{"vertices": SQUARE}]}
-    bodies = [
-        *GOOD["bodies"],
-        {**block, "name": "in the block"},
-        {**block, "name": "mistyped", "mas": 2},
-        {**block, "name": "wrong", "mass": -1},
-    ]
-    joint = {"type": "pin", "bodies": ["wrong", "blok"], "at": [0, 0]}
-    wrong = {
-        **GOOD,
-        "colour": "red",
-        "bodies": bodies,
-        "joints": [*GOOD["joints"], {**joint, "bodies": ["block", "blok"]}],
-    }
+    others = {"name": "in the block"}, {"name": "mistyped", "mas": 2}, {"name": "wrong", "mass": -1}
+    bodies = [*GOOD["bodies"], *(block | other for other in others)]
+    wrong = {**GOOD, "colour": "red", "bodies": bodies, "joints": [*GOOD["joints"], joint("pin", "blok")]}
     with pytest.raises(SceneError) as refusal:
         parse(wrong, "here")
     found = refusal.value.found
@@ -292,7 +241,7 @@ def test_every_thing_that_is_wrong_has_its_sentence_and_what_stands_beside_it_is
         "bodies[3]: has no key 'mas'; did you mean 'mass'?",
         "has no key 'colour'",
         "bodies[4].mass is -1: it should be greater than 0 kg",
-        "joints[1].bodies[1] is 'blok'; it must be one of",
+        "joints[1].bodies[0] is 'blok'; it must be one of",
         "bodies[2] ('in the block') overlaps bodies[1] ('block')",
     ):
         assert sum(sentence.startswith(words) for sentence in found) == 1, (words, found)
@@ -347,24 +296,18 @@ def test_a_scene_that_is_not_there_is_answered_with_those_that_are():
         load("peg_in_whole")
 
 
-def test_broken_yaml_is_told_with_its_file_and_line(tmp_path):
-    path = tmp_path / "broken.yaml"
-    path.write_text("name: a\ntool: [1,\n")
-    with pytest.raises(SceneError, match=r"broken\.yaml: line 3 is not YAML: "):
-        load(path)
-
-
-def test_a_file_that_is_not_text_is_refused(tmp_path):
-    path = tmp_path / "image.yaml"
-    path.write_bytes(b"\xff\xd8\xff\xe0")
-    with pytest.raises(SceneError, match=r"image\.yaml: this is not a YAML text: "):
-        load(path)
-
-
-def test_a_file_that_holds_no_mapping_is_refused(tmp_path):
-    path = tmp_path / "empty.yaml"
-    path.write_text("")
-    with pytest.raises(SceneError, match=r"empty\.yaml"):
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"name: a\ntool: [1,\n", "line 3 is not YAML: "),
+        (b"\xff\xd8\xff\xe0", "this is not a YAML text: "),
+        (b"", "the file holds no mapping"),
+    ],
+)
+def test_a_file_that_holds_no_scene_is_refused_with_its_name_and_the_reason(tmp_path, content, sentence):
+    path = tmp_path / "own.yaml"
+    path.write_bytes(content)
+    with pytest.raises(SceneError, match=rf"own\.yaml: {sentence}"):
         load(path)
 
 
