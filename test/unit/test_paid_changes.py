@@ -4,15 +4,16 @@
 import numpy as np
 import pytest
 from changing_settings import FORCE, NO_COUPLING, NO_WALL, RATE, WALL, Changing, pressing, stretching
-from examples import searching, tries
+from examples import half, searching, tries
 
 from haptic_device.control import enable_state
 
 METHODS = ("pspm", "direct")
 ROUND = ({"wall__stiffness": (5000.0,)}, {"wall__stiffness": (500.0,)})
 ALONE = [{"late": 0.0005}, {"delay": 0.001}] if searching() else []
-TIMES = pytest.mark.parametrize("times", [{}, *ALONE, {"late": 0.0005, "delay": 0.001}])
-HANDS = pytest.mark.parametrize("hand", [500.0, 50.0])
+TIMES = [{}, *ALONE, {"late": 0.0005, "delay": 0.001}]
+HANDS = [500.0, 50.0]
+CORNERS = half("method, hand, times", METHODS, HANDS, TIMES)
 BOTH = pytest.mark.parametrize("method", METHODS)
 SHOWN = 0.0005  # [J] by the observer, where a millijoule and more was paid
 STIFF = {"damping": 12.0}  # [N s/m]: 5000 N/m at 1 kHz need 10.2 if forces are 1.5 ms late
@@ -34,10 +35,7 @@ def is_paid(system):
     return system
 
 
-@TIMES
-@HANDS
-@BOTH
-@pytest.mark.parametrize("rounds", [1, 10])
+@half("rounds, method, hand, times", [1, 10], METHODS, HANDS, TIMES)
 def test_a_wall_that_stiffens_tenfold_under_a_hand_is_paid_in_each_of_many_rounds(method, hand, times, rounds):
     system = pressing(hand=hand, exchange__method=method, **STIFF, **times)
     begin = len(system.rows)
@@ -45,7 +43,7 @@ def test_a_wall_that_stiffens_tenfold_under_a_hand_is_paid_in_each_of_many_round
     assert max(row.generated[0] for row in system.rows[begin:]) > SHOWN
 
 
-@TIMES
+@pytest.mark.parametrize("times", TIMES)
 @BOTH
 def test_a_wall_that_appears_50_mm_deep_stands_at_the_handle_at_first(method, times):
     system = pressing(hand=50.0, exchange__method=method, **STIFF, **times, **NO_WALL)
@@ -57,9 +55,7 @@ def test_a_wall_that_appears_50_mm_deep_stands_at_the_handle_at_first(method, ti
     assert max(row.generated[0] for row in system.rows[begin:]) > SHOWN
 
 
-@TIMES
-@HANDS
-@BOTH
+@CORNERS
 def test_a_wall_that_comes_nearer_by_9_mm_pushes_no_further_than_is_paid(method, hand, times):
     system = pressing(hand=hand, exchange__method=method, **STIFF, **times)
     begin = len(system.rows)
@@ -67,9 +63,7 @@ def test_a_wall_that_comes_nearer_by_9_mm_pushes_no_further_than_is_paid(method,
     assert max(row.generated[0] for row in system.rows[begin:]) > SHOWN
 
 
-@TIMES
-@BOTH
-@pytest.mark.parametrize("turned", [(0.6, 0.8), (0.0, 1.0), (-1.0, 0.0)])
+@half("turned, method, times", [(0.6, 0.8), (0.0, 1.0), (-1.0, 0.0)], METHODS, TIMES)
 def test_a_wall_that_turns_lets_the_hand_in_by_the_slew_before_it_stands_elsewhere(method, turned, times):
     system = pressing(axes=2, exchange__method=method, **STIFF, **times)
     is_paid(changed(system, [{"wall__normals": turned, "wall__offsets": (-0.02,)}]))
@@ -86,9 +80,7 @@ def test_a_wall_that_vanishes_lets_go_by_the_slew_and_at_once_no_more_than_that(
     assert (force[int(FORCE / system.slew) + 2 :] == 0.0).all()
 
 
-@TIMES
-@HANDS
-@BOTH
+@CORNERS
 def test_a_limit_of_the_force_that_rises_under_a_hand_rises_as_it_is_paid(method, hand, times):
     system = pressing(hand=hand, exchange__method=method, force__limit=0.5, **STIFF, **times)
     begin = len(system.rows)
@@ -121,9 +113,7 @@ def test_a_wall_beside_a_moving_handle_changes_cancellation_by_the_slew(method, 
     is_paid(changed(system, [beside if comes else NO_WALL], 0.1, 0.0))
 
 
-@HANDS
-@BOTH
-@pytest.mark.parametrize("rounds", [1, 10])
+@half("rounds, method, hand", [1, 10], METHODS, HANDS)
 def test_a_stretched_coupling_that_stiffens_tenfold_is_paid_and_shown_by_the_observer(method, hand, rounds):
     wishes = ({"coupling__stiffness": 5000.0}, {"coupling__stiffness": 500.0})
     system = stretching(hand, exchange__method=method)

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from examples import half
 
 from haptic_sim.method.event_driven import EventDriven
 from haptic_sim.method.partitioned import Partitioned
@@ -28,57 +29,32 @@ def plane(kind, degrees, restitution, bodies, tool, gravity=G, h=H, friction=0.0
     def placed(body):
         x, y, *_ = body["pose"]
         velocity = turned(degrees, *body.get("velocity", [0.0, 0.0])[:2])
-        return {
-            **body,
-            "material": "m",
-            "pose": [*turned(degrees, x, y), math.radians(degrees)],
-            "velocity": [*velocity, 0.0],
-        }
+        pose = [*turned(degrees, x, y), math.radians(degrees)]
+        return {**body, "material": "m", "pose": pose, "velocity": [*velocity, 0.0]}
 
-    floor = {
-        "name": "floor",
-        "fixed": True,
-        "material": "m",
-        "shapes": [{"half_plane": {"normal": turned(degrees, 0.0, 1.0)}}],
-    }
-    scene = {
-        "name": "t",
-        "materials": {"m": {"restitution": restitution, "friction": friction}},
-        "gravity": turned(degrees, 0.0, -gravity),
-        "bodies": [floor, *map(placed, bodies)],
-        "tool": placed(tool),
-    }
+    floor = {"name": "floor", "fixed": True, "material": "m"}
+    floor["shapes"] = [{"half_plane": {"normal": turned(degrees, 0.0, 1.0)}}]
+    scene = {"name": "t", "materials": {"m": {"restitution": restitution, "friction": friction}}}
+    scene |= {"gravity": turned(degrees, 0.0, -gravity), "bodies": [floor, *map(placed, bodies)], "tool": placed(tool)}
     return kind(reduce_scene(Scene.model_validate(scene)), h)
 
 
 def disc(radius, x, y, speed=0.0, **more):
-    return {
-        "mass": 1.0,
-        "pose": [x, y, 0.0],
-        "velocity": [0.0, speed],
-        "shapes": [{"circle": {"radius": radius}}],
-        **more,
-    }
+    shapes = [{"circle": {"radius": radius}}]
+    return {"mass": 1.0, "pose": [x, y, 0.0], "velocity": [0.0, speed], "shapes": shapes, **more}
 
 
 def height(pose, degrees):
     return turned(-degrees, *pose[:2])[1]
 
 
-@pytest.mark.parametrize("degrees", [0.0, 10.0, 37.0, 90.0])
-@pytest.mark.parametrize("radius", [0.05, 0.005])
-@pytest.mark.parametrize("tool", ["far", "beside it"])
+@half("degrees, radius, tool", [0.0, 37.0, 90.0], [0.05, 0.005], ["far", "beside it"])
 def test_a_ball_that_loses_nothing_comes_back_to_its_height_but_for_a_few_steps_of_its_fall(degrees, radius, tool):
     """To within rounding where it is free; a backward difference near the tool takes gravity's work of one step."""
     fall, aside = 0.5, radius + 0.01 + (0.001 if tool == "beside it" else 1.0)
     held_at = [*turned(degrees, aside, radius + 0.01), math.radians(degrees)]
-    method = plane(
-        Partitioned,
-        degrees,
-        1.0,
-        [disc(radius, 0.0, radius + fall, name="ball")],
-        disc(0.01, aside, radius + 0.01, mass=0.1),
-    )
+    ball, grip = disc(radius, 0.0, radius + fall, name="ball"), disc(0.01, aside, radius + 0.01, mass=0.1)
+    method = plane(Partitioned, degrees, 1.0, [ball], grip)
     method.couple(GAINS)
     v = math.sqrt(2.0 * G * fall)
     heights, energies = [], [sum(method.energy())]

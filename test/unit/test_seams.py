@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from examples import half
 
 from haptic_sim.method.event_driven import EventDriven
 from haptic_sim.method.layout import lay_out
@@ -15,11 +16,8 @@ from haptic_sim.scene.language import Scene
 
 G, H = 9.81, 1e-3
 BOTH = [Partitioned, EventDriven]
-ANGLES = [0.0, 37.0]
-SIZES = [1.0, 0.25]
-EVERYWHERE = pytest.mark.parametrize(
-    ("kind", "degrees", "size"), [(kind, degrees, size) for kind in BOTH for degrees in ANGLES for size in SIZES]
-)
+PLACES = [0.0, 37.0], [1.0, 0.25]  # angle of the plane [degrees], size of the scene
+EVERYWHERE, PLACED = half("kind, degrees, size", BOTH, *PLACES), half("degrees, size", *PLACES)
 SEAM = 0.1
 """Place of the seam along the floor, times the size [m]."""
 
@@ -72,13 +70,8 @@ def scene_of(degrees, size, floor, bodies, tool, friction):
         }
 
     ground = placed({"name": "floor", "fixed": True, "shapes": floor})
-    return {
-        "name": "t",
-        "materials": {"m": {"friction": friction}, "smooth": {}},
-        "gravity": turned(degrees, 0.0, -G),
-        "bodies": [ground, *map(placed, bodies)],
-        "tool": placed(tool),
-    }
+    scene = {"name": "t", "materials": {"m": {"friction": friction}, "smooth": {}}, "gravity": turned(degrees, 0.0, -G)}
+    return scene | {"bodies": [ground, *map(placed, bodies)], "tool": placed(tool)}
 
 
 FAR_TOOL = {"mass": 0.1, "pose": [-5.0, 0.8, 0.0], "shapes": [{"circle": {"radius": 0.01}}]}
@@ -158,8 +151,7 @@ def pushed_along(degrees, size, tool, bodies, floor, start, end, friction=0.0, h
     return np.array(seen[round(0.4 / h) :]), method
 
 
-@pytest.mark.parametrize("degrees", ANGLES)
-@pytest.mark.parametrize("size", SIZES)
+@PLACED
 @pytest.mark.parametrize("floor", FLOORS)
 def test_a_block_that_the_tool_pushes_over_a_seam_does_not_lift_or_turn(degrees, size, floor):
     tool = {"mass": 0.1, "pose": [-0.0301, 0.01, 0.0], "material": "smooth", "shapes": [{"circle": {"radius": 0.01}}]}
@@ -169,25 +161,19 @@ def test_a_block_that_the_tool_pushes_over_a_seam_does_not_lift_or_turn(degrees,
     assert state(method, degrees)[0] == pytest.approx(0.23 * size, abs=0.005)
 
 
-@pytest.mark.parametrize("degrees", ANGLES)
-@pytest.mark.parametrize("size", SIZES)
+@PLACED
 @pytest.mark.parametrize("ends", [(-0.15, 0.15), (0.15, -0.15)])
 def test_a_tool_of_two_boxes_slides_over_the_corner_of_a_table_without_friction(degrees, size, ends):
     """Its own seam passes the corner, both ways; nothing pushes it along."""
     table = [box(-0.4, 0.0, -0.1, 0.0)]
-    tool = {
-        "mass": 0.1,
-        "pose": [ends[0], 0.01, 0.0],
-        "shapes": [box(-0.1, 0.0, -0.01, 0.01), box(0.0, 0.1, -0.01, 0.01)],
-    }
     start, end = np.clip(ends, -0.15, 0.08)
-    tool["pose"][0] = float(start)
+    shapes = [box(-0.1, 0.0, -0.01, 0.01), box(0.0, 0.1, -0.01, 0.01)]
+    tool = {"mass": 0.1, "pose": [float(start), 0.01, 0.0], "shapes": shapes}
     seen, method = pushed_along(degrees, size, tool, [], table, start, end, height=0.0099)
     assert np.abs(seen[:, 2]).max() < 0.05 and np.abs(seen[:, 1]).max() < 0.1
 
 
-@pytest.mark.parametrize("degrees", ANGLES)
-@pytest.mark.parametrize("size", SIZES)
+@PLACED
 @pytest.mark.parametrize("floor", FLOORS)
 @pytest.mark.parametrize("shape", [{"circle": {"radius": 0.01}}, box(-0.01, 0.01, -0.01, 0.01)])
 def test_a_tool_pressed_to_the_floor_feels_no_seam(degrees, size, floor, shape):
@@ -203,14 +189,8 @@ def test_a_tool_pressed_to_the_floor_feels_no_seam(degrees, size, floor, shape):
 def test_a_disc_rolls_over_a_ridge_on_its_corner(kind, degrees, size):
     """Convex by 20°: it goes on with what it has and what it falls, without a blow: no energy is lost or gained."""
     floor = [box(-0.4, SEAM, -0.1, 0.0), slope(1.0, -math.tan(math.radians(20.0)), 0.5)]
-    disc = {
-        "name": "disc",
-        "mass": 1.0,
-        "pose": [0.06, 0.02, 0.0],
-        "velocity": [0.15 * size, 0.0],
-        "material": "smooth",
-    }
-    disc["shapes"] = [{"circle": {"radius": 0.02}}]
+    disc = {"name": "disc", "mass": 1.0, "pose": [0.06, 0.02, 0.0], "velocity": [0.15 * size, 0.0]}
+    disc |= {"material": "smooth", "shapes": [{"circle": {"radius": 0.02}}]}
     method = made(kind, degrees, size, floor, [disc])
     start = 0.5 * (0.15 * size) ** 2
     for _ in range(500):
@@ -298,10 +278,8 @@ def test_a_wall_that_stands_on_the_floor_stops_the_block(kind, degrees, size):
 def covered(floor):
     """Corners of the floor's shapes from which an edge is hidden, and how deep."""
     model = reduce_scene(Scene.model_validate(scene_of(0.0, 1.0, floor, [block()], FAR_TOOL, 0.0))).model
-    world, depths = (
-        np.repeat(model.shape_body, np.diff(model.shape_start)) == len(model.mass) - 1,
-        lay_out(model).covered,
-    )
+    world = np.repeat(model.shape_body, np.diff(model.shape_start)) == len(model.mass) - 1
+    depths = lay_out(model).covered
     return sorted(
         (*corner.round(3).tolist(), depth.max().round(3))
         for corner, depth in zip(model.vertices[world], depths[world], strict=True)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from examples import half
 from scipy.special import ellipk
 
 from haptic_sim.method_registry import make
@@ -383,8 +384,7 @@ def test_a_disc_on_a_slope_of_a_hundred_thousandth_rolls_and_does_not_fall_aslee
     assert x * math.cos(turn) + y * math.sin(turn) == pytest.approx(G * math.sin(slope) * time**2 / 3.0, rel=2e-2)
 
 
-@pytest.mark.parametrize("degrees", [0.0, 10.0, 37.0, 90.0])
-@pytest.mark.parametrize("gravity", [(0.0, -G), (-G, 0.0)])
+@half("degrees, gravity", [0.0, 10.0, 37.0, 90.0], [(0.0, -G), (-G, 0.0)])
 def test_a_ball_that_loses_nothing_rebounds_with_its_speed_whatever_gravity_does(degrees, gravity):
     angle = math.radians(degrees)
     c, s = math.cos(angle), math.sin(angle)
@@ -401,11 +401,12 @@ def test_a_ball_that_loses_nothing_rebounds_with_its_speed_whatever_gravity_does
     assert c * y - s * x > 0.01
 
 
-@pytest.mark.parametrize(("mass", "damping"), [(0.1, 2.0), (0.1, 20.0), (0.01, 20.0), (0.002, 20.0)])
-@pytest.mark.parametrize("e", [0.5, 0.9, 0.99, 1.0])
-@pytest.mark.parametrize("off", [0.0, 0.006])
-def test_a_tool_that_a_damped_coupling_drives_into_a_wall_gives_nothing_at_the_port(off, e, damping, mass):
+@half(
+    "heavy, e, off", [(0.1, 2.0), (0.1, 20.0), (0.01, 20.0), (0.002, 20.0)], [0.5, 0.9, 0.99, 1.0], [0.0, 0.006]
+)  # tool's mass, coupling's damping
+def test_a_tool_that_a_damped_coupling_drives_into_a_wall_gives_nothing_at_the_port(off, e, heavy):
     """The handle goes with the tool at 1 m/s, and on into the plate; off its middle the tool turns too."""
+    mass, damping = heavy
     shapes = [{"circle": {"radius": 0.01, "center": [0.0, off]}}]
     method = world([PLATE], restitution=e, tool=tool_at(-0.02, 1.0, mass, shapes))
     method.couple(Coupling(2000.0, damping, 0.5, 0.001))

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from examples import half
 
 from haptic_sim.method_registry import make
 from haptic_sim.protocol import Coupling, held
@@ -50,9 +51,7 @@ def seen(world, body, turn):
     return *turned((x, y), (0.0, 0.0, -turn)), angle - turn
 
 
-@pytest.mark.parametrize("turn", TURNS)
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("ends", [("world", "sled"), ("sled", "world")])
+@half("turn, size, ends", TURNS, SIZES, [("world", "sled"), ("sled", "world")])
 def test_a_sled_pushed_beside_its_mass_centre_stays_on_a_guide_at_its_corner_and_keeps_its_energy(turn, size, ends):
     """A force of 1 N on .5 kg for .2 s, by gravity across and along: s = a t²/2; nothing across, no turn."""
     sled = block("sled", turn, (0.03 * size, 0.02 * size), size=(0.06 * size, 0.04 * size))
@@ -151,9 +150,7 @@ def test_a_joint_whose_limits_are_both_0_holds_like_a_weld(kind, turn):
 G = 9.81
 
 
-@pytest.mark.parametrize("turn", TURNS)
-@pytest.mark.parametrize("rest", [0.02, -0.02])
-@pytest.mark.parametrize("off", [0.0, 0.015])
+@half("turn, rest, off", TURNS, [0.02, -0.02], [0.0, 0.015])
 def test_a_sliders_spring_pushes_to_its_rest_on_either_side(turn, rest, off):
     """x = rest (1 − cos ω t), ω² = K/m: 1 kg on 400 N/m."""
     sled = block("sled", turn, (0.0, off), mass=1.0)
@@ -179,9 +176,7 @@ def test_a_spring_without_length_damps_across_its_stretch_as_along_it(turn):
     assert seen(world, "ball", turn)[:2] == pytest.approx((x, y), rel=2e-3)
 
 
-@pytest.mark.parametrize("turn", TURNS)
-@pytest.mark.parametrize("share", [0.5, 2.5, 6.0, 100.0, 1e4])
-@pytest.mark.parametrize("kind", ["slider", "spring", "pin"])
+@half("turn, share, kind", TURNS, [0.5, 2.5, 6.0, 100.0, 1e4], ["slider", "spring", "pin"])
 def test_what_sinks_in_grease_has_its_weight_over_the_damping_for_speed(kind, share, turn):
     """C h/m from .5 to 1e4 of a step of 50 µs; v = m g/C, of a pin ω = m g l/C."""
     m = 0.01
@@ -208,14 +203,11 @@ def test_what_sinks_in_grease_has_its_weight_over_the_damping_for_speed(kind, sh
         assert -turned((x, y), (0.0, 0.0, -turn))[1] == pytest.approx(speed, rel=1e-4)
 
 
-@pytest.mark.parametrize("turn", TURNS)
-@pytest.mark.parametrize(
-    ("motor", "friction", "push"), [(0.1, 0.5, 0.0), (1.0, 0.5, 0.5), (0.5, 1.0, 0.0), (2.0, 0.0, 2.0)]
-)
-@pytest.mark.parametrize("kind", ["pin", "slider"])
-def test_a_motor_moves_its_joint_with_what_dry_friction_leaves_of_it(kind, motor, friction, push, turn):
+@half("turn, strengths, kind", TURNS, [(0.1, 0.5), (1.0, 0.5), (0.5, 1.0), (2.0, 0.0)], ["pin", "slider"])
+def test_a_motor_moves_its_joint_with_what_dry_friction_leaves_of_it(kind, strengths, turn):
     """v = (motor − friction) t/m until the motor's speed; nothing where friction is more."""
-    m = 0.2
+    motor, friction = strengths
+    push, m = max(0.0, motor - friction), 0.2
     body = block("body", turn, mass=m, inertia=m)
     if kind == "pin":
         joint = {"type": "pin", "at": [0.0, 0.0], "friction_torque": friction}
@@ -249,8 +241,7 @@ def test_a_motor_of_speed_0_brakes_as_much_as_friction_of_its_strength():
     assert world.bodies()[1][1][2] == pytest.approx(5.0 - 2.0 / 0.2 * 0.1, rel=1e-3)
 
 
-@pytest.mark.parametrize("turn", TURNS)
-@pytest.mark.parametrize("rate", [1.0, 50.0, -30.0])
+@half("turn, rate", TURNS, [1.0, 50.0, -30.0])
 def test_a_bar_thrown_against_its_pins_stop_stays_there(rate, turn):
     bar = block("bar", turn, (0.1, 0.0), (0.0, 0.1 * rate, rate), (0.2, 0.02), 0.3)
     joint = {"type": "pin", "bodies": ["world", "bar"], "at": [0.0, 0.0], "limits": [-0.4, 0.5]}
@@ -259,9 +250,7 @@ def test_a_bar_thrown_against_its_pins_stop_stays_there(rate, turn):
     assert world.bodies()[1][1] == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
-@pytest.mark.parametrize("turn", TURNS)
-@pytest.mark.parametrize("speed", [0.1, 2.0, -20.0])
-@pytest.mark.parametrize("off", [0.0, 0.02])
+@half("turn, speed, off", TURNS, [0.1, 2.0, -20.0], [0.0, 0.02])
 def test_a_sled_thrown_against_its_stop_stays_there(speed, off, turn):
     sled = block("sled", turn, (0.0, off), (speed, 0.0, 0.0))
     world = run(made([sled], [guide(turn, limits=[-0.03, 0.05])]), 1.0)
@@ -295,9 +284,7 @@ def two_links(ratio, turn=0.0, **joint):
     return links, pins
 
 
-@pytest.mark.parametrize("turn", TURNS)
-@pytest.mark.parametrize("ratio", [1.0, 50.0])
-@pytest.mark.parametrize("stop", [False, True])
+@half("turn, ratio, stop", TURNS, [1.0, 50.0], [False, True])
 def test_a_double_pendulum_keeps_its_energy_and_its_pins_whatever_else_has_a_stop(stop, ratio, turn):
     """The direct method, exact to rounding, is where it is after .1 s."""
     links, pins = two_links(ratio, turn)
@@ -313,8 +300,7 @@ def test_a_double_pendulum_keeps_its_energy_and_its_pins_whatever_else_has_a_sto
     assert ends[0] == pytest.approx(ends[1], abs=5e-3)
 
 
-@pytest.mark.parametrize("turn", TURNS)
-@pytest.mark.parametrize("ratio", [1.0, 50.0])
+@half("turn, ratio", TURNS, [1.0, 50.0])
 def test_an_arm_that_hangs_on_the_stops_of_its_pins_comes_to_rest(ratio, turn):
     links, pins = two_links(ratio, turn, limits=[-0.1, 0.1])
     world = run(made(links, pins, gravity=at(turn, 0.0, -G)), 1.0)
