@@ -90,13 +90,6 @@ def test_walls_begin_to_shake_where_the_eigenvalues_say(mass, physical_damping, 
     assert run_cells(setup, PRESSED, 1.02 * exact, damping).assessment == SHAKING
 
 
-def test_bisection_finds_the_boundary_to_its_precision():
-    exact = largest_stable_stiffness(0.1, 0.5, 1.0, 1e-3)
-    setup = Setup(0.1, 0.5, 1e-3, seconds=10.0)
-    assert boundary_stiffness(setup, PRESSED, 1.0, 1e4) == pytest.approx(exact, rel=2e-3)
-    assert boundary_stiffness(setup, PRESSED, 1.0, 0.5 * exact) == 0.5 * exact
-
-
 @pytest.mark.parametrize("name", OPERATORS)
 @pytest.mark.parametrize("delay", [0.0, 0.5, 1.0])
 def test_no_operator_shakes_or_draws_energy_from_a_wall_just_inside_the_passive_region(name, delay):
