@@ -31,5 +31,5 @@ def test_the_maze_is_solved_by_its_waypoints():
 
 
 def test_straight_ahead_the_first_wall_of_the_maze_is_in_the_way():
-    simulation, _ = led(name="insert_peg", target=(0.035, -0.03, 0.0))
+    simulation, _ = led(name="insert_peg", target=(0.035, -0.03, 0.0), duration=2.0)
     assert simulation.measure()["arrived"] < 0.3

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from examples import tries
 from scipy.optimize import minimize
 
 from haptic_sim.method.partitioned import Partitioned
@@ -76,16 +77,17 @@ def least_loss(method, places):
     return least
 
 
-def worst_found(method, seed, evaluations=150):
-    """An adversary that improves a random motion of the handle by Powell's method."""
-    rng = np.random.default_rng(seed)
-    found = minimize(
-        lambda flat: least_loss(method, np.tanh(flat).reshape(-1, 3)),
-        rng.normal(size=30),
-        method="Powell",
-        options={"maxfev": evaluations},
-    )
-    return found.fun
+def worst_found(method):
+    """An adversary that improves random motions of the handle by Powell's method."""
+
+    def loss(flat):
+        return least_loss(method, np.tanh(flat).reshape(-1, 3))
+
+    def found(seed):
+        first = np.random.default_rng(seed).normal(size=30)
+        return minimize(loss, first, method="Powell", options={"maxfev": tries(75)}).fun
+
+    return min(map(found, range(2)))
 
 
 @pytest.mark.parametrize("gains", GAINS)
@@ -94,20 +96,20 @@ def test_a_passive_method_gives_no_more_than_it_was_given_to_a_handle_that_looks
     method = made(name, gains)
     assert method.passive
     force = 0.3 * gains.stiffness + 1.0  # the farthest jump
-    assert min(worst_found(method, seed) for seed in range(3)) >= -1e-9 - 4e-12 * force
+    assert worst_found(method) >= -1e-9 - 4e-12 * force
 
 
 def test_implicit_contacts_stiffer_than_the_coupling_are_passive_and_softer_ones_let_it_through_and_gain():
     stiff, soft = made("penalty_implicit", GAINS[0]), made("penalty_implicit", GAINS[1])
-    assert min(worst_found(stiff, seed) for seed in range(3)) >= -1e-9
-    assert min(worst_found(soft, seed) for seed in range(3)) < -1.0
+    assert worst_found(stiff) >= -1e-9
+    assert worst_found(soft) < -1.0
 
 
 def test_the_adversary_finds_energy_in_contacts_that_are_stepped_explicitly():
     stiffness = 0.5 * 0.1 / H**2  # an eighth of the limit of stability
     method = PenaltyExplicit(reduce_scene(crowded(0.0)), H, stiffness, 0.0)
     method.couple(GAINS[0])
-    assert min(worst_found(method, seed) for seed in range(3)) < -1e-6
+    assert worst_found(method) < -1e-6
 
 
 def test_every_method_says_whether_it_is_passive():

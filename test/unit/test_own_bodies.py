@@ -15,7 +15,7 @@ from haptic_sim.scene.language import Scene, load
 
 H, THIN, FAST = 0.25e-3, 0.5e-3, 60.0
 ANGLES = [0.0, math.radians(37.0)]
-PHASES = range(8)
+PHASES = range(4)
 SMALL = {"shapes": [{"circle": {"radius": 0.5e-3}}]}
 FAR = {"mass": 0.1, "pose": [5.0, 5.0, 0.0], **SMALL}
 

@@ -6,6 +6,7 @@ import math
 from typing import Annotated, Literal
 
 import pytest
+from examples import few
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field
@@ -255,6 +256,7 @@ def test_a_file_that_is_no_plain_mapping_is_refused_with_its_line(text, sentence
         yaml_reader.loads(text, ros=True)
 
 
+@few(30)
 @given(st.text())
 def test_any_text_is_either_read_or_refused_in_one_line(text):
     try:

@@ -9,7 +9,6 @@ from types import SimpleNamespace
 
 import pytest
 from in_process import haptic
-from live_demo import HAPTIC
 from live_nodes import MODULES
 
 from haptic_device import process, ros_environment
@@ -56,22 +55,24 @@ def test_a_shared_memory_without_room_is_refused_before_ros_writes_there(monkeyp
     assert haptic("demo").stderr == f"haptic: {sentence}\n"
 
 
-RECORDER = [sys.executable, "-m", "haptic_device.nodes.recorder"]
-JOINING = {
-    "demo": [*HAPTIC, "demo", "--out", "run"],
-    "record": [*HAPTIC, "record", "--out", "run"],
-    "status": [*HAPTIC, "status", "--json"],
-    "mark": [*HAPTIC, "mark", "now"],
-    "view": [*HAPTIC, "view"],
-    "recorder": RECORDER,
-    "driver": [sys.executable, "-m", MODULES["haptic_driver"]],
-}
+SENTENCE = "ROS_DOMAIN_ID is 'abc'; a whole number from 0 to 232 is needed"
 
 
-@pytest.mark.parametrize("who", JOINING)
-def test_who_joins_ros_ends_with_that_sentence_and_leaves_nothing(tmp_path, who):
+@pytest.mark.parametrize(
+    "words", [("demo", "--out", "run"), ("record", "--out", "run"), ("status", "--json"), ("mark", "now"), ("view",)]
+)
+def test_a_command_that_joins_ros_ends_with_that_sentence_and_leaves_nothing(tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "abc")
+    done = haptic(*words)
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"haptic: {SENTENCE}\n")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("module", ["haptic_device.nodes.recorder", MODULES["haptic_driver"]])
+def test_a_node_ends_with_that_sentence_and_leaves_nothing(tmp_path, module):
     environment = {**os.environ, "ROS_DOMAIN_ID": "abc", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    done = subprocess.run(JOINING[who], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=100)
-    [said] = done.stderr.splitlines()
+    command = [sys.executable, "-m", module]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=100)
     assert done.returncode == 1 and not done.stdout and not list(tmp_path.iterdir())
-    assert said.split(": ", 1)[1] == "ROS_DOMAIN_ID is 'abc'; a whole number from 0 to 232 is needed"
+    assert done.stderr.endswith(f": {SENTENCE}\n") and done.stderr.count("\n") == 1

@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from haptic_device.config_files import find, names
+from haptic_sim import verify
 from haptic_sim.reduction import reduce_scene
 from haptic_sim.reduction.explain import explain
 from haptic_sim.reduction.measured import KEPT, Measured, of_scene, read, write
 from haptic_sim.scene.draw import DRIVEN, SPRUNG, draw, handle_way
 from haptic_sim.scene.language import load, parse
-from haptic_sim.verify import within
 
 LIBRARY = {
     "free_space",
@@ -189,9 +189,11 @@ def test_a_scene_that_is_not_shipped_as_it_stands_is_not_measured_and_says_how_t
         assert (f"not measured; haptic scenes --verify {own} measures them" in last) != known
 
 
-def test_a_scene_of_ones_own_is_verified_and_its_rows_are_kept_beside_those_of_others(tmp_path):
+def test_a_scene_of_ones_own_is_verified_and_its_rows_are_kept_beside_those_of_others(tmp_path, monkeypatch):
     kept, own = tmp_path / "table.csv", tmp_path / "own.yaml"
     own.write_text(find("scenes", "corner").read_text().replace("name: corner", "name: own\nmethod: penalty_implicit"))
+    monkeypatch.setattr(verify, "SECONDS", 0.6)  # until it is pressed into the corner
+    monkeypatch.setattr(verify, "FINE", {"partitioned": (8000, 4000)})
     old = Measured("own", "impulse", 250.0, 0.0, 0.0, 0.0, 0.0, 100.0, "stable")
     write([old, *(row for row in read(KEPT) if row.scene == "thin_plate")], kept)
     done = haptic("scenes", "--verify", own, "--out", kept)
@@ -225,7 +227,7 @@ def test_what_a_motor_or_a_belt_gives_is_no_energy_from_nowhere(tmp_path):
         "  - {type: slider, bodies: [world, sled], at: [0.0, 0.0], axis: [1.0, 0.0], "
         "motor: {speed: 0.1, max_force: 1.0}}\n"
         "tool: {mass: 0.1, pose: [0.0, 0.2, 0.0], shapes: [{circle: {radius: 0.01}}]}\n"
-        "motion: {name: press_wall, start: [0.0, 0.2, 0.0], target: [0.01, 0.2, 0.0], duration: 1.0}\n"
+        "motion: {name: press_wall, start: [0.0, 0.2, 0.0], target: [0.01, 0.2, 0.0], duration: 0.3}\n"
     )
     done = haptic("scenes", "--verify", own)
     assert done.returncode == 0, done.stdout
@@ -236,16 +238,16 @@ def test_what_a_motor_or_a_belt_gives_is_no_energy_from_nowhere(tmp_path):
 @pytest.mark.parametrize(("field", "bound"), [("error", 0.02), ("created", 0.01), ("overlap_m", 1e-4)])
 def test_bounds_are_kept_up_to_each_of_them_and_not_beyond(field, bound):
     row = Measured("own", "impulse", 250.0, 0.0, 0.0, 0.0, 0.0, 100.0, "stable")
-    assert within(row._replace(**{field: 0.999 * bound}), 0.02)
-    assert not within(row._replace(**{field: 1.001 * bound}), 0.02)
-    assert within(row._replace(created=math.nan), 0.02)
+    assert verify.within(row._replace(**{field: 0.999 * bound}), 0.02)
+    assert not verify.within(row._replace(**{field: 1.001 * bound}), 0.02)
+    assert verify.within(row._replace(created=math.nan), 0.02)
 
 
 def test_an_error_below_the_doubt_of_its_reference_is_none_and_what_is_not_stable_keeps_nothing():
     row = Measured("own", "impulse", 250.0, 0.04, 0.03, 0.0, 0.0, 100.0, "stable")
-    assert within(row, 0.02)
-    assert not within(row._replace(doubt=0.01), 0.02)
-    assert not within(row._replace(status="unstable"), 0.02)
+    assert verify.within(row, 0.02)
+    assert not verify.within(row._replace(doubt=0.01), 0.02)
+    assert not verify.within(row._replace(status="unstable"), 0.02)
 
 
 def test_the_gallery_has_a_section_and_a_picture_for_every_scene(tmp_path, monkeypatch):

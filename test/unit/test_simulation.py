@@ -85,8 +85,9 @@ HARD_WAYS = [
 ]
 
 
-@pytest.mark.parametrize("way", HARD_WAYS)
-@pytest.mark.parametrize("gains", [GAINS, (5000.0, 5.0, 2.0, 0.02), (1000.0, 1.0, 20.0, 0.05)])
+@pytest.mark.parametrize(
+    ("way", "gains"), [*zip(HARD_WAYS, [GAINS, (5000.0, 5.0, 2.0, 0.02), (1000.0, 1.0, 20.0, 0.05)], strict=True)]
+)
 def test_the_peg_finds_its_way_from_other_starts_with_other_gains(way, gains):
     simulation = Simulation(reduce_scene(load("peg_in_hole")))
     insert(simulation, way["duration"] + 0.5, gains, **way)

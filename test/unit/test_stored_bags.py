@@ -17,7 +17,7 @@ from haptic_device.recording import load
 from haptic_device.recording.metadata import METADATA
 from haptic_device.recording.recover import recovered
 
-TICKS = 4000
+TICKS = 2000
 
 
 @pytest.fixture(scope="module")

@@ -203,12 +203,12 @@ def test_a_copy_of_the_tool_that_stays_because_its_equation_has_no_solution_is_n
 @pytest.mark.parametrize("method", ["direct", "wave"])
 def test_in_lock_step_a_tool_that_comes_back_beyond_a_wall_is_told_with_its_distance(method):
     """The hand presses the wall; while no sample comes nothing holds it back, and it goes 5 mm in."""
-    system = demo_system(method, "wall", motion={"duration": 10.0})
-    before = system.run(3.6)
+    system = demo_system(method, "wall", motion={"duration": 5.0})
+    before = system.run(1.8)
     system.network = Network(loss=1.0)
     lost = system.run(0.5)
     system.network = PERFECT
-    back = system.run(1.0)
+    back = system.run(0.4)
     assert before.force_coupling[-1, 0] > 1.5 and names(before[-1]) == set()
     assert names(lost[-1]) == {"old_tool"}
     assert names(back[-1]) == {"far_tool"} and back.exchange_fade[-1] == 0.0 and back.tool_age[-1] < 0.01

@@ -150,7 +150,7 @@ def test_a_file_that_cannot_be_read_is_named_with_the_reason(tmp_path, read):
 TEXT = st.text(st.characters(codec="utf-8", exclude_categories=("Cs", "Cc")))
 
 
-@few(100)
+@few(30)
 @given(st.recursive(TEXT, st.lists))
 @example("y")
 @example("1e3")
