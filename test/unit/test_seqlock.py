@@ -9,7 +9,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-from examples import tries
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -49,9 +48,9 @@ def read_many(words, first, values, wanted, attempts=1_000_000):
     return got, torn, back
 
 
-def read_while_it_writes(words, values, limit=60.0):
+def read_while_it_writes(words, values, wanted=2_000, limit=60.0):
     """Reads records of a writer that has begun or will; a writer that stands still for a while is waited for."""
-    end, got, wanted = time.monotonic() + limit, 0, tries(2000)
+    end, got = time.monotonic() + limit, 0
     while got < wanted:
         assert time.monotonic() < end, f"read {got} of {wanted} records"
         if words[8] == 0:
