@@ -90,7 +90,7 @@ def tails(count):
 GENES = st.tuples(st.floats(-4e-3, 4e-3), st.floats(-0.5, 0.5), st.sampled_from([0.0, 1e-3, 0.02]))
 
 
-@few(150)
+@few(60)
 @given(
     way=st.lists(GENES, min_size=2, max_size=12),
     moves=st.lists(st.floats(-2e-3, 2e-3), min_size=96, max_size=96),

@@ -48,8 +48,6 @@ def test_a_stored_reference_is_made_again_as_near_as_it_says():
     [
         ("push_block", "impulse", 2e-2),
         ("stack", "mujoco_rk4", 2e-3),
-        ("corner", "impulse", 5e-3),
-        ("peg_in_hole", "pymunk", 1e-3),
         ("wrench_on_nut", "pymunk", 5e-3),
     ],
 )

@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that take long say before they begin what they cannot do, and keep what they have done."""
+"""Commands that take long say before they begin what they cannot do."""
 
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 from in_process import haptic
 
-from bench import jobs
 from haptic_sim.cli.compare import compare
 from haptic_sim.cli.replay import As, replay
 from haptic_sim.supervision import processes
@@ -55,29 +53,3 @@ def test_a_demo_refuses_a_bad_file_before_it_starts_a_node_or_makes_a_folder(tmp
     done = haptic("demo", "--params", file, "--out", tmp_path / "run", *(["--view"] if view else []))
     assert done.returncode == 1 and done.stderr.startswith(f"haptic: {file}: ") and sentence in done.stderr
     assert not (tmp_path / "run").exists()
-
-
-class Row(NamedTuple):
-    name: str
-    value: float
-
-
-def test_an_interrupted_start_of_a_sweep_leaves_what_is_kept_as_it_was(tmp_path, monkeypatch):
-    file = tmp_path / "kept.csv"
-
-    def kept():
-        return jobs.Kept(file, Row, lambda row: row.name)
-
-    kept().keep("one", Row("one", 1.0))
-    before = file.read_text() + "two,2."
-    file.write_text(before)
-
-    def interrupted(source, target):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as stopped, pytest.raises(KeyboardInterrupt):
-        stopped.setattr(jobs.os, "replace", interrupted)
-        kept()
-    assert file.read_text() == before
-    assert kept().known == {"one": Row("one", 1.0)}
-    assert file.read_text() == "name,value\none,1.0\n"

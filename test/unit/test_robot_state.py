@@ -8,6 +8,7 @@ import types
 from xml.etree import ElementTree
 
 import pytest
+from fake_node import Node
 
 from haptic_device.description import load_device
 from haptic_device.message_fields import frame_id
@@ -15,26 +16,6 @@ from haptic_device.nodes import robot_state, transforms
 from haptic_device.urdf import links, urdf
 from haptic_sim.scene.geometry import turned
 from haptic_sim.scene.language import load
-
-
-class Node:
-    """Keeps what is published, by topic."""
-
-    def __init__(self, namespace="/haptic"):
-        self.said, self._namespace = {}, namespace
-
-    def get_namespace(self):
-        return self._namespace
-
-    def create_publisher(self, kind, topic, qos):
-        said = self.said.setdefault(topic, [])
-        return types.SimpleNamespace(publish=said.append)
-
-    def get_clock(self):
-        return types.SimpleNamespace(now=lambda: types.SimpleNamespace(nanoseconds=5_000_000_000))
-
-    def destroy_publisher(self, publisher):
-        """It is kept."""
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which threads of a process are lifted to a real-time priority, and that what they start is not."""
 
+import functools
 import json
 import os
 import subprocess
@@ -45,6 +46,7 @@ PRIORITY = 3
 ORDINARY = [os.SCHED_OTHER, 0]
 
 
+@functools.cache
 def lifts(wish):
     """What the threads of a process of its own have, lifted and after that; and whether it may have it."""
     words = [sys.executable, "-c", _LIFTS, wish, str(PRIORITY)]

@@ -7,11 +7,11 @@ import types
 import numpy as np
 import pytest
 from bag_of_a_run import diagnostics
+from fake_node import Node
 from live_nodes import STRANGE
 
 from haptic_device.control.withheld import NAMES
 from haptic_device.nodes.polled_subscription import Sample
-from haptic_device.realtime.session_clock import SessionClock
 from haptic_device.recording.layouts import CLOUD, JointLayout, layout_of
 from haptic_device.status import Status
 from haptic_sim.client import Client
@@ -32,25 +32,6 @@ GUIDED = {
 }
 
 
-class FakeNode:
-    """Keeps what is published, by topic, and offers nothing to hear."""
-
-    def __init__(self):
-        self.said, self.clock = {}, SessionClock()
-
-    def create_publisher(self, kind, topic, qos):
-        return types.SimpleNamespace(publish=lambda message: self.said.setdefault(topic, []).append(message))
-
-    def get_namespace(self):
-        return "/haptic"
-
-    def get_clock(self):
-        return types.SimpleNamespace(now=lambda: types.SimpleNamespace(nanoseconds=5_000_000_000))
-
-    def destroy_publisher(self, publisher):
-        return None
-
-
 class FakeTap:
     """In place of a subscription: hands over what the test puts in."""
 
@@ -66,6 +47,19 @@ class FakeTap:
         return next(reversed(self.take()), None)
 
 
+@pytest.fixture(autouse=True)
+def tapped(monkeypatch):
+    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
+
+
+def shown(node):
+    """What a viewer knows that has heard what this node said."""
+    state = State(Client(Node()))
+    FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
+    state.look()
+    return state
+
+
 @pytest.fixture
 def pressed():
     """A peg that has been pressed upon the mouth of the hole, and its scene."""
@@ -78,7 +72,7 @@ def pressed():
 
 def test_the_state_names_each_coordinate_and_carries_the_poses(pressed):
     simulation, handle = pressed
-    node = FakeNode()
+    node = Node()
     ScenePublisher(node).show(simulation, handle, 0)
     layout = JointLayout(state_names(simulation.scene), "haptic_map")
     [data] = node.said["scene/state"]
@@ -94,7 +88,7 @@ def test_the_state_names_each_coordinate_and_carries_the_poses(pressed):
 
 def test_contacts_carry_the_force_that_holds_the_tool_up(pressed):
     simulation, handle = pressed
-    node = FakeNode()
+    node = Node()
     ScenePublisher(node).show(simulation, handle, 0)
     message = bytes(node.said["scene/contacts"][0])
     rows = np.frombuffer(layout_of(CLOUD, message).records(message), CONTACT)
@@ -104,7 +98,7 @@ def test_contacts_carry_the_force_that_holds_the_tool_up(pressed):
 
 
 def test_the_scene_is_said_once_and_anew_when_it_is_another():
-    node = FakeNode()
+    node = Node()
     showing = ScenePublisher(node)
     first, other = Simulation(reduce_scene(load("peg_in_hole"))), Simulation(reduce_scene(load("free_space")))
     for number, simulation in enumerate((first, first, other)):
@@ -114,21 +108,18 @@ def test_the_scene_is_said_once_and_anew_when_it_is_another():
 
 
 def test_the_world_is_shown_no_faster_than_it_is_looked_at():
-    node, simulation = FakeNode(), Simulation(reduce_scene(load("free_space")))
+    node, simulation = Node(), Simulation(reduce_scene(load("free_space")))
     showing = ScenePublisher(node)
     for millisecond in range(1000):
         showing.show(simulation, None, 1_000_000 * millisecond)
     assert 55 <= len(node.said["scene/state"]) <= 61
 
 
-def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
+def test_the_viewer_reads_what_the_simulation_shows(pressed):
     simulation, handle = pressed
-    node = FakeNode()
+    node = Node()
     ScenePublisher(node).show(simulation, handle, 0)
-    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
-    state = State(Client(FakeNode()))
-    FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
-    state.look()
+    state = shown(node)
     frame = state.frame()
     assert frame["tool"] == simulation.method.position and state.scene == drawing_of(simulation.scene)
     assert frame["results"] == tuple(simulation.measure().values())
@@ -138,31 +129,25 @@ def test_the_viewer_reads_what_the_simulation_shows(pressed, monkeypatch):
     assert state.scene is None and "cannot be read" in state.problem and state.frame()["tool"] is None
 
 
-def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns(monkeypatch):
+def test_a_tool_that_cannot_turn_is_shown_as_it_stands_under_a_hand_that_turns():
     simulation, handle = Simulation(reduce_scene(parse(GUIDED, "guided"))), (0.01, 0.0, 0.3)
     for k in range(1000):
         simulation.exchange(HandleSample(1_000_000 * k, handle, (0.0, 0.0, 0.0), *GAINS))
-    node = FakeNode()
+    node = Node()
     ScenePublisher(node).show(simulation, handle, 0)
-    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
-    state = State(Client(FakeNode()))
-    FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
-    state.look()
+    state = shown(node)
     state.statuses = {"haptic_driver": Status(0, 0, "engaged", {})}
     frame = state.frame()
     assert frame["tool"] == pytest.approx((0.01, 0.0, 0.0), abs=1e-3)
     assert frame["handle"] == handle and state.scene.joints
 
 
-def test_what_is_no_number_is_not_known(pressed, monkeypatch):
+def test_what_is_no_number_is_not_known(pressed):
     simulation, _ = pressed
-    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
-    node = FakeNode()
+    node = Node()
     simulation.measure = lambda: {"insertion_fraction": float("nan")}
     ScenePublisher(node).show(simulation, (float("inf"), 0.0, 0.0), 0)
-    state = State(Client(FakeNode()))
-    FakeTap.waiting = {topic: node.said[topic] for topic in ("scene", "scene/state")}
-    state.look()
+    state = shown(node)
     state.statuses = {"haptic_driver": Status(0, 0, "engaged", {})}
     frame = state.frame()
     assert frame["handle"] is None and frame["tool"] == simulation.method.position
@@ -170,28 +155,25 @@ def test_what_is_no_number_is_not_known(pressed, monkeypatch):
 
 
 @pytest.mark.parametrize(("withheld", "coupled"), [("", True), ("limit", True), ("tank, limit", False)])
-def test_a_coupling_that_the_driver_says_does_not_hold_is_shown_as_one(monkeypatch, withheld, coupled):
-    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
-    state = State(Client(FakeNode()))
+def test_a_coupling_that_the_driver_says_does_not_hold_is_shown_as_one(withheld, coupled):
+    state = State(Client(Node()))
     FakeTap.waiting = {"/diagnostics": [diagnostics("haptic_driver", {"namespace": "/haptic", "withheld": withheld})]}
     state.look()
     assert state.frame()["coupled"] == coupled and {*NAMES} > NOT_HELD
 
 
 @pytest.mark.parametrize(("said", "heard"), [("/haptic", 1), ("/left", 0), (None, 1)])
-def test_what_the_nodes_of_another_display_say_is_not_taken_for_the_own_ones(monkeypatch, said, heard):
-    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
-    client, values = Client(FakeNode()), {"namespace": said} if said else {}
+def test_what_the_nodes_of_another_display_say_is_not_taken_for_the_own_ones(said, heard):
+    client, values = Client(Node()), {"namespace": said} if said else {}
     FakeTap.waiting = {"/diagnostics": [diagnostics("haptic_driver", values)]}
     client.look()
     assert len(client.statuses) == len(client.heard) == heard
 
 
-def test_rubbish_on_the_topics_of_the_page_is_not_shown_and_harms_nothing(pressed, monkeypatch):
-    node = FakeNode()
+def test_rubbish_on_the_topics_of_the_page_is_not_shown_and_harms_nothing(pressed):
+    node = Node()
     ScenePublisher(node).show(*pressed, 0)
-    monkeypatch.setattr("haptic_sim.client.PolledSubscription", FakeTap)
-    state = State(Client(FakeNode()))
+    state = State(Client(Node()))
     cut = types.SimpleNamespace(point_step=CONTACT.itemsize, data=bytes(CONTACT.itemsize + 1))
     FakeTap.waiting = {"scene": node.said["scene"], "scene/state": [b"", b"\0" * 500], "scene/contacts": [cut]}
     FakeTap.waiting |= {"operator/state": [b""], "/diagnostics": STRANGE}

@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from fake_node import Node
 from lockstep_systems import device, values
 from waiting import until
 
@@ -22,33 +23,9 @@ STEP = 1_000_000  # [ns] between the test's ticks
 RATES = {"publish__rate": 1000.0, "publish__pose_rate": 1000.0}
 
 
-class Said(list):
-    """A publisher that keeps what is published."""
-
-    publish = list.append
-
-    def wait_for_all_acked(self, timeout):
-        return True
-
-
-class Node:
-    """Keeps what is said on each topic."""
-
-    def __init__(self):
-        self.said = {}
-
-    def get_namespace(self):
-        return "/haptic"
-
-    def create_publisher(self, kind, topic, qos):
-        return self.said.setdefault(topic, Said())
-
-    def destroy_publisher(self, publisher):
-        """It is kept."""
-
-    def stamps(self, topic):
-        """[ns]"""
-        return [s * 10**9 + ns for s, ns in (struct.unpack_from("<iI", data, 4) for data in self.said[topic])]
+def stamps(said):
+    """Of these messages [ns]."""
+    return [s * 10**9 + ns for s, ns in (struct.unpack_from("<iI", data, 4) for data in said)]
 
 
 class Told:
@@ -101,6 +78,6 @@ def test_stamps_differ_as_deadlines_do_also_while_the_system_clock_is_set_back(t
         monkeypatch.setattr(time, "time_ns", lambda ahead=ahead: read() + ahead)
         told.tick()
     for topic in (*EACH_TICK, "trace"):
-        stamps = told.node.stamps(topic)
-        assert np.diff(stamps).tolist() == [STEP, STEP], topic
-        assert stamps == told.node.stamps("encoder"), topic
+        found = stamps(told.node.said[topic])
+        assert np.diff(found).tolist() == [STEP, STEP], topic
+        assert found == stamps(told.node.said["encoder"]), topic

@@ -6,8 +6,9 @@ import threading
 import numpy as np
 import pytest
 from bag_of_a_run import diagnostics
+from fake_node import Node, Said
 from lockstep_systems import device, values
-from test_telemetry import EACH_TICK, Node, Said
+from test_telemetry import EACH_TICK
 from waiting import until
 
 from haptic_device import controller_config

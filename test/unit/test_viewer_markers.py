@@ -2,10 +2,10 @@
 """Markers show the scene where it is: outlines, poses, arrows as long as forces; messages carry the same numbers."""
 
 import math
-import types
 
 import numpy as np
 import pytest
+from fake_node import Node
 
 from haptic_device.nodes import marker_messages
 from haptic_sim.scene.drawing import drawing_of
@@ -140,24 +140,6 @@ def test_a_body_whose_place_is_not_known_is_left_out_with_its_joints():
     assert [marker.number for marker in markers.joints(scene, poses[0], poses[1:])] == [2, 3]
 
 
-class Ear:
-    """In place of a node: `topics` are the messages of each, `said` the markers."""
-
-    def __init__(self, listeners):
-        self.topics, self._listeners = {}, listeners
-
-    @property
-    def said(self):
-        return self.topics["markers"]
-
-    def get_namespace(self):
-        return "/haptic"
-
-    def create_publisher(self, kind, topic, qos):
-        said = self.topics.setdefault(topic, [])
-        return types.SimpleNamespace(publish=said.append, get_subscription_count=lambda: self._listeners)
-
-
 GROUPS = {"bodies", "joints", "walls", "workspace", "target", "handle", "coupling", "force", "contacts"}
 
 
@@ -174,19 +156,20 @@ GROUPS = {"bodies", "joints", "walls", "workspace", "target", "handle", "couplin
     ],
 )
 def test_the_topic_shows_everything_that_is_known_and_nothing_that_is_not(known, lacking):
-    ear, scene = Ear(1), drawing_of(load("wrench_on_nut"))
+    ear, scene = Node(), drawing_of(load("wrench_on_nut"))
     bodies = [solid.pose for solid in scene.solids[1:]]
     given = {"scene": scene, "walls": [(0.0, 1.0, 0.0)], "workspace": ((-0.1, 0.1), (-0.1, 0.1))} | known
     frame = {name: known.get(name, value) for name, value in {**FRAME, "bodies": bodies}.items()}
     markers.MarkerPublisher(ear, 30.0).show(given["scene"], frame, given["walls"], given["workspace"], 1.0)
-    assert {marker.ns for marker in ear.said[0].markers} == GROUPS - lacking
-    assert len({(marker.ns, marker.id) for marker in ear.said[0].markers}) == len(ear.said[0].markers)
+    [said] = ear.said["markers"]
+    assert {marker.ns for marker in said.markers} == GROUPS - lacking
+    assert len({(marker.ns, marker.id) for marker in said.markers}) == len(said.markers)
 
 
 def test_without_a_listener_no_marker_is_made():
-    ear = Ear(0)
+    ear = Node(listeners=0)
     markers.MarkerPublisher(ear, 30.0).show(drawing_of(load("peg_in_hole")), FRAME, [], None, 1.0)
-    assert ear.said == []
+    assert ear.said["markers"] == []
 
 
 def test_the_message_carries_pose_points_and_colour():
