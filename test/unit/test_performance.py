@@ -90,12 +90,8 @@ def test_every_check_of_the_machine_that_is_not_good_says_how_to_get_more():
 
 
 START = {"scene": "wall", "first": {"haptic_driver": 10.0}, "again": [{"haptic_driver": 2.0}, {"haptic_driver": 3.0}]}
-FACTS = {
-    "machine": {"cores": 2, "processor": "P", "system": "Linux-6-with-glibc"},
-    "length": "short",
-    "program": {"python": "3"},
-    "packages": {"numba": "0"},
-}
+FACTS = {"machine": {"cores": 2, "processor": "P", "system": "Linux-6-with-glibc"}, "length": "short"}
+FACTS |= {"program": {"python": "3"}, "packages": {"numba": "0"}}
 
 
 def folder(path, first):
@@ -107,30 +103,15 @@ def folder(path, first):
 
 def test_the_table_has_the_worst_of_the_hard_cases_and_the_least_speed_ratio(tmp_path):
     kept = folder(tmp_path / "kept", 10.0)
-    hard = {"world": "partitioned", "letters": "", "tried": 2, "survives": True}
+    hard = {"world": "partitioned", "letters": "", "tried": 2, "survives": True, "created": None}
     cases = [
         hard | {"scene": "light_tool", "overlap_m": 2e-6, "created": 0.0},
         hard | {"scene": "zeno_ball", "world": "impulse", "overlap_m": 1e-6, "created": 1e-5},
         hard | {"scene": "light_tool", "world": "impulse", "letters": "P", "overlap_m": 1e-3, "survives": False},
-        {
-            "scene": "zeno_ball",
-            "world": "box2d",
-            "letters": "N",
-            "overlap_m": None,
-            "created": None,
-            "tried": 2,
-            "survives": False,
-        },
+        hard | {"scene": "zeno_ball", "world": "box2d", "letters": "N", "overlap_m": None, "survives": False},
     ]
-    run = {
-        "scene": "wall",
-        "kind": "single contact",
-        "step_us": 1000,
-        "created_j": 0.0,
-        "scale_j": 1.0,
-        "penetration_m": 0.0,
-        "status": "stable",
-    }
+    run = {"scene": "wall", "kind": "single contact", "step_us": 1000, "created_j": 0.0, "scale_j": 1.0}
+    run |= {"penetration_m": 0.0, "status": "stable"}
     runs = [
         run | {"method": "closed_form", "wall": 1e-5, "error": 1e-3},
         run | {"method": "pymunk", "wall": 8e-5, "error": 1e-2},

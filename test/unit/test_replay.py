@@ -31,7 +31,7 @@ from haptic_sim.scene.language import load as load_scene
 
 pytestmark = pytest.mark.timeout(900)
 
-TICKS = 12_000
+TICKS, PLAYED = 12_000, 8000  # of every law; of the bag
 LIMIT = 240.0  # [s] for anything; no assertion
 COUPLED = {"coupling__stiffness": 800.0, "coupling__damping": 1.0, "engage__time": 0.1}
 
@@ -131,13 +131,13 @@ def test_a_path_joins_its_points_by_straight_lines():
 def bag(tmp_path_factory):
     """A lock-step run of the wall scene as a bag: the hand presses the tool against a wall."""
     scene = load_scene("wall")
-    motion = {f"motion.{name}": value for name, value in scene.motion.items()} | {"motion.duration": 4.0}
+    motion = {f"motion.{name}": value for name, value in scene.motion.items()} | {"motion.duration": 3.2}
     shipped = values("haptic_loopback") | motion
     driver = values("haptic_driver", **COUPLED)
     simulation = defaults(NODES["haptic_simulation"]) | {"scene": "wall"}
     point = rerun.Point(device(damping=4.0, axes=3), scene, driver, shipped, simulation)
     folder = tmp_path_factory.mktemp("replays") / "recorded"
-    rerun.replay(rerun.Hand(Script(), 2.5), point, PERFECT, folder)
+    rerun.replay(rerun.Hand(Script(), PLAYED / 4000.0), point, PERFECT, folder)
     return folder
 
 
@@ -162,11 +162,11 @@ def again(bag, folder, as_device, **changes):
 def test_a_replayed_bag_is_like_a_live_one_and_its_ticks_are_the_same_again(bag):
     recording = load(bag)
     assert recording.notes == () and recording.trace_rows_missing == 0
-    assert verdict_on(recording.trace, recording.clouds["snapshot"]).same == len(recording.trace) == 10_000
+    assert verdict_on(recording.trace, recording.clouds["snapshot"]).same == len(recording.trace) == PLAYED
     assert {"scene/wall.yaml", "device/desktop.yaml", "parameters/haptic_driver.yaml"} <= set(recording.attachments)
 
 
-@pytest.mark.parametrize("rate", [700.0, 1250.0, 9000.0])
+@pytest.mark.parametrize("rate", [700.0, 9000.0])
 def test_at_a_rate_of_any_step_the_hand_moves_to_its_end(bag, tmp_path, rate):
     before, after = read_run(bag), again(bag, tmp_path / "again", False, servo__rate=rate, coupling__stiffness=200.0)
     assert len(after.recording.trace) == pytest.approx(before.seconds[-1] * rate, abs=1.0)
@@ -202,7 +202,7 @@ def test_as_device_the_handle_is_where_it_was_to_the_count(bag, tmp_path):
     began = before.rows["deadline"][0]
     there = {deadline - began: position for deadline, position in before.rows[["deadline", "position"]].tolist()}
     both = [row for row in after.rows if row["deadline"] in there]
-    assert len(both) > 9000
+    assert len(both) > 0.9 * PLAYED
     assert max(np.abs(row["position"] - there[row["deadline"]]).max() for row in both) == 0.0
 
 
@@ -226,7 +226,7 @@ def test_what_is_left_out_of_a_bag_is_said_by_every_command_that_reads_it(beside
     out = [] if "--check" in words else ["--out", tmp_path / "out"]
     done = haptic(words[0], beside, *words[1:], *out)
     assert done.returncode == 0 and done.stderr.count("copy.mcap is left out") == 1, done.stderr
-    assert "--check" not in words or "10000 ticks" in done.stdout
+    assert "--check" not in words or f"{PLAYED} ticks" in done.stdout
 
 
 def stiff(tmp_path, policy):
@@ -265,7 +265,7 @@ def test_a_replay_that_is_broken_off_keeps_what_it_has_in_a_bag_that_opens(bag, 
     kept = load(tmp_path / "out")
     assert done.returncode == (130 if isinstance(trouble, KeyboardInterrupt) else 1)
     assert "No space left on device" in done.stderr or isinstance(trouble, KeyboardInterrupt)
-    assert kept.notes == () and 0 < len(kept.trace) < 10_000 and np.all(np.diff(kept.trace["tick"]) == 1)
+    assert kept.notes == () and 0 < len(kept.trace) < PLAYED and np.all(np.diff(kept.trace["tick"]) == 1)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["metadata.yaml", "out_0.mcap"]
 
 

@@ -18,12 +18,7 @@ from haptic_device.realtime import servo_loop
 
 PERIOD = 1 / 4000.0
 WALL = {"wall__normals": (1.0, 0.0), "wall__offsets": (0.0,), "wall__stiffness": (1000.0,), "wall__damping": (0.0,)}
-FREE = {
-    "coupling__stiffness": 0.0,
-    "coupling__damping": 0.0,
-    "coupling__rotational_stiffness": 0.0,
-    "coupling__rotational_damping": 0.0,
-}
+FREE = {f"coupling__{turning}{gain}": 0.0 for turning in ("", "rotational_") for gain in ("stiffness", "damping")}
 COUNTS = 1e7  # per metre
 SETTLED = {}  # memory and row after a second at rest, for each settings there were: the second is the same each time
 
@@ -103,12 +98,8 @@ def test_a_wall_pushes_along_its_normal_by_its_stiffness_times_the_depth(angle):
 def test_sixty_four_walls_round_the_handle_each_push_by_their_own_depth():
     turns = 2.0 * np.pi * np.arange(MOST_WALLS) / MOST_WALLS
     normals, stiffness = -np.column_stack([np.cos(turns), np.sin(turns)]), np.linspace(500.0, 1500.0, MOST_WALLS)
-    ring = {
-        "wall__normals": tuple(normals.ravel()),
-        "wall__offsets": (-0.02,) * MOST_WALLS,
-        "wall__stiffness": tuple(stiffness),
-        "wall__damping": (0.0,) * MOST_WALLS,
-    }
+    ring = {"wall__normals": tuple(normals.ravel()), "wall__stiffness": tuple(stiffness)}
+    ring |= {"wall__offsets": (-0.02,) * MOST_WALLS, "wall__damping": (0.0,) * MOST_WALLS}
     place = 0.021 * np.array([math.cos(0.3), math.sin(0.3)])
     depth = np.maximum(0.0, -0.02 - normals @ place)
     row = Servo(**ring, **FREE).move((*place, 0.0))
@@ -353,10 +344,8 @@ def test_silence_and_saturation_just_within_their_times_are_no_faults():
 def test_a_motor_may_hold_its_duty_for_ever_and_a_little_more_until_it_is_warm(share):
     runner, time = pressing(), 0.1
     force, limit = runner.rows[-1]["force_on_handle"][0, 0], runner.settings["hardware"]["motor_limit"][0, 0]
-    runner.settings["fault"]["duty"], runner.settings["fault"]["duty_kept"] = (
-        force / limit / share,
-        math.exp(-PERIOD / time),
-    )
+    runner.settings["fault"]["duty"] = force / limit / share
+    runner.settings["fault"]["duty_kept"] = math.exp(-PERIOD / time)
     began, row = len(runner.rows), runner.run(10 * time)
     assert faults.name_of(row.fault) == ("" if share < 1.0 else "duty")
     if share > 1.0:
@@ -427,10 +416,8 @@ def test_a_row_that_is_used_again_keeps_nothing_of_the_tick_it_held_before(metho
     clean, used = (Servo(axes=axes, settled=False, **WALL, **quick) for _ in range(2))
     for runner, left in ((clean, 0.0), (used, math.nan)):
         runner.left = {name: left for name in outputs}
-        runner.memory["virtual_tool"]["contacts"]["number"] = runner.memory["virtual_tool"]["contacts"][
-            "mass"
-        ] = runner.memory["virtual_tool"]["contacts"]["inertia"] = 1.0
-        runner.memory["virtual_tool"]["contacts"]["trust"] = 1.0
+        for name in ("number", "mass", "inertia", "trust"):
+            runner.memory["virtual_tool"]["contacts"][name] = 1.0
         runner.tool((0.001, 0.0, 0.0))
         runner.inputs |= {"contact_set": 1.0, "contact_age": 0.001}
         runner.run(0.05)
@@ -466,13 +453,8 @@ class Press:
     def __init__(self, motion=None, **driver):
         described = device(damping=3.0, counts=2e5, coulomb=0.02, axes=3, sensing_delay=130e-6, actuation_delay=60e-6)
         driver = {**WALL, **FREE, "engage__time": 0.05, **driver}
-        script = {
-            "motion__name": "press_wall",
-            "motion__start": (0.005, 0.0, 0.0),
-            "motion__duration": 0.4,
-            "motion__target": (-0.01, 0.004, 0.1),
-            **(motion or {}),
-        }
+        script = {"motion__name": "press_wall", "motion__start": (0.005, 0.0, 0.0), "motion__duration": 0.4}
+        script |= {"motion__target": (-0.01, 0.004, 0.1), **(motion or {})}
         self.settings = controller_config.settings_from(described, values("haptic_driver", **driver))
         self.hand = loopback_config.hand_from(described, values("haptic_loopback", **script))
         self.plant = self.hand[1]

@@ -63,41 +63,20 @@ def test_a_sled_pushed_beside_its_mass_centre_stays_on_a_guide_at_its_corner_and
     assert sum(world.energy()) == pytest.approx(before, abs=1e-3 * 0.5 * 2.0 * 0.04)
 
 
+PIN = {"type": "pin", "at": (0.05, 0.03)}
+SLIDER = {"type": "slider", "at": (0.05, 0.03), "axis": (1.0, 0.4)}
+SPRING = {"type": "spring", "anchors": [(0.02, 0.03), (-0.03, 0.01)], "stiffness": 50.0, "damping": 0.5}
 FREE = {
-    "pin": {"type": "pin", "at": (0.05, 0.03)},
-    "pin with spring": {"type": "pin", "at": (0.05, 0.03), "stiffness": 0.1, "damping": 0.01, "rest": 0.5},
-    "pin with stops": {"type": "pin", "at": (0.05, 0.03), "limits": [-0.2, 0.3]},
-    "pin with drives": {
-        "type": "pin",
-        "at": (0.05, 0.03),
-        "motor": {"speed": 1.0, "max_torque": 0.03},
-        "friction_torque": 0.02,
-    },
-    "slider": {"type": "slider", "at": (0.05, 0.03), "axis": (1.0, 0.4)},
-    "slider with spring": {
-        "type": "slider",
-        "at": (0.05, 0.03),
-        "axis": (1.0, 0.4),
-        "stiffness": 50.0,
-        "damping": 0.5,
-        "rest": 0.02,
-    },
-    "slider with stops": {"type": "slider", "at": (0.05, 0.03), "axis": (1.0, 0.4), "limits": [-0.02, 0.03]},
-    "slider with drives": {
-        "type": "slider",
-        "at": (0.05, 0.03),
-        "axis": (1.0, 0.4),
-        "motor": {"speed": 0.05, "max_force": 2.0},
-        "friction_force": 0.3,
-    },
-    "spring": {"type": "spring", "anchors": [(0.02, 0.03), (-0.03, 0.01)], "stiffness": 50.0, "damping": 0.5},
-    "spring without length": {
-        "type": "spring",
-        "anchors": [(0.02, 0.03), (-0.03, 0.01)],
-        "stiffness": 50.0,
-        "damping": 0.5,
-        "rest": 0.0,
-    },
+    "pin": PIN,
+    "pin with spring": PIN | {"stiffness": 0.1, "damping": 0.01, "rest": 0.5},
+    "pin with stops": PIN | {"limits": [-0.2, 0.3]},
+    "pin with drives": PIN | {"motor": {"speed": 1.0, "max_torque": 0.03}, "friction_torque": 0.02},
+    "slider": SLIDER,
+    "slider with spring": SLIDER | {"stiffness": 50.0, "damping": 0.5, "rest": 0.02},
+    "slider with stops": SLIDER | {"limits": [-0.02, 0.03]},
+    "slider with drives": SLIDER | {"motor": {"speed": 0.05, "max_force": 2.0}, "friction_force": 0.3},
+    "spring": SPRING,
+    "spring without length": SPRING | {"rest": 0.0},
 }
 
 
@@ -317,12 +296,8 @@ def test_an_arm_that_hangs_on_the_stops_of_its_pins_comes_to_rest(ratio, turn):
 def test_a_drawer_that_the_tool_pushes_passes_its_stop_by_no_more_than_a_step_of_its_way(speed):
     tool = {"mass": 0.1, "pose": [-0.0255, 0.0, 0.0], "shapes": [{"circle": {"radius": 0.005}}]}
     drawer = block("drawer", 0.0, mass=0.05) | {"layers": [0]}
-    scene = {
-        "name": "t",
-        "tool": tool,
-        "bodies": [drawer],
-        "joints": [guide(0.0, "world", "drawer", limits=[-0.1, 0.02])],
-    }
+    joints = [guide(0.0, "world", "drawer", limits=[-0.1, 0.02])]
+    scene = {"name": "t", "tool": tool, "bodies": [drawer], "joints": joints}
     world = make("impulse", reduce_scene(Scene.model_validate(scene)), H)
     world.couple(Coupling(2000.0, 2.0, 2.0, 0.002))
     farthest, x = 0.0, -0.0255
