@@ -31,7 +31,7 @@ from haptic_sim.scene.language import load as load_scene
 
 pytestmark = pytest.mark.timeout(900)
 
-TICKS, PLAYED = 12_000, 8000  # of every law; of the bag
+TICKS, PLAYED = 12_000, 10_000  # of every law; of the bag
 LIMIT = 240.0  # [s] for anything; no assertion
 COUPLED = {"coupling__stiffness": 800.0, "coupling__damping": 1.0, "engage__time": 0.1}
 
@@ -131,7 +131,7 @@ def test_a_path_joins_its_points_by_straight_lines():
 def bag(tmp_path_factory):
     """A lock-step run of the wall scene as a bag: the hand presses the tool against a wall."""
     scene = load_scene("wall")
-    motion = {f"motion.{name}": value for name, value in scene.motion.items()} | {"motion.duration": 3.2}
+    motion = {f"motion.{name}": value for name, value in scene.motion.items()} | {"motion.duration": 4.0}
     shipped = values("haptic_loopback") | motion
     driver = values("haptic_driver", **COUPLED)
     simulation = defaults(NODES["haptic_simulation"]) | {"scene": "wall"}
