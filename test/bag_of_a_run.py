@@ -122,6 +122,18 @@ def _write_exchange(bag: Bag, channel: dict, row: np.ndarray) -> None:
     bag.write(channel["operator/state"], truth, now + 100_000, now + 50_000, sequence)
 
 
+def write_bag(folder, *messages):
+    """A bag of these: each a topic, its type, the data, and its number and time [ns] where they matter. Its folder."""
+    bag, channels = Bag(folder), {}
+    for topic, kind, data, *rest in messages:
+        if topic not in channels:
+            channels[topic] = bag.add_topic(topic, kind, [])
+        number, time = (*rest, 1, 1)[:2]
+        bag.write(channels[topic], data, time, time, number)
+    bag.close({})
+    return folder
+
+
 def fill(bag, count, size=40, first=0, seed=0):
     """Writes numbered messages, one each millisecond, that do not compress."""
     channel = bag.add_topic("/haptic/encoder", JOINTS, []) if first == 0 else 1

@@ -20,6 +20,7 @@ from bag_of_a_run import (
     diagnostics,
     joints,
     swing,
+    write_bag,
     write_run,
 )
 from examples import few
@@ -106,10 +107,7 @@ def test_a_recording_shows_itself_in_one_line_and_so_does_a_topic_of_it(run):
 def test_columns_of_older_bags_have_the_names_of_today(tmp_path):
     rows = np.zeros(2, [("tick", "f8"), ("warmth", "f8", (3,)), ("exchange_let_go", "f8")])
     rows["warmth"], rows["exchange_let_go"] = 0.5, (1.0, 2.0)
-    bag = Bag(tmp_path / "older")
-    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), CloudLayout(rows.dtype).pack(0, rows), 1, 1, 1)
-    bag.close({})
-    trace = load(tmp_path / "older").trace
+    trace = load(write_bag(tmp_path / "older", ("/haptic/trace", CLOUD, CloudLayout(rows.dtype).pack(0, rows)))).trace
     assert trace["thermal_load"].tolist() == [[0.5] * 3] * 2
     assert trace["exchange_released"].tolist() == [1.0, 2.0]
 
@@ -121,12 +119,9 @@ def test_counts_beyond_what_a_float32_holds_come_back_exactly(tmp_path):
         rows[name] = 2**24 + np.arange(1, 4)
     rows["deadline"] = 1e9 * np.arange(1, 4)
     names = (*AXES, *TAIL)
-    bag = Bag(tmp_path / "long")
-    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), CloudLayout(rows.dtype).pack(0, rows), 1, 1, 2**24 + 1)
-    data = joints(names, np.full(len(names), 2.0**24 + 1), 0)
-    bag.write(bag.add_topic("/haptic/handle", JOINTS, []), data, 1, 1, 2**24 + 1)
-    bag.close({})
-    recording = load(tmp_path / "long")
+    trace = "/haptic/trace", CLOUD, CloudLayout(rows.dtype).pack(0, rows), 2**24 + 1
+    handle = "/haptic/handle", JOINTS, joints(names, np.full(len(names), 2.0**24 + 1), 0), 2**24 + 1
+    recording = load(write_bag(tmp_path / "long", trace, handle))
     flat = recording.to_dataframe("trace")
     for name in counting:
         assert recording.trace[name].tolist() == flat[name].tolist() == [2**24 + 1, 2**24 + 2, 2**24 + 3]
@@ -225,10 +220,8 @@ def test_what_is_no_bag_is_refused_in_a_sentence_that_names_it(tmp_path):
     (tmp_path / "empty.mcap").write_bytes(b"")
     (tmp_path / "text.mcap").write_text("not a bag at all")
     (tmp_path / "folder").mkdir()
-    Bag(tmp_path / "silent").close({})
-    foreign = Bag(tmp_path / "foreign")
-    foreign.write(foreign.add_topic("/joint_states", JOINTS, []), joints(AXES, [1, 2, 3], 0), 1, 1, 1)
-    foreign.close({})
+    write_bag(tmp_path / "silent")
+    write_bag(tmp_path / "foreign", ("/joint_states", JOINTS, joints(AXES, [1, 2, 3], 0)))
     with pytest.raises(FileNotFoundError, match="does not exist"):
         load(tmp_path / "missing")
     for name in ("empty.mcap", "text.mcap", "folder", "silent", "foreign"):
@@ -238,25 +231,20 @@ def test_what_is_no_bag_is_refused_in_a_sentence_that_names_it(tmp_path):
 
 @pytest.mark.parametrize("topic, type_name", [("handle", JOINTS), ("trace", CLOUD), ("mark", STRING)])
 def test_messages_without_content_and_strange_diagnostics_are_left_out_in_a_sentence(tmp_path, topic, type_name):
-    bag = Bag(tmp_path / "odd")
-    odd, channel = bag.add_topic(f"/haptic/{topic}", type_name, []), bag.add_topic("/haptic/encoder", JOINTS, [])
-    strange = bag.add_topic("/diagnostics", STRING, [])
+    said = []
     for number in range(1, 4):
-        bag.write(odd, b"", number, number, number)
-        bag.write(channel, joints(("x",), [number], 0), number, number, number)
-        bag.write(strange, b"\0\1\0\0\2\0\0\0a\0", number, number, number)
-    bag.close({})
-    recording = load(tmp_path / "odd")
+        said.append((f"/haptic/{topic}", type_name, b"", number, number))
+        said.append(("/haptic/encoder", JOINTS, joints(("x",), [number], 0), number, number))
+        said.append(("/diagnostics", STRING, b"\0\1\0\0\2\0\0\0a\0", number, number))
+    recording = load(write_bag(tmp_path / "odd", *said))
     assert recording.joint("encoder").entry("x").tolist() == [1, 2, 3] and not recording.diagnostics
     assert sum(f"topic {name}" in note for note in recording.notes for name in (f"/haptic/{topic}", topic)) == 1
     assert any("diagnostics is left out: it is std_msgs/msg/String" in note for note in recording.notes)
 
 
 def test_several_devices_in_one_bag_need_a_namespace(tmp_path):
-    bag = Bag(tmp_path / "two")
-    for side in ("left", "right"):
-        bag.write(bag.add_topic(f"/{side}/encoder", JOINTS, []), joints(("x",), [side == "left"], 0), 1, 1, 1)
-    bag.close({})
+    sides = [(f"/{side}/encoder", JOINTS, joints(("x",), [side == "left"], 0)) for side in ("left", "right")]
+    write_bag(tmp_path / "two", *sides)
     with pytest.raises(ValueError, match="/left, /right"):
         load(tmp_path / "two")
     assert load(tmp_path / "two", "/right").joint("encoder").entry("x")[0] == 0
@@ -396,13 +384,11 @@ def stamped(kind, frame, stamp_ns, *numbers):
 
 
 def test_a_bag_of_two_displays_gives_each_what_its_own_nodes_have_said(tmp_path):
-    bag = Bag(tmp_path / "two")
-    channel = bag.add_topic("/diagnostics", DIAGNOSTICS, [])
+    messages = []
     for namespace in ("/left", "/right"):
-        bag.write(bag.add_topic(f"{namespace}/handle", JOINTS, []), joints(("x",), [1.0], 1), 1, 1, 1)
         said = diagnostics("haptic_driver", {"namespace": namespace, "state": f"that of {namespace}"})
-        bag.write(channel, said, 1, 1, 1)
-    bag.close({})
+        messages += [(f"{namespace}/handle", JOINTS, joints(("x",), [1.0], 1)), ("/diagnostics", DIAGNOSTICS, said)]
+    write_bag(tmp_path / "two", *messages)
     for namespace in ("/left", "/right"):
         [status] = load(tmp_path / "two", namespace).statuses("haptic_driver")
         assert status.values["state"] == f"that of {namespace}"
@@ -429,11 +415,8 @@ def test_wrench_and_pose_come_back_by_the_names_of_their_fields(tmp_path, frame)
 
 
 def test_a_wrench_cut_off_is_left_out_and_the_rest_is_read(tmp_path):
-    bag = Bag(tmp_path / "run")
-    bag.write(bag.add_topic("/haptic/wrench", WRENCH, []), stamped(WRENCH, "", 0, *range(6))[:-8], 1, 1, 1)
-    bag.write(bag.add_topic("/haptic/encoder", JOINTS, []), joints(("x",), [1.0], 0), 1, 1, 1)
-    bag.close({})
-    recording = load(tmp_path / "run")
+    cut = "/haptic/wrench", WRENCH, stamped(WRENCH, "", 0, *range(6))[:-8]
+    recording = load(write_bag(tmp_path / "run", cut, ("/haptic/encoder", JOINTS, joints(("x",), [1.0], 0))))
     assert set(recording.joints) == {"encoder"} and "topic /haptic/wrench is left out" in recording.notes[0]
 
 

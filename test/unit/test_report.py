@@ -8,7 +8,19 @@ import bag_of_a_run
 import numpy as np
 import pytest
 import typer
-from bag_of_a_run import CLOUD, DIAGNOSTICS, JOINTS, PERIOD_NS, TYPES, cloud, diagnostics, joints, swing, write_run
+from bag_of_a_run import (
+    CLOUD,
+    DIAGNOSTICS,
+    JOINTS,
+    PERIOD_NS,
+    TYPES,
+    cloud,
+    diagnostics,
+    joints,
+    swing,
+    write_bag,
+    write_run,
+)
 from matplotlib import pyplot
 from matplotlib.image import imread
 from mcap.reader import make_reader
@@ -108,6 +120,10 @@ def test_a_long_line_keeps_its_peaks_and_its_end(count):
     assert len(thin) <= 2 * panel.POINTS and time[-1] >= 0.998 * (count - 1)
 
 
+def mark(word):
+    return bytes(TYPES.serialize_cdr(TYPES.types[STRING](word), STRING))
+
+
 def sections_of(folder):
     run = read_run(folder)
     return sections(run), run.notes
@@ -127,15 +143,14 @@ def test_columns_that_are_no_numbers_are_named_and_the_rest_is_shown(tmp_path):
 @pytest.mark.parametrize("column", ["tick", "deadline", "missed", "lateness", "compute", "tool_position", "margin"])
 def test_a_few_ticks_that_are_no_numbers_take_no_figure_with_them(tmp_path, column):
     rows = swing(4000)
-    at, blocks = [0, *range(1001, 1010), 3999], range(0, 4000, 80)
-    bag = Bag(tmp_path / "some")
-    channel = bag.add_topic("/haptic/trace", CLOUD, [])
-    for begin in blocks:
+    at, blocks = [0, *range(1001, 1010), 3999], []
+    for begin in range(0, 4000, 80):
         part = rows[begin : begin + 80]
         broken, data = part.copy(), cloud(part)
         broken[column][[i - begin for i in at if begin <= i < begin + 80]] = np.nan
-        bag.write(channel, data.replace(part.tobytes(), broken.tobytes()), begin + 1, begin + 1, begin // 80 + 1)
-    bag.close({})
+        data = data.replace(part.tobytes(), broken.tobytes())
+        blocks.append(("/haptic/trace", CLOUD, data, begin // 80 + 1, begin + 1))
+    write_bag(tmp_path / "some", *blocks)
     found, notes = sections_of(tmp_path / "some")
     assert any("11" in note and column in note for note in notes)
     assert found["Servo"]["rate"] == "4000 Hz" and found["Servo"]["missed ticks"] == "0"
@@ -158,10 +173,7 @@ def test_of_two_runs_in_one_bag_the_first_is_shown_and_the_other_said(tmp_path, 
 
 
 def test_a_bag_with_a_trace_alone_still_has_its_servo_figures(tmp_path, one_figure):
-    bag = Bag(tmp_path / "bare")
-    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), cloud(swing(4000)), 1, 1, 1)
-    bag.close({})
-    found, _ = sections_of(tmp_path / "bare")
+    found, _ = sections_of(write_bag(tmp_path / "bare", ("/haptic/trace", CLOUD, cloud(swing(4000)))))
     assert found["Servo"]["rate"] == "4000 Hz" and "no topic operator/state" in found["Energy"]["not shown"]
     page = write_report([read_run(tmp_path / "bare")], tmp_path / "report")
     assert "operator/state" in page.read_text(encoding="utf-8")
@@ -171,10 +183,7 @@ def test_a_trace_of_an_older_layout_is_shown_as_far_as_it_goes(tmp_path):
     rows = swing(4000)
     older = rows[[name for name in rows.dtype.names if name not in ("margin", "tool_age", "force_walls")]]
     older = np.array(older.tolist(), [(name, rows.dtype[name]) for name in older.dtype.names])
-    bag = Bag(tmp_path / "older")
-    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), cloud_of(older), 1, 1, 1)
-    bag.close({})
-    found, notes = sections_of(tmp_path / "older")
+    found, notes = sections_of(write_bag(tmp_path / "older", ("/haptic/trace", CLOUD, cloud_of(older))))
     assert "topic trace has no tool_age, injections, force_walls, margin" in notes
     assert found["Servo"]["rate"] == "4000 Hz"
     assert "positions" in drawn(read_run(tmp_path / "older"))
@@ -193,21 +202,15 @@ def test_force_that_was_withheld_is_told_with_its_time_and_cause_and_an_older_tr
         "limit": f"0.50 s in all, 0.50 s at most: {causes['limit']}",
     }
     before = rows[[name for name in rows.dtype.names if name != "withheld"]]
-    older = Bag(tmp_path / "older")
-    older.write(older.add_topic("/haptic/trace", CLOUD, []), cloud_of(before.copy()), 1, 1, 1)
-    older.close({})
-    assert "of an older version" in sections_of(tmp_path / "older")[0]["Force withheld"]["not shown"]
+    older = write_bag(tmp_path / "older", ("/haptic/trace", CLOUD, cloud_of(before.copy())))
+    assert "of an older version" in sections_of(older)[0]["Force withheld"]["not shown"]
 
 
 def test_blocks_of_another_version_in_one_bag_are_left_out_and_counted(tmp_path):
     rows = swing(400)
-    bag = Bag(tmp_path / "mixed")
-    channel = bag.add_topic("/haptic/trace", CLOUD, [])
-    bag.write(channel, cloud(rows), 1, 1, 1)
-    bag.write(channel, cloud_of(rows[["tick", "deadline"]].copy()), 2, 2, 2)
-    bag.write(channel, cloud_of(rows)[:-300], 3, 3, 3)
-    bag.close({})
-    run = read_run(tmp_path / "mixed")
+    blocks = cloud(rows), cloud_of(rows[["tick", "deadline"]].copy()), cloud_of(rows)[:-300]
+    said = [("/haptic/trace", CLOUD, block, number, number) for number, block in enumerate(blocks, 1)]
+    run = read_run(write_bag(tmp_path / "mixed", *said))
     assert "topic trace: 2 messages of another layout than the first are left out" in run.notes
     assert len(run.rows) == 400
 
@@ -232,42 +235,30 @@ def test_a_handle_sample_without_an_answer_is_counted_after_any_number_of_sample
 
 
 def test_messages_lost_are_those_of_every_topic_and_unknown_where_several_publish(tmp_path):
-    bag = Bag(tmp_path / "gaps")
-    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), cloud(swing(400)), 1, 1, 1)
-    mark = bytes(TYPES.serialize_cdr(TYPES.types["std_msgs/msg/String"]("on"), "std_msgs/msg/String"))
-    for topic, kind, data, sequences in (
-        ("/haptic/snapshot", CLOUD, cloud(swing(1)), (1, 2, 5)),
-        ("/haptic/local_contacts", CLOUD, cloud(swing(1)), (1, 3)),
-        ("/haptic/mark", "std_msgs/msg/String", mark, (1, 2, 1, 4)),
-        ("/diagnostics", DIAGNOSTICS, diagnostics("haptic_driver", {}), (1, 5, 2)),
-    ):
-        channel = bag.add_topic(topic, kind, [])
-        for sequence in sequences:
-            bag.write(channel, data, 1, 1, sequence)
-    bag.close({})
-    lost = sections_of(tmp_path / "gaps")[0]["Recording"]["messages lost"]
+    numbered = (
+        (("/haptic/trace", CLOUD, cloud(swing(400))), (1,)),
+        (("/haptic/snapshot", CLOUD, cloud(swing(1))), (1, 2, 5)),
+        (("/haptic/local_contacts", CLOUD, cloud(swing(1))), (1, 3)),
+        (("/haptic/mark", STRING, mark("on")), (1, 2, 1, 4)),
+        (("/diagnostics", DIAGNOSTICS, diagnostics("haptic_driver", {})), (1, 5, 2)),
+    )
+    bag = write_bag(tmp_path / "gaps", *((*said, number) for said, numbers in numbered for number in numbers))
+    lost = sections_of(bag)[0]["Recording"]["messages lost"]
     assert lost == "snapshot 2, local_contacts 1, mark unknown, several publishers"
 
 
 def test_what_the_driver_could_not_publish_is_told_beside_what_was_lost(tmp_path):
-    bag = Bag(tmp_path / "busy")
-    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), cloud(swing(400)), 1, 1, 1)
     told = diagnostics("haptic_driver", {"trace_dropped": "7", "telemetry_skipped": "30"})
-    bag.write(bag.add_topic("/diagnostics", DIAGNOSTICS, []), told, 1, 1, 1)
-    bag.close({})
-    said = sections_of(tmp_path / "busy")[0]["Recording"]
+    messages = ("/haptic/trace", CLOUD, cloud(swing(400))), ("/diagnostics", DIAGNOSTICS, told)
+    said = sections_of(write_bag(tmp_path / "busy", *messages))[0]["Recording"]
     assert said["messages lost"] == "none" and said["rows that the servo had to drop"] == "7"
     assert said["samples that the driver had to skip"] == "30"
 
 
 def test_stamps_that_go_back_or_stand_still_are_counted_topic_by_topic_and_those_without_one_are_not(tmp_path):
-    bag = Bag(tmp_path / "stamps")
-    for topic, stamps in (("handle", (5, 7, 7, 6, 8)), ("encoder", (5, 6, 7)), ("operator/target", (0, 0, 0))):
-        channel = bag.add_topic(f"/haptic/{topic}", JOINTS, [])
-        for stamp in stamps:
-            bag.write(channel, joints(("x",), [1.0], stamp), 1, 1, 1)
-    bag.close({})
-    said = sections_of(tmp_path / "stamps")[0]["Recording"]["stamps that go back, or stand still"]
+    stamps = {"handle": (5, 7, 7, 6, 8), "encoder": (5, 6, 7), "operator/target": (0, 0, 0)}
+    stamped = [(f"/haptic/{topic}", JOINTS, joints(("x",), [1.0], one)) for topic, of in stamps.items() for one in of]
+    said = sections_of(write_bag(tmp_path / "stamps", *stamped))[0]["Recording"]["stamps that go back, or stand still"]
     assert said == "handle 1 back, 1 still"
     swung = sections_of(write_run(tmp_path / "well", swing(400)))[0]["Recording"]
     assert swung["stamps that go back, or stand still"].startswith("none, in ")
@@ -275,11 +266,8 @@ def test_stamps_that_go_back_or_stand_still_are_counted_topic_by_topic_and_those
 
 def foreign(folder):
     """A bag of somebody else, who has diagnostics too."""
-    bag = Bag(folder)
-    bag.write(bag.add_topic("/arm/joint_states", JOINTS, []), joints(("x",), [1.0], 0), 1, 1, 1)
-    bag.write(bag.add_topic("/diagnostics", DIAGNOSTICS, []), diagnostics("arm", {}), 1, 1, 1)
-    bag.close({})
-    return folder
+    state = "/arm/joint_states", JOINTS, joints(("x",), [1.0], 0)
+    return write_bag(folder, state, ("/diagnostics", DIAGNOSTICS, diagnostics("arm", {})))
 
 
 def only(bag, folder, *topics):
@@ -352,28 +340,24 @@ def test_handle_and_tool_alone_show_where_they_went_in_time_from_the_first_messa
 
 
 def test_contacts_without_a_trace_are_those_that_the_tool_says(tmp_path):
-    bag = Bag(tmp_path / "touching")
-    channel = bag.add_topic("/haptic/tool", JOINTS, [])
-    for number in range(1000):
+    def told(number):
         touched = 200 <= number < 700
         data = joints(("x", "y", "contact"), [0.0, 0.0, touched], 0, effort=[3.0 * touched, 4.0 * touched, 0.0])
-        bag.write(channel, data, number * 1_000_000, number * 1_000_000, number + 1)
-    bag.close({})
-    run = read_run(tmp_path / "touching")
+        return "/haptic/tool", JOINTS, data, number + 1, number * 1_000_000
+
+    run = read_run(write_bag(tmp_path / "touching", *map(told, range(1000))))
     [contact] = run.contacts
     assert contact == pytest.approx((0.2, 0.699, 5.0))
     assert sections(run)["Contact"]["time in contact"] == "50.0 %" and "contacts" in drawn(run)
 
 
 def test_messages_that_are_no_numbers_are_counted_without_a_trace_too(tmp_path):
-    bag = Bag(tmp_path / "nan")
+    said = []
     for topic, names in (("handle", ("x", "y")), ("operator/state", ("x", "energy_given", "time"))):
-        channel = bag.add_topic(f"/haptic/{topic}", JOINTS, [])
         for number in range(1, 5):
             place = [np.nan if number < 3 or topic != "handle" else 1.0] * len(names)
-            bag.write(channel, joints(names, place, 0), number, number, number)
-    bag.close({})
-    found, notes = sections_of(tmp_path / "nan")
+            said.append((f"/haptic/{topic}", JOINTS, joints(names, place, 0), number, number))
+    found, notes = sections_of(write_bag(tmp_path / "nan", *said))
     assert "topic handle: 2 of 4 messages have values that are no numbers" in notes
     assert found["Energy"]["given to the operator, truth, largest"] == "—"
     assert drawn(read_run(tmp_path / "nan")) != []
@@ -383,21 +367,16 @@ def test_diagnostics_or_markers_alone_are_what_the_page_shows(bags, tmp_path):
     run = read_run(only(bags[0], tmp_path / "said", "/diagnostics"))
     assert "max_penetration 3e-5" in sections(run)["Said last on /diagnostics"]["haptic_simulation"]
     assert drawn(run) == [] and write_report([run], tmp_path / "report").exists()
-    bag = Bag(tmp_path / "marked")
-    channel = bag.add_topic("/haptic/mark", STRING, [])
-    for time, word in ((10**9, "begins"), (3 * 10**9, "lets go")):
-        bag.write(channel, bytes(TYPES.serialize_cdr(TYPES.types[STRING](word), STRING)), time, time, 1)
-    bag.close({})
-    found, _ = sections_of(tmp_path / "marked")
+    words = [
+        ("/haptic/mark", STRING, mark(word), 1, time) for time, word in ((10**9, "begins"), (3 * 10**9, "lets go"))
+    ]
+    found, _ = sections_of(write_bag(tmp_path / "marked", *words))
     assert found["Trial and markers"] == {"mark at 0.000 s": "begins", "mark at 2.000 s": "lets go"}
 
 
 def test_a_trace_of_one_tick_is_told_from_none(bags, tmp_path):
-    bag = Bag(tmp_path / "short")
-    bag.write(bag.add_topic("/haptic/trace", CLOUD, []), cloud(swing(1)), 1, 1, 1)
-    bag.write(bag.add_topic("/haptic/encoder", JOINTS, []), joints(("x",), [1.0], 0), 1, 1, 1)
-    bag.close({})
-    found, notes = sections_of(tmp_path / "short")
+    encoder = "/haptic/encoder", JOINTS, joints(("x",), [1.0], 0)
+    found, notes = sections_of(write_bag(tmp_path / "short", ("/haptic/trace", CLOUD, cloud(swing(1))), encoder))
     assert notes[0].startswith("the trace has 1 ticks; two are needed: servo,")
     assert found["Servo"] == {"not shown": "the trace has 1 ticks; two are needed"}
     assert found["Recording"]["messages of each topic"] == "trace 1, encoder 1"
@@ -406,11 +385,8 @@ def test_a_trace_of_one_tick_is_told_from_none(bags, tmp_path):
 
 
 def test_a_bag_of_which_nothing_of_ours_can_be_read_is_refused_in_a_sentence(bags, tmp_path):
-    bag = Bag(tmp_path / "odd")
-    bag.write(bag.add_topic("/haptic/handle", JOINTS, []), b"", 1, 1, 1)
-    bag.close({})
     with pytest.raises(ValueError, match="no topic trace under /haptic.*topic /haptic/handle is left out"):
-        read_run(tmp_path / "odd")
+        read_run(write_bag(tmp_path / "odd", ("/haptic/handle", JOINTS, b"")))
     with pytest.raises(ValueError, match="no topic trace under /other"):
         read_run(bags[0], "/other")
 

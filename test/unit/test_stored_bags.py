@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import stored_bags
 import yaml
-from bag_of_a_run import STRING, TYPES, swing, write_run
+from bag_of_a_run import STRING, TYPES, swing, write_bag, write_run
 from stored_bags import REFUSED, WHOLE, change_metadata
 
 from haptic_device.analysis.report.reading import read_run
@@ -122,14 +122,9 @@ def test_without_metadata_the_files_of_a_bag_bear_its_name(original, bag):
 
 
 def test_marks_and_diagnostics_of_a_shuffled_bag_stand_in_their_order(tmp_path):
-    from haptic_device.recording.writer import Bag
-
-    bag = Bag(tmp_path / "run")
-    channel = bag.add_topic("/haptic/mark", STRING, [])
-    for number in range(100):
-        text = TYPES.serialize_cdr(TYPES.types[STRING](f"mark {number}"), STRING)
-        bag.write(channel, bytes(text), number + 1, number + 1, 1)  # by a button's node of its own each
-    bag.close({})
+    marks = [bytes(TYPES.serialize_cdr(TYPES.types[STRING](f"mark {number}"), STRING)) for number in range(100)]
+    own = [("/haptic/mark", STRING, text, 1, number) for number, text in enumerate(marks, 1)]  # by a node each
+    write_bag(tmp_path / "run", *own)
     stored_bags.in_order(stored_bags.shuffled)(tmp_path / "run")
     assert [mark.text for mark in load(tmp_path / "run").marks] == [f"mark {number}" for number in range(100)]
 
