@@ -1,26 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the driver tells of its ticks: each at most once on a topic, with stamps that differ as the deadlines do."""
+"""What the driver tells of its ticks: each at most once on a topic, with stamps that differ as the deadlines do; on a
+machine that is too busy, by a clock that goes on only where it publishes or sleeps."""
 
 import struct
+import threading
 import time
 
 import numpy as np
 import pytest
-from fake_node import Node
+from bag_of_a_run import diagnostics, write_bag
+from fake_node import Node, Said
 from lockstep_systems import device, values
 from waiting import until
 
 from haptic_device import controller_config
 from haptic_device.control import records
-from haptic_device.nodes.telemetry import Telemetry
+from haptic_device.nodes.telemetry import MOST_ROWS, Telemetry
 from haptic_device.realtime import clock, seqlock
 from haptic_device.realtime.null_device import NullDevice
-from haptic_device.realtime.servo_thread import ServoThread
-from haptic_device.realtime.session_clock import SessionClock
+from haptic_device.realtime.servo_thread import RING_ROWS, ServoThread
+from haptic_device.realtime.tick_replay import SNAPSHOT
+from haptic_device.recording import load
+from haptic_device.recording.layouts import CLOUD, DIAGNOSTICS
 
 EACH_TICK = ("encoder", "motor", "wrench", "pose", "joint_states")
 STEP = 1_000_000  # [ns] between the test's ticks
-RATES = {"publish__rate": 1000.0, "publish__pose_rate": 1000.0}
 
 
 def stamps(said):
@@ -28,13 +32,27 @@ def stamps(said):
     return [s * 10**9 + ns for s, ns in (struct.unpack_from("<iI", data, 4) for data in said)]
 
 
+def idle(rate, pose_rate):
+    """A servo that does not run itself, and the driver's values."""
+    given = values("haptic_driver", publish__rate=float(rate), publish__pose_rate=float(pose_rate))
+    servo = ServoThread(NullDevice(), controller_config.settings_from(device(damping=3.0), given), None, "off")
+    servo.snapshot = lambda: np.zeros(1, SNAPSHOT)
+    return servo, given
+
+
+def put(servo, row):
+    """A row into the ring, if it has room."""
+    words, rows = servo.ring.words, servo.ring.rows
+    if (slot := seqlock.ring_slot(words, len(rows))) >= 0:
+        rows[slot] = row[0]
+        seqlock.ring_push(words)
+
+
 class Told:
     """Telemetry of a servo whose ticks are the test's; counts how often it looks."""
 
     def __init__(self, patch):
-        given = values("haptic_driver", **RATES)
-        self.servo = ServoThread(NullDevice(), controller_config.settings_from(device(damping=3.0), given), None, "off")
-        self.clock = SessionClock()
+        self.servo, given = idle(1000, 1000)
         self.node, self.looks, self.deadlines, sleep = Node(), 0, [], clock.sleep_until
 
         def look(deadline, scratch):
@@ -42,7 +60,7 @@ class Told:
             sleep(deadline, scratch)
 
         patch.setattr(clock, "sleep_until", look)
-        self.telemetry = Telemetry(self.node, self.servo, device(damping=3.0), given, self.clock.stamp)
+        self.telemetry = Telemetry(self.node, self.servo, device(damping=3.0), given, self.node.clock.stamp)
         self.telemetry.start()
 
     def tick(self):
@@ -51,9 +69,7 @@ class Told:
         self.deadlines.append(10**12 + len(self.deadlines) * STEP)
         row["tick"], row["deadline"] = len(self.deadlines) - 1, self.deadlines[-1]
         self.servo.row.put(row)
-        words, rows = self.servo.ring.words, self.servo.ring.rows
-        rows[seqlock.ring_slot(words, len(rows) - 1)] = row[0]
-        seqlock.ring_push(words)
+        put(self.servo, row)
         begin = self.looks
         until(lambda: self.looks >= begin + 20 and len(self.node.said["trace"]) >= len(self.deadlines), "20 looks")
 
@@ -81,3 +97,143 @@ def test_stamps_differ_as_deadlines_do_also_while_the_system_clock_is_set_back(t
         found = stamps(told.node.said[topic])
         assert np.diff(found).tolist() == [STEP, STEP], topic
         assert found == stamps(told.node.said["encoder"]), topic
+
+
+SECOND, BEGIN, PERIOD = 10**9, 10**12, 200_000  # [ns] the servo's ticks
+BUSY = {"trace": 80_000_000}  # [ns] that it takes to publish; a block of so many rows comes in 51 ms
+FREE = {"trace": 1_000_000}
+OTHERS = 50_000  # [ns] any other message
+RATE, POSE_RATE, SECONDS = 500, 100, 6
+
+
+class Costly(Said):
+    """A publisher that takes time."""
+
+    def publish(self, data):
+        self.append(data)
+        self.machine.published(self.topic)
+
+
+class Machine(Node):
+    """A node, a servo and a clock: ticks are done as time passes, on the page of a servo that does not run itself."""
+
+    def __init__(self, patch, costs):
+        super().__init__()
+        self.costs, self.now, self.ticks, self.order, self.let_go = costs, BEGIN, 0, [], threading.Event()
+        self.held, self.end, self.serves = threading.Event(), BEGIN + SECONDS * SECOND, True
+        self.servo, given = idle(RATE, POSE_RATE)
+        patch.setattr(clock, "now_ns", lambda scratch: self.now)
+        patch.setattr(clock, "sleep_until", self.sleep_until)
+        self.telemetry = Telemetry(self, self.servo, device(damping=3.0), given, self.clock.stamp)
+        self.telemetry.start()
+
+    def create_publisher(self, kind, topic, qos):
+        publisher = self.said.setdefault(topic, Costly())
+        publisher.machine, publisher.topic = self, topic
+        return publisher
+
+    def published(self, topic):
+        self.order.append(topic)
+        self.go_on(self.now + self.costs.get(topic, OTHERS))
+
+    def sleep_until(self, deadline, scratch):
+        self.order.append("rest")
+        self.go_on(max(deadline, self.now))
+        if self.now >= self.end:
+            self.held.set()
+            self.let_go.wait()
+
+    def go_on(self, now):
+        """Time passes up to now, and ticks are done in it."""
+        self.now, row = now, np.zeros(1, records.TRACE_ROW)
+        while self.serves and BEGIN + self.ticks * PERIOD <= now:
+            row["tick"], row["deadline"] = self.ticks, BEGIN + self.ticks * PERIOD
+            self.ticks += 1
+            put(self.servo, row)
+        if self.ticks and row["deadline"][0]:
+            self.servo.row.put(row)
+
+    def count(self, *topics):
+        return [len(self.said[topic]) for topic in topics]
+
+    def recording(self, folder):
+        """What was published on the trace and told in diagnostics, as a bag."""
+        blocks = enumerate(self.said["trace"], 1)
+        left_out = {"trace_dropped": str(self.servo.ring.dropped), "telemetry_skipped": str(self.telemetry.skipped)}
+        told = "/diagnostics", DIAGNOSTICS, diagnostics("haptic_driver", left_out)
+        trace = [("/haptic/trace", CLOUD, bytes(block), number, number) for number, block in blocks]
+        return load(write_bag(folder, *trace, told))
+
+
+@pytest.fixture(params=[FREE], ids=["free"])
+def machine(request):
+    """A machine that has published for SECONDS of its time, and stands still there."""
+    with pytest.MonkeyPatch.context() as patch:
+        machine = Machine(patch, request.param)
+        try:
+            until(machine.held.is_set, "the end of its time")
+            yield machine
+        finally:
+            machine.serves = False
+            machine.let_go.set()
+            machine.telemetry.stop()
+
+
+overloaded = pytest.mark.parametrize("machine", [BUSY], indirect=True, ids=["busy"])
+
+
+def test_where_there_is_time_for_all_nothing_is_left_out(machine):
+    assert machine.servo.ring.dropped == machine.telemetry.skipped == 0
+    assert machine.telemetry.left_out() == {"skipped": 0.0, "dropped": 0.0}
+    assert machine.count(*EACH_TICK) == [SECONDS * RATE] * 2 + [SECONDS * POSE_RATE] * 3
+
+
+@overloaded
+def test_each_stream_has_its_share_of_a_busy_machine_and_the_trace_gives_way_first(machine):
+    half = SECONDS * RATE // 2, SECONDS * POSE_RATE // 2
+    assert all(0.7 * half[0] < count for count in machine.count("encoder", "motor"))
+    assert all(0.7 * half[1] < count for count in machine.count("wrench", "pose", "joint_states"))
+    assert machine.count("snapshot")[0] >= SECONDS - 1
+    trace = SECONDS * SECOND / BUSY["trace"]
+    assert 0.4 * trace < machine.count("trace")[0] <= 0.5 * trace + 1
+    left_out = machine.telemetry.left_out()
+    assert left_out["dropped"] > 0.0 and left_out["skipped"] > 0.0
+
+
+@overloaded
+def test_between_two_blocks_of_the_trace_all_others_come_and_the_interpreter_is_left_to_others(machine):
+    turns = "".join({"trace": "T", "encoder": "e", "pose": "p", "rest": "r"}.get(topic, "") for topic in machine.order)
+    between = turns.split("T")[1:-1]
+    assert len(between) > 10 and all({"e", "p", "r"} <= set(topics) for topics in between)
+
+
+@overloaded
+def test_samples_that_were_due_are_published_or_counted_as_skipped(machine):
+    published = sum(machine.count("encoder", "pose"))
+    assert machine.telemetry.skipped > 0
+    waiting = SECONDS * (RATE + POSE_RATE) - published - machine.telemetry.skipped
+    assert 0 <= waiting <= BUSY["trace"] * (RATE + POSE_RATE) / SECOND  # those of the turn that is to come
+
+
+@overloaded
+def test_a_reader_of_the_bag_learns_of_rows_and_samples_that_were_left_out(machine, tmp_path):
+    machine.serves = False
+    machine.let_go.set()
+    machine.telemetry.stop()
+    recording = machine.recording(tmp_path / "bag")
+    last = machine.ticks - 1 - int(recording.trace["tick"][-1])
+    assert machine.servo.ring.dropped > 0 and machine.telemetry.skipped > 0
+    assert recording.trace_rows_missing + last == machine.servo.ring.dropped
+    assert len(recording.trace) + machine.servo.ring.dropped == machine.ticks
+    assert recording.lost["/haptic/trace"] == 0  # each message that was published
+    left_out = {"trace rows": machine.servo.ring.dropped, "samples": machine.telemetry.skipped}
+    assert recording.left_out == left_out
+
+
+@overloaded
+def test_stop_returns_though_the_ring_is_filled_faster_than_it_is_published(machine):
+    before = machine.count("trace")[0]
+    machine.let_go.set()
+    machine.telemetry.stop()
+    assert 0 < machine.count("trace")[0] - before <= RING_ROWS // MOST_ROWS
+    assert machine.servo.ring.take(1)["tick"][0] < machine.ticks - 1

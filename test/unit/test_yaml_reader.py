@@ -64,14 +64,6 @@ def test_a_scene_and_a_device_with_anchors_and_merge_keys_are_taken_by_both(tmp_
     assert [axis.mass for axis in load_device(device).axes] == [0.1, 0.1]
 
 
-def test_an_operating_point_with_an_alias_is_refused_as_ros_refuses_it(tmp_path):
-    rate = "/**/haptic_driver: {ros__parameters: {servo: {rate: &r 4000.0}, exchange: {rate: *r}}}\n"
-    path = written(tmp_path, rate)
-    assert problems(path) == ["line 1 is not YAML: ROS 2 parameter files have no aliases (*name)"]
-    with pytest.raises(ValueError, match=r"mine\.yaml: line 1 is not YAML: ROS 2 parameter files have no aliases"):
-        read_operating_point(path, NODES)
-
-
 @pytest.mark.parametrize(
     ("text", "value"),
     [
@@ -95,11 +87,6 @@ def test_a_plain_value_is_the_same_in_every_file(text, value):
 )
 def test_only_these_differ_where_ros_reads_them(text, plain, ros):
     assert (loads(f"a: {text}"), loads(f"a: {text}", ros=True)) == ({"a": plain}, {"a": ros})
-
-
-def test_a_number_of_sixty_to_the_power_is_no_mass(tmp_path):
-    path = written(tmp_path, "name: n\ntool: {mass: 1:30, shapes: [{circle: {radius: 0.01}}]}\n")
-    assert problems(path) == ["tool.mass is '1:30': must be a number"]
 
 
 @pytest.mark.parametrize(
