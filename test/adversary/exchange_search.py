@@ -194,18 +194,19 @@ def engaged(tank=0.0):
     return memory, row
 
 
-def search(settings, adversary=Adversary(), ticks=150, evaluations=2000, seed=0):  # noqa: B008
+def search(settings, adversary=Adversary(), ticks=150, evaluations=2000, seed=0, start=None):  # noqa: B008
     """Evolution strategy with one parent, one child and a step that adapts to success. Returns Found.
 
-    settings: SETTINGS of one axis, of each operating point.
+    settings: SETTINGS of one axis, of each operating point; start: a path to begin with, which is tried first.
     """
     random = np.random.default_rng(seed)
     late = len(settings) > 1 or adversary.write > 0.0 or adversary.beyond or adversary.orders
     scale, against = scale_of(settings, adversary.reach), _with_loss(adversary, random)
-    best, score, size = np.zeros((ticks, LATE_GENES if late else GENES)), -np.inf, 0.5
+    best, score, size = np.zeros((ticks, LATE_GENES if late else GENES)) if start is None else start, -np.inf, 0.5
     most, energy = np.full(3, -np.inf), -np.inf
-    for _ in range(evaluations):
+    for number in range(evaluations):
         child, watched = np.clip(best + size * _change(random, best.shape), -3.0, 3.0), np.full(4, -np.inf)
+        child = best if start is not None and number == 0 else child
         tank = float(settings["exchange"]["tank"][0]) if adversary.full else 0.0
         given = energy_given(settings, *engaged(tank), child, scale, against, watched)
         most, energy, value = (

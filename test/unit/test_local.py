@@ -5,10 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from examples import searching, tries
+from examples import searching
 from exchange_systems import demo_system, one_axis
 
 from adversary import exchange_search as adversary
+from adversary.worst_paths import worst
 from bench.exchange import motion
 from bench.exchange.felt import FINE, compare
 from haptic_device.control import contact_model, contact_solver, records, tool_contacts
@@ -193,12 +194,12 @@ def test_what_the_hand_loses_in_an_impact_the_other_body_has_within_a_hundredth(
 @pytest.mark.parametrize("seed, loss, limit", [(1, 0.0, 20.0), (2, 0.3, 20.0), (3, 0.3, 2.0)])
 def test_no_message_draws_more_than_the_budget(seed, loss, limit):
     given, against = one_axis("local", force__limit=limit), adversary.Adversary(loss=loss)
-    found = adversary.search(given, against, 150, tries(60), seed)
+    found = worst(f"local {loss:g} {limit:g}", given, against, 400, seed)
     assert found.energy <= BUDGET
 
 
 def test_the_books_never_credit_what_contacts_said_beyond_the_truth():
-    found = adversary.search(one_axis("local"), adversary.Adversary(books=1, full=1), 150, tries(60), 5)
+    found = worst("local books", one_axis("local"), adversary.Adversary(books=1, full=1), 400, 5)
     assert found.overcredit <= 1e-9
 
 
