@@ -9,17 +9,8 @@ from in_process import haptic
 
 from haptic_device.analysis.assessment import Display, advise, assess
 
-PROMISED = {
-    "passive",
-    "stable",
-    "margin",
-    "b_required",
-    "mu_passive",
-    "mu_margin",
-    "stiffness_max_passive",
-    "stiffness_max_stable",
-    "stiffness_max_mu",
-}
+PROMISED = {"passive", "stable", "margin", "b_required", "mu_passive", "mu_margin"}
+PROMISED |= {f"stiffness_max_{kind}" for kind in ("passive", "stable", "mu")}
 
 
 def passivity(*words, **options):

@@ -22,15 +22,9 @@ from haptic_sim.node import simulation
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
-PAGE_NAMES = (
-    "docs/model.md",
-    "README.md",
-    "docs/platform.md",
-    "docs/cli.md",
-    "docs/performance.md",
-    "docs/methods/speed_error.md",
-)
-MODEL, README, PLATFORM, CLI, PERFORMANCE, SPEED_ERROR = (ROOT / name for name in PAGE_NAMES)
+README = ROOT / "README.md"
+MODEL, PLATFORM, CLI, PERFORMANCE = (ROOT / f"docs/{name}.md" for name in ("model", "platform", "cli", "performance"))
+SPEED_ERROR = ROOT / "docs/methods/speed_error.md"
 
 
 def rows(page, heading):
