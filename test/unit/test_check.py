@@ -64,6 +64,12 @@ def test_a_file_of_no_known_kind_is_refused_in_one_sentence(tmp_path, text, sent
     assert re.match(sentence, problem)
 
 
+@pytest.mark.parametrize("text", ["axes: 1\n", "bodies: 1\n", "tool: {}\n", "axes: {}\nbodies: {}\n"])
+def test_a_broken_device_or_scene_is_refused_without_a_traceback(tmp_path, text):
+    found = problems(broken(tmp_path, text))
+    assert found and all(str(tmp_path) not in sentence for sentence in found)
+
+
 def test_a_file_that_is_not_there_is_said_to_be_missing(tmp_path):
     assert problems(tmp_path / "nothing.yaml") == ["No such file or directory"]
 
