@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from examples import few
+from examples import few, tries
 from hypothesis import given
 from hypothesis import strategies as st
 from lockstep_systems import wall_system
@@ -194,7 +194,7 @@ def test_a_walls_damper_at_a_limit_acts_along_its_normal_and_what_is_the_couplin
 def test_where_a_walls_damper_fills_the_limit_all_that_is_held_is_a_number():
     """To within a rounding, which may leave less than nothing for all other dampers."""
     dice = np.random.default_rng(5)
-    for _ in range(300):
+    for _ in range(tries(60)):
         hand = Led([(-1.0, 0.0, 1000.0)], 15.0, damping=float(dice.uniform(5.0, 50.0)))
         depth = float(dice.uniform(1e-4, 2e-3))
         hand.go((depth - 5e-4, 0.0))
