@@ -77,11 +77,6 @@ def test_a_normal_may_be_off_by_a_thousandth_and_no_more():
         point(**ONE | {"wall__normals": (1.0011, 0.0)})
 
 
-def test_eight_walls_are_taken():
-    eight = {"wall__normals": (1.0, 0.0) * 8, "wall__offsets": (0.0,) * 8, "wall__stiffness": (1.0,) * 8}
-    assert point(**eight, wall__damping=(0.0,) * 8)["wall"]["count"] == 8
-
-
 def test_both_sides_of_the_coupling_are_told_the_same_gains():
     given = values("haptic_driver", coupling__stiffness=500.0, coupling__rotational_damping=0.004)
     gains = controller_config.gains_from(given)[0]

@@ -164,11 +164,9 @@ def random_change(dice, gains):
     }
 
 
-@pytest.mark.parametrize(("seed", "times"), [(10, {}), (11, {"late": 0.0005}), (12, {"delay": 0.001})])
-@pytest.mark.parametrize("method", ["pspm", "wave", "direct"])
-def test_many_changes_of_walls_gains_cancellation_limit_and_clutch_under_a_hand_keep_slew_and_budget(
-    method, seed, times
-):
+@half("method, seed", ["pspm", "wave", "direct"], [10, 11, 12])
+def test_many_changes_of_walls_gains_cancellation_limit_and_clutch_under_a_hand_keep_slew_and_budget(method, seed):
+    times = {10: {}, 11: {"late": 0.0005}, 12: {"delay": 0.001}}[seed]
     dice, done = np.random.default_rng(seed), 0
     hand = {"motion__name": "circle", "motion__radius": 0.015, "motion__turns": 40.0, "motion__duration": 16.0}
     hand["hand__stiffness"] = (500.0, 100.0, 2000.0)[seed % 3]

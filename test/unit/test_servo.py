@@ -184,28 +184,19 @@ def test_forces_rise_over_the_engage_time_from_a_small_wanted_force():
     assert np.sum((forces > 0.0) & (forces < 0.8)) == pytest.approx(0.2 / PERIOD, abs=3)
 
 
-@pytest.mark.parametrize(("wanted", "engages"), [(0.999, True), (1.001, False)])
-def test_engaging_begins_just_below_the_force_limit_and_not_just_above(wanted, engages):
-    runner = Servo(settled=False, coupling__stiffness=1000.0, engage__force=1.0, exchange__fade=0.001)
+@pytest.mark.parametrize(("share", "engages"), [(0.999, True), (1.001, False)])
+@pytest.mark.parametrize(("axis", "limit"), [(0, 0.001), (2, 0.1)])  # 1 N at 1000 N/m, 0.1 N m at 1 N m/rad
+def test_engaging_begins_just_below_the_limits_of_force_and_torque_and_not_just_above(axis, limit, share, engages):
+    gains = {"coupling__stiffness": 1000.0, "coupling__rotational_stiffness": 1.0}
+    runner = Servo(settled=False, engage__force=1.0, engage__torque=0.1, exchange__fade=0.001, **gains)
     runner.command = 0
-    runner.tool((wanted / 1000.0, 0.0, 0.0))
+    runner.tool(tuple(share * limit * (np.arange(3) == axis)))
     runner.run(0.05)
     runner.command = enable_state.ENABLE
     row = runner.run(1.0)
-    assert (row.state == enable_state.ENGAGED) == engages
-    assert (row.motor[0] != 0.0) == engages
+    assert (row.state == enable_state.ENGAGED) == (row.motor[axis] != 0.0) == engages
     runner.tool((0.0, 0.0, 0.0))
     assert runner.run(1.0).state == enable_state.ENGAGED
-
-
-@pytest.mark.parametrize(("wanted", "engages"), [(0.099, True), (0.101, False)])
-def test_engaging_waits_for_a_small_torque_too(wanted, engages):
-    runner = Servo(settled=False, coupling__rotational_stiffness=1.0, engage__torque=0.1, exchange__fade=0.001)
-    runner.command = 0
-    runner.tool((0.0, 0.0, wanted))
-    runner.run(0.05)
-    runner.command = enable_state.ENABLE
-    assert (runner.run(1.0).state == enable_state.ENGAGED) == engages
 
 
 def test_disabling_takes_the_force_away_in_the_next_tick():
