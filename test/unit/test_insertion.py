@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fig. 5 of Colgate, Stanley & Brown (1995): how stiff a peg feels at the handle as it goes in, per kind of method."""
+"""How stiff a peg feels as it goes in (Colgate, Stanley & Brown 1995, Fig. 5), and how far a wrench turns."""
+
+import math
 
 import pytest
 
+from haptic_sim.method.partitioned import Partitioned
+from haptic_sim.protocol import Coupling, held
+from haptic_sim.reduction import reduce_scene
+from haptic_sim.scene.language import load
 from reference import peg
 
 GAIN = 2.0  # N m/rad
@@ -49,3 +55,15 @@ def test_a_rigid_peg_pulls_nothing_then_its_tilt_then_the_coupling(gain):
     places, deep, clearance = (0.5e-4, 6e-4, 1.4e-3, 1.8e-3), 0.02, 2e-4
     exact = [peg.pull_over(place, deep, clearance, gain) for place in places]
     assert peg.force_at("partitioned", places, deep, clearance, gain) == pytest.approx(exact, abs=5e-3)
+
+
+def test_a_wrench_turns_freely_as_far_as_jaw_and_nut_let_it():
+    """±(30° − acos((1 + c/s) cos 30°)), across flats s = 17 mm, jaw wider by c = 0.1 mm: ±0.58901°."""
+    turned = []
+    for side in (-1.0, 1.0):
+        method = Partitioned(reduce_scene(load("wrench_on_nut")), 1e-4)
+        method.couple(Coupling(100.0, 10.0))
+        handle = 0.1, side * 0.004, 0.0
+        method.step(held(handle), 10000)
+        turned.append(math.degrees(method.pose("tool")[2] - method.pose("nut")[2]))
+    assert turned == pytest.approx([-0.58901, 0.58901], rel=0.01)
