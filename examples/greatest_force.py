@@ -6,6 +6,7 @@ python3 greatest_force.py --ros-args -r __ns:=/haptic
 """
 
 import math
+import signal
 
 import rclpy
 from geometry_msgs.msg import WrenchStamped
@@ -33,12 +34,13 @@ class GreatestForce(Node):
 
 
 def main():
-    """Runs until Ctrl-C."""
+    """Runs until Ctrl-C, which ends rclpy's context; a KeyboardInterrupt might come in the middle of a message."""
+    signal.signal(signal.SIGINT, lambda *_: None)
     rclpy.init()
     node = GreatestForce()
     try:
         rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
     finally:
         node.destroy_node()
