@@ -19,7 +19,7 @@ SHOWN = 0.0005  # [J] by the observer, where a millijoule and more was paid
 STIFF = {"damping": 12.0}  # [N s/m]: 5000 N/m at 1 kHz need 10.2 if forces are 1.5 ms late
 
 
-def changed(system, wishes, each=0.05, after=2.2):
+def changed(system, wishes, each=0.05, after=1.5):
     """The system after these wishes, one after the other, and a while."""
     for wish in wishes:
         system.wish(**wish)
@@ -51,7 +51,7 @@ def test_a_wall_that_appears_50_mm_deep_stands_at_the_handle_at_first(method, ti
     system.wish(**WALL | {"wall__offsets": (there + 0.05,)})
     system.go(0.01)
     assert max(row.force_walls[0] for row in system.rows[begin:]) <= 10.0 * system.slew
-    is_paid(system.go(2.2))
+    is_paid(system.go(1.5))
     assert max(row.generated[0] for row in system.rows[begin:]) > SHOWN
 
 
