@@ -99,10 +99,9 @@ class CommandHandler:
 
     async def poll(self) -> None:
         """Asks the nodes for their parameters; nodes that are not heard any more keep none."""
-        for node, declared in settings.NODES.items():
-            names = [parameter.name for parameter in declared]
+        for node in settings.NODES:
             try:
-                self.values[node] = await self.ask(get_parameters(node, names), POLLED, None)
+                self.values[node] = await self._parameters(node, POLLED, None)
             except ValueError:
                 if node not in self.state.statuses:
                     self.values.pop(node, None)
@@ -110,6 +109,13 @@ class CommandHandler:
         if named and named != self._asked_device:
             self._asked_device = named
             self._describe(named)
+
+    async def heard(self) -> dict[str, dict]:
+        """The parameters of the nodes that are heard, asked for now. ValueError: one of them does not say its own."""
+        return {node: await self._parameters(node) for node in settings.NODES if node in self.state.statuses}
+
+    async def _parameters(self, node, *patience):
+        return await self.ask(get_parameters(node, [parameter.name for parameter in settings.NODES[node]]), *patience)
 
     async def ask(self, question, patience: float = PATIENCE, again: float | None = AGAIN, wait: bool = False):
         """What a node's answer means; ValueError if it refuses, is not there, or is silent."""

@@ -97,7 +97,11 @@ class Server:
 
     async def _operating_point(self, request):
         headers = {"Content-Disposition": 'attachment; filename="operating_point.yaml"'}
-        return web.Response(text=self._save(), content_type="application/yaml", headers=headers)
+        try:
+            text = await self._save()
+        except ValueError as error:
+            raise web.HTTPServiceUnavailable(text=f"nothing is saved: {error}\n") from None
+        return web.Response(text=text, content_type="application/yaml", headers=headers)
 
     async def _open_socket(self, request):
         self.guard.check_origin(request.headers.get("Origin"), request.headers.get("Host", ""))

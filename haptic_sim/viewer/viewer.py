@@ -168,8 +168,8 @@ class Viewer:
             self._cpu, self._cpu_at, self._sent = cpu, now, sent
         return self._figures
 
-    def _save(self):
-        return settings.operating_point(self._node.get_namespace(), self.commands.values)
+    async def _save(self):
+        return settings.operating_point(self._node.get_namespace(), await self.commands.heard())
 
     def _announce(self):
         host = self._values["host"]

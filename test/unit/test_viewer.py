@@ -37,7 +37,11 @@ FLAT = Limits(LIMITS.workspace[:2], 1.0, 10.0)
 FOREIGN = {"Host": "elsewhere.example"}
 
 
-def served(visit, do=None, host="127.0.0.1"):
+async def saved():
+    return "# saved\n"
+
+
+def served(visit, do=None, host="127.0.0.1", save=saved):
     """What visit(server, http) returns, with a server on this machine that answers `do`."""
     done = []
 
@@ -46,7 +50,7 @@ def served(visit, do=None, host="127.0.0.1"):
         return "done"
 
     async def live():
-        server = Server(host, 0, lambda page: page.tell("hello", page.control), do or note, lambda: "# saved\n")
+        server = Server(host, 0, lambda page: page.tell("hello", page.control), do or note, save)
         await server.start()
         async with aiohttp.ClientSession() as http:
             try:
@@ -604,6 +608,17 @@ REFUSED = ("servo.rate", 1000.0), ("nonsense", 1), (NUMBER, "stiff"), (NUMBER, T
 def test_what_may_not_be_set_is_refused_before_anybody_is_asked(name, given):
     with pytest.raises(ValueError, match=name):
         settings.typed(name, given)
+
+
+def test_a_file_that_would_lack_what_a_node_does_not_say_is_refused_in_a_sentence():
+    async def silent():
+        raise ValueError("haptic_driver does not answer")
+
+    async def visit(server, http):
+        async with http.get(f"{server.address(True)}operating_point.yaml") as answer:
+            return answer.status, await answer.text()
+
+    assert served(visit, save=silent)[0] == (503, "nothing is saved: haptic_driver does not answer\n")
 
 
 def test_the_saved_file_names_what_differs_and_passes_the_check(tmp_path):

@@ -95,6 +95,20 @@ def handler():
     return CommandHandler(client, types.SimpleNamespace(truth=None, axes=3, to_world=list), (1.0, 1.0))
 
 
+def test_what_is_saved_is_asked_of_each_node_that_is_heard_and_not_remembered(handler):
+    async def answer(question, **patience):
+        if "driver" in question.service:
+            return {"coupling.stiffness": 1200.0}
+        raise ValueError("haptic_simulation does not answer")
+
+    handler.values, handler.client.acall = {"haptic_loopback": {"device": "desktop"}}, answer
+    handler.state.statuses = {"haptic_driver": None}
+    assert asyncio.run(handler.heard()) == {"haptic_driver": {"coupling.stiffness": 1200.0}}
+    handler.state.statuses["haptic_simulation"] = None
+    with pytest.raises(ValueError, match="haptic_simulation does not answer"):
+        asyncio.run(handler.heard())
+
+
 def test_a_page_leads_no_hand_to_the_edge_of_the_workspace_but_draws_all_of_it(handler):
     handler.device = load_device("desktop")
     assert handler.workspace == tuple(axis.workspace for axis in handler.device.axes)
