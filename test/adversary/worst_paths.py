@@ -18,5 +18,7 @@ def worst(name, settings, against, evaluations, seed):
     if not searching():
         return search(settings, against, evaluations=1, seed=seed, start=start)
     found = search(settings, against, evaluations=tries(evaluations), seed=seed, start=start)
-    np.savez_compressed(FILE, **kept | {name: found.path.astype(np.float32)})
+    path = found.path.astype(np.float32)
+    if name not in kept or not np.array_equal(path, kept[name]):
+        np.savez_compressed(FILE, **kept | {name: path})
     return found
