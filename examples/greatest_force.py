@@ -10,9 +10,9 @@ import signal
 
 import rclpy
 from geometry_msgs.msg import WrenchStamped
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
 
 LEAST = 0.01  # [N] below which nothing is said
 
@@ -34,17 +34,16 @@ class GreatestForce(Node):
 
 
 def main():
-    """Runs until Ctrl-C, which ends rclpy's context; a KeyboardInterrupt might come in the middle of a message."""
-    signal.signal(signal.SIGINT, lambda *_: None)
-    rclpy.init()
+    """Runs until it is told to end, also in the middle of a message: rclpy's own handler ends its context under it."""
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    told = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: told.append(True))
     node = GreatestForce()
-    try:
-        rclpy.spin(node)
-    except ExternalShutdownException:
-        pass
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
+    while not told:
+        rclpy.spin_once(node, timeout_sec=0.1)
+    node.destroy_node()
+    rclpy.shutdown()
 
 
 if __name__ == "__main__":
