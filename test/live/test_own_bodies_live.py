@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from ear import SIMULATION, Peer
+from live_nodes import refusal_of
 from waiting import exit_code
 
 from haptic_device.control import exchange_samples
@@ -59,3 +60,7 @@ def test_the_tool_meets_the_flap_of_the_example_again_after_a_reset_and_after_th
         node.send_signal(signal.SIGINT)
         assert exit_code(node) == 0
     assert "Traceback" not in log.read_text()
+
+
+def test_a_node_with_bodies_of_its_own_refuses_to_start_with_a_scene_that_takes_none(start):
+    assert refusal_of(start(COMMAND, stdout=subprocess.PIPE, stderr=subprocess.PIPE)) == f"haptic_simulation: {REFUSAL}"
