@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a device on a line is to the bridge: a codec, which turns events into bytes and bytes into samples.
+
+A codec is its state and two compiled functions of the signatures below; the loop of the bridge (bridge_loop.py) calls
+them by address, so that one compiled loop runs any codec. A link is a module with `Options`, what the description may
+say of it, and `codec(options, device)`, which makes a Codec; the registry has a line for it.
+
+* encode(state, event, now, command, outgoing) → number of bytes put into outgoing (uint8, ROOM) to be sent now, or 0.
+  now: [ns of CLOCK_MONOTONIC]. command: the words of the servo's last write (realtime/shared_memory: session, written,
+  next deadline, period, engaged, motor 3 as float64 bits), in the host's clock; with TARGET its last three words are the
+  target (float64 bits, device units); with other events it is the last write, zeros before the first.
+* decode(state, incoming, count, now, answer) → number of bytes of incoming (uint8, the first `count` are there) that are
+  done with; 0: more have to come. answer[KIND] says what they were: NOTHING, SAMPLE or TRUTH. Called again while it
+  consumes. A datagram is given alone, and what it leaves is dropped.
+
+Events: OPENED, the line is new: forget the device, say hello. COMMAND, the servo has written. DUE, the deadline that it
+announced has come: a device that only answers requests is asked now. CUT: motor zero, the servo is silent or ends; sent
+several times at an end, so that it is the last word. IDLE: each 5 ms. TARGET: where the hand of a simulated device goes.
+
+All times of an answer are the host's. Counts are unwrapped. SAMPLE: LATCHED is never before the deadline that the sample
+is of, and never older than the sample before.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+
+from haptic_device.jit import kernel
+
+OPENED, COMMAND, DUE, CUT, IDLE, TARGET = range(6)  # events
+NOTHING, SAMPLE, TRUTH = range(3)  # kinds of answers
+
+# words of an answer; DRAG and TRUTH_FIRST: float64 bits
+KIND, LATCHED, STATUS, COUNTS, DRAG, DEADLINE = 0, 1, 2, 3, 6, 9  # DEADLINE: host's, that the sample answers; 0: none
+TRUTH_FIRST, TRUTH_WORDS = 10, 22  # fields of device/simulated_device.TRUTH in their order
+ANSWER = 32
+
+# words of the state that any codec keeps, for the loop and the node; its own begin at OWN
+READY = 0  # 1: a device answers and commands can be sent
+DELAY = 1  # [ns] from the servo's write to the motor's effect, 99 % or the worst lately
+CLOCK_ERROR = 2  # [ns] half-width of what is not known of the device's clock, counted in DELAY
+SKEW = 3  # [parts per 10⁹] of the device's clock against the host's
+ROUND_TRIP = 4  # [ns] median of the last exchanges
+REFUSED = 5  # frames dropped: wrong CRC, length, version, session, sequence, content
+LOST = 6  # deadlines of commands whose samples never came
+SESSIONS = 7  # greetings of new sessions
+TEMPERATURE = 8  # [0.1 °C], NO_TEMPERATURE: not measured
+PERIOD_LEAST, WATCHDOG, AXES, FIRMWARE = 9, 10, 11, 12  # what the device says of itself; 0: unknown
+CLOCK_STEPS = 13  # steps of the device's clock that were found
+SIMULATED = 14  # 1: it takes targets and tells truths
+OWN = 32
+NO_TEMPERATURE = -32768
+ROOM = 1024  # bytes of outgoing
+
+WORDS, BYTES, WORD = types.int64[::1], types.uint8[::1], types.int64
+ENCODE = WORD(WORDS, WORD, WORD, WORDS, BYTES)
+DECODE = WORD(WORDS, BYTES, WORD, WORD, WORDS)
+
+
+class Codec(NamedTuple):
+    """state: int64 array, the codec's memory; asks: whether it wants DUE; datagram: whether each read is one frame."""
+
+    state: np.ndarray
+    encode: object
+    decode: object
+    asks: bool = False
+    datagram: bool = False
+
+
+def encoder(function):
+    """A function compiled as `encode`."""
+    return kernel(ENCODE)(function)
+
+
+def decoder(function):
+    """A function compiled as `decode`."""
+    return kernel(DECODE)(function)
