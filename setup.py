@@ -102,6 +102,7 @@ setup(
     entry_points={
         "console_scripts": [
             "haptic = haptic_sim.cli.main:main",
+            "haptic_bridge = haptic_device.nodes:haptic_bridge",
             "haptic_driver = haptic_device.nodes:haptic_driver",
             "haptic_loopback = haptic_device.nodes:haptic_loopback",
             "haptic_recorder = haptic_device.nodes:haptic_recorder",

@@ -8,6 +8,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from haptic_device import yaml_reader
 from haptic_device.config_files import ConfigError, find
+from haptic_device.link_registry import Link
 from haptic_device.refusal import Part, Unit, sentences
 
 Positive = Annotated[float, Field(gt=0.0, le=1e9, allow_inf_nan=False, strict=True)]
@@ -68,6 +69,7 @@ class Device(Part):
     gravity: acceleration [m/s²] along x and y that pulls at the handle's mass; compensated by the driver if
     gravity_compensation. delays [s]. scale: world metres per device metre, and radians per radian; a world stiffness is
     felt scale² times as stiff. homing `at_start`: where the handle is when the driver starts is taken as its home.
+    link: what it is connected by (haptic_device/link_registry); haptic_loopback stands in for it by default.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Device(Part):
     homing: Literal["absolute", "at_start"] = "absolute"
     home: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
     drag_sensor: DragSensor = DragSensor()
+    link: Link = Link(type="loopback")
 
     @model_validator(mode="after")
     def _axes_in_order(self) -> Self:

@@ -227,8 +227,8 @@ class Driver(OperatingPoint, Common):
     publish: DriverTopics
 
 
-class LoopbackTopics(Group):
-    """What a loopback publishes."""
+class DeviceTopics(Group):
+    """What a simulated device publishes."""
 
     rate: float = fixed(500.0, "Hz", "operator/state", 1.0, 1000.0)
 
@@ -237,7 +237,15 @@ class Loopback(Operator, Common):
     """haptic_loopback."""
 
     motor_watchdog: float = fixed(0.015, "s", "time without a write after which the motor is cut", 0.001, 10.0)
-    publish: LoopbackTopics
+    publish: DeviceTopics
+
+
+class Bridge(Common):
+    """haptic_bridge."""
+
+    port: str = fixed("", "", "serial port, or UDP port or HOST:PORT, in place of that of the device description")
+    motor_watchdog: float = fixed(0.015, "s", "time without a write after which the motor is taken back", 0.001, 10.0)
+    publish: DeviceTopics
 
 
 class Split(Group):
@@ -289,11 +297,20 @@ LOOPBACK_FIGURES = (
     Watched("late_writes", "1/s", "writes whose time had been integrated over", 1.0, 100.0),
 )
 
+BRIDGE_FIGURES = (
+    Watched("delay", "s", "from the servo's write to the motor's effect, 99 %", 1e-3, 5e-3),
+    Watched("clock_error", "s", "what is not known of the device's clock", 1e-4, 1e-3),
+    Watched("lost", "1/s", "deadlines whose samples never came", 1.0, 100.0),
+    Watched("run_on", "1/s", "deadlines that passed without a write of the servo", 1.0, 100.0),
+)
+
 OPERATING_POINT, OPERATOR = parameters_of(OperatingPoint), parameters_of(Operator)
 DRIVER = (*parameters_of(Driver), *limits_of(DRIVER_FIGURES))
 LOOPBACK = (*parameters_of(Loopback), *limits_of(LOOPBACK_FIGURES))
+BRIDGE = (*parameters_of(Bridge), *limits_of(BRIDGE_FIGURES))
 RECORDER = parameters_of(Recorder)
 NODES: dict[str, tuple[Parameter, ...]] = {
+    "haptic_bridge": BRIDGE,
     "haptic_driver": DRIVER,
     "haptic_loopback": LOOPBACK,
     "haptic_recorder": RECORDER,

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plant behind the page: integrates up to each announced deadline and latches, or runs free without a servo."""
 
-import math
-
 import numpy as np
 
 from haptic_device.control import enable_state
@@ -10,11 +8,9 @@ from haptic_device.control.records import TICK
 from haptic_device.description import SUB_STEP
 from haptic_device.device import operator_hand, plant
 from haptic_device.jit import kernel, njit
-from haptic_device.realtime import atomic, clock, hardware_interface, seqlock, servo_loop, shared_memory
+from haptic_device.realtime import atomic, clock, hardware_interface, seqlock, servo_loop, servo_writes, shared_memory
 
 FREE_STEP = 1_000_000  # [ns] between samples while there is no servo
-NEAR = 1_000_000_000  # [ns] from now within which the times of a write make sense
-PERIODS = 10_000, 10_000_000  # [ns] that a servo may have
 STOP, LATE_WRITES, RUN_ON, TRIPS, REFUSED, WATCHDOG, CONTROLS = 0, 1, 2, 3, 4, 5, 8  # words of control
 
 TRUTH = np.dtype(
@@ -91,10 +87,10 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
         turn, now = shared_memory.read_servo(words, inbox), clock.now_ns(scratch)
         fresh = turn >= 0 and turn != seen
         seen = turn if fresh else seen
-        if fresh and not _sensible(inbox, now, watchdog):
+        if fresh and not servo_writes.sensible(inbox, now, watchdog):
             control[REFUSED] += 1
         elif fresh:
-            driven, holding = True, _holds(inbox)
+            driven, holding = True, servo_writes.holds(inbox)
             heartbeat, announced, period = inbox[1], inbox[2], inbox[3]
             control[LATE_WRITES] += heartbeat < memory[0].time
             plant.push_motor(device[0], memory[0], max(heartbeat, memory[0].time), inbox.view(np.float64)[5:])
@@ -129,26 +125,6 @@ def serve(words, control, truth_mail, session, device, memory, motion, truth):
     _cut_motor(device[0], memory[0], motion[0], max(clock.now_ns(scratch), memory[0].time), zero)
     _tell(truth_mail, memory[0], motion[0], truth, False)
     return seen
-
-
-@njit
-def _sensible(inbox, now, watchdog):
-    """Whether a write's times lie near now, its period is one of a servo, and its motor values are numbers.
-
-    The next write may be announced for two periods ahead, and no further than the watchdog waits: up to then the plant
-    goes on with this motor value.
-    """
-    near = abs(inbox[1] - now) < NEAR and -NEAR < inbox[2] - now <= max(2 * inbox[3], watchdog)
-    motor = inbox.view(np.float64)[5:]
-    finite = abs(motor[0]) < math.inf and abs(motor[1]) < math.inf and abs(motor[2]) < math.inf
-    return near and PERIODS[0] <= inbox[3] <= PERIODS[1] and finite
-
-
-@njit
-def _holds(inbox):
-    """Whether a write engages the display or drives the motor; the last one of a servo that ends does neither."""
-    motor = inbox.view(np.float64)[5:]
-    return inbox[4] != 0 or motor[0] != 0.0 or motor[1] != 0.0 or motor[2] != 0.0
 
 
 @njit

@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a device on a line is to the bridge: a codec, which turns events into bytes and bytes into samples.
 
-A codec is its state and two compiled functions of the signatures below; the loop of the bridge (bridge_loop.py) calls
-them by address, so that one compiled loop runs any codec. A link is a module with `Options`, what the description may
-say of it, and `codec(options, device)`, which makes a Codec; the registry has a line for it.
+A codec is its state and two compiled functions of the signatures below; the loop of the bridge (bridge_loop) calls them
+by address, so that one compiled loop runs any codec. A link is a module with `Options`, what the description may say of
+it, and `codec(options, device)`, which makes a Codec; haptic_device/link_registry has a line for it.
 
 * encode(state, event, now, command, outgoing) → number of bytes put into outgoing (uint8, ROOM) to be sent now, or 0.
   now: [ns of CLOCK_MONOTONIC]. command: the words of the servo's last write (realtime/shared_memory: session, written,
-  next deadline, period, engaged, motor 3 as float64 bits), in the host's clock; with TARGET its last three words are the
-  target (float64 bits, device units); with other events it is the last write, zeros before the first.
-* decode(state, incoming, count, now, answer) → number of bytes of incoming (uint8, the first `count` are there) that are
-  done with; 0: more have to come. answer[KIND] says what they were: NOTHING, SAMPLE or TRUTH. Called again while it
+  next deadline, period, engaged, motor 3 as float64 bits), in the host's clock; with TARGET its last three words are
+  the target (float64 bits, device units); with other events it is the last write, zeros before the first.
+* decode(state, incoming, count, now, answer) → number of bytes of incoming (uint8, the first `count` are there) that
+  are done with; 0: more have to come. answer[KIND] says what they were: NOTHING, SAMPLE or TRUTH. Called again while it
   consumes. A datagram is given alone, and what it leaves is dropped.
 
 Events: OPENED, the line is new: forget the device, say hello. COMMAND, the servo has written. DUE, the deadline that it
 announced has come: a device that only answers requests is asked now. CUT: motor zero, the servo is silent or ends; sent
-several times at an end, so that it is the last word. IDLE: each 5 ms. TARGET: where the hand of a simulated device goes.
+several times at an end, so that it is the last word. IDLE: each 5 ms. TARGET: where a simulated device's hand goes.
 
-All times of an answer are the host's. Counts are unwrapped. SAMPLE: LATCHED is never before the deadline that the sample
-is of, and never older than the sample before.
+All times of an answer are the host's. Counts are unwrapped. SAMPLE: LATCHED is never before the deadline that the
+sample is of, and never older than the sample before.
 """
 
 from typing import NamedTuple

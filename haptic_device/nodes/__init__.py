@@ -5,6 +5,7 @@ from functools import partial
 
 from haptic_device.process import start
 
+haptic_bridge = partial(start, "haptic_device.nodes.bridge")
 haptic_driver = partial(start, "haptic_device.nodes.driver")
 haptic_loopback = partial(start, "haptic_device.nodes.loopback")
 haptic_recorder = partial(start, "haptic_device.nodes.recorder")

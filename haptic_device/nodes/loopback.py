@@ -15,18 +15,16 @@ import numpy as np
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand, simulated_device
 from haptic_device.jit import ensure_compiled
-from haptic_device.message_fields import AXES, truth_names
+from haptic_device.message_fields import AXES
 from haptic_device.nodes import diagnostics, messages
 from haptic_device.nodes.lifecycle import ManagedNode, run
 from haptic_device.nodes.ros_parameters import on_change
+from haptic_device.nodes.truth_publisher import TruthPublisher
 from haptic_device.parameters import LOOPBACK, LOOPBACK_FIGURES
-from haptic_device.realtime import clock, scheduling
-from haptic_device.realtime.seqlock import SeqLock
+from haptic_device.realtime import scheduling
 from haptic_device.realtime.shared_memory import DEVICE, SharedMemory, file_name
-from haptic_device.recording.layouts import JointLayout
 
 PRIORITY = 85  # above the servo: the plant must be there when the servo reads
-BATCH = 10_000_000  # [ns] of truths that are published together
 
 
 class LoopbackNode(ManagedNode):
@@ -35,10 +33,9 @@ class LoopbackNode(ManagedNode):
     def __init__(self):
         super().__init__("haptic_loopback", LOOPBACK)
         self.shared = self._thread = None
-        self._control, self._truth = np.zeros(simulated_device.CONTROLS, np.int64), SeqLock(simulated_device.TRUTH)
-        self._state = self.create_publisher(messages.JointState, "operator/state", messages.STREAM)
+        self._control, self._truth = np.zeros(simulated_device.CONTROLS, np.int64), TruthPublisher(self)
         self.create_subscription(messages.JointState, "operator/target", self._on_target, messages.LATEST)
-        self.refused_targets, self.realtime, self._publisher = 0, "", None
+        self.refused_targets, self.realtime = 0, ""
         self._rates = diagnostics.Rates()
         on_change(self, LOOPBACK, lambda values: None, self._apply)
 
@@ -47,7 +44,6 @@ class LoopbackNode(ManagedNode):
         ensure_compiled("loopback", told=self.told)
         self.device = load_device(self.values["device"])
         self.plant, self.memory, self.motion = loopback_config.hand_from(self.device, self.values)
-        self.layout = JointLayout(truth_names(len(self.device.axes)))
         self.shared = SharedMemory(file_name(self.context.get_domain_id(), self.get_namespace()), DEVICE)
         if self.shared.stale:
             self.get_logger().warning(f"took over the stale page {self.shared.path} of a process that had died")
@@ -63,8 +59,7 @@ class LoopbackNode(ManagedNode):
         self._ready.wait()
         if self._refused is not None:
             raise self._refused
-        self._publisher = threading.Thread(target=self._publish, name="telemetry")
-        self._publisher.start()
+        self._truth.start(len(self.device.axes), self.values["publish.rate"])
         where = f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
         self.get_logger().info(f"serving {self.device.name} in {where}; {self.realtime}")
 
@@ -73,10 +68,10 @@ class LoopbackNode(ManagedNode):
         self._control[simulated_device.STOP] = 1  # first: whatever else fails, the plant ends
         if self.failure:
             self.diagnose()
-        for thread in (self._thread, self._publisher):
-            if thread is not None:
-                thread.join()
-        self._thread = self._publisher = None
+        if self._thread is not None:
+            self._thread.join()
+        self._truth.stop()
+        self._thread = None
 
     def cleanup(self):
         """Lets the shared memory go."""
@@ -89,7 +84,7 @@ class LoopbackNode(ManagedNode):
         serving = (
             self.shared.words,
             self._control,
-            self._truth.words,
+            self._truth.mail.words,
             session,
             self.plant,
             self.memory,
@@ -105,31 +100,6 @@ class LoopbackNode(ManagedNode):
         finally:
             self._ready.set()
         simulated_device.serve(*serving)
-
-    def _publish(self):
-        """Several at a time: to wake Python for each took twice the time."""
-        period, scratch = int(1e9 / self.values["publish.rate"]), clock.scratch()
-        truths = np.zeros(max(1, BATCH // period), simulated_device.TRUTH)
-        words = truths.view(np.int64).reshape(len(truths), -1)
-        deadline, told = clock.now_ns(scratch), 0.0
-        while not self._control[simulated_device.STOP]:
-            deadline = simulated_device.gather(self._truth.words, self._control, period, deadline, words, scratch)
-            for truth in truths:
-                if truth["time"] > told:
-                    told = float(truth["time"])
-                    self._state.publish(self._truth_bytes(truth, self.clock.stamp(round(told * 1e9))))
-
-    def _truth_bytes(self, truth, stamp):
-        extra, none = [float(truth[name]) for name in ("energy_given", "time", "motion_done")], (0.0, 0.0, 0.0)
-        return self.layout.pack(
-            stamp,
-            (*self._of(truth, "position"), *self._of(truth, "target"), *extra),
-            (*self._of(truth, "velocity"), *self._of(truth, "target_velocity"), *none),
-            (*self._of(truth, "operator_force"), *self._of(truth, "motor_force"), *none),
-        )
-
-    def _of(self, truth, name):
-        return truth[name][: len(self.device.axes)].tolist()
 
     def _on_target(self, message):
         """Takes a target in the world; with wrong names or numbers, or beside a script, it is refused and counted."""
@@ -154,14 +124,14 @@ class LoopbackNode(ManagedNode):
         values = {
             "device": self.device.name,
             "realtime": self.realtime,
-            "driven": bool(self._truth.get()[0].driven),
+            "driven": bool(self._truth.mail.get()[0].driven),
             "late_writes": int(self._control[simulated_device.LATE_WRITES]),
             "run_on": int(self._control[simulated_device.RUN_ON]),
             "watchdog_trips": int(self._control[simulated_device.TRIPS]),
             "refused_writes": int(self._control[simulated_device.REFUSED]),
             "refused_targets": self.refused_targets,
             "survived": self.survived,
-            "energy_given": float(self._truth.get()[0].energy_given),
+            "energy_given": float(self._truth.mail.get()[0].energy_given),
         }
         self.say_status(level, message, values, self._watched(values), self.device.name)
 

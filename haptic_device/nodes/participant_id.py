@@ -19,6 +19,7 @@ from pathlib import Path
 
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 KINDS = ("haptic_driver", "haptic_loopback", "haptic_simulation", "haptic_recorder")
+AS = {"haptic_bridge": "haptic_loopback"}  # of the two only one can serve a display
 FIRST, EACH = 8, 6  # ids below are left to others; beyond 31 nobody looks on the loopback interface
 QUEUES = Path("/dev/shm")
 _SPACE = "http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"
@@ -51,6 +52,7 @@ def own_participant_id(kind: str) -> Iterator[None]:
 
 def free_ids(kind: str) -> list[int]:
     """Participant ids of the kind whose queues do not exist in this domain; none for a kind that has no ids."""
+    kind = AS.get(kind, kind)
     if kind not in KINDS:
         return []
     first = FIRST + EACH * KINDS.index(kind)

@@ -12,7 +12,9 @@ from rclpy.utilities import remove_ros_args
 from haptic_device import ros_environment, yaml_reader
 from haptic_device.parameter_files import reaches, section_keys
 
-KINDS = "haptic_driver", "haptic_loopback", "haptic_simulation", "haptic_recorder", "haptic_relay", "haptic_viewer"
+KINDS = tuple(
+    f"haptic_{kind}" for kind in ("bridge", "driver", "loopback", "simulation", "recorder", "relay", "viewer")
+)
 FILE = "params file"
 REMEDY = {
     "parameter override rule": "write -p NAME:=VALUE, the value as in YAML: 1.0, true, text or [1.0, 2.0]",

@@ -22,10 +22,11 @@ from haptic_sim.node_parameters import NODES
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare, promise, value_of
 from haptic_sim.supervision.processes import NAMESPACE, NodeDiedError, Nodes, Program, interruptible, undisturbed
-from haptic_sim.supervision.system import Order, Relay, programs_of
+from haptic_sim.supervision.system import Order, Relay, led_by_hand, programs_of
 
 _DELAY = "Round trip added between driver and simulation by a relay [ms]."
 _SCENE = "A name in config/scenes or a YAML file [that of --params, or peg_in_hole]."
+_DEVICE = "Device description, in place of that of --params: a name in config/devices or a YAML file."
 _JITTER = "Uniform ± of that round trip [ms]."
 _LOSS = "Share of the messages lost, either way."
 _SECONDS = "Length from the first motor command on; without it the run ends with the operator's motion."
@@ -39,6 +40,7 @@ def demo(
     exchange: Annotated[str | None, typer.Option(help="Exchange method between driver and simulation.")] = None,
     rate: Annotated[float | None, number("--rate", "Hz", 500.0, 10000.0, help="Servo rate [Hz].")] = None,
     params: Annotated[str, typer.Option(help="Operating point: a name in config or a YAML file.")] = "demo",
+    device: Annotated[str | None, typer.Option(help=_DEVICE)] = None,
     delay: Annotated[float, number("--delay", "ms", 0.0, 2000.0, help=_DELAY)] = 0.0,
     jitter: Annotated[float, number("--jitter", "ms", 0.0, 2000.0, help=_JITTER)] = 0.0,
     loss: Annotated[float, number("--loss", "", 0.0, 1.0, help=_LOSS)] = 0.0,
@@ -46,11 +48,11 @@ def demo(
     host: Annotated[str, typer.Option(help="Address of that page; beyond this machine it warns.")] = "127.0.0.1",
     port: Annotated[int, whole("--port", 0, 65535, help="Its TCP port; 0: any that is free.")] = 0,
 ) -> None:
-    """Run loopback device, driver, simulation and recorder on a scene. Exit code 0 only if the job was done."""
+    """Run device, driver, simulation and recorder on a scene. Exit code 0 only if the job was done."""
     started, order = time.monotonic() - (time.time() - psutil.Process().create_time()), None
     try:
         with interruptible():
-            order = _order(scene, seconds, out, exchange, rate, params)
+            order = _order(scene, seconds, out, exchange, rate, params, device)
             relay = Relay(delay * 1e-3, jitter * 1e-3, loss)
             order = order._replace(relay=relay if any(relay) else None)
             done = _view(order, host, port) if view else run(order, started, json)
@@ -85,13 +87,13 @@ def run(order: Order, started: float, as_json: bool) -> bool:
     return _conclude(order, found, unended, wrong, as_json)
 
 
-def _order(scene, seconds, out, exchange, rate, params) -> Order:
+def _order(scene, seconds, out, exchange, rate, params, device) -> Order:
     point = find("", params).absolute()
     scene = scene or read_operating_point(point, NODES)["haptic_simulation"].get("scene", "peg_in_hole")
     out = out or Path("haptic_runs") / f"{Path(scene).stem}-{time.strftime('%Y%m%d-%H%M%S')}"
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise ValueError(f"--out {out} exists already and is not empty; name a new folder")
-    return Order(scene, seconds, out.absolute(), exchange, rate, point)
+    return Order(scene, seconds, out.absolute(), exchange, rate, point, device=device)
 
 
 def play(order: Order) -> bool:
@@ -104,6 +106,8 @@ def play(order: Order) -> bool:
 
 def _play(order: Order, programs: list[Program]) -> str:
     """Why the run did not end as asked, or ""."""
+    if order.seconds is None and not led_by_hand(programs):
+        raise ValueError("no hand is simulated at this device, whose motion would end the run; write --seconds")
     prepare(programs)
     if unkept := promise(programs):
         print(f"haptic demo: {unkept}", file=sys.stderr)

@@ -21,7 +21,7 @@ STALE = 2.0  # [s] without news after which a status counts no more
 LISTENING = 2.0  # [s] that one look without a terminal takes
 KEYS = {ESTOP: "estop", "r": "reset", "e": "enable", "d": "disable"}
 HELP = "space: e-stop   r: reset   e: enable   d: disable   q: quit"
-NODES = ("haptic_driver", "haptic_loopback", "haptic_simulation", "haptic_recorder")
+NODES = ("haptic_driver", "haptic_bridge", "haptic_loopback", "haptic_simulation", "haptic_recorder")
 
 
 def status(

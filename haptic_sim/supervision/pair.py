@@ -9,6 +9,7 @@ from pathlib import Path
 
 from haptic_device import ros_environment
 from haptic_sim.fault_sentence import fell
+from haptic_sim.supervision.device_programs import device_programs
 from haptic_sim.supervision.domain import isolated_domain
 from haptic_sim.supervision.prepare import prepare
 from haptic_sim.supervision.processes import NAMESPACE, Nodes, Program
@@ -52,12 +53,13 @@ def running(domain: int | None, namespace: str | None, driver: dict, loopback: d
     with contextlib.ExitStack() as stack:
         logs = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="haptic_")))
         number = stack.enter_context(isolated_domain(logs))
-        yield number, NAMESPACE, _start(stack.enter_context(Nodes(logs)), driver, loopback)
+        yield number, NAMESPACE, _start(stack.enter_context(Nodes(logs)), driver, loopback, logs)
 
 
-def _start(nodes: Nodes, driver: dict, loopback: dict) -> Callable[[], dict[str, str]]:
+def _start(nodes: Nodes, driver: dict, loopback: dict, logs: Path) -> Callable[[], dict[str, str]]:
+    hand = {name: value for name, value in loopback.items() if name != "device"}
     programs = [
-        Program("haptic_loopback", "haptic_device.nodes.loopback", loopback),
+        *device_programs(loopback["device"], hand, logs),
         Program("haptic_driver", "haptic_device.nodes.driver", {"auto_enable": True, **driver}),
     ]
     prepare(programs)

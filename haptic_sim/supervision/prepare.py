@@ -9,6 +9,11 @@ from haptic_device.parameter_types import defaults
 from haptic_sim.node_parameters import NODES
 from haptic_sim.supervision.processes import Program
 
+NODES_ALONE = {  # what a node calls, whatever its parameters are
+    "haptic_bridge": ("bridge",),
+    "haptic_driver": ("servo", "exchange"),
+    "haptic_loopback": ("loopback",),
+}
 LOCK_STEP = "lock-step", "replay", "closed form", "methods", "local contacts"
 COMMANDS = {  # what a command that starts no nodes calls
     "compare": LOCK_STEP,
@@ -34,7 +39,7 @@ def promise(programs: list[Program]) -> str:
 
 def _entries(program):
     if program.name != "haptic_simulation":
-        return {"haptic_driver": ("servo", "exchange"), "haptic_loopback": ("loopback",)}.get(program.name, ())
+        return NODES_ALONE.get(program.name, ())
     from haptic_sim.exchange.simulation import kernels_of
     from haptic_sim.reduction import reduce_scene
     from haptic_sim.scene.language import load

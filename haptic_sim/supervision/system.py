@@ -9,13 +9,13 @@ from haptic_device.description import load_device
 from haptic_device.parameter_files import PLACES, read_operating_point
 from haptic_device.parameter_types import check_value, unknown
 from haptic_sim.node_parameters import NODES
+from haptic_sim.supervision.device_programs import LOOPBACK, REFERENCE, device_programs
 from haptic_sim.supervision.processes import Program
 
 TOGETHER = 45.0  # [s] that the display waits for its simulation, which may be compiling its kernels
 FAR = {name: f"far_{name}" for name in ("handle", "tool", "local_contacts")}  # topics of a simulation behind a relay
 _MODULES = {
     "haptic_recorder": "haptic_device.nodes.recorder",
-    "haptic_loopback": "haptic_device.nodes.loopback",
     "haptic_simulation": "haptic_sim.node.simulation",
     "haptic_driver": "haptic_device.nodes.driver",
     "haptic_relay": "haptic_sim.node.network_emulator",
@@ -31,7 +31,8 @@ class Relay(NamedTuple):
 
 
 class Order(NamedTuple):
-    """What is to be run; `given` goes before what scene and operating point say: {node: {parameter: value}}."""
+    """What is to be run; `given` goes before what scene and operating point say: {node: {parameter: value}}; device:
+    the description of driver and device in place of theirs."""
 
     scene: str
     seconds: float | None
@@ -41,10 +42,11 @@ class Order(NamedTuple):
     params: Path
     relay: Relay | None = None
     given: dict[str, dict] = {}
+    device: str | None = None
 
 
 def programs_of(order: Order) -> list[Program]:
-    """The four nodes in the order of their start; they are stopped in the reverse order, the recorder last."""
+    """Nodes and device in the order of their start; they are stopped in the reverse order, the recorder last."""
     from haptic_sim.scene.language import load  # geometry, which a command that only parses does without
 
     said = read_operating_point(order.params, NODES)
@@ -63,10 +65,33 @@ def programs_of(order: Order) -> list[Program]:
     # ROS would take a path in the file as relative to where we are
     files = {name: {key: said[name][key] for key in PLACES if key in said[name]} for name in given}
     given = {name: files[name] | _stated(values) | order.given.get(name, {}) for name, values in given.items()}
+    if order.device:
+        given["haptic_driver"]["device"] = given[LOOPBACK]["device"] = str(find("devices", order.device).absolute())
     _refuse_bad_devices(given, order.params)
-    programs = [_program(name, values, NODES[name], order.params) for name, values in given.items()]
+    programs = []
+    for name, values in given.items():
+        program = _program(name, values, NODES[name], order.params)
+        programs += _device(program, said[LOOPBACK], order) if name == LOOPBACK else [program]
     far = FAR if order.relay else {}
     return [program._replace(renamed=far if program.name == "haptic_simulation" else {}) for program in programs]
+
+
+def _device(loopback: Program, said: dict, order: Order) -> list:
+    """What the device of the driver needs, in place of the loopback: its hand is that which the loopback would have."""
+    name = loopback.parameters.get("device", _default_device())
+    if load_device(name).link.type == "loopback":
+        return [loopback]
+    hand = {key: value for key, value in (said | loopback.parameters).items() if key != "device"}
+    return device_programs(name, hand, order.out / "log", loopback.files)
+
+
+def led_by_hand(programs: list) -> bool:
+    """Whether a simulated hand is among the programs, whose motion ends a run."""
+    return any(program.name in (LOOPBACK, REFERENCE) for program in programs)
+
+
+def _default_device() -> str:
+    return next(parameter.default for parameter in NODES[LOOPBACK] if parameter.name == "device")
 
 
 def _moved_by_file(said: dict[str, dict], scene: Path) -> bool:
@@ -79,9 +104,8 @@ def _moved_by_file(said: dict[str, dict], scene: Path) -> bool:
 def _refuse_bad_devices(given: dict[str, dict], params: Path) -> None:
     """Before any node starts. Raises ValueError, one sentence: of which node, by which operating point, which file."""
     for node in ("haptic_driver", "haptic_loopback"):
-        [default] = [parameter.default for parameter in NODES[node] if parameter.name == "device"]
         try:
-            load_device(given[node].get("device", default))
+            load_device(given[node].get("device", _default_device()))
         except (ValueError, OSError) as error:
             raise ValueError(f"{params}: {node}: device {error}") from None
 

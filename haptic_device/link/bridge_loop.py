@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The loop of the bridge: serves the device page from a device on a line, without the interpreter.
+
+As the simulated device does, it takes the servo's write, has the motor value sent at once, and writes the sample of the
+announced deadline when that has come. A servo that is silent for the watchdog's time is cut off: its motor value is
+taken back. Where the line is lost the page gets no more samples, and the loop waits for another descriptor.
+"""
+
+import functools
+
+import numpy as np
+from numba import types
+
+from haptic_device.jit import kernel, njit
+from haptic_device.link import codec, line
+from haptic_device.realtime import atomic, clock, seqlock, servo_writes, shared_memory
+
+# words of control; FD: of the line, −1: none; the loop writes that where the line is lost
+STOP, FD, RUN_ON, TRIPS, REFUSED, WATCHDOG, DRIVEN, UNSENT, PASSED, ASKS, DATAGRAM = range(11)
+CONTROLS = 16
+FREE_STEP = 1_000_000  # [ns] between samples that an idle device is asked for
+IDLE_STEP = 5_000_000  # [ns] between IDLE events
+SPIN = 20_000  # [ns] that the servo's write is looked for without a pause: to sleep takes longer
+PAUSE = 5_000  # [ns] between looks for it after that
+LAST_WORDS, LAST_STEP = 5, 2_000_000  # CUT events at an end, and the time between them [ns]
+DATAGRAMS = 64  # read at most between two looks at the servo
+
+MEMORY = np.dtype(
+    [(name, "i8") for name in ("turn", "driven", "holding", "heartbeat", "announced", "period", "asked", "latest")]
+    + [(name, "i8") for name in ("descriptor", "have", "idle", "target_turn")]
+    + [("taken", "i8", (shared_memory.SERVO_WORDS,)), ("answer", "i8", (codec.ANSWER,))]
+    + [("block", "i8", (shared_memory.DEVICE_WORDS,)), ("target", "i8", (3,))]
+    + [("incoming", "u1", (4096,)), ("outgoing", "u1", (codec.ROOM,))]
+)
+"""What the loop keeps. taken: the last write that counts, announced: the deadline that counts now [ns], asked: the next
+one that a device which only answers is asked for; have: bytes of incoming that are not done with."""
+
+_WORDS = types.int64[::1]
+
+
+def serve(encode, decode, state, words, control, truth_mail, target_mail, session):
+    """Serves the page `words` until control[STOP]; every way out takes the motor back.
+
+    encode, decode, state: of the codec. truth_mail, target_mail: sequence locks, of the truths that a simulated device
+    tells (written) and of the target of its hand, 3 float64 in device units (read).
+
+    Counts into control: RUN_ON (deadlines without a write), TRIPS (of the watchdog, a servo that ended well not
+    counted), REFUSED (writes of nonsense), UNSENT (frames that the line did not take), PASSED (samples).
+    """
+    scratch, inbox, memory = np.zeros(3, np.int64), np.zeros(shared_memory.SERVO_WORDS, np.int64), np.zeros(1, MEMORY)
+    m, spin_until = memory[0], np.int64(0)
+    m.turn, m.target_turn = shared_memory.read_servo(words, inbox), atomic.load(target_mail, 0)
+    m.descriptor, m.period = -1, FREE_STEP
+    m.announced = m.asked = m.idle = clock.now_ns(scratch)
+    while atomic.load(control, STOP) == 0:
+        now = clock.now_ns(scratch)
+        if atomic.load(control, FD) != m.descriptor:
+            m.descriptor, m.have = atomic.load(control, FD), 0
+            _tell(encode, state, codec.OPENED, now, m, control)
+        _heed(encode, state, words, inbox, control, now, m)
+        _look_after(encode, state, control, target_mail, now, m)
+        if _hear(decode, state, words, control, truth_mail, session, scratch, m):
+            spin_until = clock.now_ns(scratch) + SPIN
+        now = clock.now_ns(scratch)
+        if now >= spin_until:
+            line.wait(m.descriptor, _next_look(control, now, m), now, scratch)
+    _take_back(m)
+    for _ in range(LAST_WORDS):
+        now = clock.now_ns(scratch)
+        _tell(encode, state, codec.CUT, now, m, control)
+        line.wait(-1, now + LAST_STEP, now, scratch)
+        _hear(decode, state, words, control, truth_mail, session, scratch, m)
+    control[DRIVEN] = 0
+
+
+@functools.cache
+def compiled():
+    """`serve`, compiled for codecs given as function pointers: any codec runs the same cached machine code."""
+    functions = types.FunctionType(codec.ENCODE), types.FunctionType(codec.DECODE)
+    return kernel(types.void(*functions, *[_WORDS] * 5, types.int64))(serve)
+
+
+@njit
+def _heed(encode, state, words, inbox, control, now, m):
+    """The servo: takes its write, or sees that it is late or silent."""
+    turn = shared_memory.read_servo(words, inbox)
+    if turn >= 0 and turn != m.turn:
+        m.turn = turn
+        if not servo_writes.sensible(inbox, now, control[WATCHDOG]):
+            control[REFUSED] += 1
+            return
+        for i in range(inbox.size):
+            m.taken[i] = inbox[i]
+        m.driven, m.holding = 1, servo_writes.holds(inbox)
+        m.heartbeat, m.announced, m.period = inbox[1], inbox[2], inbox[3]
+        m.asked = m.announced
+        _tell(encode, state, codec.COMMAND, now, m, control)
+    elif m.driven and now - m.heartbeat > control[WATCHDOG]:
+        m.driven, m.period = 0, FREE_STEP
+        control[TRIPS] += m.holding
+        _take_back(m)
+        _tell(encode, state, codec.CUT, now, m, control)
+    elif m.driven and now >= m.announced + m.period:
+        m.announced += m.period
+        control[RUN_ON] += 1
+    control[DRIVEN] = m.driven
+
+
+@njit
+def _look_after(encode, state, control, target_mail, now, m):
+    """What is to be said to the device when its time has come."""
+    if control[ASKS] and now >= m.asked:
+        m.taken[2] = m.asked  # the deadline that it is asked for
+        _tell(encode, state, codec.DUE, now, m, control)
+        m.asked = max(m.asked + m.period, now + m.period // 2)
+    if now >= m.idle:
+        m.idle = now + IDLE_STEP
+        _tell(encode, state, codec.IDLE, now, m, control)
+    if atomic.load(target_mail, 0) != m.target_turn:
+        m.target_turn = atomic.collect(target_mail, 0, seqlock.FIRST, m.target)
+        if state[codec.SIMULATED] and m.target_turn >= 0:
+            kept = m.taken.copy()
+            for i in range(3):
+                m.taken[5 + i] = m.target[i]
+            _tell(encode, state, codec.TARGET, now, m, control)
+            for i in range(kept.size):
+                m.taken[i] = kept[i]
+
+
+@njit
+def _hear(decode, state, words, control, truth_mail, session, scratch, m):
+    """The device: takes what has come. Returns whether there was the sample that the servo waits for."""
+    waited_for = False
+    for _ in range(DATAGRAMS):
+        came = line.receive(m.descriptor, m.incoming, m.have) if m.descriptor >= 0 else 0
+        if came == line.LOST:
+            m.descriptor, state[codec.READY] = -1, 0
+            atomic.store(control, FD, -1)
+        if came <= 0:
+            break
+        used, have, now = np.int64(0), m.have + came, clock.now_ns(scratch)
+        while used < have:
+            m.answer[codec.KIND] = codec.NOTHING
+            done = decode(state, m.incoming[used:have], have - used, now, m.answer)
+            if m.answer[codec.KIND] == codec.SAMPLE:
+                waited_for |= _pass_on(state, words, control, session, now, m)
+            elif m.answer[codec.KIND] == codec.TRUTH:
+                first = codec.TRUTH_FIRST
+                atomic.publish(truth_mail, 0, seqlock.FIRST, m.answer[first : first + codec.TRUTH_WORDS])
+            if done <= 0:
+                break
+            used += done
+        if control[DATAGRAM] or have - used >= m.incoming.size:  # what is left of it is no frame
+            used = have
+        for i in range(have - used):
+            m.incoming[i] = m.incoming[used + i]
+        m.have = have - used
+        if not control[DATAGRAM]:
+            break
+    return waited_for
+
+
+@njit
+def _pass_on(state, words, control, session, now, m):
+    """Writes a sample into the page, if it is newer than the last. Returns whether the servo waits for it."""
+    latched = m.answer[codec.LATCHED]
+    if latched <= m.latest:
+        return False
+    m.latest = latched
+    control[PASSED] += 1
+    status = m.answer[codec.STATUS] | (0 if m.driven else shared_memory.WATCHDOG)
+    counts, drag = m.answer[codec.COUNTS : codec.COUNTS + 3], m.answer[codec.DRAG : codec.DRAG + 3].view(np.float64)
+    shared_memory.write_device(words, m.block, session, latched, status, now, counts, drag, state[codec.DELAY])
+    return m.driven and latched >= m.announced
+
+
+@njit
+def _next_look(control, now, m):
+    """When the servo or the device has to be looked after next [ns]; what the device sends is heard at once."""
+    until = min(m.idle, now + FREE_STEP)
+    if m.driven:
+        until = min(until, m.announced if now < m.announced else now + max(m.period // 64, PAUSE))
+    return min(until, m.asked) if control[ASKS] else until
+
+
+@njit
+def _tell(encode, state, event, now, m, control):
+    """Has the codec say this event, where there is a line."""
+    if m.descriptor < 0:
+        return
+    count = encode(state, event, now, m.taken, m.outgoing)
+    if count > 0 and not line.send(m.descriptor, m.outgoing, count):
+        control[UNSENT] += 1
+
+
+@njit
+def _take_back(m):
+    """The motor value of the write that counts is zero from now on, and nobody is engaged."""
+    for i in range(4, m.taken.size):
+        m.taken[i] = 0

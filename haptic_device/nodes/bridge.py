@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""haptic_bridge: serves the device page from hardware on a line, as the device description says what it is."""
+
+if __name__ == "__main__":  # before the imports, which take seconds
+    from haptic_device.process import start
+
+    raise SystemExit(start(__spec__.name))
+
+import contextlib
+import os
+import secrets
+import threading
+
+import numpy as np
+
+from haptic_device.description import load_device
+from haptic_device.jit import ensure_compiled
+from haptic_device.link import bridge_loop, codec, line
+from haptic_device.link_registry import SERVED, UdpOptions
+from haptic_device.message_fields import AXES
+from haptic_device.nodes import diagnostics, messages
+from haptic_device.nodes.lifecycle import ManagedNode, run
+from haptic_device.nodes.truth_publisher import TruthPublisher
+from haptic_device.parameters import BRIDGE, BRIDGE_FIGURES
+from haptic_device.realtime import scheduling
+from haptic_device.realtime.seqlock import SeqLock
+from haptic_device.realtime.shared_memory import DEVICE, SharedMemory, file_name
+
+PRIORITY = 85  # above the servo, which waits for what it passes on
+REOPEN = 0.2  # [s] between tries to open a line that is not there
+TARGET = np.dtype([("place", "f8", (3,))])
+OPEN = {False: line.open_serial, True: line.open_udp}
+
+
+class BridgeNode(ManagedNode):
+    """Configured it holds the page and has tried the line, active it serves the servo."""
+
+    def __init__(self):
+        super().__init__("haptic_bridge", BRIDGE)
+        self.shared = self._codec = self._thread = self._opener = None
+        self._control, self._truth = np.zeros(bridge_loop.CONTROLS, np.int64), TruthPublisher(self)
+        self._target = SeqLock(TARGET)
+        self.create_subscription(messages.JointState, "operator/target", self._on_target, messages.LATEST)
+        self.refused_targets, self.reopened, self.realtime, self._why = 0, 0, "", ""
+        self._rates = diagnostics.Rates()
+
+    def configure(self):
+        """Reads the device, opens its line, both of which may be refused, and takes the shared memory."""
+        ensure_compiled("bridge", told=self.told)
+        self.device = load_device(self.values["device"])
+        if self.device.link.type in SERVED:
+            raise ValueError(
+                f"device {self.device.name} has link type {self.device.link.type}, which haptic_bridge does not serve"
+            )
+        self.options = pointed(self.device.link.options, self.values["port"])
+        self._codec = self.device.link.module.codec(self.options, self.device)
+        self._descriptor = self._open()
+        self.shared = SharedMemory(file_name(self.context.get_domain_id(), self.get_namespace()), DEVICE)
+        if self.shared.stale:
+            self.get_logger().warning(f"took over the stale page {self.shared.path} of a process that had died")
+
+    def activate(self):
+        """Starts the loop, and what opens the line again where it is lost."""
+        self._control[:], self._refused = 0, None
+        self._control[bridge_loop.WATCHDOG] = round(1e9 * self.values["motor_watchdog"])
+        self._control[bridge_loop.ASKS] = self._codec.asks
+        self._control[bridge_loop.DATAGRAM] = self._codec.datagram
+        self._control[bridge_loop.FD] = self._descriptor
+        self._ready, self._ending = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="bridge")
+        self._thread.start()
+        self._ready.wait()
+        if self._refused is not None:
+            raise self._refused
+        self._opener = threading.Thread(target=self._keep_open, name="line")
+        self._opener.start()
+        self._truth.start(len(self.device.axes), self.values["publish.rate"])
+        where = f"{self.get_namespace()}, domain {self.context.get_domain_id()}"
+        self.get_logger().info(f"serving {self.device.name} on {address(self.options)} in {where}; {self.realtime}")
+
+    def deactivate(self):
+        """Stops them; the last that the device is told is a motor value of zero."""
+        self._control[bridge_loop.STOP] = 1  # first: whatever else fails, the loop takes the motor back
+        if self._thread is not None:
+            self._thread.join()
+            self._ending.set()
+            if self._opener is not None:
+                self._opener.join()
+        self._truth.stop()
+        self._thread = self._opener = None
+
+    def cleanup(self):
+        """Lets line and shared memory go."""
+        self._close()
+        if self.shared is not None:
+            self.shared.close()
+        self.shared = None
+
+    def _open(self):
+        return OPEN[isinstance(self.options, UdpOptions)](self.options)
+
+    def _close(self):
+        descriptor, self._descriptor = getattr(self, "_descriptor", -1), -1
+        if descriptor >= 0:
+            with contextlib.suppress(OSError):
+                os.close(descriptor)
+
+    def _serve(self):
+        mails = self._truth.mail.words, self._target.words
+        try:
+            loop = bridge_loop.compiled()
+            self.realtime = scheduling.go_realtime(self.values["realtime"], PRIORITY)
+        except Exception as error:
+            self._refused = error
+            return
+        finally:
+            self._ready.set()
+        said = self._codec
+        loop(said.encode, said.decode, said.state, self.shared.words, self._control, *mails, secrets.randbits(48) | 1)
+
+    def _keep_open(self):
+        """Opens the line again where the loop has lost it; what keeps it from that is said once."""
+        while not self._ending.wait(REOPEN):
+            if self._control[bridge_loop.FD] >= 0:
+                continue
+            self._close()
+            try:
+                self._descriptor = self._open()
+            except OSError as error:
+                if self._why != str(error):
+                    self._why = str(error)
+                    self.get_logger().error(f"the line is lost: {error}")
+                continue
+            self.reopened, self._why = self.reopened + 1, ""
+            self._control[bridge_loop.FD] = self._descriptor
+            self.get_logger().warning(f"{address(self.options)} is open again")
+
+    def _on_target(self, message):
+        """Takes a target in the world for the hand of a simulated device; else it is refused and counted."""
+        names = AXES[: len(self.device.axes)] if self.shared else ()
+        target = messages.planar_target(message, names)
+        if target is None or not self._codec.state[codec.SIMULATED]:
+            self.refused_targets += 1
+            return
+        place = np.zeros(1, TARGET)
+        for i, axis in enumerate(self.device.axes):
+            low, high = axis.workspace
+            place["place"][0, i] = min(high, max(low, target[i] / self.device.scale[i // 2]))
+        self._target.put(place)
+
+    def diagnose(self):
+        """Says how line and device are, while the node is active."""
+        if self._thread is None:
+            return
+        state, control = self._codec.state, self._control
+        values = {
+            "device": self.device.name,
+            "link": self.device.link.type,
+            "port": address(self.options),
+            "connected": bool(state[codec.READY]),
+            "firmware": ".".join(str(int(state[codec.FIRMWARE]) >> shift & 255) for shift in (16, 8, 0)),
+            "realtime": self.realtime,
+            "driven": bool(control[bridge_loop.DRIVEN]),
+            "delay_us": f"{state[codec.DELAY] * 1e-3:.1f}",
+            "clock_error_us": f"{state[codec.CLOCK_ERROR] * 1e-3:.1f}",
+            "skew_ppm": f"{state[codec.SKEW] * 1e-3:.3f}",
+            "round_trip_us": f"{state[codec.ROUND_TRIP] * 1e-3:.1f}",
+            "samples": int(control[bridge_loop.PASSED]),
+            "lost": int(state[codec.LOST]),
+            "refused": int(state[codec.REFUSED]),
+            "unsent": int(control[bridge_loop.UNSENT]),
+            "sessions": int(state[codec.SESSIONS]),
+            "clock_steps": int(state[codec.CLOCK_STEPS]),
+            "reopened": self.reopened,
+            "temperature_c": _temperature(int(state[codec.TEMPERATURE])),
+            "run_on": int(control[bridge_loop.RUN_ON]),
+            "watchdog_trips": int(control[bridge_loop.TRIPS]),
+            "refused_writes": int(control[bridge_loop.REFUSED]),
+            "refused_targets": self.refused_targets,
+            "survived": self.survived,
+            "energy_given": float(self._truth.mail.get()[0].energy_given),
+        }
+        self.say_status(*self._status(), values, self._watched(values), self.device.name)
+
+    def _status(self):
+        """(level, message)."""
+        if not self._thread.is_alive():
+            return "error", "the loop is not running"
+        if self._control[bridge_loop.FD] < 0:
+            return "error", self._why or f"the line {address(self.options)} is lost"
+        if not self._codec.state[codec.READY]:
+            return "warn", f"no device answers on {address(self.options)}"
+        return "ok", "serving"
+
+    def _watched(self, values):
+        """Statuses of the figures that have limits."""
+        ready, state = self._codec.state[codec.READY], self._codec.state
+        figures = {"delay": state[codec.DELAY] * 1e-9, "clock_error": state[codec.CLOCK_ERROR] * 1e-9} if ready else {}
+        figures |= self._rates.of(lost=values["lost"], run_on=values["run_on"])
+        return diagnostics.statuses("haptic_bridge", BRIDGE_FIGURES, figures, self.values)
+
+
+def pointed(options, port):
+    """Options that point to this port, "" for their own: a path, or of UDP a port or HOST:PORT. Raises ValueError."""
+    if not port:
+        return options
+    if not isinstance(options, UdpOptions):
+        return options.model_copy(update={"port": port})
+    host, _, number = port.rpartition(":")
+    if not number.isdigit() or not 1 <= int(number) <= 65535:
+        raise ValueError(f"port is {port!r}; of a UDP device it should be a number from 1 to 65535, or HOST:NUMBER")
+    return options.model_copy(update={"host": host or options.host, "port": int(number)})
+
+
+def address(options):
+    """Where a device is, as it is said."""
+    return f"UDP {options.host}:{options.port}" if isinstance(options, UdpOptions) else options.port
+
+
+def _temperature(tenths):
+    return "" if tenths == codec.NO_TEMPERATURE else f"{tenths / 10:.1f}"
+
+
+def main(args=None):
+    """Runs haptic_bridge until SIGINT, SIGTERM or SIGHUP."""
+    return run(BridgeNode, "haptic_bridge", args)
