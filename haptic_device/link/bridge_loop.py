@@ -7,6 +7,7 @@ taken back. Where the line is lost the page gets no more samples, and the loop w
 """
 
 import functools
+from typing import NamedTuple
 
 import numpy as np
 from numba import types
@@ -28,12 +29,21 @@ DATAGRAMS = 64  # read at most between two looks at the servo
 MEMORY = np.dtype(
     [(name, "i8") for name in ("turn", "driven", "holding", "heartbeat", "announced", "period", "asked", "latest")]
     + [(name, "i8") for name in ("descriptor", "have", "idle", "target_turn")]
-    + [("taken", "i8", (shared_memory.SERVO_WORDS,)), ("answer", "i8", (codec.ANSWER,))]
-    + [("block", "i8", (shared_memory.DEVICE_WORDS,)), ("target", "i8", (3,))]
-    + [("incoming", "u1", (4096,)), ("outgoing", "u1", (codec.ROOM,))]
 )
-"""What the loop keeps. taken: the last write that counts, announced: the deadline that counts now [ns], asked: the next
-one that a device which only answers is asked for; have: bytes of incoming that are not done with."""
+"""What the loop keeps. announced: the deadline that counts now, asked: the next one that a device which only answers is
+asked for [ns]; have: bytes of incoming that are not done with."""
+
+
+class Buffers(NamedTuple):
+    """Arrays of the loop. taken: the last write that counts, with zero motor values where it was taken back."""
+
+    taken: np.ndarray
+    answer: np.ndarray
+    block: np.ndarray
+    target: np.ndarray
+    incoming: np.ndarray
+    outgoing: np.ndarray
+
 
 _WORDS = types.int64[::1]
 
@@ -49,6 +59,14 @@ def serve(encode, decode, state, words, control, truth_mail, target_mail, sessio
     """
     scratch, inbox, memory = np.zeros(3, np.int64), np.zeros(shared_memory.SERVO_WORDS, np.int64), np.zeros(1, MEMORY)
     m, spin_until = memory[0], np.int64(0)
+    room = Buffers(
+        np.zeros(shared_memory.SERVO_WORDS, np.int64),
+        np.zeros(codec.ANSWER, np.int64),
+        np.zeros(shared_memory.DEVICE_WORDS, np.int64),
+        np.zeros(3, np.int64),
+        np.zeros(4096, np.uint8),
+        np.zeros(codec.ROOM, np.uint8),
+    )
     m.turn, m.target_turn = shared_memory.read_servo(words, inbox), atomic.load(target_mail, 0)
     m.descriptor, m.period = -1, FREE_STEP
     m.announced = m.asked = m.idle = clock.now_ns(scratch)
@@ -56,20 +74,20 @@ def serve(encode, decode, state, words, control, truth_mail, target_mail, sessio
         now = clock.now_ns(scratch)
         if atomic.load(control, FD) != m.descriptor:
             m.descriptor, m.have = atomic.load(control, FD), 0
-            _tell(encode, state, codec.OPENED, now, m, control)
-        _heed(encode, state, words, inbox, control, now, m)
-        _look_after(encode, state, control, target_mail, now, m)
-        if _hear(decode, state, words, control, truth_mail, session, scratch, m):
+            _tell(encode, state, codec.OPENED, now, m, room, control)
+        _heed(encode, state, words, inbox, control, now, m, room)
+        _look_after(encode, state, control, target_mail, now, m, room)
+        if _hear(decode, state, words, control, truth_mail, session, scratch, m, room):
             spin_until = clock.now_ns(scratch) + SPIN
         now = clock.now_ns(scratch)
         if now >= spin_until:
             line.wait(m.descriptor, _next_look(control, now, m), now, scratch)
-    _take_back(m)
+    _take_back(room)
     for _ in range(LAST_WORDS):
         now = clock.now_ns(scratch)
-        _tell(encode, state, codec.CUT, now, m, control)
+        _tell(encode, state, codec.CUT, now, m, room, control)
         line.wait(-1, now + LAST_STEP, now, scratch)
-        _hear(decode, state, words, control, truth_mail, session, scratch, m)
+        _hear(decode, state, words, control, truth_mail, session, scratch, m, room)
     control[DRIVEN] = 0
 
 
@@ -81,7 +99,7 @@ def compiled():
 
 
 @njit
-def _heed(encode, state, words, inbox, control, now, m):
+def _heed(encode, state, words, inbox, control, now, m, room):
     """The servo: takes its write, or sees that it is late or silent."""
     turn = shared_memory.read_servo(words, inbox)
     if turn >= 0 and turn != m.turn:
@@ -90,16 +108,16 @@ def _heed(encode, state, words, inbox, control, now, m):
             control[REFUSED] += 1
             return
         for i in range(inbox.size):
-            m.taken[i] = inbox[i]
+            room.taken[i] = inbox[i]
         m.driven, m.holding = 1, servo_writes.holds(inbox)
         m.heartbeat, m.announced, m.period = inbox[1], inbox[2], inbox[3]
         m.asked = m.announced
-        _tell(encode, state, codec.COMMAND, now, m, control)
+        _tell(encode, state, codec.COMMAND, now, m, room, control)
     elif m.driven and now - m.heartbeat > control[WATCHDOG]:
         m.driven, m.period = 0, FREE_STEP
         control[TRIPS] += m.holding
-        _take_back(m)
-        _tell(encode, state, codec.CUT, now, m, control)
+        _take_back(room)
+        _tell(encode, state, codec.CUT, now, m, room, control)
     elif m.driven and now >= m.announced + m.period:
         m.announced += m.period
         control[RUN_ON] += 1
@@ -107,32 +125,32 @@ def _heed(encode, state, words, inbox, control, now, m):
 
 
 @njit
-def _look_after(encode, state, control, target_mail, now, m):
+def _look_after(encode, state, control, target_mail, now, m, room):
     """What is to be said to the device when its time has come."""
     if control[ASKS] and now >= m.asked:
-        m.taken[2] = m.asked  # the deadline that it is asked for
-        _tell(encode, state, codec.DUE, now, m, control)
+        room.taken[2] = m.asked  # the deadline that it is asked for
+        _tell(encode, state, codec.DUE, now, m, room, control)
         m.asked = max(m.asked + m.period, now + m.period // 2)
     if now >= m.idle:
         m.idle = now + IDLE_STEP
-        _tell(encode, state, codec.IDLE, now, m, control)
+        _tell(encode, state, codec.IDLE, now, m, room, control)
     if atomic.load(target_mail, 0) != m.target_turn:
-        m.target_turn = atomic.collect(target_mail, 0, seqlock.FIRST, m.target)
+        m.target_turn = atomic.collect(target_mail, 0, seqlock.FIRST, room.target)
         if state[codec.SIMULATED] and m.target_turn >= 0:
-            kept = m.taken.copy()
+            kept = room.taken.copy()
             for i in range(3):
-                m.taken[5 + i] = m.target[i]
-            _tell(encode, state, codec.TARGET, now, m, control)
+                room.taken[5 + i] = room.target[i]
+            _tell(encode, state, codec.TARGET, now, m, room, control)
             for i in range(kept.size):
-                m.taken[i] = kept[i]
+                room.taken[i] = kept[i]
 
 
 @njit
-def _hear(decode, state, words, control, truth_mail, session, scratch, m):
+def _hear(decode, state, words, control, truth_mail, session, scratch, m, room):
     """The device: takes what has come. Returns whether there was the sample that the servo waits for."""
     waited_for = False
     for _ in range(DATAGRAMS):
-        came = line.receive(m.descriptor, m.incoming, m.have) if m.descriptor >= 0 else 0
+        came = line.receive(m.descriptor, room.incoming, m.have) if m.descriptor >= 0 else 0
         if came == line.LOST:
             m.descriptor, state[codec.READY] = -1, 0
             atomic.store(control, FD, -1)
@@ -140,20 +158,20 @@ def _hear(decode, state, words, control, truth_mail, session, scratch, m):
             break
         used, have, now = np.int64(0), m.have + came, clock.now_ns(scratch)
         while used < have:
-            m.answer[codec.KIND] = codec.NOTHING
-            done = decode(state, m.incoming[used:have], have - used, now, m.answer)
-            if m.answer[codec.KIND] == codec.SAMPLE:
-                waited_for |= _pass_on(state, words, control, session, now, m)
-            elif m.answer[codec.KIND] == codec.TRUTH:
+            room.answer[codec.KIND] = codec.NOTHING
+            done = decode(state, room.incoming[used:have], have - used, now, room.answer)
+            if room.answer[codec.KIND] == codec.SAMPLE:
+                waited_for |= _pass_on(state, words, control, session, now, m, room)
+            elif room.answer[codec.KIND] == codec.TRUTH:
                 first = codec.TRUTH_FIRST
-                atomic.publish(truth_mail, 0, seqlock.FIRST, m.answer[first : first + codec.TRUTH_WORDS])
+                atomic.publish(truth_mail, 0, seqlock.FIRST, room.answer[first : first + codec.TRUTH_WORDS])
             if done <= 0:
                 break
             used += done
-        if control[DATAGRAM] or have - used >= m.incoming.size:  # what is left of it is no frame
+        if control[DATAGRAM] or have - used >= room.incoming.size:  # what is left of it is no frame
             used = have
         for i in range(have - used):
-            m.incoming[i] = m.incoming[used + i]
+            room.incoming[i] = room.incoming[used + i]
         m.have = have - used
         if not control[DATAGRAM]:
             break
@@ -161,16 +179,19 @@ def _hear(decode, state, words, control, truth_mail, session, scratch, m):
 
 
 @njit
-def _pass_on(state, words, control, session, now, m):
+def _pass_on(state, words, control, session, now, m, room):
     """Writes a sample into the page, if it is newer than the last. Returns whether the servo waits for it."""
-    latched = m.answer[codec.LATCHED]
+    latched = room.answer[codec.LATCHED]
     if latched <= m.latest:
         return False
     m.latest = latched
     control[PASSED] += 1
-    status = m.answer[codec.STATUS] | (0 if m.driven else shared_memory.WATCHDOG)
-    counts, drag = m.answer[codec.COUNTS : codec.COUNTS + 3], m.answer[codec.DRAG : codec.DRAG + 3].view(np.float64)
-    shared_memory.write_device(words, m.block, session, latched, status, now, counts, drag, state[codec.DELAY])
+    status = room.answer[codec.STATUS] | (0 if m.driven else shared_memory.WATCHDOG)
+    counts, drag = (
+        room.answer[codec.COUNTS : codec.COUNTS + 3],
+        room.answer[codec.DRAG : codec.DRAG + 3].view(np.float64),
+    )
+    shared_memory.write_device(words, room.block, session, latched, status, now, counts, drag, state[codec.DELAY])
     return m.driven and latched >= m.announced
 
 
@@ -184,17 +205,17 @@ def _next_look(control, now, m):
 
 
 @njit
-def _tell(encode, state, event, now, m, control):
+def _tell(encode, state, event, now, m, room, control):
     """Has the codec say this event, where there is a line."""
     if m.descriptor < 0:
         return
-    count = encode(state, event, now, m.taken, m.outgoing)
-    if count > 0 and not line.send(m.descriptor, m.outgoing, count):
+    count = encode(state, event, now, room.taken, room.outgoing)
+    if count > 0 and not line.send(m.descriptor, room.outgoing, count):
         control[UNSENT] += 1
 
 
 @njit
-def _take_back(m):
+def _take_back(room):
     """The motor value of the write that counts is zero from now on, and nobody is engaged."""
-    for i in range(4, m.taken.size):
-        m.taken[i] = 0
+    for i in range(4, room.taken.size):
+        room.taken[i] = 0
