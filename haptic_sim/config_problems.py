@@ -10,6 +10,7 @@ from haptic_device import controller_config, gain_check, yaml_reader
 from haptic_device.config_files import ConfigError
 from haptic_device.description import load_device
 from haptic_device.device import loopback_config, operator_hand
+from haptic_device.link_registry import SERVED
 from haptic_device.parameter_files import file_problems, operating_point_problems, right_values
 from haptic_device.parameter_types import SECTION, check_value, defaults, unknown
 from haptic_device.parameters import OPERATOR
@@ -107,6 +108,7 @@ def _together(document, path, measure) -> Iterator[str]:
     named = (
         ("haptic_driver", "device", load_device, functools.partial(_driver, measure)),
         ("haptic_loopback", "device", load_device, _hand),
+        ("haptic_bridge", "device", load_device, _bridged),
         ("haptic_simulation", "scene", load_scene, _simulation),
     )
     for node, name, load, judge in named:
@@ -184,6 +186,13 @@ def _driver(measure, device, values, wrong) -> Iterator[str]:
         late = measure(values)
         other = None if late is None else lateness + late
         yield from (f"{sentence}{told}" for sentence in gain_check.refusals(settings, lateness, other))
+
+
+def _bridged(device, values, wrong) -> Iterator[str]:
+    """Whether the bridge of these values serves its device; its default is a device that it does not."""
+    named = next(parameter.default for parameter in NODES["haptic_bridge"] if parameter.name == "device")
+    if device.link.type in SERVED and values["device"] != named:
+        yield f"device {device.name} has link type {device.link.type}, which haptic_bridge does not serve"
 
 
 def _simulation(scene, values, wrong) -> Iterator[str]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts the loopback device, the driver and the simulation: `ros2 launch haptic_display haptic_display.launch.py`.
+"""Starts the device, the driver and the simulation: `ros2 launch haptic_display haptic_display.launch.py`.
 
 The nodes are lifecycle nodes. `autostart:=true` (default): they configure and activate themselves; `launch`: this file
 does it, one transition after the other; `false`: they stay unconfigured for `ros2 lifecycle set /haptic/haptic_driver
@@ -40,7 +40,7 @@ ARGUMENTS = {
     "scene": ("", "scene, a file or a name; the simulated hand moves as it suggests; empty: as parameters say", None),
     "device": ("", "device of driver and loopback, a file or a name; empty: as parameters say", None),
     "enable": ("false", "the driver enables itself once the tool answers; false: as parameters say", BOOLEAN),
-    "loopback": ("true", "start the simulated device; false when hardware is attached", BOOLEAN),
+    "loopback": ("true", "start what serves the device: the simulated one, or the bridge to its link", BOOLEAN),
     "record": ("false", "start the recorder too", BOOLEAN),
     "view": ("false", "start haptic_viewer too, whose page it prints the address of", BOOLEAN),
     "rviz": ("false", "start rviz2 on this namespace, and haptic_viewer for its markers", BOOLEAN),
@@ -64,30 +64,46 @@ def _nodes(context):
     on = {name for name, value in choices.items() if IfCondition(value).evaluate(context)}
     files = [str(find("", given["parameters"]))] if given["parameters"] else []
     own = _own(given, on)
-    nodes = [_managed(name, given["namespace"], files, own.get(name, {})) for name in _executables(on)]
+    serving = _serving(given["device"])
+    nodes = [_managed(name, given["namespace"], files, own.get(name, {})) for name in _executables(on, serving)]
     driven = [action for node in nodes for action in _driven(node)] if given["autostart"] == LAUNCH else []
     page = [_page(given["namespace"], files)] if on & {"view", "rviz"} else []
     return nodes + driven + page + ([_rviz(context, given["namespace"])] if "rviz" in on else [])
 
 
-def _executables(on):
-    optional = {"loopback": "haptic_loopback", "record": "haptic_recorder"}
+def _serving(device):
+    """The node that serves the device of the argument, by its description's link; none, if it is another's process."""
+    link = (load(find("devices", device)).get("link") if device else None) or {"type": "loopback"}
+    kind = link.get("type") if isinstance(link, dict) else None  # what is wrong in it, the driver says
+    return {"loopback": "haptic_loopback", "shared_memory": None}.get(kind, "haptic_bridge")
+
+
+def _executables(on, serving):
+    optional = {"loopback": serving, "record": "haptic_recorder"} if serving else {"record": "haptic_recorder"}
     return ["haptic_driver", "haptic_simulation", *(name for argument, name in optional.items() if argument in on)]
 
 
 def _own(given, on):
     """{executable: parameters} that the arguments give. Raises OSError and ValueError, one sentence."""
-    driver, loopback, simulation, recorder = ({} if "autostart" in on else {"autostart": False} for _ in range(4))
+    driver, bridge, loopback, simulation, recorder = (
+        {} if "autostart" in on else {"autostart": False} for _ in range(5)
+    )
     if given["scene"]:
         scene = find("scenes", given["scene"]).absolute()
         simulation["scene"] = str(scene)
         loopback |= {f"motion.{name}": value for name, value in _motion(scene).items()}
     if given["device"]:
         find("devices", given["device"])
-        driver["device"] = loopback["device"] = given["device"]
+        driver["device"] = loopback["device"] = bridge["device"] = given["device"]
     if "enable" in on:
         driver |= {"auto_enable": True, "auto_enable_wait": TOGETHER}
-    return dict(haptic_driver=driver, haptic_loopback=loopback, haptic_simulation=simulation, haptic_recorder=recorder)
+    return {
+        "haptic_bridge": bridge,
+        "haptic_driver": driver,
+        "haptic_loopback": loopback,
+        "haptic_simulation": simulation,
+        "haptic_recorder": recorder,
+    }
 
 
 def _motion(scene):

@@ -11,7 +11,7 @@ from haptic_sim.client import Client
 from haptic_sim.fault_sentence import FAULTS, what_to_do
 from haptic_sim.supervision.news import News
 
-NODES = ("haptic_driver", "haptic_simulation", "haptic_loopback")
+NODES, DEVICES = ("haptic_driver", "haptic_simulation"), ("haptic_loopback", "haptic_bridge")
 AFTERWARDS = 0.6  # s: the nodes' diagnostics come twice a second, the last one shall be of the end
 LOOK_PERIOD = 0.05  # s
 
@@ -39,17 +39,17 @@ def follow(seconds: float | None, client: Client, check: Check, show: Callable[[
     each look `check` is called, which may raise and gives the last line that each node printed, and `show` hears how it
     goes.
     """
-    run = _Run(client, check, show)
-    if why := run.wait(lambda: run.commanded, News(client, *NODES)):
+    run, nodes = _Run(client, check, show), (*NODES, *(name for name in check() if name in DEVICES))
+    if why := run.wait(lambda: run.commanded, News(client, *nodes)):
         came = "was seen" if run.fault else "came"  # one between two looks, the fault after it, is in the bag alone
         return Ending(f"no motor command {came}{why}", run.fault, False, False)
     end = time.monotonic() + (seconds or 0.0)
     if seconds is not None:
         lack, why = f"the run did not last {seconds:g} s", run.wait(lambda: time.monotonic() >= end)
-    elif why := run.wait(lambda: run.begun or client.motion_done, News(client, *NODES)):
+    elif why := run.wait(lambda: run.begun or client.motion_done, News(client, *nodes)):
         lack = "the motion did not begin"
     else:
-        lack, why = "the motion did not end", run.wait(lambda: client.motion_done, News(client, *NODES, moving=True))
+        lack, why = "the motion did not end", run.wait(lambda: client.motion_done, News(client, *nodes, moving=True))
     if why or seconds is None:
         run.rest(AFTERWARDS)
     return Ending(f"{lack}{why}" if why else "", run.fault, True, run.begun)
