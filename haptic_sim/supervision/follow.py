@@ -11,7 +11,7 @@ from haptic_sim.client import Client
 from haptic_sim.fault_sentence import FAULTS, what_to_do
 from haptic_sim.supervision.news import News
 
-NODES, DEVICES = ("haptic_driver", "haptic_simulation"), ("haptic_loopback", "haptic_bridge")
+NODES, LOOPBACK, BRIDGE = ("haptic_driver", "haptic_simulation"), "haptic_loopback", "haptic_bridge"
 AFTERWARDS = 0.6  # s: the nodes' diagnostics come twice a second, the last one shall be of the end
 LOOK_PERIOD = 0.05  # s
 
@@ -39,7 +39,7 @@ def follow(seconds: float | None, client: Client, check: Check, show: Callable[[
     each look `check` is called, which may raise and gives the last line that each node printed, and `show` hears how it
     goes.
     """
-    run, nodes = _Run(client, check, show), (*NODES, *(name for name in check() if name in DEVICES))
+    run, nodes = _Run(client, check, show), (*NODES, BRIDGE if BRIDGE in check() else LOOPBACK)
     if why := run.wait(lambda: run.commanded, News(client, *nodes)):
         came = "was seen" if run.fault else "came"  # one between two looks, the fault after it, is in the bag alone
         return Ending(f"no motor command {came}{why}", run.fault, False, False)

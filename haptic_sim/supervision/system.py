@@ -9,7 +9,7 @@ from haptic_device.description import load_device
 from haptic_device.parameter_files import PLACES, read_operating_point
 from haptic_device.parameter_types import check_value, unknown
 from haptic_sim.node_parameters import NODES
-from haptic_sim.supervision.device_programs import LOOPBACK, REFERENCE, device_programs
+from haptic_sim.supervision.device_programs import LOOPBACK, MODULES, REFERENCE, device_programs
 from haptic_sim.supervision.processes import Program
 
 TOGETHER = 45.0  # [s] that the display waits for its simulation, which may be compiling its kernels
@@ -121,4 +121,4 @@ def _program(name: str, values: dict, declared: tuple, operating_point: Path) ->
         if key not in known:
             raise ValueError(unknown(key, f"a parameter of {name}", known))
         check_value(known[key], value)
-    return Program(name, _MODULES[name], values, (operating_point,))
+    return Program(name, (MODULES | _MODULES)[name], values, (operating_point,))
