@@ -28,7 +28,7 @@ def hold_ended(settings, tank, spring, hold, motion, enable, sensors, damper_fil
     _set_aside(settings, tank, hold)
     # the hold lasts from sample to sample, not from deadline to deadline
     time = (sensors.latched - tank.sample_before) * 1e-9
-    cut = int(sensors.device_status) & faults.WATCHDOG
+    cut = int(sensors.device_status) & faults.CUT
     _count_given(settings, tank, hold, motion, sensors.latched, time, cut)
     # a write later than what is counted with is no hold to earn anything by
     late = sensors.write_delay - (settings.passivity.lateness - settings.hardware.delay)

@@ -7,9 +7,14 @@ from haptic_device.control import enable_state
 from haptic_device.jit import kernel
 
 NONE, ESTOP, DEVICE_SILENT, NOT_A_NUMBER, ENCODER_JUMP, POSITION, VELOCITY, SATURATION, DEVICE_WATCHDOG = range(9)
-DUTY, UNATTENDED = 9, 10
-FRESH, WATCHDOG = 1, 2  # bits of device_status: the sample is of this deadline; the device has cut the motor
+DUTY, UNATTENDED, DEVICE_ESTOP, DEVICE_HOT, DEVICE_LIMIT, DEVICE_ENCODER = range(9, 15)
+# bits of device_status: the sample is of this deadline; the device's watchdog has cut the motor; its e-stop button is
+# pressed; it is too hot; an end switch is reached; an encoder is broken by its own check; the motor value was clamped
+FRESH, WATCHDOG, BUTTON, HOT, END_SWITCH, BROKEN_ENCODER, CLAMPED = 1, 2, 4, 8, 16, 32, 128
+CUT = WATCHDOG | BUTTON | HOT | BROKEN_ENCODER  # with any of these the device's motors are at zero
+DEVICE_BITS = CUT | END_SWITCH | CLAMPED  # those that a device sets
 THIS_TICK = "zero in the tick that finds it"
+BY_DEVICE = "zero: cut by the device by itself, and kept so"
 
 
 class Fault(NamedTuple):
@@ -75,6 +80,28 @@ TABLE = (
         THIS_TICK,
         "~/reset",
     ),
+    Fault(
+        DEVICE_ESTOP,
+        "device_estop",
+        "the emergency-stop button of the device was pressed",
+        BY_DEVICE,
+        "release the button, ~/reset, then ~/enable",
+    ),
+    Fault(DEVICE_HOT, "device_hot", "the device was too hot and cut its motors", BY_DEVICE, "let it cool, ~/reset"),
+    Fault(
+        DEVICE_LIMIT,
+        "device_limit",
+        "an end switch of the device was reached while the display was enabled, with forces or waiting for them",
+        THIS_TICK,
+        "lead the handle off the switch, ~/reset",
+    ),
+    Fault(
+        DEVICE_ENCODER,
+        "device_encoder",
+        "an encoder was broken by the device's own check",
+        BY_DEVICE,
+        "check the encoder and its cable, ~/reset",
+    ),
 )
 NAMES = frozenset(fault.name for fault in TABLE)
 
@@ -94,17 +121,26 @@ def latch(fault, code):
 @kernel
 def watch(settings, fault, enable, motion, sensors):
     """Latches the first fault that command, device and motors show; a new count of resets clears the last one."""
-    command, limits = int(sensors.command), settings.fault
+    command, status, limits = int(sensors.command), int(sensors.device_status), settings.fault
     resets = command // enable_state.RESET
     # a count, not a flag: a reset that is given twice clears once each
     if resets != fault.resets:
         fault.resets, fault.code, fault.saturated = resets, NONE, 0.0
     if command & enable_state.ESTOP:
         latch(fault, ESTOP)
+    if status & BUTTON:
+        latch(fault, DEVICE_ESTOP)
     # by its time, or by counts that stay the same
     if max((sensors.deadline - sensors.latched) * 1e-9, motion.stale_ticks * settings.period) > limits.silence:
         latch(fault, DEVICE_SILENT)
-    if int(sensors.device_status) & WATCHDOG and enable.ramp > 0.0:
+    if status & BROKEN_ENCODER:
+        latch(fault, DEVICE_ENCODER)
+    if status & HOT:
+        latch(fault, DEVICE_HOT)
+    # a handle may be led on and off its switch while nothing can push it; enabling on it is refused before any force
+    if status & END_SWITCH and command & (enable_state.ENABLE | enable_state.CLUTCH) == enable_state.ENABLE:
+        latch(fault, DEVICE_LIMIT)
+    if status & WATCHDOG and enable.ramp > 0.0:
         latch(fault, DEVICE_WATCHDOG)
     if fault.saturated > limits.saturation:
         latch(fault, SATURATION)

@@ -55,7 +55,7 @@ def hold_ended(settings, observer, hold, motion, spring, walls, enable, sensors)
         observer.by_settings[i] = 0.0
         # good ticks pay back what missed ones gave
         observer.missed_tick_energy = max(0.0, observer.missed_tick_energy + min(0.0, made))
-    if elapsed > LONG * settings.period and not int(sensors.device_status) & faults.WATCHDOG:
+    if elapsed > LONG * settings.period and not int(sensors.device_status) & faults.CUT:
         _book_long_hold(settings, observer, hold, motion, walls_grown)
 
 

@@ -7,8 +7,11 @@ not known), and `close()`. Another device is one more file with such a class; te
 this text.
 
 * read(memory, deadline, give_up, sample) → 1 if the sample is of this deadline, 0 if it is older. It may wait for
-  the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (8): time of sampling [ns], status (bit 2:
-  motor cut), counts of x, y, theta, measured damper force of x, y, theta [N | N m]. Counts change with the time only.
+  the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (8): time of sampling [ns], status, counts of
+  x, y, theta, measured damper force of x, y, theta [N | N m]. Counts change with the time only.
+* status: sum of 2, the watchdog has cut the motor; 4, the e-stop button is pressed; 8, too hot, the motor is cut; 16,
+  an end switch is reached; 32, an encoder is broken by the device's own check, the motor is cut; 128, the last motor
+  value was clamped. Other bits count for nothing; 1 is the servo's own (control/faults: FRESH).
 * write(memory, written, next_deadline, period, engaged, motor) → 0. motor (3) in motor units, held until the next
   write; the device zeroes it by itself when writes stop.
 """
@@ -18,6 +21,7 @@ import functools
 import numpy as np
 from numba import types
 
+from haptic_device.control import faults
 from haptic_device.jit import kernel
 from haptic_device.realtime import clock, shared_memory
 
@@ -59,7 +63,8 @@ def _read(memory, deadline, give_up, sample):
     fresh = shared_memory.read_device(memory, block, deadline, give_up, scratch)
     if fresh < 0 or block[1] > clock.now_ns(scratch) + AHEAD:  # it died while it wrote, or wrote nonsense
         return 0
-    sample[LATCHED], sample[STATUS] = block[1], block[2]
+    # a float64 would round a long word, and its low bits away
+    sample[LATCHED], sample[STATUS] = block[1], block[2] & faults.DEVICE_BITS
     reals = block.view(np.float64)
     for i in range(3):
         sample[COUNTS + i], sample[DRAG + i] = block[4 + i], reals[7 + i]

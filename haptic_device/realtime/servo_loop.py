@@ -7,7 +7,7 @@ import numba
 import numpy as np
 from numba import types
 
-from haptic_device.control import contact_model, enable_state, servo, tool_contacts
+from haptic_device.control import contact_model, enable_state, faults, servo, tool_contacts
 from haptic_device.control.records import AXES, SETTINGS, STATE, TICK, TRACE_ROW
 from haptic_device.jit import kernel, njit
 from haptic_device.realtime import atomic, clock, hardware_interface, seqlock
@@ -168,9 +168,9 @@ def run_tick(settings, state, tool, tick, number, deadline, sample, fresh):
 
 @njit
 def _fill_sensors(sensors, sample, fresh):
-    """What the device says."""
+    """What the device says; of its status word the bits that a device sets, and FRESH, which is ours."""
     sensors.latched = sample[hardware_interface.LATCHED]
-    sensors.device_status = sample[hardware_interface.STATUS] + fresh
+    sensors.device_status = (np.int64(sample[hardware_interface.STATUS]) & faults.DEVICE_BITS) | fresh
     for i in range(AXES):
         sensors.counts[i] = sample[hardware_interface.COUNTS + i]
         sensors.drag[i] = sample[hardware_interface.DRAG + i]

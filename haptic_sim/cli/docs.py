@@ -37,8 +37,14 @@ FAULTS = """# Faults
 Generated from `control/faults.py: TABLE` by `haptic docs --faults --out docs/faults.md`; do not edit.
 
 A fault is a latched reason why the motor is off. It stays until `~/reset`, whatever follows; then `~/enable` is needed.
-`test/live/test_driver.py` and `test/live/test_fault_live.py` provoke each on running nodes, `test/unit/test_servo.py`
-tick by tick.
+A fault whose cause still stands is latched again at once.
+
+11 to 14 are what a device says of itself ([link_protocol.md](link_protocol.md#sample-4)). An end switch is a fault only
+while the display is enabled: a handle that rests on one may be led away, and enabling it there latches before any
+force.
+
+`test/live/test_driver.py` and `test/live/test_fault_live.py` provoke each but 11 to 14 on running nodes,
+`test/unit/test_servo.py` and `test/unit/test_device_faults.py` all tick by tick.
 
 | code | name | what latched it | what the motor does | how to clear it |
 |---|---|---|---|---|

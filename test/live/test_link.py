@@ -343,6 +343,29 @@ def test_settings_that_are_put_while_the_home_is_taken_are_not_lost(servo_thread
     assert thread.row.get()[0].position.tolist() == pytest.approx(HOME)
 
 
+@pytest.mark.parametrize(("word", "bits"), [(-1, 190), (2**60 + 1, 0), (2**60 + 2, 2), (1, 0), (128, 128)])
+def test_of_a_status_word_on_the_page_the_servo_takes_the_known_bits_beside_its_own(device, servo_thread, word, bits):
+    block, scratch = np.zeros(shared_memory.DEVICE_WORDS, np.int64), clock.scratch()
+    record, seen = settings(), set()
+    record["fault"]["silence"] = 0.02
+    thread = servo_thread(record=record)
+
+    def write():
+        latched = int(clock.now_ns(scratch)) + 10_000_000  # the servo's next ticks are of it
+        shared_memory.write_device(device.words, block, 1, latched, word, latched, np.zeros(3), np.zeros(3))
+
+    def take():
+        seen.update(thread.ring.take(1000)["device_status"].tolist())
+
+    write()
+    thread.start()
+    until(lambda: take() or bits + faults.FRESH in seen, "a sample of its deadline", write)
+    until(lambda: take() or bits in seen, "an older sample")
+    assert seen == {bits, bits + faults.FRESH}
+    until(lambda: thread.row.get()[0].fault, "a fault")
+    assert faults.name_of(thread.row.get()[0].fault) == ("device_estop" if bits & faults.BUTTON else "device_silent")
+
+
 def test_signals_neither_repeat_a_tick_nor_take_missed_ones_back(servo_thread):
     before = signal.signal(signal.SIGUSR1, lambda number, frame: None)
     try:

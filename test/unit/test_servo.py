@@ -233,6 +233,22 @@ def _device_watchdog(runner):
     return runner.tick(device_status=faults.WATCHDOG)
 
 
+def _device_estop(runner):
+    return runner.tick(device_status=faults.FRESH | faults.BUTTON)
+
+
+def _device_hot(runner):
+    return runner.tick(device_status=faults.FRESH | faults.HOT)
+
+
+def _device_limit(runner):
+    return runner.tick(device_status=faults.FRESH | faults.END_SWITCH)
+
+
+def _device_encoder(runner):
+    return runner.tick(device_status=faults.FRESH | faults.BROKEN_ENCODER)
+
+
 def _encoder_jump(runner):
     runner.position = runner.position + [0.005, 0.0, 0.0]
     runner.settings["hardware"]["velocity_limit"] = 9.0
