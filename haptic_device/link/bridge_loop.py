@@ -24,11 +24,14 @@ IDLE_STEP = 5_000_000  # [ns] between IDLE events
 SPIN = 20_000  # [ns] that the servo's write is looked for without a pause: to sleep takes longer
 PAUSE = 5_000  # [ns] between looks for it after that
 LAST_WORDS, LAST_STEP = 5, 2_000_000  # CUT events at an end, and the time between them [ns]
+QUIET = (
+    50_000_000  # [ns] without samples after a new session, whose counts may be others: the servo sees a silent device
+)
 DATAGRAMS = 64  # read at most between two looks at the servo
 
 MEMORY = np.dtype(
     [(name, "i8") for name in ("turn", "driven", "holding", "heartbeat", "announced", "period", "asked", "latest")]
-    + [(name, "i8") for name in ("descriptor", "have", "idle", "target_turn")]
+    + [(name, "i8") for name in ("descriptor", "have", "idle", "target_turn", "session", "quiet")]
 )
 """What the loop keeps. announced: the deadline that counts now, asked: the next one that a device which only answers is
 asked for [ns]; have: bytes of incoming that are not done with."""
@@ -182,7 +185,9 @@ def _hear(decode, state, words, control, truth_mail, session, scratch, m, room):
 def _pass_on(state, words, control, session, now, m, room):
     """Writes a sample into the page, if it is newer than the last. Returns whether the servo waits for it."""
     latched = room.answer[codec.LATCHED]
-    if latched <= m.latest:
+    if state[codec.SESSIONS] != m.session:
+        m.session, m.quiet = state[codec.SESSIONS], now + QUIET
+    if latched <= m.latest or now < m.quiet:
         return False
     m.latest = latched
     control[PASSED] += 1

@@ -257,7 +257,12 @@ class DriverNode(ManagedNode):
             self._stay_disabled()
             servo.reset()
 
-        return self._command(response, act, "fault cleared; ~/enable to go on")
+        self._command(response, act, "fault cleared; ~/enable to go on")
+        servo = self.servo
+        if response.success and servo is not None and (code := int(servo.row.get()[0].fault)):
+            response.success = False
+            response.message = f"fault {faults.name_of(code)} is latched again: its cause is still there"
+        return response
 
     def _stay_disabled(self):
         """A person has decided: nothing is enabled by itself, until after a deactivation."""
