@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames of docs/link_protocol.md by struct and zlib alone: what both sides of the link are judged by.
+
+Motors, counts and forces are tuples of 3; times are ns of the device's clock.
+"""
+
+import os
+import select
+import socket
+import struct
+import time
+import zlib
+from typing import NamedTuple
+
+HELLO, GREETING, COMMAND, SAMPLE, CLOCK, CLOCK_ANSWER, TARGET, TRUTH = range(1, 9)
+CUT, ESTOP, HOT, END_SWITCH, BROKEN_ENCODER, CLAMPED = 2, 4, 8, 16, 32, 128  # bits of a sample's flags
+ENGAGED = 1  # of a command's
+PAYLOADS = {
+    HELLO: "<",
+    GREETING: "<24sII3f3fIIII",
+    COMMAND: "<qI3f",
+    SAMPLE: "<qqq3ihH3f",
+    CLOCK: "<q",
+    CLOCK_ANSWER: "<qqq",
+    TARGET: "<3d",
+    TRUTH: "<q18dd",
+}
+HEAD = struct.Struct("<BBHIIII")
+
+
+class Frame(NamedTuple):
+    """A frame as it came; payload: its numbers in the order of the protocol's table."""
+
+    kind: int
+    flags: int
+    session: int
+    sequence: int
+    answers: int
+    payload: tuple
+
+
+class Greeting(NamedTuple):
+    name: bytes
+    firmware: int
+    axes: int
+    counts_per_unit: tuple
+    largest_motor: tuple
+    shortest_period: int
+    watchdog: int
+    counter_bits: int
+    features: int
+
+
+class Sample(NamedTuple):
+    deadline: int
+    sampled: int
+    applied: int
+    counts: tuple
+    temperature: int
+    reserved: int
+    damper: tuple
+
+
+class Truth(NamedTuple):
+    time: int
+    position: tuple
+    velocity: tuple
+    operator_force: tuple
+    motor_force: tuple
+    target: tuple
+    target_velocity: tuple
+    energy: float
+
+
+def greeting(frame):
+    p = frame.payload
+    return Greeting(p[0].rstrip(b"\0"), p[1], p[2], p[3:6], p[6:9], *p[9:])
+
+
+def sample(frame):
+    p = frame.payload
+    return Sample(*p[:3], p[3:6], p[6], p[7], p[8:])
+
+
+def truth(frame):
+    p = frame.payload
+    return Truth(p[0], *(p[i : i + 3] for i in range(1, 19, 3)), p[19])
+
+
+def pack(kind, session, sequence, *payload, flags=0, answers=0, version=1):
+    """The bytes of a frame, CRC included."""
+    body = HEAD.pack(version, kind, flags, session, sequence, answers) + struct.pack(PAYLOADS[kind], *payload)
+    return body + struct.pack("<I", zlib.crc32(body))
+
+
+def unpack(frame):
+    """A Frame; ValueError where version, kind, length or CRC are wrong."""
+    if len(frame) < HEAD.size + 4:
+        raise ValueError(f"frame has {len(frame)} bytes")
+    version, kind, flags, session, sequence, answers = HEAD.unpack_from(frame)
+    payload, crc = frame[HEAD.size : -4], struct.unpack("<I", frame[-4:])[0]
+    if version != 1 or struct.calcsize(PAYLOADS.get(kind, "0s")) != len(payload) or crc != zlib.crc32(frame[:-4]):
+        raise ValueError(f"frame of kind {kind} with {len(frame)} bytes is wrong")
+    return Frame(kind, flags, session, sequence, answers, struct.unpack(PAYLOADS[kind], payload))
+
+
+def cobs_encode(data):
+    """COBS (Cheshire and Baker 1999), without the 0 that ends a frame."""
+    coded = bytearray()
+    for piece in (data + b"\0").split(b"\0")[:-1]:
+        while len(piece) >= 254:
+            coded += b"\xff" + piece[:254]
+            piece = piece[254:]
+        coded += bytes([len(piece) + 1]) + piece
+    return bytes(coded)
+
+
+def cobs_decode(coded):
+    """The bytes that were coded; ValueError where it is not COBS."""
+    data, place = bytearray(), 0
+    while place < len(coded):
+        distance = coded[place]
+        piece = coded[place + 1 : place + distance]
+        if distance == 0 or len(piece) != distance - 1 or 0 in piece:
+            raise ValueError("not COBS")
+        place += distance
+        data += piece + (b"\0" if distance < 255 and place < len(coded) else b"")
+    return bytes(data)
+
+
+class UdpHost:
+    """The host's side over UDP: `send` numbers the frames, `frames` gives those that have come."""
+
+    def __init__(self, port, session=0x1234ABCD, host="127.0.0.1"):
+        self.session, self.sequence = session, 0
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.connect((host, port))
+
+    def send(self, kind, *payload, flags=0):
+        """Sends the next frame of this session; returns its sequence."""
+        self.sequence = (self.sequence + 1) & 0xFFFFFFFF
+        self.send_bytes(pack(kind, self.session, self.sequence, *payload, flags=flags))
+        return self.sequence
+
+    def send_bytes(self, frame):
+        self._socket.send(frame)
+
+    def frames(self, patience):
+        """Frames that come within this time [s], one by one."""
+        end = time.monotonic() + patience
+        while (left := end - time.monotonic()) > 0 and select.select([self._socket], [], [], left)[0]:
+            yield unpack(self._socket.recv(2048))
+
+    def until(self, wanted, patience=5.0):
+        """The first frame for which wanted(frame); AssertionError if none comes [s]."""
+        for frame in self.frames(patience):
+            if wanted(frame):
+                return frame
+        raise AssertionError("it did not come")
+
+    def greet(self, patience=5.0):
+        """Says hello until it is greeted, as the protocol wants; returns the greeting's Frame."""
+        for _ in range(max(1, round(patience / 0.05))):
+            said = self.send(HELLO)
+            for frame in self.frames(0.05):
+                if frame.kind == GREETING and frame.session == self.session:
+                    assert frame.answers <= said
+                    return frame
+        raise AssertionError("nobody greets")
+
+    def command(self, deadline, period=1_000_000, motors=(0.0, 0.0, 0.0), engaged=True):
+        """Sends a command; returns its sequence."""
+        return self.send(COMMAND, deadline, period, *motors, flags=ENGAGED if engaged else 0)
+
+    def now(self):
+        """The device's time [ns], as its answer says it: earlier than now."""
+        asked = self.send(CLOCK, time.monotonic_ns())
+        return self.until(lambda frame: frame.kind == CLOCK_ANSWER and frame.answers == asked).payload[2]
+
+    def close(self):
+        self._socket.close()
+
+
+class SerialHost(UdpHost):
+    """The same over a terminal, in COBS; file: its descriptor, open for both."""
+
+    def __init__(self, file, session=0x1234ABCD):
+        self.session, self.sequence = session, 0
+        self._socket, self._held = file, b""
+        self.write(b"\0")
+
+    def write(self, data):
+        while data:
+            data = data[os.write(self._socket, data) :]
+
+    def send_bytes(self, frame):
+        self.write(cobs_encode(frame) + b"\0")
+
+    def frames(self, patience):
+        """Frames that come within this time [s]; what is none is left out, as the protocol wants."""
+        end = time.monotonic() + patience
+        while True:
+            while b"\0" in self._held:
+                coded, self._held = self._held.split(b"\0", 1)
+                try:
+                    frame = unpack(cobs_decode(coded))
+                except ValueError:
+                    continue
+                yield frame
+            left = end - time.monotonic()
+            if left <= 0 or not select.select([self._socket], [], [], left)[0]:
+                return
+            self._held += os.read(self._socket, 4096)
+
+    def close(self):
+        os.close(self._socket)
