@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A device that speaks the link protocol (docs/link_protocol.md) over a serial line."""
+
+from typing import Literal
+
+from haptic_device.link.options import SerialOptions
+
+
+class Options(SerialOptions):
+    """program: `reference` if it is a reference device, which `haptic demo` starts."""
+
+    program: Literal["none", "reference"] = "none"
+
+
+def codec(options, device):
+    """The codec of such a device; whatever the description says, the device greets with what it is."""
+    from haptic_device.link import open_frame
+    from haptic_device.link.codec import Codec
+
+    encode, decode = open_frame.streams()
+    return Codec(open_frame.new_state(), encode, decode)
