@@ -49,8 +49,9 @@ def open_serial(options):
 def _make_raw(descriptor, speed):
     """Bytes as they come, no echo, no control characters; a driver that waits to gather bytes is asked not to."""
     fcntl.ioctl(descriptor, termios.TIOCEXCL)
-    control = termios.CS8 | termios.CREAD | termios.CLOCAL
-    termios.tcsetattr(descriptor, termios.TCSANOW, [0, 0, control, 0, speed, speed, [b"\x00"] * 32])
+    control, characters = termios.CS8 | termios.CREAD | termios.CLOCAL, [b"\x00"] * 32
+    characters[termios.VMIN] = 1  # else an empty line reads as one that has ended
+    termios.tcsetattr(descriptor, termios.TCSANOW, [0, 0, control, 0, speed, speed, characters])
     termios.tcflush(descriptor, termios.TCIOFLUSH)
     with contextlib.suppress(OSError):  # a terminal that is no chip has none
         settings = bytearray(fcntl.ioctl(descriptor, TIOCGSERIAL, bytes(72)))

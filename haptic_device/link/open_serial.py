@@ -3,7 +3,7 @@
 
 from typing import Literal
 
-from haptic_device.link.options import SerialOptions
+from haptic_device.link_registry import SerialOptions
 
 
 class Options(SerialOptions):

@@ -3,7 +3,7 @@
 
 from typing import Literal
 
-from haptic_device.link.options import UdpOptions
+from haptic_device.link_registry import UdpOptions
 
 
 class Options(UdpOptions):
