@@ -30,6 +30,7 @@ DEVICE_LOCK, DEVICE_FIRST, DEVICE_WORDS = 8, 9, 11  # session, latched, status, 
 SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadline, period, engaged, motor 3
 # bits of status; WATCHDOG: the device has cut the motor, ESTOP: its button is pressed, HOT: it is too hot and has cut the
 # motor, END_SWITCH: one is reached, ENCODER: broken by the device's own check, CLAMPED: the last motor value was too large
+SPIN, PAUSE = 20_000, 5_000  # [ns] that a sample is looked for without a pause, and a pause after that
 WATCHDOG, ESTOP, HOT, END_SWITCH, ENCODER, CLAMPED = 2, 4, 8, 16, 32, 128
 
 
@@ -178,9 +179,13 @@ def read_device(words, block, deadline, give_up, scratch):
 
     Returns 1 if the sample is of this deadline, 0 if an older one had to do, −1 if the device left none that is whole.
     """
-    while True:  # spinning: the sample is due within microseconds, and a sleep takes longer than that
+    began = clock.now_ns(scratch)
+    while True:
         turn = atomic.collect(words, DEVICE_LOCK, DEVICE_FIRST, block)
         if turn >= 0 and block[1] >= deadline:
             return 1
-        if clock.now_ns(scratch) >= give_up:
+        now = clock.now_ns(scratch)
+        if now >= give_up:
             return 0 if turn >= 0 else -1
+        if now - began > SPIN:  # whoever brings the sample may need this core: of a serial line it is a kernel thread
+            clock.sleep_until(min(now + PAUSE, give_up), scratch)
