@@ -41,6 +41,10 @@ def find(
     from haptic_sim.supervision import device_search, serial_ports
 
     with _refused("find"):
+        for address in udp or ():
+            device_search.address_of(address)
+        if watch and udp:
+            raise ValueError("--watch is for what is plugged in: leave --udp out")
         if watch:
             typer.echo("unplug the device and plug it in again; Ctrl-C ends", err=True)
             port = device_search.plugged(
@@ -152,7 +156,11 @@ def set_up(
             content = device_set_up.set_up(questions, device_page.PageDevice(page), described, out.stem, push)
         device_set_up.write(out, content, described.name)
         typer.echo(f"wrote {out}; haptic check {out} reads it again")
-        if domain is None and namespace is None and questions.yes("identify", IDENTIFY):
+        if device_page.link_of(described) != "loopback":
+            typer.echo(
+                f"mass, damping and friction are not measured: haptic identify --device {out} --domain …, on a driver"
+            )
+        elif domain is None and namespace is None and questions.yes("identify", IDENTIFY):
             _identify(out)
 
 

@@ -70,7 +70,7 @@ def plugged(seen: Callable[[], list[Port]], told: Callable[[str], None], wait: C
 
 def look_at(address: str, patience: float = 1.0) -> dict:
     """What answers at HOST:PORT of UDP, as found_at tells it. Raises ValueError for what is no such address."""
-    host, port = _address(address)
+    host, port = address_of(address)
     silent = f"nothing greeted at {host}, port {port}: no such device, other firmware, or a firewall"
     greeting, answer = _asked(lambda: device_probe.ask_udp(host, port, patience), silent)
     link = {"type": "udp", "host": host, "port": port} if greeting else None
@@ -78,7 +78,8 @@ def look_at(address: str, patience: float = 1.0) -> dict:
     return {"address": address, "answer": answer, "greeting": told, "link": link, "notes": []}
 
 
-def _address(text):
+def address_of(text: str) -> tuple[str, int]:
+    """(host, port) of HOST:PORT, an IPv6 address in brackets. Raises ValueError."""
     host, _, port = text.rpartition(":")
     if not host or not (port.isascii() and port.isdecimal()) or not 1 <= int(port) <= 65535:
         raise ValueError(f"--udp is {text!r}; HOST:PORT is needed, the port from 1 to 65535")

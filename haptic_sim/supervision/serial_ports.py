@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 ROOT = Path("/")
 KINDS = "ttyACM*", "ttyUSB*"
-FTDI = "0403"  # vendor whose adapters have a latency timer
 GRABS = "ModemManager"
 RULES = "/etc/udev/rules.d/70-haptic-display.rules"
 OTHERS = {"mjbots": "moteus", "haply": "haply"}

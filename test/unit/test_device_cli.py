@@ -10,6 +10,7 @@ import struct
 import threading
 import time
 import zlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -763,9 +764,13 @@ def test_a_device_answers_where_its_page_is_new_and_its_bridge_connected():
 @pytest.mark.parametrize(
     "words, sentence",
     [
-        ("find --udp nowhere", "haptic device find: --udp is 'nowhere'; HOST:PORT is needed, the port from 1 to 65535"),
-        ("find --udp 127.0.0.1:0", "--udp is '127.0.0.1:0'; HOST:PORT is needed"),
-        ("find --udp 127.0.0.1:65536", "--udp is '127.0.0.1:65536'; HOST:PORT is needed"),
+        (
+            "find --silent --udp nowhere",
+            "haptic device find: --udp is 'nowhere'; HOST:PORT is needed, the port from 1 to 65535",
+        ),
+        ("find --silent --udp 127.0.0.1:0", "--udp is '127.0.0.1:0'; HOST:PORT is needed"),
+        ("find --silent --udp 127.0.0.1:65536", "--udp is '127.0.0.1:65536'; HOST:PORT is needed"),
+        ("find --watch --udp 127.0.0.1:9", "--watch is for what is plugged in: leave --udp out"),
         ("find --wait 0", "haptic: --wait is 0.0 s; at least 0.1 s is needed"),
         ("find --baud 1", "haptic: --baud is 1; at least 1200 is needed"),
         ("test nowhere", "haptic device test: nowhere is neither a file nor a name in config/devices"),
@@ -798,4 +803,30 @@ def test_find_says_what_answers_and_the_line_to_write():
 def test_who_serves_a_described_device_is_told_by_its_link():
     program = device_page.program_of("desktop")
     assert program.name == "haptic_loopback" and program.parameters["device"].endswith("/desktop.yaml")
-    assert device_page.program_of("desktop").module == "haptic_device.nodes.loopback"
+
+
+def test_hardware_on_a_line_is_served_by_the_bridge_and_what_a_users_program_serves_is_left_to_it(monkeypatch):
+    links = iter([SimpleNamespace(type="udp"), SimpleNamespace(type="shared_memory")])
+    monkeypatch.setattr(device_page, "load_device", lambda name: SimpleNamespace(link=next(links)))
+    assert device_page.program_of("desktop")[:2] == ("haptic_bridge", "haptic_device.nodes.bridge")
+    with pytest.raises(
+        ValueError, match="device desktop is served by a program of your own: start it, and give its --domain"
+    ):
+        device_page.program_of("desktop")
+
+
+def test_a_device_that_falls_silent_is_told_of(monkeypatch):
+    monkeypatch.setattr(device_page, "SILENT", 0.01)
+    with pytest.raises(ValueError, match=r"the device has sent no sample for 0\.01 s"):
+        device_page.PageDevice(broken(never_fresh)).tick(np.zeros(3))
+
+
+def test_a_tick_gives_the_sample_after_it_and_engages_only_to_push():
+    device, told = Kept(), []
+    write = device.write
+    device.write = lambda *words: told.append((words[4], words[5].tolist())) or write(*words)
+    before = time.monotonic_ns()
+    for motor in ([0.0, 0.0, 0.0], [0.0, 0.01, 0.0]):
+        sample = device_page.PageDevice(device).tick(np.array(motor))
+        assert sample[LATCHED] >= before + MS
+    assert (0, [0.0, 0.0, 0.0]) in told and told[-1] == (1, [0.0, 0.01, 0.0])
