@@ -2,6 +2,7 @@
 """`haptic device`: ports in made-up trees, devices that greet, keep promises and break them, hands that move."""
 
 import contextlib
+import json
 import os
 import pty
 import select
@@ -24,6 +25,7 @@ from haptic_device.realtime import shared_memory
 from haptic_device.realtime.hardware_interface import COUNTS, LATCHED, SAMPLE, STATUS
 from haptic_device.realtime.null_device import NullDevice
 from haptic_device.status import Status
+from haptic_sim.cli import device as cli
 from haptic_sim.supervision import (
     conformance,
     device_figures,
@@ -830,3 +832,25 @@ def test_a_tick_gives_the_sample_after_it_and_engages_only_to_push():
         sample = device_page.PageDevice(device).tick(np.array(motor))
         assert sample[LATCHED] >= before + MS
     assert (0, [0.0, 0.0, 0.0]) in told and told[-1] == (1, [0.0, 0.01, 0.0])
+
+
+def test_find_tells_the_port_what_is_wrong_with_it_and_the_cure_below_it(machine, monkeypatch):
+    machine.plug("ttyUSB0", latency=16, **TEENSY)
+    monkeypatch.setattr(device_search, "look", lambda look=device_search.look, **how: look(machine.root, hello=False))
+    ended = haptic("device", "find")
+    first, answer, note = ended.stdout.splitlines()
+    assert first == f"{machine.root}/dev/ttyUSB0  (Teensyduino USB Serial 77)" and answer == "    not asked"
+    assert note.startswith(f"    {machine.root}/dev/ttyUSB0 keeps what it receives for 16 ms") and ended.returncode == 1
+    (machine.root / "dev/ttyUSB0").unlink()
+    assert haptic("device", "find").stdout.startswith("no serial port of a USB device is there")
+
+
+def test_find_waits_for_what_is_plugged_in_and_tells_which_it_is(machine, monkeypatch):
+    machine.plug("ttyACM0", **TEENSY)
+    [port] = serial_ports.ports(machine.root)
+    seen = iter([[port], [], [port], [port]])
+    monkeypatch.setattr(serial_ports, "ports", lambda: next(seen))
+    monkeypatch.setattr(cli, "SETTLES", 0.0)
+    ended = haptic("device", "find", "--watch", "--silent", "--json")
+    assert f"{port.path} is gone; plug it in again" in ended.stderr
+    assert [one["port"] for one in json.loads(ended.stdout)["found"]] == [port.path]
