@@ -16,6 +16,7 @@ COMMANDS = {
     "compile": "haptic_sim.cli.compile:compile",
     "compare": "haptic_sim.cli.compare:compare",
     "demo": "haptic_sim.cli.demo:demo",
+    "device": "haptic_sim.cli.device:device",
     "docs": "haptic_sim.cli.docs:docs",
     "doctor": "haptic_sim.cli.doctor:doctor",
     "get": "haptic_sim.cli.parameters:get",
@@ -72,8 +73,12 @@ def _application(wanted):
     app.callback(help="Haptic display of tool use: run it, check its files, compute its bounds.")(lambda: None)
     for name in set(wanted) & set(COMMANDS) or COMMANDS:
         module, function = COMMANDS[name].split(":")
+        command = getattr(importlib.import_module(module), function)
+        if isinstance(command, typer.Typer):  # a group of commands
+            app.add_typer(command, name=name)
+            continue
         negative = {"ignore_unknown_options": name == "set"}  # -1.0 is a value
-        app.command(name, context_settings=negative)(getattr(importlib.import_module(module), function))
+        app.command(name, context_settings=negative)(command)
     return app
 
 
