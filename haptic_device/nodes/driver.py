@@ -158,9 +158,13 @@ class DriverNode(ManagedNode):
         return gain_check.refusal(settings[0], self.lateness()) if values["passivity.policy"] != "off" else ""
 
     def lateness(self):
-        """How late forces act [s]: the device's own delays, and the p99 of the measured delay of the writes."""
+        """How late forces act [s]: the device's own delays, and the p99 of the measured delay of the writes.
+
+        The delays of the description may have been identified with the link in them: the longer of both counts, no sum.
+        """
         measured = self.telemetry.percentiles()[3, 1] if self.telemetry is not None else math.nan
-        delays = self.device.sensing_delay + self.device.actuation_delay
+        described = self.device.sensing_delay + self.device.actuation_delay
+        delays = max(described, self.hardware.delay() if self.hardware is not None else 0.0)
         return delays + (0.0 if math.isnan(measured) else measured)
 
     def _follow_margin(self):

@@ -18,6 +18,9 @@ class NullDevice:
     def present(self):
         return True
 
+    def delay(self):
+        return 0.0
+
     def close(self):
         """Nothing is held."""
 

@@ -19,15 +19,18 @@ from haptic_device.jit import kernel
 from haptic_device.realtime import atomic, clock
 
 FOLDER = Path("/dev/shm")
-MAGIC, LAYOUT_VERSION, WORDS = 0x6861707469630001, 1, 64
+_FLOCK = "hhqqi4x"  # struct flock of the kernel
+MAGIC, LAYOUT_VERSION, WORDS = 0x6861707469630001, 2, 64
 DEVICE, SERVO = "device", "servo"
 ROLE_BYTE = {DEVICE: 0, SERVO: 1}
 GATE_BYTE = 2  # held by who comes or goes, so that nobody opens a file that another one is about to remove
 
 # words of either block, each with its lock before it and apart from the other: no two writers share a cache line
-DEVICE_LOCK, DEVICE_FIRST, DEVICE_WORDS = 8, 9, 10  # session, latched, status, alive, counts 3, drag 3
+DEVICE_LOCK, DEVICE_FIRST, DEVICE_WORDS = 8, 9, 11  # session, latched, status, alive, counts 3, drag 3, delay
 SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadline, period, engaged, motor 3
-WATCHDOG = 2  # bit of status: the device has cut the motor
+# bits of status; WATCHDOG: the device has cut the motor, ESTOP: its button is pressed, HOT: it is too hot and has cut the
+# motor, END_SWITCH: one is reached, ENCODER: broken by the device's own check, CLAMPED: the last motor value was too large
+WATCHDOG, ESTOP, HOT, END_SWITCH, ENCODER, CLAMPED = 2, 4, 8, 16, 32, 128
 
 
 class SharedMemoryError(OSError):
@@ -105,11 +108,9 @@ class SharedMemory:
             raise SharedMemoryError(f"{needed}, which cannot be had: {error.strerror}") from None
 
     def peer_present(self):
-        """Whether a process holds the other role now."""
-        if _lock(self._file, ROLE_BYTE[self.peer]):
-            _unlock(self._file, ROLE_BYTE[self.peer])
-            return False
-        return True
+        """Whether a process holds the other role now; asked without taking its lock, which it may be about to take."""
+        answer = fcntl.fcntl(self._file, fcntl.F_OFD_GETLK, _request(fcntl.F_WRLCK, ROLE_BYTE[self.peer]))
+        return struct.unpack(_FLOCK, answer)[0] != fcntl.F_UNLCK
 
     def close(self):
         """Lets it go; removes the file if the other side is not there."""
@@ -124,29 +125,34 @@ class SharedMemory:
 
 def _lock(file, byte, wait=False):
     """Takes the lock on one byte, of this open file and not of the process; False if another has it."""
-    request = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, byte, 1, 0)
     try:
-        fcntl.fcntl(file, fcntl.F_OFD_SETLKW if wait else fcntl.F_OFD_SETLK, request)
+        fcntl.fcntl(file, fcntl.F_OFD_SETLKW if wait else fcntl.F_OFD_SETLK, _request(fcntl.F_WRLCK, byte))
     except (BlockingIOError, PermissionError):
         return False
     return True
 
 
 def _unlock(file, byte):
-    fcntl.fcntl(file, fcntl.F_OFD_SETLK, struct.pack("hhqqi4x", fcntl.F_UNLCK, os.SEEK_SET, byte, 1, 0))
+    fcntl.fcntl(file, fcntl.F_OFD_SETLK, _request(fcntl.F_UNLCK, byte))
+
+
+def _request(kind, byte):
+    return struct.pack(_FLOCK, kind, os.SEEK_SET, byte, 1, 0)
 
 
 @kernel
-def write_device(words, block, session, latched, status, alive, counts, drag):
+def write_device(words, block, session, latched, status, alive, counts, drag, delay):
     """Device side: encoder counts and damper forces [N | N m], sampled at `latched` [ns].
 
-    block: int64 scratch (DEVICE_WORDS).
+    block: int64 scratch (DEVICE_WORDS). delay: how late the motor acts after the servo's write, as the link measures
+    it [ns]; 0: not known.
     """
     block[0], block[1], block[2], block[3] = session, latched, status, alive
     reals = block.view(np.float64)
     for i in range(3):
         block[4 + i] = np.int64(counts[i])
         reals[7 + i] = drag[i]
+    block[10] = delay
     atomic.publish(words, DEVICE_LOCK, DEVICE_FIRST, block)
 
 

@@ -102,7 +102,7 @@ def test_a_fault_that_was_reset_meanwhile_takes_no_new_enable_back(driver):
 
 @pytest.mark.parametrize("policy", ["enforce", "warn", "off"])
 def test_gains_beyond_the_damping_are_refused_said_or_taken_as_the_policy_wants(driver, policy):
-    driver.hardware, driver.device = object(), device(0.8)
+    driver.hardware, driver.device = NullDevice(), device(0.8)
     given = {name.replace(".", "__"): value for name, value in BEYOND.items()}
     sentence = gain_check.refusal(controller_config.settings_from(driver.device, values("haptic_driver", **given))[0])
     assert sentence.startswith("wall.stiffness 7000 N/m ") and sentence.endswith(" at most 6000 N/m")

@@ -112,7 +112,7 @@ class Hands:
                 self.x += max(-STEP, min(STEP, self.goal - self.x))
             latched = inbox[2] if abs(int(inbox[2]) - now) < 100_000_000 else now
             counts, drag = np.array([COUNTS * self.x, 0.0, 0.0]), np.array([self.drag, 0.0, 0.0])
-            shared_memory.write_device(self.page.words, outbox, 1, latched, 0, now, counts, drag)
+            shared_memory.write_device(self.page.words, outbox, 1, latched, 0, now, counts, drag, 0)
             time.sleep(0.0003)
 
     def press(self):

@@ -133,7 +133,7 @@ def test_without_a_device_there_is_nobody_and_reading_gives_up(device_link):
 def test_a_device_that_died_in_the_middle_of_a_write_leaves_the_last_sample_as_it_was(device, device_link):
     block = np.zeros(shared_memory.DEVICE_WORDS, np.int64)
     shared_memory.write_device(
-        device.words, block, 1, 1000, 0, 1000, np.array([11.0, -12.0, 13.0]), np.array([0.5, 0.25, 0.0])
+        device.words, block, 1, 1000, 0, 1000, np.array([11.0, -12.0, 13.0]), np.array([0.5, 0.25, 0.0]), 0
     )
     sample = np.zeros(hardware_interface.SAMPLE)
     assert device_link.read(device_link.memory, 1000, 0, sample) == 1
@@ -154,7 +154,7 @@ def test_a_sample_from_the_future_is_not_believed(device, device_link):
     for ahead, believed in ((hardware_interface.AHEAD, 1), (hardware_interface.AHEAD + 60_000_000_000, 0), (2**62, 0)):
         now = int(clock.now_ns(scratch))
         counts = np.array([float(believed), 0.0, 0.0])
-        shared_memory.write_device(device.words, block, 1, now + ahead, 0, 1000, counts, np.zeros(3))
+        shared_memory.write_device(device.words, block, 1, now + ahead, 0, 1000, counts, np.zeros(3), 0)
         assert device_link.read(device_link.memory, now, now, sample) == believed
         assert sample[hardware_interface.COUNTS] == 1.0
 
@@ -237,7 +237,7 @@ def test_a_device_that_returns_where_its_predecessor_died_takes_up_an_odd_lock(n
     words = np.zeros(shared_memory.WORDS, np.int64)
     words[shared_memory.DEVICE_LOCK] = 5
     shared_memory.write_device(
-        words, np.zeros(shared_memory.DEVICE_WORDS, np.int64), 1, 9, 0, 9, np.zeros(3), np.zeros(3)
+        words, np.zeros(shared_memory.DEVICE_WORDS, np.int64), 1, 9, 0, 9, np.zeros(3), np.zeros(3), 0
     )
     assert words[shared_memory.DEVICE_LOCK] == 6
 

@@ -164,7 +164,7 @@ def test_an_owner_in_another_process_is_respected(name, hold):
 def test_a_page_of_another_layout_is_left_alone_in_a_sentence(name):
     device = SharedMemory(name, DEVICE)
     device.words[1] = 99
-    with pytest.raises(SharedMemoryError, match="has layout version 99, this program speaks 1"):
+    with pytest.raises(SharedMemoryError, match="has layout version 99, this program speaks 2"):
         SharedMemory(name, SERVO)
     assert not device.peer_present() and device.words[1] == 99
     device.close()
