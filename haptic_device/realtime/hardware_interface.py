@@ -2,9 +2,9 @@
 """How the servo reaches a device: the hardware interface, and the one to a device in shared memory.
 
 A hardware interface has `memory` (int64 array, its own), `read` and `write` (compiled with the signatures below),
-`present()`, whether the device answers, `delay()`, how late the motor acts after a write as the link measures it [s] (0:
-not known), and `close()`. Another device is one more file with such a class; test/link_conformance.py checks any against
-this text.
+`present()`, whether the device answers, `delay()`, how late the motor acts after a write as the link measures it [s]
+(0: not known), and `close()`. Another device is one more file with such a class; test/link_conformance.py checks any
+against this text.
 
 * read(memory, deadline, give_up, sample) → 1 if the sample is of this deadline, 0 if it is older. It may wait for
   the device until give_up [ns of CLOCK_MONOTONIC], never longer. sample (8): time of sampling [ns], status (bit 2:
