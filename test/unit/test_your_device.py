@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """docs/your_device.md: the description and the link that it shows are taken as they stand."""
 
-import importlib.util
+import importlib
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -25,22 +26,21 @@ def block(language):
 
 @pytest.fixture(scope="module")
 def one_axis(tmp_path_factory):
-    """The link of the page, as a module."""
-    file = tmp_path_factory.mktemp("link") / "one_axis.py"
-    file.write_text(block("python"), encoding="utf-8")
-    spec = importlib.util.spec_from_file_location("one_axis", file)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    """The codec of the link that the page shows."""
+    folder = tmp_path_factory.mktemp("link")
+    (folder / "one_axis.py").write_text(block("python"), encoding="utf-8")
+    with pytest.MonkeyPatch.context() as here:
+        here.syspath_prepend(folder)
+        module = importlib.import_module("one_axis")
+        yield module.codec(module.Options(port="/dev/ttyUSB0"), load_device("own_device"))
+        del sys.modules["one_axis"]
 
 
 class Board:
     """A codec and what it says; answers are made by the test."""
 
-    def __init__(self, module):
-        options = module.Options(port="/dev/ttyUSB0")
-        self.codec = module.codec(options, load_device("own_device"))
-        self.state, self.answer = self.codec.state, np.zeros(c.ANSWER, np.int64)
+    def __init__(self, codec):
+        self.codec, self.state, self.answer = codec, codec.state.copy(), np.zeros(c.ANSWER, np.int64)
 
     def tell(self, event, now, motor=0.0, deadline=0):
         """Bytes that go out at this event."""
