@@ -7,6 +7,9 @@
 #define posix_fallocate none_left
 #endif
 #include "haptic_device.h"
+
+#include <signal.h>
+#include <sys/wait.h>
 #ifdef FULL
 int none_left(int file, off_t from, off_t length)
 {
@@ -27,9 +30,18 @@ static void say_names(void)
     }
 }
 
-/* Looks for so many writes, of any words that are all alike, and says how many were torn. */
+/* Looks for so many records of a process that writes them without a pause, all words alike; says how many were torn. */
 static long long torn(haptic_page *page, int wanted)
 {
+    pid_t writer = fork();
+    for (int64_t number = 1; writer == 0; number++) {
+        int64_t all[HAPTIC_SERVO_WORDS];
+        for (int i = 0; i < HAPTIC_SERVO_WORDS; i++)
+            all[i] = number;
+        haptic_publish(page->words, HAPTIC_SERVO_LOCK, HAPTIC_SERVO_FIRST, all, HAPTIC_SERVO_WORDS);
+        for (int64_t pause = haptic_now_ns() + 200; haptic_now_ns() < pause;)
+            continue;
+    }
     int64_t block[HAPTIC_SERVO_WORDS], before = -1;
     long long found = 0;
     while (wanted > 0) {
@@ -38,8 +50,11 @@ static long long torn(haptic_page *page, int wanted)
             continue;
         before = turn;
         wanted--;
-        found += block[0] != block[4] || block[1] != block[0] || block[2] != block[0] || block[3] != block[0];
+        for (int i = 1; i < HAPTIC_SERVO_WORDS; i++)
+            found += block[i] != block[0];
     }
+    kill(writer, SIGKILL);
+    waitpid(writer, NULL, 0);
     return found;
 }
 

@@ -16,7 +16,6 @@
 #define COUNTS 200000.0            /* per m */
 
 static volatile sig_atomic_t ended;
-
 static void end(int number)
 {
     (void)number;
@@ -25,7 +24,7 @@ static void end(int number)
 
 static struct {
     double position, velocity, force; /* [m, m/s, N] */
-    int64_t time;                     /* [ns] up to which it has moved */
+    int64_t time;
 } handle = {0.03, 0.0, 0.0, 0};
 
 static void move_handle(void)
@@ -66,6 +65,8 @@ int main(int argc, char **argv)
     }
     printf("own_device: serves %s%s\n", page.path, page.stale ? ", left by a process that had died" : "");
     fflush(stdout);
+    if (haptic_go_realtime(85) != 0)
+        fprintf(stderr, "own_device: without real-time scheduling, so samples may be late (docs/platform.md)\n");
     handle.time = due = haptic_now_ns();
     while (!ended) {
         int64_t now = haptic_now_ns();

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from haptic_device.control import faults
 from haptic_device.jit import kernel
 from haptic_device.realtime import atomic, clock
 
@@ -28,10 +29,8 @@ GATE_BYTE = 2  # held by who comes or goes, so that nobody opens a file that ano
 # words of either block, each with its lock before it and apart from the other: no two writers share a cache line
 DEVICE_LOCK, DEVICE_FIRST, DEVICE_WORDS = 8, 9, 11  # session, latched, status, alive, counts 3, drag 3, delay
 SERVO_LOCK, SERVO_FIRST, SERVO_WORDS = 32, 33, 8  # session, written, next deadline, period, engaged, motor 3
-# bits of status; WATCHDOG: the device has cut the motor, ESTOP: its button is pressed, HOT: it is too hot and has cut the
-# motor, END_SWITCH: one is reached, ENCODER: broken by the device's own check, CLAMPED: the last motor value was too large
+WATCHDOG = faults.WATCHDOG  # bit of status: the device has cut the motor; the others are there too
 SPIN, PAUSE = 20_000, 5_000  # [ns] that a sample is looked for without a pause, and a pause after that
-WATCHDOG, ESTOP, HOT, END_SWITCH, ENCODER, CLAMPED = 2, 4, 8, 16, 32, 128
 
 
 class SharedMemoryError(OSError):

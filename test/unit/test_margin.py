@@ -2,6 +2,7 @@
 """The passivity margin of an operating point, and the refusal of gains beyond it."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from lockstep_systems import device, values
 from adversary.switching import switched_cancellation_damping
 from haptic_device import controller_config, gain_check
 from haptic_device.control import passivity, velocity_estimator
+from haptic_device.nodes.driver import DriverNode
 from reference import closed_forms
 
 TURNED = "coupling.rotational_stiffness 900 N m/rad with"
@@ -122,6 +124,17 @@ def test_where_gains_would_fit_in_time_the_shortfall_blames_the_lateness_and_say
 def test_where_gains_fit_at_no_lateness_the_shortfall_blames_the_gain(gains, told):
     wanted = controller_config.settings_from(device(0.8, axes=3), values("haptic_driver", **gains))[0]
     assert gain_check.shortfall(wanted, 1e-4).startswith(told)
+
+
+@pytest.mark.parametrize("link", [None, 0.0, 0.9e-3, 1e-3, 1.1e-3])
+@pytest.mark.parametrize("write", [None, np.nan, 0.2e-3])
+def test_forces_are_late_by_the_longer_of_described_and_measured_delay_and_by_the_writes(link, write):
+    hardware = None if link is None else SimpleNamespace(delay=lambda: link)
+    telemetry = None if write is None else SimpleNamespace(percentiles=lambda: np.full((4, 4), write))
+    described = SimpleNamespace(sensing_delay=0.4e-3, actuation_delay=0.6e-3)
+    driver = SimpleNamespace(device=described, hardware=hardware, telemetry=telemetry)
+    late = DriverNode.lateness(driver)
+    assert late == pytest.approx((1.1e-3 if link == 1.1e-3 else 1e-3) + (0.2e-3 if write == 0.2e-3 else 0.0), rel=1e-12)
 
 
 def test_lateness_costs_stiffness():

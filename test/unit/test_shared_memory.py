@@ -2,15 +2,18 @@
 """The device page: two sides that come and go in any order, and nothing left behind."""
 
 import errno
+import fcntl
 import os
 import signal
 import subprocess
 import sys
 import uuid
 
+import numpy as np
 import pytest
 
 from haptic_device.realtime import shared_memory
+from haptic_device.realtime.hardware_interface import SharedMemoryInterface
 from haptic_device.realtime.shared_memory import DEVICE, SERVO, SharedMemory, SharedMemoryError
 
 HOLDER = """
@@ -113,6 +116,24 @@ def test_closing_gives_the_role_back_even_while_somebody_still_looks_at_the_memo
     assert view[0] == shared_memory.MAGIC and not there(name)
 
 
+def test_asking_who_is_there_never_keeps_out_who_comes_meanwhile(name, monkeypatch):
+    servo, came, ask = SharedMemory(name, SERVO), [], fcntl.fcntl
+
+    def meanwhile(*request):
+        answer = ask(*request)
+        if not came:
+            came.append(None)
+            came[0] = SharedMemory(name, DEVICE)
+        return answer
+
+    with monkeypatch.context() as asking:
+        asking.setattr(fcntl, "fcntl", meanwhile)
+        servo.peer_present()
+    assert servo.peer_present()
+    for side in (*came, servo):
+        side.close()
+
+
 def test_closing_twice_is_closing_once(name):
     one, other = SharedMemory(name, DEVICE), SharedMemory(name, SERVO)
     one.close()
@@ -207,3 +228,14 @@ def test_two_devices_live_side_by_side(name):
 def test_a_page_has_room_for_the_blocks_of_both_sides():
     assert shared_memory.DEVICE_FIRST + shared_memory.DEVICE_WORDS <= shared_memory.SERVO_LOCK
     assert shared_memory.SERVO_FIRST + shared_memory.SERVO_WORDS < shared_memory.WORDS
+
+
+@pytest.mark.parametrize("told, delay", [(0, 0.0), (1, 1e-9), (345_000, 345e-6), (-1, 0.0), (-(2**63), 0.0)])
+def test_the_delay_that_a_device_tells_is_the_links_and_never_less_than_none(name, told, delay):
+    device, link = SharedMemory(name, DEVICE), SharedMemoryInterface(name, 7)
+    assert link.delay() == 0.0
+    block, none = np.zeros(shared_memory.DEVICE_WORDS, np.int64), np.zeros(3)
+    shared_memory.write_device(device.words, block, 1, 9, 0, 9, none, none, told)
+    assert link.delay() == pytest.approx(delay, rel=1e-12)
+    link.close()
+    device.close()
