@@ -9,6 +9,8 @@ NAME = "haptic_display"
 SHARE = f"share/{NAME}"
 README = Path(__file__).resolve().parent / "README.md"  # colcon build --symlink-install runs this elsewhere
 
+FIRMWARE = (".c", ".h", ".ino", ".md")  # kinds of its files
+
 ROS = [
     "ros-jazzy-rclpy[fastrtps]>=7.1",
     "ros-jazzy-common-interfaces>=5.3",
@@ -46,10 +48,13 @@ def installed_files():
     folders = sorted({path.parent for path in files})
     config = [(f"{SHARE}/{folder}", [str(path) for path in files if path.parent == folder]) for folder in folders]
     python = [(f"{SHARE}/{folder}", sorted(map(str, Path(folder).glob("*.py")))) for folder in ("launch", "examples")]
+    sources = sorted(path for path in Path("firmware").rglob("*") if path.suffix in FIRMWARE or path.name == "Makefile")
+    kept = sorted({path.parent for path in sources})
+    firmware = [(f"{SHARE}/{folder}", [str(path) for path in sources if path.parent == folder]) for folder in kept]
     # Launchers under lib/ let `ros2 run` find the executables after a plain pip install too.
     scripts = [(f"lib/{NAME}", [str(path) for path in sorted(Path("scripts").iterdir()) if path.is_file()])]
     index = [("share/ament_index/resource_index/packages", [f"resource/{NAME}"]), (SHARE, ["package.xml"])]
-    return index + config + python + scripts
+    return index + config + firmware + python + scripts
 
 
 setup(

@@ -25,7 +25,7 @@ PAYLOADS = {
     TARGET: "<3d",
     TRUTH: "<q18dd",
 }
-HEAD = struct.Struct("<BBHIIII")
+HEAD = struct.Struct("<BBHIII")
 
 
 class Frame(NamedTuple):

@@ -10,6 +10,8 @@
 
 enum { MOST_NUMBERS = 5, LINE = 256 };
 
+static const double MOST_STIFF = 1e5; /* [1/s] that the plant's steps of 10 µs follow */
+
 /* A key with `count` numbers, each within [low, high]; where: in the settings. */
 struct key {
     const char *name;
@@ -27,16 +29,16 @@ static const struct key KEYS[] = {
     KEY(watchdog, 1, 0.001, 4, "s"),
     KEY(sensing_delay, 1, 0, 0.1, "s"),
     KEY(actuation_delay, 1, 0, 0.04, "s"),
-    KEY(mass, 3, 1e-9, 1e9, "kg | kg m2"),
+    KEY(mass, 3, 1e-12, 1e9, "kg | kg m2"),
     KEY(damping, 3, 0, 1e9, "N s/m | N m s/rad"),
     KEY(coulomb, 3, 0, 1e9, "N | N m"),
     KEY(gravity, 3, -1e9, 1e9, "m/s2"),
-    KEY(counts_per_unit, 3, 1e-9, 1e9, "1/m | 1/rad"),
+    KEY(counts_per_unit, 3, 1e-12, 1e9, "1/m | 1/rad"),
     KEY(encoder_sign, 3, -1, 1, ""),
     KEY(zero, 3, -1e9, 1e9, "m | rad"),
-    KEY(motor_constant, 3, 1e-9, 1e9, "N | N m per motor unit"),
+    KEY(motor_constant, 3, 1e-12, 1e9, "N | N m per motor unit"),
     KEY(motor_sign, 3, -1, 1, ""),
-    KEY(motor_limit, 3, 1e-9, 1e9, "N | N m"),
+    KEY(motor_limit, 3, 1e-12, 1e9, "N | N m"),
     KEY(hand_mass, 3, 0, 1e9, "kg | kg m2"),
     KEY(hand_damping, 3, 0, 1e9, "N s/m | N m s/rad"),
     KEY(hand_stiffness, 3, 0, 1e9, "N/m | N m/rad"),
@@ -188,6 +190,22 @@ static bool line_setting(struct settings *settings, char *line, char *sentence, 
     return false;
 }
 
+/* Whether the steps of the plant are short enough for it, with the hand on it and off it. */
+static bool slow_enough(const struct settings *settings, char *sentence, int room) {
+    for (int i = 0; i < (int)settings->axes; i++) {
+        double mass = settings->mass[i] + settings->hand_mass[i];
+        double alone = settings->damping[i] / settings->mass[i];
+        double held = (settings->damping[i] + settings->hand_damping[i]) / mass;
+        double fastest = fmax(fmax(alone, held), sqrt(settings->hand_stiffness[i] / mass));
+        if (fastest > MOST_STIFF) {
+            snprintf(sentence, (size_t)room, "damping and stiffness make axis %d as fast as %g 1/s; the limit is %g 1/s", i + 1,
+                     fastest, MOST_STIFF);
+            return false;
+        }
+    }
+    return true;
+}
+
 bool settings_read(struct settings *settings, const char *file, char *sentence, int room) {
     char line[LINE], what[LINE + 128];
     FILE *stream = fopen(file, "r");
@@ -203,5 +221,9 @@ bool settings_read(struct settings *settings, const char *file, char *sentence, 
         }
     }
     fclose(stream);
+    if (good && !slow_enough(settings, what, (int)sizeof what)) {
+        snprintf(sentence, (size_t)room, "%s: %s", file, what);
+        return false;
+    }
     return good;
 }

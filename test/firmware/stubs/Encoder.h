@@ -1,0 +1,5 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+struct Encoder {
+    Encoder(int a, int b);
+    int read();
+};
