@@ -130,6 +130,34 @@ def test_one_answer_that_is_wrong_is_no_step():
     assert clock.fit[clock_fit.STEPS] == 0 and clock.wrong_by(BEGIN + 2 * SECOND) <= 1000
 
 
+def test_answers_that_took_longer_on_one_way_count_less():
+    clock = Clock()
+    for i, host in enumerate(questions(3.0)):
+        assert clock.ask(host, 30_000, 30_000 + 50_000 * (i % 3 == 0)) == clock_fit.TAKEN
+    assert clock.wrong_by(BEGIN + 3 * SECOND) <= 3000  # 8 µs if they counted as much
+
+
+def test_what_was_long_ago_is_forgotten():
+    clock = Clock()
+    for host in questions(5.0):
+        clock.ask(host, 10_000, 50_000)
+    clock.ahead, clock.skew = -round(20e-6 * 5 * SECOND), 20e-6  # warmer from here on
+    for host in questions(12.0, BEGIN + 5 * SECOND):
+        clock.ask(host, 30_000, 30_000)
+    assert clock.wrong_by(BEGIN + 17 * SECOND) <= 1000
+    assert clock_fit.skew(clock.fit) == pytest.approx(20e-6, abs=0.3e-6)
+    assert clock_fit.error(clock.fit) <= 32_000  # half of the least round trip, and little more
+
+
+def test_a_year_in_one_session_leaves_times_as_they_are():
+    clock = Clock(10**18)
+    clock.ask(BEGIN, 30_000, 30_000)
+    year = 365 * 86_400 * SECOND
+    for host in questions(1.0, BEGIN + year):
+        clock.ask(host, 30_000, 30_000)
+    assert clock.wrong_by(BEGIN + year + SECOND) <= 200
+
+
 def test_a_fit_needs_enough_answers():
     clock = Clock()
     for i, host in enumerate(questions(0.2)[: clock_fit.ENOUGH]):
