@@ -195,7 +195,7 @@ def test_another_session_knows_nothing_of_the_clock_nor_the_commands_of_the_one_
     host, device, now = ready()
     for _ in range(5):
         header, deadline = asked(host, device, now)
-    device.ahead += 10**12
+    device = Device(AHEAD + 10**12)
     now = met_again(host, device, now + 200 * MS)
     assert (host.state[codec.REFUSED], host.state[codec.CLOCK_STEPS]) == (0, 0)
     content = sample(deadline, deadline)
