@@ -117,7 +117,8 @@ def _say(state, event, now, command, data):
         return _command(state, now, command[1], command[2], command[3], command[4], data)
     if event == codec.CUT:
         _no_motor(data)
-        return _command(state, now, now, now + state[HELD_FOR], state[HELD_FOR], 0, data)
+        period = min(LONGEST_PERIOD, max(state[codec.PERIOD_LEAST], state[HELD_FOR]))
+        return _command(state, now, now, now + period, period, 0, data)
     return 0
 
 
@@ -216,7 +217,7 @@ def _prepare(state, command, data):
         finite = frame.put_f32(data, frame.HEADER + 12 + 4 * i, value) and finite
     if not finite:
         _no_motor(data)
-    state[HELD_FOR] = min(LONGEST_PERIOD, max(state[codec.PERIOD_LEAST], command[3]))
+    state[HELD_FOR] = command[3]
 
 
 @njit

@@ -36,9 +36,9 @@ def questions(seconds, first=BEGIN):
 
 
 def jittering(seed):
-    """Ways that take 30 µs each at the median, 150 µs at 99 %: both together 60 and 300 or so."""
+    """Ways that take together 65 µs at the median and 300 µs at 99 %."""
     random = np.random.default_rng(seed)
-    return lambda: int(20_000 + 10_000 * np.exp(1.1 * random.standard_normal()))
+    return lambda: int(20_000 + 9000 * np.exp(1.3 * random.standard_normal()))
 
 
 @pytest.mark.parametrize("skew", [0.0, 30e-6, -30e-6, 200e-6, -200e-6])
@@ -59,10 +59,10 @@ def test_jitter_leaves_less_than_ten_microseconds_in_99_of_100(seed):
     wrong = []
     for host in questions(12.0):
         clock.ask(host, way(), way())
-        if host > BEGIN + 2 * SECOND:
-            wrong += [clock.wrong_by(host + ahead) for ahead in (0, 10 * MS, 20 * MS)]
+        now = [clock.wrong_by(host + ahead) for ahead in (0, 10 * MS, 20 * MS)]
+        wrong += now if host > BEGIN + 2 * SECOND else []
+        assert not clock_fit.known(clock.fit) or max(now) <= clock_fit.error(clock.fit) <= 150_000
     assert np.percentile(wrong, 99) <= 10_000
-    assert max(wrong) <= clock_fit.error(clock.fit) <= 100_000
 
 
 def test_a_way_that_is_longer_by_itself_is_wrong_by_no_more_than_the_error():

@@ -3,6 +3,8 @@
 
 import math
 import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -29,6 +31,7 @@ from link_device import (
     unpacked,
     unstuffed,
 )
+from pydantic import ValidationError
 
 from haptic_device.device import simulated_device
 from haptic_device.jit import njit
@@ -224,6 +227,14 @@ def test_a_cut_is_a_command_without_motor_and_not_engaged():
         assert (kind, flags, told, motor) == (COMMAND, 0, period, [0, 0, 0])
         assert abs(deadline - device.clock(now + period)) <= 1000
         host.write(now, now + 250_000, (1.0, 1.0, 1.0), 250_000)
+
+
+@pytest.mark.parametrize(("written", "told"), [(None, 2 * MS), (MS, 2 * MS), (3 * MS, 3 * MS), (11 * MS, 10 * MS)])
+def test_a_cut_has_a_period_that_the_device_takes(written, told):
+    host, device, now = ready(least=2 * MS)
+    if written:
+        host.write(now, now + written, period=written)
+    assert struct.unpack("<qI", unpacked(host.say(codec.CUT, now))[5][:12])[1] == told
 
 
 def test_sequences_go_on_by_one():
@@ -499,6 +510,16 @@ def test_a_clock_answer_to_no_question_is_refused(asked_at):
         content = struct.pack("<qqq", time, *[device.clock(time)] * 2)
         host.hear(device.frame(CLOCK_ANSWER, content, answers=question[3]), now + 21 * MS)
         assert host.state[codec.REFUSED] == refused
+
+
+def test_what_a_description_may_say_is_read_without_a_compiler():
+    said = "import sys; from haptic_device.link import open_serial, open_udp; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", said]).returncode == 0
+    assert open_serial.Options(port="/dev/ttyACM0").program == "none"
+    assert open_udp.Options(port=4000, program="reference").program == "reference"
+    for options in (open_serial.Options, open_udp.Options):
+        with pytest.raises(ValidationError):
+            options(port="1" if options is open_serial.Options else 1, program="other")
 
 
 # truths
